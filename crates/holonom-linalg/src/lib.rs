@@ -1,0 +1,1 @@
+//! Matrices for Holonom. This crate knows blocks, patterns and permutations; it knows no bodies.

@@ -1,0 +1,1 @@
+//! Uses of a system beside a run: the stiffness spectrum.

@@ -1,0 +1,1 @@
+//! Decisions of a run as pure functions: error norms, step size, iteration stopping.

@@ -1,0 +1,139 @@
+//! The equations of one joint, driver or force between two bodies, with their derivative blocks.
+//!
+//! An element sees the poses and rates of its first and second body as arrays of N coordinates:
+//! planar N = 3 (x, y, angle), spatial N = 7 (r, Euler parameters); r is the centre of mass. The
+//! ground passes the identity pose and zero rates. It knows nothing of other bodies, of numbering,
+//! integration or files.
+
+use crate::math::Real;
+
+/// Rows of one constraint against the coordinates of its two bodies: `[side][row][coordinate]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RowBlocks<T, const N: usize>(pub [[[T; N]; 6]; 2]);
+
+/// Blocks between the coordinates of two bodies: `[side][side][row][column]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairBlocks<T, const N: usize>(pub [[[[T; N]; N]; 2]; 2]);
+
+/// Services of a constraint between two bodies, Φ = u(q) − s(t) with u one to six rows.
+///
+/// `w`, `v` are vectors over the coordinates of both bodies; G = u_q; H_k is the Hessian of row k.
+pub trait ConstraintElement<const N: usize> {
+    /// Number of rows, 1 to 6.
+    fn rows(&self) -> usize;
+    /// What row `row` prescribes, for messages ("translation along x", "rotation about g", …).
+    fn row_name(&self, row: usize) -> &'static str;
+    /// u(q): metres, or direction cosines.
+    fn value<T: Real>(&self, q: [&[T; N]; 2], u: &mut [T; 6]);
+    /// G.
+    fn jacobian<T: Real>(&self, q: [&[T; N]; 2], out: &mut RowBlocks<T, N>);
+    /// (G w)_q: row k is wᵀ H_k.
+    fn directional<T: Real>(&self, q: [&[T; N]; 2], w: [&[T; N]; 2], out: &mut RowBlocks<T, N>);
+    /// (G v)_q v.
+    fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]);
+    /// ((G v)_q v)_q with v constant.
+    fn curvature_gradient<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        out: &mut RowBlocks<T, N>,
+    );
+    /// Σ c_k H_k, symmetric.
+    fn hessian<T: Real>(&self, q: [&[T; N]; 2], c: &[T; 6], out: &mut PairBlocks<T, N>);
+    /// s, ṡ, s̈, s⃛ of a driver at time t; `None` for a joint.
+    fn drive(&self, t: f64) -> Option<[f64; 4]>;
+}
+
+/// What a force sees.
+#[derive(Debug, Clone, Copy)]
+pub struct ForceInput<'a, T, const N: usize> {
+    /// Time, s.
+    pub t: T,
+    /// Poses of the first and the second body.
+    pub q: [&'a [T; N]; 2],
+    /// Rates of the poses.
+    pub v: [&'a [T; N]; 2],
+    /// Extra state of the element; ignored by elements without one.
+    pub z: T,
+    /// Angle (rad) at the last accepted step of an element that counts turns: the element takes the
+    /// branch of its angle nearest to it. Ignored by the others.
+    pub winding: f64,
+}
+
+/// Generalized force on the two bodies and rate of the extra state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ForceOutput<T, const N: usize> {
+    /// Q on the first and the second body.
+    pub q: [[T; N]; 2],
+    /// ż.
+    pub z_rate: T,
+}
+
+/// Derivatives of a force. The first five are those of −Q, as they enter F = M q̈ + Gᵀλ − Q.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ForceBlocks<T, const N: usize> {
+    /// −Q_q.
+    pub k: PairBlocks<T, N>,
+    /// −Q_q̇.
+    pub c: PairBlocks<T, N>,
+    /// −Q_t.
+    pub t: [[T; N]; 2],
+    /// −Q_z.
+    pub z: [[T; N]; 2],
+    /// ż_q.
+    pub rate_q: [[T; N]; 2],
+    /// ż_q̇.
+    pub rate_v: [[T; N]; 2],
+    /// ż_z.
+    pub rate_z: T,
+    /// ż_t.
+    pub rate_t: T,
+}
+
+/// Energy terms of a force: Q·q̇ = −d(potential)/dt − dissipated + supplied.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Energy {
+    /// Potential energy, J (extra states' springs included).
+    pub potential: f64,
+    /// Dissipated power, W, not negative for dissipative elements.
+    pub dissipated: f64,
+    /// Power supplied from outside (applied forces, road), W.
+    pub supplied: f64,
+}
+
+/// A named quantity that an element can compute.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Quantity {
+    /// Name within the item: `length`, `force`, …
+    pub name: &'static str,
+    /// SI unit.
+    pub unit: &'static str,
+    /// `""`, `"ground"`, `"first"` or `"along"`.
+    pub frame: &'static str,
+    /// Number of components.
+    pub size: usize,
+}
+
+/// Services of a force between two bodies.
+pub trait ForceElement<const N: usize> {
+    /// Whether the element has an extra state z (m).
+    fn has_extra_state(&self) -> bool;
+    /// Whether the element counts turns (see [`ForceInput::winding`]).
+    fn counts_turns(&self) -> bool;
+    /// The angle that is kept as winding, rad; 0 for elements that do not count turns.
+    fn angle(&self, q: [&[f64; N]; 2], winding: f64) -> f64;
+    /// Extra state at which the element is unloaded.
+    fn unloaded_state(&self, q: [&[f64; N]; 2]) -> f64;
+    /// Q and ż.
+    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceOutput<T, N>);
+    /// All derivatives.
+    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceBlocks<T, N>);
+    /// Energy terms.
+    fn energy(&self, input: &ForceInput<'_, f64, N>) -> Energy;
+    /// Quantities offered as channels.
+    fn quantities(&self) -> &'static [Quantity];
+    /// Value of quantity `index`, `size` components.
+    fn quantity(&self, index: usize, input: &ForceInput<'_, f64, N>, out: &mut [f64]);
+    /// Times at which the element's time functions have a kink, s.
+    fn breakpoints(&self) -> Vec<f64>;
+}

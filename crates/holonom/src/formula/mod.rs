@@ -1,0 +1,1 @@
+//! Integration formulas as data.

@@ -1,0 +1,1 @@
+//! Text to model: one spanned tree for TOML and JSON.

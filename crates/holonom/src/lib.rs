@@ -1,0 +1,20 @@
+//! Holonom: implicit integration of constrained multibody systems.
+//!
+//! Rooms, in the order in which a model becomes a trajectory; a room uses only rooms that stand
+//! before it (`ARCHITECTURE.md` has the table, `tests/architecture.rs` keeps it).
+
+pub mod math;
+pub mod model;
+pub mod topology;
+
+pub mod elements;
+pub mod reduction;
+pub mod system;
+
+pub mod control;
+pub mod formula;
+pub mod method;
+pub mod simulation;
+
+pub mod analysis;
+pub mod io;

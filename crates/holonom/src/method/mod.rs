@@ -1,0 +1,3 @@
+//! One step: a method with a formula.
+
+pub mod ode;

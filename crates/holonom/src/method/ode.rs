@@ -1,0 +1,50 @@
+//! The view of a system that integration formulas have: ẇ = g(t, w) with its linearization.
+
+/// Why an evaluation could not be made; the step is then tried again with a smaller one.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EvaluationFailure {
+    /// Stable code, e.g. `simulation/position-recovery`.
+    pub code: &'static str,
+    /// What happened, with the item concerned.
+    pub message: String,
+}
+
+/// A first-order system ẇ = g(t, w).
+pub trait Ode {
+    /// Length of w.
+    fn dimension(&self) -> usize;
+
+    /// g(t, w) into `g`.
+    ///
+    /// # Errors
+    /// When the state cannot be evaluated: dependent coordinates not found, non-finite values.
+    fn derivative(&mut self, t: f64, w: &[f64], g: &mut [f64]) -> Result<(), EvaluationFailure>;
+
+    /// Weighted norm of a change of w; 1 is on tolerance. The weights belong to the step's start.
+    fn norm(&mut self, change: &[f64]) -> f64;
+}
+
+/// A system that can solve with I − γh J, J = g_w at the point last given to `linearize`.
+pub trait LinearizedOde: Ode {
+    /// Evaluates the h-independent parts of J at the accepted state (t, w) with slope g. The
+    /// system may use what `derivative` left behind at that point.
+    ///
+    /// # Errors
+    /// As [`Ode::derivative`].
+    fn linearize(&mut self, t: f64, w: &[f64], g: &[f64]) -> Result<(), EvaluationFailure>;
+
+    /// Factors I − γh J from the parts of the last `linearize`.
+    ///
+    /// # Errors
+    /// When the matrix is singular.
+    fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure>;
+
+    /// x ← (I − γh J)⁻¹ x with the last factor.
+    fn solve(&mut self, x: &mut [f64]);
+
+    /// g_t (explicit time dependence) at the linearization point, for Rosenbrock formulas.
+    ///
+    /// # Errors
+    /// As [`Ode::derivative`].
+    fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure>;
+}

@@ -1,0 +1,391 @@
+//! What the user described: named bodies, joints, forces and drivers in SI units. Plain data after
+//! validation: every number finite, every reference an index, every point fixed in its body.
+//!
+//! Poses, points and axes are stored with three components also for planar models, where the third
+//! component of a point is 0 and frames turn about z only, so that one set of types serves both.
+
+use crate::math::{MonotoneCubic, TimeFunction};
+
+/// Planar models move in x-y and turn about z; spatial models use Euler parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Dimension {
+    /// Coordinates x, y, angle per body.
+    Planar,
+    /// Coordinates x, y, z and four Euler parameters per body.
+    Spatial,
+}
+
+/// Index into [`Model::bodies`]; `None` is the ground.
+pub type BodyIndex = Option<usize>;
+
+/// A validated model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// Title for reports; may be empty.
+    pub title: String,
+    /// Planar or spatial.
+    pub dimension: Dimension,
+    /// Acceleration of gravity, m/s², ground axes.
+    pub gravity: [f64; 3],
+    /// Moving bodies in file order.
+    pub bodies: Vec<Body>,
+    /// Joints in file order.
+    pub joints: Vec<Joint>,
+    /// Forces in file order.
+    pub forces: Vec<Force>,
+    /// Prescribed motions in file order.
+    pub drivers: Vec<Driver>,
+    /// Stated initial state.
+    pub initial: Initial,
+    /// Channels and interval asked for by the file.
+    pub outputs: Outputs,
+    /// Defaults of a run stated by the file.
+    pub simulation: SimulationDefaults,
+}
+
+/// A rigid body. The body frame's origin and axes are the user's; inertia is about the centre of
+/// mass in body axes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Body {
+    /// Unique name.
+    pub name: String,
+    /// Mass, kg, not negative.
+    pub mass: f64,
+    /// Inertia tensor about the centre of mass, body axes, kg m²; planar models use `[2][2]` only.
+    pub inertia: [[f64; 3]; 3],
+    /// Position of the body origin in the design configuration, m, ground axes.
+    pub position: [f64; 3],
+    /// Orientation in the design configuration.
+    pub orientation: Orientation,
+    /// Centre of mass, m, body axes, from the body origin.
+    pub center_of_mass: [f64; 3],
+    /// Named points of the body, m, body axes, from the body origin.
+    pub markers: Vec<(String, [f64; 3])>,
+}
+
+/// Orientation of a body frame against ground.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Orientation {
+    /// Angle about z, rad; not reduced modulo a turn.
+    Angle(f64),
+    /// Euler parameters (e0, e1, e2, e3) of unit length.
+    EulerParameters([f64; 4]),
+}
+
+/// A point and axes fixed in a body (or in the ground).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// The body.
+    pub body: BodyIndex,
+    /// Point, m, body axes, from the body origin (not from the centre of mass).
+    pub point: [f64; 3],
+    /// Columns are the frame's unit axes f, g, h in body axes: `axes[row][column]`.
+    pub axes: [[f64; 3]; 3],
+}
+
+/// A joint between `frames[0]` (first) and `frames[1]` (second).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Unique name.
+    pub name: String,
+    /// Kind and its own numbers.
+    pub kind: JointKind,
+    /// Frames on the first and the second body.
+    pub frames: [Frame; 2],
+}
+
+/// Kinds of joints. Spatial joints use axis h (column 2) of the frames, planar translational joints
+/// axis f (column 0).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum JointKind {
+    /// No relative motion.
+    Fixed,
+    /// Turns about h (planar: about z).
+    Revolute,
+    /// Slides along h (planar: along f), no turning.
+    Translational,
+    /// Slides along and turns about h. Spatial.
+    Cylindrical,
+    /// Points coincide; h of the first stays perpendicular to h of the second. Spatial.
+    Universal,
+    /// Points coincide. Spatial.
+    Spherical,
+    /// The two points keep this distance, m, positive.
+    Distance {
+        /// Distance, m.
+        length: f64,
+    },
+}
+
+/// A prescribed relative motion (absolute when the first frame is the ground's).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Driver {
+    /// Unique name.
+    pub name: String,
+    /// What is prescribed.
+    pub kind: DriverKind,
+    /// Frames on the first and the second body; they may belong to a joint's axis.
+    pub frames: [Frame; 2],
+    /// The prescribed value over time, m or rad.
+    pub motion: TimeFunction,
+}
+
+/// What a driver prescribes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DriverKind {
+    /// Displacement of the second point from the first along h of the first frame (planar: f), m.
+    Translation,
+    /// Angle of the second frame from the first about h of the first frame (planar: z), rad.
+    Rotation,
+}
+
+/// A force element.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Force {
+    /// Unique name.
+    pub name: String,
+    /// Kind and its own numbers.
+    pub kind: ForceKind,
+}
+
+/// Kinds of forces. Signs: second relative to first; tension positive.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ForceKind {
+    /// Translational spring-damper along the line of two points:
+    /// f = law(l − free_length) + damping · l̇.
+    Tsda {
+        /// Points on the first and the second body.
+        frames: [Frame; 2],
+        /// Elastic law of the extension.
+        law: ElasticLaw,
+        /// N s/m.
+        damping: f64,
+        /// m, not negative.
+        free_length: f64,
+    },
+    /// Rotational spring-damper about h (planar: z): torque on the second from the first is
+    /// −[law(θ − free_angle) + damping · θ̇], opposite on the first.
+    Rsda {
+        /// Frames on the first and the second body.
+        frames: [Frame; 2],
+        /// Elastic law of the angle.
+        law: ElasticLaw,
+        /// N m s/rad.
+        damping: f64,
+        /// rad.
+        free_angle: f64,
+    },
+    /// A spring and a damper in series along the line of two points. Extra state: the damper's
+    /// extension z (m), f = stiffness (l − free_length − z), ż = f / damping.
+    Maxwell {
+        /// Points on the first and the second body.
+        frames: [Frame; 2],
+        /// N/m, positive.
+        stiffness: f64,
+        /// N s/m, positive.
+        damping: f64,
+        /// m, not negative.
+        free_length: f64,
+    },
+    /// Linear 6×6 bushing: u = (d, e), d the translation of the second frame's point in the first
+    /// frame (m), e = 2 sign(e0) (e1, e2, e3) of the relative Euler parameters (rad); wrench from
+    /// ½ uᵀ K u and C u̇. Spatial.
+    Bushing {
+        /// Frames on the first and the second body.
+        frames: [Frame; 2],
+        /// Symmetric, positive semidefinite; N/m, N, N m/rad.
+        stiffness: [[f64; 6]; 6],
+        /// Symmetric, positive semidefinite; N s/m, N s, N m s/rad.
+        damping: [[f64; 6]; 6],
+    },
+    /// Smooth vertical tyre with optional lateral force, at a wheel centre. Spatial.
+    Tyre(Tyre),
+    /// A force at a point of one body; with `reaction` the opposite force acts on that body at the
+    /// same place in space.
+    PointForce {
+        /// Body and point.
+        frame: Frame,
+        /// Components over time, N.
+        force: [TimeFunction; 3],
+        /// Axes of the components.
+        axes: ForceAxes,
+    },
+    /// A torque on one body; with `reaction` the opposite torque acts on that body.
+    Torque {
+        /// Body that the torque acts on.
+        body: BodyIndex,
+        /// Body that carries the opposite torque, if stated.
+        reaction: BodyIndex,
+        /// Components over time, N m; planar models use the third only.
+        torque: [TimeFunction; 3],
+        /// Axes of the components (`Body`: of `body`).
+        axes: ForceAxes,
+    },
+}
+
+/// Axes in which components of an applied force or torque are given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ForceAxes {
+    /// Fixed ground axes.
+    Ground,
+    /// Axes of the body acted on (a following force).
+    Body,
+}
+
+/// Elastic part of a force law, a function of extension (m) or angle (rad) from the free value.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ElasticLaw {
+    /// Stiffness, N/m or N m/rad.
+    Linear(f64),
+    /// Monotone C1 cubic through a table, N or N m; continued linearly outside.
+    Table(MonotoneCubic),
+}
+
+/// Smooth tyre of the vehicle models. With δ = radius − (z − h(x)) of the wheel centre (x, y, z) and
+/// road height h: s = (δ + √(δ²+ε²))/2, σ = (1 + δ/√(δ²+ε²))/2, F_z = stiffness·s + damping·σ·δ̇
+/// upwards at the wheel centre; lateral force as in [`LateralTyre`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tyre {
+    /// Body and wheel centre.
+    pub frame: Frame,
+    /// Unloaded radius, m.
+    pub radius: f64,
+    /// N/m.
+    pub stiffness: f64,
+    /// N s/m.
+    pub damping: f64,
+    /// Length ε of the smoothed contact onset, m, positive.
+    pub smoothing: f64,
+    /// Road under the wheel.
+    pub road: Road,
+    /// Lateral force, if any.
+    pub lateral: Option<LateralTyre>,
+}
+
+/// Lateral tyre force F_y = −cornering_stiffness · α · σ along l, with t the horizontal unit vector
+/// perpendicular to the wheel axis e (t = unit(e_y, −e_x, 0)), l = (−t_y, t_x, 0),
+/// α = atan2(v·l, √((v·t)² + v₀²)); it acts at the wheel centre − (radius − s) z.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LateralTyre {
+    /// N/rad.
+    pub cornering_stiffness: f64,
+    /// v₀, m/s, positive.
+    pub regularization_speed: f64,
+    /// Wheel axis, unit vector in body axes.
+    pub axis: [f64; 3],
+}
+
+/// Height of the road under a wheel centre as a function of x.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Road {
+    /// h = height.
+    Flat {
+        /// m.
+        height: f64,
+    },
+    /// h = height (1 − ξ²)³ for |ξ| < 1, ξ = (x − center)/half_length, else 0. C2.
+    SmoothBump {
+        /// m.
+        height: f64,
+        /// m, positive.
+        half_length: f64,
+        /// x of the crest, m.
+        center: f64,
+    },
+    /// Path of a rigid wheel over a half cylinder: h = √((R + radius)² − (x − center)²) − R where
+    /// positive, with R the tyre's unloaded radius.
+    HalfCylinder {
+        /// Radius of the half cylinder, m.
+        radius: f64,
+        /// x of its axis, m.
+        center: f64,
+    },
+}
+
+/// Stated initial state. What is `None` follows from the joints.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Initial {
+    /// How stated values are treated.
+    pub assembly: Assembly,
+    /// One entry per body, in the order of [`Model::bodies`].
+    pub bodies: Vec<InitialBody>,
+    /// Initial extra states by force name; unstated ones start unloaded (Maxwell: f = 0).
+    pub extra_states: Vec<(String, f64)>,
+}
+
+/// How stated initial values are treated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Assembly {
+    /// Kept; a residual above 1e-6 is refused.
+    #[default]
+    Keep,
+    /// Guesses that may move.
+    Adjust,
+}
+
+/// Stated initial values of one body; velocities in ground axes.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct InitialBody {
+    /// Position of the body origin, m.
+    pub position: Option<[f64; 3]>,
+    /// Orientation.
+    pub orientation: Option<Orientation>,
+    /// Velocity of the body origin, m/s.
+    pub velocity: Option<[f64; 3]>,
+    /// Angular velocity, rad/s, ground axes; planar models use the third component.
+    pub angular_velocity: Option<[f64; 3]>,
+}
+
+/// Channels and interval asked for by the file.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Outputs {
+    /// Channel names `item.quantity`.
+    pub channels: Vec<String>,
+    /// Time between outputs, s.
+    pub interval: Option<f64>,
+}
+
+/// Defaults of a run stated by the file.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct SimulationDefaults {
+    /// s.
+    pub start_time: Option<f64>,
+    /// s.
+    pub end_time: Option<f64>,
+    /// Tolerances.
+    pub tolerance: Option<Tolerance>,
+    /// Name of a code or family.
+    pub method: Option<String>,
+    /// Formula within a family.
+    pub formula: Option<String>,
+    /// Fixed step size, s.
+    pub fixed_step: Option<f64>,
+    /// Largest step size, s.
+    pub max_step: Option<f64>,
+    /// First step size, s.
+    pub initial_step: Option<f64>,
+    /// Largest number of steps.
+    pub max_steps: Option<u64>,
+    /// Largest wall time, s.
+    pub max_seconds: Option<f64>,
+    /// Re-partitioning factor α.
+    pub repartition_factor: Option<f64>,
+}
+
+/// Tolerances of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tolerance {
+    /// Relative part: of the movement since the start (positions) or of the value (velocities).
+    pub relative: f64,
+    /// Absolute part of translations, m and m/s.
+    pub translation: f64,
+    /// Absolute part of rotations, rad and rad/s.
+    pub rotation: f64,
+}
+
+impl Tolerance {
+    /// The same number for all three parts.
+    pub fn uniform(value: f64) -> Self {
+        Self { relative: value, translation: value, rotation: value }
+    }
+}

@@ -1,0 +1,1 @@
+//! From dependent to independent coordinates.

@@ -1,0 +1,1 @@
+//! The run: loop, output, energy, channels, statistics, diagnosis.

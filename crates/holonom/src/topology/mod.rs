@@ -1,0 +1,1 @@
+//! Graph of bodies and joints: components, spanning tree, orderings; no numbers.
