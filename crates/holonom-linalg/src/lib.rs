@@ -1,1 +1,29 @@
 //! Matrices for Holonom. This crate knows blocks, patterns and permutations; it knows no bodies.
+//!
+//! | matrix | type | made for |
+//! |---|---|---|
+//! | dense blocks at fixed places | [`BlockMatrix`] | assembly, products |
+//! | general sparse, fixed pattern | [`SparsePattern`], [`SparseLu`] | factor again and again |
+//! | dense, square | [`DenseLu`], [`Cholesky`] | integration Jacobians |
+//! | dense, any shape, at set-up | [`least_norm`], [`full_pivot_elimination`], … | rank, assembly |
+//!
+//! At the interface a matrix is a slice of `f64` stored by rows: entry (i, j) of an m×n matrix is
+//! at `i * n + j`, and k right-hand sides of n rows are an n×k matrix. What runs in a step loop
+//! (`factor`, `refactor`, `solve…`, `multiply…`) allocates nothing after set-up.
+
+mod block;
+mod dense;
+mod error;
+mod full_pivot;
+mod ordering;
+mod pattern;
+mod rank;
+mod sparse;
+
+pub use block::{BlockId, BlockMatrix};
+pub use dense::{Cholesky, DenseLu, gram_add};
+pub use error::{DecompositionError, NotPositiveDefinite, SingularMatrix};
+pub use full_pivot::{FullPivot, full_pivot_elimination};
+pub use pattern::SparsePattern;
+pub use rank::{LeastNorm, eigenvalues, least_norm, orthonormal_null_space, singular_values};
+pub use sparse::SparseLu;

@@ -1,0 +1,203 @@
+/// Names one block of a [`BlockMatrix`]; blocks are numbered from zero in order of first mention.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct BlockId(usize);
+
+impl BlockId {
+    /// Number of the block in its matrix.
+    pub fn index(self) -> usize {
+        self.0
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Block {
+    row: usize,
+    column: usize,
+    rows: usize,
+    columns: usize,
+    offset: usize,
+}
+
+/// A matrix made of dense blocks at fixed places; everything outside the blocks is zero.
+///
+/// Values of a block are stored by rows, blocks one after the other. Blocks may overlap; the
+/// matrix is their sum.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BlockMatrix {
+    n_rows: usize,
+    n_cols: usize,
+    blocks: Vec<Block>,
+    values: Vec<f64>,
+}
+
+impl BlockMatrix {
+    /// A zero matrix with blocks given as (first row, first column, rows, columns).
+    ///
+    /// Equal blocks are one block. The second result names the block of each request.
+    ///
+    /// # Panics
+    /// If a block reaches beyond the matrix.
+    pub fn new(
+        n_rows: usize,
+        n_cols: usize,
+        blocks: &[(usize, usize, usize, usize)],
+    ) -> (Self, Vec<BlockId>) {
+        let mut order: Vec<usize> = (0..blocks.len()).collect();
+        order.sort_by_key(|&e| (blocks[e], e));
+        // The first request of each group of equal ones stands for the group.
+        let mut first = vec![0; blocks.len()];
+        for (at, &e) in order.iter().enumerate() {
+            let same = at > 0 && blocks[order[at - 1]] == blocks[e];
+            first[e] = if same { first[order[at - 1]] } else { e };
+        }
+        let mut matrix = Self { n_rows, n_cols, blocks: Vec::new(), values: Vec::new() };
+        let mut ids = Vec::with_capacity(blocks.len());
+        let mut offset = 0;
+        for (e, &(row, column, rows, columns)) in blocks.iter().enumerate() {
+            assert!(
+                row + rows <= n_rows && column + columns <= n_cols,
+                "block {rows}×{columns} at ({row}, {column}) is outside {n_rows}×{n_cols}"
+            );
+            if first[e] == e {
+                ids.push(BlockId(matrix.blocks.len()));
+                matrix.blocks.push(Block { row, column, rows, columns, offset });
+                offset += rows * columns;
+            } else {
+                ids.push(ids[first[e]]);
+            }
+        }
+        matrix.values = vec![0.0; offset];
+        (matrix, ids)
+    }
+
+    /// Number of rows.
+    pub fn n_rows(&self) -> usize {
+        self.n_rows
+    }
+
+    /// Number of columns.
+    pub fn n_cols(&self) -> usize {
+        self.n_cols
+    }
+
+    /// Sets every value to zero.
+    pub fn clear(&mut self) {
+        self.values.fill(0.0);
+    }
+
+    /// Values of one block, by rows.
+    pub fn block(&self, id: BlockId) -> &[f64] {
+        let b = self.blocks[id.0];
+        &self.values[b.offset..b.offset + b.rows * b.columns]
+    }
+
+    /// Values of one block, by rows.
+    pub fn block_mut(&mut self, id: BlockId) -> &mut [f64] {
+        let b = self.blocks[id.0];
+        &mut self.values[b.offset..b.offset + b.rows * b.columns]
+    }
+
+    /// Place of one block: (first row, first column, rows, columns).
+    pub fn shape(&self, id: BlockId) -> (usize, usize, usize, usize) {
+        let b = self.blocks[id.0];
+        (b.row, b.column, b.rows, b.columns)
+    }
+
+    /// Number of different blocks.
+    pub fn n_blocks(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Adds `values` (by rows) to one block.
+    ///
+    /// # Panics
+    /// If `values` has not the block's length.
+    pub fn add(&mut self, id: BlockId, values: &[f64]) {
+        let block = self.block_mut(id);
+        assert_eq!(block.len(), values.len(), "as many values as the block has");
+        for (a, v) in block.iter_mut().zip(values) {
+            *a += v;
+        }
+    }
+
+    /// All stored values, block after block.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// All stored values, block after block.
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// (row, column) of every stored value, in the order of [`values`](Self::values), moved by the
+    /// offsets: the entries of this matrix as a part of a larger [`SparsePattern`].
+    ///
+    /// Where blocks overlap a pair comes more than once; its values add up.
+    ///
+    /// [`SparsePattern`]: crate::SparsePattern
+    pub fn entries(&self, row_offset: usize, column_offset: usize) -> Vec<(usize, usize)> {
+        let mut entries = Vec::with_capacity(self.values.len());
+        for b in &self.blocks {
+            for i in 0..b.rows {
+                for j in 0..b.columns {
+                    entries.push((row_offset + b.row + i, column_offset + b.column + j));
+                }
+            }
+        }
+        entries
+    }
+
+    /// y += α A x, with x of `n_cols` and y of `n_rows`.
+    pub fn multiply_add(&self, alpha: f64, x: &[f64], y: &mut [f64]) {
+        self.multiply_many_add(alpha, x, 1, y);
+    }
+
+    /// y += α Aᵀ x, with x of `n_rows` and y of `n_cols`.
+    pub fn multiply_transposed_add(&self, alpha: f64, x: &[f64], y: &mut [f64]) {
+        self.multiply_transposed_many_add(alpha, x, 1, y);
+    }
+
+    /// Y += α A X, with X of `n_cols`×k and Y of `n_rows`×k, both by rows.
+    pub fn multiply_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
+        for b in &self.blocks {
+            let values = &self.values[b.offset..b.offset + b.rows * b.columns];
+            for i in 0..b.rows {
+                let y = &mut y[(b.row + i) * k..(b.row + i + 1) * k];
+                for j in 0..b.columns {
+                    let a = alpha * values[i * b.columns + j];
+                    let x = &x[(b.column + j) * k..(b.column + j + 1) * k];
+                    for (y, x) in y.iter_mut().zip(x) {
+                        *y += a * x;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Y += α Aᵀ X, with X of `n_rows`×k and Y of `n_cols`×k, both by rows.
+    pub fn multiply_transposed_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
+        for b in &self.blocks {
+            let values = &self.values[b.offset..b.offset + b.rows * b.columns];
+            for i in 0..b.rows {
+                let x = &x[(b.row + i) * k..(b.row + i + 1) * k];
+                for j in 0..b.columns {
+                    let a = alpha * values[i * b.columns + j];
+                    let y = &mut y[(b.column + j) * k..(b.column + j + 1) * k];
+                    for (y, x) in y.iter_mut().zip(x) {
+                        *y += a * x;
+                    }
+                }
+            }
+        }
+    }
+
+    /// The matrix with all its zeros, `n_rows`×`n_cols` by rows.
+    pub fn to_dense(&self) -> Vec<f64> {
+        let mut dense = vec![0.0; self.n_rows * self.n_cols];
+        for ((i, j), v) in self.entries(0, 0).into_iter().zip(&self.values) {
+            dense[i * self.n_cols + j] += v;
+        }
+        dense
+    }
+}
