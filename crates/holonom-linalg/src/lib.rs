@@ -15,8 +15,6 @@ mod block;
 mod dense;
 mod error;
 mod full_pivot;
-mod ordering;
-mod pattern;
 mod rank;
 mod sparse;
 
@@ -24,6 +22,5 @@ pub use block::{BlockId, BlockMatrix};
 pub use dense::{Cholesky, DenseLu, gram_add};
 pub use error::{DecompositionError, NotPositiveDefinite, SingularMatrix};
 pub use full_pivot::{FullPivot, full_pivot_elimination};
-pub use pattern::SparsePattern;
 pub use rank::{LeastNorm, eigenvalues, least_norm, orthonormal_null_space, singular_values};
-pub use sparse::SparseLu;
+pub use sparse::{SparseLu, SparsePattern};

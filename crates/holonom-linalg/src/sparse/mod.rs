@@ -1,9 +1,19 @@
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+//! Sparse matrices with a fixed pattern and their LU factorisation.
+
+mod ordering;
+mod pattern;
+mod substitution;
+mod symbolic;
 
 use crate::error::SingularMatrix;
-use crate::ordering::{NEGLIGIBLE, PivotOrder, PivotRule, markowitz};
-use crate::pattern::SparsePattern;
+
+use ordering::NEGLIGIBLE;
+pub use pattern::SparsePattern;
+use substitution::Factors;
+use symbolic::{FactorPattern, Segment};
+
+/// Most right-hand sides that are substituted together.
+const LANES: usize = 16;
 
 /// Growth of numbers during elimination beyond which frozen pivots are given up.
 const GROWTH_LIMIT: f64 = 1e6;
@@ -25,17 +35,16 @@ pub struct SparseLu {
     a_column: Vec<u32>,
     a_slot: Vec<u32>,
     a_scale: Vec<f64>,
-    /// L without its unit diagonal and U without its diagonal, in compressed rows.
-    l_start: Vec<u32>,
-    l_column: Vec<u32>,
+    /// Pattern of the factors; L in segments.
+    pattern: FactorPattern,
+    segment_start: Vec<u32>,
+    segments: Vec<Segment>,
     l_value: Vec<f64>,
-    u_start: Vec<u32>,
-    u_column: Vec<u32>,
     u_value: Vec<f64>,
     inverse_pivot: Vec<f64>,
     /// Row and column of A at each position of Â, and their scales.
-    row_at: Vec<u32>,
-    column_at: Vec<u32>,
+    row_at: Vec<usize>,
+    column_at: Vec<usize>,
     row_scale: Vec<f64>,
     column_scale: Vec<f64>,
     permutation_sign: f64,
@@ -61,27 +70,17 @@ impl SparseLu {
         assert_eq!(n, pattern.n_cols(), "only a square matrix has an LU factorisation here");
         assert_eq!(values.len(), pattern.len(), "one value for each slot of the pattern");
         let (row_scale, column_scale) = scales(pattern, values)?;
-        let mut scaled = values.to_vec();
+        let mut a_scale = vec![1.0; pattern.len()];
         for i in 0..n {
             for (slot, j) in pattern.row(i) {
-                scaled[slot] *= row_scale[i] * column_scale[j];
+                a_scale[slot] = row_scale[i] * column_scale[j];
             }
         }
-        let order = markowitz(pattern, &scaled, PivotRule { threshold: 0.1, search: 8 })?;
-        let mut lu = Self::symbolic(pattern, &order, &row_scale, &column_scale);
-        let growth = lu.eliminate(values, f64::INFINITY)?;
-        lu.growth_limit = GROWTH_LIMIT.max(1e3 * growth);
-        Ok(lu)
-    }
-
-    /// Pattern of the factors for given pivots: union of rows, ascending.
-    fn symbolic(
-        pattern: &SparsePattern,
-        order: &PivotOrder,
-        row_scale: &[f64],
-        column_scale: &[f64],
-    ) -> Self {
-        let n = pattern.n_rows();
+        let scaled: Vec<f64> = values.iter().zip(&a_scale).map(|(v, s)| v * s).collect();
+        let order = ordering::choose_pivots(pattern, &scaled)?;
+        let order = FactorPattern::new(pattern, &order).gather(&order);
+        let factors = FactorPattern::new(pattern, &order);
+        let (segment_start, segments) = factors.segments();
         let mut position = vec![0u32; n];
         for (p, &j) in order.columns.iter().enumerate() {
             position[j] = p as u32;
@@ -92,64 +91,34 @@ impl SparseLu {
             a_column: Vec::with_capacity(pattern.len()),
             a_slot: Vec::with_capacity(pattern.len()),
             a_scale: Vec::with_capacity(pattern.len()),
-            l_start: vec![0],
-            l_column: Vec::new(),
-            l_value: Vec::new(),
-            u_start: vec![0],
-            u_column: Vec::new(),
-            u_value: Vec::new(),
+            l_value: vec![0.0; factors.l_column.len()],
+            u_value: vec![0.0; factors.u_column.len()],
+            operations: factors.operations(),
+            pattern: factors,
+            segment_start,
+            segments,
             inverse_pivot: vec![0.0; n],
-            row_at: order.rows.iter().map(|&i| i as u32).collect(),
-            column_at: order.columns.iter().map(|&j| j as u32).collect(),
             row_scale: order.rows.iter().map(|&i| row_scale[i]).collect(),
             column_scale: order.columns.iter().map(|&j| column_scale[j]).collect(),
             permutation_sign: parity(&order.rows) * parity(&order.columns),
+            row_at: order.rows,
+            column_at: order.columns,
             growth_limit: f64::INFINITY,
-            operations: 0,
             row: vec![0.0; n],
-            work: vec![0.0; n],
+            work: vec![0.0; n * LANES],
             residual: vec![0.0; n],
         };
-        let mut seen = vec![u32::MAX; n];
-        let mut left = BinaryHeap::new();
-        let mut right = Vec::new();
-        for (p, &i) in order.rows.iter().enumerate() {
-            let mark =
-                |k: u32, left: &mut BinaryHeap<_>, right: &mut Vec<u32>, seen: &mut [u32]| {
-                    if seen[k as usize] != p as u32 {
-                        seen[k as usize] = p as u32;
-                        match (k as usize).cmp(&p) {
-                            std::cmp::Ordering::Less => left.push(Reverse(k)),
-                            std::cmp::Ordering::Equal => {}
-                            std::cmp::Ordering::Greater => right.push(k),
-                        }
-                    }
-                };
-            let from = lu.a_column.len();
+        for &i in &lu.row_at {
             for (slot, j) in pattern.row(i) {
                 lu.a_column.push(position[j]);
                 lu.a_slot.push(slot as u32);
-                lu.a_scale.push(row_scale[i] * column_scale[j]);
-                mark(position[j], &mut left, &mut right, &mut seen);
+                lu.a_scale.push(a_scale[slot]);
             }
-            debug_assert!(from < lu.a_column.len());
             lu.a_start.push(lu.a_column.len() as u32);
-            while let Some(Reverse(k)) = left.pop() {
-                lu.l_column.push(k);
-                let fill = lu.u_start[k as usize] as usize..lu.u_start[k as usize + 1] as usize;
-                lu.operations += 2 * fill.len() + 1;
-                for at in fill {
-                    mark(lu.u_column[at], &mut left, &mut right, &mut seen);
-                }
-            }
-            lu.l_start.push(lu.l_column.len() as u32);
-            right.sort_unstable();
-            lu.u_column.append(&mut right);
-            lu.u_start.push(lu.u_column.len() as u32);
         }
-        lu.l_value = vec![0.0; lu.l_column.len()];
-        lu.u_value = vec![0.0; lu.u_column.len()];
-        lu
+        let growth = lu.eliminate(values, f64::INFINITY)?;
+        lu.growth_limit = GROWTH_LIMIT.max(1e3 * growth);
+        Ok(lu)
     }
 
     /// Factors the matrix with new `values` by the pivots chosen in [`analyze`](Self::analyze).
@@ -173,20 +142,9 @@ impl SparseLu {
                 self.row[self.a_column[e] as usize] = a;
                 size = size.max(a.abs());
             }
-            let mut peak = size;
-            for e in self.l_start[i] as usize..self.l_start[i + 1] as usize {
-                let j = self.l_column[e] as usize;
-                let numerator = std::mem::take(&mut self.row[j]);
-                peak = peak.max(numerator.abs());
-                let l = numerator * self.inverse_pivot[j];
-                self.l_value[e] = l;
-                let u = self.u_start[j] as usize..self.u_start[j + 1] as usize;
-                for (&k, &u) in self.u_column[u.clone()].iter().zip(&self.u_value[u]) {
-                    self.row[k as usize] -= l * u;
-                }
-            }
-            let u = self.u_start[i] as usize..self.u_start[i + 1] as usize;
-            for (&k, u) in self.u_column[u.clone()].iter().zip(&mut self.u_value[u]) {
+            let mut peak = size.max(self.subtract_segments(i));
+            let u = self.pattern.u_range(i);
+            for (&k, u) in self.pattern.u_column[u.clone()].iter().zip(&mut self.u_value[u]) {
                 *u = std::mem::take(&mut self.row[k as usize]);
                 peak = peak.max(u.abs());
             }
@@ -202,8 +160,8 @@ impl SparseLu {
             if !good {
                 self.row.fill(0.0);
                 return Err(SingularMatrix {
-                    row: self.row_at[i] as usize,
-                    column: self.column_at[i] as usize,
+                    row: self.row_at[i],
+                    column: self.column_at[i],
                     pivot: pivot / (self.row_scale[i] * self.column_scale[i]),
                 });
             }
@@ -211,83 +169,141 @@ impl SparseLu {
         Ok(growth)
     }
 
+    /// Subtracts from the row at hand its multiples of the rows of U above it; returns the largest
+    /// number eliminated.
+    fn subtract_segments(&mut self, i: usize) -> f64 {
+        let mut peak = 0.0f64;
+        let mut e = self.pattern.l_start[i] as usize;
+        let u_start = &self.pattern.u_start;
+        let row = &mut self.row[..];
+        let segments = self.segment_start[i] as usize..self.segment_start[i + 1] as usize;
+        for segment in &self.segments[segments] {
+            let (first, count) = (segment.first as usize, segment.count as usize);
+            let l = &mut self.l_value[e..e + count];
+            e += count;
+            // The triangle of the segment.
+            for a in 0..count {
+                let j = first + a;
+                let numerator = std::mem::take(&mut row[j]);
+                peak = peak.max(numerator.abs());
+                l[a] = numerator * self.inverse_pivot[j];
+                let inside = &self.u_value[u_start[j] as usize..][..count - a - 1];
+                for (r, u) in row[j + 1..].iter_mut().zip(inside) {
+                    *r -= l[a] * u;
+                }
+            }
+            // What its rows share.
+            let last = self.pattern.u_range(first + count - 1);
+            let columns = &self.pattern.u_column[last.clone()];
+            let shared = last.len();
+            let tail = |a: usize| {
+                let end = u_start[first + a + 1] as usize;
+                &self.u_value[end - shared..end]
+            };
+            let mut a = 0;
+            while a + 4 <= count {
+                let (l0, l1, l2, l3) = (l[a], l[a + 1], l[a + 2], l[a + 3]);
+                let (u0, u1, u2, u3) = (tail(a), tail(a + 1), tail(a + 2), tail(a + 3));
+                for t in 0..shared {
+                    let r = &mut row[columns[t] as usize];
+                    *r -= (l0 * u0[t] + l1 * u1[t]) + (l2 * u2[t] + l3 * u3[t]);
+                }
+                a += 4;
+            }
+            if a + 2 <= count {
+                let (l0, l1) = (l[a], l[a + 1]);
+                let (u0, u1) = (tail(a), tail(a + 1));
+                for t in 0..shared {
+                    row[columns[t] as usize] -= l0 * u0[t] + l1 * u1[t];
+                }
+                a += 2;
+            }
+            if a < count {
+                let (l0, u0) = (l[a], tail(a));
+                for t in 0..shared {
+                    row[columns[t] as usize] -= l0 * u0[t];
+                }
+            }
+        }
+        peak
+    }
+
     /// Solves A x = b in place.
     pub fn solve(&mut self, b: &mut [f64]) {
-        for (p, y) in self.work.iter_mut().enumerate().take(self.n) {
-            *y = b[self.row_at[p] as usize] * self.row_scale[p];
-        }
-        for i in 0..self.n {
-            let l = self.l_start[i] as usize..self.l_start[i + 1] as usize;
-            let mut sum = self.work[i];
-            for (&j, &l) in self.l_column[l.clone()].iter().zip(&self.l_value[l]) {
-                sum -= l * self.work[j as usize];
-            }
-            self.work[i] = sum;
-        }
-        for i in (0..self.n).rev() {
-            let u = self.u_start[i] as usize..self.u_start[i + 1] as usize;
-            let mut sum = self.work[i];
-            for (&k, &u) in self.u_column[u.clone()].iter().zip(&self.u_value[u]) {
-                sum -= u * self.work[k as usize];
-            }
-            self.work[i] = sum * self.inverse_pivot[i];
-        }
-        for p in 0..self.n {
-            b[self.column_at[p] as usize] = self.work[p] * self.column_scale[p];
-        }
+        self.solve_many(b, 1);
     }
 
     /// Solves Aᵀ x = b in place.
     pub fn solve_transposed(&mut self, b: &mut [f64]) {
-        for p in 0..self.n {
-            self.work[p] = b[self.column_at[p] as usize] * self.column_scale[p];
-        }
-        for i in 0..self.n {
-            let y = self.work[i] * self.inverse_pivot[i];
-            self.work[i] = y;
-            let u = self.u_start[i] as usize..self.u_start[i + 1] as usize;
-            for (&k, &u) in self.u_column[u.clone()].iter().zip(&self.u_value[u]) {
-                self.work[k as usize] -= u * y;
-            }
-        }
-        for i in (0..self.n).rev() {
-            let y = self.work[i];
-            let l = self.l_start[i] as usize..self.l_start[i + 1] as usize;
-            for (&j, &l) in self.l_column[l.clone()].iter().zip(&self.l_value[l]) {
-                self.work[j as usize] -= l * y;
-            }
-        }
-        for p in 0..self.n {
-            b[self.row_at[p] as usize] = self.work[p] * self.row_scale[p];
-        }
+        self.solve_transposed_many(b, 1);
     }
 
     /// Solves A X = B in place; `b` is n×k by rows: row i at `b[i * k..(i + 1) * k]`.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries.
     pub fn solve_many(&mut self, b: &mut [f64], k: usize) {
-        let mut column = vec![0.0; self.n];
-        for c in 0..k {
-            for i in 0..self.n {
-                column[i] = b[i * k + c];
-            }
-            self.solve(&mut column);
-            for i in 0..self.n {
-                b[i * k + c] = column[i];
-            }
-        }
+        self.substitute(b, k, false);
     }
 
     /// Solves Aᵀ X = B in place; `b` is n×k by rows.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries.
     pub fn solve_transposed_many(&mut self, b: &mut [f64], k: usize) {
-        let mut column = vec![0.0; self.n];
-        for c in 0..k {
-            for i in 0..self.n {
-                column[i] = b[i * k + c];
-            }
-            self.solve_transposed(&mut column);
-            for i in 0..self.n {
-                b[i * k + c] = column[i];
+        self.substitute(b, k, true);
+    }
+
+    fn substitute(&mut self, b: &mut [f64], k: usize, transposed: bool) {
+        assert_eq!(b.len(), self.n * k, "right-hand sides of a matrix of {} rows", self.n);
+        let mut from = 0;
+        while from < k {
+            from += match k - from {
+                16.. => self.substitute_lanes::<16>(b, k, from, transposed),
+                8.. => self.substitute_lanes::<8>(b, k, from, transposed),
+                4.. => self.substitute_lanes::<4>(b, k, from, transposed),
+                2.. => self.substitute_lanes::<2>(b, k, from, transposed),
+                _ => self.substitute_lanes::<1>(b, k, from, transposed),
+            };
+        }
+    }
+
+    /// Solves for right-hand sides `from..from + W`; returns W.
+    fn substitute_lanes<const W: usize>(
+        &mut self,
+        b: &mut [f64],
+        k: usize,
+        from: usize,
+        transposed: bool,
+    ) -> usize {
+        let (x, _) = self.work[..self.n * W].as_chunks_mut::<W>();
+        let factors = Factors {
+            pattern: &self.pattern,
+            l_value: &self.l_value,
+            u_value: &self.u_value,
+            inverse_pivot: &self.inverse_pivot,
+        };
+        let rows = (&self.row_at, &self.row_scale);
+        let columns = (&self.column_at, &self.column_scale);
+        let (source, target) = if transposed { (columns, rows) } else { (rows, columns) };
+        for ((x, &i), scale) in x.iter_mut().zip(source.0).zip(source.1) {
+            let b = &b[i * k + from..][..W];
+            for w in 0..W {
+                x[w] = b[w] * scale;
             }
         }
+        if transposed {
+            factors.solve_transposed(x);
+        } else {
+            factors.solve(x);
+        }
+        for ((x, &i), scale) in x.iter().zip(target.0).zip(target.1) {
+            let b = &mut b[i * k + from..][..W];
+            for w in 0..W {
+                b[w] = x[w] * scale;
+            }
+        }
+        W
     }
 
     /// Solves A x = b in place with one step of iterative refinement.
