@@ -18,3 +18,6 @@ pub mod simulation;
 
 pub mod analysis;
 pub mod io;
+
+#[cfg(test)]
+mod testing;

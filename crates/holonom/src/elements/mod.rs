@@ -5,6 +5,19 @@
 //! ground passes the identity pose and zero rates. It knows nothing of other bodies, of numbering,
 //! integration or files.
 
+mod angle;
+mod constraint;
+mod drivers;
+mod forces;
+mod joints;
+mod measure;
+pub mod planar;
+mod space;
+pub mod spatial;
+#[cfg(test)]
+mod tests;
+mod vector_function;
+
 use crate::math::Real;
 
 /// Rows of one constraint against the coordinates of its two bodies: `[side][row][coordinate]`.
@@ -18,6 +31,8 @@ pub struct PairBlocks<T, const N: usize>(pub [[[[T; N]; N]; 2]; 2]);
 /// Services of a constraint between two bodies, Φ = u(q) − s(t) with u one to six rows.
 ///
 /// `w`, `v` are vectors over the coordinates of both bodies; G = u_q; H_k is the Hessian of row k.
+/// Outputs are overwritten; rows from [`rows`](Self::rows) on are zero. All derivatives are exact
+/// for every q, also where Euler parameters are not of unit length.
 pub trait ConstraintElement<const N: usize> {
     /// Number of rows, 1 to 6.
     fn rows(&self) -> usize;
@@ -117,13 +132,21 @@ pub struct Quantity {
 /// Services of a force between two bodies.
 pub trait ForceElement<const N: usize> {
     /// Whether the element has an extra state z (m).
-    fn has_extra_state(&self) -> bool;
+    fn has_extra_state(&self) -> bool {
+        false
+    }
     /// Whether the element counts turns (see [`ForceInput::winding`]).
-    fn counts_turns(&self) -> bool;
+    fn counts_turns(&self) -> bool {
+        false
+    }
     /// The angle that is kept as winding, rad; 0 for elements that do not count turns.
-    fn angle(&self, q: [&[f64; N]; 2], winding: f64) -> f64;
+    fn angle(&self, _q: [&[f64; N]; 2], _winding: f64) -> f64 {
+        0.0
+    }
     /// Extra state at which the element is unloaded.
-    fn unloaded_state(&self, q: [&[f64; N]; 2]) -> f64;
+    fn unloaded_state(&self, _q: [&[f64; N]; 2]) -> f64 {
+        0.0
+    }
     /// Q and ż.
     fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceOutput<T, N>);
     /// All derivatives.
@@ -135,5 +158,72 @@ pub trait ForceElement<const N: usize> {
     /// Value of quantity `index`, `size` components.
     fn quantity(&self, index: usize, input: &ForceInput<'_, f64, N>, out: &mut [f64]);
     /// Times at which the element's time functions have a kink, s.
-    fn breakpoints(&self) -> Vec<f64>;
+    fn breakpoints(&self) -> Vec<f64> {
+        Vec::new()
+    }
+}
+
+impl<T: Real, const N: usize> RowBlocks<T, N> {
+    /// All entries zero.
+    pub fn zero() -> Self {
+        Self([[[T::zero(); N]; 6]; 2])
+    }
+
+    fn set(&mut self, row: usize, values: &[[T; N]; 2]) {
+        for side in 0..2 {
+            self.0[side][row] = values[side];
+        }
+    }
+}
+
+impl<T: Real, const N: usize> PairBlocks<T, N> {
+    /// All entries zero.
+    pub fn zero() -> Self {
+        Self([[[[T::zero(); N]; N]; 2]; 2])
+    }
+
+    /// Adds factor · a bᵀ.
+    #[inline(always)]
+    fn add_outer(&mut self, factor: T, a: &[[T; N]; 2], b: &[[T; N]; 2]) {
+        for s in 0..2 {
+            for i in 0..N {
+                let f = factor * a[s][i];
+                for t in 0..2 {
+                    for j in 0..N {
+                        self.0[s][t][i][j] += f * b[t][j];
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<T: Real, const N: usize> ForceOutput<T, N> {
+    /// No force.
+    pub fn zero() -> Self {
+        Self { q: [[T::zero(); N]; 2], z_rate: T::zero() }
+    }
+}
+
+impl<T: Real, const N: usize> ForceBlocks<T, N> {
+    /// All entries zero.
+    pub fn zero() -> Self {
+        let o = [[T::zero(); N]; 2];
+        Self {
+            k: PairBlocks::zero(),
+            c: PairBlocks::zero(),
+            t: o,
+            z: o,
+            rate_q: o,
+            rate_v: o,
+            rate_z: T::zero(),
+            rate_t: T::zero(),
+        }
+    }
+}
+
+/// aᵀb over the coordinates of both bodies.
+#[inline(always)]
+fn product<T: Real, const N: usize>(a: &[[T; N]; 2], b: [&[T; N]; 2]) -> T {
+    crate::math::vector::dot(&a[0], b[0]) + crate::math::vector::dot(&a[1], b[1])
 }

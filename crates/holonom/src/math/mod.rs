@@ -2,8 +2,11 @@
 //! time and tables.
 
 mod interpolation;
+pub mod planar;
 mod real;
+pub mod spatial;
 mod time_function;
+pub mod vector;
 
 pub use interpolation::{MonotoneCubic, Spline, TableError};
 pub use real::Real;

@@ -1,6 +1,6 @@
 //! Functions of time with three derivatives.
 
-use super::{Spline, TableError};
+use super::{Real, Spline, TableError};
 
 /// A function of time for drivers and applied forces.
 #[derive(Debug, Clone, PartialEq)]
@@ -93,6 +93,13 @@ impl TimeFunction {
             }
             Self::Table(spline) => spline.derivatives(t),
         }
+    }
+
+    /// Value and slope at `t`, with their dependence on `t` where the scalar carries one.
+    pub fn value_and_slope<T: Real>(&self, t: T) -> (T, T) {
+        let d = self.derivatives(t.value());
+        let beyond = t - t.value();
+        (beyond * d[1] + d[0], beyond * d[2] + d[1])
     }
 
     /// Times at which a third or lower derivative jumps; the run makes them step boundaries.

@@ -1,0 +1,253 @@
+//! The relative angle of two frames, planar and about an axis in space, with its derivatives.
+
+use std::f64::consts::TAU;
+use std::fmt::Debug;
+
+use super::measure::{Dot, Measure};
+use super::space::{Spatial, Triad};
+use super::{PairBlocks, RowBlocks};
+use crate::math::Real;
+
+/// Angle θ(q) of the second frame from the first, rad.
+pub trait Angle<const N: usize>: Debug + Clone + PartialEq {
+    /// Whether only the principal value in (−π, π] is known from a pose.
+    const COUNTS_TURNS: bool;
+
+    /// θ; the principal value where turns must be counted.
+    fn value<T: Real>(&self, q: [&[T; N]; 2]) -> T;
+    /// θ_q.
+    fn gradient<T: Real>(&self, q: [&[T; N]; 2]) -> [[T; N]; 2];
+    /// (θ_q w)_q.
+    fn directional<T: Real>(&self, q: [&[T; N]; 2], w: [&[T; N]; 2]) -> [[T; N]; 2];
+    /// (θ_q v)_q v.
+    fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2]) -> T;
+    /// ((θ_q v)_q v)_q.
+    fn curvature_gradient<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2]) -> [[T; N]; 2];
+    /// out += c θ_qq.
+    fn add_hessian<T: Real>(&self, q: [&[T; N]; 2], c: T, out: &mut PairBlocks<T, N>);
+
+    /// θ on the branch nearest to `winding`.
+    fn nearest<T: Real>(&self, q: [&[T; N]; 2], winding: f64) -> T {
+        let angle = self.value(q);
+        if Self::COUNTS_TURNS {
+            angle + TAU * ((winding - angle.value()) / TAU).round()
+        } else {
+            angle
+        }
+    }
+}
+
+/// θ = θ_j − θ_i + offset; exact over any number of turns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlanarAngle {
+    offset: f64,
+}
+
+impl PlanarAngle {
+    pub(super) fn new(frames: &[Triad<2>; 2]) -> Self {
+        let [i, j] = frames.map(|frame| frame.axes[0][1].atan2(frame.axes[0][0]));
+        Self { offset: j - i }
+    }
+
+    /// Shifts the offset by whole turns so that θ is in (−π, π] where the bodies have these angles.
+    pub(super) fn set_principal_at(&mut self, angles: [f64; 2]) {
+        let there = angles[1] - angles[0] + self.offset;
+        self.offset -= TAU * (there / TAU).round();
+    }
+}
+
+impl Angle<3> for PlanarAngle {
+    const COUNTS_TURNS: bool = false;
+
+    fn value<T: Real>(&self, q: [&[T; 3]; 2]) -> T {
+        q[1][2] - q[0][2] + self.offset
+    }
+
+    fn gradient<T: Real>(&self, _q: [&[T; 3]; 2]) -> [[T; 3]; 2] {
+        let (o, one) = (T::zero(), T::one());
+        [[o, o, -one], [o, o, one]]
+    }
+
+    fn directional<T: Real>(&self, _q: [&[T; 3]; 2], _w: [&[T; 3]; 2]) -> [[T; 3]; 2] {
+        [[T::zero(); 3]; 2]
+    }
+
+    fn curvature<T: Real>(&self, _q: [&[T; 3]; 2], _v: [&[T; 3]; 2]) -> T {
+        T::zero()
+    }
+
+    fn curvature_gradient<T: Real>(&self, _q: [&[T; 3]; 2], _v: [&[T; 3]; 2]) -> [[T; 3]; 2] {
+        [[T::zero(); 3]; 2]
+    }
+
+    fn add_hessian<T: Real>(&self, _q: [&[T; 3]; 2], _c: T, _out: &mut PairBlocks<T, 3>) {}
+}
+
+/// Angle about h of the first frame: θ = atan2(s, c), c = f_iᵀf_j, s = g_iᵀf_j.
+///
+/// With z = c + i s this is Im log z, and its derivatives follow from those of log:
+///
+/// ```text
+/// θ_q           = Im(z_q / z)
+/// (θ_q w)_q     = Im((z_q w)_q / z − (z_q w) z_q / z²)
+/// (θ_q v)_q v   = Im(z₂ / z − z₁² / z²)                        z₁ = z_q v, z₂ = (z_q v)_q v
+/// its gradient  = Im(z₂_q / z − (z₂ z_q + 2 z₁ z₁_q) / z² + 2 z₁² z_q / z³)
+/// θ_qq          = Im(z_qq / z − z_qᵀ z_q / z²)
+/// ```
+///
+/// Undefined where f_j is parallel to h_i; on a revolute or cylindrical axis |z| = 1.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SpatialAngle {
+    /// Rows c, s.
+    z: Measure<Spatial, 3, 7, 4>,
+}
+
+impl SpatialAngle {
+    pub(super) fn new(frames: &[Triad<3>; 2]) -> Self {
+        let ([f, g, _], [along, _, _]) = (frames[0].axes, frames[1].axes);
+        let dots = vec![Dot::axes(f, along), Dot::axes(g, along)];
+        Self { z: Measure::new([[0.0; 3]; 2], false, dots) }
+    }
+
+    #[inline(always)]
+    fn z<T: Real>(&self, q: [&[T; 7]; 2]) -> Complex<T> {
+        let mut u = [T::zero(); 6];
+        self.z.value(q, &mut u);
+        Complex(u[0], u[1])
+    }
+
+    #[inline(always)]
+    fn z_q<T: Real>(&self, q: [&[T; 7]; 2]) -> Rows<T> {
+        let mut rows = RowBlocks::zero();
+        self.z.jacobian(q, &mut rows);
+        Rows(rows)
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Complex<T>(T, T);
+
+impl<T: Real> Complex<T> {
+    #[inline(always)]
+    fn times(self, other: Self) -> Self {
+        Self(self.0 * other.0 - self.1 * other.1, self.0 * other.1 + self.1 * other.0)
+    }
+
+    #[inline(always)]
+    fn inverse(self) -> Self {
+        let square = (self.0 * self.0 + self.1 * self.1).recip();
+        Self(self.0 * square, -self.1 * square)
+    }
+
+    #[inline(always)]
+    fn scaled(self, factor: f64) -> Self {
+        Self(self.0 * factor, self.1 * factor)
+    }
+
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        Self(self.0 - other.0, self.1 - other.1)
+    }
+}
+
+/// A complex row over both poses.
+struct Rows<T>(RowBlocks<T, 7>);
+
+impl<T: Real> Rows<T> {
+    #[inline(always)]
+    fn times(&self, w: [&[T; 7]; 2]) -> Complex<T> {
+        let part = |row: usize| {
+            let mut sum = T::zero();
+            for side in 0..2 {
+                for k in 3..7 {
+                    sum += self.0.0[side][row][k] * w[side][k];
+                }
+            }
+            sum
+        };
+        Complex(part(0), part(1))
+    }
+
+    /// row += Im(factor · self).
+    #[inline(always)]
+    fn add_imaginary(&self, factor: Complex<T>, row: &mut [[T; 7]; 2]) {
+        for side in 0..2 {
+            for k in 3..7 {
+                row[side][k] += factor.0 * self.0.0[side][1][k] + factor.1 * self.0.0[side][0][k];
+            }
+        }
+    }
+}
+
+impl Angle<7> for SpatialAngle {
+    const COUNTS_TURNS: bool = true;
+
+    fn value<T: Real>(&self, q: [&[T; 7]; 2]) -> T {
+        let Complex(c, s) = self.z(q);
+        s.atan2(c)
+    }
+
+    fn gradient<T: Real>(&self, q: [&[T; 7]; 2]) -> [[T; 7]; 2] {
+        let mut row = [[T::zero(); 7]; 2];
+        self.z_q(q).add_imaginary(self.z(q).inverse(), &mut row);
+        row
+    }
+
+    fn directional<T: Real>(&self, q: [&[T; 7]; 2], w: [&[T; 7]; 2]) -> [[T; 7]; 2] {
+        let inverse = self.z(q).inverse();
+        let z_q = self.z_q(q);
+        let mut second = RowBlocks::zero();
+        self.z.directional(q, w, &mut second);
+        let mut row = [[T::zero(); 7]; 2];
+        Rows(second).add_imaginary(inverse, &mut row);
+        let factor = z_q.times(w).times(inverse).times(inverse).scaled(-1.0);
+        z_q.add_imaginary(factor, &mut row);
+        row
+    }
+
+    fn curvature<T: Real>(&self, q: [&[T; 7]; 2], v: [&[T; 7]; 2]) -> T {
+        let inverse = self.z(q).inverse();
+        let mut second = [T::zero(); 6];
+        self.z.curvature(q, v, &mut second);
+        let ratio = self.z_q(q).times(v).times(inverse);
+        Complex(second[0], second[1]).times(inverse).minus(ratio.times(ratio)).1
+    }
+
+    fn curvature_gradient<T: Real>(&self, q: [&[T; 7]; 2], v: [&[T; 7]; 2]) -> [[T; 7]; 2] {
+        let inverse = self.z(q).inverse();
+        let z_q = self.z_q(q);
+        let (mut change, mut gradient, mut second) =
+            (RowBlocks::zero(), RowBlocks::zero(), [T::zero(); 6]);
+        self.z.directional(q, v, &mut change);
+        self.z.curvature_gradient(q, v, &mut gradient);
+        self.z.curvature(q, v, &mut second);
+        let first = z_q.times(v).times(inverse); // z₁ / z
+        let second = Complex(second[0], second[1]).times(inverse); // z₂ / z
+        let mut row = [[T::zero(); 7]; 2];
+        Rows(gradient).add_imaginary(inverse, &mut row);
+        Rows(change).add_imaginary(first.times(inverse).scaled(-2.0), &mut row);
+        let factor = first.times(first).scaled(2.0).minus(second).times(inverse);
+        z_q.add_imaginary(factor, &mut row);
+        row
+    }
+
+    fn add_hessian<T: Real>(&self, q: [&[T; 7]; 2], c: T, out: &mut PairBlocks<T, 7>) {
+        let inverse = self.z(q).inverse();
+        let RowBlocks(z_q) = self.z_q(q).0;
+        let o = T::zero();
+        // Im(z_qq / z): the imaginary part of 1/z weighs row c, the real part row s
+        self.z.add_hessian(q, &[inverse.1 * c, inverse.0 * c, o, o, o, o], out);
+        // −Im(z_qᵀ z_q / z²)
+        let square = inverse.times(inverse).scaled(-1.0);
+        for s in 0..2 {
+            for i in 3..7 {
+                let a = Complex(z_q[s][0][i], z_q[s][1][i]).times(square);
+                for t in 0..2 {
+                    for j in 3..7 {
+                        out.0[s][t][i][j] += (a.0 * z_q[t][1][j] + a.1 * z_q[t][0][j]) * c;
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! A joint or driver in either dimension: its rows, their names, its relative coordinates.
+
+use super::angle::Angle;
+use super::measure::Measure;
+use super::space::{Space, Triad};
+use super::{ConstraintElement, PairBlocks, Quantity, RowBlocks, product};
+use crate::math::{Real, TimeFunction};
+
+/// A joint (u = 0) or driver (u = s(t)) between two bodies.
+///
+/// Use it by its names [`planar::Constraint`](super::planar::Constraint) and
+/// [`spatial::Constraint`](super::spatial::Constraint).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Constraint<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> {
+    rows: Rows<S, D, N, R>,
+    names: &'static [&'static str],
+    coordinates: Vec<Coordinate<S, D, N, R>>,
+    quantities: &'static [Quantity],
+    point_on_second: [f64; 3],
+    motion: Option<TimeFunction>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Rows<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> {
+    Measure(Measure<S, D, N, R>),
+    Angle(S::Angle),
+}
+
+/// A relative coordinate that a joint leaves free.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Coordinate<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> {
+    /// One row: displacement along an axis.
+    Displacement(Measure<S, D, N, R>),
+    /// Angle of the second frame from the first.
+    Angle(S::Angle),
+}
+
+const fn scalar(name: &'static str, unit: &'static str) -> Quantity {
+    Quantity { name, unit, frame: "", size: 1 }
+}
+
+const NONE: &[Quantity] = &[];
+const TURNS: &[Quantity] = &[scalar("angle", "rad"), scalar("rate", "rad/s")];
+const SLIDES: &[Quantity] = &[scalar("displacement", "m"), scalar("rate", "m/s")];
+const SLIDES_AND_TURNS: &[Quantity] = &[
+    scalar("displacement", "m"),
+    scalar("displacement_rate", "m/s"),
+    scalar("angle", "rad"),
+    scalar("angle_rate", "rad/s"),
+];
+
+impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constraint<S, D, N, R> {
+    /// A joint with one name per row of its measure.
+    pub(super) fn of_joint(
+        frames: &[Triad<D>; 2],
+        measure: Measure<S, D, N, R>,
+        names: &'static [&'static str],
+        coordinates: Vec<Coordinate<S, D, N, R>>,
+    ) -> Self {
+        debug_assert_eq!(measure.rows(), names.len());
+        let quantities = match coordinates.as_slice() {
+            [] => NONE,
+            [Coordinate::Angle(_)] => TURNS,
+            [Coordinate::Displacement(_)] => SLIDES,
+            _ => SLIDES_AND_TURNS,
+        };
+        let rows = Rows::Measure(measure);
+        Self { rows, names, coordinates, quantities, point_on_second: point(frames), motion: None }
+    }
+
+    /// A driver of the coordinate `driven`.
+    pub(super) fn of_driver(
+        frames: &[Triad<D>; 2],
+        driven: Coordinate<S, D, N, R>,
+        names: &'static [&'static str],
+        motion: TimeFunction,
+    ) -> Self {
+        let rows = match driven {
+            Coordinate::Displacement(measure) => Rows::Measure(measure),
+            Coordinate::Angle(angle) => Rows::Angle(angle),
+        };
+        Self {
+            rows,
+            names,
+            coordinates: Vec::new(),
+            quantities: NONE,
+            point_on_second: point(frames),
+            motion: Some(motion),
+        }
+    }
+
+    /// Whether u is an angle whose whole turns have no meaning: then u − s(t) is to be reduced to
+    /// (−π, π].
+    pub fn wraps(&self) -> bool {
+        matches!(self.rows, Rows::Angle(_))
+    }
+
+    /// The joint's point on the second body, m, body axes, from its centre of mass: the place to
+    /// which reaction force and torque refer.
+    pub fn point_on_second(&self) -> [f64; 3] {
+        self.point_on_second
+    }
+
+    /// Relative coordinates of the joint and their rates, offered as channels.
+    pub fn quantities(&self) -> &'static [Quantity] {
+        self.quantities
+    }
+
+    /// Value of quantity `index`. Spatial angles are principal values in (−π, π].
+    pub fn quantity(&self, index: usize, q: [&[f64; N]; 2], v: [&[f64; N]; 2], out: &mut [f64]) {
+        let rate = index % 2 == 1;
+        out[0] = match &self.coordinates[index / 2] {
+            Coordinate::Displacement(measure) if rate => {
+                let mut rows = RowBlocks::zero();
+                measure.jacobian(q, &mut rows);
+                product(&[rows.0[0][0], rows.0[1][0]], v)
+            }
+            Coordinate::Displacement(measure) => {
+                let mut u = [0.0; 6];
+                measure.value(q, &mut u);
+                u[0]
+            }
+            Coordinate::Angle(angle) if rate => product(&angle.gradient(q), v),
+            Coordinate::Angle(angle) => angle.value(q),
+        };
+    }
+
+    pub(super) fn angles_mut(&mut self) -> impl Iterator<Item = &mut S::Angle> {
+        let row = match &mut self.rows {
+            Rows::Angle(angle) => Some(angle),
+            Rows::Measure(_) => None,
+        };
+        row.into_iter().chain(self.coordinates.iter_mut().filter_map(|c| match c {
+            Coordinate::Angle(angle) => Some(angle),
+            Coordinate::Displacement(_) => None,
+        }))
+    }
+}
+
+fn point<const D: usize>(frames: &[Triad<D>; 2]) -> [f64; 3] {
+    let mut point = [0.0; 3];
+    point[..D].copy_from_slice(&frames[1].point);
+    point
+}
+
+impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ConstraintElement<N>
+    for Constraint<S, D, N, R>
+{
+    fn rows(&self) -> usize {
+        self.names.len()
+    }
+
+    fn row_name(&self, row: usize) -> &'static str {
+        self.names[row]
+    }
+
+    fn value<T: Real>(&self, q: [&[T; N]; 2], u: &mut [T; 6]) {
+        match &self.rows {
+            Rows::Measure(measure) => measure.value(q, u),
+            Rows::Angle(angle) => {
+                *u = [T::zero(); 6];
+                u[0] = angle.value(q);
+            }
+        }
+    }
+
+    fn jacobian<T: Real>(&self, q: [&[T; N]; 2], out: &mut RowBlocks<T, N>) {
+        match &self.rows {
+            Rows::Measure(measure) => measure.jacobian(q, out),
+            Rows::Angle(angle) => {
+                *out = RowBlocks::zero();
+                out.set(0, &angle.gradient(q));
+            }
+        }
+    }
+
+    fn directional<T: Real>(&self, q: [&[T; N]; 2], w: [&[T; N]; 2], out: &mut RowBlocks<T, N>) {
+        match &self.rows {
+            Rows::Measure(measure) => measure.directional(q, w, out),
+            Rows::Angle(angle) => {
+                *out = RowBlocks::zero();
+                out.set(0, &angle.directional(q, w));
+            }
+        }
+    }
+
+    fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]) {
+        match &self.rows {
+            Rows::Measure(measure) => measure.curvature(q, v, out),
+            Rows::Angle(angle) => {
+                *out = [T::zero(); 6];
+                out[0] = angle.curvature(q, v);
+            }
+        }
+    }
+
+    fn curvature_gradient<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        out: &mut RowBlocks<T, N>,
+    ) {
+        match &self.rows {
+            Rows::Measure(measure) => measure.curvature_gradient(q, v, out),
+            Rows::Angle(angle) => {
+                *out = RowBlocks::zero();
+                out.set(0, &angle.curvature_gradient(q, v));
+            }
+        }
+    }
+
+    fn hessian<T: Real>(&self, q: [&[T; N]; 2], c: &[T; 6], out: &mut PairBlocks<T, N>) {
+        *out = PairBlocks::zero();
+        match &self.rows {
+            Rows::Measure(measure) => measure.add_hessian(q, c, out),
+            Rows::Angle(angle) => angle.add_hessian(q, c[0], out),
+        }
+    }
+
+    fn drive(&self, t: f64) -> Option<[f64; 4]> {
+        self.motion.as_ref().map(|motion| motion.derivatives(t))
+    }
+}

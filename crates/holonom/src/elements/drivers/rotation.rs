@@ -1,0 +1,21 @@
+use crate::elements::joints::{planar_turn, spatial_turn};
+use crate::elements::space::Triad;
+use crate::elements::{planar, spatial};
+use crate::math::TimeFunction;
+
+/// Planar prescribed angle of the second frame from the first, rad.
+pub(in crate::elements) fn planar(
+    frames: &[Triad<2>; 2],
+    motion: TimeFunction,
+) -> planar::Constraint {
+    planar::Constraint::of_driver(frames, planar_turn(frames), &["rotation"], motion)
+}
+
+/// Spatial prescribed angle about h_i, rad. Its value is the principal angle; whole turns of
+/// u − s(t) are dropped by the caller (`Constraint::wraps`), so motions over many turns are smooth.
+pub(in crate::elements) fn spatial(
+    frames: &[Triad<3>; 2],
+    motion: TimeFunction,
+) -> spatial::Constraint {
+    spatial::Constraint::of_driver(frames, spatial_turn(frames), &["rotation about h"], motion)
+}

@@ -1,0 +1,21 @@
+//! Elastic laws.
+
+use crate::math::Real;
+use crate::model::ElasticLaw;
+
+/// Force (or torque) and stiffness at the deformation `x`.
+#[inline(always)]
+pub(super) fn value_and_slope<T: Real>(law: &ElasticLaw, x: T) -> (T, T) {
+    match law {
+        ElasticLaw::Linear(stiffness) => (x * *stiffness, T::from(*stiffness)),
+        ElasticLaw::Table(table) => table.value_and_slope(x),
+    }
+}
+
+/// Stored energy ∫ force dx, J.
+pub(super) fn energy(law: &ElasticLaw, x: f64) -> f64 {
+    match law {
+        ElasticLaw::Linear(stiffness) => 0.5 * stiffness * x * x,
+        ElasticLaw::Table(table) => table.integral(x),
+    }
+}

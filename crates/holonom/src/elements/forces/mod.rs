@@ -1,0 +1,82 @@
+//! One file per force: its law, generalized force, derivative blocks, energy and channels.
+
+pub(super) mod law;
+pub(super) mod line;
+pub(super) mod maxwell;
+pub(super) mod point_force;
+pub(super) mod rsda;
+pub(super) mod torque;
+pub(super) mod tsda;
+
+use super::Quantity;
+use crate::model;
+
+/// First and second body of a force. For a force on one body the second is acted on and the first
+/// carries the reaction; it is the ground where there is none.
+pub(super) fn bodies(force: &model::Force) -> [model::BodyIndex; 2] {
+    match &force.kind {
+        model::ForceKind::Tsda { frames, .. }
+        | model::ForceKind::Rsda { frames, .. }
+        | model::ForceKind::Maxwell { frames, .. }
+        | model::ForceKind::Bushing { frames, .. } => [frames[0].body, frames[1].body],
+        model::ForceKind::Tyre(tyre) => [None, tyre.frame.body],
+        model::ForceKind::PointForce { frame, .. } => [None, frame.body],
+        model::ForceKind::Torque { body, reaction, .. } => [*reaction, *body],
+    }
+}
+
+const fn quantity(
+    name: &'static str,
+    unit: &'static str,
+    frame: &'static str,
+    size: usize,
+) -> Quantity {
+    Quantity { name, unit, frame, size }
+}
+
+/// Implements [`ForceElement`](super::ForceElement) for an enum by the element of each variant.
+macro_rules! by_variant {
+    ($name:ident, $n:literal, $($variant:ident),+) => {
+        impl ForceElement<$n> for $name {
+            fn has_extra_state(&self) -> bool {
+                match self { $(Self::$variant(e) => e.has_extra_state(),)+ }
+            }
+            fn counts_turns(&self) -> bool {
+                match self { $(Self::$variant(e) => e.counts_turns(),)+ }
+            }
+            fn angle(&self, q: [&[f64; $n]; 2], winding: f64) -> f64 {
+                match self { $(Self::$variant(e) => e.angle(q, winding),)+ }
+            }
+            fn unloaded_state(&self, q: [&[f64; $n]; 2]) -> f64 {
+                match self { $(Self::$variant(e) => e.unloaded_state(q),)+ }
+            }
+            fn evaluate<T: Real>(
+                &self,
+                input: &ForceInput<'_, T, $n>,
+                out: &mut ForceOutput<T, $n>,
+            ) {
+                match self { $(Self::$variant(e) => e.evaluate(input, out),)+ }
+            }
+            fn blocks<T: Real>(
+                &self,
+                input: &ForceInput<'_, T, $n>,
+                out: &mut ForceBlocks<T, $n>,
+            ) {
+                match self { $(Self::$variant(e) => e.blocks(input, out),)+ }
+            }
+            fn energy(&self, input: &ForceInput<'_, f64, $n>) -> Energy {
+                match self { $(Self::$variant(e) => e.energy(input),)+ }
+            }
+            fn quantities(&self) -> &'static [Quantity] {
+                match self { $(Self::$variant(e) => e.quantities(),)+ }
+            }
+            fn quantity(&self, index: usize, input: &ForceInput<'_, f64, $n>, out: &mut [f64]) {
+                match self { $(Self::$variant(e) => e.quantity(index, input, out),)+ }
+            }
+            fn breakpoints(&self) -> Vec<f64> {
+                match self { $(Self::$variant(e) => e.breakpoints(),)+ }
+            }
+        }
+    };
+}
+pub(super) use by_variant;

@@ -1,0 +1,234 @@
+//! Rows of joints composed of basic measures: d = 0 (linear) and xᵀy = c (bilinear), with all their
+//! derivative blocks.
+//!
+//! With x₁ = D_x v, x₂ = D²_x\[v] v, and the same for y, the bilinear row u = xᵀy has
+//!
+//! ```text
+//! G             = xᵀD_y + yᵀD_x
+//! (G w)_q       = xᵀD²_y[w] + yᵀD²_x[w] + (D_y w)ᵀD_x + (D_x w)ᵀD_y
+//! (G v)_q v     = xᵀy₂ + yᵀx₂ + 2 x₁ᵀy₁
+//! ((G v)_q v)_q = y₂ᵀD_x + x₂ᵀD_y + 2 y₁ᵀD²_x[v] + 2 x₁ᵀD²_y[v] + xᵀD³_y[v] + yᵀD³_x[v]
+//! H             = K_x(y) + K_y(x) + D_xᵀD_y + D_yᵀD_x
+//! ```
+//!
+//! Source: basic constraints after E. J. Haug, *Computer Aided Kinematics and Dynamics of
+//! Mechanical Systems* (1989), 3.2 and 9.4; derivatives by the product rule.
+
+use std::marker::PhantomData;
+
+use super::space::Space;
+use super::vector_function::{Jet, Vector};
+use super::{PairBlocks, RowBlocks};
+use crate::math::Real;
+use crate::math::vector::{dot, scaled};
+
+/// One row u = scale (xᵀy − offset).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Dot<const D: usize> {
+    x: Vector<D>,
+    y: Vector<D>,
+    scale: f64,
+    offset: f64,
+}
+
+impl<const D: usize> Dot<D> {
+    /// a_iᵀ a_j.
+    pub(super) fn axes(first: [f64; D], second: [f64; D]) -> Self {
+        Self { x: Vector::First(first), y: Vector::Second(second), scale: 1.0, offset: 0.0 }
+    }
+
+    /// a_iᵀ d.
+    pub(super) fn along(first: [f64; D]) -> Self {
+        Self { x: Vector::First(first), y: Vector::Link, scale: 1.0, offset: 0.0 }
+    }
+
+    /// (dᵀd − length²) / (2 length).
+    pub(super) fn distance(length: f64) -> Self {
+        let scale = 0.5 / length;
+        Self { x: Vector::Link, y: Vector::Link, scale, offset: length * length }
+    }
+}
+
+/// Rows between two bodies: first d = 0 (D rows) if the points coincide, then the dot products.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Measure<S, const D: usize, const N: usize, const R: usize> {
+    points: [[f64; D]; 2],
+    coincide: bool,
+    dots: Vec<Dot<D>>,
+    uses_link: bool,
+    space: PhantomData<S>,
+}
+
+impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<S, D, N, R> {
+    pub(super) fn new(points: [[f64; D]; 2], coincide: bool, dots: Vec<Dot<D>>) -> Self {
+        let uses_link =
+            coincide || dots.iter().any(|dot| dot.x == Vector::Link || dot.y == Vector::Link);
+        Self { points, coincide, dots, uses_link, space: PhantomData }
+    }
+
+    pub(super) fn rows(&self) -> usize {
+        self.first_dot() + self.dots.len()
+    }
+
+    fn first_dot(&self) -> usize {
+        if self.coincide { D } else { 0 }
+    }
+
+    #[inline(always)]
+    fn link<T: Real>(&self, q: [&[T; N]; 2]) -> Option<Jet<T, D, R>> {
+        self.uses_link.then(|| Vector::Link.jet::<T, S, N, R>(&self.points, q))
+    }
+
+    /// Value and derivative of a vector function; the link's are computed once per call.
+    #[inline(always)]
+    fn jet<T: Real>(
+        &self,
+        x: &Vector<D>,
+        q: [&[T; N]; 2],
+        link: Option<&Jet<T, D, R>>,
+    ) -> Jet<T, D, R> {
+        match (x, link) {
+            (Vector::Link, Some(jet)) => *jet,
+            _ => x.jet::<T, S, N, R>(&self.points, q),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn value<T: Real>(&self, q: [&[T; N]; 2], u: &mut [T; 6]) {
+        *u = [T::zero(); 6];
+        let link = if self.uses_link {
+            Vector::Link.value::<T, S, N, R>(&self.points, q)
+        } else {
+            [T::zero(); D]
+        };
+        if self.coincide {
+            u[..D].copy_from_slice(&link);
+        }
+        let pick = |x: &Vector<D>| match x {
+            Vector::Link => link,
+            _ => x.value::<T, S, N, R>(&self.points, q),
+        };
+        for (row, d) in (self.first_dot()..).zip(&self.dots) {
+            u[row] = (dot(&pick(&d.x), &pick(&d.y)) - d.offset) * d.scale;
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn jacobian<T: Real>(&self, q: [&[T; N]; 2], out: &mut RowBlocks<T, N>) {
+        *out = RowBlocks::zero();
+        let link = self.link(q);
+        if let (true, Some(link)) = (self.coincide, &link) {
+            for d in 0..D {
+                out.set(d, &link.d.row(d));
+            }
+        }
+        for (row, d) in (self.first_dot()..).zip(&self.dots) {
+            let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
+            let scale = T::from(d.scale);
+            let mut values = [[T::zero(); N]; 2];
+            y.d.add_to(&scaled(&x.x, scale), &mut values);
+            x.d.add_to(&scaled(&y.x, scale), &mut values);
+            out.set(row, &values);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn directional<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        w: [&[T; N]; 2],
+        out: &mut RowBlocks<T, N>,
+    ) {
+        *out = RowBlocks::zero();
+        let link = self.link(q);
+        let second = |x: &Vector<D>| x.second::<T, S, N, R>(&self.points, q, w);
+        if self.coincide {
+            let link = second(&Vector::Link);
+            for d in 0..D {
+                out.set(d, &link.row(d));
+            }
+        }
+        for (row, d) in (self.first_dot()..).zip(&self.dots) {
+            let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
+            let scale = T::from(d.scale);
+            let mut values = [[T::zero(); N]; 2];
+            second(&d.y).add_to(&scaled(&x.x, scale), &mut values);
+            second(&d.x).add_to(&scaled(&y.x, scale), &mut values);
+            x.d.add_to(&scaled(&y.d.times(w), scale), &mut values);
+            y.d.add_to(&scaled(&x.d.times(w), scale), &mut values);
+            out.set(row, &values);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]) {
+        *out = [T::zero(); 6];
+        let link = self.link(q);
+        let second = |x: &Vector<D>| x.second::<T, S, N, R>(&self.points, q, v).times(v);
+        if self.coincide {
+            out[..D].copy_from_slice(&second(&Vector::Link));
+        }
+        for (row, d) in (self.first_dot()..).zip(&self.dots) {
+            let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
+            let mixed = dot(&x.d.times(v), &y.d.times(v)) * 2.0;
+            out[row] = (dot(&x.x, &second(&d.y)) + dot(&y.x, &second(&d.x)) + mixed) * d.scale;
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn curvature_gradient<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        out: &mut RowBlocks<T, N>,
+    ) {
+        *out = RowBlocks::zero();
+        let link = self.link(q);
+        let second = |x: &Vector<D>| x.second::<T, S, N, R>(&self.points, q, v);
+        let third = |x: &Vector<D>| x.third::<T, S, N, R>(&self.points, q, v);
+        if self.coincide {
+            let link = third(&Vector::Link);
+            for d in 0..D {
+                out.set(d, &link.row(d));
+            }
+        }
+        for (row, d) in (self.first_dot()..).zip(&self.dots) {
+            let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
+            let (xx, yy) = (second(&d.x), second(&d.y));
+            let scale = T::from(d.scale);
+            let twice = scale * 2.0;
+            let mut values = [[T::zero(); N]; 2];
+            x.d.add_to(&scaled(&yy.times(v), scale), &mut values);
+            y.d.add_to(&scaled(&xx.times(v), scale), &mut values);
+            xx.add_to(&scaled(&y.d.times(v), twice), &mut values);
+            yy.add_to(&scaled(&x.d.times(v), twice), &mut values);
+            third(&d.y).add_to(&scaled(&x.x, scale), &mut values);
+            third(&d.x).add_to(&scaled(&y.x, scale), &mut values);
+            out.set(row, &values);
+        }
+    }
+
+    /// out += Σ c_k H_k.
+    #[inline(always)]
+    pub(super) fn add_hessian<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        c: &[T; 6],
+        out: &mut PairBlocks<T, N>,
+    ) {
+        let link = self.link(q);
+        let bend = |x: &Vector<D>, c: &[T; D], out: &mut PairBlocks<T, N>| {
+            x.add_bend::<T, S, N, R>(&self.points, q, c, out);
+        };
+        if self.coincide {
+            bend(&Vector::Link, &std::array::from_fn(|d| c[d]), out);
+        }
+        for (row, d) in (self.first_dot()..).zip(&self.dots) {
+            let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
+            let factor = c[row] * d.scale;
+            bend(&d.x, &scaled(&y.x, factor), out);
+            bend(&d.y, &scaled(&x.x, factor), out);
+            x.d.add_symmetric(factor, &y.d, out);
+        }
+    }
+}

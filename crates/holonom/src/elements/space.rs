@@ -1,0 +1,131 @@
+//! Planar and spatial bodies behind one trait, so that what does not depend on the dimension is
+//! written once: D components of a point, N coordinates of a pose, R = N − D of them rotational.
+
+use std::fmt::Debug;
+
+use super::angle::{Angle, PlanarAngle, SpatialAngle};
+use crate::math::{Real, planar, spatial};
+use crate::model;
+
+/// How a body vector a (body axes) follows from a pose, with derivatives.
+///
+/// Source: equations of section 6 of the theory of constrained motion; B and K after Haug (1989).
+pub trait Space<const D: usize, const N: usize, const R: usize>:
+    Debug + Clone + Copy + PartialEq + 'static
+{
+    /// The relative angle of two frames in this space.
+    type Angle: Angle<N>;
+
+    /// A a.
+    fn rotate<T: Real>(q: &[T; N], a: &[T; D]) -> [T; D];
+    /// B = (A a)_rot.
+    fn slope<T: Real>(q: &[T; N], a: &[T; D]) -> [[T; R]; D];
+    /// (B w)_rot with w = rates, of which the rotational part is used.
+    fn second<T: Real>(q: &[T; N], w: &[T; N], a: &[T; D]) -> [[T; R]; D];
+    /// ((B w)_rot w)_rot; `None` where it vanishes.
+    fn third<T: Real>(q: &[T; N], w: &[T; N], a: &[T; D]) -> Option<[[T; R]; D]>;
+    /// (Bᵀ c)_rot, symmetric.
+    fn bend<T: Real>(q: &[T; N], a: &[T; D], c: &[T; D]) -> [[T; R]; R];
+}
+
+/// Coordinates x, y, θ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Planar;
+
+impl Space<2, 3, 1> for Planar {
+    type Angle = PlanarAngle;
+
+    #[inline(always)]
+    fn rotate<T: Real>(q: &[T; 3], a: &[T; 2]) -> [T; 2] {
+        planar::rotate(q[2], a)
+    }
+
+    #[inline(always)]
+    fn slope<T: Real>(q: &[T; 3], a: &[T; 2]) -> [[T; 1]; 2] {
+        planar::quarter_turn(&Self::rotate(q, a)).map(|x| [x])
+    }
+
+    #[inline(always)]
+    fn second<T: Real>(q: &[T; 3], w: &[T; 3], a: &[T; 2]) -> [[T; 1]; 2] {
+        Self::rotate(q, a).map(|x| [-w[2] * x])
+    }
+
+    #[inline(always)]
+    fn third<T: Real>(q: &[T; 3], w: &[T; 3], a: &[T; 2]) -> Option<[[T; 1]; 2]> {
+        let f = -w[2] * w[2];
+        Some(Self::slope(q, a).map(|x| [f * x[0]]))
+    }
+
+    #[inline(always)]
+    fn bend<T: Real>(q: &[T; 3], a: &[T; 2], c: &[T; 2]) -> [[T; 1]; 1] {
+        let turned = Self::rotate(q, a);
+        [[-(c[0] * turned[0] + c[1] * turned[1])]]
+    }
+}
+
+/// Coordinates r and Euler parameters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Spatial;
+
+/// The Euler parameters of a pose or their rates.
+#[inline(always)]
+pub(super) fn euler<T: Real>(q: &[T; 7]) -> [T; 4] {
+    [q[3], q[4], q[5], q[6]]
+}
+
+impl Space<3, 7, 4> for Spatial {
+    type Angle = SpatialAngle;
+
+    #[inline(always)]
+    fn rotate<T: Real>(q: &[T; 7], a: &[T; 3]) -> [T; 3] {
+        spatial::rotate(&euler(q), a)
+    }
+
+    #[inline(always)]
+    fn slope<T: Real>(q: &[T; 7], a: &[T; 3]) -> [[T; 4]; 3] {
+        spatial::slope(&euler(q), a)
+    }
+
+    #[inline(always)]
+    fn second<T: Real>(_q: &[T; 7], w: &[T; 7], a: &[T; 3]) -> [[T; 4]; 3] {
+        spatial::slope(&euler(w), a)
+    }
+
+    #[inline(always)]
+    fn third<T: Real>(_q: &[T; 7], _w: &[T; 7], _a: &[T; 3]) -> Option<[[T; 4]; 3]> {
+        None
+    }
+
+    #[inline(always)]
+    fn bend<T: Real>(_q: &[T; 7], a: &[T; 3], c: &[T; 3]) -> [[T; 4]; 4] {
+        spatial::bend(a, c)
+    }
+}
+
+/// A frame of a joint in the kernels: point from the centre of mass, unit axes f, g, (h) in body
+/// axes, `axes[k]` the k-th.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Triad<const D: usize> {
+    pub(super) point: [f64; D],
+    pub(super) axes: [[f64; D]; D],
+}
+
+/// The first D components.
+pub(super) fn leading<const D: usize>(a: &[f64; 3]) -> [f64; D] {
+    std::array::from_fn(|k| a[k])
+}
+
+/// Both frames of a joint, with points from the centres of mass.
+pub(super) fn triads<const D: usize>(
+    frames: &[model::Frame; 2],
+    centers: &[[f64; 3]; 2],
+) -> [Triad<D>; 2] {
+    std::array::from_fn(|side| Triad {
+        point: leading(&from_center(&frames[side].point, &centers[side])),
+        axes: std::array::from_fn(|k| std::array::from_fn(|row| frames[side].axes[row][k])),
+    })
+}
+
+pub(super) fn from_center(point: &[f64; 3], center: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| point[k] - center[k])
+}

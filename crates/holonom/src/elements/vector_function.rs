@@ -1,0 +1,315 @@
+//! Vector functions of two poses, x = A a or x = point on second − point on first, and what is
+//! needed of them: D_x, D²_x\[w], D³_x\[w], K_x(c).
+
+use super::PairBlocks;
+use super::space::Space;
+use crate::math::Real;
+use crate::math::vector::{difference, lift, sum};
+
+/// A vector function of two poses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Vector<const D: usize> {
+    /// A a, with a in axes of the first body.
+    First([f64; D]),
+    /// A a, with a in axes of the second body.
+    Second([f64; D]),
+    /// d = r_j + A_j s_j − r_i − A_i s_i, with the points of the measure.
+    Link,
+}
+
+/// A matrix with D rows over the coordinates of both poses: rotational columns per side where they
+/// do not vanish, translational columns −I and I if `shift`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Columns<T, const D: usize, const R: usize> {
+    pub(super) shift: bool,
+    pub(super) turn: [Option<[[T; R]; D]>; 2],
+}
+
+impl<T: Real, const D: usize, const R: usize> Columns<T, D, R> {
+    /// The product with a vector over both poses.
+    #[inline(always)]
+    pub(super) fn times<const N: usize>(&self, w: [&[T; N]; 2]) -> [T; D] {
+        let mut out =
+            if self.shift { std::array::from_fn(|d| w[1][d] - w[0][d]) } else { [T::zero(); D] };
+        for side in 0..2 {
+            if let Some(turn) = &self.turn[side] {
+                for d in 0..D {
+                    for k in 0..R {
+                        out[d] += turn[d][k] * w[side][D + k];
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// row += cᵀ (matrix).
+    #[inline(always)]
+    pub(super) fn add_to<const N: usize>(&self, c: &[T; D], row: &mut [[T; N]; 2]) {
+        if self.shift {
+            for d in 0..D {
+                row[0][d] -= c[d];
+                row[1][d] += c[d];
+            }
+        }
+        for side in 0..2 {
+            if let Some(turn) = &self.turn[side] {
+                for d in 0..D {
+                    for k in 0..R {
+                        row[side][D + k] += c[d] * turn[d][k];
+                    }
+                }
+            }
+        }
+    }
+
+    /// cᵀ (matrix).
+    #[inline(always)]
+    pub(super) fn transposed_times<const N: usize>(&self, c: &[T; D]) -> [[T; N]; 2] {
+        let mut row = [[T::zero(); N]; 2];
+        self.add_to(c, &mut row);
+        row
+    }
+
+    /// The matrix as D rows over both poses.
+    pub(super) fn row<const N: usize>(&self, d: usize) -> [[T; N]; 2] {
+        let mut row = [[T::zero(); N]; 2];
+        if self.shift {
+            row[0][d] = -T::one();
+            row[1][d] = T::one();
+        }
+        for side in 0..2 {
+            if let Some(turn) = &self.turn[side] {
+                row[side][D..].copy_from_slice(&turn[d]);
+            }
+        }
+        row
+    }
+
+    /// out += factor (XᵀY + YᵀX), X this matrix.
+    #[inline(always)]
+    pub(super) fn add_symmetric<const N: usize>(
+        &self,
+        factor: T,
+        other: &Self,
+        out: &mut PairBlocks<T, N>,
+    ) {
+        for s in 0..2 {
+            for t in 0..2 {
+                let mut add = |i: usize, j: usize, value: T| {
+                    out.0[s][t][i][j] += value;
+                    out.0[t][s][j][i] += value;
+                };
+                if self.shift && other.shift {
+                    let value = if s == t { factor } else { -factor };
+                    for d in 0..D {
+                        add(d, d, value);
+                    }
+                }
+                if let (true, Some(y)) = (self.shift, &other.turn[t]) {
+                    let signed = if s == 0 { -factor } else { factor };
+                    for d in 0..D {
+                        for k in 0..R {
+                            add(d, D + k, signed * y[d][k]);
+                        }
+                    }
+                }
+                if let (Some(x), true) = (&self.turn[s], other.shift) {
+                    let signed = if t == 0 { -factor } else { factor };
+                    for d in 0..D {
+                        for k in 0..R {
+                            add(D + k, d, signed * x[d][k]);
+                        }
+                    }
+                }
+                if let (Some(x), Some(y)) = (&self.turn[s], &other.turn[t]) {
+                    for i in 0..R {
+                        for j in 0..R {
+                            let mut value = x[0][i] * y[0][j];
+                            for d in 1..D {
+                                value += x[d][i] * y[d][j];
+                            }
+                            add(D + i, D + j, factor * value);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// out += DᵀMD, D this matrix of a link, M symmetric.
+    #[inline(always)]
+    pub(super) fn add_quadratic<const N: usize>(
+        &self,
+        m: &[[T; D]; D],
+        out: &mut PairBlocks<T, N>,
+    ) {
+        let mut columns = *self;
+        for side in 0..2 {
+            if let Some(turn) = &self.turn[side] {
+                let product = std::array::from_fn(|d| {
+                    std::array::from_fn(|k| {
+                        let mut value = m[d][0] * turn[0][k];
+                        for e in 1..D {
+                            value += m[d][e] * turn[e][k];
+                        }
+                        value
+                    })
+                });
+                columns.turn[side] = Some(product);
+            }
+        }
+        for s in 0..2 {
+            for t in 0..2 {
+                let negative = s != t;
+                for d in 0..D {
+                    for e in 0..D {
+                        out.0[s][t][d][e] += if negative { -m[d][e] } else { m[d][e] };
+                    }
+                }
+                if let Some(y) = &columns.turn[t] {
+                    for d in 0..D {
+                        for k in 0..R {
+                            let value = if s == 0 { -y[d][k] } else { y[d][k] };
+                            out.0[s][t][d][D + k] += value;
+                            out.0[t][s][D + k][d] += value;
+                        }
+                    }
+                }
+                if let (Some(x), Some(y)) = (&self.turn[s], &columns.turn[t]) {
+                    for i in 0..R {
+                        for j in 0..R {
+                            let mut value = x[0][i] * y[0][j];
+                            for d in 1..D {
+                                value += x[d][i] * y[d][j];
+                            }
+                            out.0[s][t][D + i][D + j] += value;
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Value and first derivative.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Jet<T, const D: usize, const R: usize> {
+    pub(super) x: [T; D],
+    pub(super) d: Columns<T, D, R>,
+}
+
+fn negative<T: Real, const D: usize, const R: usize>(m: [[T; R]; D]) -> [[T; R]; D] {
+    m.map(|row| row.map(|x| -x))
+}
+
+impl<const D: usize> Vector<D> {
+    #[inline(always)]
+    pub(super) fn value<T: Real, S, const N: usize, const R: usize>(
+        &self,
+        points: &[[f64; D]; 2],
+        q: [&[T; N]; 2],
+    ) -> [T; D]
+    where
+        S: Space<D, N, R>,
+    {
+        match self {
+            Self::First(a) => S::rotate(q[0], &lift(a)),
+            Self::Second(a) => S::rotate(q[1], &lift(a)),
+            Self::Link => {
+                let arms = [0, 1].map(|side| S::rotate(q[side], &lift(&points[side])));
+                // centres first: far from the origin their difference is exact where arms are not
+                let centers = std::array::from_fn(|d| q[1][d] - q[0][d]);
+                sum(&centers, &difference(&arms[1], &arms[0]))
+            }
+        }
+    }
+
+    /// x and D_x.
+    #[inline(always)]
+    pub(super) fn jet<T: Real, S, const N: usize, const R: usize>(
+        &self,
+        points: &[[f64; D]; 2],
+        q: [&[T; N]; 2],
+    ) -> Jet<T, D, R>
+    where
+        S: Space<D, N, R>,
+    {
+        let x = self.value::<T, S, N, R>(points, q);
+        Jet { x, d: self.columns(points, |side, a| Some(S::slope(q[side], a)), true) }
+    }
+
+    /// D²_x\[w].
+    #[inline(always)]
+    pub(super) fn second<T: Real, S, const N: usize, const R: usize>(
+        &self,
+        points: &[[f64; D]; 2],
+        q: [&[T; N]; 2],
+        w: [&[T; N]; 2],
+    ) -> Columns<T, D, R>
+    where
+        S: Space<D, N, R>,
+    {
+        self.columns(points, |side, a| Some(S::second(q[side], w[side], a)), false)
+    }
+
+    /// D³_x\[w].
+    #[inline(always)]
+    pub(super) fn third<T: Real, S, const N: usize, const R: usize>(
+        &self,
+        points: &[[f64; D]; 2],
+        q: [&[T; N]; 2],
+        w: [&[T; N]; 2],
+    ) -> Columns<T, D, R>
+    where
+        S: Space<D, N, R>,
+    {
+        self.columns(points, |side, a| S::third(q[side], w[side], a), false)
+    }
+
+    #[inline(always)]
+    fn columns<T: Real, const R: usize>(
+        &self,
+        points: &[[f64; D]; 2],
+        turn: impl Fn(usize, &[T; D]) -> Option<[[T; R]; D]>,
+        shift: bool,
+    ) -> Columns<T, D, R> {
+        match self {
+            Self::First(a) => Columns { shift: false, turn: [turn(0, &lift(a)), None] },
+            Self::Second(a) => Columns { shift: false, turn: [None, turn(1, &lift(a))] },
+            Self::Link => Columns {
+                shift,
+                turn: [turn(0, &lift(&points[0])).map(negative), turn(1, &lift(&points[1]))],
+            },
+        }
+    }
+
+    /// out += K_x(c).
+    #[inline(always)]
+    pub(super) fn add_bend<T: Real, S, const N: usize, const R: usize>(
+        &self,
+        points: &[[f64; D]; 2],
+        q: [&[T; N]; 2],
+        c: &[T; D],
+        out: &mut PairBlocks<T, N>,
+    ) where
+        S: Space<D, N, R>,
+    {
+        let mut add = |side: usize, a: &[f64; D], c: &[T; D]| {
+            let k = S::bend(q[side], &lift(a), c);
+            for i in 0..R {
+                for j in 0..R {
+                    out.0[side][side][D + i][D + j] += k[i][j];
+                }
+            }
+        };
+        match self {
+            Self::First(a) => add(0, a, c),
+            Self::Second(a) => add(1, a, c),
+            Self::Link => {
+                add(0, &points[0], &c.map(|x| -x));
+                add(1, &points[1], c);
+            }
+        }
+    }
+}
