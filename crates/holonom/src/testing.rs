@@ -40,12 +40,14 @@ impl Random {
 }
 
 /// Derivative at 0 of `f` by central differences with steps h and h/2, extrapolated: error O(h⁴).
-pub(crate) fn richardson<const K: usize>(h: f64, f: impl Fn(f64) -> [f64; K]) -> [f64; K] {
+pub(crate) fn richardson(h: f64, f: impl Fn(f64) -> Vec<f64>) -> Vec<f64> {
     let (a, b, c, d) = (f(h), f(-h), f(0.5 * h), f(-0.5 * h));
-    std::array::from_fn(|k| {
-        let (coarse, fine) = ((a[k] - b[k]) / (2.0 * h), (c[k] - d[k]) / h);
-        (4.0 * fine - coarse) / 3.0
-    })
+    (0..a.len())
+        .map(|k| {
+            let (coarse, fine) = ((a[k] - b[k]) / (2.0 * h), (c[k] - d[k]) / h);
+            (4.0 * fine - coarse) / 3.0
+        })
+        .collect()
 }
 
 /// Number of seeded random states per block: 50, or 1,000 with the feature `long`.

@@ -135,7 +135,8 @@ impl<T: Real> Complex<T> {
 
     #[inline(always)]
     fn inverse(self) -> Self {
-        let square = (self.0 * self.0 + self.1 * self.1).recip();
+        // the smallest number keeps an undefined angle free of 0/0
+        let square = (self.0 * self.0 + self.1 * self.1 + f64::MIN_POSITIVE).recip();
         Self(self.0 * square, -self.1 * square)
     }
 

@@ -41,6 +41,8 @@ impl Constraint {
 type Tsda = forces::tsda::Tsda<Spatial, 3, 7, 4>;
 type Maxwell = forces::maxwell::Maxwell<Spatial, 3, 7, 4>;
 type Rsda = forces::rsda::Rsda<SpatialAngle>;
+type Bushing = forces::bushing::Bushing;
+type Tyre = forces::tyre::Tyre;
 type PointForce = forces::point_force::PointForce<Spatial, 3, 7, 4>;
 type Torque = forces::torque::SpatialTorque;
 
@@ -53,6 +55,10 @@ pub enum Force {
     Rsda(Rsda),
     /// Spring and damper in series.
     Maxwell(Maxwell),
+    /// Linear 6×6 bushing.
+    Bushing(Box<Bushing>),
+    /// Tyre on a road.
+    Tyre(Tyre),
     /// Force at a point.
     PointForce(PointForce),
     /// Torque.
@@ -83,7 +89,10 @@ impl Force {
                 Self::PointForce(PointForce::new(frame, force, *axes, &centers))
             }
             ForceKind::Torque { torque, axes, .. } => Self::Torque(Torque::new(torque, *axes)),
-            ForceKind::Bushing { .. } | ForceKind::Tyre(_) => todo!(),
+            ForceKind::Bushing { frames, stiffness, damping } => Self::Bushing(Box::new(
+                Bushing::new(&triads(frames, &centers), *stiffness, *damping),
+            )),
+            ForceKind::Tyre(tyre) => Self::Tyre(Tyre::new(tyre, &centers)),
         }
     }
 
@@ -94,7 +103,7 @@ impl Force {
     }
 }
 
-by_variant!(Force, 7, Tsda, Rsda, Maxwell, PointForce, Torque);
+by_variant!(Force, 7, Tsda, Rsda, Maxwell, Bushing, Tyre, PointForce, Torque);
 
 /// The pose of the ground.
 pub const GROUND: [f64; 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];

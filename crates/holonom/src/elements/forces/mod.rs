@@ -1,12 +1,15 @@
 //! One file per force: its law, generalized force, derivative blocks, energy and channels.
 
+pub(super) mod bushing;
 pub(super) mod law;
 pub(super) mod line;
 pub(super) mod maxwell;
 pub(super) mod point_force;
+mod road;
 pub(super) mod rsda;
 pub(super) mod torque;
 pub(super) mod tsda;
+pub(super) mod tyre;
 
 use super::Quantity;
 use crate::model;

@@ -1,0 +1,315 @@
+use super::{quantity, road};
+use crate::elements::space::{euler, from_center};
+use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use crate::math::Real;
+use crate::math::spatial::{bend, e_times, e_transposed_slope, e_transposed_times, rotate, slope};
+use crate::math::vector::{dot, lift};
+use crate::model;
+
+const QUANTITIES: &[Quantity] = &[
+    quantity("deflection", "m", "", 1),
+    quantity("vertical_force", "N", "ground", 1),
+    quantity("lateral_force", "N", "along", 1),
+];
+
+/// Smooth tyre on a road, between the ground and the second body; laws in [`model::Tyre`].
+///
+/// With x the wheel centre, D = x_q, h the road height, t and l the horizontal unit vectors along
+/// and across the wheel and ψ its heading (dl = t dψ, dt = −l dψ):
+///
+/// ```text
+/// δ = R − (z − h),  δ_q = h_x D_x − D_z,  δ̇_q = h_xx ẋ D_x + h_x (D v)_x,q − (D v)_z,q
+/// F = (0, 0, F_z) + F_y l,  n = a F_y t with a = R − s: moment of F_y l about the wheel centre
+/// Q = DᵀF + 2 Eᵀn
+/// −Q_q = −DᵀF_q − 2 Eᵀn_q − K_x(F) − 2 (Eᵀn)_p,   −Q_q̇ = −DᵀF_q̇ − 2 Eᵀn_q̇
+/// ```
+///
+/// The power of the lateral force counts as dissipated; the share of its moment may be of either
+/// sign.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tyre {
+    center: [f64; 3],
+    law: model::Tyre,
+}
+
+type Row<T> = [T; 7];
+
+/// Wheel centre, deflection and vertical force.
+struct Contact<T> {
+    p: [T; 4],
+    slope: [[T; 4]; 3],
+    speed: [T; 3],
+    road_slope: T,
+    road_curvature: T,
+    deflection: T,
+    rate: T,
+    /// s, σ = ds/dδ, dσ/dδ.
+    onset: [T; 3],
+    vertical: T,
+}
+
+/// Heading of the wheel and lateral force.
+struct Lateral<T> {
+    t: [T; 3],
+    l: [T; 3],
+    heading_gradient: Row<T>,
+    along: T,
+    across: T,
+    regular: T,
+    slip: T,
+    force: T,
+}
+
+impl Tyre {
+    pub(in crate::elements) fn new(tyre: &model::Tyre, centers: &[[f64; 3]; 2]) -> Self {
+        Self { center: from_center(&tyre.frame.point, &centers[1]), law: tyre.clone() }
+    }
+
+    #[inline(always)]
+    fn contact<T: Real>(&self, q: &Row<T>, v: &Row<T>) -> Contact<T> {
+        let law = &self.law;
+        let p = euler(q);
+        let arm = lift(&self.center);
+        let slope = slope(&p, &arm);
+        let turned = rotate(&p, &arm);
+        let rates = euler(v);
+        let speed: [T; 3] = std::array::from_fn(|k| v[k] + dot(&slope[k], &rates));
+        let (x, z) = (q[0] + turned[0], q[2] + turned[2]);
+        let [height, road_slope, road_curvature] = road::height(&law.road, law.radius, x);
+        let deflection = -(z - height) + law.radius;
+        let rate = road_slope * speed[0] - speed[2];
+        let square = deflection * deflection + law.smoothing * law.smoothing;
+        let root = square.sqrt();
+        let onset = [
+            (deflection + root) * 0.5,
+            (deflection / root + 1.0) * 0.5,
+            (square * root).recip() * (0.5 * law.smoothing * law.smoothing),
+        ];
+        let vertical = onset[0] * law.stiffness + onset[1] * rate * law.damping;
+        Contact { p, slope, speed, road_slope, road_curvature, deflection, rate, onset, vertical }
+    }
+
+    #[inline(always)]
+    fn lateral<T: Real>(&self, law: &model::LateralTyre, contact: &Contact<T>) -> Lateral<T> {
+        let axis = lift(&law.axis);
+        let e = rotate(&contact.p, &axis);
+        // the smallest number keeps a wheel that lies flat free of 0/0
+        let horizontal = (e[0] * e[0] + e[1] * e[1] + f64::MIN_POSITIVE).sqrt();
+        let o = T::zero();
+        let l = [e[0] / horizontal, e[1] / horizontal, o];
+        let t = [l[1], -l[0], o];
+        let e_p = slope(&contact.p, &axis);
+        let mut heading_gradient = [o; 7];
+        for k in 0..4 {
+            heading_gradient[3 + k] = (t[0] * e_p[0][k] + t[1] * e_p[1][k]) / horizontal;
+        }
+        let (along, across) = (dot(&contact.speed, &t), dot(&contact.speed, &l));
+        let v0 = law.regularization_speed;
+        let regular = (along * along + v0 * v0).sqrt();
+        let slip = across.atan2(regular);
+        let force = slip * contact.onset[1] * -law.cornering_stiffness;
+        Lateral { t, l, heading_gradient, along, across, regular, slip, force }
+    }
+
+    /// Moment arm of the lateral force below the wheel centre.
+    #[inline(always)]
+    fn arm<T: Real>(&self, contact: &Contact<T>) -> T {
+        -contact.onset[0] + self.law.radius
+    }
+
+    /// F and n.
+    #[inline(always)]
+    fn wrench<T: Real>(
+        &self,
+        contact: &Contact<T>,
+        lateral: Option<&Lateral<T>>,
+    ) -> ([T; 3], [T; 3]) {
+        let mut out = ([T::zero(); 3], [T::zero(); 3]);
+        if let Some(lateral) = lateral {
+            let moment = self.arm(contact) * lateral.force;
+            out = (lateral.l.map(|x| x * lateral.force), lateral.t.map(|x| x * moment));
+        }
+        out.0[2] += contact.vertical;
+        out
+    }
+
+    fn with_lateral<T: Real>(&self, contact: &Contact<T>) -> Option<Lateral<T>> {
+        self.law.lateral.as_ref().map(|law| self.lateral(law, contact))
+    }
+}
+
+impl<T: Real> Contact<T> {
+    /// DᵀF.
+    #[inline(always)]
+    fn generalized(&self, force: &[T; 3]) -> Row<T> {
+        let mut row = [T::zero(); 7];
+        row[..3].copy_from_slice(force);
+        for d in 0..3 {
+            for k in 0..4 {
+                row[3 + k] += self.slope[d][k] * force[d];
+            }
+        }
+        row
+    }
+
+    /// block −= DᵀF_x + 2 Eᵀn_x for derivatives F_x, n_x given as rows.
+    #[inline(always)]
+    fn subtract(&self, force: &[Row<T>; 3], moment: Option<&[Row<T>; 3]>, block: &mut [Row<T>; 7]) {
+        for c in 0..7 {
+            let column = self.generalized(&force.map(|row| row[c]));
+            for r in 0..7 {
+                block[r][c] -= column[r];
+            }
+            if let Some(moment) = moment {
+                let turn = e_transposed_times(&self.p, &moment.map(|row| row[c]));
+                for r in 0..4 {
+                    block[3 + r][c] -= turn[r] * 2.0;
+                }
+            }
+        }
+    }
+}
+
+/// a x + b y.
+#[inline(always)]
+fn combine<T: Real>(a: T, x: &Row<T>, b: T, y: &Row<T>) -> Row<T> {
+    std::array::from_fn(|k| a * x[k] + b * y[k])
+}
+
+impl ForceElement<7> for Tyre {
+    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, 7>, out: &mut ForceOutput<T, 7>) {
+        *out = ForceOutput::zero();
+        let contact = self.contact(input.q[1], input.v[1]);
+        let lateral = self.with_lateral(&contact);
+        let (force, moment) = self.wrench(&contact, lateral.as_ref());
+        out.q[1] = contact.generalized(&force);
+        if lateral.is_some() {
+            let turn = e_transposed_times(&contact.p, &moment);
+            for k in 0..4 {
+                out.q[1][3 + k] += turn[k] * 2.0;
+            }
+        }
+    }
+
+    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, 7>, out: &mut ForceBlocks<T, 7>) {
+        *out = ForceBlocks::zero();
+        let law = &self.law;
+        let contact = self.contact(input.q[1], input.v[1]);
+        let lateral = self.with_lateral(&contact);
+        let (force, moment) = self.wrench(&contact, lateral.as_ref());
+        let o = T::zero();
+        let one = T::one();
+        // rows of D and of (D v)_q
+        let arm = lift(&self.center);
+        let turned = slope(&euler(input.v[1]), &arm);
+        let mut d = [[o; 7]; 3];
+        let mut speed_gradient = [[o; 7]; 3];
+        for k in 0..3 {
+            d[k][k] = one;
+            d[k][3..].copy_from_slice(&contact.slope[k]);
+            speed_gradient[k][3..].copy_from_slice(&turned[k]);
+        }
+        let deflection_gradient = combine(contact.road_slope, &d[0], -one, &d[2]);
+        let mut rate_gradient =
+            combine(contact.road_slope, &speed_gradient[0], -one, &speed_gradient[2]);
+        let climb = contact.road_curvature * contact.speed[0];
+        for k in 0..7 {
+            rate_gradient[k] += climb * d[0][k];
+        }
+        // vertical force
+        let [_, sigma, sigma_slope] = contact.onset;
+        let by_rate = sigma * law.damping;
+        let by_deflection = sigma * law.stiffness + sigma_slope * contact.rate * law.damping;
+        let mut force_q = [[o; 7]; 3];
+        let mut force_v = [[o; 7]; 3];
+        force_q[2] = combine(by_deflection, &deflection_gradient, by_rate, &rate_gradient);
+        force_v[2] = deflection_gradient.map(|x| x * by_rate);
+        let (k, c) = (&mut out.k.0[1][1], &mut out.c.0[1][1]);
+        if let (Some(side), Some(lateral_law)) = (&lateral, &law.lateral) {
+            let Lateral { t, l, heading_gradient, along, across, regular, slip, .. } = side;
+            let project = |u: &[T; 3], rows: &[Row<T>; 3]| -> Row<T> {
+                std::array::from_fn(|k| u[0] * rows[0][k] + u[1] * rows[1][k])
+            };
+            // slip angle: α = atan2(across, regular)
+            let square = (*regular * *regular + *across * *across).recip();
+            let (by_across, by_along) = (*regular * square, -*across * square * *along / *regular);
+            let across_q = combine(one, &project(l, &speed_gradient), *along, heading_gradient);
+            let along_q = combine(one, &project(t, &speed_gradient), -*across, heading_gradient);
+            let slip_q = combine(by_across, &across_q, by_along, &along_q);
+            let slip_v = combine(by_across, &project(l, &d), by_along, &project(t, &d));
+            let stiffness = T::from(-lateral_law.cornering_stiffness);
+            let side_q = combine(
+                stiffness * sigma,
+                &slip_q,
+                stiffness * *slip * sigma_slope,
+                &deflection_gradient,
+            );
+            let side_v = slip_v.map(|x| x * stiffness * sigma);
+            let arm = self.arm(&contact);
+            let mut moment_q = [[o; 7]; 3];
+            let mut moment_v = [[o; 7]; 3];
+            let lever = combine(arm, &side_q, -side.force * sigma, &deflection_gradient);
+            for x in 0..2 {
+                force_q[x] = combine(l[x], &side_q, side.force * t[x], heading_gradient);
+                force_v[x] = side_v.map(|y| y * l[x]);
+                moment_q[x] = combine(t[x], &lever, -arm * side.force * l[x], heading_gradient);
+                moment_v[x] = side_v.map(|y| y * t[x] * arm);
+            }
+            contact.subtract(&force_q, Some(&moment_q), k);
+            contact.subtract(&force_v, Some(&moment_v), c);
+            let turn = e_transposed_slope(&moment);
+            for i in 0..4 {
+                for j in 0..4 {
+                    k[3 + i][3 + j] -= turn[i][j] * 2.0;
+                }
+            }
+        } else {
+            // only the third row of F varies: −Q_q = −D_zᵀ F_z,q
+            for i in 0..7 {
+                for j in 0..7 {
+                    k[i][j] -= d[2][i] * force_q[2][j];
+                    c[i][j] -= d[2][i] * force_v[2][j];
+                }
+            }
+        }
+        let bent = bend(&arm, &force);
+        for i in 0..4 {
+            for j in 0..4 {
+                k[3 + i][3 + j] -= bent[i][j];
+            }
+        }
+    }
+
+    fn energy(&self, input: &ForceInput<'_, f64, 7>) -> Energy {
+        let law = &self.law;
+        let contact = self.contact(input.q[1], input.v[1]);
+        let (delta, epsilon) = (contact.deflection, law.smoothing);
+        let [s, sigma, _] = contact.onset;
+        // ∫ s dδ from 0
+        let area = 0.5 * delta * s + 0.25 * epsilon * epsilon * (delta / epsilon).asinh();
+        let mut dissipated = law.damping * sigma * contact.rate * contact.rate;
+        if let Some(lateral) = self.with_lateral(&contact) {
+            let spin = e_times(&contact.p, &euler(input.v[1])).map(|x| 2.0 * x);
+            let moment = self.arm(&contact) * lateral.force;
+            dissipated -= lateral.force * lateral.across + moment * dot(&spin, &lateral.t);
+        }
+        Energy {
+            potential: law.stiffness * area,
+            dissipated,
+            supplied: contact.vertical * contact.road_slope * contact.speed[0],
+        }
+    }
+
+    fn quantities(&self) -> &'static [Quantity] {
+        QUANTITIES
+    }
+
+    fn quantity(&self, index: usize, input: &ForceInput<'_, f64, 7>, out: &mut [f64]) {
+        let contact = self.contact(input.q[1], input.v[1]);
+        out[0] = match index {
+            0 => contact.deflection,
+            1 => contact.vertical,
+            _ => self.with_lateral(&contact).map_or(0.0, |lateral| lateral.force),
+        };
+    }
+}
