@@ -80,11 +80,14 @@ impl Tyre {
         let rate = road_slope * speed[0] - speed[2];
         let square = deflection * deflection + law.smoothing * law.smoothing;
         let root = square.sqrt();
-        let onset = [
-            (deflection + root) * 0.5,
-            (deflection / root + 1.0) * 0.5,
-            (square * root).recip() * (0.5 * law.smoothing * law.smoothing),
-        ];
+        let half_square = 0.5 * law.smoothing * law.smoothing;
+        // (δ + root) / 2, without cancellation where the wheel is off the road
+        let s = if deflection.value() < 0.0 {
+            (root - deflection).recip() * half_square
+        } else {
+            (deflection + root) * 0.5
+        };
+        let onset = [s, s / root, (square * root).recip() * half_square];
         let vertical = onset[0] * law.stiffness + onset[1] * rate * law.damping;
         Contact { p, slope, speed, road_slope, road_curvature, deflection, rate, onset, vertical }
     }

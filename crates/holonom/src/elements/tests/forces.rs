@@ -1,1 +1,355 @@
+//! Blocks and energies of forces. Independent truth: Richardson-extrapolated differences of
+//! `evaluate`, dual numbers through `evaluate`, and differences of the potential along a motion.
 
+use num_dual::Dual64;
+
+use super::constraints::pair_of;
+use super::*;
+use crate::elements::{
+    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, planar, product as pair_product,
+    spatial,
+};
+use crate::math::spatial::rotate;
+use crate::math::{MonotoneCubic, Real, TimeFunction};
+use crate::model::{BodyIndex, ElasticLaw, Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
+use crate::testing::random_states;
+
+/// Where a force is evaluated.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct At<T, const N: usize> {
+    pub(super) t: T,
+    pub(super) q: Pair<T, N>,
+    pub(super) v: Pair<T, N>,
+    pub(super) z: T,
+    pub(super) winding: f64,
+}
+
+impl<T: Real, const N: usize> At<T, N> {
+    pub(super) fn input(&self) -> ForceInput<'_, T, N> {
+        let (q, v) = (refs(&self.q), refs(&self.v));
+        ForceInput { t: self.t, q, v, z: self.z, winding: self.winding }
+    }
+}
+
+impl<const N: usize> At<f64, N> {
+    fn lifted(&self) -> At<Dual64, N> {
+        let (q, v) = (lifted(&self.q), lifted(&self.v));
+        At { t: self.t.into(), q, v, z: self.z.into(), winding: self.winding }
+    }
+
+    /// Where the motion has led after time s.
+    fn after(&self, s: f64, z_rate: f64) -> Self {
+        let mut there = *self;
+        there.t += s;
+        there.z += s * z_rate;
+        for side in 0..2 {
+            for k in 0..N {
+                there.q[side][k] += s * self.v[side][k];
+            }
+        }
+        there
+    }
+}
+
+/// Q and ż in one column.
+fn force<T: Real, const N: usize>(e: &impl ForceElement<N>, at: &At<T, N>) -> Vec<T> {
+    let mut out = ForceOutput::zero();
+    e.evaluate(&at.input(), &mut out);
+    [out.q[0].as_slice(), &out.q[1], &[out.z_rate]].concat()
+}
+
+/// `block` with opposite sign and the row of ż below.
+fn columns<const N: usize>(block: Vec<Vec<f64>>, rate: &Pair<f64, N>) -> Vec<Vec<f64>> {
+    let mut rows: Vec<Vec<f64>> =
+        block.into_iter().map(|row| row.into_iter().map(|x| -x).collect()).collect();
+    rows.push(rate.concat());
+    rows
+}
+
+fn check<const N: usize>(name: &str, e: &impl ForceElement<N>, at: &At<f64, N>, length: f64) {
+    let mut b = ForceBlocks::zero();
+    e.blocks(&at.input(), &mut b);
+    let wide = at.lifted();
+
+    check_block(
+        &format!("{name}, by position"),
+        &at.q,
+        1e-4 * length,
+        columns(pair_of(&b.k), &b.rate_q),
+        |q| force(e, &At { q: *q, ..*at }),
+        |q| force(e, &At { q: *q, ..wide }),
+    );
+    check_block(
+        &format!("{name}, by velocity"),
+        &at.v,
+        1e-4,
+        columns(pair_of(&b.c), &b.rate_v),
+        |v| force(e, &At { v: *v, ..*at }),
+        |v| force(e, &At { v: *v, ..wide }),
+    );
+    // t and z as the first two columns of a pair whose other entries do nothing
+    let single = |row: &Pair<f64, N>, rate: f64| {
+        let mut rows: Vec<Vec<f64>> = row.concat().iter().map(|x| vec![-x]).collect();
+        rows.push(vec![rate]);
+        rows
+    };
+    let size = force(e, at).iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let parts = |f: &[Dual64]| f.iter().map(|x| x.eps).collect::<Vec<_>>();
+    let name_t = format!("{name}, by time");
+    let checked = Checked { name: &name_t, analytic: single(&b.t, b.rate_t), size };
+    checked.against(0, &richardson(1e-4, |s| force(e, &At { t: at.t + s, ..*at })), 1e-7);
+    let moving = At { t: Dual64::new(at.t, 1.0), ..wide };
+    checked.against(0, &parts(&force(e, &moving)), 1e-12);
+    let name_z = format!("{name}, by extra state");
+    let checked = Checked { name: &name_z, analytic: single(&b.z, b.rate_z), size };
+    checked.against(0, &richardson(1e-4 * length, |s| force(e, &At { z: at.z + s, ..*at })), 1e-7);
+    let moving = At { z: Dual64::new(at.z, 1.0), ..wide };
+    checked.against(0, &parts(&force(e, &moving)), 1e-12);
+
+    // Q·q̇ = −d(potential)/dt − dissipated + supplied, along the motion q + s q̇, z + s ż
+    let out = force(e, at);
+    let q_force: Pair<f64, N> =
+        std::array::from_fn(|side| std::array::from_fn(|k| out[side * N + k]));
+    let power = pair_product(&q_force, refs(&at.v));
+    let h = 1e-4 * length;
+    let potential_rate =
+        richardson(h, |s| vec![e.energy(&at.after(s, out[2 * N]).input()).potential])[0];
+    let Energy { potential, dissipated, supplied } = e.energy(&at.input());
+    let balance = power + potential_rate + dissipated - supplied;
+    let size = power.abs().max(potential_rate.abs()).max(dissipated.abs()).max(supplied.abs());
+    let noise = 1e-15 * potential.abs() / h;
+    assert!(balance.abs() <= 1e-7 * size + 10.0 * noise, "{name}: energy {balance:e} of {size:e}");
+}
+
+fn table() -> ElasticLaw {
+    let x = vec![-0.9, -0.3, -0.1, 0.0, 0.15, 0.4, 1.1];
+    let y = vec![-9000.0, -1500.0, -200.0, 0.0, 300.0, 2500.0, 9500.0];
+    ElasticLaw::Table(MonotoneCubic::new(x, y).unwrap())
+}
+
+/// Whether a deformation is away from the knots of `table`, where the slope has a kink.
+fn away_from_knots(x: f64) -> bool {
+    [-0.9, -0.3, -0.1, 0.0, 0.15, 0.4, 1.1].iter().all(|knot: &f64| (knot - x).abs() > 2e-3)
+}
+
+fn functions(random: &mut Random) -> [TimeFunction; 3] {
+    [0, 1, 2].map(|k| match k {
+        0 => TimeFunction::Constant(random.range(-50.0, 50.0)),
+        1 => TimeFunction::Harmonic {
+            amplitude: random.range(10.0, 50.0),
+            angular_frequency: 3.0,
+            phase: 0.3,
+            offset: 5.0,
+        },
+        _ => TimeFunction::Polynomial { coefficients: vec![3.0, -20.0, 8.0, 5.0], start: 0.1 },
+    })
+}
+
+/// A positive definite matrix with coupling of translation and rotation.
+pub(super) fn coupled_matrix(random: &mut Random, size: f64) -> [[f64; 6]; 6] {
+    let rows: [[f64; 6]; 6] = std::array::from_fn(|_| random.array(1.0));
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| size * (0..6).map(|k| rows[i][k] * rows[j][k]).sum::<f64>())
+    })
+}
+
+fn tyre(random: &mut Random, road: Road, lateral: bool) -> Tyre {
+    let lateral = lateral.then(|| LateralTyre {
+        cornering_stiffness: 50000.0,
+        regularization_speed: 0.5,
+        axis: random.unit(),
+    });
+    Tyre {
+        frame: random_frame(random, 0.5),
+        radius: 0.4699,
+        stiffness: 296325.0,
+        damping: 3502.0,
+        smoothing: 1e-3,
+        road,
+        lateral,
+    }
+}
+
+pub(super) fn named(kind: ForceKind) -> Force {
+    Force { name: "force".into(), kind }
+}
+
+/// Every kind between two bodies, for two frames.
+pub(super) fn internal_kinds(random: &mut Random, frames: [Frame; 2]) -> Vec<ForceKind> {
+    let (damping, free_length) = (40.0, 0.6);
+    let linear = ElasticLaw::Linear(2000.0);
+    vec![
+        ForceKind::Tsda { frames, law: linear.clone(), damping, free_length },
+        ForceKind::Tsda { frames, law: table(), damping, free_length },
+        ForceKind::Tsda { frames, law: linear.clone(), damping: 0.0, free_length: 0.0 },
+        ForceKind::Maxwell { frames, stiffness: 3000.0, damping: 200.0, free_length },
+        ForceKind::Rsda { frames, law: linear, damping, free_angle: 0.4 },
+        ForceKind::Rsda { frames, law: table(), damping: 0.0, free_angle: 0.4 },
+        ForceKind::Bushing {
+            frames,
+            stiffness: coupled_matrix(random, 4000.0),
+            damping: coupled_matrix(random, 60.0),
+        },
+    ]
+}
+
+/// Kinds whose second body carries an outer load, and torques with their reaction.
+fn applied_kinds(random: &mut Random, frame: Frame) -> Vec<ForceKind> {
+    let mut kinds = Vec::new();
+    for axes in [ForceAxes::Ground, ForceAxes::Body] {
+        kinds.push(ForceKind::PointForce { frame, force: functions(random), axes });
+        let (body, reaction): (BodyIndex, BodyIndex) = (Some(0), Some(1));
+        kinds.push(ForceKind::Torque { body, reaction, torque: functions(random), axes });
+    }
+    kinds
+}
+
+/// Deformation of a tabulated element, 0.05 (away from knots) for the others.
+fn table_deformation<const N: usize>(
+    kind: &ForceKind,
+    e: &impl ForceElement<N>,
+    at: &At<f64, N>,
+) -> f64 {
+    let mut measure = [0.0];
+    match kind {
+        ForceKind::Tsda { law: ElasticLaw::Table(_), free_length, .. } => {
+            e.quantity(0, &at.input(), &mut measure);
+            measure[0] - free_length
+        }
+        ForceKind::Rsda { law: ElasticLaw::Table(_), free_angle, .. } => {
+            e.quantity(0, &at.input(), &mut measure);
+            measure[0] - free_angle
+        }
+        _ => 0.05,
+    }
+}
+
+fn name_of(kind: &ForceKind) -> String {
+    format!("{kind:?}").chars().take(60).collect()
+}
+
+pub(super) fn spatial_state(
+    random: &mut Random,
+    kind: &ForceKind,
+    frames: &[Frame; 2],
+) -> At<f64, 7> {
+    let relative = match kind {
+        ForceKind::Rsda { .. } => axial_turn(random),
+        _ => any_turn(random),
+    };
+    let q = poses(random, frames, &relative);
+    let (v, t, z) = (random_pair(random, 2.0), random.range(0.0, 2.0), random.range(-0.5, 0.5));
+    At { t, q, v, z, winding: random.range(-20.0, 20.0) }
+}
+
+/// Whether the winding is so near to half a turn from the angle that a difference may cross it.
+fn near_branch_change<const N: usize>(e: &impl ForceElement<N>, at: &At<f64, N>) -> bool {
+    e.counts_turns() && (e.angle(refs(&at.q), at.winding) - at.winding).abs() > 3.1
+}
+
+#[test]
+fn blocks_and_energies_of_spatial_forces_hold() {
+    let kinds = {
+        let mut random = Random::new(1);
+        let frames = [0, 1].map(|_| random_frame(&mut random, 0.8));
+        let applied = applied_kinds(&mut random, frames[0]).len();
+        internal_kinds(&mut random, frames).len() + applied
+    };
+    for index in 0..kinds {
+        let mut random = Random::new(500 + index as u64);
+        let mut done = 0;
+        while done < random_states() {
+            let frames = [0, 1].map(|_| random_frame(&mut random, 0.8));
+            let centers = [random.array(0.3), random.array(0.3)];
+            let mut all = internal_kinds(&mut random, frames);
+            all.extend(applied_kinds(&mut random, frames[0]));
+            let kind = all.swap_remove(index);
+            let e = spatial::Force::new(&named(kind.clone()), centers);
+            let mut at = spatial_state(&mut random, &kind, &frames);
+            at.q = off_unit(&mut random, &at.q);
+            if !away_from_knots(table_deformation(&kind, &e, &at)) || near_branch_change(&e, &at) {
+                continue;
+            }
+            check(&name_of(&kind), &e, &at, smallest_length(&frames));
+            done += 1;
+        }
+    }
+}
+
+#[test]
+fn blocks_and_energies_of_planar_forces_hold() {
+    let kinds = |random: &mut Random| {
+        let frames = [0, 1].map(|_| planar_frame(random, 0.8));
+        let mut all = internal_kinds(random, frames);
+        all.retain(|kind| !matches!(kind, ForceKind::Bushing { .. }));
+        all.extend(applied_kinds(random, frames[0]));
+        (all, frames)
+    };
+    for index in 0..kinds(&mut Random::new(1)).0.len() {
+        let mut random = Random::new(600 + index as u64);
+        let mut done = 0;
+        while done < random_states() {
+            let (mut all, frames) = kinds(&mut random);
+            let kind = all.swap_remove(index);
+            let e = planar::Force::new(&named(kind.clone()), [[0.1, -0.2, 0.0]; 2]);
+            let q = planar_poses(&mut random);
+            let (v, t) = (random_pair(&mut random, 2.0), random.range(0.0, 2.0));
+            let at = At { t, q, v, z: random.range(-0.5, 0.5), winding: 0.0 };
+            if !away_from_knots(table_deformation(&kind, &e, &at)) {
+                continue;
+            }
+            check(&format!("planar {}", name_of(&kind)), &e, &at, smallest_length(&frames));
+            done += 1;
+        }
+    }
+}
+
+#[test]
+fn blocks_and_energies_of_tyres_hold() {
+    let roads = [
+        Road::Flat { height: 0.1 },
+        Road::SmoothBump { height: 0.05, half_length: 0.35, center: 0.1 },
+        Road::HalfCylinder { radius: 0.05, center: 0.1 },
+    ];
+    for (index, road) in roads.into_iter().enumerate() {
+        for lateral in [false, true] {
+            let mut random = Random::new(700 + 2 * index as u64 + u64::from(lateral));
+            let mut done = 0;
+            while done < random_states() {
+                let tyre = tyre(&mut random, road, lateral);
+                let (frame, law) = (tyre.frame, tyre.lateral);
+                let e = spatial::Force::new(
+                    &named(ForceKind::Tyre(tyre)),
+                    [[0.0; 3], [0.1, -0.05, 0.02]],
+                );
+                let relative = any_turn(&mut random);
+                let q = poses(&mut random, &[frame, frame], &relative);
+                let q = off_unit(&mut random, &q);
+                let v = random_pair(&mut random, 4.0);
+                let mut at = At { t: 0.0, q, v, z: 0.0, winding: 0.0 };
+                // bring the wheel centre near the road, where the onset of contact is smoothed too
+                let mut deflection = [0.0];
+                e.quantity(0, &at.input(), &mut deflection);
+                let wanted = match done % 3 {
+                    0 => random.range(-3e-3, 3e-3),
+                    _ => random.range(-0.05, 0.1),
+                };
+                at.q[1][2] += deflection[0] - wanted;
+                // x of the wheel centre: kinks of the profiles are the knots to be avoided
+                let point: [f64; 3] =
+                    std::array::from_fn(|k| frame.point[k] - [0.1, -0.05, 0.02][k]);
+                let p = [at.q[1][3], at.q[1][4], at.q[1][5], at.q[1][6]];
+                let x = at.q[1][0] + rotate(&p, &point)[0] - 0.1;
+                let edge = (0.5199_f64.powi(2) - 0.4699_f64.powi(2)).sqrt();
+                let kinked = [0.35, edge].iter().any(|k| (x.abs() - k).abs() < 1e-4);
+                // a wheel axis near the vertical has no heading
+                let flat = law.is_some_and(|l| rotate(&p, &l.axis)[2].abs() > 0.9);
+                if kinked || flat {
+                    continue;
+                }
+                check(&format!("tyre on {road:?}, lateral {lateral}"), &e, &at, 1e-3);
+                done += 1;
+            }
+        }
+    }
+}
