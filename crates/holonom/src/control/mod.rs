@@ -1,1 +1,9 @@
 //! Decisions of a run as pure functions: error norms, step size, iteration stopping.
+
+mod initial_step;
+mod newton;
+mod step;
+
+pub use initial_step::{starting_step, trial_step};
+pub use newton::{IterationVerdict, NewtonControl, NewtonMonitor};
+pub use step::{StepControl, StepHistory, StepLaw, StepVerdict};

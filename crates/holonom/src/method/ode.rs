@@ -22,12 +22,20 @@ pub trait Ode {
 
     /// Weighted norm of a change of w; 1 is on tolerance. The weights belong to the step's start.
     fn norm(&mut self, change: &[f64]) -> f64;
+
+    /// Number k of leading entries of w whose derivatives are the entries k..2k, so that dense
+    /// output may use second derivatives; 0 if there are none.
+    fn second_order_split(&self) -> usize {
+        0
+    }
 }
 
 /// A system that can solve with I − γh J, J = g_w at the point last given to `linearize`.
 pub trait LinearizedOde: Ode {
     /// Evaluates the h-independent parts of J at the accepted state (t, w) with slope g. The
-    /// system may use what `derivative` left behind at that point.
+    /// system may use what `derivative` left behind if that was at this point; often it was not
+    /// (a fresh linearization after a failed iteration with an old one, a state changed by the
+    /// caller, formulas that do not evaluate at the end of a step).
     ///
     /// # Errors
     /// As [`Ode::derivative`].

@@ -1,0 +1,195 @@
+//! When a simplified Newton iteration has converged, and when to give it up.
+
+/// Constants of the iteration test.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NewtonControl {
+    /// Allowed iteration error in units of the tolerance; 0 iterates to round-off.
+    pub kappa: f64,
+    /// Largest number of iterations.
+    pub max_iterations: u32,
+    /// Contraction θ from which the iteration counts as divergent.
+    pub divergence: f64,
+}
+
+impl Default for NewtonControl {
+    /// Values of Hairer & Wanner's code SDIRK4.
+    fn default() -> Self {
+        Self { kappa: 0.03, max_iterations: 7, divergence: 0.99 }
+    }
+}
+
+impl NewtonControl {
+    /// Iterates until corrections stop falling: for fixed steps and order studies.
+    pub fn to_round_off() -> Self {
+        Self { kappa: 0.0, max_iterations: 50, divergence: 0.99 }
+    }
+}
+
+/// What to do after a correction has been applied.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum IterationVerdict {
+    /// Iterate again.
+    Continue,
+    /// The iterate is good enough.
+    Converged,
+    /// Corrections do not fall; halve the step.
+    Diverged,
+    /// The allowed error will not be met within the limit; multiply the step by `ratio`.
+    Slow {
+        /// Factor for the step, below 1.
+        ratio: f64,
+    },
+}
+
+/// Judges one iteration from the weighted norms of its corrections δ⁽¹⁾, δ⁽²⁾, …
+///
+/// ```text
+/// θₖ = ‖δ⁽ᵏ⁾‖ / ‖δ⁽ᵏ⁻¹⁾‖        ηₖ = θₖ / (1 − θₖ)        stop: ηₖ ‖δ⁽ᵏ⁾‖ ≤ κ
+/// give up: θₖ ≥ 0.99, or θₖ^(k_max−k) / (1 − θₖ) ‖δ⁽ᵏ⁾‖ > κ
+/// ```
+///
+/// The first correction is judged with η₀ = max(η_old, ε)^0.8, η_old the last η of the same stage.
+/// Corrections that stop falling are convergence, not divergence, when they are at round-off
+/// (`floor`) or so small that even η = 100 leaves the allowed error.
+/// Source: thesis (4.89)-(4.91); Hairer & Wanner, *Solving ODEs II*, section IV.8.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NewtonMonitor {
+    control: NewtonControl,
+    floor: f64,
+    iterations: u32,
+    last: f64,
+    eta: f64,
+    contraction: Option<f64>,
+}
+
+impl NewtonMonitor {
+    /// Starts an iteration. `eta` is that of the same stage of the step before (1 if there is
+    /// none), `floor` the weighted norm of a change by round-off.
+    pub fn start(control: NewtonControl, eta: f64, floor: f64) -> Self {
+        let eta = eta.max(f64::EPSILON).powf(0.8);
+        Self { control, floor, iterations: 0, last: f64::NAN, eta, contraction: None }
+    }
+
+    /// Judges the next correction.
+    pub fn observe(&mut self, correction: f64) -> IterationVerdict {
+        let NewtonControl { kappa, max_iterations, divergence } = self.control;
+        self.iterations += 1;
+        let last = std::mem::replace(&mut self.last, correction);
+        if !correction.is_finite() {
+            self.eta = 1.0;
+            return IterationVerdict::Diverged;
+        }
+        if correction <= self.floor {
+            return IterationVerdict::Converged;
+        }
+        let left =
+            i32::try_from(max_iterations.saturating_sub(self.iterations)).unwrap_or(i32::MAX);
+        if self.iterations > 1 {
+            let theta = correction / last;
+            self.contraction = Some(self.contraction.map_or(theta, |c| c.max(theta)));
+            if theta >= divergence {
+                // Noise of an evaluation is some thousand times that of the state at most.
+                let stagnates = correction <= (0.01 * kappa).max(1e5 * self.floor);
+                self.eta = 1.0;
+                return if stagnates {
+                    IterationVerdict::Converged
+                } else {
+                    IterationVerdict::Diverged
+                };
+            }
+            self.eta = theta / (1.0 - theta);
+            if self.eta * correction > kappa && kappa > 0.0 && left > 0 {
+                let forecast = self.eta * correction * theta.powi(left - 1) / kappa;
+                if forecast > 1.0 {
+                    let q = forecast.clamp(1e-4, 16.0);
+                    return IterationVerdict::Slow { ratio: 0.8 * q.powf(-1.0 / f64::from(left)) };
+                }
+            }
+        }
+        if self.eta * correction <= kappa {
+            IterationVerdict::Converged
+        } else if left == 0 {
+            IterationVerdict::Slow { ratio: 0.5 }
+        } else {
+            IterationVerdict::Continue
+        }
+    }
+
+    /// Number of corrections seen.
+    pub fn iterations(&self) -> u32 {
+        self.iterations
+    }
+
+    /// η after the last correction, to be kept for the same stage of the next step.
+    pub fn eta(&self) -> f64 {
+        self.eta
+    }
+
+    /// Largest θ seen; none after a single iteration.
+    pub fn contraction(&self) -> Option<f64> {
+        self.contraction
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use IterationVerdict::{Continue, Converged, Diverged, Slow};
+
+    #[test]
+    fn judges_a_table_of_iterations() {
+        let control = NewtonControl::default();
+        for (name, eta, corrections, expected) in [
+            ("no history: the first must be below κ", 1.0, &[0.02][..], Converged),
+            ("no history, larger", 1.0, &[0.04], Continue),
+            ("fast stage before: η₀ = 1e-4^0.8", 1e-4, &[40.0], Converged),
+            ("θ = 0.1, error left 0.1/9", 1.0, &[1.0, 0.1], Converged),
+            ("θ = 0.45: five more iterations are enough", 1.0, &[1.0, 0.45], Continue),
+            (
+                "θ = 0.9: forecast too slow",
+                1.0,
+                &[1.0, 0.9],
+                Slow { ratio: 0.8 * 16_f64.powf(-0.2) },
+            ),
+            ("grows", 1.0, &[1.0, 1.2], Diverged),
+            ("not a number", 1.0, &[f64::NAN], Diverged),
+            ("stagnates far below the tolerance", f64::INFINITY, &[2e-4, 2e-4], Converged),
+            ("round-off", f64::INFINITY, &[1e-12], Converged),
+        ] {
+            let mut monitor = NewtonMonitor::start(control, eta, 1e-12);
+            let mut found = Continue;
+            for &correction in corrections {
+                assert_eq!(found, Continue, "{name}: stopped too early");
+                found = monitor.observe(correction);
+            }
+            match (found, expected) {
+                (Slow { ratio: a }, Slow { ratio: b }) => {
+                    assert!((a - b).abs() < 1e-12, "{name}: {a}");
+                }
+                _ => assert_eq!(found, expected, "{name}"),
+            }
+        }
+    }
+
+    #[test]
+    fn the_last_allowed_iteration_is_judged_and_halves_the_step() {
+        let mut monitor = NewtonMonitor::start(
+            NewtonControl { max_iterations: 2, ..NewtonControl::default() },
+            1.0,
+            0.0,
+        );
+        assert_eq!(monitor.observe(1.0), Continue);
+        assert_eq!(monitor.observe(0.2), Slow { ratio: 0.5 });
+        assert_eq!(monitor.contraction(), Some(0.2));
+        assert_eq!(monitor.iterations(), 2);
+    }
+
+    #[test]
+    fn to_round_off_stops_where_corrections_stop_falling() {
+        let mut monitor = NewtonMonitor::start(NewtonControl::to_round_off(), 1.0, 1e-14);
+        for correction in [1.0, 1e-3, 1e-6, 1e-9, 1e-12] {
+            assert_eq!(monitor.observe(correction), Continue);
+        }
+        assert_eq!(monitor.observe(2e-12), Converged);
+    }
+}

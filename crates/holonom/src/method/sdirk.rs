@@ -1,0 +1,464 @@
+//! Stepper of SDIRK formulas in z-form: ForSDIRK for ẇ = g(t, w).
+//!
+//! ```text
+//! r = Σ_{j<i} ζᵢⱼ zⱼ + γh g(t₀ + cᵢh, w₀ + zᵢ) − zᵢ        (I − γhJ) δ = r        zᵢ ← zᵢ + δ
+//! ```
+//!
+//! Source: thesis sections 4.3 and 5.5; Hairer & Wanner, *Solving ODEs II*, section IV.8.
+
+use crate::control::{
+    IterationVerdict, NewtonMonitor, StepControl, StepHistory, StepLaw, StepVerdict,
+};
+use crate::formula::Sdirk;
+use crate::method::ode::LinearizedOde;
+use crate::method::stepper::{
+    Rejection, StageQuadrature, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics,
+    add_scaled,
+};
+
+const STAGES: usize = 5;
+
+/// Age of the linearization.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Linearization {
+    None,
+    /// Of the start of an earlier step.
+    Old,
+    /// Of the start of this step.
+    Current,
+}
+
+/// Solution over one step: w(θ) = start + Σⱼ θʲ powers[j−1].
+#[derive(Debug, Clone)]
+struct Segment {
+    start: Vec<f64>,
+    powers: [Vec<f64>; 4],
+    step: f64,
+}
+
+impl Segment {
+    fn new(n: usize) -> Self {
+        Self { start: vec![0.0; n], powers: std::array::from_fn(|_| vec![0.0; n]), step: 0.0 }
+    }
+}
+
+/// Failure of the stages: cause and ratio for the step.
+type StageFailure = (Rejection, f64);
+
+/// Stepper of an SDIRK formula.
+#[derive(Debug, Clone)]
+pub struct SdirkStepper {
+    formula: &'static Sdirk,
+    options: StepperOptions,
+    control: StepControl,
+    history: StepHistory,
+    history_before: StepHistory,
+    /// The last attempt was accepted and nothing has been built on it yet.
+    pending: bool,
+    linearization: Linearization,
+    factored: Option<f64>,
+    /// Last known θ, and η per stage.
+    contraction: f64,
+    eta: [f64; STAGES],
+    /// The segment before this step predicts its first stage.
+    predict: bool,
+    /// Weighted norm of round-off in w₀.
+    floor: f64,
+    z: [Vec<f64>; STAGES],
+    past: Vec<f64>,
+    state: Vec<f64>,
+    work: Vec<f64>,
+    end: Vec<f64>,
+    slope: Vec<f64>,
+    current: Segment,
+    previous: Segment,
+    statistics: StepperStatistics,
+}
+
+impl SdirkStepper {
+    /// A stepper for systems of `dimension` unknowns.
+    pub fn new(formula: &'static Sdirk, dimension: usize, options: StepperOptions) -> Self {
+        let law = if options.predictive { StepLaw::Predictive } else { StepLaw::Standard };
+        let vector = || vec![0.0; dimension];
+        Self {
+            formula,
+            options,
+            control: StepControl { law, ..StepControl::implicit(formula.embedded_order) },
+            history: StepHistory::default(),
+            history_before: StepHistory::default(),
+            pending: false,
+            linearization: Linearization::None,
+            factored: None,
+            contraction: f64::INFINITY,
+            eta: [1.0; STAGES],
+            predict: false,
+            floor: 0.0,
+            z: std::array::from_fn(|_| vector()),
+            past: vector(),
+            state: vector(),
+            work: vector(),
+            end: vector(),
+            slope: vector(),
+            current: Segment::new(dimension),
+            previous: Segment::new(dimension),
+            statistics: StepperStatistics::default(),
+        }
+    }
+
+    /// Makes the accepted step the past.
+    fn commit(&mut self) {
+        if std::mem::take(&mut self.pending) {
+            std::mem::swap(&mut self.current, &mut self.previous);
+            self.predict = true;
+            if self.linearization == Linearization::Current {
+                self.linearization = Linearization::Old;
+            }
+        }
+    }
+
+    /// The last accepted step.
+    fn last(&self) -> &Segment {
+        if self.pending { &self.current } else { &self.previous }
+    }
+
+    fn linearize(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        w: &[f64],
+        g: &[f64],
+    ) -> Result<(), StageFailure> {
+        self.statistics.linearizations += 1;
+        self.factored = None;
+        self.linearization = Linearization::None;
+        ode.linearize(t, w, g).map_err(|failure| (Rejection::Evaluation(failure), 0.5))?;
+        self.linearization = Linearization::Current;
+        Ok(())
+    }
+
+    fn factor(&mut self, ode: &mut dyn LinearizedOde, h: f64) -> Result<(), StageFailure> {
+        let gamma_h = self.formula.gamma * h;
+        if self.factored != Some(gamma_h) {
+            self.statistics.factorizations += 1;
+            self.factored = None;
+            ode.factor(gamma_h).map_err(|failure| (Rejection::SingularMatrix(failure), 0.5))?;
+            self.factored = Some(gamma_h);
+        }
+        Ok(())
+    }
+
+    /// Start value of stage `i` and its past part.
+    fn predict(&mut self, i: usize, h: f64) {
+        let (known, rest) = self.z.split_at_mut(i);
+        let z = &mut rest[0];
+        z.fill(0.0);
+        self.past.fill(0.0);
+        if i == 0 {
+            if self.predict {
+                let theta = 1.0 + self.formula.c[0] * h / self.previous.step;
+                let mut power = 1.0;
+                for coefficient in &self.previous.powers {
+                    power *= theta;
+                    add_scaled(z, power - 1.0, coefficient);
+                }
+            }
+            return;
+        }
+        let weights =
+            if i == STAGES - 1 { &self.formula.d_hat } else { &self.formula.predictor[i] };
+        for (j, known) in known.iter().enumerate() {
+            add_scaled(z, weights[j], known);
+            add_scaled(&mut self.past, self.formula.zeta[i][j], known);
+        }
+    }
+
+    /// Newton iteration of all stages. Returns the iterations of the last stage.
+    fn iterate(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        h: f64,
+        w: &[f64],
+        report: &mut StepReport,
+    ) -> Result<u32, StageFailure> {
+        let gamma_h = self.formula.gamma * h;
+        let mut last_stage = 0;
+        for i in 0..STAGES {
+            self.predict(i, h);
+            let mut monitor =
+                NewtonMonitor::start(self.options.iteration(), self.eta[i], self.floor);
+            let verdict = loop {
+                let z = &mut self.z[i];
+                for ((state, &w), &z) in self.state.iter_mut().zip(w).zip(&*z) {
+                    *state = w + z;
+                }
+                self.statistics.derivatives += 1;
+                let at = t + self.formula.c[i] * h;
+                if let Err(failure) = ode.derivative(at, &self.state, &mut self.work) {
+                    self.eta[i] = 1.0;
+                    return Err((Rejection::Evaluation(failure), 0.5));
+                }
+                for ((r, &past), &z) in self.work.iter_mut().zip(&self.past).zip(&*z) {
+                    *r = past + gamma_h * *r - z;
+                }
+                self.statistics.solves += 1;
+                ode.solve(&mut self.work);
+                self.statistics.iterations += 1;
+                report.iterations += 1;
+                let verdict = monitor.observe(ode.norm(&self.work));
+                add_scaled(z, 1.0, &self.work);
+                if verdict != IterationVerdict::Continue {
+                    break verdict;
+                }
+            };
+            self.eta[i] = monitor.eta();
+            report.contraction = report.contraction.max(monitor.contraction().unwrap_or(0.0));
+            match verdict {
+                IterationVerdict::Slow { ratio } => return Err((Rejection::NewtonSlow, ratio)),
+                IterationVerdict::Diverged => {
+                    self.eta = [1.0; STAGES];
+                    return Err((Rejection::NewtonDivergence, 0.5));
+                }
+                IterationVerdict::Converged | IterationVerdict::Continue => {}
+            }
+            last_stage = monitor.iterations();
+        }
+        Ok(last_stage)
+    }
+
+    /// Linearization, factorization and stages. An iteration that fails with an old linearization
+    /// is repeated once with a fresh one, before the step is made shorter.
+    fn stages(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        h: f64,
+        w: &[f64],
+        g: &[f64],
+        report: &mut StepReport,
+    ) -> Result<u32, StageFailure> {
+        let stale = match self.linearization {
+            Linearization::Current => false,
+            Linearization::None => true,
+            Linearization::Old => self.contraction > self.options.reuse_contraction,
+        };
+        if stale {
+            self.linearize(ode, t, w, g)?;
+        }
+        self.factor(ode, h)?;
+        match self.iterate(ode, t, h, w, report) {
+            Err((Rejection::NewtonDivergence | Rejection::NewtonSlow, _))
+                if self.linearization == Linearization::Old =>
+            {
+                self.linearize(ode, t, w, g)?;
+                self.factor(ode, h)?;
+                report.contraction = 0.0;
+                self.iterate(ode, t, h, w, report)
+            }
+            outcome => outcome,
+        }
+    }
+
+    /// Scaled error z₅ − Σ d̂ⱼ zⱼ, filtered; filtered once more where a first or repeated attempt
+    /// would fail, because transients there are not what the step has to follow.
+    fn error(&mut self, ode: &mut dyn LinearizedOde) -> f64 {
+        self.work.copy_from_slice(&self.z[STAGES - 1]);
+        for (z, &d) in self.z.iter().zip(&self.formula.d_hat) {
+            add_scaled(&mut self.work, -d, z);
+        }
+        if !self.options.filter_error {
+            return ode.norm(&self.work);
+        }
+        self.statistics.solves += 1;
+        ode.solve(&mut self.work);
+        let error = ode.norm(&self.work);
+        let fragile = self.history.accepted.is_none() || self.history.rejected;
+        if !(error > 1.0 && fragile && !self.options.fixed_step) {
+            return error;
+        }
+        self.statistics.solves += 1;
+        ode.solve(&mut self.work);
+        ode.norm(&self.work)
+    }
+
+    /// Stores the end of the step and its dense output.
+    fn finish(&mut self, h: f64, w: &[f64]) {
+        let gamma_h = self.formula.gamma * h;
+        let last = &self.z[STAGES - 1];
+        for i in 0..w.len() {
+            self.end[i] = w[i] + last[i];
+            // From the formula and not by a new evaluation: that would multiply what is left of the
+            // iteration error by the stiffness, this divides it by γh. It costs nothing, either.
+            self.slope[i] = (last[i] - self.past[i]) / gamma_h;
+        }
+        self.current.start.copy_from_slice(w);
+        self.current.step = h;
+        for (j, power) in self.current.powers.iter_mut().enumerate() {
+            power.fill(0.0);
+            for (z, dense) in self.z.iter().zip(&self.formula.dense) {
+                add_scaled(power, dense[j], z);
+            }
+        }
+        self.pending = true;
+    }
+
+    /// Judges the attempt: whether it is accepted, and the next step.
+    fn judge(&mut self, h: f64, error: f64, last_stage: u32) -> StepVerdict {
+        if self.options.fixed_step && error.is_finite() {
+            return StepVerdict::Accept { next: h };
+        }
+        // More iterations than the shortest possible: be more careful.
+        let limit = 2.0 * f64::from(self.options.newton.max_iterations);
+        let safety = self.control.safety * (1.0 + limit) / (f64::from(last_stage) + limit);
+        let reuse = self.contraction <= self.options.reuse_contraction;
+        let dead_band = if reuse { self.options.dead_band } else { 1.0 };
+        StepControl { safety, dead_band, ..self.control }.judge(h, error, &self.history)
+    }
+}
+
+impl Stepper for SdirkStepper {
+    fn order(&self) -> u32 {
+        self.formula.order
+    }
+
+    fn starting_order(&self) -> u32 {
+        self.formula.embedded_order
+    }
+
+    fn explicit(&self) -> bool {
+        false
+    }
+
+    fn restart(&mut self) {
+        self.invalidate(false);
+        self.history = StepHistory::default();
+    }
+
+    fn invalidate(&mut self, keep_history: bool) {
+        self.commit();
+        if !keep_history {
+            self.predict = false;
+            self.eta = [1.0; STAGES];
+        }
+        self.linearization = Linearization::None;
+        self.factored = None;
+        self.contraction = f64::INFINITY;
+    }
+
+    fn discard(&mut self) {
+        if std::mem::take(&mut self.pending) {
+            self.history = self.history_before;
+        }
+    }
+
+    fn attempt(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        h: f64,
+        w: &[f64],
+        g: &[f64],
+    ) -> StepReport {
+        self.commit();
+        for ((scale, &w), &g) in self.work.iter_mut().zip(w).zip(g) {
+            *scale = w.abs() + h * g.abs();
+        }
+        self.floor = f64::EPSILON * ode.norm(&self.work);
+        let mut report = StepReport {
+            accepted: false,
+            error: f64::INFINITY,
+            next_step: h,
+            cause: None,
+            iterations: 0,
+            contraction: 0.0,
+        };
+        self.history_before = self.history;
+        match self.stages(ode, t, h, w, g, &mut report) {
+            Err((cause, ratio)) => {
+                self.predict = false;
+                self.history.reject();
+                self.contraction = f64::INFINITY;
+                report.next_step = h * ratio;
+                report.cause = Some(cause);
+            }
+            Ok(last_stage) => {
+                if report.contraction > 0.0 {
+                    self.contraction = report.contraction;
+                }
+                report.error = self.error(ode);
+                match self.judge(h, report.error, last_stage) {
+                    StepVerdict::Accept { next } => {
+                        self.finish(h, w);
+                        self.history.accept(h, report.error);
+                        report.accepted = true;
+                        report.next_step = next.min(self.options.max_step);
+                    }
+                    StepVerdict::Reject { retry } => {
+                        self.history.reject();
+                        report.next_step = retry;
+                        report.cause = Some(Rejection::ErrorTooLarge);
+                    }
+                }
+            }
+        }
+        self.statistics.count(report.cause.as_ref());
+        report
+    }
+
+    fn end(&self) -> StepEnd<'_> {
+        StepEnd { w: &self.end, slope: &self.slope, evaluated: false }
+    }
+
+    fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
+        let segment = self.last();
+        w.copy_from_slice(&segment.start);
+        let mut power = 1.0;
+        for coefficient in &segment.powers {
+            power *= theta;
+            add_scaled(w, power, coefficient);
+        }
+    }
+
+    fn quadrature(&self) -> Option<StageQuadrature<'_>> {
+        Some(StageQuadrature { abscissas: &self.formula.c, weights: self.formula.b() })
+    }
+
+    fn stage(&self, i: usize, w: &mut [f64]) {
+        w.copy_from_slice(&self.last().start);
+        add_scaled(w, 1.0, &self.z[i]);
+    }
+
+    fn statistics(&self) -> &StepperStatistics {
+        &self.statistics
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formula::{SDIRK4_15, SDIRK4_16};
+    use crate::method::test_systems::{distance, non_autonomous, non_autonomous_solution, run};
+
+    const FORMULAS: [&Sdirk; 2] = [&SDIRK4_15, &SDIRK4_16];
+
+    fn fixed() -> StepperOptions {
+        StepperOptions { fixed_step: true, ..StepperOptions::thesis() }
+    }
+
+    #[test] // truth: the exact solution
+    fn has_order_4_on_a_non_autonomous_system() {
+        for formula in FORMULAS {
+            let error = |steps: u32| {
+                let mut ode = non_autonomous();
+                let mut stepper = SdirkStepper::new(formula, 4, fixed());
+                let start = non_autonomous_solution(0.5);
+                let run =
+                    run(&mut stepper, &mut ode, 0.5, &start, 1.5, Some(1.0 / f64::from(steps)));
+                assert_eq!(run.accepted, u64::from(steps));
+                distance(&run.w, &non_autonomous_solution(1.5))
+            };
+            let order = (error(80) / error(320)).log2() / 2.0;
+            assert!((order - 4.0).abs() < 0.2, "{}: observed order {order}", formula.name);
+        }
+    }
+}

@@ -1,0 +1,257 @@
+//! One step of ẇ = g(t, w): the contract between the run loop and the integration formulas.
+
+use crate::control::{NewtonControl, starting_step, trial_step};
+use crate::method::ode::{EvaluationFailure, LinearizedOde, Ode};
+
+/// Why an attempt was rejected.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Rejection {
+    /// The estimated error exceeds the tolerance.
+    ErrorTooLarge,
+    /// Corrections of the iteration do not fall.
+    NewtonDivergence,
+    /// The iteration would need more corrections than allowed.
+    NewtonSlow,
+    /// The system could not be evaluated or linearized.
+    Evaluation(EvaluationFailure),
+    /// I − γh J could not be factored.
+    SingularMatrix(EvaluationFailure),
+}
+
+/// Outcome of one attempt.
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepReport {
+    /// Whether [`Stepper::end`] holds the state at t + h.
+    pub accepted: bool,
+    /// Scaled error estimate, 1 = on tolerance; infinite if the attempt did not come that far.
+    pub error: f64,
+    /// Proposed length of the next step (accepted) or of the next attempt (rejected). The caller
+    /// may take a shorter one.
+    pub next_step: f64,
+    /// Why the attempt was rejected.
+    pub cause: Option<Rejection>,
+    /// Newton iterations of all stages; 0 for formulas without iteration.
+    pub iterations: u32,
+    /// Largest contraction θ seen in the iterations; 0 if none was seen.
+    pub contraction: f64,
+}
+
+/// State and slope at the end of an accepted step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepEnd<'a> {
+    /// w₁.
+    pub w: &'a [f64],
+    /// Slope at the end, to be passed as `g` to the next attempt.
+    pub slope: &'a [f64],
+    /// Whether `slope` is g(t₁, w₁), evaluated by the last call of [`Ode::derivative`]. If not, it
+    /// follows from the formula and agrees with g to the accuracy of the step.
+    pub evaluated: bool,
+}
+
+/// Nodes and weights with which ∫ f dt over the last step is h Σ bᵢ f(t₀ + cᵢh, wᵢ), of the order of
+/// the formula, wᵢ from [`Stepper::stage`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StageQuadrature<'a> {
+    /// Abscissas cᵢ.
+    pub abscissas: &'a [f64],
+    /// Weights bᵢ.
+    pub weights: &'a [f64],
+}
+
+/// Work counters since construction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct StepperStatistics {
+    /// Attempts that were accepted (steps taken back by [`Stepper::discard`] included).
+    pub accepted: u64,
+    /// Attempts rejected for their error.
+    pub rejected_error: u64,
+    /// Attempts rejected because the iteration diverged or was too slow.
+    pub rejected_newton: u64,
+    /// Attempts rejected because the system could not be evaluated or factored.
+    pub rejected_evaluation: u64,
+    /// Calls of [`Ode::derivative`].
+    pub derivatives: u64,
+    /// Calls of [`LinearizedOde::linearize`].
+    pub linearizations: u64,
+    /// Calls of [`LinearizedOde::factor`].
+    pub factorizations: u64,
+    /// Calls of [`LinearizedOde::solve`].
+    pub solves: u64,
+    /// Newton iterations.
+    pub iterations: u64,
+    /// Steps after which stiffness was suspected (explicit multistep only).
+    pub stiff_steps: u64,
+}
+
+impl StepperStatistics {
+    /// Counts the outcome of an attempt.
+    pub(crate) fn count(&mut self, cause: Option<&Rejection>) {
+        match cause {
+            None => self.accepted += 1,
+            Some(Rejection::ErrorTooLarge) => self.rejected_error += 1,
+            Some(Rejection::NewtonDivergence | Rejection::NewtonSlow) => self.rejected_newton += 1,
+            Some(Rejection::Evaluation(_) | Rejection::SingularMatrix(_)) => {
+                self.rejected_evaluation += 1;
+            }
+        }
+    }
+}
+
+/// Choices for a stepper.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepperOptions {
+    /// Every step that can be computed is accepted and the step is never changed; iterations go to
+    /// round-off. For order studies and real-time use.
+    pub fixed_step: bool,
+    /// Largest step.
+    pub max_step: f64,
+    /// Iteration test; not used with a fixed step.
+    pub newton: NewtonControl,
+    /// A linearization serves the next step too while the contraction θ stays at or below this; 0
+    /// linearizes at every accepted step. Rosenbrock formulas always linearize.
+    pub reuse_contraction: f64,
+    /// Ratio of steps up to which the step, and with it the factorization, is kept; 1 never. Only
+    /// where a linearization is reused.
+    pub dead_band: f64,
+    /// Step selection of implicit formulas by Gustafsson's predictive law.
+    pub predictive: bool,
+    /// Error estimates are multiplied by (I − γh J)⁻¹, which bounds them on stiff components.
+    pub filter_error: bool,
+}
+
+impl StepperOptions {
+    /// Fresh linearization at every accepted step, standard step selection. ForRosen of the thesis
+    /// has `filter_error = false` as well.
+    pub fn thesis() -> Self {
+        Self {
+            fixed_step: false,
+            max_step: f64::INFINITY,
+            newton: NewtonControl::default(),
+            reuse_contraction: 0.0,
+            dead_band: 1.0,
+            predictive: false,
+            filter_error: true,
+        }
+    }
+
+    /// Reuse of linearizations and factorizations while the iteration is fast.
+    pub fn improved() -> Self {
+        Self { reuse_contraction: 1e-3, dead_band: 1.2, predictive: true, ..Self::thesis() }
+    }
+
+    /// Iteration constants in force.
+    pub(crate) fn iteration(&self) -> NewtonControl {
+        if self.fixed_step { NewtonControl::to_round_off() } else { self.newton }
+    }
+}
+
+impl Default for StepperOptions {
+    fn default() -> Self {
+        Self::improved()
+    }
+}
+
+/// Advances ẇ = g(t, w) by one step of one formula.
+///
+/// The caller owns time: it starts each attempt, clips steps to breakpoints and the end, and keeps
+/// the accepted state. A stepper allocates at construction only. Steps are positive.
+///
+/// Before each attempt from a new state the caller sets the weights of [`Ode::norm`].
+pub trait Stepper: Send {
+    /// Order of the formula (for a variable order that of the last step).
+    fn order(&self) -> u32;
+
+    /// Order that sets the length of a first step, see [`initial_step`].
+    fn starting_order(&self) -> u32 {
+        self.order()
+    }
+
+    /// Whether the formula never linearizes.
+    fn explicit(&self) -> bool;
+
+    /// Forgets history: at the start, after a discontinuity, after a breakpoint.
+    fn restart(&mut self);
+
+    /// The meaning of w has changed (re-parametrization): the linearization no longer holds. Without
+    /// `keep_history` predictors and multistep histories are dropped too, but not step control.
+    fn invalidate(&mut self, keep_history: bool);
+
+    /// Takes back the accepted step: the next attempt starts where it started (event location,
+    /// refusal of the end state by the caller).
+    fn discard(&mut self);
+
+    /// One attempt from (t, w) with slope g = g(t, w) over the step h. What was kept from the last
+    /// accepted step is used, `w` and `g` as passed are authoritative. After a rejection the caller
+    /// tries again from the same (t, w, g) with [`StepReport::next_step`].
+    fn attempt(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        h: f64,
+        w: &[f64],
+        g: &[f64],
+    ) -> StepReport;
+
+    /// End of the last attempt, if it was accepted.
+    fn end(&self) -> StepEnd<'_>;
+
+    /// State at t₀ + θh of the last accepted step, 0 ≤ θ ≤ 1.
+    fn interpolate(&mut self, theta: f64, w: &mut [f64]);
+
+    /// Quadrature along the last accepted step, if stage values approximate the solution.
+    fn quadrature(&self) -> Option<StageQuadrature<'_>> {
+        None
+    }
+
+    /// Stage value i of the last accepted step, before the next attempt; formulas with
+    /// [`Stepper::quadrature`] only.
+    fn stage(&self, _i: usize, _w: &mut [f64]) {}
+
+    /// Work since construction.
+    fn statistics(&self) -> &StepperStatistics;
+}
+
+/// Length of the first step of a formula of order `order` from (t, w) with slope g.
+///
+/// `scratch` holds two vectors of the dimension; the cost is one evaluation.
+///
+/// # Errors
+/// When the system cannot be evaluated at the end of the explicit Euler trial, however short.
+pub fn initial_step(
+    ode: &mut dyn Ode,
+    order: u32,
+    t: f64,
+    w: &[f64],
+    g: &[f64],
+    max_step: f64,
+    scratch: &mut [Vec<f64>; 2],
+) -> Result<f64, EvaluationFailure> {
+    let slope = ode.norm(g);
+    let mut h = trial_step(slope, max_step);
+    let [end, rate] = scratch;
+    let mut attempts = 0;
+    loop {
+        for ((end, &w), &g) in end.iter_mut().zip(w).zip(g) {
+            *end = w + h * g;
+        }
+        match ode.derivative(t + h, end, rate) {
+            Ok(()) => break,
+            Err(failure) if attempts == 10 => return Err(failure),
+            Err(_) => h *= 0.1,
+        }
+        attempts += 1;
+    }
+    for (rate, &g) in rate.iter_mut().zip(g) {
+        *rate = (*rate - g) / h;
+    }
+    Ok(starting_step(order, slope, ode.norm(rate), max_step))
+}
+
+/// y ← y + a x.
+pub(crate) fn add_scaled(y: &mut [f64], a: f64, x: &[f64]) {
+    if a != 0.0 {
+        for (y, &x) in y.iter_mut().zip(x) {
+            *y += a * x;
+        }
+    }
+}
