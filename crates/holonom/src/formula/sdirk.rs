@@ -130,3 +130,81 @@ pub const SDIRK4_15: Sdirk = Sdirk {
         [-682_119.0 / 201_136.0, 165_706_491.0 / 11_263_616.0, -8_230_811.0 / 433_216.0, 97_756_875.0 / 11_263_616.0],
     ],
 };
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formula::trees::assert_order;
+
+    const FORMULAS: [&Sdirk; 2] = [&SDIRK4_15, &SDIRK4_16];
+
+    #[test] // a wrong digit breaks one of these sums: they are the tables' checksum
+    fn both_satisfy_their_order_conditions() {
+        for f in FORMULAS {
+            assert_order(&f.a, f.b(), 1.0, f.order);
+            assert_order(&f.a, &f.b_hat, 1.0, f.embedded_order);
+            for i in 0..5 {
+                assert_eq!(f.a[i][i], f.gamma);
+                assert!((f.a[i].iter().sum::<f64>() - f.c[i]).abs() < 1e-14, "{} c{i}", f.name);
+            }
+        }
+    }
+
+    #[test] // truth: the z-form is the Butcher form in the variables z = hAk
+    fn z_form_agrees_with_the_butcher_form() {
+        for f in FORMULAS {
+            let through_a = |z_weights: &[f64; 5]| -> [f64; 5] {
+                std::array::from_fn(|j| (0..5).map(|i| z_weights[i] * f.a[i][j]).sum())
+            };
+            let close = |x: [f64; 5], y: [f64; 5], what: &str| {
+                for (x, y) in x.into_iter().zip(y) {
+                    assert!((x - y).abs() < 1e-12, "{} {what}: {x} ≠ {y}", f.name);
+                }
+            };
+            close(through_a(&f.d_hat), f.b_hat, "embedded");
+            for i in 0..5 {
+                let past = std::array::from_fn(|j| if j < i { f.a[i][j] } else { 0.0 });
+                close(through_a(&f.zeta[i]), past, "past part");
+            }
+            for i in 1..4 {
+                let sum = |x: &dyn Fn(usize) -> f64| (0..5).map(x).sum::<f64>();
+                let ac = |i: usize| sum(&|j| f.a[i][j] * f.c[j]);
+                let predicted = f.predictor[i];
+                assert!((sum(&|j| predicted[j] * f.c[j]) - f.c[i]).abs() < 1e-14);
+                // Stage 2 has one weight only.
+                assert!(i == 1 || (sum(&|j| predicted[j] * ac(j)) - ac(i)).abs() < 1e-14);
+            }
+            for theta in [0.0, 0.3, 0.8, 1.0] {
+                let weights = std::array::from_fn(|i| {
+                    (0..4).map(|j| f.dense[i][j] * f64::powi(theta, j as i32 + 1)).sum()
+                });
+                assert_order(&f.a, &through_a(&weights), theta, 3);
+                if theta == 1.0 {
+                    close(weights, [0.0, 0.0, 0.0, 0.0, 1.0], "end of dense output");
+                }
+            }
+        }
+    }
+
+    #[test] // L-stability on the imaginary axis: |R(iy)| ≤ 1, R(∞) = 0
+    fn both_are_stable_on_the_imaginary_axis() {
+        for f in FORMULAS {
+            for exponent in -20..40 {
+                let y = 1.3_f64.powi(exponent);
+                // Stage by stage for ẇ = iyw, w₀ = 1: (1 − iyγ) z = ζ z + iyγ.
+                let mut z = [(0.0, 0.0); 5];
+                for i in 0..5 {
+                    let (mut re, mut im) = (0.0, y * f.gamma);
+                    for j in 0..i {
+                        re += f.zeta[i][j] * z[j].0;
+                        im += f.zeta[i][j] * z[j].1;
+                    }
+                    let d = y * f.gamma;
+                    z[i] = ((re - im * d) / (1.0 + d * d), (im + re * d) / (1.0 + d * d));
+                }
+                let size = (1.0 + z[4].0).hypot(z[4].1);
+                assert!(size <= 1.0 + 1e-12, "{}: |R| = {size} at {y}", f.name);
+                assert!(y < 1e4 || size < 10.0 / y);
+            }
+        }
+    }
+}

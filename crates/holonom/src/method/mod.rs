@@ -1,6 +1,9 @@
 //! One step: a method with a formula.
 
+pub mod adams;
+pub mod explicit_rk;
 pub mod ode;
+pub mod rosenbrock;
 pub mod sdirk;
 pub mod stepper;
 

@@ -36,6 +36,25 @@ pub struct StepReport {
     pub contraction: f64,
 }
 
+impl StepReport {
+    /// A rejected attempt, to be tried again with `retry`; the cause is filled in by the stepper.
+    pub(crate) fn rejected(retry: f64) -> Self {
+        Self {
+            accepted: false,
+            error: f64::INFINITY,
+            next_step: retry,
+            cause: None,
+            iterations: 0,
+            contraction: 0.0,
+        }
+    }
+
+    /// Turns the report into that of an accepted step.
+    pub(crate) fn accept(&mut self, error: f64, next_step: f64) {
+        (self.accepted, self.error, self.next_step) = (true, error, next_step);
+    }
+}
+
 /// State and slope at the end of an accepted step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepEnd<'a> {
@@ -175,6 +194,13 @@ pub trait Stepper: Send {
     /// The meaning of w has changed (re-parametrization): the linearization no longer holds. Without
     /// `keep_history` predictors and multistep histories are dropped too, but not step control.
     fn invalidate(&mut self, keep_history: bool);
+
+    /// The meaning of w has changed, and `map` makes slopes of the new w out of the further slopes
+    /// ([`Ode::further_slopes`]); it must be linear. Multistep formulas built for further slopes
+    /// go on at their order; the others do as for `invalidate(false)`.
+    fn reparametrize(&mut self, _map: &mut dyn FnMut(&[f64], &mut [f64])) {
+        self.invalidate(false);
+    }
 
     /// Takes back the accepted step: the next attempt starts where it started (event location,
     /// refusal of the end state by the caller).

@@ -1,0 +1,415 @@
+//! Stepper of Adams formulas of variable order (1 to 12) and step in PECE mode: DEABM.
+//!
+//! Order and step selection of Shampine & Gordon, *Computer Solution of Ordinary Differential
+//! Equations* (1975), chapter 7: local extrapolation, estimates at orders k−2 … k+1, doubling at
+//! the start, steps kept constant unless they can be doubled or must shrink. Two evaluations per
+//! step.
+
+use crate::formula::{ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients, adams_interpolation};
+use crate::method::ode::LinearizedOde;
+use crate::method::stepper::{
+    Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
+};
+
+/// Differences up to order k + 2.
+const COLUMNS: usize = ADAMS_MAX_ORDER + 2;
+/// Steps at order 4 or less after which stiffness is suspected.
+const STIFF_STEPS: u32 = 50;
+
+/// What a step leaves behind.
+#[derive(Debug, Clone)]
+struct History {
+    /// Order of the next step; 0 before the first.
+    order: usize,
+    /// Order and length of the last step.
+    last_order: usize,
+    last_step: f64,
+    /// Number of steps taken with that length, up to the order plus 1.
+    same_steps: usize,
+    /// Orders and steps are still being raised from the start.
+    starting: bool,
+    /// ψᵢ of the last step.
+    psi: [f64; ADAMS_MAX_ORDER + 1],
+    /// Modified divided differences φ₁ … φ_{k+2} of the slopes, further slopes behind them.
+    phi: [Vec<f64>; COLUMNS],
+    /// State at the end of the last step.
+    end: Vec<f64>,
+    /// Consecutive steps of order 4 or less.
+    low_orders: u32,
+}
+
+impl History {
+    fn new(n: usize, further: usize) -> Self {
+        Self {
+            order: 0,
+            last_order: 0,
+            last_step: 0.0,
+            same_steps: 0,
+            starting: true,
+            psi: [0.0; ADAMS_MAX_ORDER + 1],
+            phi: std::array::from_fn(|_| vec![0.0; n + further]),
+            end: vec![0.0; n],
+            low_orders: 0,
+        }
+    }
+
+    /// Number of columns of φ in use.
+    fn columns(&self) -> usize {
+        (self.last_order + 2).min(COLUMNS)
+    }
+
+    fn copy_from(&mut self, other: &Self) {
+        for (to, from) in self.phi.iter_mut().zip(&other.phi).take(other.columns()) {
+            to.copy_from_slice(from);
+        }
+        self.order = other.order;
+        self.last_order = other.last_order;
+        self.last_step = other.last_step;
+        self.same_steps = other.same_steps;
+        self.starting = other.starting;
+        self.psi = other.psi;
+        self.low_orders = other.low_orders;
+    }
+}
+
+/// Outcome of a step that could be computed.
+struct Judgement {
+    error: f64,
+    accepted: bool,
+    /// Order and length of the next step or attempt.
+    order: usize,
+    step: f64,
+}
+
+/// Stepper of Adams PECE formulas.
+#[derive(Debug, Clone)]
+pub struct AdamsStepper {
+    options: StepperOptions,
+    n: usize,
+    /// Up to the start of the step.
+    history: History,
+    /// Up to its end.
+    trial: History,
+    /// The last attempt was accepted and nothing has been built on it yet.
+    pending: bool,
+    failures: u32,
+    predicted: Vec<f64>,
+    difference: Vec<f64>,
+    work: Vec<f64>,
+    further: Vec<f64>,
+    slope: Vec<f64>,
+    statistics: StepperStatistics,
+}
+
+impl AdamsStepper {
+    /// A stepper for systems of `dimension` unknowns which carry the history of
+    /// `further_slopes` more ([`crate::method::ode::Ode::further_slopes`]).
+    pub fn new(dimension: usize, further_slopes: usize, options: StepperOptions) -> Self {
+        let vector = || vec![0.0; dimension];
+        Self {
+            options,
+            n: dimension,
+            history: History::new(dimension, further_slopes),
+            trial: History::new(dimension, further_slopes),
+            pending: false,
+            failures: 0,
+            predicted: vector(),
+            difference: vector(),
+            work: vector(),
+            further: vec![0.0; further_slopes],
+            slope: vector(),
+            statistics: StepperStatistics::default(),
+        }
+    }
+
+    fn commit(&mut self) {
+        if std::mem::take(&mut self.pending) {
+            std::mem::swap(&mut self.history, &mut self.trial);
+            self.failures = 0;
+        }
+    }
+
+    /// The last accepted step.
+    fn last(&self) -> &History {
+        if self.pending { &self.trial } else { &self.history }
+    }
+
+    /// Makes the history end at slope `g`. All differences contain the newest slope with
+    /// coefficient 1, so a slope that the caller has changed (a projected state) is exchanged
+    /// exactly, the slopes before it staying as they are.
+    fn take_slope(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        w: &[f64],
+        g: &[f64],
+    ) -> Result<(), Rejection> {
+        let history = &mut self.history;
+        if history.order == 0 {
+            if !self.further.is_empty() {
+                ode.further_slopes(t, w, &mut self.further).map_err(Rejection::Evaluation)?;
+            }
+            history.phi[0][..self.n].copy_from_slice(g);
+            history.phi[0][self.n..].copy_from_slice(&self.further);
+            history.phi[1].fill(0.0);
+            (history.order, history.last_order, history.last_step) = (1, 0, 0.0);
+            (history.same_steps, history.starting, history.low_orders) = (0, true, 0);
+        } else {
+            let columns = history.columns();
+            for i in 0..self.n {
+                let change = g[i] - history.phi[0][i];
+                if change != 0.0 {
+                    for column in history.phi.iter_mut().take(columns) {
+                        column[i] += change;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Norm of the difference d plus a column of φ.
+    fn norm_with(&mut self, ode: &mut dyn LinearizedOde, column: usize) -> f64 {
+        let phi = &self.trial.phi[column];
+        for ((work, &d), &phi) in self.work.iter_mut().zip(&self.difference).zip(phi) {
+            *work = d + phi;
+        }
+        ode.norm(&self.work)
+    }
+
+    /// Predicts, evaluates, estimates and, if the error allows, corrects and evaluates again.
+    fn advance(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        h: f64,
+        w: &[f64],
+    ) -> Result<Judgement, Rejection> {
+        self.trial.copy_from(&self.history);
+        let trial = &mut self.trial;
+        let k = trial.order;
+        if h != trial.last_step {
+            trial.same_steps = 0;
+        }
+        if trial.same_steps <= trial.last_order {
+            trial.same_steps += 1;
+        }
+        let c = AdamsCoefficients::new(k, h, &trial.psi);
+
+        // Predict: column i becomes φᵖᵢ, column k+1 keeps φ_{k+1}(n) for the estimate at k+1.
+        trial.phi.swap(k, k + 1);
+        self.predicted.copy_from_slice(w);
+        for i in 0..k {
+            let beta = c.beta[i];
+            if beta != 1.0 {
+                trial.phi[i].iter_mut().for_each(|phi| *phi *= beta);
+            }
+            add_scaled(&mut self.predicted, h * c.g[i], &trial.phi[i]);
+        }
+        for i in (1..k).rev() {
+            let (low, high) = trial.phi.split_at_mut(i);
+            add_scaled(&mut low[i - 1], 1.0, &high[0]);
+        }
+        self.statistics.derivatives += 1;
+        ode.derivative(t + h, &self.predicted, &mut self.difference)
+            .map_err(Rejection::Evaluation)?;
+        add_scaled(&mut self.difference, -1.0, &trial.phi[0]);
+
+        // Errors at orders k, k−1, k−2; lower orders must win clearly.
+        let size = h * ode.norm(&self.difference);
+        let error = size * (c.g[k - 1] - c.g[k]);
+        let at_k = size * c.sigma[k] * ADAMS_GAMMA_STAR[k].abs();
+        let scale = |m: usize| h * c.sigma[m] * ADAMS_GAMMA_STAR[m].abs();
+        let mut below = 0.0;
+        let mut order = k;
+        if k >= 2 {
+            below = scale(k - 1) * self.norm_with(ode, k - 1);
+            let lower = if k == 2 {
+                below <= 0.5 * at_k
+            } else {
+                below.max(scale(k - 2) * self.norm_with(ode, k - 2)) <= at_k
+            };
+            if lower {
+                order = k - 1;
+            }
+        }
+        let acceptable = error <= 1.0 || (self.options.fixed_step && error.is_finite());
+        if !acceptable {
+            return Ok(self.after_failure(h, error, at_k, order));
+        }
+
+        let trial = &mut self.trial;
+        trial.end.copy_from_slice(&self.predicted);
+        add_scaled(&mut trial.end, h * c.g[k], &self.difference);
+        self.statistics.derivatives += 1;
+        ode.derivative(t + h, &trial.end, &mut self.slope).map_err(Rejection::Evaluation)?;
+        if !self.further.is_empty() {
+            ode.further_slopes(t + h, &trial.end, &mut self.further)
+                .map_err(Rejection::Evaluation)?;
+        }
+        // Differences of the slopes up to the new one.
+        for (i, &slope) in self.slope.iter().chain(&self.further).enumerate() {
+            let new = slope - trial.phi[0][i];
+            trial.phi[k + 1][i] = new - trial.phi[k + 1][i];
+            trial.phi[k][i] = new;
+            for column in trial.phi.iter_mut().take(k) {
+                column[i] += new;
+            }
+        }
+        trial.psi = c.psi;
+        (trial.last_order, trial.last_step) = (k, h);
+        trial.low_orders = if k > 4 { 0 } else { trial.low_orders + 1 };
+        Ok(self.after_success(ode, h, k, order, error, at_k, below))
+    }
+
+    /// Halves the step, or falls back to order 1 after three failures in a row.
+    fn after_failure(&self, h: f64, error: f64, at_k: f64, order: usize) -> Judgement {
+        let mut ratio = 0.5;
+        if self.failures > 2 && 0.5 < 0.25 * at_k {
+            ratio = (0.5 / at_k).sqrt();
+        }
+        if !error.is_finite() {
+            ratio = 0.25;
+        }
+        let order = if self.failures >= 2 { 1 } else { order };
+        Judgement { error, accepted: false, order, step: ratio * h }
+    }
+
+    /// Order and length of the next step; `order` is k − 1 if that already won.
+    fn after_success(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        h: f64,
+        k: usize,
+        order: usize,
+        error: f64,
+        at_k: f64,
+        below: f64,
+    ) -> Judgement {
+        let trial = &mut self.trial;
+        if order < k || k == ADAMS_MAX_ORDER {
+            trial.starting = false;
+        }
+        let mut order = order;
+        let mut estimate = if order < k { below } else { at_k };
+        if trial.starting {
+            order = k + 1; // its error is not known; the step doubles anyway
+        } else if order == k && k < trial.same_steps {
+            // The last k + 1 steps were equal: the difference of order k + 2 can be trusted.
+            self.work.copy_from_slice(&trial.phi[k + 1][..self.n]);
+            let above = h * ADAMS_GAMMA_STAR[k + 1].abs() * ode.norm(&self.work);
+            if k > 1 && below <= at_k.min(above) {
+                (order, estimate) = (k - 1, below);
+            } else if k < ADAMS_MAX_ORDER && above < if k > 1 { at_k } else { 0.5 * at_k } {
+                (order, estimate) = (k + 1, above);
+            }
+        }
+        let power = order as f64 + 1.0;
+        let ratio = if self.trial.starting || 0.5 >= estimate * power.exp2() {
+            2.0
+        } else if 0.5 >= estimate {
+            1.0
+        } else {
+            (0.5 / estimate).powf(1.0 / power).clamp(0.5, 0.9)
+        };
+        self.trial.order = order;
+        Judgement { error, accepted: true, order, step: ratio * h }
+    }
+}
+
+impl Stepper for AdamsStepper {
+    fn order(&self) -> u32 {
+        self.last().last_order.max(1) as u32
+    }
+
+    fn starting_order(&self) -> u32 {
+        1
+    }
+
+    fn explicit(&self) -> bool {
+        true
+    }
+
+    fn restart(&mut self) {
+        self.invalidate(false);
+    }
+
+    fn invalidate(&mut self, keep_history: bool) {
+        self.commit();
+        if !keep_history {
+            self.history.order = 0;
+            self.failures = 0;
+        }
+    }
+
+    fn reparametrize(&mut self, map: &mut dyn FnMut(&[f64], &mut [f64])) {
+        self.commit();
+        if self.further.is_empty() {
+            self.history.order = 0;
+            return;
+        }
+        let columns = self.history.columns();
+        for column in self.history.phi.iter_mut().take(columns) {
+            let (slopes, further) = column.split_at_mut(self.n);
+            map(further, slopes);
+        }
+    }
+
+    fn discard(&mut self) {
+        self.pending = false;
+    }
+
+    fn attempt(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        h: f64,
+        w: &[f64],
+        g: &[f64],
+    ) -> StepReport {
+        self.commit();
+        let outcome = self.take_slope(ode, t, w, g).and_then(|()| self.advance(ode, t, h, w));
+        let mut report = StepReport::rejected(0.5 * h);
+        match outcome {
+            Ok(judgement) if judgement.accepted => {
+                self.pending = true;
+                let next = if self.options.fixed_step { h } else { judgement.step };
+                report.accept(judgement.error, next.min(self.options.max_step));
+                if self.trial.low_orders >= STIFF_STEPS {
+                    self.statistics.stiff_steps += 1;
+                }
+            }
+            Ok(judgement) => {
+                report.error = judgement.error;
+                report.next_step = judgement.step;
+                report.cause = Some(Rejection::ErrorTooLarge);
+                self.history.order = judgement.order;
+            }
+            Err(cause) => report.cause = Some(cause),
+        }
+        if !report.accepted {
+            self.failures += 1;
+            self.history.starting = false;
+        }
+        self.statistics.count(report.cause.as_ref());
+        report
+    }
+
+    fn end(&self) -> StepEnd<'_> {
+        StepEnd { w: &self.last().end, slope: &self.slope, evaluated: true }
+    }
+
+    fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
+        let last = self.last();
+        let s = (theta - 1.0) * last.last_step;
+        let g = adams_interpolation(last.last_order, s, &last.psi);
+        w.copy_from_slice(&last.end);
+        for i in 0..=last.last_order {
+            add_scaled(w, s * g[i], &last.phi[i]);
+        }
+    }
+
+    fn statistics(&self) -> &StepperStatistics {
+        &self.statistics
+    }
+}
