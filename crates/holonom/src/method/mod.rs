@@ -8,4 +8,6 @@ pub mod sdirk;
 pub mod stepper;
 
 #[cfg(test)]
+mod stepper_tests;
+#[cfg(test)]
 mod test_systems;

@@ -42,6 +42,22 @@ impl Segment {
     }
 }
 
+/// What attempts leave behind for the judgement of later ones.
+#[derive(Debug, Clone, Copy)]
+struct Memory {
+    history: StepHistory,
+    /// Last known contraction θ.
+    contraction: f64,
+    /// η per stage.
+    eta: [f64; STAGES],
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self { history: StepHistory::default(), contraction: f64::INFINITY, eta: [1.0; STAGES] }
+    }
+}
+
 /// Failure of the stages: cause and ratio for the step.
 type StageFailure = (Rejection, f64);
 
@@ -51,15 +67,13 @@ pub struct SdirkStepper {
     formula: &'static Sdirk,
     options: StepperOptions,
     control: StepControl,
-    history: StepHistory,
-    history_before: StepHistory,
+    memory: Memory,
+    /// The memory before the last attempt, for [`Stepper::discard`].
+    before: Memory,
     /// The last attempt was accepted and nothing has been built on it yet.
     pending: bool,
     linearization: Linearization,
     factored: Option<f64>,
-    /// Last known θ, and η per stage.
-    contraction: f64,
-    eta: [f64; STAGES],
     /// The segment before this step predicts its first stage.
     predict: bool,
     /// Weighted norm of round-off in w₀.
@@ -84,13 +98,11 @@ impl SdirkStepper {
             formula,
             options,
             control: StepControl { law, ..StepControl::implicit(formula.embedded_order) },
-            history: StepHistory::default(),
-            history_before: StepHistory::default(),
+            memory: Memory::default(),
+            before: Memory::default(),
             pending: false,
             linearization: Linearization::None,
             factored: None,
-            contraction: f64::INFINITY,
-            eta: [1.0; STAGES],
             predict: false,
             floor: 0.0,
             z: std::array::from_fn(|_| vector()),
@@ -186,7 +198,7 @@ impl SdirkStepper {
         for i in 0..STAGES {
             self.predict(i, h);
             let mut monitor =
-                NewtonMonitor::start(self.options.iteration(), self.eta[i], self.floor);
+                NewtonMonitor::start(self.options.iteration(), self.memory.eta[i], self.floor);
             let verdict = loop {
                 let z = &mut self.z[i];
                 for ((state, &w), &z) in self.state.iter_mut().zip(w).zip(&*z) {
@@ -195,7 +207,7 @@ impl SdirkStepper {
                 self.statistics.derivatives += 1;
                 let at = t + self.formula.c[i] * h;
                 if let Err(failure) = ode.derivative(at, &self.state, &mut self.work) {
-                    self.eta[i] = 1.0;
+                    self.memory.eta[i] = 1.0;
                     return Err((Rejection::Evaluation(failure), 0.5));
                 }
                 for ((r, &past), &z) in self.work.iter_mut().zip(&self.past).zip(&*z) {
@@ -211,12 +223,12 @@ impl SdirkStepper {
                     break verdict;
                 }
             };
-            self.eta[i] = monitor.eta();
+            self.memory.eta[i] = monitor.eta();
             report.contraction = report.contraction.max(monitor.contraction().unwrap_or(0.0));
             match verdict {
                 IterationVerdict::Slow { ratio } => return Err((Rejection::NewtonSlow, ratio)),
                 IterationVerdict::Diverged => {
-                    self.eta = [1.0; STAGES];
+                    self.memory.eta = [1.0; STAGES];
                     return Err((Rejection::NewtonDivergence, 0.5));
                 }
                 IterationVerdict::Converged | IterationVerdict::Continue => {}
@@ -240,7 +252,7 @@ impl SdirkStepper {
         let stale = match self.linearization {
             Linearization::Current => false,
             Linearization::None => true,
-            Linearization::Old => self.contraction > self.options.reuse_contraction,
+            Linearization::Old => self.memory.contraction > self.options.reuse_contraction,
         };
         if stale {
             self.linearize(ode, t, w, g)?;
@@ -272,7 +284,7 @@ impl SdirkStepper {
         self.statistics.solves += 1;
         ode.solve(&mut self.work);
         let error = ode.norm(&self.work);
-        let fragile = self.history.accepted.is_none() || self.history.rejected;
+        let fragile = self.memory.history.accepted.is_none() || self.memory.history.rejected;
         if !(error > 1.0 && fragile && !self.options.fixed_step) {
             return error;
         }
@@ -310,9 +322,9 @@ impl SdirkStepper {
         // More iterations than the shortest possible: be more careful.
         let limit = 2.0 * f64::from(self.options.newton.max_iterations);
         let safety = self.control.safety * (1.0 + limit) / (f64::from(last_stage) + limit);
-        let reuse = self.contraction <= self.options.reuse_contraction;
+        let reuse = self.memory.contraction <= self.options.reuse_contraction;
         let dead_band = if reuse { self.options.dead_band } else { 1.0 };
-        StepControl { safety, dead_band, ..self.control }.judge(h, error, &self.history)
+        StepControl { safety, dead_band, ..self.control }.judge(h, error, &self.memory.history)
     }
 }
 
@@ -331,23 +343,23 @@ impl Stepper for SdirkStepper {
 
     fn restart(&mut self) {
         self.invalidate(false);
-        self.history = StepHistory::default();
+        self.memory = Memory::default();
     }
 
     fn invalidate(&mut self, keep_history: bool) {
         self.commit();
         if !keep_history {
             self.predict = false;
-            self.eta = [1.0; STAGES];
+            self.memory.eta = [1.0; STAGES];
         }
         self.linearization = Linearization::None;
         self.factored = None;
-        self.contraction = f64::INFINITY;
+        self.memory.contraction = f64::INFINITY;
     }
 
     fn discard(&mut self) {
         if std::mem::take(&mut self.pending) {
-            self.history = self.history_before;
+            self.memory = self.before;
         }
     }
 
@@ -367,28 +379,28 @@ impl Stepper for SdirkStepper {
         }
         self.floor = f64::EPSILON * ode.norm(&self.work);
         let mut report = StepReport::rejected(h);
-        self.history_before = self.history;
+        self.before = self.memory;
         match self.stages(ode, t, h, w, g, &mut report) {
             Err((cause, ratio)) => {
                 self.predict = false;
-                self.history.reject();
-                self.contraction = f64::INFINITY;
+                self.memory.history.reject();
+                self.memory.contraction = f64::INFINITY;
                 report.next_step = h * ratio;
                 report.cause = Some(cause);
             }
             Ok(last_stage) => {
                 if report.contraction > 0.0 {
-                    self.contraction = report.contraction;
+                    self.memory.contraction = report.contraction;
                 }
                 let error = self.error(ode);
                 match self.judge(h, error, last_stage) {
                     StepVerdict::Accept { next } => {
                         self.finish(h, w);
-                        self.history.accept(h, error);
+                        self.memory.history.accept(h, error);
                         report.accept(error, next.min(self.options.max_step));
                     }
                     StepVerdict::Reject { retry } => {
-                        self.history.reject();
+                        self.memory.history.reject();
                         (report.error, report.next_step) = (error, retry);
                         report.cause = Some(Rejection::ErrorTooLarge);
                     }

@@ -80,7 +80,8 @@ impl DenseOde {
         self
     }
 
-    fn set_weights(&mut self, w: &[f64]) {
+    /// Weights atol + rtol |w| for the step from `w`.
+    pub(crate) fn set_weights(&mut self, w: &[f64]) {
         for (weight, w) in self.weights.iter_mut().zip(w) {
             *weight = self.atol + self.rtol * w.abs();
         }
@@ -324,7 +325,7 @@ pub(crate) fn non_autonomous_solution(t: f64) -> [f64; 4] {
     [s.exp(), (5.0 * s).exp(), s + 1.0, c]
 }
 
-/// Plane pendulum φ̈ = −sin φ − 0.1 φ̇ |…| without damping: w = (φ, φ̇).
+/// Plane pendulum φ̈ = −sin φ: w = (φ, φ̇).
 pub(crate) fn pendulum() -> DenseOde {
     DenseOde::new(
         2,
@@ -335,4 +336,43 @@ pub(crate) fn pendulum() -> DenseOde {
         |_, w| vec![vec![0.0, 1.0], vec![-w[0].cos(), 0.0]],
     )
     .with_split(1)
+}
+
+/// Excentricity of [`kepler`].
+const KEPLER_E: f64 = 0.3;
+
+/// Kepler's problem, r̈ = −r/|r|³: w = (x, y, ẋ, ẏ).
+pub(crate) fn kepler() -> DenseOde {
+    DenseOde::new(
+        4,
+        |_, w, g| {
+            let cube = w[0].hypot(w[1]).powi(3);
+            (g[0], g[1], g[2], g[3]) = (w[2], w[3], -w[0] / cube, -w[1] / cube);
+        },
+        |_, w| {
+            let r = w[0].hypot(w[1]);
+            let k =
+                |i: usize, j: usize| 3.0 * w[i] * w[j] / r.powi(5) - f64::from(i == j) / r.powi(3);
+            vec![
+                vec![0.0, 0.0, 1.0, 0.0],
+                vec![0.0, 0.0, 0.0, 1.0],
+                vec![k(0, 0), k(0, 1), 0.0, 0.0],
+                vec![k(1, 0), k(1, 1), 0.0, 0.0],
+            ]
+        },
+    )
+    .with_split(2)
+}
+
+/// Solution of [`kepler`] from the pericentre, by Kepler's equation t = E − e sin E.
+pub(crate) fn kepler_solution(t: f64) -> [f64; 4] {
+    let e = KEPLER_E;
+    let mut anomaly = t;
+    for _ in 0..50 {
+        anomaly -= (anomaly - e * anomaly.sin() - t) / (1.0 - e * anomaly.cos());
+    }
+    let (s, c) = anomaly.sin_cos();
+    let b = (1.0 - e * e).sqrt();
+    let rate = 1.0 / (1.0 - e * c);
+    [c - e, b * s, -s * rate, b * c * rate]
 }
