@@ -3,6 +3,7 @@
 //! Rooms, in the order in which a model becomes a trajectory; a room uses only rooms that stand
 //! before it (`ARCHITECTURE.md` has the table, `tests/architecture.rs` keeps it).
 
+pub mod error;
 pub mod math;
 pub mod model;
 pub mod topology;

@@ -1,1 +1,22 @@
 //! Text to model: one spanned tree for TOML and JSON.
+//!
+//! The way of a file: `read` makes a tree in which every value knows its place, `merge` lays files
+//! that extend each other into one, `check` compares it with the `schema` and puts parameters in
+//! place, `resolve` turns names into indices and points into frames, `model::validate` looks at the
+//! numbers. Each step reports all errors it finds.
+
+mod check;
+mod document;
+pub mod limits;
+mod merge;
+mod names;
+mod read;
+mod resolve;
+mod schema;
+mod set;
+mod shape;
+mod tree;
+
+pub use document::Document;
+pub use read::Syntax;
+pub use schema::json_schema;

@@ -4,7 +4,13 @@
 //! Poses, points and axes are stored with three components also for planar models, where the third
 //! component of a point is 0 and frames turn about z only, so that one set of types serves both.
 
+mod plausibility;
+mod validation;
+
 use crate::math::{MonotoneCubic, TimeFunction};
+
+pub use plausibility::implausible;
+pub use validation::validate;
 
 /// Planar models move in x-y and turn about z; spatial models use Euler parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

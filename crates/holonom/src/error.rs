@@ -1,0 +1,294 @@
+//! Errors that rooms share: what is wrong with a model, where it is written and what to try.
+
+use std::fmt;
+
+macro_rules! codes {
+    ($($(#[doc = $doc:literal])+ $name:ident = $text:literal, $severity:ident;)+) => {
+        /// Stable codes of findings in a model; `docs/errors.md` lists them.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Code { $($(#[doc = $doc])+ $name,)+ }
+
+        impl Code {
+            /// Every code, in the order of the documentation.
+            pub const ALL: &'static [Code] = &[$(Code::$name,)+];
+
+            /// The code as users read it, `model/…`.
+            pub fn as_str(self) -> &'static str {
+                match self { $(Code::$name => $text,)+ }
+            }
+
+            /// What the code means, one sentence.
+            pub fn meaning(self) -> &'static str {
+                match self { $(Code::$name => concat!($($doc),+).trim_ascii_start(),)+ }
+            }
+
+            /// Whether a finding with this code refuses the model.
+            pub fn severity(self) -> Severity {
+                match self { $(Code::$name => Severity::$severity,)+ }
+            }
+        }
+    };
+}
+
+codes! {
+    /// The text is not TOML or JSON.
+    Syntax = "model/syntax", Error;
+    /// The file, a list, a text or a collection is larger than Holonom accepts.
+    TooLarge = "model/too-large", Error;
+    /// Tables or lists are nested deeper than any model needs.
+    TooDeep = "model/too-deep", Error;
+    /// A number is infinite, not a number, or beyond the range of double precision.
+    NotFinite = "model/not-finite", Error;
+    /// A value of a kind that no field takes: a date or null.
+    UnusableValue = "model/unusable-value", Error;
+    /// A key is written twice, or two items of the model share a name.
+    DuplicateName = "model/duplicate-name", Error;
+    /// A name contains characters that paths and channels cannot carry, or is reserved.
+    BadName = "model/bad-name", Error;
+    /// The file is written for another version of the format.
+    Version = "model/version", Error;
+    /// A field is not known where it stands.
+    UnknownField = "model/unknown-field", Error;
+    /// The `type` of an item, or another choice among words, is not known.
+    UnknownChoice = "model/unknown-choice", Error;
+    /// A field that is needed is not there.
+    MissingField = "model/missing-field", Error;
+    /// Fields that exclude each other are given together.
+    ConflictingFields = "model/conflicting-fields", Error;
+    /// A value has the wrong type: text for a number, a number for a table.
+    WrongType = "model/wrong-type", Error;
+    /// A list has the wrong number of entries.
+    WrongSize = "model/wrong-size", Error;
+    /// A spatial item or field stands in a planar model, or the other way round.
+    WrongDimension = "model/wrong-dimension", Error;
+    /// A body, marker, joint, table, road, parameter or force of this name does not exist.
+    UnknownName = "model/unknown-name", Error;
+    /// A path given for a new value leads nowhere in the model.
+    UnknownPath = "model/unknown-path", Error;
+    /// A number lies outside the range that the field allows.
+    OutOfRange = "model/out-of-range", Error;
+    /// An inertia tensor belongs to no distribution of mass.
+    Inertia = "model/inertia", Error;
+    /// A stiffness or damping matrix is not symmetric or not positive semidefinite.
+    Matrix = "model/matrix", Error;
+    /// An axis has length zero.
+    ZeroAxis = "model/zero-axis", Error;
+    /// Axes that must be perpendicular are not.
+    NotPerpendicular = "model/not-perpendicular", Error;
+    /// Euler parameters do not have unit length.
+    NotUnit = "model/not-unit", Error;
+    /// An item connects a body with itself.
+    SameBody = "model/same-body", Error;
+    /// Two points that define a line coincide.
+    CoincidentPoints = "model/coincident-points", Error;
+    /// A table cannot be interpolated.
+    Table = "model/table", Error;
+    /// The file that `extends` names cannot be read.
+    Extends = "model/extends", Error;
+    /// Files extend each other in a circle, or too many in a row.
+    ExtendsCircle = "model/extends-circle", Error;
+    /// A parameter that no field uses.
+    UnusedParameter = "model/unused-parameter", Warning;
+    /// A value that is legal but looks like millimetres, degrees or grams.
+    Implausible = "model/implausible", Warning;
+    /// A choice that the file leaves open and that changes results.
+    NotStated = "model/not-stated", Warning;
+}
+
+/// Whether a finding refuses the model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Severity {
+    /// The model is refused.
+    Error,
+    /// The model is legal, but look twice.
+    Warning,
+}
+
+/// A place in a text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Location {
+    /// Name of the file as the caller gave it.
+    pub file: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+    /// The line, or the part of a long line around the marked place.
+    pub excerpt: String,
+    /// First marked character of the excerpt, from 0, and the number of marked characters.
+    pub mark: (usize, usize),
+}
+
+/// Characters of a source line shown around the marked place.
+const SHOWN: usize = 96;
+
+impl Location {
+    /// The place of bytes `start..end` in `source`; offsets are clamped to the text.
+    pub fn of(file: &str, source: &str, start: usize, end: usize) -> Self {
+        let start = source.floor_char_boundary(start.min(source.len()));
+        let end = source.floor_char_boundary(end.min(source.len()));
+        let line_start = source[..start].rfind('\n').map_or(0, |at| at + 1);
+        let line_end = source[start..].find('\n').map_or(source.len(), |at| start + at);
+        let before = source[line_start..start].chars().count();
+        let marked = source[start..end.clamp(start, line_end)].trim_end().chars().count().max(1);
+        // A line may be the whole of a large file: only the part shown is copied.
+        let skipped = if before <= 2 * SHOWN / 3 { 0 } else { before - SHOWN / 3 };
+        let rest: Vec<char> =
+            source[line_start..line_end].chars().skip(skipped).take(SHOWN + 1).collect();
+        let cut = |c: &char| if c.is_control() { ' ' } else { *c };
+        let mut excerpt = String::from(if skipped > 0 { "…" } else { "" });
+        excerpt.extend(rest.iter().take(SHOWN).map(cut));
+        let excerpt = excerpt.trim_end().to_owned() + if rest.len() > SHOWN { "…" } else { "" };
+        let first = before - skipped + usize::from(skipped > 0);
+        Self {
+            file: file.to_owned(),
+            line: source[..start].matches('\n').count() + 1,
+            column: before + 1,
+            mark: (first, marked.min(SHOWN.saturating_sub(before - skipped).max(1))),
+            excerpt,
+        }
+    }
+}
+
+/// One finding about a model: an error or a warning.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// Stable code.
+    pub code: Code,
+    /// Path in the model, `joints.pin.axis[2]`; empty for the file as a whole.
+    pub path: String,
+    /// What is wrong and what was expected, naming the item.
+    pub message: String,
+    /// What to try; may be empty.
+    pub help: String,
+    /// Where it is written, if it is written in a text.
+    pub location: Option<Location>,
+}
+
+/// A finding that does not refuse the model.
+pub type Warning = Diagnostic;
+
+impl Diagnostic {
+    /// A finding without a location yet.
+    pub fn new(code: Code, path: impl Into<String>, message: impl Into<String>) -> Self {
+        let (path, message) = (path.into(), message.into());
+        Self { code, path, message, help: String::new(), location: None }
+    }
+
+    /// Adds what to try.
+    #[must_use]
+    pub fn help(mut self, help: impl Into<String>) -> Self {
+        self.help = help.into();
+        self
+    }
+
+    /// Plain text of several lines with the place in the source marked.
+    pub fn render(&self) -> String {
+        let word = match self.code.severity() {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+        };
+        let mut out = format!("{word}[{}]: {}\n", self.code.as_str(), self.message);
+        if let Some(at) = &self.location {
+            let gutter = " ".repeat(at.line.to_string().len());
+            let (first, length) = at.mark;
+            out += &format!("{gutter}--> {}:{}:{}\n", at.file, at.line, at.column);
+            out += &format!("{gutter} |\n{} | {}\n", at.line, at.excerpt);
+            out += &format!("{gutter} | {}{}\n", " ".repeat(first), "^".repeat(length));
+        } else if !self.path.is_empty() {
+            out += &format!("  at {}\n", self.path);
+        }
+        if !self.help.is_empty() {
+            out += &format!("  help: {}\n", self.help);
+        }
+        out
+    }
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(at) = &self.location {
+            write!(f, "{}:{}:{}: ", at.file, at.line, at.column)?;
+        }
+        write!(f, "{} [{}]", self.message, self.code.as_str())
+    }
+}
+
+/// Why a model was refused: one or more errors in file order.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ModelErrors {
+    /// The first errors, at least one.
+    pub errors: Vec<Diagnostic>,
+    /// Number of further errors left out.
+    pub omitted: usize,
+}
+
+impl ModelErrors {
+    /// All errors as plain text with excerpts of the source.
+    pub fn render(&self) -> String {
+        let mut out: String = self.errors.iter().map(|e| e.render() + "\n").collect();
+        let total = self.errors.len() + self.omitted;
+        out += &match (total, self.omitted) {
+            (1, _) => "the model is refused: 1 error\n".to_owned(),
+            (n, 0) => format!("the model is refused: {n} errors\n"),
+            (n, m) => format!("the model is refused: {n} errors, {m} of them not shown\n"),
+        };
+        out
+    }
+}
+
+impl From<Diagnostic> for ModelErrors {
+    fn from(error: Diagnostic) -> Self {
+        Self { errors: vec![error], omitted: 0 }
+    }
+}
+
+impl fmt::Display for ModelErrors {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (n, error) in self.errors.iter().enumerate() {
+            write!(f, "{}{error}", if n == 0 { "" } else { "\n" })?;
+        }
+        match self.omitted {
+            0 => Ok(()),
+            m => write!(f, "\nand {m} more"),
+        }
+    }
+}
+
+impl std::error::Error for Diagnostic {}
+impl std::error::Error for ModelErrors {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_line_is_cut_around_the_marked_place() {
+        let text = format!("x\n{}{}{}\nz", "a".repeat(300), "XYZ", "b".repeat(300));
+        let at = Location::of("f", &text, 302, 305);
+        assert_eq!((at.line, at.column), (2, 301));
+        let marked: String = at.excerpt.chars().skip(at.mark.0).take(at.mark.1).collect();
+        assert_eq!(marked, "XYZ");
+        assert!(at.excerpt.chars().count() <= SHOWN + 2);
+    }
+
+    #[test]
+    fn any_offset_of_any_text_has_a_place() {
+        let text = "é = \"ß\"\r\n\tx = 1 # ∂\n";
+        for start in 0..text.len() + 3 {
+            for end in start..text.len() + 5 {
+                let at = Location::of("f", text, start, end);
+                assert!(at.line >= 1 && at.line <= 3 && at.mark.1 >= 1);
+            }
+        }
+    }
+
+    #[test] // a code is an interface: no two may share a text
+    fn codes_are_distinct_and_explained() {
+        let mut texts: Vec<_> = Code::ALL.iter().map(|c| c.as_str()).collect();
+        texts.sort_unstable();
+        texts.dedup();
+        assert_eq!(texts.len(), Code::ALL.len());
+        assert!(Code::ALL.iter().all(|c| c.meaning().ends_with('.')));
+    }
+}

@@ -1,0 +1,335 @@
+//! The tree against the shape of a model file: unknown and missing fields, types, sizes, names.
+//! References to parameters are replaced by their values here.
+
+use std::collections::BTreeMap;
+
+use serde_json::Value as Json;
+
+use super::limits;
+use super::names::{nearest, objection, suggestion};
+use super::schema::Dimension;
+use super::shape::{Field, Record, Shape, alternatives, describe, model_file};
+use super::tree::{Node, Table, Value, join};
+use crate::error::{Code, Diagnostic};
+
+/// Tables of items of the user's naming.
+pub(super) const COLLECTIONS: [&str; 7] =
+    ["bodies", "joints", "forces", "drivers", "tables", "roads", "parameters"];
+
+/// Checks a whole file; the result has the structure of `schema::ModelFile` when there are no
+/// errors.
+pub(super) fn check_file(root: &Node) -> (Json, Vec<Diagnostic>) {
+    let dimension = match root.field("dimension").and_then(Node::text) {
+        Some("planar") => Some(Dimension::Planar),
+        Some("spatial") => Some(Dimension::Spatial),
+        _ => None, // reported below
+    };
+    let mut checker = Checker { dimension, parameters: parameters(root), errors: Vec::new() };
+    let json = match &root.value {
+        Value::Table(table) => {
+            checker.unique_names(table);
+            checker.record(model_file(), table, "")
+        }
+        _ => {
+            let message = format!("the file holds {}; expected a table of fields", root.kind());
+            checker.errors.push(Diagnostic::new(Code::WrongType, "", message));
+            Json::Null
+        }
+    };
+    (json, checker.errors)
+}
+
+/// Values by name; what is wrong with a parameter is reported where it is defined.
+fn parameters(root: &Node) -> BTreeMap<&str, Option<f64>> {
+    let table = root.field("parameters").and_then(Node::table);
+    let value = |node: &Node| match node.field("value")?.value {
+        Value::Number(x) => Some(x),
+        _ => None,
+    };
+    table.into_iter().flatten().map(|(name, entry)| (name.as_str(), value(&entry.node))).collect()
+}
+
+struct Checker<'a> {
+    /// `None` when the file does not say, so that only that is reported.
+    dimension: Option<Dimension>,
+    parameters: BTreeMap<&'a str, Option<f64>>,
+    errors: Vec<Diagnostic>,
+}
+
+impl Checker<'_> {
+    fn refuse(&mut self, code: Code, path: &str, message: String, help: impl Into<String>) -> Json {
+        self.errors.push(Diagnostic::new(code, path, message).help(help));
+        Json::Null
+    }
+
+    /// Names are unique in the whole model: paths, channels and messages speak of items by name.
+    fn unique_names(&mut self, root: &Table) {
+        let mut seen: BTreeMap<&str, &str> = BTreeMap::new();
+        for collection in COLLECTIONS {
+            let items = root.get(collection).and_then(|entry| entry.node.table());
+            for name in items.into_iter().flatten().map(|(name, _)| name) {
+                if let Some(first) = seen.insert(name, collection) {
+                    let at = join(collection, name);
+                    let message = format!("`{at}` has the name of `{first}.{name}`");
+                    let help = "names are unique in the whole model: rename one of the two";
+                    self.refuse(Code::DuplicateName, &at, message, help);
+                }
+            }
+        }
+    }
+
+    fn wrong_type(&mut self, shape: &Shape, node: &Node, path: &str, unit: Option<&str>) -> Json {
+        let expected = describe(shape, unit, self.dimension);
+        let message = format!("`{path}` is {}; expected {expected}", node.kind());
+        let takes_number =
+            alternatives(shape, self.dimension).iter().any(|s| matches!(s, Shape::Number));
+        let help = match node.text().map(str::trim) {
+            Some(text) if takes_number && text.parse::<f64>().is_ok() => {
+                format!("write the number without quotes: {text}")
+            }
+            Some(text) if takes_number && self.parameters.contains_key(text) => {
+                format!("write \"={text}\" to use the parameter `{text}`")
+            }
+            _ => String::new(),
+        };
+        self.refuse(Code::WrongType, path, message, help)
+    }
+
+    fn value(&mut self, shape: &Shape, node: &Node, path: &str, unit: Option<&str>) -> Json {
+        match (shape, &node.value) {
+            (Shape::Number, Value::Number(x)) => (*x).into(),
+            (Shape::Number, Value::Text(text)) if text.starts_with('=') => {
+                self.reference(&text[1..], path)
+            }
+            (Shape::Integer { min, max }, Value::Number(x)) => self.integer(*x, *min, *max, path),
+            (Shape::Bool, Value::Bool(b)) => (*b).into(),
+            (Shape::Text, Value::Text(text)) => text.clone().into(),
+            (Shape::Choice(words), Value::Text(text)) => {
+                if words.iter().any(|(word, _)| word == text) {
+                    return text.clone().into();
+                }
+                let expected = describe(shape, None, None);
+                let message = format!("`{path}` is {}; expected {expected}", node.kind());
+                let meant = nearest(text, words.iter().map(|(word, _)| word.as_str()));
+                let help = meant.map_or(String::new(), |word| format!("did you mean \"{word}\"?"));
+                self.refuse(Code::UnknownChoice, path, message, help)
+            }
+            (Shape::List { item, min, max }, Value::List(list)) => {
+                if list.len() < *min || max.is_some_and(|max| list.len() > max) {
+                    let expected = describe(shape, unit, self.dimension);
+                    let message =
+                        format!("`{path}` has {}; expected {expected}", entries(list.len()));
+                    return self.refuse(Code::WrongSize, path, message, "");
+                }
+                let entries = list.iter().enumerate();
+                entries.map(|(i, n)| self.value(item, n, &format!("{path}[{i}]"), unit)).collect()
+            }
+            (Shape::Record(record), Value::Table(table)) => self.record(record, table, path),
+            (Shape::Tagged(_), Value::Table(table)) => self.tagged(shape, table, path),
+            (Shape::Map(item), Value::Table(table)) => self.map(item, table, path, unit),
+            (Shape::Either(_), _) => self.either(shape, node, path, unit),
+            _ => self.wrong_type(shape, node, path, unit),
+        }
+    }
+
+    fn reference(&mut self, name: &str, path: &str) -> Json {
+        if path.starts_with("parameters.") {
+            let message = format!("`{path}` refers to another parameter; expected a number");
+            return self.refuse(Code::WrongType, path, message, "give the number itself");
+        }
+        match self.parameters.get(name) {
+            Some(value) => value.unwrap_or_default().into(), // a bad value is reported at its place
+            None => {
+                let message =
+                    format!("`{path}` refers to the parameter `{name}`, which is not there");
+                let help = suggestion(name, "parameters", self.parameters.keys().copied());
+                self.refuse(Code::UnknownName, path, message, help)
+            }
+        }
+    }
+
+    fn integer(&mut self, x: f64, min: Option<u64>, max: Option<u64>, path: &str) -> Json {
+        let (low, high) = (min.unwrap_or(0), max.unwrap_or(1 << 53));
+        if x.fract() == 0.0 && x >= low as f64 && x <= high as f64 {
+            return (x as u64).into();
+        }
+        let message = format!("`{path}` is {x}; expected a whole number from {low} to {high}");
+        self.refuse(Code::OutOfRange, path, message, "")
+    }
+
+    /// The alternative of the model's dimension and of the value's kind.
+    fn either(&mut self, shape: &Shape, node: &Node, path: &str, unit: Option<&str>) -> Json {
+        let fits = |s: &&Shape| {
+            let sized = match (s, &node.value) {
+                (Shape::List { max: Some(max), .. }, Value::List(list)) => *max == list.len(),
+                _ => true,
+            };
+            sized && kind_fits(s, node)
+        };
+        let own = alternatives(shape, self.dimension);
+        let exact = own.iter().copied().find(fits);
+        let fitting = exact.or_else(|| own.into_iter().find(|s| kind_fits(s, node)));
+        if let (None, Some(dimension)) = (exact, self.dimension) {
+            if alternatives(shape, None).iter().any(fits) {
+                let expected = describe(shape, unit, self.dimension);
+                let have = match &node.value {
+                    Value::List(list) => format!("has {}", entries(list.len())),
+                    _ => format!("is {}", node.kind()),
+                };
+                let message = format!("`{path}` {have}; expected {expected}");
+                let help = match dimension {
+                    Dimension::Planar => {
+                        "this model is planar: points are [x, y], inertia and angles are about z"
+                    }
+                    Dimension::Spatial => {
+                        "this model is spatial: points are [x, y, z], inertia is a 3×3 tensor"
+                    }
+                };
+                return self.refuse(Code::WrongDimension, path, message, help);
+            }
+        }
+        match fitting {
+            Some(fitting) => self.value(fitting, node, path, unit),
+            None => self.wrong_type(shape, node, path, unit),
+        }
+    }
+
+    fn tagged(&mut self, shape: &Shape, table: &Table, path: &str) -> Json {
+        let Shape::Tagged(variants) = shape else { return Json::Null };
+        let exists = |of: Option<Dimension>| {
+            of.is_none() || self.dimension.is_none() || of == self.dimension
+        };
+        let known: Vec<&str> =
+            variants.iter().filter(|v| exists(v.dimension)).map(|v| v.name.as_str()).collect();
+        let choices = known.iter().map(|k| format!("\"{k}\"")).collect::<Vec<_>>().join(", ");
+        let at = join(path, "type");
+        let Some(node) = table.get("type").map(|entry| &entry.node) else {
+            let message = format!("`{path}` has no `type`; expected one of {choices}");
+            return self.refuse(Code::MissingField, &at, message, "");
+        };
+        let Some(name) = node.text() else {
+            let message = format!("`{at}` is {}; expected one of {choices}", node.kind());
+            return self.refuse(Code::WrongType, &at, message, "");
+        };
+        let Some(variant) = variants.iter().find(|v| v.name == name) else {
+            let message = format!("`{at}` is \"{name}\"; expected one of {choices}");
+            let help =
+                nearest(name, known).map_or(String::new(), |k| format!("did you mean \"{k}\"?"));
+            return self.refuse(Code::UnknownChoice, &at, message, help);
+        };
+        if !exists(variant.dimension) {
+            let message =
+                format!("`{path}` is of type \"{name}\", which {}", only(variant.dimension));
+            let help = format!("types of this model's dimension: {choices}");
+            return self.refuse(Code::WrongDimension, &at, message, help);
+        }
+        let mut json = self.record_of_type(&variant.record, table, path, Some(name));
+        json["type"] = name.into();
+        json
+    }
+
+    fn map(&mut self, item: &Shape, table: &Table, path: &str, unit: Option<&str>) -> Json {
+        if table.len() > limits::ITEMS {
+            let (count, most) = (table.len(), limits::ITEMS);
+            let message = format!("`{path}` has {count} items; at most {most} are accepted");
+            return self.refuse(Code::TooLarge, path, message, "");
+        }
+        // Under `initial` the names refer to items defined elsewhere.
+        let defines = !path.starts_with("initial.");
+        let mut out = serde_json::Map::with_capacity(table.len());
+        for (name, entry) in table {
+            let at = join(path, name);
+            if let Some(objection) = objection(name).filter(|_| defines) {
+                let message = format!("`{name}` in `{path}`: {objection}");
+                self.refuse(Code::BadName, &at, message, "use letters, digits, `_` and `-`");
+            }
+            out.insert(name.clone(), self.value(item, &entry.node, &at, unit));
+        }
+        out.into()
+    }
+
+    fn record(&mut self, record: &Record, table: &Table, path: &str) -> Json {
+        self.record_of_type(record, table, path, None)
+    }
+
+    fn record_of_type(
+        &mut self,
+        record: &Record,
+        table: &Table,
+        path: &str,
+        kind: Option<&str>,
+    ) -> Json {
+        let owner = match (path, kind) {
+            ("", _) => "the model".to_owned(),
+            (path, Some(kind)) => format!("`{path}` of type \"{kind}\""),
+            (path, None) => format!("`{path}`"),
+        };
+        let dimension = self.dimension;
+        let exists = |field: &&Field| {
+            field.dimension.is_none() || dimension.is_none() || field.dimension == dimension
+        };
+        let mut out = serde_json::Map::with_capacity(table.len());
+        for (name, entry) in table {
+            let at = join(path, name);
+            match record.field(name) {
+                Some(field) if exists(&field) => {
+                    let unit = field.unit.as_deref();
+                    out.insert(name.clone(), self.value(&field.shape, &entry.node, &at, unit));
+                }
+                Some(field) => {
+                    let message = format!("`{at}`: the field {}", only(field.dimension));
+                    self.refuse(Code::WrongDimension, &at, message, "leave the field out");
+                }
+                None if name == "type" && kind.is_some() => {}
+                None => {
+                    let known = record.fields.iter().filter(exists).map(|f| f.name.as_str());
+                    let message = format!("{owner} has no field `{name}`");
+                    let help = suggestion(name, "fields", known);
+                    self.refuse(Code::UnknownField, &at, message, help);
+                }
+            }
+        }
+        for field in record.fields.iter().filter(exists).filter(|field| field.required) {
+            if !table.contains_key(&field.name) {
+                let expected = describe(&field.shape, field.unit.as_deref(), dimension);
+                let message = format!("{owner} has no `{}`; expected {expected}", field.name);
+                self.refuse(
+                    Code::MissingField,
+                    &join(path, &field.name),
+                    message,
+                    first_sentence(&field.doc),
+                );
+            }
+        }
+        out.into()
+    }
+}
+
+fn first_sentence(doc: &str) -> &str {
+    doc.split_once(". ").map_or(doc, |(first, _)| first).trim_end_matches('.')
+}
+
+fn entries(n: usize) -> String {
+    if n == 1 { "1 entry".to_owned() } else { format!("{n} entries") }
+}
+
+fn only(dimension: Option<Dimension>) -> &'static str {
+    match dimension {
+        Some(Dimension::Planar) => "exists in planar models only",
+        _ => "exists in spatial models only",
+    }
+}
+
+/// Whether a value is of the kind that a shape takes; sizes and contents are looked at later.
+pub(super) fn kind_fits(shape: &Shape, node: &Node) -> bool {
+    match (shape, &node.value) {
+        (Shape::Number, Value::Text(text)) => text.starts_with('='),
+        (Shape::Number | Shape::Integer { .. }, Value::Number(_))
+        | (Shape::Bool, Value::Bool(_))
+        | (Shape::Text | Shape::Choice(_), Value::Text(_))
+        | (Shape::List { .. }, Value::List(_))
+        | (Shape::Record(_) | Shape::Tagged(_) | Shape::Map(_), Value::Table(_)) => true,
+        (Shape::Either(list), _) => list.iter().any(|(_, shape)| kind_fits(shape, node)),
+        _ => false,
+    }
+}

@@ -1,0 +1,18 @@
+//! What a model file may hold. Beyond these sizes a file is a mistake or an attack, not a model.
+
+/// Bytes of one file.
+pub const FILE_BYTES: usize = 64 << 20;
+/// Tables and lists inside each other.
+pub const NESTING: usize = 64;
+/// Files that extend each other in a row.
+pub const EXTENDS_DEPTH: usize = 16;
+/// Items of one collection: bodies, joints, forces, …
+pub const ITEMS: usize = 100_000;
+/// Entries of one list, such as the points of a table.
+pub const LIST_ENTRIES: usize = 1_000_000;
+/// Bytes of one text.
+pub const TEXT_BYTES: usize = 64 << 10;
+/// Characters of a name.
+pub const NAME_CHARACTERS: usize = 128;
+/// Errors reported at once.
+pub const ERRORS_SHOWN: usize = 20;

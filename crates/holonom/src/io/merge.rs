@@ -1,0 +1,189 @@
+//! Files that extend each other: reading the chain, merging by name, removing what is switched off.
+
+use super::check::COLLECTIONS;
+use super::limits;
+use super::read::{Syntax, read};
+use super::tree::{Entry, Node, Source, Span, Table, Value, location};
+use crate::error::{Code, Diagnostic, ModelErrors};
+
+/// Reads the text of a file by its path.
+pub(super) type Resolver<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
+
+/// Reads a file and those it extends into one tree.
+pub(super) fn read_chain(
+    text: &str,
+    syntax: Syntax,
+    name: &str,
+    resolver: &mut Resolver<'_>,
+    sources: &mut Vec<Source>,
+) -> Result<Node, ModelErrors> {
+    let mut layers = Vec::new();
+    let mut next = Some((text.to_owned(), syntax, name.to_owned()));
+    while let Some((text, syntax, name)) = next.take() {
+        let file = sources.len();
+        sources.push(Source { name: name.clone(), text });
+        let mut root = read(&sources[file], syntax, file)?;
+        check_version(&root, sources, file)?;
+        if let Value::Table(table) = &mut root.value
+            && let Some(entry) = table.shift_remove("extends")
+        {
+            next = Some(load(&entry.node, &name, resolver, sources)?);
+        }
+        layers.push(root);
+    }
+    let mut merged = layers.pop().unwrap_or(Node { value: Value::Bool(false), span: Span::SET });
+    while let Some(layer) = layers.pop() {
+        merge(&mut merged, layer);
+    }
+    Ok(merged)
+}
+
+fn check_version(root: &Node, sources: &[Source], file: usize) -> Result<(), ModelErrors> {
+    let fail = |code, message: String, span| -> Result<(), ModelErrors> {
+        let error = Diagnostic::new(code, "holonom", message)
+            .help("write `holonom = 1` (in JSON `\"holonom\": 1`) at the top of the file");
+        Err(Diagnostic { location: location(span, sources), ..error }.into())
+    };
+    if root.table().is_none() {
+        return Ok(()); // reported with the structure of the file
+    }
+    let start = Span { file, start: 0, end: 0 };
+    match root.field("holonom") {
+        None => fail(Code::Version, "the file does not say its format version".to_owned(), start),
+        Some(Node { value: Value::Number(1.0), .. }) => Ok(()),
+        Some(node) => {
+            let message = format!("`holonom` is {}; this program reads format 1", node.kind());
+            fail(Code::Version, message, node.span)
+        }
+    }
+}
+
+/// The file that `extends` names.
+fn load(
+    target: &Node,
+    from: &str,
+    resolver: &mut Resolver<'_>,
+    sources: &[Source],
+) -> Result<(String, Syntax, String), ModelErrors> {
+    let fail = |code, message: String, help: &str| -> ModelErrors {
+        let error = Diagnostic::new(code, "extends", message).help(help);
+        Diagnostic { location: location(target.span, sources), ..error }.into()
+    };
+    let Some(path) = target.text() else {
+        let message = format!("`extends` is {}; expected a path as text", target.kind());
+        return Err(fail(Code::WrongType, message, ""));
+    };
+    let absolute = path.starts_with('/') || path.contains(['\\', ':', '\0']);
+    if absolute || path.is_empty() {
+        let message = format!("`extends` is {path:?}; expected a relative path with `/`");
+        let help = "name a model beside this one, such as \"../other/model.toml\"";
+        return Err(fail(Code::Extends, message, help));
+    }
+    let name = relative(from, path);
+    let chain = || {
+        let names = sources.iter().map(|s| s.name.as_str());
+        names.chain([name.as_str()]).collect::<Vec<_>>().join(" → ")
+    };
+    if sources.iter().any(|s| relative("", &s.name) == name) {
+        let message = format!("files extend each other in a circle: {}", chain());
+        return Err(fail(Code::ExtendsCircle, message, "let one of them stand by itself"));
+    }
+    if sources.len() > limits::EXTENDS_DEPTH {
+        let most = limits::EXTENDS_DEPTH;
+        let message = format!("more than {most} files extend each other: {}", chain());
+        return Err(fail(Code::ExtendsCircle, message, "merge some of them into one"));
+    }
+    match resolver(&name) {
+        Ok(text) => Ok((text, Syntax::of_file(&name), name)),
+        Err(reason) => {
+            let message = format!("`extends` names `{name}`, which cannot be read: {reason}");
+            let help = "the path is relative to this file and stays in the tree of model folders";
+            Err(fail(Code::Extends, message, help))
+        }
+    }
+}
+
+/// `path` as seen from the folder of file `from`, without `.` and inner `..`.
+fn relative(from: &str, path: &str) -> String {
+    let folder = from.rsplit_once('/').map_or("", |(folder, _)| folder);
+    let root = if folder.starts_with('/') || (folder.is_empty() && from.starts_with('/')) {
+        "/"
+    } else {
+        ""
+    };
+    let mut parts: Vec<&str> = Vec::new();
+    for part in folder.split('/').chain(path.split('/')) {
+        match part {
+            "" | "." => {}
+            ".." if parts.last().is_some_and(|&last| last != "..") => {
+                parts.pop();
+            }
+            part => parts.push(part),
+        }
+    }
+    format!("{root}{}", parts.join("/"))
+}
+
+/// Lays `over` on `base`: tables are merged field by field, everything else is replaced. A table
+/// that states another `type` replaces the old one, whose fields would not fit.
+pub(super) fn merge(base: &mut Node, over: Node) {
+    let type_of = |node: &Node| node.field("type").and_then(Node::text).map(str::to_owned);
+    let retyped = type_of(&over).is_some_and(|new| type_of(base).is_some_and(|old| old != new));
+    match (&mut base.value, over.value) {
+        (Value::Table(fields), Value::Table(new)) if !retyped => {
+            for (name, entry) in new {
+                match fields.get_mut(&name) {
+                    Some(old) => {
+                        old.key = entry.key;
+                        merge(&mut old.node, entry.node);
+                    }
+                    None => {
+                        fields.insert(name, entry);
+                    }
+                }
+            }
+        }
+        (_, value) => base.value = value,
+    }
+    base.span = over.span;
+}
+
+/// Removes the items with `enabled = false`.
+pub(super) fn without_disabled(root: &Node) -> Node {
+    let mut root = root.clone();
+    if let Value::Table(fields) = &mut root.value {
+        for collection in COLLECTIONS {
+            if let Some(Entry { node: Node { value: Value::Table(items), .. }, .. }) =
+                fields.get_mut(collection)
+            {
+                retain_enabled(items);
+            }
+        }
+    }
+    root
+}
+
+fn retain_enabled(items: &mut Table) {
+    items.retain(|_, entry| {
+        let enabled = entry.node.field("enabled").map(|node| &node.value);
+        !matches!(enabled, Some(Value::Bool(false)))
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_seen_from_the_folder_of_the_file() {
+        for (from, path, expected) in [
+            ("models/a/model.toml", "../b/model.toml", "models/b/model.toml"),
+            ("model.toml", "base.toml", "base.toml"),
+            ("model.toml", "../x/./base.toml", "../x/base.toml"),
+            ("/m/a/model.toml", "../../../b.toml", "/../b.toml"),
+            ("a/b.toml", "../../c.toml", "../c.toml"),
+        ] {
+            assert_eq!(relative(from, path), expected, "{from} {path}");
+        }
+    }
+}

@@ -1,0 +1,88 @@
+//! Names: what they may contain, and which one was meant.
+
+use super::limits::NAME_CHARACTERS;
+
+/// Names that mean something by themselves in paths and channels.
+const RESERVED: [&str; 5] = ["ground", "energy", "constraint", "time", "state"];
+
+/// Why a name cannot be given to an item, if so.
+pub(super) fn objection(name: &str) -> Option<String> {
+    let allowed = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
+    if name.is_empty() {
+        Some("a name cannot be empty".to_owned())
+    } else if RESERVED.contains(&name) {
+        Some(format!("the name `{name}` is reserved"))
+    } else if name.chars().count() > NAME_CHARACTERS {
+        Some(format!("a name has at most {NAME_CHARACTERS} characters"))
+    } else {
+        let c = name.chars().find(|&c| !allowed(c))?;
+        Some(format!("a name cannot contain {c:?}"))
+    }
+}
+
+/// The candidate that a misspelled name most likely means.
+pub(super) fn nearest<'a>(
+    name: &str,
+    candidates: impl IntoIterator<Item = &'a str>,
+) -> Option<&'a str> {
+    let lower = name.to_lowercase();
+    let mut best: Option<(f64, &str)> = None;
+    for candidate in candidates {
+        let score = strsim::normalized_damerau_levenshtein(&lower, &candidate.to_lowercase());
+        // A name that is part of the other is meant more often than its distance says.
+        let part = !lower.is_empty() && (candidate.contains(name) || name.contains(candidate));
+        let score = if part { score.max(0.6) } else { score };
+        if best.is_none_or(|(b, _)| score > b) {
+            best = Some((score, candidate));
+        }
+    }
+    best.filter(|&(score, _)| score >= 0.5).map(|(_, candidate)| candidate)
+}
+
+/// Help for an unknown name: the nearest one, or all when they are few.
+pub(super) fn suggestion<'a>(
+    name: &str,
+    what: &str,
+    candidates: impl IntoIterator<Item = &'a str> + Clone,
+) -> String {
+    if let Some(meant) = nearest(name, candidates.clone()) {
+        return format!("did you mean `{meant}`?");
+    }
+    let known: Vec<_> = candidates.into_iter().take(13).map(|name| format!("`{name}`")).collect();
+    match known.len() {
+        0 => format!("the model has no {what}"),
+        1..=12 => format!("known {what}: {}", known.join(", ")),
+        _ => format!("known {what}: {}, …", known[..12].join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_name_is_the_one_a_person_means() {
+        let known = ["between", "point", "points_in_body", "stiffness", "free_length"];
+        for (typed, meant) in [
+            ("pont", Some("point")),
+            ("Stiffness", Some("stiffness")),
+            ("stifness", Some("stiffness")),
+            ("freelength", Some("free_length")),
+            ("betwene", Some("between")),
+            ("colour", None),
+            ("", None),
+        ] {
+            assert_eq!(nearest(typed, known), meant, "{typed}");
+        }
+    }
+
+    #[test]
+    fn names_that_paths_cannot_carry_are_refused() {
+        for name in ["", "a.b", "a b", "a[0]", "ground", "=x", "a*"] {
+            assert!(objection(name).is_some(), "{name}");
+        }
+        for name in ["a", "front_left-2", "Kurbel_übersetzt", "2nd"] {
+            assert!(objection(name).is_none(), "{name}");
+        }
+    }
+}

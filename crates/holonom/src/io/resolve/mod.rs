@@ -1,0 +1,220 @@
+//! From the checked file to the model: names become indices, points and axes become frames fixed in
+//! bodies, tables become functions.
+
+mod drivers;
+mod forces;
+mod geometry;
+mod initial;
+mod joints;
+mod motions;
+mod places;
+
+use indexmap::IndexMap;
+
+use self::geometry::{Pose, Vec3, planar_rotation, spatial_rotation};
+use super::names::suggestion;
+use super::schema::{self, Dimension, Inertia, ModelFile};
+use crate::error::{Code, Diagnostic};
+use crate::model;
+
+/// Builds the model; on errors all of them, each with its path.
+pub(super) fn model(file: &ModelFile) -> Result<model::Model, Vec<Diagnostic>> {
+    let mut errors = Vec::new();
+    let mut bodies = Vec::with_capacity(file.bodies.len());
+    let mut poses = IndexMap::with_capacity(file.bodies.len());
+    for (name, body) in &file.bodies {
+        let (body, pose) = rigid_body(name, body, file.dimension, &mut errors);
+        poses.insert(
+            name.as_str(),
+            Placed { pose, markers: body.markers.iter().cloned().collect() },
+        );
+        bodies.push(body);
+    }
+    let mut context = Context { file, poses, errors };
+    let joints = context.joints();
+    let drivers = context.drivers(&joints);
+    let model = model::Model {
+        title: file.title.clone().unwrap_or_default(),
+        dimension: match file.dimension {
+            Dimension::Planar => model::Dimension::Planar,
+            Dimension::Spatial => model::Dimension::Spatial,
+        },
+        gravity: file.gravity.map_or([0.0; 3], schema::Vector::components),
+        forces: context.forces(),
+        initial: context.initial(),
+        outputs: context.outputs(),
+        simulation: context.simulation(),
+        bodies,
+        joints,
+        drivers,
+    };
+    if context.errors.is_empty() { Ok(model) } else { Err(context.errors) }
+}
+
+/// A body with its design pose and its markers in body axes.
+struct Placed {
+    pose: Pose,
+    markers: IndexMap<String, Vec3>,
+}
+
+struct Context<'a> {
+    file: &'a ModelFile,
+    poses: IndexMap<&'a str, Placed>,
+    errors: Vec<Diagnostic>,
+}
+
+impl<'a> Context<'a> {
+    fn planar(&self) -> bool {
+        self.file.dimension == Dimension::Planar
+    }
+
+    fn refuse(&mut self, code: Code, path: impl Into<String>, message: String, help: &str) {
+        self.errors.push(Diagnostic::new(code, path, message).help(help));
+    }
+
+    fn pose(&self, body: model::BodyIndex) -> Pose {
+        body.map_or(Pose::GROUND, |i| self.poses[i].pose)
+    }
+
+    /// A body by name; `"ground"` is the ground. `None` when there is no such body.
+    fn body(&mut self, path: &str, name: &str) -> Option<model::BodyIndex> {
+        if name == "ground" {
+            return Some(None);
+        }
+        if let Some(index) = self.poses.get_index_of(name) {
+            return Some(Some(index));
+        }
+        let message = format!("`{path}` names the body `{name}`, which is not there");
+        let known = self.poses.keys().copied().chain(["ground"]);
+        let help = suggestion(name, "bodies", known);
+        self.refuse(Code::UnknownName, path, message, &help);
+        None
+    }
+
+    /// A body that can move.
+    fn moving_body(&mut self, path: &str, name: &str) -> Option<usize> {
+        let body = self.body(path, name)?;
+        if body.is_none() {
+            let message = format!("`{path}` is the ground; expected a body that can move");
+            self.refuse(Code::UnknownName, path, message, "");
+        }
+        body
+    }
+
+    fn between(&mut self, item: &str, names: &[String; 2]) -> Option<[model::BodyIndex; 2]> {
+        let first = self.body(&format!("{item}.between[0]"), &names[0]);
+        let second = self.body(&format!("{item}.between[1]"), &names[1]);
+        let (first, second) = (first?, second?);
+        if first == second {
+            let path = format!("{item}.between");
+            let message = format!("`{path}` connects `{}` with itself", names[0]);
+            self.refuse(Code::SameBody, path, message, "name two different bodies");
+            return None;
+        }
+        Some([first, second])
+    }
+
+    /// Exactly one of two fields: both and none are errors.
+    fn one_of<A, B>(
+        &mut self,
+        item: &str,
+        (first_name, first): (&str, &'a Option<A>),
+        (second_name, second): (&str, &'a Option<B>),
+    ) -> Option<Choice<'a, A, B>> {
+        match (first, second) {
+            (Some(a), None) => Some(Choice::First(a)),
+            (None, Some(b)) => Some(Choice::Second(b)),
+            (Some(_), Some(_)) => {
+                let message = format!(
+                    "`{item}` has both `{first_name}` and `{second_name}`; expected one of them"
+                );
+                let path = format!("{item}.{second_name}");
+                self.refuse(Code::ConflictingFields, path, message, "leave one of them out");
+                None
+            }
+            (None, None) => {
+                let message = format!("`{item}` has no `{first_name}`");
+                let help = format!("give `{first_name}`, or `{second_name}` in its place");
+                self.refuse(Code::MissingField, format!("{item}.{first_name}"), message, &help);
+                None
+            }
+        }
+    }
+
+    /// Euler parameters of unit length; rounding in their last digits is taken out.
+    fn euler_parameters(&mut self, path: String, p: [f64; 4]) -> model::Orientation {
+        let (p, error) = unit_euler_parameters(path, p);
+        self.errors.extend(error);
+        model::Orientation::EulerParameters(p)
+    }
+}
+
+enum Choice<'a, A, B> {
+    First(&'a A),
+    Second(&'a B),
+}
+
+fn unit_euler_parameters(path: String, p: [f64; 4]) -> ([f64; 4], Option<Diagnostic>) {
+    let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if (length - 1.0).abs() <= 1e-6 {
+        return (p.map(|x| x / length), None);
+    }
+    let message = format!("`{path}` has length {length:.9}; expected 1 within 1e-6");
+    let error = Diagnostic::new(Code::NotUnit, path, message).help(
+        "Euler parameters are cos(φ/2) and sin(φ/2) times the unit axis; no turn is [1, 0, 0, 0]",
+    );
+    ([1.0, 0.0, 0.0, 0.0], Some(error))
+}
+
+fn rigid_body(
+    name: &str,
+    body: &schema::Body,
+    dimension: Dimension,
+    errors: &mut Vec<Diagnostic>,
+) -> (model::Body, Pose) {
+    let (orientation, rotation) = match dimension {
+        Dimension::Planar => (model::Orientation::Angle(body.angle), planar_rotation(body.angle)),
+        Dimension::Spatial => {
+            let stated = body.euler_parameters.unwrap_or([1.0, 0.0, 0.0, 0.0]);
+            let (p, error) =
+                unit_euler_parameters(format!("bodies.{name}.euler_parameters"), stated);
+            errors.extend(error);
+            (model::Orientation::EulerParameters(p), spatial_rotation(p))
+        }
+    };
+    let position = body.position.components();
+    let pose = Pose { origin: position, rotation };
+    let mut markers = Vec::with_capacity(body.markers.len());
+    for (marker, place) in &body.markers {
+        let path = format!("bodies.{name}.markers.{marker}");
+        match (place.point, place.point_in_body) {
+            (Some(point), None) => {
+                markers.push((marker.clone(), pose.point_to_body(point.components())));
+            }
+            (None, Some(point)) => markers.push((marker.clone(), point.components())),
+            (Some(_), Some(_)) => {
+                let message = format!("`{path}` has both `point` and `point_in_body`");
+                let error = Diagnostic::new(Code::ConflictingFields, path, message);
+                errors.push(error.help("leave one of them out"));
+            }
+            (None, None) => {
+                let message = format!("`{path}` has no `point`");
+                let error = Diagnostic::new(Code::MissingField, format!("{path}.point"), message);
+                errors.push(error.help("give `point`, or `point_in_body` in its place"));
+            }
+        }
+    }
+    let body = model::Body {
+        name: name.to_owned(),
+        mass: body.mass,
+        inertia: match body.inertia {
+            Inertia::Planar(j) => [[0.0; 3], [0.0; 3], [0.0, 0.0, j]],
+            Inertia::Spatial(tensor) => tensor,
+        },
+        position,
+        orientation,
+        center_of_mass: body.center_of_mass.map_or([0.0; 3], schema::Vector::components),
+        markers,
+    };
+    (body, pose)
+}

@@ -1,0 +1,165 @@
+//! Functions of time and elastic laws, from numbers and tables.
+
+use super::Context;
+use crate::error::Code;
+use crate::io::names::suggestion;
+use crate::io::schema::{self, Motion};
+use crate::math::{MonotoneCubic, TableError, TimeFunction};
+use crate::model::ElasticLaw;
+
+impl<'a> Context<'a> {
+    /// `scale` times a function of time.
+    pub(super) fn motion(
+        &mut self,
+        path: &str,
+        motion: &Motion,
+        scale: f64,
+    ) -> Option<TimeFunction> {
+        let function = match motion {
+            Motion::Number(value) => return Some(TimeFunction::Constant(scale * value)),
+            Motion::Function(function) => function,
+        };
+        match function {
+            schema::TimeFunction::Constant(f) => Some(TimeFunction::Constant(scale * f.value)),
+            schema::TimeFunction::Polynomial(f) => Some(TimeFunction::Polynomial {
+                coefficients: f.coefficients.iter().map(|c| scale * c).collect(),
+                start: f.start,
+            }),
+            schema::TimeFunction::Harmonic(f) => Some(TimeFunction::Harmonic {
+                amplitude: scale * f.amplitude,
+                angular_frequency: f.angular_frequency,
+                phase: f.phase,
+                offset: scale * f.offset,
+            }),
+            schema::TimeFunction::SmoothStep(f) => {
+                if f.end <= f.start {
+                    let path = format!("{path}.end");
+                    let message = format!(
+                        "`{path}` is {}; expected a time after the start, {}",
+                        f.end, f.start
+                    );
+                    self.refuse(Code::OutOfRange, path, message, "let the change take some time");
+                    return None;
+                }
+                let (from, to) = (scale * f.from, scale * f.to);
+                Some(TimeFunction::SmoothStep { from, to, start: f.start, end: f.end })
+            }
+            schema::TimeFunction::Table(f) => {
+                let (at, x, y) = self.columns(path, &f.table, &f.x, &f.y)?;
+                let function = TimeFunction::table(x, y.iter().map(|y| scale * y).collect());
+                self.table(&at, function)
+            }
+        }
+    }
+
+    /// A law from a stiffness or a table; `None` when neither is given.
+    pub(super) fn law(
+        &mut self,
+        item: &str,
+        stiffness: Option<f64>,
+        (field, law): (&str, &Option<schema::Law>),
+    ) -> Option<Option<ElasticLaw>> {
+        match (stiffness, law) {
+            (None, None) => Some(None),
+            (Some(stiffness), None) => Some(Some(ElasticLaw::Linear(stiffness))),
+            (None, Some(law)) => {
+                let path = format!("{item}.{field}");
+                let (at, x, y) = self.columns(&path, &law.table, &law.x, &law.y)?;
+                let cubic = self.table(&at, MonotoneCubic::new(x, y))?;
+                Some(Some(ElasticLaw::Table(cubic)))
+            }
+            (Some(_), Some(_)) => {
+                let message =
+                    format!("`{item}` has both `stiffness` and `{field}`; expected one of them");
+                let path = format!("{item}.{field}");
+                self.refuse(Code::ConflictingFields, path, message, "leave one of them out");
+                None
+            }
+        }
+    }
+
+    /// The columns of a named or inline table, and where they are written.
+    fn columns(
+        &mut self,
+        path: &str,
+        table: &Option<String>,
+        x: &Option<Vec<f64>>,
+        y: &Option<Vec<f64>>,
+    ) -> Option<(String, Vec<f64>, Vec<f64>)> {
+        match (table, x, y) {
+            (Some(name), None, None) => {
+                let Some(table) = self.file.tables.get(name) else {
+                    let path = format!("{path}.table");
+                    let message = format!("`{path}` names the table `{name}`, which is not there");
+                    let known = self.file.tables.keys().map(String::as_str);
+                    let help = suggestion(name, "tables", known);
+                    self.refuse(Code::UnknownName, path, message, &help);
+                    return None;
+                };
+                // Errors of a named table are reported once, at the table.
+                Some((format!("tables.{name}"), table.x.clone(), table.y.clone()))
+            }
+            (None, Some(x), Some(y)) => Some((path.to_owned(), x.clone(), y.clone())),
+            (None, None, None) => {
+                let message = format!("`{path}` has no `table`");
+                let at = format!("{path}.table");
+                self.refuse(
+                    Code::MissingField,
+                    at,
+                    message,
+                    "give `table`, or `x` and `y` in its place",
+                );
+                None
+            }
+            (Some(_), _, _) => {
+                let message = format!("`{path}` has both `table` and its own columns");
+                self.refuse(Code::ConflictingFields, path, message, "leave one of them out");
+                None
+            }
+            (None, _, _) => {
+                let missing = if x.is_none() { "x" } else { "y" };
+                let message = format!(
+                    "`{path}` has no `{missing}`; expected as many entries as in the other column"
+                );
+                self.refuse(Code::MissingField, format!("{path}.{missing}"), message, "");
+                None
+            }
+        }
+    }
+
+    /// Named tables are checked whether they are used or not.
+    pub(super) fn tables(&mut self) {
+        let file = self.file;
+        for (name, table) in &file.tables {
+            let function = MonotoneCubic::new(table.x.clone(), table.y.clone());
+            if let Err(error) = function {
+                self.table_error(&format!("tables.{name}"), &error);
+            }
+        }
+    }
+
+    fn table<T>(&mut self, path: &str, function: Result<T, TableError>) -> Option<T> {
+        match function {
+            Ok(function) => Some(function),
+            Err(error) => {
+                if !path.starts_with("tables.") {
+                    self.table_error(path, &error);
+                }
+                None
+            }
+        }
+    }
+
+    fn table_error(&mut self, path: &str, error: &TableError) {
+        let (at, help) = match error {
+            TableError::Size { .. } => {
+                (format!("{path}.x"), "give `x` and `y` the same length, two or more")
+            }
+            TableError::Order { index, .. } => {
+                (format!("{path}.x[{index}]"), "sort the table by `x` and remove repeated points")
+            }
+            TableError::NotFinite { .. } => (path.to_owned(), ""),
+        };
+        self.refuse(Code::Table, at, format!("`{path}`: {error}"), help);
+    }
+}

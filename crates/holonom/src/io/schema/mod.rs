@@ -1,0 +1,211 @@
+//! The structure of a model file as types. The JSON Schema, the checks of the reader and the
+//! reference page all come from them, so that they cannot differ.
+//!
+//! Comments on fields are the text of the reference page. `x-unit` is the unit of a number,
+//! `x-dimension` says where a field exists in models of one dimension only.
+
+mod forces;
+mod items;
+mod motions;
+
+use indexmap::IndexMap;
+use schemars::JsonSchema;
+use schemars::transform::{RecursiveTransform, Transform};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+pub(super) use forces::*;
+pub(super) use items::*;
+pub(super) use motions::*;
+
+/// Fields that every item has, added to each.
+macro_rules! item {
+    ($(#[$meta:meta])* struct $name:ident { $($body:tt)* }) => {
+        $(#[$meta])*
+        #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
+        #[serde(deny_unknown_fields)]
+        pub(crate) struct $name {
+            $($body)*
+            /// Text for people: what it is, where its numbers come from.
+            #[allow(dead_code, reason = "for readers of the file")]
+            pub(crate) title: Option<String>,
+            /// `false` removes the item, also one of a file that this file extends.
+            #[allow(dead_code, reason = "applied while files are merged")]
+            #[serde(default = "crate::io::schema::yes")]
+            pub(crate) enabled: bool,
+        }
+    };
+}
+pub(super) use item;
+
+pub(super) fn yes() -> bool {
+    true
+}
+
+/// A model of a mechanism: bodies, joints, forces and drivers in SI units and radians.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "Holonom model file")]
+pub(crate) struct ModelFile {
+    /// Version of this format: 1.
+    #[allow(dead_code, reason = "checked before anything else is read")]
+    #[schemars(range(min = 1, max = 1))]
+    pub(crate) holonom: u32,
+    /// Title for reports.
+    pub(crate) title: Option<String>,
+    /// Path, relative to this file, of a model that this file changes; see "Variants" above.
+    #[allow(dead_code, reason = "applied while files are merged")]
+    pub(crate) extends: Option<String>,
+    /// Planar models move in x-y and turn about z; spatial models move in three dimensions.
+    pub(crate) dimension: Dimension,
+    /// Acceleration of gravity, ground axes. Where it is left out there is none, and a warning says so.
+    #[schemars(extend("x-unit" = "m/s²"))]
+    pub(crate) gravity: Option<Vector>,
+    /// Numbers with a name, used as `"=name"` in any numeric field.
+    #[allow(dead_code, reason = "their values are put in place while the file is checked")]
+    #[serde(default)]
+    pub(crate) parameters: IndexMap<String, Parameter>,
+    /// Rigid bodies in the design configuration.
+    #[serde(default)]
+    pub(crate) bodies: IndexMap<String, Body>,
+    /// Joints between bodies, or between a body and the ground.
+    #[serde(default)]
+    pub(crate) joints: IndexMap<String, Joint>,
+    /// Force elements and applied forces.
+    #[serde(default)]
+    pub(crate) forces: IndexMap<String, Force>,
+    /// Prescribed motions.
+    #[serde(default)]
+    pub(crate) drivers: IndexMap<String, Driver>,
+    /// Tables that force laws and motions refer to.
+    #[serde(default)]
+    pub(crate) tables: IndexMap<String, DataTable>,
+    /// Road profiles that tyres refer to.
+    #[serde(default)]
+    pub(crate) roads: IndexMap<String, Road>,
+    /// State at the start of the run.
+    #[serde(default)]
+    pub(crate) initial: Initial,
+    /// What a run writes unless the command says otherwise.
+    #[serde(default)]
+    pub(crate) outputs: Outputs,
+    /// How a run integrates unless the command says otherwise.
+    #[serde(default)]
+    pub(crate) simulation: Simulation,
+}
+
+/// Planar or spatial.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Dimension {
+    /// Points are `[x, y]`; inertia, angles and torques are numbers about z.
+    Planar,
+    /// Points are `[x, y, z]`; orientations are Euler parameters.
+    Spatial,
+}
+
+/// A point or vector: `[x, y]` in planar, `[x, y, z]` in spatial models.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum Vector {
+    #[schemars(extend("x-dimension" = "planar"))]
+    Planar([f64; 2]),
+    #[schemars(extend("x-dimension" = "spatial"))]
+    Spatial([f64; 3]),
+}
+
+impl Vector {
+    /// Three components; the third of a planar vector is zero.
+    pub(super) fn components(self) -> [f64; 3] {
+        match self {
+            Self::Planar([x, y]) => [x, y, 0.0],
+            Self::Spatial(v) => v,
+        }
+    }
+}
+
+/// A rotational quantity: a number about z in planar, `[x, y, z]` in spatial models.
+#[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum Rotational {
+    #[schemars(extend("x-dimension" = "planar"))]
+    Planar(f64),
+    #[schemars(extend("x-dimension" = "spatial"))]
+    Spatial([f64; 3]),
+}
+
+impl Rotational {
+    pub(super) fn components(self) -> [f64; 3] {
+        match self {
+            Self::Planar(z) => [0.0, 0.0, z],
+            Self::Spatial(v) => v,
+        }
+    }
+}
+
+/// A point: its components, or a marker `"body.marker"`.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum Place {
+    At(Vector),
+    Marker(String),
+}
+
+/// Fields of `Option` type may be left out; null is not a value of a model file, and a table that
+/// is left out needs no default.
+#[derive(Clone)]
+struct WithoutNull;
+
+impl Transform for WithoutNull {
+    fn transform(&mut self, schema: &mut schemars::Schema) {
+        let Some(object) = schema.as_object_mut() else { return };
+        if object.get("default").is_some_and(serde_json::Value::is_object) {
+            object.remove("default");
+        }
+        if let Some(types) = object.get_mut("type").and_then(|t| t.as_array_mut()) {
+            types.retain(|t| t != "null");
+            if let [only] = &types[..] {
+                let only = only.clone();
+                object.insert("type".to_owned(), only);
+            }
+        }
+        if let Some(list) = object.get_mut("anyOf").and_then(|t| t.as_array_mut()) {
+            list.retain(|alternative| alternative.get("type") != Some(&json!("null")));
+            if let [serde_json::Value::Object(only)] = &list[..] {
+                let only = only.clone();
+                object.remove("anyOf");
+                object.extend(only);
+            }
+        }
+    }
+}
+
+/// Numbers may be written as `"=parameter"`.
+#[derive(Clone)]
+struct WithParameters;
+
+impl Transform for WithParameters {
+    fn transform(&mut self, schema: &mut schemars::Schema) {
+        let Some(object) = schema.as_object_mut() else { return };
+        if object.get("type") == Some(&json!("number")) {
+            object.insert("type".to_owned(), json!(["number", "string"]));
+            object.insert("pattern".to_owned(), json!("^="));
+        }
+    }
+}
+
+/// The schema that the reader follows.
+pub(super) fn root_schema() -> serde_json::Value {
+    let settings = schemars::generate::SchemaSettings::draft2020_12()
+        .with_transform(RecursiveTransform(WithoutNull));
+    settings.into_generator().into_root_schema_for::<ModelFile>().to_value()
+}
+
+/// JSON Schema (draft 2020-12) of model files, for editors and other tools.
+pub fn json_schema() -> String {
+    let settings = schemars::generate::SchemaSettings::draft2020_12()
+        .with_transform(RecursiveTransform(WithoutNull))
+        .with_transform(RecursiveTransform(WithParameters));
+    let schema = settings.into_generator().into_root_schema_for::<ModelFile>();
+    format!("{:#}\n", schema.to_value())
+}

@@ -1,0 +1,237 @@
+//! The schema, compiled into what the reader, `with_values` and the reference page walk through.
+
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+use super::schema::{Dimension, root_schema};
+
+/// What may stand at one place of a model file.
+#[derive(Debug, Clone)]
+pub(super) enum Shape {
+    Number,
+    Integer {
+        min: Option<u64>,
+        max: Option<u64>,
+    },
+    Bool,
+    Text,
+    /// One of these words, with its meaning.
+    Choice(Vec<(String, String)>),
+    List {
+        item: Box<Shape>,
+        min: usize,
+        max: Option<usize>,
+    },
+    Record(Record),
+    /// A record whose fields depend on its `type`.
+    Tagged(Vec<Variant>),
+    /// Names of the user's choice.
+    Map(Box<Shape>),
+    /// The alternative whose dimension and kind fit.
+    Either(Vec<(Option<Dimension>, Shape)>),
+}
+
+/// A table with known fields.
+#[derive(Debug, Clone)]
+pub(super) struct Record {
+    pub(super) doc: String,
+    pub(super) fields: Vec<Field>,
+}
+
+/// A known field.
+#[derive(Debug, Clone)]
+pub(super) struct Field {
+    pub(super) name: String,
+    pub(super) doc: String,
+    pub(super) unit: Option<String>,
+    pub(super) dimension: Option<Dimension>,
+    pub(super) required: bool,
+    pub(super) default: Option<Value>,
+    pub(super) shape: Shape,
+}
+
+/// A record by the value of its `type`.
+#[derive(Debug, Clone)]
+pub(super) struct Variant {
+    pub(super) name: String,
+    pub(super) dimension: Option<Dimension>,
+    pub(super) record: Record,
+}
+
+impl Record {
+    pub(super) fn field(&self, name: &str) -> Option<&Field> {
+        self.fields.iter().find(|field| field.name == name)
+    }
+}
+
+/// The shape of a model file.
+pub(super) fn model_file() -> &'static Record {
+    static SHAPE: OnceLock<Record> = OnceLock::new();
+    SHAPE.get_or_init(|| {
+        let schema = root_schema();
+        Compiler { definitions: &schema["$defs"] }.record(&schema)
+    })
+}
+
+/// Reads the keywords that the types of `schema` lead to; a keyword it does not know would be a
+/// rule that the reader does not keep, so it panics, which the tests of this room would see.
+struct Compiler<'a> {
+    definitions: &'a Value,
+}
+
+impl Compiler<'_> {
+    fn shape(&self, schema: &Value) -> Shape {
+        if let Some(reference) = schema["$ref"].as_str() {
+            let name = reference.trim_start_matches("#/$defs/");
+            return self.shape(&self.definitions[name]);
+        }
+        if let Some(list) = schema["anyOf"].as_array() {
+            let alternatives = list.iter().flat_map(|alternative| match self.shape(alternative) {
+                Shape::Either(inner) => inner,
+                shape => vec![(dimension(alternative), shape)],
+            });
+            return Shape::Either(alternatives.collect());
+        }
+        if let Some(list) = schema["oneOf"].as_array() {
+            if list.iter().all(|choice| choice["const"].is_string()) {
+                let words = list.iter().map(|c| (text(&c["const"]), doc(c)));
+                return Shape::Choice(words.collect());
+            }
+            let variants = list.iter().map(|variant| {
+                let mut record = self.record(variant);
+                record.fields.retain(|field| field.name != "type");
+                Variant {
+                    name: text(&variant["properties"]["type"]["const"]),
+                    dimension: dimension(variant),
+                    record,
+                }
+            });
+            return Shape::Tagged(variants.collect());
+        }
+        match schema["type"].as_str() {
+            Some("number") => Shape::Number,
+            Some("integer") => {
+                Shape::Integer { min: schema["minimum"].as_u64(), max: schema["maximum"].as_u64() }
+            }
+            Some("boolean") => Shape::Bool,
+            Some("string") => match schema["enum"].as_array() {
+                Some(words) => {
+                    Shape::Choice(words.iter().map(|w| (text(w), String::new())).collect())
+                }
+                None => Shape::Text,
+            },
+            Some("array") => Shape::List {
+                item: Box::new(self.shape(&schema["items"])),
+                min: schema["minItems"].as_u64().unwrap_or(0) as usize,
+                max: schema["maxItems"].as_u64().map(|n| n as usize),
+            },
+            Some("object") if schema["properties"].is_object() => {
+                Shape::Record(self.record(schema))
+            }
+            Some("object") => Shape::Map(Box::new(self.shape(&schema["additionalProperties"]))),
+            _ => unreachable!("the schema has a form that the reader does not know: {schema}"),
+        }
+    }
+
+    fn record(&self, schema: &Value) -> Record {
+        let required = schema["required"].as_array().map_or(&[][..], Vec::as_slice);
+        let properties = schema["properties"].as_object();
+        let fields = properties.into_iter().flatten().map(|(name, property)| {
+            let referred = property["$ref"].as_str().map(|r| r.trim_start_matches("#/$defs/"));
+            let own = doc(property);
+            Field {
+                name: name.clone(),
+                doc: match (own.is_empty(), referred) {
+                    (true, Some(name)) => doc(&self.definitions[name]),
+                    _ => own,
+                },
+                unit: property["x-unit"].as_str().map(str::to_owned),
+                dimension: dimension(property),
+                required: required.iter().any(|r| r.as_str() == Some(name)),
+                default: property.get("default").cloned(),
+                shape: match property.get("const") {
+                    Some(word) => Shape::Choice(vec![(text(word), String::new())]),
+                    None => self.shape(property),
+                },
+            }
+        });
+        Record { doc: doc(schema), fields: fields.collect() }
+    }
+}
+
+fn text(value: &Value) -> String {
+    value.as_str().unwrap_or_default().to_owned()
+}
+
+fn doc(schema: &Value) -> String {
+    schema["description"].as_str().unwrap_or_default().replace('\n', " ")
+}
+
+fn dimension(schema: &Value) -> Option<Dimension> {
+    match schema["x-dimension"].as_str()? {
+        "planar" => Some(Dimension::Planar),
+        _ => Some(Dimension::Spatial),
+    }
+}
+
+/// What a shape expects, for messages: "a number (kg)", "a list of 2 numbers (m)".
+pub(super) fn describe(shape: &Shape, unit: Option<&str>, dimension: Option<Dimension>) -> String {
+    let unit_text = unit.map_or(String::new(), |unit| format!(" ({unit})"));
+    match shape {
+        Shape::Number => format!("a number{unit_text}"),
+        Shape::Integer { .. } => "a whole number".to_owned(),
+        Shape::Bool => "`true` or `false`".to_owned(),
+        Shape::Text => "a text".to_owned(),
+        Shape::Choice(words) => {
+            let words: Vec<_> = words.iter().map(|(word, _)| format!("\"{word}\"")).collect();
+            words.join(" or ")
+        }
+        Shape::List { item, min, max } => {
+            let count = match (*min, *max) {
+                (n, Some(m)) if n == m => format!(" of {n}"),
+                (0, _) => String::new(),
+                (n, _) => format!(" of {n} or more"),
+            };
+            let entries = match &**item {
+                Shape::Number => format!("numbers{unit_text}"),
+                Shape::Text => "names".to_owned(),
+                Shape::List { item, max: Some(m), .. } if matches!(**item, Shape::Number) => {
+                    format!("lists of {m} numbers{unit_text}")
+                }
+                other => format!("entries, each {}", describe(other, unit, dimension)),
+            };
+            let of = if count.is_empty() { " of" } else { "" };
+            format!("a list{count}{of} {entries}")
+        }
+        Shape::Record(record) => {
+            let needed = record.fields.iter().filter(|f| f.required);
+            let names: Vec<_> = needed.map(|f| format!("`{}`", f.name)).collect();
+            match &names[..] {
+                [] => "a table".to_owned(),
+                names => format!("a table with {}", names.join(", ")),
+            }
+        }
+        Shape::Tagged(_) => "a table with a `type`".to_owned(),
+        Shape::Map(_) => "a table of names".to_owned(),
+        Shape::Either(_) => {
+            let of_kind: Vec<_> = alternatives(shape, dimension)
+                .into_iter()
+                .map(|shape| describe(shape, unit, dimension))
+                .collect();
+            of_kind.join(" or ")
+        }
+    }
+}
+
+/// The alternatives that a model of this dimension has.
+pub(super) fn alternatives(shape: &Shape, dimension: Option<Dimension>) -> Vec<&Shape> {
+    match shape {
+        Shape::Either(list) => {
+            let fits =
+                |of: &Option<Dimension>| of.is_none() || dimension.is_none() || *of == dimension;
+            list.iter().filter(|(of, _)| fits(of)).map(|(_, shape)| shape).collect()
+        }
+        shape => vec![shape],
+    }
+}

@@ -1,0 +1,197 @@
+//! One tree for both syntaxes: every value knows the file and the bytes it was read from, tables
+//! keep the order of the file.
+
+use indexmap::IndexMap;
+
+use crate::error::{Code, Diagnostic, Location};
+
+/// Bytes `start..end` of source number `file`; values set by the caller have no source.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Span {
+    pub(super) file: usize,
+    pub(super) start: usize,
+    pub(super) end: usize,
+}
+
+impl Span {
+    /// Of a value that no file states (`with_values`).
+    pub(super) const SET: Self = Self { file: usize::MAX, start: 0, end: 0 };
+}
+
+/// A value with its place.
+#[derive(Debug, Clone)]
+pub(super) struct Node {
+    pub(super) value: Value,
+    pub(super) span: Span,
+}
+
+/// Values that model files can hold; numbers are finite.
+#[derive(Debug, Clone)]
+pub(super) enum Value {
+    Bool(bool),
+    Number(f64),
+    Text(String),
+    List(Vec<Node>),
+    Table(Table),
+}
+
+/// Fields in file order, each with the place of its key.
+pub(super) type Table = IndexMap<String, Entry>;
+
+/// A field of a table.
+#[derive(Debug, Clone)]
+pub(super) struct Entry {
+    pub(super) key: Span,
+    pub(super) node: Node,
+}
+
+impl Node {
+    pub(super) fn table(&self) -> Option<&Table> {
+        match &self.value {
+            Value::Table(table) => Some(table),
+            _ => None,
+        }
+    }
+
+    pub(super) fn text(&self) -> Option<&str> {
+        match &self.value {
+            Value::Text(text) => Some(text),
+            _ => None,
+        }
+    }
+
+    pub(super) fn field(&self, name: &str) -> Option<&Node> {
+        self.table()?.get(name).map(|entry| &entry.node)
+    }
+
+    /// What the value is, for messages.
+    pub(super) fn kind(&self) -> String {
+        match &self.value {
+            Value::Bool(b) => format!("`{b}`"),
+            Value::Number(x) => format!("the number {x}"),
+            Value::Text(t) if t.chars().count() > 40 => {
+                format!("the text \"{}…\"", t.chars().take(40).collect::<String>())
+            }
+            Value::Text(t) => format!("the text {t:?}"),
+            Value::List(list) if list.is_empty() => "an empty list".to_owned(),
+            Value::List(list) => format!("a list of {}", list.len()),
+            Value::Table(_) => "a table".to_owned(),
+        }
+    }
+
+    /// As JSON.
+    pub(super) fn to_json(&self) -> serde_json::Value {
+        match &self.value {
+            Value::Bool(b) => (*b).into(),
+            Value::Number(x) => (*x).into(),
+            Value::Text(t) => t.clone().into(),
+            Value::List(list) => list.iter().map(Node::to_json).collect(),
+            Value::Table(table) => serde_json::Value::Object(
+                table.iter().map(|(key, entry)| (key.clone(), entry.node.to_json())).collect(),
+            ),
+        }
+    }
+
+    /// A value given by the caller.
+    ///
+    /// # Errors
+    /// A reason when the value is null or not finite.
+    pub(super) fn from_json(value: &serde_json::Value) -> Result<Self, &'static str> {
+        let value = match value {
+            serde_json::Value::Null => return Err("null is not a value"),
+            serde_json::Value::Bool(b) => Value::Bool(*b),
+            serde_json::Value::Number(n) => match n.as_f64() {
+                Some(x) if x.is_finite() => Value::Number(x),
+                _ => return Err("the number is not finite"),
+            },
+            serde_json::Value::String(t) => Value::Text(t.clone()),
+            serde_json::Value::Array(list) => {
+                Value::List(list.iter().map(Self::from_json).collect::<Result<_, _>>()?)
+            }
+            serde_json::Value::Object(map) => Value::Table(
+                map.iter()
+                    .map(|(key, value)| {
+                        let node = Self::from_json(value)?;
+                        Ok((key.clone(), Entry { key: Span::SET, node }))
+                    })
+                    .collect::<Result<_, &'static str>>()?,
+            ),
+        };
+        Ok(Self { value, span: Span::SET })
+    }
+}
+
+/// A step of a path: a field or an index.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Step {
+    Field(String),
+    Index(usize),
+}
+
+/// Reads `forces.front.stiffness[2]`; `None` when it is not of this form.
+pub(super) fn parse_path(path: &str) -> Option<Vec<Step>> {
+    let mut steps = Vec::new();
+    for part in path.split('.') {
+        let (name, mut rest) = part.split_at(part.find('[').unwrap_or(part.len()));
+        if name.is_empty() {
+            return None;
+        }
+        steps.push(Step::Field(name.to_owned()));
+        while !rest.is_empty() {
+            let (digits, tail) = rest.strip_prefix('[')?.split_once(']')?;
+            steps.push(Step::Index(digits.parse().ok()?));
+            rest = tail;
+        }
+    }
+    Some(steps)
+}
+
+/// Appends a field to a path.
+pub(super) fn join(path: &str, field: &str) -> String {
+    if path.is_empty() { field.to_owned() } else { format!("{path}.{field}") }
+}
+
+/// A file that was read.
+#[derive(Debug, Clone)]
+pub(super) struct Source {
+    pub(super) name: String,
+    pub(super) text: String,
+}
+
+/// Place of what `path` names: of its key, or of its value. Where the path leads to nothing written,
+/// the place of the nearest table around it.
+pub(super) fn span_of(root: &Node, path: &str, of_key: bool) -> Span {
+    let mut span = root.span;
+    let mut node = root;
+    for step in parse_path(path).unwrap_or_default() {
+        let found = match (&node.value, &step) {
+            (Value::Table(table), Step::Field(name)) => {
+                table.get(name).map(|entry| (entry.key, &entry.node))
+            }
+            (Value::List(list), Step::Index(i)) => list.get(*i).map(|node| (node.span, node)),
+            _ => None,
+        };
+        let Some((key, next)) = found else { return span };
+        // A table opened by a header is marked at its name: its bytes reach over many lines.
+        span = if of_key || matches!(next.value, Value::Table(_)) { key } else { next.span };
+        node = next;
+    }
+    span
+}
+
+/// Whether findings with this code are about a name rather than about its value.
+pub(super) fn marks_key(code: Code) -> bool {
+    matches!(code, Code::UnknownField | Code::DuplicateName | Code::BadName | Code::MissingField)
+}
+
+/// Gives a finding its place, once the tree is known.
+pub(super) fn locate(finding: &mut Diagnostic, root: &Node, sources: &[Source]) {
+    let span = span_of(root, &finding.path, marks_key(finding.code));
+    finding.location = location(span, sources);
+}
+
+/// The place of a span in its source.
+pub(super) fn location(span: Span, sources: &[Source]) -> Option<Location> {
+    let source = sources.get(span.file)?;
+    Some(Location::of(&source.name, &source.text, span.start, span.end))
+}

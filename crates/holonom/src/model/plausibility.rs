@@ -1,0 +1,95 @@
+//! What is legal but looks like another unit: millimetres, degrees, grams.
+
+use super::{Dimension, ForceKind, Frame, Model, Orientation};
+use crate::error::{Code, Diagnostic, Warning};
+
+/// kg: heavier or lighter single bodies are rare.
+const MASS: [f64; 2] = [1e-6, 1e6];
+/// m: points of a body rarely lie farther from its origin.
+const LENGTH: f64 = 1e3;
+/// m/s²: gravity is about 9.81, in millimetres 9810.
+const GRAVITY: f64 = 100.0;
+/// Turns: more than a mechanism starts with.
+const TURNS: f64 = 100.0;
+
+/// Warnings about numbers that are legal but implausible.
+pub fn implausible(model: &Model) -> Vec<Warning> {
+    let mut out = Vec::new();
+    let mut warn = |path: String, message: String, help: &str| {
+        out.push(Diagnostic::new(Code::Implausible, path, message).help(help));
+    };
+    let gravity = model.gravity.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if gravity > GRAVITY {
+        let message = format!("`gravity` is {gravity} m/s²");
+        warn("gravity".into(), message, "on earth it is 9.81 m/s²; are lengths in millimetres?");
+    }
+    for body in &model.bodies {
+        let item = format!("bodies.{}", body.name);
+        if body.mass > MASS[1] || (body.mass > 0.0 && body.mass < MASS[0]) {
+            let message = format!("the mass of `{}` is {} kg", body.name, body.mass);
+            warn(format!("{item}.mass"), message, "masses are in kilograms");
+        }
+        angle(&mut warn, format!("{item}.angle"), body.orientation);
+        // r² = J/m is the radius of gyration; no body is that much larger than its own points say.
+        let j = match model.dimension {
+            Dimension::Planar => body.inertia[2][2],
+            Dimension::Spatial => (0..3).map(|k| body.inertia[k][k]).fold(0.0, f64::max),
+        };
+        if body.mass > 0.0 && (j / body.mass).sqrt() > LENGTH {
+            let radius = (j / body.mass).sqrt();
+            let message = format!("the radius of gyration of `{}` is {radius:.4e} m", body.name);
+            warn(format!("{item}.inertia"), message, "inertia is in kg m²; is it in kg mm²?");
+        }
+    }
+    for (body, initial) in model.bodies.iter().zip(&model.initial.bodies) {
+        if let Some(orientation) = initial.orientation {
+            angle(&mut warn, format!("initial.bodies.{}.angle", body.name), orientation);
+        }
+    }
+    let mut far = |item: String, frames: &[Frame]| {
+        for frame in frames {
+            let Some(body) = frame.body.and_then(|i| model.bodies.get(i)) else { continue };
+            let length = frame.point.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if length > LENGTH {
+                let message = format!(
+                    "a point of `{item}` lies {length} m from the origin of `{}`",
+                    body.name
+                );
+                warn(item.clone(), message, "lengths are in metres; are they in millimetres?");
+            }
+        }
+    };
+    for joint in &model.joints {
+        far(format!("joints.{}", joint.name), &joint.frames);
+    }
+    for force in &model.forces {
+        let item = format!("forces.{}", force.name);
+        match &force.kind {
+            ForceKind::Tsda { frames, .. }
+            | ForceKind::Rsda { frames, .. }
+            | ForceKind::Maxwell { frames, .. }
+            | ForceKind::Bushing { frames, .. } => far(item, frames),
+            ForceKind::Tyre(tyre) => far(item, &[tyre.frame]),
+            ForceKind::PointForce { frame, .. } => far(item, &[*frame]),
+            ForceKind::Torque { .. } => {}
+        }
+    }
+    for force in &model.forces {
+        if let ForceKind::Rsda { free_angle, .. } = &force.kind {
+            let path = format!("forces.{}.free_angle", force.name);
+            angle(&mut warn, path, Orientation::Angle(*free_angle));
+        }
+    }
+    out
+}
+
+/// 90 is 14.3 turns: whole multiples of 5 beyond one turn are degrees more often than radians.
+fn angle(warn: &mut impl FnMut(String, String, &str), path: String, orientation: Orientation) {
+    let Orientation::Angle(angle) = orientation else { return };
+    let turns = angle.abs() / std::f64::consts::TAU;
+    if turns > TURNS || (turns > 1.0 && angle % 5.0 == 0.0) {
+        let message = format!("`{path}` is {angle} rad, {turns:.1} turns");
+        let help = format!("angles are in radians: {angle} degrees are {} rad", angle.to_radians());
+        warn(path, message, &help);
+    }
+}

@@ -1,0 +1,403 @@
+//! Rules that numbers of a model keep, whoever built it. Paths are those of a model file.
+
+use super::{
+    Body, Dimension, Driver, ElasticLaw, Force, ForceKind, Frame, Joint, JointKind, Model,
+    Orientation, SimulationDefaults,
+};
+use crate::error::{Code, Diagnostic};
+use crate::math::TimeFunction;
+
+/// All violations of the rules, in the order of the model.
+pub fn validate(model: &Model) -> Vec<Diagnostic> {
+    let mut rules = Rules { errors: Vec::new() };
+    for body in &model.bodies {
+        rules.body(body, model.dimension);
+    }
+    for joint in &model.joints {
+        rules.joint(joint, model);
+    }
+    for force in &model.forces {
+        rules.force(force, model);
+    }
+    for driver in &model.drivers {
+        rules.driver(driver, model);
+    }
+    if let Some(interval) = model.outputs.interval {
+        rules.positive("outputs.interval", interval, "s");
+    }
+    rules.simulation(&model.simulation);
+    rules.errors
+}
+
+struct Rules {
+    errors: Vec<Diagnostic>,
+}
+
+impl Rules {
+    fn refuse(&mut self, code: Code, path: &str, message: String, help: &str) {
+        self.errors.push(Diagnostic::new(code, path, message).help(help));
+    }
+
+    fn positive(&mut self, path: &str, value: f64, unit: &str) {
+        if !(value.is_finite() && value > 0.0) {
+            let message = format!("`{path}` is {value} {unit}; expected a positive number");
+            self.refuse(Code::OutOfRange, path, message, "");
+        }
+    }
+
+    fn not_negative(&mut self, path: &str, value: f64, unit: &str) {
+        if !(value.is_finite() && value >= 0.0) {
+            let message = format!("`{path}` is {value} {unit}; expected a number not below zero");
+            self.refuse(Code::OutOfRange, path, message, "");
+        }
+    }
+
+    fn body(&mut self, body: &Body, dimension: Dimension) {
+        let item = format!("bodies.{}", body.name);
+        self.not_negative(&format!("{item}.mass"), body.mass, "kg");
+        let path = format!("{item}.inertia");
+        match dimension {
+            Dimension::Planar => self.not_negative(&path, body.inertia[2][2], "kg m²"),
+            Dimension::Spatial => {
+                if let Err((message, help)) = inertia_rules(&body.inertia) {
+                    self.refuse(Code::Inertia, &path, format!("`{path}` {message}"), help);
+                }
+            }
+        }
+        if let (Orientation::EulerParameters(_), Dimension::Planar)
+        | (Orientation::Angle(_), Dimension::Spatial) = (body.orientation, dimension)
+        {
+            let message = format!("`{item}` has the orientation of the other dimension");
+            self.refuse(Code::WrongDimension, &item, message, "");
+        }
+    }
+
+    fn frames(&mut self, item: &str, frames: &[Frame; 2], model: &Model) {
+        for (side, frame) in frames.iter().enumerate() {
+            self.frame(&format!("{item}.between[{side}]"), frame, model);
+        }
+        if frames[0].body == frames[1].body {
+            let path = format!("{item}.between");
+            let message = format!("`{path}` connects a body with itself");
+            self.refuse(Code::SameBody, &path, message, "name two different bodies");
+        }
+    }
+
+    fn frame(&mut self, path: &str, frame: &Frame, model: &Model) {
+        if frame.body.is_some_and(|body| body >= model.bodies.len()) {
+            let message = format!("`{path}` is a body that is not there");
+            self.refuse(Code::UnknownName, path, message, "");
+        }
+    }
+
+    fn joint(&mut self, joint: &Joint, model: &Model) {
+        let item = format!("joints.{}", joint.name);
+        self.frames(&item, &joint.frames, model);
+        match joint.kind {
+            JointKind::Distance { length } => {
+                self.positive(&format!("{item}.length"), length, "m");
+            }
+            JointKind::Cylindrical | JointKind::Universal | JointKind::Spherical
+                if model.dimension == Dimension::Planar =>
+            {
+                let message = format!("`{item}` is of a type that exists in spatial models only");
+                self.refuse(Code::WrongDimension, &item, message, "");
+            }
+            _ => {}
+        }
+    }
+
+    fn driver(&mut self, driver: &Driver, model: &Model) {
+        let item = format!("drivers.{}", driver.name);
+        self.frames(&item, &driver.frames, model);
+        self.motion(&format!("{item}.motion"), &driver.motion, model);
+    }
+
+    /// A table that ends before the run would be continued by guesswork.
+    fn motion(&mut self, path: &str, motion: &TimeFunction, model: &Model) {
+        let TimeFunction::Table(spline) = motion else { return };
+        let (first, last) = (spline.knots()[0], spline.knots()[spline.knots().len() - 1]);
+        let start = model.simulation.start_time.unwrap_or(0.0);
+        let end = model.simulation.end_time.unwrap_or(start);
+        if start < first || end > last {
+            let message = format!(
+                "the table of `{path}` reaches from {first} s to {last} s; the run goes from {start} s to {end} s"
+            );
+            self.refuse(Code::Table, path, message, "extend the table or shorten the run");
+        }
+    }
+
+    fn law(&mut self, item: &str, law: &ElasticLaw, unit: &str) {
+        if let ElasticLaw::Linear(stiffness) = law {
+            self.not_negative(&format!("{item}.stiffness"), *stiffness, unit);
+        }
+    }
+
+    fn force(&mut self, force: &Force, model: &Model) {
+        let item = &format!("forces.{}", force.name);
+        let at = |field: &str| format!("{item}.{field}");
+        match &force.kind {
+            ForceKind::Tsda { frames, law, damping, free_length } => {
+                self.frames(item, frames, model);
+                self.law(item, law, "N/m");
+                self.not_negative(&at("damping"), *damping, "N s/m");
+                self.not_negative(&at("free_length"), *free_length, "m");
+            }
+            ForceKind::Rsda { frames, law, damping, .. } => {
+                self.frames(item, frames, model);
+                self.law(item, law, "N m/rad");
+                self.not_negative(&at("damping"), *damping, "N m s/rad");
+            }
+            ForceKind::Maxwell { frames, stiffness, damping, free_length } => {
+                self.frames(item, frames, model);
+                self.positive(&at("stiffness"), *stiffness, "N/m");
+                self.positive(&at("damping"), *damping, "N s/m");
+                self.not_negative(&at("free_length"), *free_length, "m");
+            }
+            ForceKind::Bushing { frames, stiffness, damping } => {
+                self.frames(item, frames, model);
+                for (name, matrix) in [("stiffness_matrix", stiffness), ("damping_matrix", damping)]
+                {
+                    if let Err((message, help)) = matrix_rules(matrix) {
+                        let path = at(name);
+                        self.refuse(Code::Matrix, &path, format!("`{path}` {message}"), help);
+                    }
+                }
+            }
+            ForceKind::Tyre(tyre) => {
+                self.frame(&at("on"), &tyre.frame, model);
+                self.positive(&at("radius"), tyre.radius, "m");
+                self.not_negative(&at("stiffness"), tyre.stiffness, "N/m");
+                self.not_negative(&at("damping"), tyre.damping, "N s/m");
+                self.positive(&at("smoothing"), tyre.smoothing, "m");
+                if let Some(lateral) = &tyre.lateral {
+                    let path = at("lateral.cornering_stiffness");
+                    self.not_negative(&path, lateral.cornering_stiffness, "N/rad");
+                    let path = at("lateral.regularization_speed");
+                    self.positive(&path, lateral.regularization_speed, "m/s");
+                }
+            }
+            ForceKind::PointForce { frame, force, .. } => {
+                self.frame(&at("on"), frame, model);
+                force.iter().for_each(|f| self.motion(&at("force"), f, model));
+            }
+            ForceKind::Torque { torque, .. } => {
+                torque.iter().for_each(|f| self.motion(&at("torque"), f, model));
+            }
+        }
+    }
+
+    fn simulation(&mut self, s: &SimulationDefaults) {
+        let start = s.start_time.unwrap_or(0.0);
+        if let Some(end) = s.end_time
+            && !(end.is_finite() && end >= start)
+        {
+            let path = "simulation.end_time";
+            let message =
+                format!("`{path}` is {end} s; expected a time not before the start, {start} s");
+            self.refuse(Code::OutOfRange, path, message, "");
+        }
+        let times = [
+            ("fixed_step", s.fixed_step),
+            ("max_step", s.max_step),
+            ("initial_step", s.initial_step),
+            ("max_seconds", s.max_seconds),
+        ];
+        for (field, value) in times {
+            if let Some(value) = value {
+                self.positive(&format!("simulation.{field}"), value, "s");
+            }
+        }
+        if let Some(t) = s.tolerance {
+            if t.relative == t.translation && t.relative == t.rotation {
+                self.positive("simulation.tolerance", t.relative, "");
+            } else {
+                self.positive("simulation.tolerance.relative", t.relative, "");
+                self.positive("simulation.tolerance.translation", t.translation, "m");
+                self.positive("simulation.tolerance.rotation", t.rotation, "rad");
+            }
+        }
+        if let Some(factor) = s.repartition_factor
+            && !(factor.is_finite() && factor > 1.0)
+        {
+            let path = "simulation.repartition_factor";
+            let message = format!("`{path}` is {factor}; expected a number above 1");
+            self.refuse(Code::OutOfRange, path, message, "the default is 1.25");
+        }
+    }
+}
+
+type Rule = Result<(), (String, &'static str)>;
+
+/// Relative slack of symmetry, definiteness and the triangle inequality: digits of a file.
+const SLACK: f64 = 1e-9;
+
+/// An inertia tensor is symmetric, positive semidefinite and keeps the triangle inequality: the
+/// largest principal moment is at most the sum of the others. With tr the trace, that is
+/// ½ tr(J) I − J, the tensor of second moments of mass, being positive semidefinite.
+fn inertia_rules(j: &[[f64; 3]; 3]) -> Rule {
+    let trace = j[0][0] + j[1][1] + j[2][2];
+    let size = j.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
+    if let Some((r, c)) = asymmetric(j, SLACK * size) {
+        let (a, b) = (j[r][c], j[c][r]);
+        let message = format!("is not symmetric: [{r}][{c}] is {a}, [{c}][{r}] is {b}");
+        return Err((
+            message,
+            "off-diagonal entries are minus the products of inertia, on both sides",
+        ));
+    }
+    for k in 0..3 {
+        if j[k][k] < -SLACK * size {
+            let message = format!("has the negative moment {} about axis {k}", j[k][k]);
+            return Err((message, "moments of inertia are sums of mass times distance squared"));
+        }
+    }
+    let mut second = j.map(|row| row.map(|x| -x));
+    for k in 0..3 {
+        second[k][k] += 0.5 * trace;
+    }
+    if semidefinite(&second, SLACK * size) {
+        return Ok(()); // J = tr(S) I − S is then positive semidefinite too
+    }
+    let diagonal = [j[0][0], j[1][1], j[2][2]];
+    let (k, largest) =
+        (0..3).map(|k| (k, diagonal[k])).fold((0, f64::MIN), |m, x| if x.1 > m.1 { x } else { m });
+    let message = if largest > trace - largest {
+        let others = trace - largest;
+        format!(
+            "violates the triangle inequality: {largest} about axis {k} exceeds the sum {others} of the others"
+        )
+    } else {
+        "violates the triangle inequality for its principal moments".to_owned()
+    };
+    Err((
+        message,
+        "no distribution of mass has this inertia: check units, signs and the reference point (centre of mass)",
+    ))
+}
+
+fn matrix_rules(k: &[[f64; 6]; 6]) -> Rule {
+    // Rows of lengths and of angles differ in size: scaled by the diagonal, all have size one.
+    for i in 0..6 {
+        if k[i][i] < 0.0 {
+            let message =
+                format!("has the negative entry {} on its diagonal at [{i}][{i}]", k[i][i]);
+            return Err((message, "give a positive semidefinite matrix"));
+        }
+    }
+    let scale = |i: usize| if k[i][i] > 0.0 { k[i][i].sqrt() } else { 1.0 };
+    let mut scaled = *k;
+    for i in 0..6 {
+        for j in 0..6 {
+            scaled[i][j] /= scale(i) * scale(j);
+        }
+    }
+    let size = scaled.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
+    if let Some((r, c)) = asymmetric(&scaled, SLACK * size) {
+        let message =
+            format!("is not symmetric: [{r}][{c}] is {}, [{c}][{r}] is {}", k[r][c], k[c][r]);
+        return Err((message, "give the same number on both sides of the diagonal"));
+    }
+    if semidefinite(&scaled, SLACK * size) {
+        return Ok(());
+    }
+    Err((
+        "is not positive semidefinite: some deformation would give energy away".to_owned(),
+        "check signs and the size of the off-diagonal entries",
+    ))
+}
+
+fn asymmetric<const N: usize>(a: &[[f64; N]; N], slack: f64) -> Option<(usize, usize)> {
+    let pairs = (0..N).flat_map(|r| (r + 1..N).map(move |c| (r, c)));
+    pairs.into_iter().find(|&(r, c)| (a[r][c] - a[c][r]).abs() > slack)
+}
+
+/// Whether a symmetric matrix has no eigenvalue below −slack: Cholesky with diagonal pivoting of
+/// A + slack I, where a vanishing pivot must leave a vanishing rest.
+fn semidefinite<const N: usize>(a: &[[f64; N]; N], slack: f64) -> bool {
+    let mut a = *a;
+    for i in 0..N {
+        a[i][i] += slack;
+    }
+    for k in 0..N {
+        let pivot = (k..N).fold(k, |m, i| if a[i][i] > a[m][m] { i } else { m });
+        a.swap(k, pivot);
+        for row in &mut a {
+            row.swap(k, pivot);
+        }
+        let d = a[k][k];
+        if d <= 0.0 {
+            return (k..N).all(|i| (k..N).all(|j| a[i][j].abs() <= slack));
+        }
+        for i in k + 1..N {
+            let factor = a[i][k] / d;
+            for j in k + 1..N {
+                a[i][j] -= factor * a[k][j];
+            }
+        }
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test] // independent truth: bodies whose second moments of mass are known
+    fn inertia_of_real_bodies_is_accepted_and_others_refused() {
+        let diagonal = |a: f64, b: f64, c: f64| [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]];
+        // rod (flat limit), sphere, disc (a flat body keeps the inequality as equality), nothing
+        for j in [
+            diagonal(0.0, 1.0, 1.0),
+            diagonal(2.0, 2.0, 2.0),
+            diagonal(1.0, 1.0, 2.0),
+            diagonal(0.0, 0.0, 0.0),
+            diagonal(1e-12, 1e-12, 2e-12),
+        ] {
+            assert!(inertia_rules(&j).is_ok(), "{j:?}");
+        }
+        for j in [diagonal(1.0, 1.0, 2.01), diagonal(-1.0, 1.0, 1.0), diagonal(1.0, 0.0, 0.0)] {
+            assert!(inertia_rules(&j).is_err(), "{j:?}");
+        }
+        // Two particles of 1 kg at ±(1, 1, 0): J = 2 (r·r I − r rᵀ), a rod turned by 45 degrees.
+        let rod = [[2.0, -2.0, 0.0], [-2.0, 2.0, 0.0], [0.0, 0.0, 4.0]];
+        assert!(inertia_rules(&rod).is_ok());
+        let mut wrong_sign_size = rod;
+        wrong_sign_size[0][1] = 2.5;
+        wrong_sign_size[1][0] = 2.5;
+        assert!(inertia_rules(&wrong_sign_size).is_err());
+        assert!(inertia_rules(&[[1.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).is_err());
+    }
+
+    #[test] // independent truth: B Bᵀ has no negative eigenvalue, and B Bᵀ − c u uᵀ may have one
+    fn semidefinite_matrices_are_told_from_indefinite_ones() {
+        let mut seed = 1_u64;
+        let mut random = || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        for rank in 1..=6 {
+            for _ in 0..50 {
+                let b: Vec<[f64; 6]> = (0..rank).map(|_| [0; 6].map(|_| random())).collect();
+                let mut k = [[0.0; 6]; 6];
+                for i in 0..6 {
+                    for j in 0..6 {
+                        k[i][j] = b.iter().map(|row| row[i] * row[j]).sum();
+                    }
+                }
+                assert!(matrix_rules(&k).is_ok(), "rank {rank}");
+                let norm: f64 = (0..6).map(|i| k[i][i]).sum();
+                let mut less = k;
+                let u = [0; 6].map(|_| random());
+                let uu: f64 = u.iter().map(|x| x * x).sum();
+                for i in 0..6 {
+                    for j in 0..6 {
+                        // uᵀ (K − 1.1 tr(K) u uᵀ/|u|²) u ≤ (1 − 1.1) tr(K) |u|² < 0
+                        less[i][j] -= 1.1 * norm * u[i] * u[j] / uu;
+                    }
+                }
+                assert!(matrix_rules(&less).is_err(), "rank {rank}");
+            }
+        }
+    }
+}
