@@ -1,0 +1,76 @@
+# Names for commands. All set-up happens in .venv/ and target/ of this folder.
+#
+#   make run      set up, run the 14-body vehicle over its bump, write the report
+#   make test     checks, Rust tests, Python tests
+#   make verify   the long figures
+#   make bench    kernel benchmarks and the questions of benchmarks/
+#   make docs     regenerate the pages that are derived from the code
+#   make clean    remove everything that was built
+#
+# `make run PYTHON=/path/to/python3` chooses the interpreter.
+
+PYTHON ?=
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.built
+SOURCES := pyproject.toml constraints.txt Cargo.toml Cargo.lock tools/preflight.sh \
+           $(wildcard crates/*/Cargo.toml) $(shell find crates -name '*.rs')
+
+export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
+export CARGO_TARGET_DIR := $(CURDIR)/target
+export MPLBACKEND := Agg
+
+.PHONY: run setup test check format verify bench docs wheel clean
+
+run: setup
+	$(BIN)/holonom run models/hmmwv14/model.toml -o results/hmmwv14.holonom
+	$(BIN)/holonom report results/hmmwv14.holonom
+
+setup: $(STAMP)
+
+# One stamp over manifests and sources: when nothing changed, nothing is started. Python sources
+# need no step, because the package is installed in place.
+$(STAMP): $(SOURCES)
+	@tools/preflight.sh '$(PYTHON)' $(VENV)
+	@echo 'setting up: Python packages'
+	@$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
+	@echo 'setting up: the engine, an optimized build (about two minutes the first time)'
+	@PIP_CONSTRAINT=constraints.txt PIP_QUIET=1 PIP_DISABLE_PIP_VERSION_CHECK=1 VIRTUAL_ENV=$(CURDIR)/$(VENV) \
+	    $(BIN)/maturin develop --release --extras plot,dev --quiet
+	@touch $@
+
+test: check
+	cargo test --workspace --quiet
+	$(BIN)/pytest --quiet
+
+check: setup
+	cargo fmt --all --check
+	$(BIN)/ruff format --check python
+	$(BIN)/ruff check python
+	$(BIN)/mypy
+	cargo clippy --workspace --all-targets --quiet -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --quiet
+
+format: setup
+	cargo fmt --all
+	$(BIN)/ruff check --fix python
+	$(BIN)/ruff format python
+
+verify: setup
+	cargo test --workspace --release --features holonom/long
+	$(BIN)/pytest -m long
+
+bench: setup
+	cargo bench --workspace
+	for question in benchmarks/*/run.py; do $(BIN)/python "$$question" || exit 1; done
+
+docs: setup
+	$(BIN)/holonom schema --reference > docs/model-file.md
+
+wheel: setup
+	$(BIN)/maturin build --release --out dist
+
+clean:
+	rm -rf $(VENV) target results dist build .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	find python crates -name __pycache__ -prune -exec rm -rf {} +
+	rm -f python/holonom/_core*.so
