@@ -1,0 +1,66 @@
+"""Types of the compiled core. All numbers are SI; text marked JSON holds a JSON document."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+class ModelError(Exception):
+    """A model that cannot be used; ``args[0]`` is JSON: ``errors`` and ``rendered``."""
+
+class SimulationError(Exception):
+    """A run that cannot start; ``args[0]`` is JSON: ``code``, ``message``, ``time``, …."""
+
+class CoreModel:
+    """A validated model."""
+
+    def with_values(self, values_json: str) -> CoreModel:
+        """Return the model with other values; JSON maps paths to values."""
+
+    def to_json(self) -> str:
+        """Return the merged model text as JSON."""
+
+    def hash(self) -> str:
+        """Return the hash of the merged model text."""
+
+    def defaults(self) -> str:
+        """Return JSON: title, dimension, and the defaults of a run."""
+
+    def channels(self) -> str:
+        """Return a JSON list of ``name``, ``unit``, ``frame``, ``shape``."""
+
+    def warnings(self) -> str:
+        """Return a JSON list of ``code``, ``message``, ``path``."""
+
+    def check(self, spectrum: bool) -> str:
+        """Return JSON: counts, degrees of freedom, redundancy, adjustments, spectrum."""
+
+    def simulate(
+        self,
+        options_json: str,
+        start: Mapping[str, NDArray[np.float64]] | None,
+        on_chunk: Callable[[dict[str, Any]], None],
+        on_progress: Callable[[float, float, int], None],
+    ) -> str:
+        """Run and return a JSON summary; chunks of results go to ``on_chunk``."""
+
+    def evaluate_channels(
+        self, names: list[str], state: Mapping[str, NDArray[np.float64]]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Compute channels from stored states."""
+
+def parse(text: str, syntax: str, name: str, read: Callable[[str], str]) -> CoreModel:
+    """Read a model; ``syntax`` is ``"toml"`` or ``"json"``."""
+
+def schema() -> str:
+    """Return the JSON Schema of model files."""
+
+def model_reference() -> str:
+    """Return the reference page of model files, in Markdown."""
+
+def methods() -> str:
+    """Return a JSON list of ``name``, ``title``, ``family``, ``formula``."""
+
+def version() -> str:
+    """Return the version of the core."""

@@ -1,0 +1,119 @@
+"""What `Model.check` and ``holonom check`` say about a model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+#: Modes shown in the text; the data holds all of them.
+MODES_SHOWN = 12
+
+
+@dataclass(frozen=True, slots=True)
+class CheckReport:
+    """Counts, redundancy, assembly and stiffness of a model; ``print`` shows it.
+
+    Attributes
+    ----------
+    name : str
+    data : dict
+        ``bodies``, ``joints``, ``forces``, ``drivers``, ``coordinates``, ``constraint_rows``,
+        ``redundant``, ``dof``, ``extra_states``, ``characteristic_length`` (m), ``adjustments``,
+        ``initial_residuals``, ``spectrum`` (1/s, real and imaginary parts).
+    warnings : list of dict
+        ``code``, ``message``, ``path``.
+    """
+
+    name: str
+    data: dict[str, Any]
+    warnings: list[dict[str, str]]
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom."""
+        return int(self.data["dof"])
+
+    @property
+    def redundant(self) -> list[dict[str, str]]:
+        """Redundant constraints, each with ``joint`` and ``row``."""
+        return list(self.data.get("redundant", []))
+
+    @property
+    def spectrum(self) -> list[complex]:
+        """Eigenvalues of the motion linearized at the initial state, 1/s."""
+        return [complex(re, im) for re, im in self.data.get("spectrum") or []]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return everything as plain data."""
+        return {"name": self.name, **self.data, "warnings": self.warnings}
+
+    def __str__(self) -> str:
+        lines = [f"{label:<22}{value}" for label, value in self._facts()]
+        lines += _spectrum_lines(self.spectrum)
+        lines += [warning_line(warning) for warning in self.warnings]
+        return "\n".join(lines)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        data = self.data
+        facts = [("model", self.name)]
+        counted = [
+            f"{data[kind]} {kind if data[kind] != 1 else kind.removesuffix('s').replace('ie', 'y')}"
+            for kind in ("bodies", "joints", "forces", "drivers")
+            if kind in data
+        ]
+        facts.append(("items", ", ".join(counted)))
+        for key, label in (
+            ("coordinates", "coordinates"),
+            ("constraint_rows", "constraint rows"),
+            ("dof", "degrees of freedom"),
+            ("extra_states", "extra states"),
+        ):
+            if key in data:
+                facts.append((label, str(data[key])))
+        if "characteristic_length" in data:
+            facts.append(("characteristic length", f"{data['characteristic_length']:.4g} m"))
+        redundant = [f"{entry['joint']}: {entry['row']}" for entry in self.redundant]
+        facts.append(("redundant constraints", str(len(redundant)) if redundant else "none"))
+        facts += [("", entry) for entry in redundant]
+        facts += [("moved by assembly", plain(entry)) for entry in data.get("adjustments") or []]
+        if residuals := data.get("initial_residuals"):
+            facts.append(("initial residuals", plain(residuals)))
+        return facts
+
+
+def plain(entry: object) -> str:
+    """Return a record of the core as one line."""
+    if isinstance(entry, Mapping):
+        return ", ".join(f"{key} {plain(value)}" for key, value in entry.items())
+    if isinstance(entry, list | tuple):
+        return "(" + ", ".join(map(plain, entry)) + ")"
+    return f"{entry:.3g}" if isinstance(entry, float) else str(entry)
+
+
+def warning_line(warning: Mapping[str, str]) -> str:
+    """Return a warning as one line."""
+    place = f"{warning['path']}: " if warning.get("path") else ""
+    return f"warning: {place}{warning.get('message', '')} [{warning.get('code', '')}]"
+
+
+def _spectrum_lines(spectrum: list[complex]) -> list[str]:
+    if not spectrum:
+        return []
+    # One line per mode: of a conjugate pair the member with positive frequency.
+    modes = sorted((z for z in spectrum if z.imag >= 0.0), key=abs, reverse=True)
+    lines = [
+        "",
+        "stiffness spectrum at the initial state: eigenvalues, fastest first",
+        f"{'real part 1/s':>14} {'frequency Hz':>14} {'damping ratio':>14}",
+    ]
+    for z in modes[:MODES_SHOWN]:
+        ratio = -z.real / abs(z) if z else math.nan
+        lines.append(f"{z.real:14.4g} {z.imag / (2.0 * math.pi):14.4g} {ratio:14.3f}")
+    if len(modes) > MODES_SHOWN:
+        lines.append(f"{'…':>14} {len(modes) - MODES_SHOWN} slower modes, with --json")
+    moving = [abs(z) for z in modes if abs(z) > 1e-6 * abs(modes[0])]
+    if len(moving) > 1:
+        lines.append(f"fastest to slowest: {moving[0] / moving[-1]:.3g}")
+    return lines

@@ -1,0 +1,202 @@
+"""What can go wrong, with stable codes and the exit status of each kind."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any
+
+from holonom import _core
+
+if TYPE_CHECKING:
+    from holonom.result import Result
+
+
+class Exit(IntEnum):
+    """Exit status of the command line."""
+
+    OK = 0
+    USAGE = 1
+    MODEL = 2
+    SOLVER = 3
+    PARTIAL = 4
+    FILES = 5
+    DEFECT = 70
+    INTERRUPTED = 130
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """One finding about a model.
+
+    Parameters
+    ----------
+    code : str
+        Stable code, such as ``model/unknown-name``; ``docs/errors.md`` lists them.
+    message : str
+        What is wrong, naming the item.
+    path : str
+        Path in the model, such as ``forces.front_bushing.stiffness[2]``.
+    file, line, column : str, int or None, int or None
+        Where it stands in the text, counted from 1.
+    expected, help : str
+        What was expected, and what to try.
+    """
+
+    code: str
+    message: str
+    path: str = ""
+    file: str = ""
+    line: int | None = None
+    column: int | None = None
+    expected: str = ""
+    help: str = ""
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> Problem:
+        """Read a finding of the core; absent and null fields keep their defaults."""
+        known = cls.__dataclass_fields__
+        return cls(**{k: v for k, v in data.items() if k in known and v is not None})
+
+    def __str__(self) -> str:
+        place = self.file
+        if self.line is not None:
+            place += f":{self.line}" + (f":{self.column}" if self.column is not None else "")
+        lines = [f"{self.message} [{self.code}]"]
+        lines += [f"  at: {place}"] if place else []
+        lines += [f"  path: {self.path}"] if self.path else []
+        lines += [f"  expected: {self.expected}"] if self.expected else []
+        lines += [f"  help: {self.help}"] if self.help else []
+        return "\n".join(lines)
+
+
+class HolonomError(Exception):
+    """Base of the errors that a user can cause and handle.
+
+    Attributes
+    ----------
+    exit_code : Exit
+        Status with which the command line ends.
+    """
+
+    exit_code = Exit.USAGE
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the error as plain data, for ``--json``."""
+        return {"message": str(self)}
+
+
+class UsageError(HolonomError, ValueError):
+    """An option or argument that cannot be used: unknown channel, negative tolerance, …."""
+
+
+class FileError(HolonomError, OSError):
+    """A file that cannot be read or written, or that is not a Holonom result."""
+
+    exit_code = Exit.FILES
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+
+
+class ModelError(HolonomError):
+    """A model that cannot be used, or whose initial state cannot be found.
+
+    Attributes
+    ----------
+    problems : tuple of Problem
+        All findings, in the order of the text.
+    """
+
+    exit_code = Exit.MODEL
+
+    def __init__(self, *problems: Problem, rendered: str = "") -> None:
+        super().__init__(rendered or "\n".join(map(str, problems)))
+        self.problems = problems
+
+    @property
+    def code(self) -> str:
+        """Code of the first finding."""
+        return self.problems[0].code if self.problems else "model/invalid"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the findings as plain data."""
+        fields = Problem.__dataclass_fields__
+        return {
+            "code": self.code,
+            "message": str(self),
+            "errors": [{f: getattr(p, f) for f in fields} for p in self.problems],
+        }
+
+
+class SimulationError(HolonomError):
+    """A run that did not reach its end time.
+
+    Attributes
+    ----------
+    reason : dict
+        ``code``, ``message`` and, where known, ``time`` (s), ``step`` (s), ``item``, ``help``,
+        ``details``.
+    result : Result or None
+        What was computed before; None when the run never started.
+    """
+
+    exit_code = Exit.SOLVER
+
+    def __init__(self, reason: dict[str, Any], result: Result | None = None) -> None:
+        self.reason = {k: v for k, v in reason.items() if v is not None}
+        self.result = result
+        super().__init__(describe(self.reason))
+
+    @property
+    def code(self) -> str:
+        """Stable code, such as ``simulation/newton-divergence``."""
+        return str(self.reason.get("code", "simulation/failed"))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the reason as plain data."""
+        return {"message": str(self), **self.reason}
+
+
+class Interrupted(SimulationError, KeyboardInterrupt):
+    """A run that Ctrl-C ended; ``result`` holds what was computed.
+
+    It is a `KeyboardInterrupt` as well, so that a loop over runs ends too.
+    """
+
+    exit_code = Exit.INTERRUPTED
+
+
+def describe(reason: dict[str, Any]) -> str:
+    """Return a reason (`SimulationError.reason`) as text of a few lines."""
+    lines = [f"{reason.get('message', 'the run failed')} [{reason.get('code', 'simulation/failed')}]"]
+    lines += [f"  item: {reason['item']}"] if reason.get("item") else []
+    where = [
+        f"{name} {reason[key]:.9g} s"
+        for key, name in (("time", "at"), ("step", "step size"))
+        if isinstance(reason.get(key), int | float)
+    ]
+    lines += [f"  time: {', '.join(where)}"] if where else []
+    lines += [f"  help: {reason['help']}"] if reason.get("help") else []
+    return "\n".join(lines)
+
+
+@contextmanager
+def translated() -> Iterator[None]:
+    """Turn errors of the core into those of this module."""
+    try:
+        yield
+    except _core.ModelError as error:
+        data = json.loads(error.args[0])
+        problems = [Problem.from_json(entry) for entry in data.get("errors", [])]
+        raise ModelError(*problems, rendered=data.get("rendered") or "") from None
+    except _core.SimulationError as error:
+        data = json.loads(error.args[0])
+        if str(data.get("code", "")).startswith("simulation/"):
+            raise SimulationError(data) from None
+        # An initial state that cannot be found is a fault of the model: `assembly/…`.
+        problem = Problem.from_json({**data, "path": data.get("path") or data.get("item")})
+        raise ModelError(problem) from None

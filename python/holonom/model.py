@@ -1,0 +1,330 @@
+"""Models: reading, changing, checking and running them."""
+
+from __future__ import annotations
+
+import difflib
+import fnmatch
+import json
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom import _core
+from holonom.check import CheckReport
+from holonom.errors import FileError, ModelError, Problem, UsageError, translated
+from holonom.options import Options
+from holonom.store import Quantity
+
+if TYPE_CHECKING:
+    from holonom.result import Result
+
+#: Largest model file, bytes; the core states the same limit for text.
+MAX_FILE_SIZE = 64 * 1024**2
+
+Progress = Callable[[float, float, int], None]
+
+
+class Model:
+    """A validated model: bodies, joints, forces, drivers and their initial state.
+
+    Make one with `Model.load` or `Model.from_text`. A model never changes.
+
+    Examples
+    --------
+    ::
+
+        model = holonom.Model.load("models/double_pendulum/model.toml")
+        print(model.check())
+        result = model.simulate(end_time=2.0, tolerance=1e-6)
+    """
+
+    def __init__(self, core: _core.CoreModel, name: str) -> None:
+        self._core = core
+        self._channels: dict[str, Quantity] | None = None
+        self._defaults: dict[str, Any] | None = None
+        self.name = name
+
+    @classmethod
+    def load(cls, path: str | Path) -> Model:
+        """Read a model file, TOML or (with the ending ``.json``) JSON.
+
+        What the model ``extends`` is read as well, from the folders beside the model's own.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read.
+        ModelError
+            If it is not a valid model; the message names file, line and item.
+        """
+        path = Path(path)
+        text = _read(path)
+        tree = path.resolve().parent.parent
+
+        def read(relative: str) -> str:
+            target = (path.parent / relative).resolve()
+            if Path(relative).is_absolute() or not target.is_relative_to(tree):
+                raise ModelError(
+                    Problem(
+                        code="model/extends-outside",
+                        message=f"`extends` names `{relative}`, outside the model's folder tree",
+                        path="extends",
+                        file=str(path),
+                        expected=f"a relative path to a file below {tree}",
+                    )
+                )
+            return _read(target)
+
+        syntax = "json" if path.suffix.lower() == ".json" else "toml"
+        with translated():
+            core = _core.parse(text, syntax, str(path), read)
+        folder = path.resolve().parent.name
+        return cls(core, folder if path.stem == "model" and folder else path.stem)
+
+    @classmethod
+    def from_text(
+        cls, text: str, syntax: Literal["toml", "json"] = "toml", name: str = "model"
+    ) -> Model:
+        """Read a model from text; it cannot use ``extends``.
+
+        Raises
+        ------
+        ModelError
+            If it is not a valid model.
+        """
+        if "\n" not in text and text.strip().lower().endswith((".toml", ".json")):
+            raise ModelError(
+                Problem(
+                    code="model/path-as-text",
+                    message=f"`{text.strip()}` is the name of a file, not the text of a model",
+                    help="read files with `Model.load(path)`",
+                )
+            )
+
+        def read(relative: str) -> str:
+            raise ModelError(
+                Problem(
+                    code="model/extends-outside",
+                    message=f"a model given as text cannot extend `{relative}`",
+                    path="extends",
+                    file=name,
+                    help="save it as a file and use `Model.load(path)`",
+                )
+            )
+
+        with translated():
+            return cls(_core.parse(text, syntax, name, read), name)
+
+    def with_values(self, values: Mapping[str, Any]) -> Model:
+        """Return the model with other values.
+
+        Parameters
+        ----------
+        values : mapping of str to value
+            By path: ``forces.front_bushing.stiffness[2]``, ``parameters.speed.value``. Numbers are
+            SI; a text ``"=name"`` refers to a parameter.
+
+        Raises
+        ------
+        ModelError
+            If a path does not exist or a value does not fit.
+        """
+        plain = {path: _plain(value) for path, value in values.items()}
+        with translated():
+            return Model(self._core.with_values(json.dumps(plain)), self.name)
+
+    def check(self, *, spectrum: bool = True) -> CheckReport:
+        """Assemble the initial state and count what there is.
+
+        Parameters
+        ----------
+        spectrum : bool
+            Whether to compute the eigenvalues of the motion linearized at the initial state.
+
+        Raises
+        ------
+        ModelError
+            If the initial state cannot be assembled.
+        """
+        with translated():
+            data = json.loads(self._core.check(spectrum))
+        return CheckReport(name=self.name, data=data, warnings=self.warnings)
+
+    def simulate(
+        self,
+        *,
+        start: Mapping[str, NDArray[np.float64]] | None = None,
+        output: str | Path | None = None,
+        on_failure: Literal["raise", "return"] = "raise",
+        progress: Progress | None = None,
+        **choices: Any,
+    ) -> Result:
+        """Run the model.
+
+        Parameters
+        ----------
+        start : mapping, optional
+            State to start from, as `Result.state` returns it; else the model's initial state.
+        output : path, optional
+            Result file, written while the run goes on; else the result stays in memory.
+        on_failure : {"raise", "return"}
+            What to do when the run ends early: raise, or return what there is with its `status`.
+        progress : callable, optional
+            Called with time (s), step size (s) and number of steps, about ten times a second.
+        **choices
+            Those of `Options`: ``end_time``, ``tolerance``, ``method``, ``interval``,
+            ``channels``, …; what is not stated comes from the model.
+
+        Raises
+        ------
+        UsageError
+            If a choice cannot be used.
+        ModelError
+            If the initial state cannot be assembled.
+        SimulationError
+            If the run ends before its end time; its ``result`` holds what was computed.
+        Interrupted
+            If Ctrl-C ended the run; likewise.
+        """
+        from holonom.simulation import run  # here, because it needs `Model` itself
+
+        if on_failure not in ("raise", "return"):
+            raise UsageError(f"`on_failure` is {on_failure!r}; it must be 'raise' or 'return'")
+        options = _options(choices)
+        target = None if output is None else Path(output)
+        return run(self, options, start, target, on_failure == "raise", progress)
+
+    @property
+    def title(self) -> str:
+        """Title stated in the file, else the name."""
+        return str(self.defaults.get("title") or self.name)
+
+    @property
+    def hash(self) -> str:
+        """Hash of the merged model text: equal for equal models."""
+        return self._core.hash()
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """Title, dimension and the defaults of a run."""
+        if self._defaults is None:
+            self._defaults = json.loads(self._core.defaults())
+        return self._defaults
+
+    @property
+    def warnings(self) -> list[dict[str, str]]:
+        """What is legal but implausible: ``code``, ``message`` and ``path`` of each."""
+        found: list[dict[str, str]] = json.loads(self._core.warnings())
+        return found
+
+    @property
+    def channels(self) -> dict[str, Quantity]:
+        """Every channel that can be asked for, by name, with unit, frame and shape."""
+        if self._channels is None:
+            self._channels = {
+                entry["name"]: Quantity(
+                    entry["name"], entry["unit"], entry.get("frame") or "", tuple(entry["shape"])
+                )
+                for entry in json.loads(self._core.channels())
+            }
+        return self._channels
+
+    def expand(self, patterns: Iterable[str]) -> list[str]:
+        """Return the channels meant by names and patterns such as ``rack_slide.*``.
+
+        Raises
+        ------
+        UsageError
+            If a name or pattern fits no channel.
+        """
+        return expand(patterns, self.channels)
+
+    def evaluate(
+        self, names: list[str], state: Mapping[str, NDArray[np.float64]]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Compute channels from states.
+
+        Parameters
+        ----------
+        names : list of str
+            Channels.
+        state : mapping of str to ndarray
+            ``time`` (n_times,), ``q``, ``qd``, ``qdd``, ``lambda``, ``z`` and ``winding``
+            (n_times, size), as a result stores them.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n_times, \\*shape)
+        """
+        with translated():
+            return self._core.evaluate_channels(names, state)
+
+    def to_json(self) -> str:
+        """Return the merged model as JSON text, without ``extends``."""
+        return self._core.to_json()
+
+    def __repr__(self) -> str:
+        return f"<holonom.Model {self.name!r}, {self.defaults.get('dimension')}, {self.hash[:12]}>"
+
+
+def expand(patterns: Iterable[str], known: Iterable[str]) -> list[str]:
+    """Return the names among `known` that names and patterns mean, each once, in their order."""
+    known = list(known)
+    found: dict[str, None] = {}
+    for pattern in patterns:
+        exact = pattern in known
+        hits = [pattern] if exact else [n for n in known if fnmatch.fnmatchcase(n, pattern)]
+        if not hits:
+            near = difflib.get_close_matches(pattern, known, n=3, cutoff=0.5)
+            hint = f"; did you mean {', '.join(f'`{n}`' for n in near)}?" if near else ""
+            raise UsageError(f"there is no channel `{pattern}`{hint}")
+        found |= dict.fromkeys(hits)
+    return list(found)
+
+
+def _options(choices: Mapping[str, Any]) -> Options:
+    known = list(Options.__dataclass_fields__)
+    for name in choices:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"; did you mean `{near[0]}`?" if near else f"; known are {', '.join(known)}"
+            raise UsageError(f"there is no option `{name}`{hint}")
+    return Options(**choices)
+
+
+def _plain(value: Any) -> Any:
+    """Turn NumPy values into what JSON knows."""
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+
+
+def _read(path: Path) -> str:
+    if path.is_dir():
+        hint = f"; did you mean {path / 'model.toml'}?" if (path / "model.toml").is_file() else ""
+        raise FileError(f"{path} is a folder, not a model file{hint}")
+    try:
+        if path.exists() and not path.is_file():
+            raise FileError(f"{path} is not a regular file")
+        if path.stat().st_size > MAX_FILE_SIZE:
+            raise ModelError(
+                Problem(
+                    code="model/too-large",
+                    message=f"the file has {path.stat().st_size} bytes",
+                    file=str(path),
+                    expected=f"at most {MAX_FILE_SIZE} bytes",
+                )
+            )
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ModelError(
+            Problem(
+                code="model/encoding",
+                message=f"byte {error.start} of the file is not UTF-8",
+                file=str(path),
+                expected="a text file in UTF-8",
+            )
+        ) from None
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}") from None

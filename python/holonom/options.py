@@ -1,0 +1,201 @@
+"""Choices for one run."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+from holonom import _core
+from holonom.errors import UsageError
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """Tolerances of a run.
+
+    Parameters
+    ----------
+    relative : float
+        Part of a position's movement since the start, or of a velocity's value.
+    translation : float, optional
+        Absolute part of translations, m and m/s; `relative` when not given.
+    rotation : float, optional
+        Absolute part of rotations, rad and rad/s; `relative` when not given.
+
+    Raises
+    ------
+    UsageError
+        If a part is not a positive finite number.
+    """
+
+    relative: float
+    translation: float | None = None
+    rotation: float | None = None
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            value = self.relative if value is None else value
+            _require_positive(f"tolerance.{field.name}", value)
+            object.__setattr__(self, field.name, float(value))
+
+    @classmethod
+    def of(cls, value: float | Mapping[str, float] | Tolerance) -> Tolerance:
+        """Return the tolerance meant by a number or a mapping of parts."""
+        if isinstance(value, Tolerance):
+            return value
+        if isinstance(value, Mapping):
+            known = {field.name for field in fields(cls)}
+            for name in value:
+                if name not in known:
+                    raise UsageError(
+                        f"`tolerance` has no part `{name}`; known are {_listed(sorted(known))}"
+                    )
+            if "relative" not in value:
+                raise UsageError("`tolerance` needs the part `relative`")
+            return cls(**value)
+        return cls(value)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """Choices for one run; what is None is taken from the model, or is the default of the core.
+
+    Parameters
+    ----------
+    end_time, start_time : float, optional
+        s. The start time is that of `start` when a run continues from a state.
+    tolerance : float, mapping or Tolerance, optional
+        One number for all parts, or ``relative``, ``translation`` (m; m/s), ``rotation`` (rad;
+        rad/s).
+    method, formula : str, optional
+        A code such as ``ForSDIRK``, or a family with a formula; `holonom.methods` lists them.
+    interval : float, optional
+        Time between outputs, s.
+    output_times : sequence of float, optional
+        Output times, s, rising; instead of `interval`.
+    channels : sequence of str, optional
+        Channels to store, such as ``chassis.position`` or ``rack_slide.*``.
+    fixed_step, max_step, initial_step : float, optional
+        s.
+    max_steps : int, optional
+        Largest number of steps.
+    max_seconds : float, optional
+        Largest wall time, s.
+    repartition_factor : float, optional
+        Growth of the partition's condition that asks for a new partition; more than 1.
+    profile : str, optional
+        ``improved`` or ``thesis``.
+
+    Raises
+    ------
+    UsageError
+        If a value is of the wrong kind or out of range.
+    """
+
+    end_time: float | None = None
+    start_time: float | None = None
+    tolerance: float | Mapping[str, float] | Tolerance | None = None
+    method: str | None = None
+    formula: str | None = None
+    interval: float | None = None
+    output_times: Sequence[float] | None = None
+    channels: Sequence[str] | None = None
+    fixed_step: float | None = None
+    max_step: float | None = None
+    initial_step: float | None = None
+    max_steps: int | None = None
+    max_seconds: float | None = None
+    repartition_factor: float | None = None
+    profile: str | None = None
+
+    def __post_init__(self) -> None:
+        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
+        for name in ("end_time", "start_time"):
+            if (value := getattr(self, name)) is not None:
+                put(name, _require_finite(name, value))
+        for name in ("interval", "fixed_step", "max_step", "initial_step", "max_seconds"):
+            if (value := getattr(self, name)) is not None:
+                put(name, _require_positive(name, value))
+        if self.tolerance is not None:
+            put("tolerance", Tolerance.of(self.tolerance))
+        if self.max_steps is not None:
+            put("max_steps", _require_count("max_steps", self.max_steps))
+        if self.repartition_factor is not None:
+            factor = _require_finite("repartition_factor", self.repartition_factor)
+            if factor <= 1.0:
+                raise UsageError(f"`repartition_factor` is {factor}; it must be more than 1")
+            put("repartition_factor", factor)
+        if self.channels is not None:
+            if isinstance(self.channels, str):
+                raise UsageError("`channels` is one text; it must be a list of channel names")
+            put("channels", tuple(map(str, self.channels)))
+        if self.output_times is not None:
+            put("output_times", _require_rising("output_times", self.output_times))
+            if self.interval is not None:
+                raise UsageError("give either `interval` or `output_times`, not both")
+        if (
+            self.start_time is not None
+            and self.end_time is not None
+            and self.end_time < self.start_time
+        ):
+            raise UsageError(
+                f"`end_time` {self.end_time} s lies before `start_time` {self.start_time} s"
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the stated choices as plain data."""
+        data: dict[str, Any] = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, Tolerance):
+                value = {part.name: getattr(value, part.name) for part in fields(value)}
+            if value is not None:
+                data[field.name] = list(value) if isinstance(value, tuple) else value
+        return data
+
+
+def methods() -> list[dict[str, str]]:
+    """Return the integration codes: ``name``, ``title``, ``family`` and ``formula`` of each."""
+    known: list[dict[str, str]] = json.loads(_core.methods())
+    return known
+
+
+def _require_finite(name: str, value: object) -> float:
+    if isinstance(value, bool) or not hasattr(value, "__float__"):
+        raise UsageError(f"`{name}` is {value!r}; it must be a number")
+    number = float(value)
+    if not math.isfinite(number):
+        raise UsageError(f"`{name}` is {number}; it must be a finite number")
+    return number
+
+
+def _require_positive(name: str, value: object) -> float:
+    number = _require_finite(name, value)
+    if number <= 0.0:
+        raise UsageError(f"`{name}` is {number}; it must be positive")
+    return number
+
+
+def _require_count(name: str, value: object) -> int:
+    number = _require_positive(name, value)
+    if number != int(number):
+        raise UsageError(f"`{name}` is {number}; it must be a whole number")
+    return int(number)
+
+
+def _require_rising(name: str, values: Sequence[float]) -> tuple[float, ...]:
+    times = tuple(_require_finite(f"{name}[{i}]", value) for i, value in enumerate(values))
+    if not times:
+        raise UsageError(f"`{name}` is empty; it must hold at least one time")
+    for i, (earlier, later) in enumerate(zip(times, times[1:], strict=False)):
+        if later <= earlier:
+            raise UsageError(f"`{name}[{i + 1}]` is {later} s after {earlier} s; times must rise")
+    return times
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(f"`{name}`" for name in names)

@@ -1,0 +1,296 @@
+"""Results: arrays by name, the state to restart from, the step log and the diagnosis of a run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom.errors import UsageError
+from holonom.model import Model, expand
+from holonom.store import STATE, Quantity, Reader
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Record(Mapping[str, Any]):
+    """Plain data with its entries as attributes: ``statistics.steps``."""
+
+    __slots__ = ("_data",)
+
+    def __init__(self, data: Mapping[str, Any]) -> None:
+        self._data = dict(data)
+
+    def __getitem__(self, key: str) -> Any:
+        value = self._data[key]
+        return Record(value) if isinstance(value, dict) else value
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in self._data:
+            raise AttributeError(f"no entry `{name}`; there are {', '.join(self._data)}")
+        return self[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._data)
+
+    def __len__(self) -> int:
+        return len(self._data)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._data]
+
+    def __repr__(self) -> str:
+        return repr(self._data)
+
+
+class Result:
+    """A trajectory and what is known about the run that made it.
+
+    ``result["chassis.position"]`` is an array over the output times. Channels that were asked for
+    are stored; any other is computed from the stored states when it is first used.
+
+    A result comes from `Model.simulate` or from `Result.load`. Arrays are read when they are used;
+    they are kept and must not be written to.
+    """
+
+    def __init__(self, reader: Reader) -> None:
+        self._reader = reader
+        self._kept: dict[str, NDArray[np.float64]] = {}
+        self._model: Model | None = None
+
+    @classmethod
+    def load(cls, path: str | Path) -> Result:
+        """Open a result file; also one whose run is going on or was killed.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read or is not a result.
+        """
+        return cls(Reader.open(Path(path)))
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """Return a channel (or ``time``, ``q``, ``qd``, …).
+
+        Returns
+        -------
+        ndarray, shape (n_times,) for scalars, (n_times, n) for vectors
+            In the SI unit `unit` tells, along the axes `frame` tells.
+
+        Raises
+        ------
+        UsageError
+            If there is no such channel.
+        """
+        if name not in self._kept:
+            if name in self._reader.quantities:
+                values = self._reader.read(name)
+            else:
+                self._quantity(name)  # refuses unknown names, with the nearest ones
+                states = {part: self[part] for part in STATE if part in self._reader.quantities}
+                values = self.model.evaluate([name], states)[name]
+            values.flags.writeable = False
+            self._kept[name] = values
+        return self._kept[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._reader.quantities or name in self.model.channels
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Output times, ndarray, shape (n_times,), s."""
+        return self["time"] if "time" in self._reader.quantities else np.zeros(0)
+
+    @property
+    def channels(self) -> list[str]:
+        """Names of the stored channels."""
+        return [name for name in self._reader.quantities if name not in STATE]
+
+    @property
+    def requested(self) -> list[str]:
+        """Names of the channels that the run was asked for."""
+        return [name for name in self.meta.get("requested", []) if name in self]
+
+    def unit(self, name: str) -> str:
+        """Return the SI unit of a channel."""
+        return self._quantity(name).unit
+
+    def frame(self, name: str) -> str:
+        """Return the axes in which a channel's components are given; empty for scalars."""
+        return self._quantity(name).frame
+
+    def state(self, time: float | None = None) -> dict[str, NDArray[np.float64]]:
+        """Return a stored state, to start another run from.
+
+        Parameters
+        ----------
+        time : float, optional
+            One of the output times, s; the last one when not given.
+
+        Returns
+        -------
+        dict of str to ndarray
+            ``time`` (1,), ``q``, ``qd``, ``qdd``, ``lambda``, ``z``, ``winding``: vectors.
+
+        Raises
+        ------
+        UsageError
+            If nothing is stored at that time.
+        """
+        times = self.time
+        if not times.size:
+            raise UsageError("the result holds no states")
+        index = times.size - 1 if time is None else int(np.argmin(np.abs(times - time)))
+        if time is not None and abs(times[index] - time) > 1e-9 * max(1.0, abs(time)):
+            raise UsageError(
+                f"no state is stored at {time} s; the nearest one is at {times[index]} s"
+            )
+        return self._reader.row(index)
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """Everything the file says about the run, as plain data."""
+        return self._reader.meta
+
+    @property
+    def path(self) -> Path | None:
+        """The result file; None for a result in memory."""
+        return self._reader.path
+
+    @property
+    def model(self) -> Model:
+        """The model that was run, read back from the result."""
+        if self._model is None:
+            text = json.dumps(self.meta["model"], ensure_ascii=False)
+            name = str(self.meta.get("name", "model"))
+            self._model = Model.from_text(text, "json", name)
+        return self._model
+
+    @property
+    def status(self) -> str:
+        """How the run ended.
+
+        ``completed``; ``interrupted`` by Ctrl-C; ``failed``; ``limit``: of steps or seconds;
+        ``killed`` while writing; ``running``: not yet ended, or killed where that cannot be told.
+        """
+        return str(self.meta.get("status", "running"))
+
+    @property
+    def stop_reason(self) -> dict[str, Any]:
+        """Why the run ended: ``code``, ``message`` and, where known, ``time``, ``item``, …."""
+        return dict(self.meta.get("stop_reason") or {})
+
+    @property
+    def statistics(self) -> Record:
+        """Counts and times of the run: ``steps``, ``rejected``, ``jacobians``, …."""
+        return Record(self.meta.get("statistics") or {})
+
+    @property
+    def residuals(self) -> Record:
+        """Largest constraint residuals over the accepted steps."""
+        return Record(self.meta.get("residuals") or {})
+
+    @property
+    def energy(self) -> Record:
+        """Energy ledger at the end, J."""
+        return Record(self.meta.get("energy") or {})
+
+    @property
+    def warnings(self) -> list[dict[str, str]]:
+        """Warnings of the model and of the run."""
+        return list(self.meta.get("warnings") or [])
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """The choices the run was made with."""
+        return dict(self.meta.get("options") or {})
+
+    @property
+    def steps(self) -> dict[str, NDArray[Any]]:
+        """The log of attempted steps, by column, each ndarray of shape (n_steps,).
+
+        ``t``, ``h`` (s): start and size; ``error``: 1 is on tolerance; ``accepted``: 1 or 0;
+        ``cause``: of a rejection; ``iterations``: of Newton's method.
+        """
+        return self._reader.steps()
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """Events in the order in which they happened."""
+        return self._reader.events()
+
+    def expand(self, patterns: list[str]) -> list[str]:
+        """Return the channels meant by names and patterns, stored ones or computable."""
+        stored = self.channels
+        return expand(patterns, stored if set(patterns) <= set(stored) else self.model.channels)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the result as one file and return its path.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written, or something else than a result is there.
+        """
+        self._reader.save(Path(path))
+        return Path(path)
+
+    def plot(self, *channels: str, path: str | Path | None = None) -> Figure:
+        """Draw channels over time, one plot below the other.
+
+        Parameters
+        ----------
+        *channels : str
+            Names or patterns; what the run was asked for when none is given.
+        path : path, optional
+            Picture file to write: SVG, PDF or PNG by its ending.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown, or matplotlib is not installed.
+        """
+        from holonom import plotting  # here: matplotlib is an extra
+
+        return plotting.plot(self, list(channels), None if path is None else Path(path))
+
+    def report(self, path: str | Path) -> Path:
+        """Write a self-contained HTML page about the run and return its path."""
+        from holonom import report  # here: matplotlib is an extra
+
+        return report.write(self, Path(path))
+
+    def to_csv(self, path: str | Path, channels: list[str] | None = None) -> Path:
+        """Write channels as CSV and return the path; the stored ones when none are given."""
+        from holonom import export
+
+        with Path(path).open("w", encoding="utf-8", newline="") as file:
+            export.write_csv(self, file, channels)
+        return Path(path)
+
+    def close(self) -> None:
+        """Let go of the file; arrays that were read stay."""
+        self._reader.close()
+
+    def __enter__(self) -> Result:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        until = f"{self.time[-1]:.6g} s" if self.time.size else "no states"
+        return f"<holonom.Result {self.meta.get('name')!r}: {self.status}, {until}>"
+
+    def _quantity(self, name: str) -> Quantity:
+        stored = self._reader.quantities.get(name)
+        return stored or self.model.channels[expand([name], self.model.channels)[0]]

@@ -1,0 +1,165 @@
+"""One run: from the core's chunks to a result."""
+
+from __future__ import annotations
+
+import datetime
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom import _core
+from holonom.errors import Interrupted, SimulationError, UsageError, translated
+from holonom.result import Result
+from holonom.store import Writer, require_replaceable
+
+if TYPE_CHECKING:
+    from holonom.model import Model, Progress
+    from holonom.options import Options
+
+#: Stored with every run: the path integrals among them cannot be computed from states afterwards.
+DIAGNOSTICS = ("energy.", "constraint.")
+
+
+def run(
+    model: Model,
+    options: Options,
+    start: Mapping[str, NDArray[np.float64]] | None,
+    output: Path | None,
+    raise_failure: bool,
+    progress: Progress | None,
+) -> Result:
+    """Run a model; see `Model.simulate`."""
+    asked = options.to_dict()
+    chosen = {key: model.defaults.get(key) for key in type(options).__dataclass_fields__}
+    chosen = {key: value for key, value in (chosen | asked).items() if value is not None}
+    if "output_times" in asked:
+        chosen.pop("interval", None)
+    if chosen.get("end_time") is None:
+        raise UsageError(
+            "there is no end time; give `end_time`, or state it in the model's [simulation]"
+        )
+    requested = model.expand(chosen.get("channels") or [])
+    always = [name for name in model.channels if name.startswith(DIAGNOSTICS)]
+    chosen["channels"] = list(dict.fromkeys([*requested, *always]))
+
+    state = None
+    if start is not None:
+        state = {k: np.atleast_1d(np.asarray(v, dtype=np.float64)) for k, v in start.items()}
+        chosen["start_time"] = float(state["time"][0])
+        if options.start_time not in (None, chosen["start_time"]):
+            raise UsageError(
+                f"`start_time` is {options.start_time} s, but the state is at "
+                f"{chosen['start_time']} s"
+            )
+    if output is not None:
+        require_replaceable(output)
+
+    recorder = _Recorder(model, chosen, requested, output)
+    try:
+        summary = _simulate(model, chosen, state, recorder, progress)
+        recorder.finish(summary)
+    except BaseException:
+        recorder.close()
+        raise
+    result = recorder.result()
+    if summary["status"] != "completed":
+        reason = summary.get("stop_reason") or {"message": "the run ended early"}
+        if summary["status"] == "interrupted":
+            raise Interrupted({"code": "simulation/interrupted", **reason}, result)
+        if raise_failure:
+            raise SimulationError(reason, result)
+    return result
+
+
+def _simulate(
+    model: Model,
+    chosen: dict[str, Any],
+    state: dict[str, NDArray[np.float64]] | None,
+    recorder: _Recorder,
+    progress: Progress | None,
+) -> dict[str, Any]:
+    def on_progress(time: float, step_size: float, steps: int) -> None:
+        if progress is not None:
+            progress(time, step_size, steps)
+
+    try:
+        with translated():
+            text = model._core.simulate(json.dumps(chosen), state, recorder.append, on_progress)
+        summary: dict[str, Any] = json.loads(text)
+    except KeyboardInterrupt:  # Ctrl-C while Python code was running, not the core
+        summary = {
+            "status": "interrupted",
+            "stop_reason": {
+                "code": "simulation/interrupted",
+                "message": "the run was interrupted",
+                "time": recorder.last_time,
+            },
+        }
+    return summary
+
+
+class _Recorder:
+    """Opens the store with the first chunk, so that a run that never starts replaces nothing."""
+
+    def __init__(
+        self, model: Model, chosen: dict[str, Any], requested: list[str], output: Path | None
+    ) -> None:
+        self._model = model
+        self._chosen = chosen
+        self._requested = requested
+        self._output = output
+        self._writer: Writer | None = None
+        self.last_time: float | None = None
+
+    def append(self, chunk: dict[str, Any]) -> None:
+        """Store a chunk of the core; Ctrl-C takes effect when it is stored."""
+        try:
+            self._open().append(chunk)
+        except KeyboardInterrupt:
+            self._open().append(chunk)  # the broken attempt left nothing behind
+            raise
+        finally:
+            if len(chunk["time"]):
+                self.last_time = float(chunk["time"][-1])
+
+    def finish(self, summary: dict[str, Any]) -> None:
+        """Store the summary and complete the file."""
+        summary = dict(summary)
+        warnings = [*self._model.warnings]
+        warnings += [w for w in summary.pop("warnings", None) or [] if w not in warnings]
+        self._open().finish(summary | {"warnings": warnings, "finished": _now()})
+
+    def close(self) -> None:
+        if self._writer is not None:
+            self._writer.close()
+
+    def result(self) -> Result:
+        return Result(self._open().into_reader())
+
+    def _open(self) -> Writer:
+        if self._writer is None:
+            model = self._model
+            meta = {
+                "holonom": _core.version(),
+                "name": model.name,
+                "title": model.title,
+                "model": json.loads(model.to_json()),
+                "model_hash": model.hash,
+                "options": self._chosen,
+                "requested": self._requested,
+                "warnings": model.warnings,
+                "status": "running",
+                "started": _now(),
+            }
+            self._writer = Writer(self._output, meta, model.channels)
+        return self._writer
+
+
+def _now() -> str:
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+
+
