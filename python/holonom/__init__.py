@@ -9,6 +9,9 @@
     result.plot("upper.angle", "energy.imbalance")
 """
 
+from pathlib import Path
+from typing import Any
+
 from holonom._core import version as _version
 from holonom.check import CheckReport
 from holonom.errors import (
@@ -45,11 +48,11 @@ __all__ = [
 ]
 
 
-def load(path: str) -> Result:
+def load(path: str | Path) -> Result:
     """Open a result file; the same as `Result.load`."""
     return Result.load(path)
 
 
-def simulate(path: str, **choices: object) -> Result:
+def simulate(path: str | Path, **choices: Any) -> Result:
     """Run a model file; the same as ``Model.load(path).simulate(...)``."""
     return Model.load(path).simulate(**choices)

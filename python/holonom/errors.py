@@ -161,7 +161,7 @@ class SimulationError(HolonomError):
         return {"message": str(self), **self.reason}
 
 
-class Interrupted(SimulationError, KeyboardInterrupt):
+class Interrupted(SimulationError, KeyboardInterrupt):  # noqa: N818 - not an error
     """A run that Ctrl-C ended; ``result`` holds what was computed.
 
     It is a `KeyboardInterrupt` as well, so that a loop over runs ends too.
@@ -172,7 +172,9 @@ class Interrupted(SimulationError, KeyboardInterrupt):
 
 def describe(reason: dict[str, Any]) -> str:
     """Return a reason (`SimulationError.reason`) as text of a few lines."""
-    lines = [f"{reason.get('message', 'the run failed')} [{reason.get('code', 'simulation/failed')}]"]
+    lines = [
+        f"{reason.get('message', 'the run failed')} [{reason.get('code', 'simulation/failed')}]"
+    ]
     lines += [f"  item: {reason['item']}"] if reason.get("item") else []
     where = [
         f"{name} {reason[key]:.9g} s"
@@ -195,7 +197,10 @@ def translated() -> Iterator[None]:
         raise ModelError(*problems, rendered=data.get("rendered") or "") from None
     except _core.SimulationError as error:
         data = json.loads(error.args[0])
-        if str(data.get("code", "")).startswith("simulation/"):
+        kind = str(data.get("code", "")).partition("/")[0]
+        if kind == "options":
+            raise UsageError(describe(data)) from None
+        if kind == "simulation":
             raise SimulationError(data) from None
         # An initial state that cannot be found is a fault of the model: `assembly/…`.
         problem = Problem.from_json({**data, "path": data.get("path") or data.get("item")})

@@ -245,7 +245,7 @@ class Model:
     def evaluate(
         self, names: list[str], state: Mapping[str, NDArray[np.float64]]
     ) -> dict[str, NDArray[np.float64]]:
-        """Compute channels from states.
+        r"""Compute channels from states.
 
         Parameters
         ----------
@@ -257,7 +257,7 @@ class Model:
 
         Returns
         -------
-        dict of str to ndarray, shape (n_times, \\*shape)
+        dict of str to ndarray, shape (n_times, \*shape)
         """
         with translated():
             return self._core.evaluate_channels(names, state)

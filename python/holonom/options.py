@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -113,7 +114,9 @@ class Options:
     profile: str | None = None
 
     def __post_init__(self) -> None:
-        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
+        def put(name: str, value: object) -> None:
+            object.__setattr__(self, name, value)
+
         for name in ("end_time", "start_time"):
             if (value := getattr(self, name)) is not None:
                 put(name, _require_finite(name, value))
@@ -191,7 +194,7 @@ def _require_rising(name: str, values: Sequence[float]) -> tuple[float, ...]:
     times = tuple(_require_finite(f"{name}[{i}]", value) for i, value in enumerate(values))
     if not times:
         raise UsageError(f"`{name}` is empty; it must hold at least one time")
-    for i, (earlier, later) in enumerate(zip(times, times[1:], strict=False)):
+    for i, (earlier, later) in enumerate(itertools.pairwise(times)):
         if later <= earlier:
             raise UsageError(f"`{name}[{i + 1}]` is {later} s after {earlier} s; times must rise")
     return times

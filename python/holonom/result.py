@@ -98,6 +98,10 @@ class Result:
             self._kept[name] = values
         return self._kept[name]
 
+    def matrix(self, name: str) -> NDArray[np.float64]:
+        """Return a channel with one column per component, ndarray, shape (n_times, n)."""
+        return self[name].reshape(self.time.size, self._quantity(name).size)
+
     def __contains__(self, name: object) -> bool:
         return name in self._reader.quantities or name in self.model.channels
 
@@ -110,6 +114,11 @@ class Result:
     def channels(self) -> list[str]:
         """Names of the stored channels."""
         return [name for name in self._reader.quantities if name not in STATE]
+
+    @property
+    def quantities(self) -> dict[str, Quantity]:
+        """What is stored, states and channels, by name."""
+        return self._reader.quantities
 
     @property
     def requested(self) -> list[str]:

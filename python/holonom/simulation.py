@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -36,8 +36,9 @@ def run(
     asked = options.to_dict()
     chosen = {key: model.defaults.get(key) for key in type(options).__dataclass_fields__}
     chosen = {key: value for key, value in (chosen | asked).items() if value is not None}
-    if "output_times" in asked:
-        chosen.pop("interval", None)
+    for stated, displaced in (("output_times", "interval"), ("method", "formula")):
+        if stated in asked and displaced not in asked:
+            chosen.pop(displaced, None)
     if chosen.get("end_time") is None:
         raise UsageError(
             "there is no end time; give `end_time`, or state it in the model's [simulation]"
@@ -160,6 +161,4 @@ class _Recorder:
 
 
 def _now() -> str:
-    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
-
-
+    return dt.datetime.now(dt.UTC).isoformat(timespec="seconds")

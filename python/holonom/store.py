@@ -288,11 +288,11 @@ class Reader:
         self._db.close()
 
     def read(self, name: str) -> NDArray[np.float64]:
-        """Return a stored quantity.
+        r"""Return a stored quantity.
 
         Returns
         -------
-        ndarray, shape (n_times, \\*shape)
+        ndarray, shape (n_times, \*shape)
         """
         quantity = self.quantities[name]
         with _as_file_errors(self.path):
@@ -321,7 +321,9 @@ class Reader:
                     (chunk, self._ids[name]),
                 ).fetchone()
                 size = self.quantities[name].size
-                part = np.frombuffer(blob, dtype="<f8", count=size, offset=8 * size * (index - first))
+                part = np.frombuffer(
+                    blob, dtype="<f8", count=size, offset=8 * size * (index - first)
+                )
                 state[name] = part.astype(np.float64)
         return state
 
@@ -349,10 +351,13 @@ class Reader:
     def save(self, path: Path) -> None:
         """Write a copy as one file, in one move."""
         require_replaceable(path)
-        with _as_file_errors(path), _new_file(path) as fresh:
-            with closing(sqlite3.connect(fresh)) as copy:
-                self._db.backup(copy)
-                _leave_wal(copy)
+        with (
+            _as_file_errors(path),
+            _new_file(path) as fresh,
+            closing(sqlite3.connect(fresh)) as copy,
+        ):
+            self._db.backup(copy)
+            _leave_wal(copy)
 
 
 def require_replaceable(path: Path) -> None:

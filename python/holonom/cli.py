@@ -1,0 +1,365 @@
+"""The command line: ``holonom run | check | plot | report | export | info | schema``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from holonom.errors import Exit, HolonomError, SimulationError, UsageError
+from holonom.model import Model
+from holonom.result import Result
+
+app = typer.Typer(
+    name="holonom",
+    help="Implicit integration of constrained multibody systems.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    epilog="Exit status: 0 ok, 1 usage, 2 invalid model, 3 solver failure, 5 files, "
+    "130 interrupted.",
+)
+
+ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file, TOML or JSON.")]
+ResultFile = Annotated[Path, typer.Argument(metavar="RESULT", help="Result file.")]
+Values = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="PATH=VALUE", help="Change a value of the model; repeatable."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Names = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[CHANNEL]...", help="Channels, or patterns such as 'rack_slide.*'."),
+]
+
+
+def _seconds(name: str, text: str) -> Any:
+    return typer.Option(name, metavar="SECONDS", help=text)
+
+
+@app.command()
+def run(
+    model: ModelFile,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Result file; results/<model>.holonom by default."),
+    ] = None,
+    end_time: Annotated[float | None, _seconds("--end-time", "Time at which the run ends.")] = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(help="A number, or relative=1e-3,translation=1e-4,rotation=1e-4 (SI)."),
+    ] = None,
+    method: Annotated[str | None, typer.Option(help="Integration code, such as ForSDIRK.")] = None,
+    formula: Annotated[str | None, typer.Option(help="Formula, when METHOD is a family.")] = None,
+    interval: Annotated[float | None, _seconds("--interval", "Time between outputs.")] = None,
+    channel: Annotated[
+        list[str] | None, typer.Option("-c", "--channel", help="Channel to store; repeatable.")
+    ] = None,
+    start: Annotated[
+        Path | None, typer.Option(metavar="RESULT", help="Start from a state of this result.")
+    ] = None,
+    at: Annotated[float | None, _seconds("--at", "Which state; the last one by default.")] = None,
+    fixed_step: Annotated[float | None, _seconds("--fixed-step", "Steps of this size.")] = None,
+    max_step: Annotated[float | None, _seconds("--max-step", "Largest step size.")] = None,
+    initial_step: Annotated[float | None, _seconds("--initial-step", "First step size.")] = None,
+    max_steps: Annotated[int | None, typer.Option(help="Largest number of steps.")] = None,
+    max_seconds: Annotated[float | None, _seconds("--max-seconds", "Largest wall time.")] = None,
+    values: Values = None,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    json_: Json = False,
+) -> int:
+    """Run a model and store the result."""
+    loaded = _load(model, values)
+    target = output or Path("results") / f"{loaded.name}.holonom"
+    choices: dict[str, Any] = {
+        "end_time": end_time,
+        "tolerance": None if tolerance is None else _tolerance(tolerance),
+        "method": method,
+        "formula": formula,
+        "interval": interval,
+        "channels": channel,
+        "fixed_step": fixed_step,
+        "max_step": max_step,
+        "initial_step": initial_step,
+        "max_steps": max_steps,
+        "max_seconds": max_seconds,
+    }
+    if at is not None and start is None:
+        raise UsageError("`--at` needs `--start RESULT`")
+    state = None if start is None else Result.load(start).state(at)
+    failure: SimulationError | None = None
+    with _Progress(loaded, end_time, shown=not (quiet or json_)) as progress:
+        try:
+            result = loaded.simulate(
+                start=state,
+                output=target,
+                progress=progress,
+                **{key: value for key, value in choices.items() if value is not None},
+            )
+        except SimulationError as error:
+            if error.result is None:
+                raise
+            result, failure = error.result, error
+    with result:
+        if json_:
+            _print_json(_facts(result) | ({"error": failure.to_json()} if failure else {}))
+        elif not quiet:
+            _print_summary(result)
+    if failure is not None:
+        if not json_:
+            _complain(str(failure))
+        return failure.exit_code
+    return Exit.OK
+
+
+@app.command()
+def check(model: ModelFile, values: Values = None, json_: Json = False) -> int:
+    """Validate and assemble a model; print counts, redundancy and stiffness."""
+    report = _load(model, values).check()
+    if json_:
+        _print_json(report.to_json())
+    else:
+        typer.echo(str(report))
+    return Exit.OK
+
+
+@app.command()
+def plot(
+    result: ResultFile,
+    channels: Names = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Picture: .svg, .pdf or .png; by default RESULT.svg."),
+    ] = None,
+    json_: Json = False,
+) -> int:
+    """Draw channels over time; without names those that the run was asked for."""
+    target = output or result.with_suffix(".svg")
+    with Result.load(result) as loaded:
+        loaded.plot(*(channels or []), path=target)
+    return _done("picture", target, json_)
+
+
+@app.command()
+def report(
+    result: ResultFile,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Page; by default RESULT.html.")
+    ] = None,
+    json_: Json = False,
+) -> int:
+    """Write a self-contained HTML page about a run."""
+    target = output or result.with_suffix(".html")
+    with Result.load(result) as loaded:
+        loaded.report(target)
+    return _done("report", target, json_)
+
+
+@app.command()
+def export(
+    result: ResultFile,
+    channels: Names = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="CSV file; by default RESULT.csv, '-' prints it."),
+    ] = None,
+    json_: Json = False,
+) -> int:
+    """Write channels as CSV; without names those that are stored."""
+    from holonom.export import write_csv
+
+    target = output or result.with_suffix(".csv")
+    with Result.load(result) as loaded:
+        if str(target) == "-":
+            write_csv(loaded, sys.stdout, channels)
+            return Exit.OK
+        loaded.to_csv(target, channels)
+    return _done("table", target, json_)
+
+
+@app.command()
+def info(result: ResultFile, json_: Json = False) -> int:
+    """Say what a result file holds, and up to which time."""
+    with Result.load(result) as loaded:
+        if json_:
+            _print_json(_facts(loaded))
+        else:
+            _print_summary(loaded)
+            for name in loaded.channels:
+                quantity = loaded.quantities[name]
+                shape = f" {list(quantity.shape)}" if quantity.shape else ""
+                typer.echo(f"  {name}{shape} {quantity.unit} {quantity.frame}".rstrip())
+    return Exit.OK
+
+
+@app.command()
+def schema(
+    reference: Annotated[
+        bool, typer.Option("--reference", help="Print the reference page, in Markdown.")
+    ] = False,
+    json_: Json = False,  # noqa: ARG001 - the schema is JSON already
+) -> int:
+    """Print the JSON Schema of model files."""
+    from holonom import _core
+
+    typer.echo((_core.model_reference() if reference else _core.schema()).rstrip("\n"))
+    return Exit.OK
+
+
+def main() -> None:
+    """Run the command line and exit with its status."""
+    sys.exit(invoke(sys.argv[1:]))
+
+
+def invoke(arguments: Sequence[str]) -> int:
+    """Run a command line and return its exit status; errors of the user are one message."""
+    try:
+        return int(app(list(arguments), prog_name="holonom", standalone_mode=False) or Exit.OK)
+    except HolonomError as error:
+        return _fail(error.exit_code, error.to_json(), arguments)
+    except typer.TyperException as error:  # an unknown flag, a missing argument
+        text = error.format_message() or "a command is needed; try 'holonom --help'"
+        return _fail(Exit.USAGE, {"message": text}, arguments)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail(Exit.INTERRUPTED, {"message": "interrupted"}, arguments)
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        return _fail(Exit.FILES, {"message": f"{name}{error.strerror or error}"}, arguments)
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is not the user's fault
+        import traceback
+
+        traceback.print_exc()
+        text = f"this is a defect in Holonom, not in your model: {error!r}"
+        return _fail(Exit.DEFECT, {"message": text}, arguments)
+
+
+class _Progress:
+    """A bar on a terminal; nothing elsewhere."""
+
+    def __init__(self, model: Model, end_time: float | None, *, shown: bool) -> None:
+        self._end = end_time or model.defaults.get("end_time") or 0.0
+        self._start: float | None = None
+        self._name = model.name
+        self._shown = shown and sys.stderr.isatty()
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Callable[[float, float, int], None] | None:
+        if not self._shown:
+            return None
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=None),
+            TextColumn("{task.fields[text]}"),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=Console(stderr=True),
+            transient=True,
+            auto_refresh=False,
+        )
+        self._bar.start()
+        self._task = self._bar.add_task(self._name, total=None, text="assembling")
+        return self._update
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _update(self, time: float, step_size: float, steps: int) -> None:
+        if self._start is None:
+            self._start = time
+        self._bar.update(
+            self._task,
+            completed=time - self._start,
+            total=max(self._end - self._start, 0.0) or None,
+            text=f"t {time:.4f} / {self._end:g} s, h {step_size:.1e} s, {steps} steps",
+            refresh=True,
+        )
+
+
+def _load(path: Path, values: list[str] | None) -> Model:
+    model = Model.load(path)
+    changes = {}
+    for text in values or []:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip():
+            raise UsageError(f"`--set {text}`: expected PATH=VALUE, as in gravity[1]=-1.62")
+        try:
+            changes[name.strip()] = json.loads(value)
+        except ValueError:
+            changes[name.strip()] = value.strip()
+    return model.with_values(changes) if changes else model
+
+
+def _tolerance(text: str) -> float | dict[str, float]:
+    try:
+        if "=" not in text:
+            return float(text)
+        parts = (part.partition("=") for part in text.split(","))
+        return {name.strip(): float(value) for name, _, value in parts}
+    except ValueError:
+        raise UsageError(
+            f"`--tolerance {text}`: expected a number, or relative=1e-3,translation=1e-4,…"
+        ) from None
+
+
+def _facts(result: Result) -> dict[str, Any]:
+    """Return what is known about a result, without the model's text."""
+    facts = {key: value for key, value in result.meta.items() if key != "model"}
+    facts |= {
+        "result": str(result.path),
+        "n_times": result.time.size,
+        "stored_until": float(result.time[-1]) if result.time.size else None,
+        "channels": [
+            {"name": q.name, "unit": q.unit, "frame": q.frame, "shape": list(q.shape)}
+            for q in (result.quantities[name] for name in result.channels)
+        ],
+    }
+    return facts
+
+
+def _print_summary(result: Result) -> None:
+    from holonom.check import warning_line
+    from holonom.summary import summarize
+
+    for warning in result.warnings:
+        typer.echo(warning_line(warning))
+    for label, text in [*summarize(result), ("result", str(result.path))]:
+        typer.echo(f"{label:<22}{text}")
+
+
+def _print_json(data: Any) -> None:
+    typer.echo(json.dumps(data, indent=2, ensure_ascii=False, default=str))
+
+
+def _done(what: str, path: Path, json_: bool) -> int:
+    if json_:
+        _print_json({what: str(path)})
+    else:
+        typer.echo(f"{what:<22}{path}")
+    return Exit.OK
+
+
+def _fail(status: Exit, error: dict[str, Any], arguments: Sequence[str]) -> int:
+    if "--json" in arguments:
+        _print_json({"error": error, "exit_status": int(status)})
+    else:
+        _complain(error["message"])
+    return status
+
+
+def _complain(message: str) -> None:
+    label = typer.style("error:", fg="red", bold=True) if sys.stderr.isatty() else "error:"
+    typer.echo(f"{label} {message}", err=True)
+
+
+if __name__ == "__main__":
+    main()

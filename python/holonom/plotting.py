@@ -1,0 +1,213 @@
+"""Figures of channels, steps, residuals and energy."""
+
+from __future__ import annotations
+
+import io
+import itertools
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom.errors import FileError, UsageError
+
+try:
+    import matplotlib as mpl
+    from cycler import cycler
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+except ModuleNotFoundError as error:
+    if (error.name or "").partition(".")[0] != "matplotlib":
+        raise
+    raise UsageError(
+        "plots and reports need matplotlib, which is not installed; "
+        "it comes with the extra `plot`, as in `pip install '.[plot]'`"
+    ) from None
+
+if TYPE_CHECKING:
+    from holonom.result import Result
+
+Series = NDArray[np.float64]
+
+#: Four colours that stay apart for colour-blind readers, on light and on dark paper.
+COLORS = ("#3f7fbf", "#d9792b", "#3d9a6a", "#b0589f", "#8a7a3c", "#6f6f9f")
+REJECTED = "#cc4444"
+#: Points drawn per line; more would not be seen.
+POINTS = 3000
+
+# Axes, ticks and texts in this colour follow the page's text colour in an inlined picture.
+_INK = "#1f2326"
+_STYLE: dict[Any, Any] = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": _INK,
+    "axes.grid": True,
+    "axes.labelcolor": _INK,
+    "axes.linewidth": 0.7,
+    "axes.prop_cycle": cycler(color=COLORS),
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "figure.facecolor": "none",
+    "axes.facecolor": "none",
+    "savefig.facecolor": "none",
+    "font.size": 9.0,
+    "grid.alpha": 0.25,
+    "grid.color": _INK,
+    "grid.linewidth": 0.5,
+    "legend.frameon": False,
+    "legend.labelcolor": _INK,
+    "lines.linewidth": 1.3,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "holonom",  # the same picture gives the same file
+    "text.color": _INK,
+    "xtick.color": _INK,
+    "ytick.color": _INK,
+}
+
+
+def plot(result: Result, patterns: Sequence[str], path: Path | None = None) -> Figure:
+    """Draw channels one below the other; see `Result.plot`."""
+    names = result.expand(list(patterns)) if patterns else result.requested
+    if not names:
+        raise UsageError("name at least one channel; the run was asked for none")
+    figure = channels(result, names)
+    if path is not None:
+        save(figure, path)
+    return figure
+
+
+def channels(result: Result, names: Sequence[str]) -> Figure:
+    """Return a figure with one plot per channel over time."""
+    with mpl.rc_context(_STYLE):
+        figure, axes = _stack(len(names), 1.9)
+        for one, name in zip(axes, names, strict=True):
+            values = result.matrix(name)
+            labels = components(name, values.shape[1])
+            for column, label in zip(values.T, labels, strict=True):
+                one.plot(*thinned(result.time, column), label=label)
+            frame = result.frame(name)
+            one.set_title(f"{name}" + (f", {frame} axes" if frame else ""), loc="left", fontsize=9)
+            one.set_ylabel(result.unit(name) or "–")
+            if len(labels) > 1:
+                one.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+        axes[-1].set_xlabel("time, s")
+    return figure
+
+
+def step_sizes(steps: dict[str, NDArray[Any]]) -> Figure:
+    """Return a figure of the step size over time, with rejected attempts marked."""
+    with mpl.rc_context(_STYLE):
+        figure, (axes,) = _stack(1, 2.4)
+        accepted = steps["accepted"] > 0
+        t, h = steps["t"], steps["h"]
+        axes.plot(*thinned(t[accepted], h[accepted]), label="accepted")
+        if not accepted.all():
+            axes.plot(
+                t[~accepted], h[~accepted], "x", color=REJECTED, markersize=4, label="rejected"
+            )
+            axes.legend(loc="best", fontsize=8)
+        axes.set_yscale("log")
+        axes.set_ylabel("step size, s")
+        axes.set_xlabel("time, s")
+    return figure
+
+
+def residuals(result: Result, names: Sequence[str]) -> Figure:
+    """Return a figure of constraint residuals over time, on a logarithmic scale."""
+    with mpl.rc_context(_STYLE):
+        figure, (axes,) = _stack(1, 2.4)
+        for name in names:
+            values = np.abs(result[name])
+            shown = np.where(values > 0.0, values, np.nan)  # exactly satisfied: no point
+            label = name.partition(".")[2] + (f", {result.unit(name)}" if result.unit(name) else "")
+            axes.plot(*thinned(result.time, shown), label=label)
+        axes.set_yscale("log")
+        axes.set_ylabel("largest residual")
+        axes.set_xlabel("time, s")
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+    return figure
+
+
+def energy(result: Result, names: Sequence[str]) -> Figure:
+    """Return a figure of the energy ledger, with the imbalance in a plot of its own."""
+    terms = [name for name in names if name != "energy.imbalance"]
+    with mpl.rc_context(_STYLE):
+        figure, axes = _stack(1 + ("energy.imbalance" in names), 2.2)
+        for name in terms:
+            label = name.partition(".")[2].replace("_", " ")
+            axes[0].plot(*thinned(result.time, result[name]), label=label)
+        axes[0].set_ylabel("energy, J")
+        axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+        if "energy.imbalance" in names:
+            axes[1].plot(*thinned(result.time, result["energy.imbalance"]), color=REJECTED)
+            axes[1].set_ylabel("imbalance, J")
+        axes[-1].set_xlabel("time, s")
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the ending tells the format.
+
+    Raises
+    ------
+    UsageError
+        If the format is not known.
+    FileError
+        If the file cannot be written.
+    """
+    kind = path.suffix.lower().removeprefix(".")
+    known = figure.canvas.get_supported_filetypes()
+    if kind not in known:
+        raise UsageError(f"{path}: pictures end in {', '.join(f'.{k}' for k in sorted(known))}")
+    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with mpl.rc_context(_STYLE):
+            figure.savefig(path, dpi=160, facecolor="white", metadata=metadata)
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}") from None
+
+
+def inline_svg(figure: Figure, title: str) -> str:
+    """Return a figure as an SVG element that takes text colour and width from its page."""
+    text = io.StringIO()
+    with mpl.rc_context(_STYLE | {"svg.hashsalt": title}):
+        figure.savefig(text, format="svg", metadata={"Date": None})
+    svg = text.getvalue()
+    svg = svg[svg.index("<svg") :].replace(_INK, "currentColor")
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, count=1, flags=re.DOTALL)
+    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
+    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
+    label = title.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+    return svg.replace("<svg", f'<svg role="img" aria-label="{label}"', 1)
+
+
+def components(name: str, size: int) -> list[str]:
+    """Return the names of a channel's components."""
+    if size == 1:
+        return [""]
+    if name.endswith(".euler_parameters"):
+        return [f"e{i}" for i in range(size)]
+    return list("xyz"[:size]) if size <= 3 else [f"[{i}]" for i in range(size)]
+
+
+def thinned(t: Series, y: Series) -> tuple[Series, Series]:
+    """Return at most about `POINTS` points with the smallest and largest of every stretch."""
+    if t.size <= POINTS:
+        return t, y
+    edges = np.linspace(0, t.size, POINTS // 2 + 1).astype(int)
+    kept: list[int] = [0, t.size - 1]
+    for first, last in itertools.pairwise(edges):
+        stretch = y[first:last]
+        if np.isfinite(stretch).any():
+            kept += [first + int(np.nanargmin(stretch)), first + int(np.nanargmax(stretch))]
+    index = np.unique(kept)
+    return t[index], y[index]
+
+
+def _stack(rows: int, height: float) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(8.2, 0.5 + height * rows), layout="constrained")
+    axes = figure.subplots(rows, 1, sharex=True, squeeze=False)
+    return figure, list(axes[:, 0])

@@ -1,0 +1,286 @@
+"""One page about a run: a single HTML file with its pictures inside."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from holonom import plotting
+from holonom.check import plain
+from holonom.errors import FileError
+from holonom.summary import STATUS, summarize
+
+if TYPE_CHECKING:
+    from holonom.result import Result
+
+#: Bodies drawn when the run was asked for no channels.
+BODIES_DRAWN = 6
+
+_CSS = """
+:root { color-scheme: light dark; --paper: #fbfbf9; --card: #ffffff; --ink: #1f2326;
+  --faint: #667078; --line: #dfe2e0; --good: #2f7d52; --bad: #b23a3a; --fair: #a86a12; }
+@media (prefers-color-scheme: dark) { :root { --paper: #16191b; --card: #1d2124; --ink: #dfe3e4;
+  --faint: #98a2a8; --line: #33393d; --good: #63b98b; --bad: #e07b7b; --fair: #d9a14b; } }
+* { box-sizing: border-box; }
+body { margin: 0; background: var(--paper); color: var(--ink);
+  font: 15px/1.5 system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
+main { max-width: 64rem; margin: 0 auto; padding: 2.2rem 1.2rem 4rem; }
+h1 { font-size: 1.7rem; line-height: 1.25; margin: 0 0 .3rem; }
+h2 { font-size: 1.15rem; margin: 2.6rem 0 .7rem; }
+.lead { color: var(--faint); margin: 0 0 1.4rem; }
+.badge { color: var(--card); border-radius: 1rem; padding: .1rem .7rem; font-size: .85rem;
+  background: var(--bad); white-space: nowrap; }
+.badge.completed { background: var(--good); }
+.badge.interrupted, .badge.limit, .badge.running { background: var(--fair); }
+.card, figure, .notice { background: var(--card); border: 1px solid var(--line);
+  border-radius: .5rem; margin: 0 0 1rem; padding: 1rem 1.2rem; }
+.notice { border-left: .3rem solid var(--fair); white-space: pre-wrap; }
+.notice.bad { border-left-color: var(--bad); }
+.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .8rem;
+  margin-bottom: 1rem; }
+.tiles div { background: var(--card); border: 1px solid var(--line); border-radius: .5rem;
+  padding: .7rem .9rem; }
+.tiles b { display: block; font-size: 1.25rem; font-weight: 600; }
+.tiles span { color: var(--faint); font-size: .82rem; }
+figure { overflow-x: auto; }
+figure svg { width: 100%; height: auto; min-width: 34rem; display: block; color: var(--ink); }
+figcaption, p.note { color: var(--faint); font-size: .88rem; margin: .4rem 0 0; }
+table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+th, td { text-align: left; vertical-align: top; padding: .28rem .8rem .28rem 0;
+  border-bottom: 1px solid var(--line); }
+th { font-weight: 500; color: var(--faint); white-space: nowrap; }
+td.number, th.number { text-align: right; }
+tr:last-child > * { border-bottom: 0; }
+pre { overflow: auto; max-height: 30rem; font-size: .82rem; margin: .6rem 0 0; }
+code { overflow-wrap: anywhere; }
+summary { cursor: pointer; }
+@media print { figure, .card, .tiles div { break-inside: avoid; } }
+"""
+
+
+def write(result: Result, path: Path) -> Path:
+    """Write the page.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    """
+    text = render(result)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise FileError(f"{path}: {error.strerror or error}") from None
+    return path
+
+
+def render(result: Result) -> str:
+    """Return the page as HTML text."""
+    title = str(result.meta.get("title") or result.meta.get("name") or "run")
+    name, started = str(result.meta.get("name", "")), str(result.meta.get("started", ""))
+    badge = f'<span class="badge {escape(result.status)}">{escape(STATUS[result.status])}</span>'
+    sections = [
+        f"<h1>{escape(title)}</h1>",
+        f'<p class="lead">{badge} &ensp;{escape(name)}, {escape(started)}</p>',
+        _notice(result),
+        _tiles(result),
+        _card(_table(summarize(result))),
+    ]
+    if result.time.size > 1:
+        sections += [_channels(result), _residuals(result), _energy(result)]
+    sections += [_steps(result), _statistics(result), _warnings(result), _events(result)]
+    sections += [_provenance(result)]
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>{_CSS}</style>\n</head>\n<body>\n<main>\n"
+        + "\n".join(section for section in sections if section)
+        + "\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _notice(result: Result) -> str:
+    if result.status == "completed" or not result.stop_reason:
+        return ""
+    reason = result.stop_reason
+    text = f"{reason.get('message', '')} [{reason.get('code', '')}]"
+    for key in ("item", "time", "step", "help"):
+        if reason.get(key) is not None:
+            text += f"\n{key}: {plain(reason[key])}"
+    return f'<div class="notice bad">{escape(text)}</div>'
+
+
+def _tiles(result: Result) -> str:
+    tiles = []
+    if result.time.size:
+        tiles.append((f"{result.time[-1] - result.time[0]:.4g} s", "simulated"))
+    accepted = result.steps["accepted"] > 0
+    if accepted.size:
+        tiles.append((f"{accepted.sum()}", f"steps, {(~accepted).sum()} rejected"))
+    if result.meta.get("cpu_seconds") is not None:
+        tiles.append((f"{result.meta['cpu_seconds']:.3g} s", "processor time"))
+    for key, label in (("position", "largest position residual"),):
+        value = result.residuals.get(key)
+        if isinstance(value, float):
+            tiles.append((f"{value:.1e}", label))
+    if "energy.imbalance" in result.channels and result.time.size:
+        worst = np.abs(result["energy.imbalance"]).max()
+        tiles.append((f"{worst:.1e} J", "largest energy imbalance"))
+    cells = "".join(f"<div><b>{escape(v)}</b><span>{escape(k)}</span></div>" for v, k in tiles)
+    return f'<div class="tiles">{cells}</div>' if tiles else ""
+
+
+def _channels(result: Result) -> str:
+    names = result.requested
+    note = ""
+    if not names:
+        positions = [f"{body}.position" for body in result.meta.get("model", {}).get("bodies", {})]
+        names = [name for name in positions if name in result][:BODIES_DRAWN]
+        note = (
+            '<p class="note">The run was asked for no channels; these are bodies of the model.</p>'
+        )
+    if not names:
+        return ""
+    figures = [
+        _figure(plotting.channels(result, [name]), name, _frame_note(result, name))
+        for name in names
+    ]
+    return "<h2>Channels</h2>" + "".join(figures) + note
+
+
+def _frame_note(result: Result, name: str) -> str:
+    stored = "stored" if name in result.channels else "computed from the stored states"
+    frame = f"{result.frame(name)} axes, " if result.frame(name) else ""
+    return f"{name}: {result.unit(name) or 'no unit'}, {frame}{stored}"
+
+
+def _steps(result: Result) -> str:
+    log = result.steps
+    if not log["t"].size:
+        return ""
+    caption = "Size of every attempted step; crosses mark attempts that were rejected."
+    return "<h2>Step size</h2>" + _figure(plotting.step_sizes(log), "step size", caption)
+
+
+def _residuals(result: Result) -> str:
+    names = [name for name in result.channels if name.startswith("constraint.")]
+    if not any(np.any(result[name]) for name in names):
+        return ""
+    caption = "Largest residual of all constraints at each output time; exact zeros are not drawn."
+    figure = _figure(plotting.residuals(result, names), "constraint residuals", caption)
+    return "<h2>Constraint residuals</h2>" + figure
+
+
+def _energy(result: Result) -> str:
+    names = [name for name in result.channels if name.startswith("energy.")]
+    if not names:
+        return ""
+    rows = [
+        (
+            name.partition(".")[2].replace("_", " "),
+            f"{result[name][0]:.6g}",
+            f"{result[name][-1]:.6g}",
+            f"{np.abs(result[name]).max():.3g}",
+        )
+        for name in names
+    ]
+    caption = "The imbalance is what the ledger of the other terms does not account for."
+    return (
+        "<h2>Energy</h2>"
+        + _figure(plotting.energy(result, names), "energy", caption)
+        + _card(_grid(("J", "at the start", "at the end", "largest size"), rows))
+    )
+
+
+def _statistics(result: Result) -> str:
+    rows = list(_flat(result.meta.get("statistics") or {}))
+    rows += [(f"residual {k}", v) for k, v in _flat(result.meta.get("residuals") or {})]
+    rows += [(f"energy {k}, J", v) for k, v in _flat(result.meta.get("energy") or {})]
+    return "<h2>Statistics</h2>" + _card(_table(rows)) if rows else ""
+
+
+def _warnings(result: Result) -> str:
+    notices = [
+        f"{w['path']}: " * bool(w.get("path")) + f"{w.get('message', '')} [{w.get('code', '')}]"
+        for w in result.warnings
+    ]
+    body = "".join(f'<div class="notice">{escape(text)}</div>' for text in notices)
+    return "<h2>Warnings</h2>" + body if notices else ""
+
+
+def _events(result: Result) -> str:
+    rows = [
+        (
+            f"{e['time']:.6g} s" if isinstance(e.get("time"), int | float) else "",
+            str(e.get("kind", "")),
+            plain({k: v for k, v in e.items() if k not in ("time", "kind")}),
+        )
+        for e in result.events
+    ]
+    return "<h2>Events</h2>" + _card(_grid(("time", "kind", ""), rows)) if rows else ""
+
+
+def _provenance(result: Result) -> str:
+    meta = result.meta
+    rows = [
+        ("Holonom", str(meta.get("holonom", ""))),
+        ("model hash", str(meta.get("model_hash", ""))),
+        ("started", str(meta.get("started", ""))),
+        ("finished", str(meta.get("finished", "–"))),
+    ]
+    rows += [(f"option {key}", value) for key, value in _flat(_brief(result.options))]
+    model = json.dumps(meta.get("model", {}), indent=1, ensure_ascii=False)
+    return (
+        "<h2>Provenance</h2>"
+        + _card(_table(rows))
+        + f'<details class="card"><summary>The model as it was run</summary><pre>{escape(model)}'
+        + "</pre></details>"
+    )
+
+
+def _brief(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Shorten long lists of numbers."""
+    brief = dict(options)
+    times = brief.get("output_times")
+    if isinstance(times, list) and len(times) > 8:
+        brief["output_times"] = f"{len(times)} times from {times[0]} to {times[-1]} s"
+    return brief
+
+
+def _flat(data: Mapping[str, Any], prefix: str = "") -> Iterable[tuple[str, str]]:
+    for key, value in data.items():
+        label = f"{prefix}{key}".replace("_", " ")
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{label}, ")
+        elif isinstance(value, list):
+            yield label, ", ".join(map(str, value))
+        else:
+            yield label, f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _table(rows: Iterable[tuple[str, str]]) -> str:
+    lines = (f"<tr><th>{escape(k)}</th><td><code>{escape(v)}</code></td></tr>" for k, v in rows)
+    return f"<table>{''.join(lines)}</table>"
+
+
+def _grid(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f"<table><tr>{top}</tr>{body}</table>"
+
+
+def _card(body: str) -> str:
+    return f'<div class="card">{body}</div>'
+
+
+def _figure(figure: Any, title: str, caption: str) -> str:
+    svg = plotting.inline_svg(figure, title)
+    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"

@@ -1,0 +1,159 @@
+"""The few lines that say how a run went."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from holonom.result import Result
+
+#: Entries of the statistics in the order of reading, those that a summary names.
+COUNTS = (
+    "evaluations",
+    "jacobians",
+    "factorizations",
+    "iterations",
+    "reparametrizations",
+)
+
+#: What each status means to a reader.
+STATUS = {
+    "completed": "completed",
+    "interrupted": "interrupted",
+    "failed": "failed",
+    "limit": "stopped at a limit",
+    "killed": "killed while writing",
+    "running": "not ended: still running, or killed",
+}
+
+
+def summarize(result: Result) -> list[tuple[str, str]]:
+    """Return labels and texts: what was run, how, and how well it went."""
+    facts = [("model", _model(result)), ("status", _status(result)), ("method", _method(result))]
+    facts += [("items", items(result.meta.get("model", {})))]
+    facts += _sizes(result)
+    facts += [("outputs", _outputs(result))]
+    facts += _steps(result)
+    facts += _work(result)
+    if result.residuals:
+        text = ", ".join(f"{k} {v:.1e}" for k, v in result.residuals.items() if _is_number(v))
+        facts.append(("largest residuals", text))
+    facts += _energy(result)
+    if result.warnings:
+        facts.append(("warnings", str(len(result.warnings))))
+    return facts
+
+
+def items(model: dict[str, Any]) -> str:
+    """Return the counts of a model's items."""
+    singular = {"bodies": "body", "joints": "joint", "forces": "force", "drivers": "driver"}
+    counts = {kind: len(model.get(kind) or {}) for kind in singular}
+    return ", ".join(
+        f"{count} {singular[kind] if count == 1 else kind}" for kind, count in counts.items()
+    )
+
+
+def _model(result: Result) -> str:
+    name, title = result.meta.get("name", ""), result.meta.get("title", "")
+    return f"{name}: {title}" if title and title != name else str(name)
+
+
+def _status(result: Result) -> str:
+    until = f" at {result.time[-1]:.6g} s" if result.time.size else ", nothing stored"
+    return STATUS.get(result.status, result.status) + until
+
+
+def _method(result: Result) -> str:
+    options = result.options
+    parts = [str(result.meta.get("method") or options.get("method") or "default method")]
+    parts += [str(options["formula"])] if options.get("formula") else []
+    if options.get("fixed_step"):
+        return ", ".join([*parts, f"fixed step {options['fixed_step']:g} s"])
+    tolerance = options.get("tolerance")
+    if isinstance(tolerance, dict):
+        values = {float(v) for v in tolerance.values() if _is_number(v)}
+        if len(values) == 1:
+            tolerance = values.pop()
+        else:
+            units = {"relative": "", "translation": " m", "rotation": " rad"}
+            tolerance = ", ".join(f"{k} {v:g}{units.get(k, '')}" for k, v in tolerance.items())
+    if tolerance is not None:
+        parts.append(f"tolerance {tolerance if isinstance(tolerance, str) else f'{tolerance:g}'}")
+    return ", ".join(parts)
+
+
+def _sizes(result: Result) -> list[tuple[str, str]]:
+    quantities = result.quantities
+    if "q" not in quantities:
+        return []
+    text = f"{quantities['q'].size}"
+    if "lambda" in quantities:
+        text += f", {quantities['lambda'].size} constraints"
+    if result.meta.get("dof") is not None:
+        text += f", {result.meta['dof']} degrees of freedom"
+    if "z" in quantities and quantities["z"].size:
+        text += f", {quantities['z'].size} extra states"
+    return [("coordinates", text)]
+
+
+def _outputs(result: Result) -> str:
+    times = result.time
+    span = f", {times[0]:.6g} to {times[-1]:.6g} s" if times.size else ""
+    return f"{times.size} times{span}, {len(result.channels)} channels stored"
+
+
+def _steps(result: Result) -> list[tuple[str, str]]:
+    log = result.steps
+    accepted = log["accepted"] > 0
+    if not accepted.size:
+        return []
+    text = f"{int(accepted.sum())} accepted, {int((~accepted).sum())} rejected"
+    if causes := Counter(str(cause) for cause in log["cause"][~accepted] if cause):
+        text += f" ({', '.join(f'{cause} {n}' for cause, n in causes.most_common())})"
+    facts = [("steps", text)]
+    if accepted.any():
+        h = log["h"][accepted]
+        sizes = f"{h.min():.2e} to {h.max():.2e} s, mean {h.mean():.2e} s"
+        facts.append(("step size", sizes))
+    return facts
+
+
+def _work(result: Result) -> list[tuple[str, str]]:
+    counts = [f"{result.statistics[key]} {key}" for key in COUNTS if key in result.statistics]
+    facts = [
+        ("" if first else "work", ", ".join(counts[first : first + 3]))
+        for first in range(0, len(counts), 3)
+    ]
+    seconds = result.meta.get("cpu_seconds")
+    if isinstance(seconds, int | float) and result.time.size:
+        text = f"{seconds:.3g} s"
+        if (span := float(result.time[-1] - result.time[0])) > 0.0:
+            text += f", {seconds / span:.3g} s per simulated second"
+        facts.append(("processor time", text))
+    return facts
+
+
+def _energy(result: Result) -> list[tuple[str, str]]:
+    facts = []
+    terms = ("kinetic", "potential", "dissipated", "driver_work")
+    stored = {
+        name: result[f"energy.{name}"] for name in terms if f"energy.{name}" in result.channels
+    }
+    if stored and result.time.size:
+        text = ", ".join(f"{name.replace('_', ' ')} {v[-1]:.4g}" for name, v in stored.items())
+        facts.append(("energy at the end, J", text))
+    if "energy.imbalance" in result.channels and result.time.size:
+        worst = float(np.abs(result["energy.imbalance"]).max())
+        text = f"{worst:.2e} J at most"
+        span = max((float(np.ptp(values)) for values in stored.values()), default=0.0)
+        if span > 0.0:
+            text += f", {worst / span:.1e} of the energy exchanged"
+        facts.append(("energy imbalance", text))
+    return facts
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
