@@ -18,7 +18,6 @@ app = typer.Typer(
     name="holonom",
     help="Implicit integration of constrained multibody systems.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Exit status: 0 ok, 1 usage, 2 invalid model, 3 solver failure, 5 files, "
@@ -357,8 +356,9 @@ def _fail(status: Exit, error: dict[str, Any], arguments: Sequence[str]) -> int:
 
 
 def _complain(message: str) -> None:
-    label = typer.style("error:", fg="red", bold=True) if sys.stderr.isatty() else "error:"
-    typer.echo(f"{label} {message}", err=True)
+    # The core renders findings with their own heading, `error[model/…]: …`.
+    text = message if message.startswith("error") else f"error: {message}"
+    typer.echo(typer.style(text, fg="red") if sys.stderr.isatty() else text, err=True)
 
 
 if __name__ == "__main__":

@@ -64,18 +64,10 @@ class Model:
         text = _read(path)
         tree = path.resolve().parent.parent
 
-        def read(relative: str) -> str:
-            target = (path.parent / relative).resolve()
-            if Path(relative).is_absolute() or not target.is_relative_to(tree):
-                raise ModelError(
-                    Problem(
-                        code="model/extends-outside",
-                        message=f"`extends` names `{relative}`, outside the model's folder tree",
-                        path="extends",
-                        file=str(path),
-                        expected=f"a relative path to a file below {tree}",
-                    )
-                )
+        def read(name: str) -> str:  # the core has joined `extends` to the name of its file
+            target = Path(name).resolve()
+            if not target.is_relative_to(tree):
+                raise FileError(f"it lies outside the folder tree {tree}")
             return _read(target)
 
         syntax = "json" if path.suffix.lower() == ".json" else "toml"
@@ -98,22 +90,14 @@ class Model:
         if "\n" not in text and text.strip().lower().endswith((".toml", ".json")):
             raise ModelError(
                 Problem(
-                    code="model/path-as-text",
+                    code="model/syntax",
                     message=f"`{text.strip()}` is the name of a file, not the text of a model",
                     help="read files with `Model.load(path)`",
                 )
             )
 
-        def read(relative: str) -> str:
-            raise ModelError(
-                Problem(
-                    code="model/extends-outside",
-                    message=f"a model given as text cannot extend `{relative}`",
-                    path="extends",
-                    file=name,
-                    help="save it as a file and use `Model.load(path)`",
-                )
-            )
+        def read(_: str) -> str:
+            raise FileError("a model given as text cannot extend a file; use `Model.load(path)`")
 
         with translated():
             return cls(_core.parse(text, syntax, name, read), name)
@@ -320,7 +304,7 @@ def _read(path: Path) -> str:
     except UnicodeDecodeError as error:
         raise ModelError(
             Problem(
-                code="model/encoding",
+                code="model/syntax",
                 message=f"byte {error.start} of the file is not UTF-8",
                 file=str(path),
                 expected="a text file in UTF-8",

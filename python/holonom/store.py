@@ -275,9 +275,9 @@ class Reader:
                 running = reader.meta.get("status") == "running" and journal == "wal"
                 if running and writable and _leave_wal(db):
                     # Nobody else has the file open: the run is dead and the file now stands alone.
+                    reader.meta["status"] = "killed"
                     _put_meta(db, {"status": "killed"})
                     db.commit()
-                    reader = cls(db, path)
             except BaseException:
                 db.close()
                 raise
@@ -285,6 +285,9 @@ class Reader:
 
     def close(self) -> None:
         """Let go of the file."""
+        self._db.close()
+
+    def __del__(self) -> None:
         self._db.close()
 
     def read(self, name: str) -> NDArray[np.float64]:

@@ -1,0 +1,119 @@
+"""Helpers of the tests: synthetic chunks as the core delivers them, a small model, the models."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from holonom.store import Quantity, Writer
+
+ROOT = Path(__file__).resolve().parents[2]
+MODELS = ROOT / "models"
+
+#: A rod turning about the origin, released at rest from the horizontal.
+PENDULUM = """
+holonom = 1
+title = "Rod on a pin"
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+rod = { mass = 2.0, inertia = 0.1, position = [0.8, 0.0] }
+[joints]
+pin = { type = "revolute", between = ["ground", "rod"], point = [0.0, 0.0] }
+[outputs]
+channels = ["rod.position", "pin.force"]
+interval = 0.01
+[simulation]
+end_time = 1.0
+tolerance = 1.0e-6
+"""
+
+CHANNELS = {
+    "rod.position": Quantity("rod.position", "m", "ground", (2,)),
+    "energy.kinetic": Quantity("energy.kinetic", "J", "", ()),
+    "energy.imbalance": Quantity("energy.imbalance", "J", "", ()),
+    "constraint.position": Quantity("constraint.position", "m", "", ()),
+}
+
+
+def synthetic_chunk(first: int, count: int) -> dict[str, Any]:
+    """Return output rows `first` … of a made-up run; every number is known from its row."""
+    t = 0.01 * np.arange(first, first + count)
+    q = np.stack([np.sin(t), np.cos(t), t], axis=1)
+    return {
+        "time": t,
+        "q": q,
+        "qd": 2.0 * q,
+        "qdd": 3.0 * q,
+        "lambda": q[:, :2],
+        "z": np.zeros((count, 0)),
+        "winding": np.zeros((count, 0)),
+        "channels": {
+            "rod.position": q[:, :2],
+            "energy.kinetic": t**2,
+            "energy.imbalance": 1e-9 * np.sin(t),
+            "constraint.position": 1e-15 * (1.0 + np.cos(t)),
+        },
+        "steps": {
+            "t": t,
+            "h": np.full(count, 0.01),
+            "error": np.full(count, 0.5),
+            "accepted": (np.arange(first, first + count) % 10 != 3).astype(float),
+            "cause": ["error" if i % 10 == 3 else "" for i in range(first, first + count)],
+            "iterations": np.full(count, 2.0),
+            "condition": np.full(count, 7.0),  # a column that not every run has
+        },
+        "events": json.dumps([{"time": float(t[0]), "kind": "breakpoint", "item": "motor"}]),
+    }
+
+
+META: dict[str, Any] = {
+    "name": "rod",
+    "title": "Rod <on> a pin",
+    "model": {"bodies": {"rod": {"mass": 2.0}}, "joints": {"pin": {}}},
+    "model_hash": "0123456789abcdef",
+    "options": {"method": "ForSDIRK", "tolerance": {"relative": 1e-3, "translation": 1e-3}},
+    "requested": ["rod.position"],
+    "warnings": [{"code": "model/implausible", "message": "looks like grams", "path": "bodies.rod"}],
+    "status": "running",
+    "started": "2026-01-01T00:00:00+00:00",
+    "holonom": "0.0.0",
+}
+SUMMARY: dict[str, Any] = {
+    "status": "completed",
+    "stop_reason": {"code": "simulation/end-time", "message": "reached the end time"},
+    "statistics": {"steps": 180, "rejected": 20, "jacobians": 33, "seconds": {"newton": 0.1}},
+    "residuals": {"position": 2e-15, "velocity": 1e-14},
+    "energy": {"kinetic": 4.0, "imbalance": 1e-9},
+    "dof": 1,
+    "cpu_seconds": 0.2,
+}
+
+
+def write_result(path: Path | None, chunks: int = 4, rows: int = 50) -> Writer:
+    """Write a finished synthetic result."""
+    writer = Writer(path, META, CHANNELS)
+    for number in range(chunks):
+        writer.append(synthetic_chunk(number * rows, rows))
+    writer.finish(SUMMARY)
+    return writer
+
+
+@pytest.fixture
+def stored(tmp_path: Path) -> Path:
+    """A finished result file of 200 rows."""
+    path = tmp_path / "rod.holonom"
+    write_result(path).close()
+    return path
+
+
+@pytest.fixture
+def pendulum(tmp_path: Path) -> Path:
+    """The model file of a pendulum, in a folder of its own."""
+    path = tmp_path / "models" / "rod" / "model.toml"
+    path.parent.mkdir(parents=True)
+    path.write_text(PENDULUM, encoding="utf-8")
+    return path
