@@ -292,3 +292,14 @@ mod tests {
         assert!(Code::ALL.iter().all(|c| c.meaning().ends_with('.')));
     }
 }
+
+/// Why the equations could not be evaluated at a trial point; the step is then tried again with a
+/// smaller one, and the run fails with this if that does not help.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("{message}")]
+pub struct EvaluationFailure {
+    /// Stable code, e.g. `simulation/position-recovery`.
+    pub code: &'static str,
+    /// What happened, with the item concerned.
+    pub message: String,
+}

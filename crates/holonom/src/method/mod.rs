@@ -1,13 +1,24 @@
 //! One step: a method with a formula.
 
 pub mod adams;
+mod codes;
 pub mod explicit_rk;
+mod first_order;
+mod full_order;
 pub mod ode;
 pub mod rosenbrock;
 pub mod sdirk;
+mod state_space;
 pub mod stepper;
+mod weights;
 
 #[cfg(test)]
 mod stepper_tests;
 #[cfg(test)]
 mod test_systems;
+
+pub use codes::{CODES, Code, CodeInfo, UnknownMethod, build_state_space, build_stepper};
+pub use first_order::FirstOrder;
+pub use full_order::FullOrder;
+pub use state_space::StateSpace;
+pub use weights::Weights;

@@ -1,13 +1,6 @@
 //! The view of a system that integration formulas have: ẇ = g(t, w) with its linearization.
 
-/// Why an evaluation could not be made; the step is then tried again with a smaller one.
-#[derive(Debug, Clone, PartialEq)]
-pub struct EvaluationFailure {
-    /// Stable code, e.g. `simulation/position-recovery`.
-    pub code: &'static str,
-    /// What happened, with the item concerned.
-    pub message: String,
-}
+pub use crate::error::EvaluationFailure;
 
 /// A first-order system ẇ = g(t, w).
 pub trait Ode {

@@ -1,1 +1,14 @@
-//! From dependent to independent coordinates.
+//! From dependent to independent coordinates: parametrization, recovery, reduced blocks, assembly.
+
+pub mod assembly;
+mod chart;
+mod manifold;
+mod partitioning;
+mod reduced_blocks;
+mod saddle;
+
+pub use chart::{Chart, Parametrization, Projection, structural_nonzeros};
+pub use manifold::{Manifold, RecoveryCounters, largest_index};
+pub use partitioning::{RANK_TOLERANCE, partition, scaled_jacobian};
+pub use reduced_blocks::ReducedBlocks;
+pub use saddle::Saddle;

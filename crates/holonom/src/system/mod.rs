@@ -1,1 +1,186 @@
 //! The equations of motion in one choice of generalized coordinates.
+//!
+//! A [`System`] answers what every method asks, in the symbols of `docs/theory/equations.md`:
+//! Φ, G, ν, τ, M, Q and the derivative blocks of F = M q̈ + Gᵀλ − Q. It never changes while it
+//! runs; all buffers belong to the caller.
+
+mod cartesian;
+mod cartesian_planar;
+mod cartesian_spatial;
+mod compile;
+mod quantities;
+mod structure;
+
+pub use compile::compile;
+pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity};
+pub use structure::{DerivativeBlocks, Sizes, Structure};
+
+use crate::model::Model;
+use holonom_linalg::BlockMatrix;
+use std::sync::Arc;
+
+/// A state of a system: everything that a run needs to go on from here.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct State {
+    /// Time, s.
+    pub t: f64,
+    /// Generalized coordinates.
+    pub q: Vec<f64>,
+    /// Generalized velocities.
+    pub v: Vec<f64>,
+    /// Generalized accelerations.
+    pub a: Vec<f64>,
+    /// Multipliers, one per constraint row (0 for redundant rows).
+    pub lambda: Vec<f64>,
+    /// Extra states of elements, m.
+    pub z: Vec<f64>,
+    /// Angles of elements that count turns, at the last accepted step, rad.
+    pub winding: Vec<f64>,
+    /// Energy bookkeeping since the start of the run.
+    pub ledger: Ledger,
+}
+
+/// Energy bookkeeping of a run, J.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Ledger {
+    /// Kinetic plus potential energy at the start.
+    pub initial: f64,
+    /// Energy dissipated since the start.
+    pub dissipated: f64,
+    /// Work of drivers and applied forces since the start.
+    pub supplied: f64,
+}
+
+impl State {
+    /// A state of zeros for a system of the given sizes.
+    pub fn zeros(sizes: &Sizes) -> Self {
+        Self {
+            t: 0.0,
+            q: vec![0.0; sizes.coordinates],
+            v: vec![0.0; sizes.coordinates],
+            a: vec![0.0; sizes.coordinates],
+            lambda: vec![0.0; sizes.rows],
+            z: vec![0.0; sizes.extra_states],
+            winding: vec![0.0; sizes.windings],
+            ledger: Ledger::default(),
+        }
+    }
+
+    /// Copies another state of the same sizes without allocating.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.t = other.t;
+        self.q.copy_from_slice(&other.q);
+        self.v.copy_from_slice(&other.v);
+        self.a.copy_from_slice(&other.a);
+        self.lambda.copy_from_slice(&other.lambda);
+        self.z.copy_from_slice(&other.z);
+        self.winding.copy_from_slice(&other.winding);
+        self.ledger = other.ledger;
+    }
+}
+
+/// Mechanical energy and the powers that change it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct EnergyBalance {
+    /// Kinetic energy, J.
+    pub kinetic: f64,
+    /// Potential energy of gravity and elastic elements, J.
+    pub potential: f64,
+    /// Power dissipated by forces, W.
+    pub dissipated: f64,
+    /// Power supplied by drivers and applied forces, W.
+    pub supplied: f64,
+}
+
+/// What a coordinate or row measures, which decides its scale.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measure {
+    /// Metres.
+    Length,
+    /// Radians or direction cosines.
+    Angle,
+}
+
+/// What a method may ask of a system. n coordinates, m constraint rows (redundant ones included).
+///
+/// Blocks and right-hand sides are overwritten. Arrays have the lengths of [`Sizes`].
+pub trait System: std::fmt::Debug + Send + Sync {
+    /// Sizes and patterns.
+    fn structure(&self) -> &Structure;
+
+    /// A system for a model that differs in numbers only, sharing patterns; `None` if it differs in
+    /// more.
+    fn with_values(&self, model: &Model) -> Option<Arc<dyn System>>;
+
+    /// Length that makes translations comparable with rotations, m.
+    fn characteristic_length(&self) -> f64;
+
+    /// Φ(q, t). Angle rows of drivers are wrapped to (−π, π].
+    fn position_constraints(&self, t: f64, q: &[f64], phi: &mut [f64]);
+
+    /// G = Φ_q.
+    fn constraint_jacobian(&self, q: &[f64], g: &mut BlockMatrix);
+
+    /// ν with G q̇ = ν.
+    fn velocity_rhs(&self, t: f64, nu: &mut [f64]);
+
+    /// τ with G q̈ = τ.
+    fn acceleration_rhs(&self, t: f64, q: &[f64], v: &[f64], tau: &mut [f64]);
+
+    /// M(q).
+    fn mass_matrix(&self, q: &[f64], m: &mut BlockMatrix);
+
+    /// Q(t, q, q̇, z) with velocity-quadratic terms, and ż.
+    fn forces(&self, state: &State, force: &mut [f64], z_rate: &mut [f64]);
+
+    /// All derivative blocks at `state`, whose accelerations and multipliers must be current.
+    fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks);
+
+    /// Energies and powers; driver power uses the multipliers of `state`.
+    fn energy(&self, state: &State) -> EnergyBalance;
+
+    /// Current angle of each element that counts turns, into `winding` (its old content is the
+    /// branch to stay near).
+    fn update_windings(&self, q: &[f64], winding: &mut [f64]);
+
+    /// Extra states at which their elements are unloaded.
+    fn unloaded_extra_states(&self, q: &[f64], z: &mut [f64]);
+
+    /// Times at which forces or drivers have a kink, sorted, s.
+    fn breakpoints(&self) -> Vec<f64>;
+
+    /// Channels that can be computed from a state.
+    fn channels(&self) -> &[Channel];
+
+    /// Value of a channel at a state; `out` has the channel's size.
+    fn channel(&self, channel: &Channel, state: &State, out: &mut [f64]);
+
+    /// The mobile parts of a body's coordinates for messages: `name.x`, `name.e2`, …
+    fn coordinate_name(&self, coordinate: usize) -> String;
+
+    /// The joint or driver and row, for messages: `joint `guide`, rotation about z`.
+    fn row_name(&self, row: usize) -> String;
+
+    /// Name of the joint, driver or body that a row belongs to.
+    fn row_item(&self, row: usize) -> (&str, &'static str);
+
+    /// State in the coordinates of this system of the model's stated poses and rates:
+    /// the body's origin position, orientation, velocity, angular velocity in ground axes.
+    fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]);
+
+    /// The inverse of [`System::set_body`].
+    fn body(&self, body: usize, q: &[f64], v: &[f64]) -> BodyPose;
+}
+
+/// Position and motion of a body frame in ground axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BodyPose {
+    /// Body origin, m.
+    pub position: [f64; 3],
+    /// Euler parameters (spatial) or angle in the first entry (planar, rad).
+    pub orientation: [f64; 4],
+    /// Velocity of the body origin, m/s.
+    pub velocity: [f64; 3],
+    /// Angular velocity, rad/s.
+    pub angular_velocity: [f64; 3],
+}

@@ -1,0 +1,328 @@
+//! The first-order reduction: w = (v, v̇, z) on the constraint manifold as an [`Ode`].
+
+use super::ode::{EvaluationFailure, LinearizedOde, Ode};
+use super::weights::Weights;
+use crate::reduction::{Chart, Manifold, ReducedBlocks};
+use crate::system::State;
+use holonom_linalg::DenseLu;
+
+/// ẇ = (v̇, v̈(t, v, v̇, z), ż), with the solve (I − γhJ)⁻¹ by one matrix of order ndof:
+///
+/// ```text
+/// Π = M̂ + γh M̂₁' + γ²h² M̂₂'      M̂₁' = M̂₁ + γh Ẑ E⁻¹ ż_v̇   M̂₂' = M̂₂ + γh Ẑ E⁻¹ ż_v
+/// E = I − γh ż_z                   b = M̂ r_v − γh Ẑ E⁻¹ r_z
+/// Π δv = M̂ r_v + γh M̂₁' r_v …     δz = E⁻¹(r_z + γh (ż_v δp + ż_v̇ δv))
+/// ```
+///
+/// Source: thesis (3.103)-(3.105); the extra states are eliminated first.
+#[derive(Debug, Clone)]
+pub struct FirstOrder {
+    manifold: Manifold,
+    /// [G; P] at the linearization point: weights and norms.
+    start: Chart,
+    blocks: ReducedBlocks,
+    weights: Weights,
+    /// State of the last evaluation.
+    state: State,
+    /// Configuration from which a step's recoveries start again after a failure.
+    anchor: Vec<f64>,
+    linearized: bool,
+    /// (t, w) of the last full evaluation; NaN if none is current.
+    at: Vec<f64>,
+    at_time: f64,
+    gamma_h: f64,
+    lu: DenseLu,
+    mass_lu: DenseLu,
+    pi: Vec<f64>,
+    m1: Vec<f64>,
+    m2: Vec<f64>,
+    inverse_e: Vec<f64>,
+    b1: Vec<f64>,
+    b2: Vec<f64>,
+    dq: Vec<f64>,
+    dv: Vec<f64>,
+    rows: Vec<f64>,
+    zero: Vec<f64>,
+    z_rate: Vec<f64>,
+}
+
+impl FirstOrder {
+    /// Starts at a consistent state whose factors the manifold holds.
+    pub fn new(manifold: Manifold, weights: Weights, state: &State) -> Self {
+        let s = manifold.system().structure().sizes;
+        let ndof = manifold.chart().ndof();
+        Self {
+            start: manifold.chart().clone(),
+            blocks: ReducedBlocks::new(&manifold),
+            weights,
+            state: state.clone(),
+            anchor: state.q.clone(),
+            linearized: false,
+            at: vec![f64::NAN; 2 * ndof + s.extra_states],
+            at_time: f64::NAN,
+            gamma_h: 0.0,
+            lu: DenseLu::new(ndof),
+            mass_lu: DenseLu::new(ndof),
+            pi: vec![0.0; ndof * ndof],
+            m1: vec![0.0; ndof * ndof],
+            m2: vec![0.0; ndof * ndof],
+            inverse_e: vec![0.0; s.extra_states],
+            b1: vec![0.0; ndof],
+            b2: vec![0.0; ndof],
+            dq: vec![0.0; s.coordinates],
+            dv: vec![0.0; s.coordinates],
+            rows: vec![0.0; s.rows],
+            zero: vec![0.0; ndof],
+            z_rate: vec![0.0; s.extra_states],
+            manifold,
+        }
+    }
+
+    /// The manifold with its factors at the last evaluation.
+    pub fn manifold(&self) -> &Manifold {
+        &self.manifold
+    }
+
+    /// The same, for changes of the parametrization.
+    pub fn manifold_mut(&mut self) -> &mut Manifold {
+        &mut self.manifold
+    }
+
+    /// State of the last successful evaluation.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// The state that the next step starts from: weights and windings follow it.
+    pub fn begin_step(&mut self, state: &State) {
+        self.anchor.copy_from_slice(&state.q);
+        self.state.winding.copy_from_slice(&state.winding);
+        self.state.ledger = state.ledger;
+        self.weights.set(state);
+        if !self.linearized {
+            self.start.copy_from(self.manifold.chart());
+        }
+    }
+
+    /// w of a state.
+    pub fn pack(&self, state: &State, w: &mut [f64]) {
+        let ndof = self.manifold.chart().ndof();
+        let parametrization = self.manifold.chart().parametrization();
+        parametrization.project(&state.q, &mut w[..ndof]);
+        parametrization.project(&state.v, &mut w[ndof..2 * ndof]);
+        w[2 * ndof..].copy_from_slice(&state.z);
+    }
+
+    /// Recovers the state at (t, w) with accelerations and multipliers (`full`) or without, starting
+    /// from the configuration of the last evaluation.
+    ///
+    /// # Errors
+    /// As [`Ode::derivative`].
+    pub fn evaluate(&mut self, t: f64, w: &[f64], full: bool) -> Result<&State, EvaluationFailure> {
+        let ndof = self.manifold.chart().ndof();
+        let (positions, rest) = w.split_at(ndof);
+        let (rates, z) = rest.split_at(ndof);
+        self.at_time = f64::NAN;
+        self.state.t = t;
+        self.state.z.copy_from_slice(z);
+        let recovered = self
+            .manifold
+            .recover_position(t, positions, &mut self.state.q)
+            .and_then(|()| {
+                self.manifold.recover_velocity(t, &self.state.q, rates, &mut self.state.v)
+            })
+            .and_then(|()| {
+                if full {
+                    self.manifold.accelerate(&mut self.state, &mut self.z_rate)
+                } else {
+                    Ok(())
+                }
+            });
+        if let Err(failure) = recovered {
+            // Do not carry a failed iterate into the next attempt.
+            self.state.q.copy_from_slice(&self.anchor);
+            return Err(failure);
+        }
+        if full {
+            self.at_time = t;
+            self.at.copy_from_slice(w);
+        }
+        Ok(&self.state)
+    }
+
+    /// After a re-parametrization by [`Manifold::set_chart`]: sizes may differ.
+    pub fn reparametrized(&mut self) {
+        let ndof = self.manifold.chart().ndof();
+        self.start = self.manifold.chart().clone();
+        self.blocks = ReducedBlocks::new(&self.manifold);
+        self.linearized = false;
+        self.lu = DenseLu::new(ndof);
+        self.mass_lu = DenseLu::new(ndof);
+        self.at.resize(2 * ndof + self.state.z.len(), f64::NAN);
+        self.at.fill(f64::NAN);
+        for matrix in [&mut self.pi, &mut self.m1, &mut self.m2] {
+            matrix.resize(ndof * ndof, 0.0);
+        }
+        for vector in [&mut self.b1, &mut self.b2, &mut self.zero] {
+            vector.resize(ndof, 0.0);
+        }
+    }
+
+    /// Reduced blocks of the last linearization.
+    pub fn blocks(&self) -> &ReducedBlocks {
+        &self.blocks
+    }
+}
+
+impl Ode for FirstOrder {
+    fn dimension(&self) -> usize {
+        2 * self.manifold.chart().ndof() + self.state.z.len()
+    }
+
+    fn second_order_split(&self) -> usize {
+        self.manifold.chart().ndof()
+    }
+
+    fn derivative(&mut self, t: f64, w: &[f64], g: &mut [f64]) -> Result<(), EvaluationFailure> {
+        let ndof = self.manifold.chart().ndof();
+        if !w.iter().sum::<f64>().is_finite() {
+            return Err(EvaluationFailure {
+                code: "simulation/not-finite",
+                message: format!("the iteration ran away at t = {t:.6} s"),
+            });
+        }
+        self.evaluate(t, w, true)?;
+        g[..ndof].copy_from_slice(&w[ndof..2 * ndof]);
+        let parametrization = self.manifold.chart().parametrization();
+        parametrization.project(&self.state.a, &mut g[ndof..2 * ndof]);
+        g[2 * ndof..].copy_from_slice(&self.z_rate);
+        Ok(())
+    }
+
+    /// On all coordinates: δq = D δp, δq̇ = D δṗ − S A₀ δq.
+    fn norm(&mut self, change: &[f64]) -> f64 {
+        let ndof = self.manifold.chart().ndof();
+        self.rows.fill(0.0);
+        self.start.solve(&self.rows, &change[..ndof], &mut self.dq);
+        if self.linearized {
+            self.blocks.blocks.a0.multiply_add(-1.0, &self.dq, &mut self.rows);
+        }
+        self.start.solve(&self.rows, &change[ndof..2 * ndof], &mut self.dv);
+        self.weights.norm(&self.dq, &self.dv, &change[2 * ndof..])
+    }
+}
+
+impl LinearizedOde for FirstOrder {
+    fn linearize(&mut self, t: f64, w: &[f64], _g: &[f64]) -> Result<(), EvaluationFailure> {
+        // Factors, M, accelerations and multipliers must belong to this very point.
+        if t != self.at_time || w != self.at {
+            self.state.q.copy_from_slice(&self.anchor);
+            self.evaluate(t, w, true)?;
+        }
+        self.blocks.evaluate(&mut self.manifold, &self.state);
+        self.start.copy_from(self.manifold.chart());
+        self.linearized = true;
+        Ok(())
+    }
+
+    fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure> {
+        self.gamma_h = gamma_h;
+        let ndof = self.manifold.chart().ndof();
+        let b = &self.blocks;
+        self.m1.copy_from_slice(&b.damping);
+        self.m2.copy_from_slice(&b.stiffness);
+        for k in 0..b.extra_extra.len() {
+            self.inverse_e[k] = 1.0 / (1.0 - gamma_h * b.extra_extra[k]);
+            let range = k * ndof..(k + 1) * ndof;
+            let (zeta, by_p, by_v) = (
+                &b.force_extra[range.clone()],
+                &b.extra_position[range.clone()],
+                &b.extra_velocity[range],
+            );
+            for i in 0..ndof {
+                let scale = gamma_h * zeta[i] * self.inverse_e[k];
+                for j in 0..ndof {
+                    self.m1[i * ndof + j] += scale * by_v[j];
+                    self.m2[i * ndof + j] += scale * by_p[j];
+                }
+            }
+        }
+        for (((pi, m), m1), m2) in self.pi.iter_mut().zip(&b.mass).zip(&self.m1).zip(&self.m2) {
+            *pi = m + gamma_h * (m1 + gamma_h * m2);
+        }
+        if ndof == 0 {
+            return Ok(());
+        }
+        self.lu.factor(&self.pi).map_err(|e| EvaluationFailure {
+            code: "simulation/singular-jacobian",
+            message: format!(
+                "the integration Jacobian is singular at step coefficient {gamma_h:.1e} s: {e}"
+            ),
+        })
+    }
+
+    fn solve(&mut self, x: &mut [f64]) {
+        let ndof = self.manifold.chart().ndof();
+        let gh = self.gamma_h;
+        let (p, rest) = x.split_at_mut(ndof);
+        let (v, z) = rest.split_at_mut(ndof);
+        let b = &self.blocks;
+        // b₂ = M̂ r_v − γh Ẑ E⁻¹ r_z
+        self.b2.fill(0.0);
+        multiply_add(&b.mass, 1.0, v, &mut self.b2);
+        for (k, z) in z.iter().enumerate() {
+            let scale = -gh * self.inverse_e[k] * z;
+            for (out, zeta) in self.b2.iter_mut().zip(&b.force_extra[k * ndof..]) {
+                *out += scale * zeta;
+            }
+        }
+        // Π δp = M̂ r_p + γh (M̂₁' r_p + b₂)        Π δv = b₂ − γh M̂₂' r_p
+        for (out, b2) in self.b1.iter_mut().zip(&self.b2) {
+            *out = gh * b2;
+        }
+        multiply_add(&b.mass, 1.0, p, &mut self.b1);
+        multiply_add(&self.m1, gh, p, &mut self.b1);
+        multiply_add(&self.m2, -gh, p, &mut self.b2);
+        if ndof > 0 {
+            self.lu.solve(&mut self.b1);
+            self.lu.solve(&mut self.b2);
+        }
+        p.copy_from_slice(&self.b1);
+        v.copy_from_slice(&self.b2);
+        for (k, z) in z.iter_mut().enumerate() {
+            let range = k * ndof..(k + 1) * ndof;
+            let by = dot(&b.extra_position[range.clone()], p) + dot(&b.extra_velocity[range], v);
+            *z = self.inverse_e[k] * (*z + gh * by);
+        }
+    }
+
+    fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure> {
+        let ndof = self.manifold.chart().ndof();
+        g_t.fill(0.0);
+        let (head, z) = g_t.split_at_mut(2 * ndof);
+        let force = &mut head[ndof..];
+        self.blocks.time_derivative(&mut self.manifold, &self.state, force, z);
+        if ndof > 0 {
+            self.mass_lu.factor(&self.blocks.mass).map_err(|e| EvaluationFailure {
+                code: "simulation/singular-mass",
+                message: format!("the reduced mass matrix is singular: {e}"),
+            })?;
+            self.mass_lu.solve(force);
+        }
+        Ok(())
+    }
+}
+
+/// y += α A x for a square A by rows.
+fn multiply_add(a: &[f64], alpha: f64, x: &[f64], y: &mut [f64]) {
+    if x.is_empty() {
+        return;
+    }
+    for (row, y) in a.chunks_exact(x.len()).zip(y) {
+        *y += alpha * dot(row, x);
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}

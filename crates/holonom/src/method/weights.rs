@@ -1,0 +1,97 @@
+//! Error weights on all coordinates: per body, translation and rotation, position and velocity.
+
+use crate::model::Tolerance;
+use crate::system::{Sizes, State};
+
+/// Scales of one body: translation, rotation, velocity, angular velocity.
+type BodyScales = [f64; 4];
+
+/// The norm of DESIGN: a change is measured on all coordinates of each body, so that neither the
+/// choice of independent coordinates nor the place of the model in space changes it.
+///
+/// Positions are weighed against absolute + relative × movement since the start, velocities against
+/// absolute + relative × value; a change of Euler parameters δp is the angle 2|δp|. RMS within a
+/// body, maximum over bodies and extra states.
+#[derive(Debug, Clone)]
+pub struct Weights {
+    tolerance: Tolerance,
+    start: Vec<f64>,
+    per_body: usize,
+    translations: usize,
+    /// 2 for Euler parameters, 1 for an angle.
+    angle_factor: f64,
+    bodies: Vec<BodyScales>,
+    extra: Vec<f64>,
+}
+
+fn length(x: &[f64]) -> f64 {
+    x.iter().map(|v| v * v).sum::<f64>().sqrt()
+}
+
+impl Weights {
+    /// Weights of a run that starts at `start`.
+    pub fn new(tolerance: Tolerance, sizes: &Sizes, start: &State) -> Self {
+        let mut out = Self {
+            tolerance,
+            start: start.q.clone(),
+            per_body: sizes.per_body,
+            translations: sizes.translations,
+            angle_factor: if sizes.per_body == 7 { 2.0 } else { 1.0 },
+            bodies: vec![[1.0; 4]; sizes.bodies],
+            extra: vec![1.0; sizes.extra_states],
+        };
+        out.set(start);
+        out
+    }
+
+    /// Takes the scales of the state that a step starts from.
+    pub fn set(&mut self, state: &State) {
+        let Tolerance { relative, translation, rotation } = self.tolerance;
+        let (n, d) = (self.per_body, self.translations);
+        for (b, scales) in self.bodies.iter_mut().enumerate() {
+            let (q, q0) = (&state.q[b * n..(b + 1) * n], &self.start[b * n..(b + 1) * n]);
+            let v = &state.v[b * n..(b + 1) * n];
+            let moved = q[..d].iter().zip(q0).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
+            let turned = if self.angle_factor == 1.0 {
+                (q[d] - q0[d]).abs()
+            } else {
+                let cosine: f64 = q[d..].iter().zip(&q0[d..]).map(|(x, y)| x * y).sum();
+                2.0 * cosine.abs().min(1.0).acos()
+            };
+            *scales = [
+                translation + relative * moved,
+                rotation + relative * turned,
+                translation + relative * length(&v[..d]),
+                rotation + relative * self.angle_factor * length(&v[d..]),
+            ];
+        }
+        for (scale, z) in self.extra.iter_mut().zip(&state.z) {
+            *scale = translation + relative * z.abs();
+        }
+    }
+
+    /// Weighted norm of a change of positions, velocities and extra states; 1 is on tolerance.
+    pub fn norm(&self, dq: &[f64], dv: &[f64], dz: &[f64]) -> f64 {
+        let (n, d) = (self.per_body, self.translations);
+        let mut largest = 0.0f64;
+        for (b, scales) in self.bodies.iter().enumerate() {
+            let (q, v) = (&dq[b * n..(b + 1) * n], &dv[b * n..(b + 1) * n]);
+            let parts = [
+                length(&q[..d]) / scales[0],
+                self.angle_factor * length(&q[d..]) / scales[1],
+                length(&v[..d]) / scales[2],
+                self.angle_factor * length(&v[d..]) / scales[3],
+            ];
+            largest = keep_larger(largest, 0.5 * length(&parts));
+        }
+        for (z, scale) in dz.iter().zip(&self.extra) {
+            largest = keep_larger(largest, (z / scale).abs());
+        }
+        largest
+    }
+}
+
+/// Maximum that does not pass over NaN.
+fn keep_larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() || b > a { b } else { a }
+}

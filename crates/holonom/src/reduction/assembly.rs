@@ -1,0 +1,599 @@
+//! A consistent start: positions, velocities, accelerations and multipliers that satisfy the joints.
+//!
+//! Stated values are kept: a residual below [`PROJECTED`] is projected away and reported, a larger
+//! one is refused. Unstated values are found from the joints with least change.
+
+use super::chart::{Chart, Parametrization, Projection, structural_nonzeros};
+use super::manifold::{Manifold, largest_index};
+use super::partitioning::partition;
+use super::saddle::Saddle;
+use crate::error::EvaluationFailure;
+use crate::model::{Assembly, Body, InitialBody, Model, Orientation};
+use crate::system::{BodyPose, Measure, State, System};
+use holonom_linalg::{BlockMatrix, Cholesky, least_norm};
+use std::sync::Arc;
+
+/// Residuals of stated values up to this size are projected away (m, rad, m/s, rad/s).
+pub const PROJECTED: f64 = 1e-6;
+/// Relative rank tolerance of the least-change solves.
+const RANK: f64 = 1e-10;
+const MAX_ITERATIONS: usize = 60;
+
+/// Why no consistent start was found.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AssemblyError {
+    /// Stated values contradict a joint.
+    #[error(
+        "the stated initial {level} contradict {row}: residual {residual:.3e}, allowed {allowed:.0e}"
+    )]
+    Inconsistent {
+        /// `positions` or `velocities`.
+        level: &'static str,
+        /// Joint and row.
+        row: String,
+        /// Name of the joint, driver or body.
+        item: String,
+        /// Residual, m, rad, m/s or rad/s.
+        residual: f64,
+        /// Largest residual that is projected away.
+        allowed: f64,
+    },
+    /// The joints cannot be closed.
+    #[error("the model cannot be assembled: {row} keeps a residual of {residual:.3e}")]
+    Unreachable {
+        /// Joint and row.
+        row: String,
+        /// Name of the joint, driver or body.
+        item: String,
+        /// Residual, m or rad.
+        residual: f64,
+    },
+    /// Redundant constraints contradict each other.
+    #[error("{row} contradicts the other joints: residual {residual:.3e} at {level} level")]
+    Contradiction {
+        /// `position`, `velocity` or `acceleration`.
+        level: &'static str,
+        /// Joint and row.
+        row: String,
+        /// Name of the joint, driver or body.
+        item: String,
+        /// Residual.
+        residual: f64,
+    },
+    /// No mass behind a degree of freedom.
+    #[error("the mass matrix is singular: no mass or inertia behind `{coordinate}`")]
+    SingularMass {
+        /// Body and direction.
+        coordinate: String,
+    },
+    /// The equations could not be evaluated at the start.
+    #[error("{0}")]
+    Evaluation(#[from] EvaluationFailure),
+}
+
+impl AssemblyError {
+    /// Stable code.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Inconsistent { .. } => "assembly/inconsistent",
+            Self::Unreachable { .. } => "assembly/unreachable",
+            Self::Contradiction { .. } => "assembly/contradiction",
+            Self::SingularMass { .. } => "assembly/singular-mass",
+            Self::Evaluation(failure) => failure.code,
+        }
+    }
+
+    /// The item concerned, if one is.
+    pub fn item(&self) -> Option<&str> {
+        match self {
+            Self::Inconsistent { item, .. }
+            | Self::Unreachable { item, .. }
+            | Self::Contradiction { item, .. } => Some(item),
+            Self::SingularMass { coordinate } => coordinate.split('.').next(),
+            Self::Evaluation(_) => None,
+        }
+    }
+
+    /// What to try.
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::Inconsistent { .. } => {
+                "state fewer values, or set `initial.assembly = \"adjust\"` to treat them as guesses"
+            }
+            Self::Unreachable { .. } => {
+                "check lengths and points of the loop, or start nearer to an assembled configuration"
+            }
+            Self::Contradiction { .. } => {
+                "two joints prescribe the same motion differently; remove or change one of them"
+            }
+            Self::SingularMass { .. } => "give the body a mass and inertia, or hold it by a joint",
+            Self::Evaluation(_) => "check the model near its initial state",
+        }
+    }
+}
+
+/// How far a body's stated values were moved.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Adjustment {
+    /// Body.
+    pub body: String,
+    /// m.
+    pub translation: f64,
+    /// rad (Euler parameters: 2|δp|).
+    pub rotation: f64,
+    /// m/s.
+    pub velocity: f64,
+    /// rad/s.
+    pub angular_velocity: f64,
+}
+
+/// A consistent start.
+#[derive(Debug, Clone)]
+pub struct Assembled {
+    /// The state with accelerations and multipliers.
+    pub state: State,
+    /// Factors at the state, in the initial parametrization.
+    pub manifold: Manifold,
+    /// Stated values that were moved by more than round-off.
+    pub adjustments: Vec<Adjustment>,
+    /// Residuals of the stated values before projection, position and velocity level.
+    pub stated_residuals: (f64, f64),
+}
+
+/// Dense helper over free unknowns, with the couplings of bodies whose origin is stated while their
+/// orientation is free and their centre of mass lies elsewhere.
+struct Unknowns {
+    free: Vec<usize>,
+    /// Per such body: first coordinate and W = ∂(A c)/∂p (3×4, planar 2×1) by rows.
+    coupled: Vec<usize>,
+}
+
+/// Finds a consistent start of a model.
+///
+/// # Errors
+/// [`AssemblyError`], naming the joint, driver or body.
+pub fn assemble(system: &Arc<dyn System>, model: &Model) -> Result<Assembled, AssemblyError> {
+    let sizes = system.structure().sizes;
+    let mut state = State::zeros(&sizes);
+    state.t = model.simulation.start_time.unwrap_or(0.0);
+    let none = InitialBody::default();
+    let stated = |b: usize| model.initial.bodies.get(b).unwrap_or(&none);
+    for (b, body) in model.bodies.iter().enumerate() {
+        system.set_body(b, &stated_pose(body, stated(b)), &mut state.q, &mut state.v);
+    }
+    let wanted = state.clone();
+    let keep = model.initial.assembly == Assembly::Keep;
+    let (n, d) = (sizes.per_body, sizes.translations);
+    let unknowns = |fixed: &dyn Fn(&InitialBody) -> (bool, bool)| {
+        let mut out = Unknowns { free: Vec::new(), coupled: Vec::new() };
+        for (b, body) in model.bodies.iter().enumerate() {
+            let (translation, rotation) = if keep { fixed(stated(b)) } else { (false, false) };
+            if !translation {
+                out.free.extend(b * n..b * n + d);
+            }
+            if !rotation {
+                out.free.extend(b * n + d..(b + 1) * n);
+            }
+            if translation && !rotation && body.center_of_mass.iter().any(|c| *c != 0.0) {
+                out.coupled.push(b);
+            }
+        }
+        out
+    };
+
+    // Positions: first the unstated ones alone, then all to remove what is left.
+    let by_position = unknowns(&|b| (b.position.is_some(), b.orientation.is_some()));
+    let mut g = system.structure().constraint_pattern.clone();
+    let solver = Solver { system: system.as_ref(), model };
+    let residual = solver.close(&mut state, &by_position, &mut g);
+    let (worst, row) = residual;
+    if worst > PROJECTED || worst.is_nan() {
+        let (row_name, item) = (system.row_name(row), system.row_item(row).0.to_owned());
+        return Err(if by_position.free.len() < sizes.coordinates {
+            AssemblyError::Inconsistent {
+                level: "positions",
+                row: row_name,
+                item,
+                residual: worst,
+                allowed: PROJECTED,
+            }
+        } else {
+            AssemblyError::Unreachable { row: row_name, item, residual: worst }
+        });
+    }
+    let everything = Unknowns { free: (0..sizes.coordinates).collect(), coupled: Vec::new() };
+    solver.close(&mut state, &everything, &mut g);
+
+    // Velocities in the same way; the Euler-parameter rates follow the projected parameters.
+    for (b, body) in model.bodies.iter().enumerate() {
+        let mut pose = system.body(b, &state.q, &state.v);
+        let target = stated_pose(body, stated(b));
+        pose.velocity = target.velocity;
+        pose.angular_velocity = target.angular_velocity;
+        let mut q = state.q.clone();
+        system.set_body(b, &pose, &mut q, &mut state.v);
+    }
+    let before = state.v.clone();
+    system.constraint_jacobian(&state.q, &mut g);
+    let by_velocity = unknowns(&|b| (b.velocity.is_some(), b.angular_velocity.is_some()));
+    let (worst_velocity, row) = solver.close_velocities(&mut state, &by_velocity, &g);
+    if worst_velocity > PROJECTED || worst_velocity.is_nan() {
+        return Err(AssemblyError::Inconsistent {
+            level: "velocities",
+            row: system.row_name(row),
+            item: system.row_item(row).0.to_owned(),
+            residual: worst_velocity,
+            allowed: PROJECTED,
+        });
+    }
+    solver.close_velocities(&mut state, &everything, &g);
+
+    system.unloaded_extra_states(&state.q, &mut state.z);
+    set_extra_states(model, &mut state.z);
+    system.update_windings(&state.q, &mut state.winding);
+    let (manifold, state) = start(system, state)?;
+    let adjustments = adjustments(model, system.as_ref(), &wanted, &before, &state);
+    Ok(Assembled { state, manifold, adjustments, stated_residuals: (worst, worst_velocity) })
+}
+
+/// Prepares factors, accelerations and multipliers at a state that satisfies the joints.
+///
+/// # Errors
+/// [`AssemblyError`] when redundant rows contradict the others or a mass is missing.
+pub fn start(
+    system: &Arc<dyn System>,
+    mut state: State,
+) -> Result<(Manifold, State), AssemblyError> {
+    let mut g = system.structure().constraint_pattern.clone();
+    system.constraint_jacobian(&state.q, &mut g);
+    let parametrization = partition(system.as_ref(), &state.q, &g);
+    let (nonzero_g, nonzero_m) = structural_nonzeros(system.as_ref(), &state.q);
+    let kept = parametrization.kept.clone();
+    let chart = Chart::new(system.as_ref(), parametrization, &g, &nonzero_g)?;
+    let saddle = Saddle::new(system.as_ref(), &state.q, &kept, &nonzero_g, &nonzero_m);
+    let mut manifold = Manifold::new(system.clone(), chart, saddle, g);
+    check_mass(system.as_ref(), &mut manifold, &state.q)?;
+    // Round-off of the state is removed in the parametrization of the run.
+    let parametrization = manifold.chart().parametrization().clone();
+    let mut p = vec![0.0; parametrization.ndof];
+    let mut rates = p.clone();
+    parametrization.project(&state.q, &mut p);
+    parametrization.project(&state.v, &mut rates);
+    manifold.recover_position(state.t, &p, &mut state.q)?;
+    manifold.recover_velocity(state.t, &state.q, &rates, &mut state.v)?;
+    let mut z_rate = vec![0.0; state.z.len()];
+    manifold.accelerate(&mut state, &mut z_rate)?;
+    check_dropped(system.as_ref(), &mut manifold, &state, &parametrization)?;
+    Ok((manifold, state))
+}
+
+/// Redundant rows must agree with the kept ones at all three levels.
+fn check_dropped(
+    system: &dyn System,
+    manifold: &mut Manifold,
+    state: &State,
+    parametrization: &Parametrization,
+) -> Result<(), AssemblyError> {
+    let rows = system.structure().sizes.rows;
+    let size = |x: &[f64]| x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+    let g = manifold.jacobian();
+    let mut residuals = [vec![0.0; rows], vec![0.0; rows], vec![0.0; rows]];
+    system.position_constraints(state.t, &state.q, &mut residuals[0]);
+    system.velocity_rhs(state.t, &mut residuals[1]);
+    system.acceleration_rhs(state.t, &state.q, &state.v, &mut residuals[2]);
+    for (level, x) in [(1, &state.v), (2, &state.a)] {
+        residuals[level].iter_mut().for_each(|r| *r = -*r);
+        g.multiply_add(1.0, x, &mut residuals[level]);
+    }
+    let allowed = [PROJECTED, PROJECTED * size(&state.v), PROJECTED * size(&state.a)];
+    for (k, level) in ["position", "velocity", "acceleration"].into_iter().enumerate() {
+        for &row in &parametrization.dropped {
+            if residuals[k][row].abs() > allowed[k] {
+                return Err(AssemblyError::Contradiction {
+                    level,
+                    row: system.row_name(row),
+                    item: system.row_item(row).0.to_owned(),
+                    residual: residuals[k][row],
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// M̂ must be positive definite.
+fn check_mass(
+    system: &dyn System,
+    manifold: &mut Manifold,
+    q: &[f64],
+) -> Result<(), AssemblyError> {
+    let structure = system.structure();
+    let (n, ndof) = (structure.sizes.coordinates, manifold.chart().ndof());
+    if ndof == 0 {
+        return Ok(());
+    }
+    let mut mass = structure.mass_pattern.clone();
+    system.mass_matrix(q, &mut mass);
+    let mut d = vec![0.0; n * ndof];
+    manifold.chart_mut().null_space(&mut d);
+    let mut md = vec![0.0; n * ndof];
+    mass.multiply_many_add(1.0, &d, ndof, &mut md);
+    let mut reduced = vec![0.0; ndof * ndof];
+    holonom_linalg::gram_add(n, ndof, &d, &md, &mut reduced);
+    // Scaled by what each column of D would weigh if all of the model's mass followed it.
+    let total = largest_diagonal(&mass, system);
+    let weight: Vec<f64> = (0..ndof)
+        .map(|k| {
+            let square = (0..n).map(|i| (scale(system, i) * d[i * ndof + k]).powi(2)).sum::<f64>();
+            (total * square).sqrt().max(f64::MIN_POSITIVE)
+        })
+        .collect();
+    for i in 0..ndof {
+        for j in 0..ndof {
+            reduced[i * ndof + j] /= weight[i] * weight[j];
+        }
+    }
+    let tiny = 1e-15;
+    let name = |k: usize| match &manifold.chart().parametrization().projection {
+        Projection::Selection(independent) => system.coordinate_name(independent[k]),
+        Projection::Basis(rows) => system.coordinate_name(largest_index(&rows[k * n..(k + 1) * n])),
+    };
+    if let Some(k) = (0..ndof).find(|&k| reduced[k * ndof + k] <= tiny) {
+        return Err(AssemblyError::SingularMass { coordinate: name(k) });
+    }
+    let mut cholesky = Cholesky::new(ndof);
+    match cholesky.factor(&reduced) {
+        Err(e) => Err(AssemblyError::SingularMass { coordinate: name(e.index) }),
+        Ok(()) => Ok(()),
+    }
+}
+
+fn scale(system: &dyn System, coordinate: usize) -> f64 {
+    match system.structure().coordinate_measure(coordinate) {
+        Measure::Length => 1.0 / system.characteristic_length(),
+        Measure::Angle => 1.0,
+    }
+}
+
+fn largest_diagonal(mass: &BlockMatrix, system: &dyn System) -> f64 {
+    let entries = mass.entries(0, 0).into_iter().zip(mass.values());
+    entries
+        .filter(|((i, j), _)| i == j)
+        .fold(0.0, |m: f64, ((i, _), x)| m.max(x / scale(system, i).powi(2)))
+}
+
+/// Stated pose and rates of a body, design values where nothing is stated.
+fn stated_pose(body: &Body, stated: &InitialBody) -> BodyPose {
+    let orientation = match stated.orientation.unwrap_or(body.orientation) {
+        Orientation::Angle(angle) => [angle, 0.0, 0.0, 0.0],
+        Orientation::EulerParameters(p) => p,
+    };
+    BodyPose {
+        position: stated.position.unwrap_or(body.position),
+        orientation,
+        velocity: stated.velocity.unwrap_or_default(),
+        angular_velocity: stated.angular_velocity.unwrap_or_default(),
+    }
+}
+
+fn set_extra_states(model: &Model, z: &mut [f64]) {
+    let holders =
+        model.forces.iter().filter(|f| matches!(f.kind, crate::model::ForceKind::Maxwell { .. }));
+    for (force, z) in holders.zip(z) {
+        if let Some((_, value)) = model.initial.extra_states.iter().find(|(n, _)| *n == force.name)
+        {
+            *z = *value;
+        }
+    }
+}
+
+/// How far stated values moved, for bodies where that is more than round-off.
+fn adjustments(
+    model: &Model,
+    system: &dyn System,
+    wanted: &State,
+    wanted_velocity: &[f64],
+    state: &State,
+) -> Vec<Adjustment> {
+    let sizes = system.structure().sizes;
+    let (n, d) = (sizes.per_body, sizes.translations);
+    let angle = if n == 7 { 2.0 } else { 1.0 };
+    let distance =
+        |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
+    let mut out = Vec::new();
+    for (b, stated) in model.initial.bodies.iter().enumerate() {
+        let (r, p) = (b * n..b * n + d, b * n + d..(b + 1) * n);
+        let moved = |is_stated: bool, x: f64| if is_stated { x } else { 0.0 };
+        let adjustment = Adjustment {
+            body: model.bodies[b].name.clone(),
+            translation: moved(
+                stated.position.is_some(),
+                distance(&state.q[r.clone()], &wanted.q[r.clone()]),
+            ),
+            rotation: moved(
+                stated.orientation.is_some(),
+                angle * distance(&state.q[p.clone()], &wanted.q[p.clone()]),
+            ),
+            velocity: moved(
+                stated.velocity.is_some(),
+                distance(&state.v[r.clone()], &wanted_velocity[r]),
+            ),
+            angular_velocity: moved(
+                stated.angular_velocity.is_some(),
+                angle * distance(&state.v[p.clone()], &wanted_velocity[p]),
+            ),
+        };
+        let largest = adjustment
+            .translation
+            .max(adjustment.rotation)
+            .max(adjustment.velocity)
+            .max(adjustment.angular_velocity);
+        if largest > 1e-10 {
+            out.push(adjustment);
+        }
+    }
+    out
+}
+
+/// Least-change solves over a set of free unknowns.
+struct Solver<'a> {
+    system: &'a dyn System,
+    model: &'a Model,
+}
+
+impl Solver<'_> {
+    /// Gauss-Newton with minimum-norm corrections on Φ(q) = 0; returns the largest residual and its
+    /// row. Without progress it stops; the residual then tells.
+    fn close(&self, state: &mut State, unknowns: &Unknowns, g: &mut BlockMatrix) -> (f64, usize) {
+        let rows = self.system.structure().sizes.rows;
+        let mut phi = vec![0.0; rows];
+        let mut best = f64::INFINITY;
+        let mut stalled = 0;
+        for _ in 0..MAX_ITERATIONS {
+            self.system.position_constraints(state.t, &state.q, &mut phi);
+            let size = phi.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+            if size < 1e-14 || unknowns.free.is_empty() || !size.is_finite() {
+                break;
+            }
+            stalled = if size < 0.9 * best { 0 } else { stalled + 1 };
+            best = best.min(size);
+            if stalled > if best < 1e-9 { 1 } else { 12 } {
+                break;
+            }
+            self.system.constraint_jacobian(&state.q, g);
+            let Some(mut step) = self.least_change(g, &phi, unknowns, &state.q) else { break };
+            // Long steps are shortened: the joints' equations are nonlinear in angles.
+            let longest = step
+                .iter()
+                .enumerate()
+                .fold(0.0f64, |m, (i, x)| m.max((x * scale(self.system, i)).abs()));
+            if longest > 0.5 {
+                step.iter_mut().for_each(|x| *x *= 0.5 / longest);
+            }
+            for (q, x) in state.q.iter_mut().zip(&step) {
+                *q -= x;
+            }
+            self.restore_origins(state, unknowns);
+        }
+        self.system.position_constraints(state.t, &state.q, &mut phi);
+        let worst = largest_index(&phi);
+        if phi.is_empty() { (0.0, 0) } else { (phi[worst].abs(), worst) }
+    }
+
+    /// Minimum-norm correction of velocities; returns the largest residual left and its row.
+    fn close_velocities(
+        &self,
+        state: &mut State,
+        unknowns: &Unknowns,
+        g: &BlockMatrix,
+    ) -> (f64, usize) {
+        let rows = self.system.structure().sizes.rows;
+        let mut residual = vec![0.0; rows];
+        let evaluate = |v: &[f64], residual: &mut Vec<f64>| {
+            self.system.velocity_rhs(state.t, residual);
+            residual.iter_mut().for_each(|x| *x = -*x);
+            g.multiply_add(1.0, v, residual);
+        };
+        // Twice: the second solve removes the round-off of the first.
+        for _ in 0..2 {
+            evaluate(&state.v, &mut residual);
+            if unknowns.free.is_empty() || residual.iter().all(|x| x.abs() < 1e-14) {
+                break;
+            }
+            let Some(step) = self.least_change(g, &residual, unknowns, &state.q) else { break };
+            for (v, x) in state.v.iter_mut().zip(&step) {
+                *v -= x;
+            }
+        }
+        evaluate(&state.v, &mut residual);
+        let worst = largest_index(&residual);
+        if rows == 0 { (0.0, 0) } else { (residual[worst].abs(), worst) }
+    }
+
+    /// Minimum-norm x over the free unknowns with G x = r, lengths measured against the
+    /// characteristic length; coupled translations follow their orientations.
+    fn least_change(
+        &self,
+        g: &BlockMatrix,
+        r: &[f64],
+        unknowns: &Unknowns,
+        q: &[f64],
+    ) -> Option<Vec<f64>> {
+        let sizes = self.system.structure().sizes;
+        let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
+        let (per_body, d) = (sizes.per_body, sizes.translations);
+        let mut dense = g.to_dense();
+        let couplings: Vec<(usize, Vec<f64>)> =
+            unknowns.coupled.iter().map(|&b| (b, self.coupling(b, q))).collect();
+        for (b, w) in &couplings {
+            for row in dense.chunks_exact_mut(n) {
+                for c in 0..per_body - d {
+                    for i in 0..d {
+                        row[b * per_body + d + c] +=
+                            row[b * per_body + i] * w[i * (per_body - d) + c];
+                    }
+                }
+            }
+        }
+        let weights: Vec<f64> =
+            unknowns.free.iter().map(|&i| 1.0 / scale(self.system, i)).collect();
+        let mut a = vec![0.0; m * k];
+        for (source, target) in dense.chunks_exact(n).zip(a.chunks_exact_mut(k)) {
+            for ((out, &i), w) in target.iter_mut().zip(&unknowns.free).zip(&weights) {
+                *out = source[i] * w;
+            }
+        }
+        let solution = least_norm(m, k, &a, r, RANK).ok()?;
+        let mut x = vec![0.0; n];
+        for ((&i, y), w) in unknowns.free.iter().zip(&solution.x).zip(&weights) {
+            x[i] = y * w;
+        }
+        for (b, w) in &couplings {
+            for i in 0..d {
+                x[b * per_body + i] = (0..per_body - d)
+                    .map(|c| w[i * (per_body - d) + c] * x[b * per_body + d + c])
+                    .sum();
+            }
+        }
+        Some(x)
+    }
+
+    /// ∂(A c)/∂p of a body, D×(N−D) by rows; A is quadratic in the Euler parameters, so central
+    /// differences are exact for them and accurate to 1e-10 for an angle.
+    fn coupling(&self, body: usize, q: &[f64]) -> Vec<f64> {
+        let sizes = self.system.structure().sizes;
+        let (n, d) = (sizes.per_body, sizes.translations);
+        let h = 1e-5;
+        let arm = |shift: f64, c: usize| {
+            let mut moved = q.to_vec();
+            moved[body * n + d + c] += shift;
+            let rest = vec![0.0; q.len()];
+            let pose = self.system.body(body, &moved, &rest);
+            let r = &moved[body * n..];
+            [
+                r[0] - pose.position[0],
+                r[1] - pose.position[1],
+                r.get(2).unwrap_or(&0.0) - pose.position[2],
+            ]
+        };
+        let mut w = vec![0.0; d * (n - d)];
+        for c in 0..n - d {
+            let (plus, minus) = (arm(h, c), arm(-h, c));
+            for i in 0..d {
+                w[i * (n - d) + c] = (plus[i] - minus[i]) / (2.0 * h);
+            }
+        }
+        w
+    }
+
+    /// Puts the origins of coupled bodies back to their stated places.
+    fn restore_origins(&self, state: &mut State, unknowns: &Unknowns) {
+        for &b in &unknowns.coupled {
+            let Some(position) = self.model.initial.bodies[b].position else { continue };
+            let mut pose = self.system.body(b, &state.q, &state.v);
+            pose.position = position;
+            let mut v = state.v.clone();
+            self.system.set_body(b, &pose, &mut state.q, &mut v);
+        }
+    }
+}

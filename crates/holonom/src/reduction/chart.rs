@@ -1,0 +1,318 @@
+//! The factored matrix [G; P] of one parametrization, and the only solves made with it.
+
+use crate::error::EvaluationFailure;
+use crate::system::{Measure, Structure, System};
+use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
+use std::sync::Arc;
+
+/// P of v = P q: which combinations of the coordinates are independent.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Projection {
+    /// Coordinate partitioning: the independent coordinates, ascending.
+    Selection(Vec<usize>),
+    /// Tangent plane: an orthonormal basis by rows, ndof×n.
+    Basis(Vec<f64>),
+}
+
+/// Which rows and coordinates a parametrization uses.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parametrization {
+    /// Rows of independent constraints, ascending.
+    pub kept: Vec<usize>,
+    /// Redundant rows, ascending.
+    pub dropped: Vec<usize>,
+    /// P.
+    pub projection: Projection,
+    /// Number of degrees of freedom.
+    pub ndof: usize,
+    /// Smallest accepted pivot over the first: small near a singular configuration.
+    pub pivot_ratio: f64,
+}
+
+impl Parametrization {
+    /// p = P x.
+    pub fn project(&self, x: &[f64], p: &mut [f64]) {
+        match &self.projection {
+            Projection::Selection(independent) => {
+                for (out, &i) in p.iter_mut().zip(independent) {
+                    *out = x[i];
+                }
+            }
+            Projection::Basis(rows) => {
+                for (out, row) in p.iter_mut().zip(rows.chunks_exact(x.len())) {
+                    *out = row.iter().zip(x).map(|(a, b)| a * b).sum();
+                }
+            }
+        }
+    }
+}
+
+/// [G; P] with kept rows, scaled to pure numbers, factored with a fixed pattern.
+///
+/// Rows in metres are divided by the characteristic length and columns of translations multiplied by
+/// it, so that pivoting and condition compare metres with radians fairly; the scaling never shows
+/// outside.
+#[derive(Debug, Clone)]
+pub struct Chart {
+    parametrization: Parametrization,
+    pattern: SparsePattern,
+    values: Vec<f64>,
+    /// (value of G, slot, scale) of every entry that can differ from zero.
+    copies: Vec<(u32, u32, f64)>,
+    row_scale: Vec<f64>,
+    column_scale: Vec<f64>,
+    lu: SparseLu,
+    work: Vec<f64>,
+    nonzero: Arc<[bool]>,
+}
+
+fn scale_of(measure: Measure, length: f64) -> f64 {
+    match measure {
+        Measure::Length => length,
+        Measure::Angle => 1.0,
+    }
+}
+
+impl Chart {
+    /// Analyses and factors [G; P] at a configuration with Jacobian `g`; `nonzero` tells which stored
+    /// values of G can differ from zero.
+    ///
+    /// # Errors
+    /// When the matrix is singular there.
+    pub fn new(
+        system: &dyn System,
+        parametrization: Parametrization,
+        g: &BlockMatrix,
+        nonzero: &Arc<[bool]>,
+    ) -> Result<Self, EvaluationFailure> {
+        let structure = system.structure();
+        let length = system.characteristic_length();
+        let n = structure.sizes.coordinates;
+        let rank = parametrization.kept.len();
+        let column_scale: Vec<f64> =
+            (0..n).map(|i| scale_of(structure.coordinate_measure(i), length)).collect();
+        let mut row_scale: Vec<f64> = parametrization
+            .kept
+            .iter()
+            .map(|&r| 1.0 / scale_of(structure.row_measure[r], length))
+            .collect();
+        let mut position = vec![usize::MAX; structure.sizes.rows];
+        for (k, &row) in parametrization.kept.iter().enumerate() {
+            position[row] = k;
+        }
+        let mut entries = Vec::new();
+        let mut sources = Vec::new();
+        for (at, (row, column)) in g.entries(0, 0).into_iter().enumerate() {
+            if nonzero[at] && position[row] != usize::MAX {
+                let k = position[row];
+                entries.push((k, column));
+                sources.push((at, row_scale[k] * column_scale[column]));
+            }
+        }
+        let constraint_entries = entries.len();
+        let mut constants = Vec::new();
+        match &parametrization.projection {
+            Projection::Selection(independent) => {
+                for (k, &i) in independent.iter().enumerate() {
+                    entries.push((rank + k, i));
+                    row_scale.push(1.0 / column_scale[i]);
+                    constants.push(1.0);
+                }
+            }
+            Projection::Basis(rows) => {
+                for (k, row) in rows.chunks_exact(n).enumerate() {
+                    row_scale.push(1.0);
+                    for (i, &x) in row.iter().enumerate() {
+                        entries.push((rank + k, i));
+                        constants.push(x * column_scale[i]);
+                    }
+                }
+            }
+        }
+        let (pattern, slots) = SparsePattern::new(n, n, &entries);
+        let mut values = vec![0.0; pattern.len()];
+        for (slot, x) in slots[constraint_entries..].iter().zip(constants) {
+            values[*slot] = x;
+        }
+        let copies: Vec<(u32, u32, f64)> = sources
+            .into_iter()
+            .zip(&slots)
+            .map(|((at, scale), &slot)| (at as u32, slot as u32, scale))
+            .collect();
+        for &(at, slot, scale) in &copies {
+            values[slot as usize] = g.values()[at as usize] * scale;
+        }
+        let lu = SparseLu::analyze(&pattern, &values).map_err(|e| singular(system, e))?;
+        let work = vec![0.0; n];
+        Ok(Self {
+            parametrization,
+            pattern,
+            values,
+            copies,
+            row_scale,
+            column_scale,
+            lu,
+            work,
+            nonzero: nonzero.clone(),
+        })
+    }
+
+    /// The chart of another parametrization of the same system, at a configuration with Jacobian `g`.
+    ///
+    /// # Errors
+    /// When the matrix is singular there.
+    pub fn with_parametrization(
+        &self,
+        system: &dyn System,
+        parametrization: Parametrization,
+        g: &BlockMatrix,
+    ) -> Result<Self, EvaluationFailure> {
+        Self::new(system, parametrization, g, &self.nonzero)
+    }
+
+    /// Which rows and coordinates are used.
+    pub fn parametrization(&self) -> &Parametrization {
+        &self.parametrization
+    }
+
+    /// Number of degrees of freedom.
+    pub fn ndof(&self) -> usize {
+        self.parametrization.ndof
+    }
+
+    /// Factors [G; P] for a new G with the frozen pivots; picks new ones when they no longer serve.
+    ///
+    /// # Errors
+    /// When the matrix is singular.
+    pub fn refactor(
+        &mut self,
+        system: &dyn System,
+        g: &BlockMatrix,
+    ) -> Result<(), EvaluationFailure> {
+        for &(at, slot, scale) in &self.copies {
+            self.values[slot as usize] = g.values()[at as usize] * scale;
+        }
+        if self.lu.refactor(&self.values).is_err() {
+            self.lu =
+                SparseLu::analyze(&self.pattern, &self.values).map_err(|e| singular(system, e))?;
+        }
+        Ok(())
+    }
+
+    /// Takes over the numbers of another chart of the same parametrization.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.values.copy_from_slice(&other.values);
+        self.lu.clone_from(&other.lu);
+    }
+
+    /// x = S r + D p: solves [G; P] x = [r; p]. `rows` has all m rows; dropped ones are not read.
+    pub fn solve(&mut self, rows: &[f64], p: &[f64], x: &mut [f64]) {
+        let rank = self.parametrization.kept.len();
+        for (k, &row) in self.parametrization.kept.iter().enumerate() {
+            self.work[k] = rows[row] * self.row_scale[k];
+        }
+        for (k, &value) in p.iter().enumerate() {
+            self.work[rank + k] = value * self.row_scale[rank + k];
+        }
+        self.lu.solve(&mut self.work);
+        for ((out, y), scale) in x.iter_mut().zip(&self.work).zip(&self.column_scale) {
+            *out = y * scale;
+        }
+    }
+
+    /// rows = Sᵀ x and p = Dᵀ x; dropped rows are set to zero.
+    pub fn solve_transposed(&mut self, x: &[f64], rows: &mut [f64], p: &mut [f64]) {
+        let rank = self.parametrization.kept.len();
+        for ((y, x), scale) in self.work.iter_mut().zip(x).zip(&self.column_scale) {
+            *y = x * scale;
+        }
+        self.lu.solve_transposed(&mut self.work);
+        rows.fill(0.0);
+        for (k, &row) in self.parametrization.kept.iter().enumerate() {
+            rows[row] = self.work[k] * self.row_scale[k];
+        }
+        for (k, out) in p.iter_mut().enumerate() {
+            *out = self.work[rank + k] * self.row_scale[rank + k];
+        }
+    }
+
+    /// D, n×ndof by rows, into `d`.
+    pub fn null_space(&mut self, d: &mut [f64]) {
+        let (rank, ndof) = (self.parametrization.kept.len(), self.ndof());
+        d.fill(0.0);
+        for k in 0..ndof {
+            d[(rank + k) * ndof + k] = self.row_scale[rank + k];
+        }
+        self.lu.solve_many(d, ndof);
+        for (row, scale) in d.chunks_exact_mut(ndof.max(1)).zip(&self.column_scale) {
+            row.iter_mut().for_each(|x| *x *= scale);
+        }
+    }
+
+    /// rows = SᵀX (m×ndof) and p = DᵀX (ndof×ndof) for X (n×ndof), which is destroyed.
+    pub fn solve_transposed_many(&mut self, x: &mut [f64], rows: &mut [f64], p: &mut [f64]) {
+        let (rank, ndof) = (self.parametrization.kept.len(), self.ndof());
+        if ndof == 0 {
+            return;
+        }
+        for (row, scale) in x.chunks_exact_mut(ndof).zip(&self.column_scale) {
+            row.iter_mut().for_each(|v| *v *= scale);
+        }
+        self.lu.solve_transposed_many(x, ndof);
+        for (row, scale) in x.chunks_exact_mut(ndof).zip(&self.row_scale) {
+            row.iter_mut().for_each(|v| *v *= scale);
+        }
+        rows.fill(0.0);
+        for (k, &row) in self.parametrization.kept.iter().enumerate() {
+            rows[row * ndof..(row + 1) * ndof].copy_from_slice(&x[k * ndof..(k + 1) * ndof]);
+        }
+        p.copy_from_slice(&x[rank * ndof..]);
+    }
+
+    /// Estimate of the condition number of the scaled matrix, 1-norm.
+    pub fn condition(&mut self) -> f64 {
+        self.lu.condition_estimate(&self.pattern, &self.values)
+    }
+
+    /// Sign of det [G; P].
+    pub fn determinant_sign(&self) -> f64 {
+        self.lu.determinant_sign()
+    }
+}
+
+fn singular(system: &dyn System, e: holonom_linalg::SingularMatrix) -> EvaluationFailure {
+    EvaluationFailure {
+        code: "simulation/singular-configuration",
+        message: format!(
+            "the joints leave coordinate `{}` undetermined here (pivot {:.1e})",
+            system.coordinate_name(e.column),
+            e.pivot
+        ),
+    }
+}
+
+/// Which stored values of G and M can differ from zero, found at a few generic configurations.
+pub fn structural_nonzeros(system: &dyn System, q: &[f64]) -> (Arc<[bool]>, Arc<[bool]>) {
+    let structure: &Structure = system.structure();
+    let mut g = structure.constraint_pattern.clone();
+    let mut m = structure.mass_pattern.clone();
+    let mut probe = q.to_vec();
+    let (mut g_nonzero, mut m_nonzero) =
+        (vec![false; g.values().len()], vec![false; m.values().len()]);
+    // A fixed irrational walk: an entry that vanishes at three such places vanishes everywhere.
+    for round in 1..=3 {
+        for (i, (x, q)) in probe.iter_mut().zip(q).enumerate() {
+            let phase = f64::from(round) * 0.618_033_988_749_895 * (i as f64 + 1.0);
+            *x = q + 0.7 * (phase.fract() - 0.5) + 0.11;
+        }
+        system.constraint_jacobian(&probe, &mut g);
+        system.mass_matrix(&probe, &mut m);
+        for (flag, x) in g_nonzero.iter_mut().zip(g.values()) {
+            *flag |= *x != 0.0;
+        }
+        for (flag, x) in m_nonzero.iter_mut().zip(m.values()) {
+            *flag |= *x != 0.0;
+        }
+    }
+    (g_nonzero.into(), m_nonzero.into())
+}

@@ -1,0 +1,311 @@
+//! From independent to all coordinates: positions, velocities, accelerations and multipliers.
+
+use super::chart::Chart;
+use super::saddle::Saddle;
+use crate::error::EvaluationFailure;
+use crate::system::{Measure, State, System};
+use holonom_linalg::BlockMatrix;
+use std::sync::Arc;
+
+/// Corrections that contract more slowly than this are refused as a way to another branch.
+const CONTRACTION_LIMIT: f64 = 0.5;
+/// The old factor is replaced when it would need more corrections than a new one costs.
+const WORTH_REFACTORING: f64 = 4.0;
+const MAX_CORRECTIONS: u32 = 40;
+
+/// Work counters of the recovery.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct RecoveryCounters {
+    /// Position recoveries.
+    pub recoveries: u64,
+    /// Corrections of positions.
+    pub corrections: u64,
+    /// Factorisations of [G; P].
+    pub factorizations: u64,
+    /// Acceleration solves.
+    pub accelerations: u64,
+}
+
+/// A point on the constraint manifold with the factors that belong to it.
+#[derive(Debug, Clone)]
+pub struct Manifold {
+    system: Arc<dyn System>,
+    chart: Chart,
+    saddle: Saddle,
+    /// G where it was last evaluated.
+    g: BlockMatrix,
+    phi: Vec<f64>,
+    rows: Vec<f64>,
+    correction: Vec<f64>,
+    predictor: Vec<f64>,
+    independent: Vec<f64>,
+    force: Vec<f64>,
+    tau: Vec<f64>,
+    z_rate: Vec<f64>,
+    orientation: f64,
+    /// Counters.
+    pub counters: RecoveryCounters,
+}
+
+impl Manifold {
+    /// Starts at a consistent configuration with its chart; `g` is the Jacobian there.
+    pub fn new(system: Arc<dyn System>, chart: Chart, saddle: Saddle, g: BlockMatrix) -> Self {
+        let sizes = system.structure().sizes;
+        let orientation = chart.determinant_sign();
+        Self {
+            phi: vec![0.0; sizes.rows],
+            rows: vec![0.0; sizes.rows],
+            correction: vec![0.0; sizes.coordinates],
+            predictor: vec![0.0; sizes.coordinates],
+            independent: vec![0.0; chart.ndof()],
+            force: vec![0.0; sizes.coordinates],
+            tau: vec![0.0; sizes.rows],
+            z_rate: vec![0.0; sizes.extra_states],
+            system,
+            chart,
+            saddle,
+            g,
+            orientation,
+            counters: RecoveryCounters::default(),
+        }
+    }
+
+    /// The system.
+    pub fn system(&self) -> &Arc<dyn System> {
+        &self.system
+    }
+
+    /// The factored [G; P] of the last evaluation.
+    pub fn chart(&self) -> &Chart {
+        &self.chart
+    }
+
+    /// The same, for solves.
+    pub fn chart_mut(&mut self) -> &mut Chart {
+        &mut self.chart
+    }
+
+    /// M where accelerations were last evaluated.
+    pub fn mass(&self) -> &BlockMatrix {
+        self.saddle.mass()
+    }
+
+    /// G where velocities were last recovered.
+    pub fn jacobian(&self) -> &BlockMatrix {
+        &self.g
+    }
+
+    /// Changes the parametrization at the configuration where G was last evaluated.
+    pub fn set_chart(&mut self, chart: Chart) {
+        self.independent.resize(chart.ndof(), 0.0);
+        self.orientation = chart.determinant_sign();
+        if chart.parametrization().kept != self.chart.parametrization().kept {
+            self.saddle.set_rows(&chart.parametrization().kept);
+        }
+        self.chart = chart;
+    }
+
+    /// Largest entry of a vector over the coordinates, lengths divided by the characteristic length.
+    fn size_of(&self, x: &[f64]) -> f64 {
+        let structure = self.system.structure();
+        let length = self.system.characteristic_length();
+        let (per_body, translations) = (structure.sizes.per_body, structure.sizes.translations);
+        let mut largest = 0.0f64;
+        for body in x.chunks_exact(per_body) {
+            for k in 0..translations {
+                largest = largest.max((body[k] / length).abs());
+            }
+            for k in translations..per_body {
+                largest = largest.max(body[k].abs());
+            }
+        }
+        // `max` passes over NaN; a sum does not.
+        if x.iter().sum::<f64>().is_finite() { largest } else { f64::INFINITY }
+    }
+
+    /// Solves Φ(q, t) = 0, P q = p from the guess in `q`, which must be a point of the branch that is
+    /// followed (the last accepted or evaluated one).
+    ///
+    /// The first correction is the tangent predictor. The result is accepted only if corrections
+    /// contract, it ends within half the predicted movement of the predictor (or noise), and the
+    /// sign of det [G; P] has not changed.
+    ///
+    /// # Errors
+    /// `simulation/position-recovery` naming the constraint with the largest residual; `q` is then
+    /// meaningless.
+    pub fn recover_position(
+        &mut self,
+        t: f64,
+        p: &[f64],
+        q: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.counters.recoveries += 1;
+        let noise = 8.0 * f64::EPSILON * self.size_of(q).max(1.0);
+        let mut predicted = 0.0;
+        let mut before = f64::INFINITY;
+        let mut fresh = false;
+        for k in 0..MAX_CORRECTIONS {
+            self.counters.corrections += 1;
+            let size = self.correct(t, p, q);
+            if k == 0 {
+                predicted = size;
+                self.predictor.copy_from_slice(q);
+            }
+            if size <= noise {
+                return self.check_branch(q, predicted, noise);
+            }
+            let rate = size / before;
+            if k > 0 && rate > CONTRACTION_LIMIT {
+                // Corrections that no longer fall have reached round-off, if they are that small.
+                if before <= 1e3 * noise {
+                    return self.check_branch(q, predicted, noise);
+                }
+                if fresh {
+                    break;
+                }
+            }
+            let remaining = if k > 0 { (noise / size).ln() / rate.ln() } else { 0.0 };
+            if k > 0 && !fresh && (remaining > WORTH_REFACTORING || rate > CONTRACTION_LIMIT) {
+                if !size.is_finite() {
+                    break;
+                }
+                self.factor_at(q)?;
+                fresh = true;
+            }
+            before = size;
+        }
+        Err(self.position_failure(t, q))
+    }
+
+    /// One correction of the quasi-Newton iteration; returns its size.
+    fn correct(&mut self, t: f64, p: &[f64], q: &mut [f64]) -> f64 {
+        self.system.position_constraints(t, q, &mut self.phi);
+        self.chart.parametrization().project(q, &mut self.independent);
+        for (out, target) in self.independent.iter_mut().zip(p) {
+            *out -= target;
+        }
+        self.chart.solve(&self.phi, &self.independent, &mut self.correction);
+        for (x, d) in q.iter_mut().zip(&self.correction) {
+            *x -= d;
+        }
+        self.size_of(&self.correction)
+    }
+
+    fn check_branch(
+        &mut self,
+        q: &[f64],
+        predicted: f64,
+        noise: f64,
+    ) -> Result<(), EvaluationFailure> {
+        for (out, (x, y)) in self.correction.iter_mut().zip(q.iter().zip(&self.predictor)) {
+            *out = x - y;
+        }
+        if self.size_of(&self.correction) <= 0.5 * predicted + 1e3 * noise {
+            return Ok(());
+        }
+        Err(EvaluationFailure {
+            code: "simulation/branch",
+            message: "the dependent coordinates would leave the branch of the mechanism that was \
+                      followed so far"
+                .into(),
+        })
+    }
+
+    fn position_failure(&mut self, t: f64, q: &[f64]) -> EvaluationFailure {
+        self.system.position_constraints(t, q, &mut self.phi);
+        let worst = largest_index(&self.phi);
+        EvaluationFailure {
+            code: "simulation/position-recovery",
+            message: format!(
+                "the joints could not be closed at t = {t:.6} s; the largest residual, {:.2e}, is in {}",
+                self.phi.get(worst).copied().unwrap_or(f64::NAN),
+                if self.phi.is_empty() { String::new() } else { self.system.row_name(worst) }
+            ),
+        }
+    }
+
+    fn factor_at(&mut self, q: &[f64]) -> Result<(), EvaluationFailure> {
+        self.counters.factorizations += 1;
+        self.system.constraint_jacobian(q, &mut self.g);
+        self.chart.refactor(self.system.as_ref(), &self.g)
+    }
+
+    /// Factors [G; P] at q and solves G q̇ = ν, P q̇ = `p_rate`.
+    ///
+    /// # Errors
+    /// `simulation/singular-configuration`, `simulation/branch` when det [G; P] changed its sign.
+    pub fn recover_velocity(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        p_rate: &[f64],
+        v: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.factor_at(q)?;
+        if self.chart.determinant_sign() != self.orientation {
+            return Err(EvaluationFailure {
+                code: "simulation/branch",
+                message: "the mechanism would pass through a singular configuration onto another \
+                          branch"
+                    .into(),
+            });
+        }
+        self.system.velocity_rhs(t, &mut self.rows);
+        self.chart.solve(&self.rows, p_rate, v);
+        Ok(())
+    }
+
+    /// Accelerations and multipliers at a state with consistent q and q̇ whose G was just evaluated
+    /// by [`Manifold::recover_velocity`]; ż into `z_rate`.
+    ///
+    /// # Errors
+    /// `simulation/singular-mass` when no acceleration is determined, `simulation/not-finite`.
+    pub fn accelerate(
+        &mut self,
+        state: &mut State,
+        z_rate: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.counters.accelerations += 1;
+        let system = self.system.as_ref();
+        system.forces(state, &mut self.force, &mut self.z_rate);
+        z_rate.copy_from_slice(&self.z_rate);
+        system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
+        self.saddle.solve(
+            system,
+            &state.q,
+            &self.g,
+            &self.force,
+            &self.tau,
+            &mut state.a,
+            &mut state.lambda,
+        )?;
+        if state.a.iter().sum::<f64>().is_finite() {
+            return Ok(());
+        }
+        Err(EvaluationFailure {
+            code: "simulation/not-finite",
+            message: format!("an acceleration is not a finite number at t = {:.6} s", state.t),
+        })
+    }
+
+    /// ‖Φ‖∞ and ‖G q̇ − ν‖∞ over all rows (redundant ones too) at a state whose G is current.
+    pub fn residuals(&mut self, state: &State) -> (f64, f64) {
+        let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        self.system.position_constraints(state.t, &state.q, &mut self.phi);
+        let position = largest(&self.phi);
+        self.system.velocity_rhs(state.t, &mut self.rows);
+        self.rows.iter_mut().for_each(|x| *x = -*x);
+        self.g.multiply_add(1.0, &state.v, &mut self.rows);
+        (position, largest(&self.rows))
+    }
+
+    /// Kind of a coordinate.
+    pub fn measure(&self, coordinate: usize) -> Measure {
+        self.system.structure().coordinate_measure(coordinate)
+    }
+}
+
+/// Index of the entry of largest magnitude.
+pub fn largest_index(x: &[f64]) -> usize {
+    (0..x.len()).fold(0, |best, i| if x[i].abs() > x[best].abs() { i } else { best })
+}

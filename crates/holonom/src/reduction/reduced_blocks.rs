@@ -1,0 +1,210 @@
+//! The reduced matrices of one state: M̂, M̂₁, M̂₂ by three solves with [G; P], and what extra states
+//! and explicit time add to them.
+
+use super::manifold::Manifold;
+use crate::system::{DerivativeBlocks, State};
+use holonom_linalg::gram_add;
+
+/// D, M̂, M̂₁, M̂₂ and the blocks of extra states at one state.
+///
+/// ```text
+/// Y = SᵀMᵀD   W = Sᵀ(CᵀD − A₂ᵀY)   A₂ = 2A₀
+/// M̂ = DᵀMD    M̂₁ = DᵀCD − YᵀA₂D    M̂₂ = DᵀKD − YᵀA₁D − WᵀA₀D
+/// v̈_v̇ = −M̂⁻¹M̂₁   v̈_v = −M̂⁻¹M̂₂
+/// ```
+///
+/// Extra states z: Ẑ = DᵀF_z, v̈_z = −M̂⁻¹Ẑ, ż_v = g_q D + g_q̇ q̇_v, ż_v̇ = g_q̇ D, q̇_v = −S A₀ D.
+/// Matrices are square of order ndof, by rows.
+#[derive(Debug, Clone)]
+pub struct ReducedBlocks {
+    /// n×ndof.
+    pub d: Vec<f64>,
+    /// M̂.
+    pub mass: Vec<f64>,
+    /// M̂₁.
+    pub damping: Vec<f64>,
+    /// M̂₂.
+    pub stiffness: Vec<f64>,
+    /// Ẑ, ndof per extra state: column k at `k * ndof`.
+    pub force_extra: Vec<f64>,
+    /// ż_v, row k at `k * ndof`.
+    pub extra_position: Vec<f64>,
+    /// ż_v̇, row k at `k * ndof`.
+    pub extra_velocity: Vec<f64>,
+    /// ż_z.
+    pub extra_extra: Vec<f64>,
+    /// All blocks in the system's coordinates.
+    pub blocks: DerivativeBlocks,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    w: Vec<f64>,
+    transposed: Vec<f64>,
+    coordinates: Vec<f64>,
+    rows: Vec<f64>,
+    q_t: Vec<f64>,
+    v_t: Vec<f64>,
+    a_t: Vec<f64>,
+    zero: Vec<f64>,
+}
+
+impl ReducedBlocks {
+    /// Buffers for a manifold's present parametrization.
+    pub fn new(manifold: &Manifold) -> Self {
+        let structure = manifold.system().structure();
+        let s = structure.sizes;
+        let ndof = manifold.chart().ndof();
+        let nz = s.extra_states;
+        Self {
+            d: vec![0.0; s.coordinates * ndof],
+            mass: vec![0.0; ndof * ndof],
+            damping: vec![0.0; ndof * ndof],
+            stiffness: vec![0.0; ndof * ndof],
+            force_extra: vec![0.0; nz * ndof],
+            extra_position: vec![0.0; nz * ndof],
+            extra_velocity: vec![0.0; nz * ndof],
+            extra_extra: vec![0.0; nz],
+            blocks: structure.derivative_blocks(),
+            x: vec![0.0; s.coordinates * ndof],
+            y: vec![0.0; s.rows * ndof],
+            w: vec![0.0; s.rows * ndof],
+            transposed: vec![0.0; ndof * ndof],
+            coordinates: vec![0.0; s.coordinates],
+            rows: vec![0.0; s.rows],
+            q_t: vec![0.0; s.coordinates],
+            v_t: vec![0.0; s.coordinates],
+            a_t: vec![0.0; s.coordinates],
+            zero: vec![0.0; ndof],
+        }
+    }
+
+    /// Evaluates everything at `state`, whose accelerations the manifold has just computed (its
+    /// factor of [G; P] and its M belong to the state).
+    pub fn evaluate(&mut self, manifold: &mut Manifold, state: &State) {
+        let ndof = manifold.chart().ndof();
+        manifold.system().clone().derivative_blocks(state, &mut self.blocks);
+        manifold.chart_mut().null_space(&mut self.d);
+        if ndof == 0 {
+            return;
+        }
+        // X = MᵀD (M is symmetric): Y = SᵀX, M̂ᵀ = DᵀX.
+        self.x.fill(0.0);
+        manifold.mass().multiply_many_add(1.0, &self.d, ndof, &mut self.x);
+        let chart = manifold.chart_mut();
+        chart.solve_transposed_many(&mut self.x, &mut self.y, &mut self.transposed);
+        transpose(ndof, &self.transposed, &mut self.mass);
+        // X = CᵀD − 2A₀ᵀY: W = SᵀX, M̂₁ᵀ = DᵀX.
+        self.x.fill(0.0);
+        self.blocks.damping.multiply_transposed_many_add(1.0, &self.d, ndof, &mut self.x);
+        self.blocks.a0.multiply_transposed_many_add(-2.0, &self.y, ndof, &mut self.x);
+        chart.solve_transposed_many(&mut self.x, &mut self.w, &mut self.transposed);
+        transpose(ndof, &self.transposed, &mut self.damping);
+        // M̂₂ᵀ = Dᵀ(KᵀD − A₁ᵀY − A₀ᵀW).
+        self.x.fill(0.0);
+        self.blocks.stiffness.multiply_transposed_many_add(1.0, &self.d, ndof, &mut self.x);
+        self.blocks.a1.multiply_transposed_many_add(-1.0, &self.y, ndof, &mut self.x);
+        self.blocks.a0.multiply_transposed_many_add(-1.0, &self.w, ndof, &mut self.x);
+        self.stiffness.fill(0.0);
+        let n = self.d.len() / ndof;
+        gram_add(n, ndof, &self.x, &self.d, &mut self.stiffness);
+        self.evaluate_extra_states(manifold);
+    }
+
+    fn evaluate_extra_states(&mut self, manifold: &mut Manifold) {
+        let structure = manifold.system().structure();
+        let (bodies, per_body) = (structure.extra_bodies.clone(), structure.sizes.per_body);
+        let ndof = manifold.chart().ndof();
+        self.extra_extra.copy_from_slice(&self.blocks.extra_extra);
+        for (k, ends) in bodies.iter().enumerate() {
+            let range = k * ndof..(k + 1) * ndof;
+            let place = |source: &[f64], target: &mut [f64]| {
+                target.fill(0.0);
+                for (side, body) in ends.iter().enumerate() {
+                    if let Some(b) = body {
+                        let at = (2 * k + side) * per_body;
+                        for i in 0..per_body {
+                            target[b * per_body + i] += source[at + i];
+                        }
+                    }
+                }
+            };
+            place(&self.blocks.force_extra, &mut self.coordinates);
+            multiply_transposed(&self.d, &self.coordinates, &mut self.force_extra[range.clone()]);
+            // ż_v̇ = Dᵀg_q̇ᵀ and, with s = Sᵀg_q̇ᵀ, ż_v = Dᵀ(g_qᵀ − A₀ᵀs).
+            place(&self.blocks.extra_velocity, &mut self.coordinates);
+            manifold.chart_mut().solve_transposed(
+                &self.coordinates,
+                &mut self.rows,
+                &mut self.extra_velocity[range.clone()],
+            );
+            place(&self.blocks.extra_position, &mut self.coordinates);
+            self.blocks.a0.multiply_transposed_add(-1.0, &self.rows, &mut self.coordinates);
+            multiply_transposed(&self.d, &self.coordinates, &mut self.extra_position[range]);
+        }
+    }
+
+    /// M̂ v̈_t and ż_t, the effect of explicit time at fixed v, v̇, z, at the state of the last
+    /// [`ReducedBlocks::evaluate`].
+    ///
+    /// ```text
+    /// q_t = S ν   q̇_t = −S[−ν_t + A₀ q_t]   a = −S[−τ_t + A₁ q_t + A₂ q̇_t]
+    /// M̂ v̈_t = −Dᵀ(M a + K q_t + C q̇_t + F_t)   ż_t = g_q q_t + g_q̇ q̇_t + g_t
+    /// ```
+    pub fn time_derivative(
+        &mut self,
+        manifold: &mut Manifold,
+        state: &State,
+        force: &mut [f64],
+        z_t: &mut [f64],
+    ) {
+        let system = manifold.system().clone();
+        let structure = system.structure();
+        system.velocity_rhs(state.t, &mut self.rows);
+        manifold.chart_mut().solve(&self.rows, &self.zero, &mut self.q_t);
+        self.rows.copy_from_slice(&self.blocks.velocity_rhs_time);
+        self.blocks.a0.multiply_add(-1.0, &self.q_t, &mut self.rows);
+        manifold.chart_mut().solve(&self.rows, &self.zero, &mut self.v_t);
+        self.rows.copy_from_slice(&self.blocks.acceleration_rhs_time);
+        self.blocks.a1.multiply_add(-1.0, &self.q_t, &mut self.rows);
+        self.blocks.a0.multiply_add(-2.0, &self.v_t, &mut self.rows);
+        manifold.chart_mut().solve(&self.rows, &self.zero, &mut self.a_t);
+        self.coordinates.copy_from_slice(&self.blocks.force_time);
+        manifold.mass().multiply_add(1.0, &self.a_t, &mut self.coordinates);
+        self.blocks.stiffness.multiply_add(1.0, &self.q_t, &mut self.coordinates);
+        self.blocks.damping.multiply_add(1.0, &self.v_t, &mut self.coordinates);
+        multiply_transposed(&self.d, &self.coordinates, force);
+        force.iter_mut().for_each(|x| *x = -*x);
+        let per_body = structure.sizes.per_body;
+        for (k, (out, ends)) in z_t.iter_mut().zip(&structure.extra_bodies).enumerate() {
+            *out = self.blocks.extra_time[k];
+            for (side, body) in ends.iter().enumerate() {
+                let Some(b) = body else { continue };
+                for i in 0..per_body {
+                    let at = (2 * k + side) * per_body + i;
+                    *out += self.blocks.extra_position[at] * self.q_t[b * per_body + i]
+                        + self.blocks.extra_velocity[at] * self.v_t[b * per_body + i];
+                }
+            }
+        }
+    }
+}
+
+/// y = Dᵀ x for D (n×ndof) by rows.
+fn multiply_transposed(d: &[f64], x: &[f64], y: &mut [f64]) {
+    y.fill(0.0);
+    if y.is_empty() {
+        return;
+    }
+    for (row, x) in d.chunks_exact(y.len()).zip(x) {
+        for (out, d) in y.iter_mut().zip(row) {
+            *out += d * x;
+        }
+    }
+}
+
+fn transpose(n: usize, a: &[f64], out: &mut [f64]) {
+    for i in 0..n {
+        for j in 0..n {
+            out[j * n + i] = a[i * n + j];
+        }
+    }
+}

@@ -1,0 +1,204 @@
+//! Accelerations and multipliers from the index-1 system [M Gᵀ; G 0] (q̈, λ) = (Q, τ).
+
+use crate::error::EvaluationFailure;
+use crate::system::{Measure, System};
+use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
+
+/// The sparse saddle-point matrix with a fixed pattern and frozen pivots.
+#[derive(Debug, Clone)]
+pub struct Saddle {
+    nonzero_g: Vec<bool>,
+    nonzero_m: Vec<bool>,
+    kept: Vec<usize>,
+    pattern: SparsePattern,
+    values: Vec<f64>,
+    mass: BlockMatrix,
+    /// (value of M, slot, scale).
+    mass_copies: Vec<(u32, u32, f64)>,
+    /// (value of G, slot in G, slot in Gᵀ, scale).
+    jacobian_copies: Vec<(u32, u32, u32, f64)>,
+    /// Congruence scaling: coordinates by the characteristic length, rows by their kind and mass.
+    scale: Vec<f64>,
+    lu: Option<SparseLu>,
+    work: Vec<f64>,
+    coordinates: usize,
+}
+
+impl Saddle {
+    /// Prepares the pattern; the matrix is analysed at the first solve.
+    pub fn new(
+        system: &dyn System,
+        q: &[f64],
+        kept: &[usize],
+        nonzero_g: &[bool],
+        nonzero_m: &[bool],
+    ) -> Self {
+        let structure = system.structure();
+        let length = system.characteristic_length();
+        let n = structure.sizes.coordinates;
+        let mut mass = structure.mass_pattern.clone();
+        system.mass_matrix(q, &mut mass);
+        let mut scale: Vec<f64> = (0..n)
+            .map(|i| match structure.coordinate_measure(i) {
+                Measure::Length => length,
+                Measure::Angle => 1.0,
+            })
+            .collect();
+        // A multiplier scale that gives the scaled G the size of the scaled M, so that pivots may
+        // come from either.
+        let mut mean = 0.0;
+        for ((i, j), x) in mass.entries(0, 0).into_iter().zip(mass.values()) {
+            if i == j {
+                mean += x.abs() * scale[i] * scale[i] / n as f64;
+            }
+        }
+        let mean = if mean > 0.0 { mean } else { 1.0 };
+        for row in &structure.row_measure {
+            scale.push(mean / if *row == Measure::Length { length } else { 1.0 });
+        }
+        let mut out = Self {
+            nonzero_g: nonzero_g.to_vec(),
+            nonzero_m: nonzero_m.to_vec(),
+            kept: Vec::new(),
+            pattern: SparsePattern::new(0, 0, &[]).0,
+            values: Vec::new(),
+            mass,
+            mass_copies: Vec::new(),
+            jacobian_copies: Vec::new(),
+            scale,
+            lu: None,
+            work: Vec::new(),
+            coordinates: n,
+        };
+        out.place(&structure.constraint_pattern, kept);
+        out
+    }
+
+    /// Uses other rows of G from now on.
+    pub fn set_rows(&mut self, kept: &[usize]) {
+        // The pattern of G is recovered from the copies' source numbering by the caller's G.
+        self.kept.clear();
+        self.kept.extend_from_slice(kept);
+        self.lu = None;
+        self.pattern = SparsePattern::new(0, 0, &[]).0;
+    }
+
+    fn place(&mut self, g: &BlockMatrix, kept: &[usize]) {
+        let n = self.coordinates;
+        self.kept = kept.to_vec();
+        let mut position = vec![usize::MAX; g.n_rows()];
+        for (k, &row) in kept.iter().enumerate() {
+            position[row] = n + k;
+        }
+        let mut entries = Vec::new();
+        let mut masses = Vec::new();
+        for (at, (i, j)) in self.mass.entries(0, 0).into_iter().enumerate() {
+            if self.nonzero_m[at] {
+                entries.push((i, j));
+                masses.push((at, self.scale[i] * self.scale[j]));
+            }
+        }
+        let mut jacobians = Vec::new();
+        for (at, (row, j)) in g.entries(0, 0).into_iter().enumerate() {
+            if self.nonzero_g[at] && position[row] != usize::MAX {
+                entries.push((position[row], j));
+                entries.push((j, position[row]));
+                jacobians.push((at, self.scale[n + row] * self.scale[j]));
+            }
+        }
+        let size = n + kept.len();
+        let (pattern, slots) = SparsePattern::new(size, size, &entries);
+        self.values = vec![0.0; pattern.len()];
+        self.pattern = pattern;
+        self.mass_copies = masses
+            .iter()
+            .zip(&slots)
+            .map(|(&(at, scale), &slot)| (at as u32, slot as u32, scale))
+            .collect();
+        self.jacobian_copies = jacobians
+            .iter()
+            .zip(slots[masses.len()..].chunks_exact(2))
+            .map(|(&(at, scale), s)| (at as u32, s[0] as u32, s[1] as u32, scale))
+            .collect();
+        self.work = vec![0.0; size];
+        self.lu = None;
+    }
+
+    /// M where it was last evaluated.
+    pub fn mass(&self) -> &BlockMatrix {
+        &self.mass
+    }
+
+    /// Solves for accelerations and multipliers; dropped rows get λ = 0.
+    ///
+    /// # Errors
+    /// `simulation/singular-mass` naming the coordinate that no mass and no joint determines.
+    pub fn solve(
+        &mut self,
+        system: &dyn System,
+        q: &[f64],
+        g: &BlockMatrix,
+        force: &[f64],
+        tau: &[f64],
+        a: &mut [f64],
+        lambda: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        if self.pattern.n_rows() != self.coordinates + self.kept.len() {
+            let kept = std::mem::take(&mut self.kept);
+            self.place(g, &kept);
+        }
+        let n = self.coordinates;
+        system.mass_matrix(q, &mut self.mass);
+        for &(at, slot, scale) in &self.mass_copies {
+            self.values[slot as usize] = self.mass.values()[at as usize] * scale;
+        }
+        for &(at, lower, upper, scale) in &self.jacobian_copies {
+            let x = g.values()[at as usize] * scale;
+            self.values[lower as usize] = x;
+            self.values[upper as usize] = x;
+        }
+        let served = match &mut self.lu {
+            Some(lu) => lu.refactor(&self.values).is_ok(),
+            None => false,
+        };
+        if !served {
+            let analysis = SparseLu::analyze(&self.pattern, &self.values);
+            self.lu = Some(analysis.map_err(|e| singular(system, e, n))?);
+        }
+        for ((w, f), s) in self.work.iter_mut().zip(force).zip(&self.scale) {
+            *w = f * s;
+        }
+        for (k, &row) in self.kept.iter().enumerate() {
+            self.work[n + k] = tau[row] * self.scale[n + row];
+        }
+        let lu = self.lu.as_mut().expect("analysed above");
+        lu.solve_refined(&self.pattern, &self.values, &mut self.work);
+        for ((out, w), s) in a.iter_mut().zip(&self.work).zip(&self.scale) {
+            *out = w * s;
+        }
+        lambda.fill(0.0);
+        for (k, &row) in self.kept.iter().enumerate() {
+            lambda[row] = self.work[n + k] * self.scale[n + row];
+        }
+        Ok(())
+    }
+}
+
+fn singular(
+    system: &dyn System,
+    e: holonom_linalg::SingularMatrix,
+    coordinates: usize,
+) -> EvaluationFailure {
+    let what = if e.column < coordinates {
+        format!(
+            "coordinate `{}` has no mass or inertia behind it",
+            system.coordinate_name(e.column)
+        )
+    } else {
+        "the constraints are dependent".into()
+    };
+    EvaluationFailure {
+        code: "simulation/singular-mass",
+        message: format!("the accelerations are not determined: {what}"),
+    }
+}

@@ -1,0 +1,66 @@
+//! Choices for one run.
+
+use crate::method::Code;
+use crate::model::Tolerance;
+
+/// When states are stored.
+#[derive(Debug, Clone, PartialEq)]
+pub enum OutputTimes {
+    /// Every so many seconds from the start, and at the end.
+    Interval(f64),
+    /// At these times, ascending.
+    Listed(Vec<f64>),
+}
+
+/// Choices for one run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// s.
+    pub end_time: f64,
+    /// Error tolerances.
+    pub tolerance: Tolerance,
+    /// Method and formula.
+    pub code: Code,
+    /// When states are stored.
+    pub output: OutputTimes,
+    /// Names of channels stored with the states.
+    pub channels: Vec<String>,
+    /// Fixed step, s: no error control.
+    pub fixed_step: Option<f64>,
+    /// Largest step, s.
+    pub max_step: f64,
+    /// First step, s; found by the code if absent.
+    pub initial_step: Option<f64>,
+    /// Largest number of attempted steps.
+    pub max_steps: u64,
+    /// Largest wall time, s.
+    pub max_seconds: f64,
+    /// A new partition is tried when the condition of [G; P] has grown by this factor.
+    pub repartition_factor: f64,
+}
+
+/// Default tolerance.
+pub const DEFAULT_TOLERANCE: f64 = 1e-4;
+/// Default largest number of attempted steps.
+pub const DEFAULT_MAX_STEPS: u64 = 10_000_000;
+/// Default re-partitioning factor α.
+pub const DEFAULT_REPARTITION_FACTOR: f64 = 1.25;
+
+impl Options {
+    /// Defaults up to `end_time`: ForSDIRK, tolerance 1e-4, 200 outputs.
+    pub fn new(end_time: f64) -> Self {
+        Self {
+            end_time,
+            tolerance: Tolerance::uniform(DEFAULT_TOLERANCE),
+            code: Code::ForSdirk,
+            output: OutputTimes::Interval(end_time / 200.0),
+            channels: Vec::new(),
+            fixed_step: None,
+            max_step: f64::INFINITY,
+            initial_step: None,
+            max_steps: DEFAULT_MAX_STEPS,
+            max_seconds: f64::INFINITY,
+            repartition_factor: DEFAULT_REPARTITION_FACTOR,
+        }
+    }
+}

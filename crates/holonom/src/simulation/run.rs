@@ -1,0 +1,778 @@
+//! The run loop: steps, output, limits, re-parametrization, diagnosis.
+
+use super::ledger::{StepPowers, powers};
+use super::options::{Options, OutputTimes};
+use super::problem::Problem;
+use super::statistics::{EnergySummary, Statistics, Status, StopReason};
+use super::trajectory::{Chunk, Flow, Sink, StepOutcome, StepRecord};
+use crate::error::EvaluationFailure;
+use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
+use crate::method::{StateSpace, Weights, build_state_space, build_stepper};
+use crate::reduction::assembly::{AssemblyError, start};
+use crate::reduction::{Chart, Parametrization, partition};
+use crate::system::{Channel, State, System};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A position residual may reach this times max(1, L).
+const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
+/// A velocity residual may reach this times max(1, ‖q̇‖∞).
+const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
+/// The partition is left alone while the condition of [G; P] is below this.
+const CONDITION_FLOOR: f64 = 100.0;
+/// Rows in a chunk.
+const CHUNK_ROWS: usize = 256;
+/// Attempts in a chunk, so that a run without output rows reports its steps too.
+const CHUNK_STEPS: usize = 1024;
+const MAX_REJECTIONS: u32 = 60;
+const POLL: Duration = Duration::from_millis(50);
+const FLUSH: Duration = Duration::from_millis(500);
+
+/// Why a run could not start.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RunError {
+    /// No consistent start.
+    #[error(transparent)]
+    Assembly(#[from] AssemblyError),
+    /// A channel that does not exist.
+    #[error("unknown channel `{name}`{}", nearest.as_ref().map_or(String::new(), |n| format!("; did you mean `{n}`?")))]
+    UnknownChannel {
+        /// What was asked for.
+        name: String,
+        /// The channel nearest in name.
+        nearest: Option<String>,
+    },
+    /// An option out of range.
+    #[error("`{option}` is {value}; it must be {rule}")]
+    Option {
+        /// Name of the option.
+        option: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it must be.
+        rule: &'static str,
+    },
+    /// A start state of another model.
+    #[error("the start state has {found} {what}, the model {expected}")]
+    StartState {
+        /// Which array.
+        what: &'static str,
+        /// Length found.
+        found: usize,
+        /// Length expected.
+        expected: usize,
+    },
+}
+
+/// Summary of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Summary {
+    /// How it ended.
+    pub status: Status,
+    /// Why it ended.
+    pub stop: StopReason,
+    /// Work and residuals.
+    pub statistics: Statistics,
+    /// Energy balance.
+    pub energy: EnergySummary,
+    /// Degrees of freedom.
+    pub ndof: usize,
+    /// Last accepted state: a run can go on from here.
+    pub end: State,
+    /// Warnings of the run.
+    pub warnings: Vec<String>,
+}
+
+/// Runs a problem from its assembled start, or from `from`, to the end time.
+///
+/// # Errors
+/// [`RunError`] when the run cannot start. A run that fails later returns its summary with
+/// [`Status::Failed`], and the sink has got the trajectory so far.
+pub fn run(
+    problem: &Problem,
+    options: &Options,
+    from: Option<&State>,
+    sink: &mut dyn Sink,
+) -> Result<Summary, RunError> {
+    check_options(options)?;
+    let begun = Instant::now();
+    let system = problem.system().clone();
+    let (manifold, mut state) = match from {
+        Some(state) => {
+            check_state(&system, state)?;
+            start(&system, state.clone())?
+        }
+        None => {
+            let assembled = problem.assemble()?;
+            (assembled.manifold, assembled.state)
+        }
+    };
+    let rule = "not before the start time";
+    if options.end_time < state.t {
+        return Err(RunError::Option { option: "end_time", value: options.end_time, rule });
+    }
+    let energy = system.energy(&state);
+    if from.is_none() {
+        state.ledger.initial = energy.kinetic + energy.potential;
+    }
+    let channels = find_channels(&system, &options.channels)?;
+    let sizes = system.structure().sizes;
+    let weights = Weights::new(options.tolerance, &sizes, &state);
+    let form = build_state_space(options.code, manifold, weights, &state);
+    let dimension = form.dimension();
+    let stepper =
+        build_stepper(options.code, dimension, options.fixed_step.is_some(), options.max_step);
+    let assembly_seconds = begun.elapsed().as_secs_f64();
+    let statistics =
+        Statistics { assembly_seconds, smallest_step: f64::INFINITY, ..Statistics::default() };
+    let mut run = Run {
+        options,
+        condition_reference: 0.0,
+        energy: EnergySummary { start: energy, ..EnergySummary::default() },
+        kinetic_range: (energy.kinetic, energy.kinetic),
+        powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
+        output: Output::new(options, state.t, channels),
+        w: vec![0.0; dimension],
+        g: vec![0.0; dimension],
+        w_end: vec![0.0; dimension],
+        g_end: vec![0.0; dimension],
+        scratch: [vec![0.0; dimension], vec![0.0; dimension]],
+        row: state.clone(),
+        state,
+        form,
+        stepper,
+        statistics,
+        warnings: Vec::new(),
+        sink,
+        last_poll: Instant::now(),
+        last_flush: Instant::now(),
+        sink_time: Duration::ZERO,
+        system,
+    };
+    let looped = Instant::now();
+    let stop = run.advance();
+    let (status, stop) = run.finish(stop);
+    run.statistics.run_seconds = (looped.elapsed().saturating_sub(run.sink_time)).as_secs_f64();
+    Ok(Summary {
+        status,
+        stop,
+        ndof: run.form.manifold().chart().ndof(),
+        statistics: run.statistics,
+        energy: run.energy,
+        end: run.state,
+        warnings: run.warnings,
+    })
+}
+
+fn check_options(options: &Options) -> Result<(), RunError> {
+    let positive = |option, value: f64| {
+        if value > 0.0 {
+            return Ok(());
+        }
+        Err(RunError::Option { option, value, rule: "positive" })
+    };
+    positive("tolerance.relative", options.tolerance.relative)?;
+    positive("tolerance.translation", options.tolerance.translation)?;
+    positive("tolerance.rotation", options.tolerance.rotation)?;
+    positive("max_step", options.max_step)?;
+    positive("initial_step", options.initial_step.unwrap_or(1.0))?;
+    positive("fixed_step", options.fixed_step.unwrap_or(1.0))?;
+    positive("repartition_factor", options.repartition_factor)?;
+    if !options.end_time.is_finite() {
+        let value = options.end_time;
+        return Err(RunError::Option { option: "end_time", value, rule: "finite" });
+    }
+    if let OutputTimes::Interval(value) = options.output {
+        positive("interval", value)?;
+    }
+    Ok(())
+}
+
+fn check_state(system: &Arc<dyn System>, state: &State) -> Result<(), RunError> {
+    let sizes = system.structure().sizes;
+    for (what, found, expected) in [
+        ("coordinates", state.q.len(), sizes.coordinates),
+        ("velocities", state.v.len(), sizes.coordinates),
+        ("accelerations", state.a.len(), sizes.coordinates),
+        ("multipliers", state.lambda.len(), sizes.rows),
+        ("extra states", state.z.len(), sizes.extra_states),
+        ("windings", state.winding.len(), sizes.windings),
+    ] {
+        if found != expected {
+            return Err(RunError::StartState { what, found, expected });
+        }
+    }
+    Ok(())
+}
+
+fn find_channels(system: &Arc<dyn System>, names: &[String]) -> Result<Vec<Channel>, RunError> {
+    let all = system.channels();
+    names
+        .iter()
+        .map(|name| {
+            all.iter().find(|c| c.name == *name).cloned().ok_or_else(|| RunError::UnknownChannel {
+                name: name.clone(),
+                nearest: nearest(name, all),
+            })
+        })
+        .collect()
+}
+
+/// The channel that shares most with a misspelled name, if it shares at least half.
+fn nearest(name: &str, all: &[Channel]) -> Option<String> {
+    let score = |other: &str| strsim::jaro_winkler(name, other);
+    all.iter()
+        .map(|c| (score(&c.name), &c.name))
+        .filter(|(s, _)| *s > 0.7)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, n)| n.clone())
+}
+
+/// Output rows that are still to come.
+struct Output {
+    times: OutputTimes,
+    start: f64,
+    end: f64,
+    next: usize,
+    channels: Vec<Channel>,
+    chunk: Chunk,
+    values: Vec<f64>,
+}
+
+impl Output {
+    fn new(options: &Options, start: f64, channels: Vec<Channel>) -> Self {
+        let largest = channels.iter().map(Channel::size).max().unwrap_or(0);
+        let chunk = Chunk { channels: vec![Vec::new(); channels.len()], ..Chunk::default() };
+        Self {
+            times: options.output.clone(),
+            start,
+            end: options.end_time,
+            next: 0,
+            channels,
+            chunk,
+            values: vec![0.0; largest],
+        }
+    }
+
+    /// Next output time; infinite when there is none.
+    fn time(&self) -> f64 {
+        match &self.times {
+            OutputTimes::Interval(interval) => {
+                let last = ((self.end - self.start) / interval * (1.0 + 1e-12)).floor() as usize;
+                if self.next <= last {
+                    // The last multiple may exceed the end by round-off.
+                    (self.start + self.next as f64 * interval).min(self.end)
+                } else if self.next == last + 1
+                    && self.start + last as f64 * interval < self.end * (1.0 - 1e-12)
+                {
+                    self.end
+                } else {
+                    f64::INFINITY
+                }
+            }
+            OutputTimes::Listed(times) => times.get(self.next).copied().unwrap_or(f64::INFINITY),
+        }
+    }
+
+    fn push(&mut self, system: &dyn System, state: &State) {
+        self.chunk.push(state);
+        for (channel, rows) in self.channels.iter().zip(&mut self.chunk.channels) {
+            let values = &mut self.values[..channel.size()];
+            system.channel(channel, state, values);
+            rows.extend_from_slice(values);
+        }
+        self.next += 1;
+    }
+}
+
+/// Everything of one run.
+struct Run<'a> {
+    options: &'a Options,
+    system: Arc<dyn System>,
+    form: Box<dyn StateSpace>,
+    stepper: Box<dyn Stepper>,
+    state: State,
+    row: State,
+    w: Vec<f64>,
+    g: Vec<f64>,
+    w_end: Vec<f64>,
+    g_end: Vec<f64>,
+    scratch: [Vec<f64>; 2],
+    condition_reference: f64,
+    statistics: Statistics,
+    energy: EnergySummary,
+    kinetic_range: (f64, f64),
+    powers: StepPowers,
+    output: Output,
+    warnings: Vec<String>,
+    sink: &'a mut dyn Sink,
+    last_poll: Instant,
+    last_flush: Instant,
+    sink_time: Duration,
+}
+
+/// Why the loop ended early.
+enum Stop {
+    Interrupted,
+    MaxSteps,
+    MaxSeconds,
+    Sink(String),
+    Failed { cause: Option<Rejection>, step_size: f64 },
+}
+
+impl Run<'_> {
+    fn advance(&mut self) -> Result<(), Stop> {
+        let begun = Instant::now();
+        let end = self.options.end_time;
+        self.form.begin_step(&self.state);
+        self.form.pack(&self.state, &mut self.w);
+        self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
+        self.condition_reference = self.form.manifold_mut().chart_mut().condition();
+        while self.output.time() <= self.state.t {
+            self.output.push(self.system.as_ref(), &self.state);
+        }
+        let breakpoints = self.system.breakpoints();
+        let mut h = self.first_step().map_err(|f| failed(f, 0.0))?;
+        let mut attempts = 0;
+        let mut rejections = 0;
+        let mut repartitioned = false;
+        while self.state.t < end {
+            self.poll(h)?;
+            if attempts >= self.options.max_steps {
+                return Err(Stop::MaxSteps);
+            }
+            if begun.elapsed().as_secs_f64() > self.options.max_seconds {
+                return Err(Stop::MaxSeconds);
+            }
+            attempts += 1;
+            let t = self.state.t;
+            let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
+                .first()
+                .map_or(end, |&b| b.min(end));
+            let (step, reaches) = clip(t, h, next, self.options.fixed_step.is_some());
+            let report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
+            let t_end = if reaches { next } else { t + step };
+            let mut rejection = report.cause.clone();
+            if report.accepted {
+                rejection = self.accept(t_end).err().map(Rejection::Evaluation);
+            }
+            self.record(t, step, &report, rejection.as_ref());
+            if let Some(cause) = rejection {
+                rejections += 1;
+                let retry = if report.accepted { 0.5 * step } else { report.next_step };
+                let lost = matches!(&cause, Rejection::Evaluation(_));
+                if lost && !repartitioned {
+                    repartitioned = true;
+                    self.repartition_at_start().map_err(|f| failed(f, step))?;
+                } else if rejections >= MAX_REJECTIONS || retry < smallest_step(t, end) {
+                    return Err(Stop::Failed { cause: Some(cause), step_size: step });
+                }
+                if self.options.fixed_step.is_some() {
+                    return Err(Stop::Failed { cause: Some(cause), step_size: step });
+                }
+                h = retry;
+                continue;
+            }
+            (rejections, repartitioned) = (0, false);
+            self.emit(t, step).map_err(|f| failed(f, step))?;
+            self.account(step);
+            // A step cut short at a breakpoint says nothing about the next one.
+            h = match self.options.fixed_step {
+                Some(fixed) => fixed,
+                None if reaches && step < h => h.max(report.next_step.min(h)),
+                None => report.next_step,
+            };
+            if reaches && next < end {
+                self.stepper.restart();
+                self.form.begin_step(&self.state);
+                h = self.first_step().map_err(|f| failed(f, 0.0))?;
+            } else {
+                self.check_partition().map_err(|f| failed(f, step))?;
+            }
+            self.flush_if_due()?;
+        }
+        Ok(())
+    }
+
+    /// Slope at the present state; the form's factors then belong to it.
+    fn evaluate_slope(&mut self) -> Result<(), EvaluationFailure> {
+        self.form.derivative(self.state.t, &self.w, &mut self.g)
+    }
+
+    fn first_step(&mut self) -> Result<f64, EvaluationFailure> {
+        if let Some(h) = self.options.fixed_step.or(self.options.initial_step) {
+            return Ok(h);
+        }
+        let span = self.options.end_time - self.state.t;
+        let order = self.stepper.starting_order();
+        let (t, limit) = (self.state.t, self.options.max_step.min(span));
+        let h =
+            initial_step(self.form.as_mut(), order, t, &self.w, &self.g, limit, &mut self.scratch)?;
+        Ok(h.min(limit))
+    }
+
+    /// Takes over the end of an accepted attempt: state with accelerations at `t_end`.
+    fn accept(&mut self, t_end: f64) -> Result<(), EvaluationFailure> {
+        self.w_end.copy_from_slice(self.stepper.end().w);
+        if let Err(failure) = self.form.derivative(t_end, &self.w_end, &mut self.g_end) {
+            self.stepper.discard();
+            return Err(failure);
+        }
+        self.check_residuals();
+        Ok(())
+    }
+
+    /// Residuals of the state just evaluated, whose Jacobian is at hand.
+    fn check_residuals(&mut self) {
+        self.row.copy_from(self.form.state());
+        let (position, velocity) = self.form.manifold_mut().residuals(&self.row);
+        let speed = self.row.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+        let s = &mut self.statistics;
+        let length = self.system.characteristic_length().max(1.0);
+        s.position_residual = s.position_residual.max(position);
+        s.velocity_residual = s.velocity_residual.max(velocity);
+        s.residual_ratio = s
+            .residual_ratio
+            .max(position / (POSITION_RESIDUAL_BOUND * length))
+            .max(velocity / (VELOCITY_RESIDUAL_BOUND * speed));
+    }
+
+    /// Output rows inside the step, then the new state.
+    fn emit(&mut self, t: f64, step: f64) -> Result<(), EvaluationFailure> {
+        let begun = Instant::now();
+        // The end state is kept aside: interior rows use the form's evaluation state.
+        self.row.copy_from(self.form.state());
+        std::mem::swap(&mut self.row, &mut self.state);
+        let t_end = self.state.t;
+        // `self.row` is now the state at the start, `self.state` the one at the end.
+        let winding_start = &self.row.winding;
+        self.state.winding.copy_from_slice(winding_start);
+        self.system.update_windings(&self.state.q, &mut self.state.winding);
+        self.powers.at[0] = self.powers.at[2];
+        let energy = self.system.energy(&self.state);
+        self.powers.at[2] = powers(&energy);
+        let ledger = self.row.ledger;
+        if !self.form.full_order() {
+            self.stepper.interpolate(0.5, &mut self.scratch[0]);
+            // Driver power needs multipliers; without drivers the recovery is enough.
+            let mid = self.form.evaluate(t + 0.5 * step, &self.scratch[0], true);
+            self.powers.at[1] = match mid {
+                Ok(state) => powers(&self.system.energy(state)),
+                // The middle of an accepted step failing is rare; the trapezoid serves.
+                Err(_) => {
+                    std::array::from_fn(|k| 0.5 * (self.powers.at[0][k] + self.powers.at[2][k]))
+                }
+            };
+            self.state.ledger = self.powers.advance(&ledger, step, 1.0);
+        }
+        self.state.ledger.initial = ledger.initial;
+        while self.output.time() < t_end {
+            let time = self.output.time();
+            let theta = ((time - t) / step).clamp(0.0, 1.0);
+            self.stepper.interpolate(theta, &mut self.scratch[0]);
+            self.form.evaluate(time, &self.scratch[0], true)?;
+            self.row.copy_from(self.form.state());
+            self.system.update_windings(&self.row.q, &mut self.row.winding);
+            if self.form.full_order() {
+                self.row.ledger.initial = ledger.initial;
+            } else {
+                self.row.ledger = self.powers.advance(&ledger, step, theta);
+            }
+            self.output.push(self.system.as_ref(), &self.row);
+        }
+        while self.output.time() <= t_end {
+            self.output.push(self.system.as_ref(), &self.state);
+        }
+        // Explicit forms carry all coordinates: go on from the recovered ones.
+        self.w.copy_from_slice(&self.w_end);
+        self.g.copy_from_slice(&self.g_end);
+        if self.form.full_order() {
+            self.form.pack(&self.state, &mut self.w);
+        }
+        self.form.begin_step(&self.state);
+        self.statistics.output_seconds += begun.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// Step sizes and energy of the new state.
+    fn account(&mut self, step: f64) {
+        let s = &mut self.statistics;
+        s.smallest_step = s.smallest_step.min(step);
+        s.largest_step = s.largest_step.max(step);
+        let energy = self.system.energy(&self.state);
+        let ledger = &self.state.ledger;
+        let imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
+            - ledger.supplied;
+        let e = &mut self.energy;
+        e.largest_imbalance = e.largest_imbalance.max(imbalance.abs());
+        let (low, high) = self.kinetic_range;
+        self.kinetic_range = (low.min(energy.kinetic), high.max(energy.kinetic));
+    }
+
+    /// Chooses another partition when the present one has become ill-conditioned.
+    fn check_partition(&mut self) -> Result<(), EvaluationFailure> {
+        let condition = self.form.manifold_mut().chart_mut().condition();
+        if let Some(last) = self.output.chunk.steps.last_mut() {
+            last.condition = condition;
+        }
+        let limit = self.options.repartition_factor * self.condition_reference;
+        if condition > limit.max(CONDITION_FLOOR) {
+            self.repartition(condition)?;
+        }
+        Ok(())
+    }
+
+    /// New partition at the present state.
+    fn repartition(&mut self, condition: f64) -> Result<(), EvaluationFailure> {
+        let system = self.system.clone();
+        let mut g = system.structure().constraint_pattern.clone();
+        system.constraint_jacobian(&self.state.q, &mut g);
+        let new = partition(system.as_ref(), &self.state.q, &g);
+        let old = self.form.manifold().chart().parametrization();
+        if new.kept == old.kept && new.projection == old.projection {
+            self.condition_reference = condition;
+            return Ok(());
+        }
+        if new.ndof != old.ndof {
+            return Err(rank_change(&system, old, &new));
+        }
+        let chart = self.form.manifold().chart().with_parametrization(system.as_ref(), new, &g)?;
+        self.set_chart(chart)
+    }
+
+    fn set_chart(&mut self, chart: Chart) -> Result<(), EvaluationFailure> {
+        self.statistics.reparametrizations += 1;
+        self.form.manifold_mut().set_chart(chart);
+        self.form.reparametrized();
+        let keep = self.form.full_order();
+        self.stepper.invalidate(keep);
+        self.form.begin_step(&self.state);
+        self.form.pack(&self.state, &mut self.w);
+        self.evaluate_slope()?;
+        self.condition_reference = self.form.manifold_mut().chart_mut().condition();
+        Ok(())
+    }
+
+    /// After a failed recovery: another partition at the step's start, if there is a better one.
+    fn repartition_at_start(&mut self) -> Result<(), EvaluationFailure> {
+        self.form.begin_step(&self.state);
+        self.form.pack(&self.state, &mut self.w);
+        self.evaluate_slope()?;
+        let condition = self.form.manifold_mut().chart_mut().condition();
+        self.repartition(condition)
+    }
+
+    fn record(&mut self, t: f64, h: f64, report: &StepReport, rejection: Option<&Rejection>) {
+        let outcome = match rejection {
+            None => StepOutcome::Accepted,
+            Some(Rejection::ErrorTooLarge) => StepOutcome::Error,
+            Some(Rejection::NewtonDivergence | Rejection::NewtonSlow) => StepOutcome::Newton,
+            Some(_) => StepOutcome::Evaluation,
+        };
+        let s = &mut self.statistics;
+        match outcome {
+            StepOutcome::Accepted => s.steps += 1,
+            StepOutcome::Error => s.rejected_error += 1,
+            StepOutcome::Newton => s.rejected_newton += 1,
+            StepOutcome::Evaluation => s.rejected_evaluation += 1,
+        }
+        self.output.chunk.steps.push(StepRecord {
+            t,
+            h,
+            error: report.error,
+            outcome,
+            iterations: report.iterations,
+            order: self.stepper.order(),
+            condition: 0.0,
+        });
+    }
+
+    fn poll(&mut self, h: f64) -> Result<(), Stop> {
+        if self.last_poll.elapsed() < POLL {
+            return Ok(());
+        }
+        let begun = Instant::now();
+        let flow = self.sink.progress(self.state.t, h, self.statistics.steps);
+        self.last_poll = Instant::now();
+        self.sink_time += begun.elapsed();
+        match flow {
+            Flow::Continue => Ok(()),
+            Flow::Interrupt => Err(Stop::Interrupted),
+        }
+    }
+
+    fn flush_if_due(&mut self) -> Result<(), Stop> {
+        let chunk = &self.output.chunk;
+        let full = chunk.time.len() >= CHUNK_ROWS || chunk.steps.len() >= CHUNK_STEPS;
+        if full || self.last_flush.elapsed() >= FLUSH {
+            self.flush()?;
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<(), Stop> {
+        let begun = Instant::now();
+        self.statistics.outputs += self.output.chunk.time.len() as u64;
+        let result = self.sink.chunk(&self.output.chunk).map_err(Stop::Sink);
+        self.output.chunk.clear();
+        self.last_flush = Instant::now();
+        self.sink_time += begun.elapsed();
+        result
+    }
+
+    /// Flushes, completes the statistics and says why the run ended.
+    fn finish(&mut self, stop: Result<(), Stop>) -> (Status, StopReason) {
+        let flushed = self.flush();
+        let counters = self.form.manifold().counters;
+        let stepper = *self.stepper.statistics();
+        let s = &mut self.statistics;
+        s.evaluations = stepper.derivatives;
+        s.jacobians = stepper.linearizations;
+        s.factorizations = stepper.factorizations;
+        s.iterations = stepper.iterations;
+        s.stiff_steps = stepper.stiff_steps;
+        s.recoveries = counters.recoveries;
+        s.corrections = counters.corrections;
+        s.constraint_factorizations = counters.factorizations;
+        s.accelerations = counters.accelerations;
+        if s.steps == 0 {
+            s.smallest_step = 0.0;
+        }
+        let energy = self.system.energy(&self.state);
+        let ledger = self.state.ledger;
+        let e = &mut self.energy;
+        e.end = energy;
+        e.dissipated = ledger.dissipated;
+        e.supplied = ledger.supplied;
+        e.imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
+            - ledger.supplied;
+        e.range = self.kinetic_range.1 - self.kinetic_range.0;
+        if s.stiff_steps > s.steps / 10 && s.stiff_steps > 50 {
+            self.warnings.push(
+                "the explicit code was limited by stability, not accuracy: an implicit one \
+                 (ForSDIRK) will be much faster"
+                    .into(),
+            );
+        }
+        let stop = match (stop, flushed) {
+            (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
+                Err(Stop::Sink(message))
+            }
+            (stop, _) => stop,
+        };
+        self.diagnose(stop)
+    }
+
+    fn diagnose(&self, stop: Result<(), Stop>) -> (Status, StopReason) {
+        let time = self.state.t;
+        let reason = |code, message: String, step_size, help| StopReason {
+            code,
+            message,
+            time,
+            step_size,
+            item: None,
+            help,
+        };
+        match stop {
+            Ok(()) => {
+                let message = format!("reached the end time {time} s");
+                (Status::Completed, reason("simulation/completed", message, 0.0, ""))
+            }
+            Err(Stop::Interrupted) => {
+                let message = format!("interrupted at t = {time:.6} s");
+                let help = "start again from the last state to go on";
+                (Status::Interrupted, reason("simulation/interrupted", message, 0.0, help))
+            }
+            Err(Stop::MaxSteps) => {
+                let limit = self.options.max_steps;
+                let message = format!("`max_steps` = {limit} reached at t = {time:.6} s");
+                let help = "raise `max_steps`, loosen the tolerance, or use an implicit code";
+                (Status::Limit, reason("simulation/max-steps", message, 0.0, help))
+            }
+            Err(Stop::MaxSeconds) => {
+                let limit = self.options.max_seconds;
+                let message = format!("`max_seconds` = {limit} reached at t = {time:.6} s");
+                let help = "raise `max_seconds`, or loosen the tolerance";
+                (Status::Limit, reason("simulation/max-seconds", message, 0.0, help))
+            }
+            Err(Stop::Sink(message)) => {
+                let help = "the trajectory could not be stored; check space and access";
+                (Status::Failed, reason("simulation/sink", message, 0.0, help))
+            }
+            Err(Stop::Failed { cause, step_size }) => {
+                (Status::Failed, self.failure(cause, step_size))
+            }
+        }
+    }
+
+    fn failure(&self, cause: Option<Rejection>, step_size: f64) -> StopReason {
+        let time = self.state.t;
+        let (code, message, help) = match cause {
+            Some(Rejection::Evaluation(f) | Rejection::SingularMatrix(f)) => {
+                let help = match f.code {
+                    "simulation/branch" | "simulation/singular-configuration" => {
+                        "the mechanism comes to a singular configuration (a dead point); change \
+                         its lengths or its start, or stop before it"
+                    }
+                    "simulation/position-recovery" => {
+                        "the joints cannot be closed any more: look at the mechanism near this \
+                         time, and at the forces that drive it there"
+                    }
+                    _ => "look at the forces near this time; plot the last states",
+                };
+                (f.code, f.message, help)
+            }
+            Some(Rejection::NewtonDivergence | Rejection::NewtonSlow) => (
+                "simulation/newton-divergence",
+                format!(
+                    "the iteration diverged at t = {time:.6} s with steps down to {step_size:.1e} s"
+                ),
+                "look for a stop, contact or kink in a force law there",
+            ),
+            _ => (
+                "simulation/step-size-underflow",
+                format!("the step size fell to {step_size:.1e} s at t = {time:.6} s"),
+                "look for a jump in a force law there, or loosen the tolerance",
+            ),
+        };
+        StopReason { code, message, time, step_size, item: None, help }
+    }
+}
+
+fn failed(failure: EvaluationFailure, step_size: f64) -> Stop {
+    Stop::Failed { cause: Some(Rejection::Evaluation(failure)), step_size }
+}
+
+fn rank_change(
+    system: &Arc<dyn System>,
+    old: &Parametrization,
+    new: &Parametrization,
+) -> EvaluationFailure {
+    let (more, fewer) = if new.ndof > old.ndof { (old, new) } else { (new, old) };
+    let row = more.kept.iter().find(|r| !fewer.kept.contains(r));
+    let name = row.map_or(String::new(), |&r| format!(" ({})", system.row_name(r)));
+    EvaluationFailure {
+        code: "simulation/singular-configuration",
+        message: format!(
+            "the number of independent constraints changes from {} to {}{name}",
+            old.kept.len(),
+            new.kept.len()
+        ),
+    }
+}
+
+/// Smallest step worth trying.
+fn smallest_step(t: f64, end: f64) -> f64 {
+    10.0 * f64::EPSILON * t.abs().max((end - t).abs() * 1e-3).max(1e-3)
+}
+
+/// Fits a step to the next time that must be hit: reaches it, or leaves room for two equal steps.
+fn clip(t: f64, h: f64, next: f64, fixed: bool) -> (f64, bool) {
+    if t + 1.01 * h >= next {
+        return (next - t, true);
+    }
+    if !fixed && t + 2.0 * h > next {
+        return (0.5 * (next - t), false);
+    }
+    (h, false)
+}

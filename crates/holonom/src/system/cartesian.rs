@@ -1,0 +1,554 @@
+//! Cartesian coordinates, planar or spatial: assembly of Φ, M, Q and all blocks from the elements.
+
+use super::compile::build;
+use super::quantities::{Channel, evaluate_channel};
+use super::{BodyPose, DerivativeBlocks, EnergyBalance, State, Structure, System};
+use crate::elements::{
+    ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
+};
+use crate::model::{BodyIndex, Dimension, Driver, Force, Joint, Model};
+use holonom_linalg::{BlockId, BlockMatrix};
+use std::sync::Arc;
+
+/// What distinguishes planar from spatial Cartesian coordinates: N per body, D of them translations.
+pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + 'static {
+    type Constraint: ConstraintElement<N> + Send + Sync;
+    type Force: ForceElement<N> + Send + Sync;
+    /// Pose of the ground.
+    const GROUND: [f64; N];
+    /// Whether each body has a normalisation row.
+    const NORMALIZED: bool;
+
+    fn joint(joint: &Joint, centers: [[f64; 3]; 2]) -> Self::Constraint;
+    fn driver(driver: &Driver, centers: [[f64; 3]; 2]) -> Self::Constraint;
+    fn force(force: &Force, centers: [[f64; 3]; 2]) -> Self::Force;
+    fn force_bodies(force: &Force) -> [BodyIndex; 2];
+    fn wraps(constraint: &Self::Constraint) -> bool;
+    fn joint_quantities(constraint: &Self::Constraint) -> &'static [crate::elements::Quantity];
+    fn joint_quantity(
+        constraint: &Self::Constraint,
+        index: usize,
+        q: [&[f64; N]; 2],
+        v: [&[f64; N]; 2],
+        out: &mut [f64],
+    );
+    /// Point of the joint on its second body, relative to the centre of mass, body axes.
+    fn point_on_second(constraint: &Self::Constraint) -> [f64; 3];
+    /// Rotational block of M, (N−D)×(N−D) row-major at the end of a body's coordinates.
+    fn rotational_mass(inertia: &[[f64; 3]; 3], q: &[f64; N], out: &mut [f64]);
+    /// Adds velocity-quadratic inertia terms to Q.
+    fn gyroscopic_force(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N], out: &mut [f64]);
+    /// Adds (M a)_q − (gyroscopic)_q to `k` and −(gyroscopic)_q̇ to `c`, both N×N row-major.
+    fn inertia_blocks(
+        inertia: &[[f64; 3]; 3],
+        q: &[f64; N],
+        v: &[f64; N],
+        a: &[f64; N],
+        k: &mut [f64],
+        c: &mut [f64],
+    );
+    fn kinetic_rotation(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N]) -> f64;
+    fn set_body(center: &[f64; 3], pose: &BodyPose, q: &mut [f64], v: &mut [f64]);
+    fn body(center: &[f64; 3], q: &[f64; N], v: &[f64; N]) -> BodyPose;
+    /// Velocity and angular velocity rates (ground axes) of the body origin for accelerations `a`.
+    fn body_acceleration(
+        center: &[f64; 3],
+        q: &[f64; N],
+        v: &[f64; N],
+        a: &[f64; N],
+    ) -> ([f64; 3], [f64; 3]);
+    /// Force and torque (ground axes, about the centre of mass) equivalent to a generalized force.
+    fn wrench(q: &[f64; N], generalized: &[f64; N]) -> ([f64; 3], [f64; 3]);
+    /// A point of a body, relative to its centre of mass, turned into ground axes.
+    fn rotate(q: &[f64; N], s: &[f64; 3]) -> [f64; 3];
+    fn coordinate_names() -> [&'static str; N];
+}
+
+/// A joint or driver between two bodies with its place in the equations.
+#[derive(Debug, Clone)]
+pub(super) struct PlacedConstraint<C> {
+    pub(super) name: String,
+    pub(super) kind: &'static str,
+    pub(super) element: C,
+    pub(super) bodies: [Option<usize>; 2],
+    pub(super) row: usize,
+    /// Kinks of a driver's motion, s.
+    pub(super) breakpoints: Vec<f64>,
+}
+
+/// A force between two bodies with its place in the equations.
+#[derive(Debug, Clone)]
+pub(super) struct PlacedForce<F> {
+    pub(super) name: String,
+    pub(super) element: F,
+    pub(super) bodies: [Option<usize>; 2],
+    pub(super) extra: Option<usize>,
+    pub(super) winding: Option<usize>,
+}
+
+/// Numbers of one body.
+#[derive(Debug, Clone)]
+pub(super) struct PlacedBody {
+    pub(super) name: String,
+    pub(super) mass: f64,
+    pub(super) inertia: [[f64; 3]; 3],
+    pub(super) center: [f64; 3],
+    pub(super) markers: Vec<(String, [f64; 3])>,
+}
+
+/// Block numbers of the elements in the patterns of [`Structure`].
+#[derive(Debug, Clone, Default)]
+pub(super) struct Slots {
+    /// Per constraint and side: block of G.
+    pub(super) jacobian: Vec<[Option<BlockId>; 2]>,
+    /// Per constraint and pair of sides: block of K.
+    pub(super) constraint_pairs: Vec<[[Option<BlockId>; 2]; 2]>,
+    /// Per force and pair of sides: block of K and C.
+    pub(super) force_pairs: Vec<[[Option<BlockId>; 2]; 2]>,
+    /// Per body: diagonal block of K and C.
+    pub(super) diagonal: Vec<BlockId>,
+    /// Per body: translational and rotational block of M.
+    pub(super) mass: Vec<[BlockId; 2]>,
+    /// Per body: normalisation block of G.
+    pub(super) normalization: Vec<BlockId>,
+}
+
+/// The system.
+pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
+    pub(super) structure: Arc<Structure>,
+    pub(super) slots: Arc<Slots>,
+    pub(super) bodies: Vec<PlacedBody>,
+    pub(super) constraints: Vec<PlacedConstraint<S::Constraint>>,
+    pub(super) forces: Vec<PlacedForce<S::Force>>,
+    pub(super) gravity: [f64; 3],
+    pub(super) length: f64,
+    pub(super) channels: Vec<Channel>,
+}
+
+impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
+    const REST: [f64; N] = [0.0; N];
+
+    pub(super) fn pose<'a>(q: &'a [f64], body: Option<usize>) -> &'a [f64; N] {
+        match body {
+            Some(b) => q[b * N..].first_chunk().expect("a body has N coordinates"),
+            None => const { &S::GROUND },
+        }
+    }
+
+    pub(super) fn rate<'a>(v: &'a [f64], body: Option<usize>) -> &'a [f64; N] {
+        match body {
+            Some(b) => v[b * N..].first_chunk().expect("a body has N coordinates"),
+            None => const { &Self::REST },
+        }
+    }
+
+    fn pair<'a>(q: &'a [f64], bodies: [Option<usize>; 2]) -> [&'a [f64; N]; 2] {
+        [Self::pose(q, bodies[0]), Self::pose(q, bodies[1])]
+    }
+
+    fn rates<'a>(v: &'a [f64], bodies: [Option<usize>; 2]) -> [&'a [f64; N]; 2] {
+        [Self::rate(v, bodies[0]), Self::rate(v, bodies[1])]
+    }
+
+    pub(super) fn input<'a>(
+        force: &PlacedForce<S::Force>,
+        state: &'a State,
+    ) -> ForceInput<'a, f64, N> {
+        ForceInput {
+            t: state.t,
+            q: Self::pair(&state.q, force.bodies),
+            v: Self::rates(&state.v, force.bodies),
+            z: force.extra.map_or(0.0, |k| state.z[k]),
+            winding: force.winding.map_or(0.0, |k| state.winding[k]),
+        }
+    }
+
+    /// Whether elements join the same bodies in the same places, so that patterns can be shared.
+    pub(super) fn same_structure(
+        &self,
+        constraints: &[PlacedConstraint<S::Constraint>],
+        forces: &[PlacedForce<S::Force>],
+    ) -> bool {
+        let same_constraint = |a: &PlacedConstraint<S::Constraint>,
+                               b: &PlacedConstraint<S::Constraint>| {
+            a.bodies == b.bodies && a.row == b.row && a.kind == b.kind && a.name == b.name
+        };
+        let same_force = |a: &PlacedForce<S::Force>, b: &PlacedForce<S::Force>| {
+            a.bodies == b.bodies && a.extra == b.extra && a.winding == b.winding && a.name == b.name
+        };
+        self.constraints.len() == constraints.len()
+            && self.forces.len() == forces.len()
+            && self.constraints.iter().zip(constraints).all(|(a, b)| same_constraint(a, b))
+            && self.forces.iter().zip(forces).all(|(a, b)| same_force(a, b))
+    }
+
+    /// Multipliers of one constraint's rows.
+    fn multipliers(constraint: &PlacedConstraint<S::Constraint>, lambda: &[f64]) -> [f64; 6] {
+        let mut out = [0.0; 6];
+        let rows = constraint.element.rows();
+        out[..rows].copy_from_slice(&lambda[constraint.row..constraint.row + rows]);
+        out
+    }
+
+    /// Force and torque on the second body by the first, at the joint's point, ground axes: −Gᵀλ.
+    pub(super) fn reaction(
+        &self,
+        constraint: &PlacedConstraint<S::Constraint>,
+        state: &State,
+    ) -> ([f64; 3], [f64; 3]) {
+        // The second side carries the reaction even where it is the ground.
+        let q = Self::pair(&state.q, constraint.bodies);
+        let mut g = RowBlocks([[[0.0; N]; 6]; 2]);
+        constraint.element.jacobian(q, &mut g);
+        let lambda = Self::multipliers(constraint, &state.lambda);
+        let mut generalized = [0.0; N];
+        for (row, l) in g.0[1].iter().zip(lambda).take(constraint.element.rows()) {
+            for (out, entry) in generalized.iter_mut().zip(row) {
+                *out -= entry * l;
+            }
+        }
+        let (force, about_center) = S::wrench(q[1], &generalized);
+        let arm = S::rotate(q[1], &S::point_on_second(&constraint.element));
+        let moment = cross(arm, force);
+        let torque = std::array::from_fn(|k| about_center[k] - moment[k]);
+        (force, torque)
+    }
+}
+
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn add_rows<const N: usize>(
+    target: &mut BlockMatrix,
+    slots: &[Option<BlockId>; 2],
+    rows: usize,
+    source: &RowBlocks<f64, N>,
+    overwrite: bool,
+) {
+    for side in 0..2 {
+        let Some(id) = slots[side] else { continue };
+        let block = target.block_mut(id);
+        for (out, row) in block.chunks_exact_mut(N).zip(&source.0[side]).take(rows) {
+            if overwrite {
+                out.copy_from_slice(row);
+            } else {
+                for (o, r) in out.iter_mut().zip(row) {
+                    *o += r;
+                }
+            }
+        }
+    }
+}
+
+fn add_pairs<const N: usize>(
+    target: &mut BlockMatrix,
+    slots: &[[Option<BlockId>; 2]; 2],
+    source: &PairBlocks<f64, N>,
+) {
+    for i in 0..2 {
+        for j in 0..2 {
+            let Some(id) = slots[i][j] else { continue };
+            for (out, row) in target.block_mut(id).chunks_exact_mut(N).zip(&source.0[i][j]) {
+                for (o, r) in out.iter_mut().zip(row) {
+                    *o += r;
+                }
+            }
+        }
+    }
+}
+
+impl<S: Space<D, N>, const D: usize, const N: usize> std::fmt::Debug for Cartesian<S, D, N> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Cartesian").field("sizes", &self.structure.sizes).finish_non_exhaustive()
+    }
+}
+
+impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, N> {
+    fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
+    fn with_values(&self, model: &Model) -> Option<Arc<dyn System>> {
+        if (model.dimension == Dimension::Planar) != (D == 2) {
+            return None;
+        }
+        let system = build(model, Some(self));
+        Arc::ptr_eq(&system.structure, &self.structure).then(|| Arc::new(system) as Arc<dyn System>)
+    }
+
+    fn characteristic_length(&self) -> f64 {
+        self.length
+    }
+
+    fn position_constraints(&self, t: f64, q: &[f64], phi: &mut [f64]) {
+        let mut u = [0.0; 6];
+        for c in &self.constraints {
+            c.element.value(Self::pair(q, c.bodies), &mut u);
+            if let Some(s) = c.element.drive(t) {
+                u[0] -= s[0];
+                if S::wraps(&c.element) {
+                    u[0] -= (u[0] / std::f64::consts::TAU).round() * std::f64::consts::TAU;
+                }
+            }
+            let rows = c.element.rows();
+            phi[c.row..c.row + rows].copy_from_slice(&u[..rows]);
+        }
+        if S::NORMALIZED {
+            let start = self.structure.normalization_start;
+            for (row, body) in phi[start..].iter_mut().zip(q.chunks_exact(N)) {
+                *row = body[D..].iter().map(|e| e * e).sum::<f64>() - 1.0;
+            }
+        }
+    }
+
+    fn constraint_jacobian(&self, q: &[f64], g: &mut BlockMatrix) {
+        let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);
+        for (c, slots) in self.constraints.iter().zip(&self.slots.jacobian) {
+            c.element.jacobian(Self::pair(q, c.bodies), &mut rows);
+            add_rows(g, slots, c.element.rows(), &rows, true);
+        }
+        for (id, body) in self.slots.normalization.iter().zip(q.chunks_exact(N)) {
+            for (out, e) in g.block_mut(*id).iter_mut().zip(&body[D..]) {
+                *out = 2.0 * e;
+            }
+        }
+    }
+
+    fn velocity_rhs(&self, t: f64, nu: &mut [f64]) {
+        nu.fill(0.0);
+        for c in &self.constraints {
+            if let Some(s) = c.element.drive(t) {
+                nu[c.row] = s[1];
+            }
+        }
+    }
+
+    fn acceleration_rhs(&self, t: f64, q: &[f64], v: &[f64], tau: &mut [f64]) {
+        let mut curvature = [0.0; 6];
+        for c in &self.constraints {
+            c.element.curvature(Self::pair(q, c.bodies), Self::rates(v, c.bodies), &mut curvature);
+            let rows = c.element.rows();
+            for (out, u) in tau[c.row..c.row + rows].iter_mut().zip(curvature) {
+                *out = -u;
+            }
+            if let Some(s) = c.element.drive(t) {
+                tau[c.row] += s[2];
+            }
+        }
+        if S::NORMALIZED {
+            let start = self.structure.normalization_start;
+            for (row, body) in tau[start..].iter_mut().zip(v.chunks_exact(N)) {
+                *row = -2.0 * body[D..].iter().map(|e| e * e).sum::<f64>();
+            }
+        }
+    }
+
+    fn mass_matrix(&self, q: &[f64], m: &mut BlockMatrix) {
+        for (b, (body, ids)) in self.bodies.iter().zip(&self.slots.mass).enumerate() {
+            let block = m.block_mut(ids[0]);
+            for k in 0..D {
+                block[k * D + k] = body.mass;
+            }
+            S::rotational_mass(&body.inertia, Self::pose(q, Some(b)), m.block_mut(ids[1]));
+        }
+    }
+
+    fn forces(&self, state: &State, force: &mut [f64], z_rate: &mut [f64]) {
+        for (b, body) in self.bodies.iter().enumerate() {
+            let out = &mut force[b * N..(b + 1) * N];
+            out.fill(0.0);
+            for k in 0..D {
+                out[k] = body.mass * self.gravity[k];
+            }
+            let (q, v) = (Self::pose(&state.q, Some(b)), Self::rate(&state.v, Some(b)));
+            S::gyroscopic_force(&body.inertia, q, v, out);
+        }
+        let mut out = ForceOutput { q: [[0.0; N]; 2], z_rate: 0.0 };
+        for f in &self.forces {
+            f.element.evaluate(&Self::input(f, state), &mut out);
+            for side in 0..2 {
+                if let Some(b) = f.bodies[side] {
+                    for (o, x) in force[b * N..(b + 1) * N].iter_mut().zip(&out.q[side]) {
+                        *o += x;
+                    }
+                }
+            }
+            if let Some(k) = f.extra {
+                z_rate[k] = out.z_rate;
+            }
+        }
+    }
+
+    fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks) {
+        out.stiffness.clear();
+        out.damping.clear();
+        out.force_time.fill(0.0);
+        out.velocity_rhs_time.fill(0.0);
+        out.acceleration_rhs_time.fill(0.0);
+        for (b, (body, id)) in self.bodies.iter().zip(&self.slots.diagonal).enumerate() {
+            S::inertia_blocks(
+                &body.inertia,
+                Self::pose(&state.q, Some(b)),
+                Self::rate(&state.v, Some(b)),
+                Self::rate(&state.a, Some(b)),
+                out.stiffness.block_mut(*id),
+                out.damping.block_mut(*id),
+            );
+        }
+        let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);
+        let mut pairs = PairBlocks([[[[0.0; N]; N]; 2]; 2]);
+        for (k, c) in self.constraints.iter().enumerate() {
+            let q = Self::pair(&state.q, c.bodies);
+            let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
+            let count = c.element.rows();
+            let slots = &self.slots.jacobian[k];
+            c.element.directional(q, v, &mut rows);
+            add_rows(&mut out.a0, slots, count, &rows, true);
+            c.element.directional(q, a, &mut rows);
+            add_rows(&mut out.a1, slots, count, &rows, true);
+            c.element.curvature_gradient(q, v, &mut rows);
+            add_rows(&mut out.a1, slots, count, &rows, false);
+            c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
+            add_pairs(&mut out.stiffness, &self.slots.constraint_pairs[k], &pairs);
+            if let Some(s) = c.element.drive(state.t) {
+                out.velocity_rhs_time[c.row] = s[2];
+                out.acceleration_rhs_time[c.row] = s[3];
+            }
+        }
+        for (b, id) in self.slots.normalization.iter().enumerate() {
+            let (v, a) = (Self::rate(&state.v, Some(b)), Self::rate(&state.a, Some(b)));
+            let l = 2.0 * state.lambda[self.structure.normalization_start + b];
+            for k in D..N {
+                out.a0.block_mut(*id)[k - D] = 2.0 * v[k];
+                out.a1.block_mut(*id)[k - D] = 2.0 * a[k];
+                out.stiffness.block_mut(self.slots.diagonal[b])[k * N + k] += l;
+            }
+        }
+        let zero = [[0.0; N]; 2];
+        let mut blocks = ForceBlocks {
+            k: PairBlocks([[[[0.0; N]; N]; 2]; 2]),
+            c: PairBlocks([[[[0.0; N]; N]; 2]; 2]),
+            t: zero,
+            z: zero,
+            rate_q: zero,
+            rate_v: zero,
+            rate_z: 0.0,
+            rate_t: 0.0,
+        };
+        for (f, slots) in self.forces.iter().zip(&self.slots.force_pairs) {
+            f.element.blocks(&Self::input(f, state), &mut blocks);
+            add_pairs(&mut out.stiffness, slots, &blocks.k);
+            add_pairs(&mut out.damping, slots, &blocks.c);
+            for side in 0..2 {
+                if let Some(b) = f.bodies[side] {
+                    let target = &mut out.force_time[b * N..(b + 1) * N];
+                    for (o, x) in target.iter_mut().zip(&blocks.t[side]) {
+                        *o += x;
+                    }
+                }
+            }
+            if let Some(k) = f.extra {
+                for side in 0..2 {
+                    let at = (2 * k + side) * N;
+                    out.force_extra[at..at + N].copy_from_slice(&blocks.z[side]);
+                    out.extra_position[at..at + N].copy_from_slice(&blocks.rate_q[side]);
+                    out.extra_velocity[at..at + N].copy_from_slice(&blocks.rate_v[side]);
+                }
+                out.extra_extra[k] = blocks.rate_z;
+                out.extra_time[k] = blocks.rate_t;
+            }
+        }
+    }
+
+    fn energy(&self, state: &State) -> EnergyBalance {
+        let mut out = EnergyBalance::default();
+        for (b, body) in self.bodies.iter().enumerate() {
+            let (q, v) = (Self::pose(&state.q, Some(b)), Self::rate(&state.v, Some(b)));
+            let speed: f64 = v[..D].iter().map(|x| x * x).sum();
+            out.kinetic += 0.5 * body.mass * speed + S::kinetic_rotation(&body.inertia, q, v);
+            for k in 0..D {
+                out.potential -= body.mass * self.gravity[k] * q[k];
+            }
+        }
+        for f in &self.forces {
+            let e = f.element.energy(&Self::input(f, state));
+            out.potential += e.potential;
+            out.dissipated += e.dissipated;
+            out.supplied += e.supplied;
+        }
+        for c in &self.constraints {
+            if let Some(s) = c.element.drive(state.t) {
+                // The driver acts with −Gᵀλ; its power is −λᵀG q̇ = −λ ν.
+                out.supplied -= state.lambda[c.row] * s[1];
+            }
+        }
+        out
+    }
+
+    fn update_windings(&self, q: &[f64], winding: &mut [f64]) {
+        for f in &self.forces {
+            if let Some(k) = f.winding {
+                winding[k] = f.element.angle(Self::pair(q, f.bodies), winding[k]);
+            }
+        }
+    }
+
+    fn unloaded_extra_states(&self, q: &[f64], z: &mut [f64]) {
+        for f in &self.forces {
+            if let Some(k) = f.extra {
+                z[k] = f.element.unloaded_state(Self::pair(q, f.bodies));
+            }
+        }
+    }
+
+    fn breakpoints(&self) -> Vec<f64> {
+        let mut all: Vec<f64> = self.forces.iter().flat_map(|f| f.element.breakpoints()).collect();
+        all.extend(self.constraints.iter().flat_map(|c| &c.breakpoints));
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
+    }
+
+    fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    fn channel(&self, channel: &Channel, state: &State, out: &mut [f64]) {
+        evaluate_channel(self, channel, state, out);
+    }
+
+    fn coordinate_name(&self, coordinate: usize) -> String {
+        let body = &self.bodies[coordinate / N].name;
+        format!("{body}.{}", S::coordinate_names()[coordinate % N])
+    }
+
+    fn row_name(&self, row: usize) -> String {
+        let start = self.structure.normalization_start;
+        if row >= start {
+            return format!("Euler parameters of body `{}`", self.bodies[row - start].name);
+        }
+        let at = self.constraints.partition_point(|c| c.row <= row) - 1;
+        let c = &self.constraints[at];
+        format!("{} `{}`, {}", c.kind, c.name, c.element.row_name(row - c.row))
+    }
+
+    fn row_item(&self, row: usize) -> (&str, &'static str) {
+        let start = self.structure.normalization_start;
+        if row >= start {
+            return (&self.bodies[row - start].name, "unit Euler parameters");
+        }
+        let at = self.constraints.partition_point(|c| c.row <= row) - 1;
+        let c = &self.constraints[at];
+        (&c.name, c.element.row_name(row - c.row))
+    }
+
+    fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]) {
+        let range = body * N..(body + 1) * N;
+        S::set_body(&self.bodies[body].center, pose, &mut q[range.clone()], &mut v[range]);
+    }
+
+    fn body(&self, body: usize, q: &[f64], v: &[f64]) -> BodyPose {
+        S::body(&self.bodies[body].center, Self::pose(q, Some(body)), Self::rate(v, Some(body)))
+    }
+}

@@ -1,0 +1,240 @@
+//! Spatial Cartesian coordinates: r of the centre of mass and Euler parameters p per body.
+//!
+//! G = [−e  −ẽ + e₀I] gives ω' = 2 G ṗ (body axes), E = [−e  ẽ + e₀I] gives ω = 2 E ṗ (ground axes),
+//! A = E Gᵀ homogeneous of degree two. Source: E. J. Haug, *Computer-Aided Kinematics and Dynamics of
+//! Mechanical Systems* (1989), chapter 9.
+
+use super::BodyPose;
+use super::cartesian::{Space, cross};
+use crate::elements::Quantity;
+use crate::elements::spatial::{Constraint, Force};
+use crate::model;
+
+/// Marker of the spatial space.
+pub(super) struct Spatial;
+
+type V3 = [f64; 3];
+type V4 = [f64; 4];
+
+fn euler(q: &[f64; 7]) -> V4 {
+    [q[3], q[4], q[5], q[6]]
+}
+
+/// G(p) w.
+fn g_times(p: V4, w: V4) -> V3 {
+    let (e0, e) = (p[0], [p[1], p[2], p[3]]);
+    let c = cross([w[1], w[2], w[3]], e); // −ẽ w
+    std::array::from_fn(|k| -e[k] * w[0] + e0 * w[k + 1] + c[k])
+}
+
+/// G(p)ᵀ y.
+fn g_transposed(p: V4, y: V3) -> V4 {
+    let (e0, e) = (p[0], [p[1], p[2], p[3]]);
+    let c = cross(e, y); // (−ẽ)ᵀ y = ẽ y
+    [
+        -(e[0] * y[0] + e[1] * y[1] + e[2] * y[2]),
+        e0 * y[0] + c[0],
+        e0 * y[1] + c[1],
+        e0 * y[2] + c[2],
+    ]
+}
+
+/// E(p) w.
+fn e_times(p: V4, w: V4) -> V3 {
+    let (e0, e) = (p[0], [p[1], p[2], p[3]]);
+    let c = cross(e, [w[1], w[2], w[3]]);
+    std::array::from_fn(|k| -e[k] * w[0] + e0 * w[k + 1] + c[k])
+}
+
+/// E(p)ᵀ y.
+fn e_transposed(p: V4, y: V3) -> V4 {
+    let (e0, e) = (p[0], [p[1], p[2], p[3]]);
+    let c = cross(y, e); // ẽᵀ y = y × e
+    [
+        -(e[0] * y[0] + e[1] * y[1] + e[2] * y[2]),
+        e0 * y[0] + c[0],
+        e0 * y[1] + c[1],
+        e0 * y[2] + c[2],
+    ]
+}
+
+fn times(j: &[[f64; 3]; 3], x: V3) -> V3 {
+    std::array::from_fn(|r| j[r][0] * x[0] + j[r][1] * x[1] + j[r][2] * x[2])
+}
+
+/// A(p) s = E Gᵀ s.
+pub(super) fn rotate(p: V4, s: &V3) -> V3 {
+    e_times(p, g_transposed(p, *s))
+}
+
+/// 4 G(p)ᵀ J G(w) as rows.
+fn inertia_product(j: &[[f64; 3]; 3], p: V4, w: V4) -> [[f64; 4]; 4] {
+    let mut out = [[0.0; 4]; 4];
+    for column in 0..4 {
+        let mut unit = [0.0; 4];
+        unit[column] = 1.0;
+        let y = g_transposed(p, times(j, g_times(w, unit)));
+        for row in 0..4 {
+            out[row][column] = 4.0 * y[row];
+        }
+    }
+    out
+}
+
+/// T(y) = ∂(G(p)ᵀ y)/∂p.
+fn t_matrix(y: V3) -> [[f64; 4]; 4] {
+    [
+        [0.0, -y[0], -y[1], -y[2]],
+        [y[0], 0.0, y[2], -y[1]],
+        [y[1], -y[2], 0.0, y[0]],
+        [y[2], y[1], -y[0], 0.0],
+    ]
+}
+
+impl Space<3, 7> for Spatial {
+    type Constraint = Constraint;
+    type Force = Force;
+    const GROUND: [f64; 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
+    const NORMALIZED: bool = true;
+
+    fn joint(joint: &model::Joint, centers: [[f64; 3]; 2]) -> Constraint {
+        Constraint::joint(joint, centers)
+    }
+
+    fn driver(driver: &model::Driver, centers: [[f64; 3]; 2]) -> Constraint {
+        Constraint::driver(driver, centers)
+    }
+
+    fn force(force: &model::Force, centers: [[f64; 3]; 2]) -> Force {
+        Force::new(force, centers)
+    }
+
+    fn force_bodies(force: &model::Force) -> [model::BodyIndex; 2] {
+        Force::bodies(force)
+    }
+
+    fn wraps(constraint: &Constraint) -> bool {
+        constraint.wraps()
+    }
+
+    fn joint_quantities(constraint: &Constraint) -> &'static [Quantity] {
+        constraint.quantities()
+    }
+
+    fn joint_quantity(
+        constraint: &Constraint,
+        index: usize,
+        q: [&[f64; 7]; 2],
+        v: [&[f64; 7]; 2],
+        out: &mut [f64],
+    ) {
+        constraint.quantity(index, q, v, out);
+    }
+
+    fn point_on_second(constraint: &Constraint) -> [f64; 3] {
+        constraint.point_on_second()
+    }
+
+    fn rotational_mass(inertia: &[[f64; 3]; 3], q: &[f64; 7], out: &mut [f64]) {
+        let p = euler(q);
+        for (row, target) in inertia_product(inertia, p, p).iter().zip(out.chunks_exact_mut(4)) {
+            target.copy_from_slice(row);
+        }
+    }
+
+    /// 8 Ġᵀ J Ġ p, Ġ = G(ṗ).
+    fn gyroscopic_force(inertia: &[[f64; 3]; 3], q: &[f64; 7], v: &[f64; 7], out: &mut [f64]) {
+        let (p, pd) = (euler(q), euler(v));
+        let f = g_transposed(pd, times(inertia, g_times(pd, p)));
+        for (o, x) in out[3..].iter_mut().zip(f) {
+            *o += 8.0 * x;
+        }
+    }
+
+    /// (4GᵀJG a)_p = 4T(JGa) − 4GᵀJG(a); (8ĠᵀJĠp)_p = 8ĠᵀJĠ; (8ĠᵀJĠp)_ṗ = 8T(JĠp) − 8ĠᵀJG.
+    fn inertia_blocks(
+        inertia: &[[f64; 3]; 3],
+        q: &[f64; 7],
+        v: &[f64; 7],
+        a: &[f64; 7],
+        k: &mut [f64],
+        c: &mut [f64],
+    ) {
+        let (p, pd, pdd) = (euler(q), euler(v), euler(a));
+        let t1 = t_matrix(times(inertia, g_times(p, pdd)));
+        let m1 = inertia_product(inertia, p, pdd);
+        let m2 = inertia_product(inertia, pd, pd);
+        let t3 = t_matrix(times(inertia, g_times(pd, p)));
+        let m3 = inertia_product(inertia, pd, p);
+        for row in 0..4 {
+            for column in 0..4 {
+                let at = (row + 3) * 7 + column + 3;
+                k[at] += 4.0 * t1[row][column] - m1[row][column] - 2.0 * m2[row][column];
+                c[at] -= 8.0 * t3[row][column] - 2.0 * m3[row][column];
+            }
+        }
+    }
+
+    fn kinetic_rotation(inertia: &[[f64; 3]; 3], q: &[f64; 7], v: &[f64; 7]) -> f64 {
+        let w = g_times(euler(q), euler(v)); // ω'/2
+        let h = times(inertia, w);
+        2.0 * (w[0] * h[0] + w[1] * h[1] + w[2] * h[2])
+    }
+
+    fn set_body(center: &[f64; 3], pose: &BodyPose, q: &mut [f64], v: &mut [f64]) {
+        let p = pose.orientation;
+        let arm = rotate(p, center);
+        let swing = cross(pose.angular_velocity, arm);
+        let pd = e_transposed(p, pose.angular_velocity);
+        for k in 0..3 {
+            q[k] = pose.position[k] + arm[k];
+            v[k] = pose.velocity[k] + swing[k];
+        }
+        for k in 0..4 {
+            q[3 + k] = p[k];
+            v[3 + k] = 0.5 * pd[k];
+        }
+    }
+
+    fn body(center: &[f64; 3], q: &[f64; 7], v: &[f64; 7]) -> BodyPose {
+        let p = euler(q);
+        let arm = rotate(p, center);
+        let half = e_times(p, euler(v));
+        let w = half.map(|x| 2.0 * x);
+        let swing = cross(w, arm);
+        BodyPose {
+            position: std::array::from_fn(|k| q[k] - arm[k]),
+            orientation: p,
+            velocity: std::array::from_fn(|k| v[k] - swing[k]),
+            angular_velocity: w,
+        }
+    }
+
+    fn body_acceleration(
+        center: &[f64; 3],
+        q: &[f64; 7],
+        v: &[f64; 7],
+        a: &[f64; 7],
+    ) -> ([f64; 3], [f64; 3]) {
+        let p = euler(q);
+        let arm = rotate(p, center);
+        let w = e_times(p, euler(v)).map(|x| 2.0 * x);
+        // E(ṗ)ṗ = 0, so the angular acceleration is 2 E p̈.
+        let alpha = e_times(p, euler(a)).map(|x| 2.0 * x);
+        let (tangential, centripetal) = (cross(alpha, arm), cross(w, cross(w, arm)));
+        (std::array::from_fn(|k| a[k] - tangential[k] - centripetal[k]), alpha)
+    }
+
+    fn wrench(q: &[f64; 7], generalized: &[f64; 7]) -> ([f64; 3], [f64; 3]) {
+        let torque = e_times(euler(q), euler(generalized)).map(|x| 0.5 * x);
+        ([generalized[0], generalized[1], generalized[2]], torque)
+    }
+
+    fn rotate(q: &[f64; 7], s: &[f64; 3]) -> [f64; 3] {
+        rotate(euler(q), s)
+    }
+
+    fn coordinate_names() -> [&'static str; 7] {
+        ["x", "y", "z", "e0", "e1", "e2", "e3"]
+    }
+}

@@ -1,0 +1,198 @@
+//! From a model to a system in Cartesian coordinates.
+
+use super::cartesian::{Cartesian, PlacedBody, PlacedConstraint, PlacedForce, Slots, Space};
+use super::cartesian_planar::Planar;
+use super::cartesian_spatial::Spatial;
+use super::structure::{Sizes, Structure};
+use super::{Measure, System, quantities};
+use crate::elements::{ConstraintElement, ForceElement};
+use crate::model::{BodyIndex, Dimension, Frame, Model};
+use holonom_linalg::BlockMatrix;
+use std::sync::Arc;
+
+/// Compiles a model in Cartesian coordinates.
+pub fn compile(model: &Model) -> Arc<dyn System> {
+    match model.dimension {
+        Dimension::Planar => Arc::new(build::<Planar, 2, 3>(model, None)),
+        Dimension::Spatial => Arc::new(build::<Spatial, 3, 7>(model, None)),
+    }
+}
+
+/// Assembles numbers, places and patterns of a model; patterns of `base` are shared where the model
+/// has the same structure.
+pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
+    model: &Model,
+    base: Option<&Cartesian<S, D, N>>,
+) -> Cartesian<S, D, N> {
+    let center = |body: BodyIndex| body.map_or([0.0; 3], |b| model.bodies[b].center_of_mass);
+    let bodies: Vec<PlacedBody> = model
+        .bodies
+        .iter()
+        .map(|b| PlacedBody {
+            name: b.name.clone(),
+            mass: b.mass,
+            inertia: b.inertia,
+            center: b.center_of_mass,
+            markers: b.markers.clone(),
+        })
+        .collect();
+    let mut constraints = Vec::new();
+    let mut row = 0;
+    let joints = model.joints.iter().map(|j| {
+        let [first, second] = j.frames.map(|f| f.body);
+        let element = S::joint(j, [center(first), center(second)]);
+        (&j.name, "joint", [first, second], element, Vec::new())
+    });
+    let drivers = model.drivers.iter().map(|d| {
+        let [first, second] = d.frames.map(|f| f.body);
+        let element = S::driver(d, [center(first), center(second)]);
+        (&d.name, "driver", [first, second], element, d.motion.breakpoints())
+    });
+    for (name, kind, ends, element, breakpoints) in joints.chain(drivers) {
+        let rows = element.rows();
+        constraints.push(PlacedConstraint {
+            name: name.clone(),
+            kind,
+            element,
+            bodies: ends,
+            row,
+            breakpoints,
+        });
+        row += rows;
+    }
+    let (mut extra_states, mut windings) = (0, 0);
+    let mut forces = Vec::with_capacity(model.forces.len());
+    for f in &model.forces {
+        let ends = S::force_bodies(f);
+        let element = S::force(f, ends.map(center));
+        let extra = element.has_extra_state().then(|| post_increment(&mut extra_states));
+        let winding = element.counts_turns().then(|| post_increment(&mut windings));
+        forces.push(PlacedForce { name: f.name.clone(), element, bodies: ends, extra, winding });
+    }
+    let normalization_start = row;
+    let sizes = Sizes {
+        bodies: bodies.len(),
+        coordinates: N * bodies.len(),
+        per_body: N,
+        translations: D,
+        rows: row + if S::NORMALIZED { bodies.len() } else { 0 },
+        joint_rows: row,
+        extra_states,
+        windings,
+    };
+    let (structure, slots) = match base.filter(|b| b.same_structure(&constraints, &forces)) {
+        Some(base) if base.structure.sizes == sizes => (base.structure.clone(), base.slots.clone()),
+        _ => {
+            let (structure, slots) =
+                patterns::<S, D, N>(sizes, normalization_start, &constraints, &forces);
+            (Arc::new(structure), Arc::new(slots))
+        }
+    };
+    let mut gravity = model.gravity;
+    gravity[D..].fill(0.0);
+    let mut system = Cartesian {
+        structure,
+        slots,
+        bodies,
+        constraints,
+        forces,
+        gravity,
+        length: characteristic_length(model),
+        channels: Vec::new(),
+    };
+    system.channels = quantities::list(&system);
+    system
+}
+
+fn post_increment(counter: &mut usize) -> usize {
+    *counter += 1;
+    *counter - 1
+}
+
+/// Root mean square distance of the points of joints and drivers from their bodies' centres of mass,
+/// which does not depend on where the model stands; 1 m for a model without any.
+fn characteristic_length(model: &Model) -> f64 {
+    let frames = model.joints.iter().flat_map(|j| &j.frames);
+    let frames = frames.chain(model.drivers.iter().flat_map(|d| &d.frames));
+    let (mut sum, mut count) = (0.0, 0.0);
+    for Frame { body, point, .. } in frames {
+        if let Some(b) = body {
+            let center = &model.bodies[*b].center_of_mass;
+            sum += point.iter().zip(center).map(|(p, c)| (p - c).powi(2)).sum::<f64>();
+            count += 1.0;
+        }
+    }
+    if sum > 0.0 { (sum / count).sqrt() } else { 1.0 }
+}
+
+/// Numbers the blocks of all patterns.
+fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
+    sizes: Sizes,
+    normalization_start: usize,
+    constraints: &[PlacedConstraint<S::Constraint>],
+    forces: &[PlacedForce<S::Force>],
+) -> (Structure, Slots) {
+    // Places are named in the order in which their blocks are handed out again below.
+    let mut jacobian = Vec::new();
+    let mut stiffness = Vec::new();
+    let mut mass = Vec::new();
+    for b in 0..sizes.bodies {
+        stiffness.push((b * N, b * N, N, N));
+        mass.push((b * N, b * N, D, D));
+        mass.push((b * N + D, b * N + D, N - D, N - D));
+    }
+    for c in constraints {
+        for b in c.bodies.into_iter().flatten() {
+            jacobian.push((c.row, b * N, c.element.rows(), N));
+        }
+    }
+    if S::NORMALIZED {
+        for b in 0..sizes.bodies {
+            jacobian.push((normalization_start + b, b * N + D, 1, N - D));
+        }
+    }
+    let pairs = constraints.iter().map(|c| c.bodies).chain(forces.iter().map(|f| f.bodies));
+    for ends in pairs {
+        for i in ends.into_iter().flatten() {
+            stiffness.extend(ends.into_iter().flatten().map(|j| (i * N, j * N, N, N)));
+        }
+    }
+    let (constraint_pattern, ids) = BlockMatrix::new(sizes.rows, sizes.coordinates, &jacobian);
+    let mut jacobian_ids = ids.into_iter();
+    let square = sizes.coordinates;
+    let (stiffness_pattern, ids) = BlockMatrix::new(square, square, &stiffness);
+    let mut stiffness_ids = ids.into_iter();
+    let (mass_pattern, mass_ids) = BlockMatrix::new(square, square, &mass);
+    let mut place = |b: Option<usize>| b.and_then(|_| jacobian_ids.next());
+    let mut slots = Slots {
+        jacobian: constraints.iter().map(|c| c.bodies.map(&mut place)).collect(),
+        normalization: Vec::new(),
+        diagonal: stiffness_ids.by_ref().take(sizes.bodies).collect(),
+        mass: mass_ids.chunks_exact(2).map(|ids| [ids[0], ids[1]]).collect(),
+        ..Slots::default()
+    };
+    slots.normalization = jacobian_ids.collect();
+    let mut place = |ends: [Option<usize>; 2]| {
+        ends.map(|i| ends.map(|j| i.and(j).and_then(|_| stiffness_ids.next())))
+    };
+    slots.constraint_pairs = constraints.iter().map(|c| place(c.bodies)).collect();
+    slots.force_pairs = forces.iter().map(|f| place(f.bodies)).collect();
+    let mut row_measure = vec![Measure::Angle; sizes.rows];
+    for c in constraints {
+        for k in 0..c.element.rows() {
+            if c.element.row_name(k).starts_with("translation") {
+                row_measure[c.row + k] = Measure::Length;
+            }
+        }
+    }
+    let structure = Structure {
+        sizes,
+        constraint_pattern,
+        mass_pattern,
+        stiffness_pattern,
+        extra_bodies: forces.iter().filter(|f| f.extra.is_some()).map(|f| f.bodies).collect(),
+        row_measure,
+        normalization_start,
+    };
+    (structure, slots)
+}

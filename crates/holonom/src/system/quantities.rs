@@ -1,0 +1,284 @@
+//! Channels: named outputs with unit, frame and shape, computed from a state on demand.
+
+use super::cartesian::{Cartesian, Space};
+use super::{State, System};
+use crate::elements::ForceElement;
+
+/// A named output.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Channel {
+    /// `item.quantity`.
+    pub name: String,
+    /// SI unit; empty for pure numbers.
+    pub unit: &'static str,
+    /// Axes of the components: `ground`, `first`, `along`, or empty.
+    pub frame: &'static str,
+    /// Shape of one sample; empty for a scalar.
+    pub shape: Vec<usize>,
+    /// Where it comes from.
+    pub source: ChannelSource,
+}
+
+impl Channel {
+    /// Number of components.
+    pub fn size(&self) -> usize {
+        self.shape.iter().product()
+    }
+}
+
+/// Where a channel comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ChannelSource {
+    /// A body's motion.
+    Body(usize, BodyQuantity),
+    /// A marker's motion: body, marker.
+    Marker(usize, usize, BodyQuantity),
+    /// Reaction force of a joint or driver on its second body.
+    ReactionForce(usize),
+    /// Reaction torque of a joint or driver on its second body, at the joint's point.
+    ReactionTorque(usize),
+    /// Relative coordinate of a joint.
+    Joint(usize, usize),
+    /// Quantity of a force element.
+    Force(usize, usize),
+    /// Energy term.
+    Energy(EnergyQuantity),
+    /// Largest constraint residual at position, velocity or acceleration level (0, 1, 2).
+    Residual(usize),
+}
+
+/// Quantities of a body or marker.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BodyQuantity {
+    /// Position of the body origin or marker.
+    Position,
+    /// Angle (planar) or Euler parameters (spatial).
+    Orientation,
+    /// Yaw, pitch, roll about z, y', x''.
+    YawPitchRoll,
+    /// Velocity.
+    Velocity,
+    /// Angular velocity.
+    AngularVelocity,
+    /// Acceleration.
+    Acceleration,
+    /// Angular acceleration.
+    AngularAcceleration,
+}
+
+/// Energy terms.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EnergyQuantity {
+    /// Kinetic energy.
+    Kinetic,
+    /// Potential energy.
+    Potential,
+    /// Energy dissipated since the start.
+    Dissipated,
+    /// Work of drivers and applied forces since the start.
+    DriverWork,
+    /// Kinetic plus potential.
+    Total,
+    /// Total − total at the start + dissipated − driver work: zero for an exact solution.
+    Imbalance,
+}
+
+/// All channels of a system.
+pub(super) fn list<S: Space<D, N>, const D: usize, const N: usize>(
+    system: &Cartesian<S, D, N>,
+) -> Vec<Channel> {
+    let vector = vec![D];
+    let angular = if D == 2 { Vec::new() } else { vec![3] };
+    let mut all = Vec::new();
+    let mut add = |name: String, unit, frame, shape: &Vec<usize>, source| {
+        all.push(Channel { name, unit, frame, shape: shape.clone(), source });
+    };
+    for (b, body) in system.bodies.iter().enumerate() {
+        let mut motion = |quantity: &str, unit, frame, shape: &Vec<usize>, kind| {
+            let source = ChannelSource::Body(b, kind);
+            add(format!("{}.{quantity}", body.name), unit, frame, shape, source);
+        };
+        motion("position", "m", "ground", &vector, BodyQuantity::Position);
+        if D == 2 {
+            motion("angle", "rad", "ground", &angular, BodyQuantity::Orientation);
+        } else {
+            motion("euler_parameters", "", "ground", &vec![4], BodyQuantity::Orientation);
+            motion("yaw_pitch_roll", "rad", "ground", &vector, BodyQuantity::YawPitchRoll);
+        }
+        motion("velocity", "m/s", "ground", &vector, BodyQuantity::Velocity);
+        motion("angular_velocity", "rad/s", "ground", &angular, BodyQuantity::AngularVelocity);
+        motion("acceleration", "m/s^2", "ground", &vector, BodyQuantity::Acceleration);
+        let kind = BodyQuantity::AngularAcceleration;
+        motion("angular_acceleration", "rad/s^2", "ground", &angular, kind);
+        for (k, (marker, _)) in body.markers.iter().enumerate() {
+            for (quantity, unit, kind) in [
+                ("position", "m", BodyQuantity::Position),
+                ("velocity", "m/s", BodyQuantity::Velocity),
+            ] {
+                let name = format!("{}.{marker}.{quantity}", body.name);
+                add(name, unit, "ground", &vector, ChannelSource::Marker(b, k, kind));
+            }
+        }
+    }
+    for (k, c) in system.constraints.iter().enumerate() {
+        let force = ChannelSource::ReactionForce(k);
+        add(format!("{}.force", c.name), "N", "ground", &vector, force);
+        let torque = ChannelSource::ReactionTorque(k);
+        add(format!("{}.torque", c.name), "N m", "ground", &angular, torque);
+        for (i, quantity) in S::joint_quantities(&c.element).iter().enumerate() {
+            let shape = if quantity.size == 1 { Vec::new() } else { vec![quantity.size] };
+            let name = format!("{}.{}", c.name, quantity.name);
+            add(name, quantity.unit, quantity.frame, &shape, ChannelSource::Joint(k, i));
+        }
+    }
+    for (k, f) in system.forces.iter().enumerate() {
+        for (i, quantity) in f.element.quantities().iter().enumerate() {
+            let shape = if quantity.size == 1 { Vec::new() } else { vec![quantity.size] };
+            let name = format!("{}.{}", f.name, quantity.name);
+            add(name, quantity.unit, quantity.frame, &shape, ChannelSource::Force(k, i));
+        }
+    }
+    let scalar = Vec::new();
+    for (name, kind) in [
+        ("kinetic", EnergyQuantity::Kinetic),
+        ("potential", EnergyQuantity::Potential),
+        ("dissipated", EnergyQuantity::Dissipated),
+        ("driver_work", EnergyQuantity::DriverWork),
+        ("total", EnergyQuantity::Total),
+        ("imbalance", EnergyQuantity::Imbalance),
+    ] {
+        add(format!("energy.{name}"), "J", "", &scalar, ChannelSource::Energy(kind));
+    }
+    for (level, (name, unit)) in
+        [("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2")].into_iter().enumerate()
+    {
+        add(format!("constraint.{name}"), unit, "", &scalar, ChannelSource::Residual(level));
+    }
+    all
+}
+
+/// Value of one channel.
+pub(super) fn evaluate_channel<S: Space<D, N>, const D: usize, const N: usize>(
+    system: &Cartesian<S, D, N>,
+    channel: &Channel,
+    state: &State,
+    out: &mut [f64],
+) {
+    let pair = |bodies: [Option<usize>; 2]| {
+        let q = bodies.map(|b| Cartesian::<S, D, N>::pose(&state.q, b));
+        (q, bodies.map(|b| Cartesian::<S, D, N>::rate(&state.v, b)))
+    };
+    match channel.source {
+        ChannelSource::Body(b, kind) => {
+            motion(system, b, &system.bodies[b].center, kind, state, out);
+        }
+        ChannelSource::Marker(b, k, kind) => {
+            let (center, point) = (&system.bodies[b].center, &system.bodies[b].markers[k].1);
+            // A marker is an origin from which the centre of mass lies at center − point.
+            let arm = std::array::from_fn(|i| center[i] - point[i]);
+            motion(system, b, &arm, kind, state, out);
+        }
+        ChannelSource::ReactionForce(k) => {
+            let (force, _) = system.reaction(&system.constraints[k], state);
+            out.copy_from_slice(&force[..out.len()]);
+        }
+        ChannelSource::ReactionTorque(k) => {
+            let (_, torque) = system.reaction(&system.constraints[k], state);
+            copy_angular(&torque, out);
+        }
+        ChannelSource::Joint(k, i) => {
+            let c = &system.constraints[k];
+            let (q, v) = pair(c.bodies);
+            S::joint_quantity(&c.element, i, q, v, out);
+        }
+        ChannelSource::Force(k, i) => {
+            let f = &system.forces[k];
+            f.element.quantity(i, &Cartesian::<S, D, N>::input(f, state), out);
+        }
+        ChannelSource::Energy(kind) => {
+            let e = system.energy(state);
+            let (total, ledger) = (e.kinetic + e.potential, &state.ledger);
+            out[0] = match kind {
+                EnergyQuantity::Kinetic => e.kinetic,
+                EnergyQuantity::Potential => e.potential,
+                EnergyQuantity::Dissipated => ledger.dissipated,
+                EnergyQuantity::DriverWork => ledger.supplied,
+                EnergyQuantity::Total => total,
+                EnergyQuantity::Imbalance => {
+                    total - ledger.initial + ledger.dissipated - ledger.supplied
+                }
+            };
+        }
+        ChannelSource::Residual(level) => out[0] = residual(system, state, level),
+    }
+}
+
+/// Planar angular quantities are scalars about z.
+fn copy_angular(vector: &[f64; 3], out: &mut [f64]) {
+    if out.len() == 1 {
+        out[0] = vector[2];
+    } else {
+        out.copy_from_slice(vector);
+    }
+}
+
+fn motion<S: Space<D, N>, const D: usize, const N: usize>(
+    _: &Cartesian<S, D, N>,
+    body: usize,
+    center: &[f64; 3],
+    kind: BodyQuantity,
+    state: &State,
+    out: &mut [f64],
+) {
+    let q = Cartesian::<S, D, N>::pose(&state.q, Some(body));
+    let v = Cartesian::<S, D, N>::rate(&state.v, Some(body));
+    let pose = S::body(center, q, v);
+    match kind {
+        BodyQuantity::Position => out.copy_from_slice(&pose.position[..D]),
+        BodyQuantity::Orientation => {
+            let count = out.len();
+            out.copy_from_slice(&pose.orientation[..count]);
+        }
+        BodyQuantity::YawPitchRoll => out.copy_from_slice(&yaw_pitch_roll(pose.orientation)),
+        BodyQuantity::Velocity => out.copy_from_slice(&pose.velocity[..D]),
+        BodyQuantity::AngularVelocity => copy_angular(&pose.angular_velocity, out),
+        BodyQuantity::Acceleration | BodyQuantity::AngularAcceleration => {
+            let a = Cartesian::<S, D, N>::rate(&state.a, Some(body));
+            let (linear, angular) = S::body_acceleration(center, q, v, a);
+            if kind == BodyQuantity::Acceleration {
+                out.copy_from_slice(&linear[..D]);
+            } else {
+                copy_angular(&angular, out);
+            }
+        }
+    }
+}
+
+/// Angles about z, y', x'' of unit Euler parameters, rad; pitch is positive nose down for x forward.
+fn yaw_pitch_roll([w, x, y, z]: [f64; 4]) -> [f64; 3] {
+    [
+        (2.0 * (x * y + w * z)).atan2(w * w + x * x - y * y - z * z),
+        (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin(),
+        (2.0 * (y * z + w * x)).atan2(w * w - x * x - y * y + z * z),
+    ]
+}
+
+/// ‖Φ‖∞, ‖G q̇ − ν‖∞ or ‖G q̈ − τ‖∞ over all rows, redundant ones included.
+fn residual(system: &dyn System, state: &State, level: usize) -> f64 {
+    let rows = system.structure().sizes.rows;
+    let mut out = vec![0.0; rows];
+    if level == 0 {
+        system.position_constraints(state.t, &state.q, &mut out);
+    } else {
+        let mut g = system.structure().constraint_pattern.clone();
+        system.constraint_jacobian(&state.q, &mut g);
+        if level == 1 {
+            system.velocity_rhs(state.t, &mut out);
+        } else {
+            system.acceleration_rhs(state.t, &state.q, &state.v, &mut out);
+        }
+        out.iter_mut().for_each(|x| *x = -*x);
+        g.multiply_add(1.0, if level == 1 { &state.v } else { &state.a }, &mut out);
+    }
+    out.iter().fold(0.0, |m, x| x.abs().max(m))
+}

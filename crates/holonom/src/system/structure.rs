@@ -1,0 +1,103 @@
+//! Sizes, numbering and sparsity patterns of a system: everything that parameter values leave alone.
+
+use super::Measure;
+use holonom_linalg::BlockMatrix;
+
+/// Counts of a system.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Sizes {
+    /// Moving bodies.
+    pub bodies: usize,
+    /// Generalized coordinates n.
+    pub coordinates: usize,
+    /// Coordinates per body.
+    pub per_body: usize,
+    /// Translations among the coordinates of a body (its first ones).
+    pub translations: usize,
+    /// Constraint rows m: joints, drivers, Euler-parameter normalisations.
+    pub rows: usize,
+    /// Rows of joints, drivers included.
+    pub joint_rows: usize,
+    /// Extra states.
+    pub extra_states: usize,
+    /// Elements that count turns.
+    pub windings: usize,
+}
+
+/// Sizes and patterns; shared by all systems that differ in numbers only.
+#[derive(Debug, Clone)]
+pub struct Structure {
+    /// Counts.
+    pub sizes: Sizes,
+    /// Zero matrix with the pattern of G, A₀ and A₁ (m×n).
+    pub constraint_pattern: BlockMatrix,
+    /// Zero matrix with the pattern of M (n×n).
+    pub mass_pattern: BlockMatrix,
+    /// Zero matrix with the pattern of K and C (n×n).
+    pub stiffness_pattern: BlockMatrix,
+    /// Body and element of each extra state: blocks of F_z (n×nz) and of g_q, g_q̇ (nz×n).
+    pub extra_bodies: Vec<[Option<usize>; 2]>,
+    /// What each constraint row measures.
+    pub row_measure: Vec<Measure>,
+    /// Normalisation rows start here; row `normalization_start + b` belongs to body b (spatial).
+    pub normalization_start: usize,
+}
+
+impl Structure {
+    /// What a coordinate measures.
+    pub fn coordinate_measure(&self, coordinate: usize) -> Measure {
+        if coordinate % self.sizes.per_body < self.sizes.translations {
+            Measure::Length
+        } else {
+            Measure::Angle
+        }
+    }
+
+    /// Buffers for the derivative blocks.
+    pub fn derivative_blocks(&self) -> DerivativeBlocks {
+        let s = &self.sizes;
+        DerivativeBlocks {
+            stiffness: self.stiffness_pattern.clone(),
+            damping: self.stiffness_pattern.clone(),
+            a0: self.constraint_pattern.clone(),
+            a1: self.constraint_pattern.clone(),
+            force_time: vec![0.0; s.coordinates],
+            velocity_rhs_time: vec![0.0; s.rows],
+            acceleration_rhs_time: vec![0.0; s.rows],
+            force_extra: vec![0.0; s.extra_states * 2 * s.per_body],
+            extra_position: vec![0.0; s.extra_states * 2 * s.per_body],
+            extra_velocity: vec![0.0; s.extra_states * 2 * s.per_body],
+            extra_extra: vec![0.0; s.extra_states],
+            extra_time: vec![0.0; s.extra_states],
+        }
+    }
+}
+
+/// Derivatives of the equations of motion at one state.
+#[derive(Debug, Clone)]
+pub struct DerivativeBlocks {
+    /// K = F_q, with (M q̈)_q and (Gᵀλ)_q.
+    pub stiffness: BlockMatrix,
+    /// C = F_q̇.
+    pub damping: BlockMatrix,
+    /// A₀ = (G q̇ − ν)_q.
+    pub a0: BlockMatrix,
+    /// A₁ = (G q̈ − τ)_q.
+    pub a1: BlockMatrix,
+    /// F_t.
+    pub force_time: Vec<f64>,
+    /// ν_t.
+    pub velocity_rhs_time: Vec<f64>,
+    /// τ_t.
+    pub acceleration_rhs_time: Vec<f64>,
+    /// F_z: per extra state, the coordinates of its first and its second body.
+    pub force_extra: Vec<f64>,
+    /// g_q, in the same layout.
+    pub extra_position: Vec<f64>,
+    /// g_q̇, in the same layout.
+    pub extra_velocity: Vec<f64>,
+    /// g_z, one number per extra state: elements do not couple.
+    pub extra_extra: Vec<f64>,
+    /// g_t.
+    pub extra_time: Vec<f64>,
+}
