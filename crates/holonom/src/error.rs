@@ -122,11 +122,16 @@ pub struct Location {
 /// Characters of a source line shown around the marked place.
 const SHOWN: usize = 96;
 
+/// The last place not after `at` where a character of `text` starts or ends.
+fn boundary(text: &str, at: usize) -> usize {
+    (0..=at.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0)
+}
+
 impl Location {
     /// The place of bytes `start..end` in `source`; offsets are clamped to the text.
     pub fn of(file: &str, source: &str, start: usize, end: usize) -> Self {
-        let start = source.floor_char_boundary(start.min(source.len()));
-        let end = source.floor_char_boundary(end.min(source.len()));
+        let start = boundary(source, start);
+        let end = boundary(source, end);
         let line_start = source[..start].rfind('\n').map_or(0, |at| at + 1);
         let line_end = source[start..].find('\n').map_or(source.len(), |at| start + at);
         let before = source[line_start..start].chars().count();
@@ -188,20 +193,21 @@ impl Diagnostic {
             Severity::Error => "error",
             Severity::Warning => "warning",
         };
-        let mut out = format!("{word}[{}]: {}\n", self.code.as_str(), self.message);
+        let mut lines = vec![format!("{word}[{}]: {}", self.code.as_str(), self.message)];
         if let Some(at) = &self.location {
             let gutter = " ".repeat(at.line.to_string().len());
             let (first, length) = at.mark;
-            out += &format!("{gutter}--> {}:{}:{}\n", at.file, at.line, at.column);
-            out += &format!("{gutter} |\n{} | {}\n", at.line, at.excerpt);
-            out += &format!("{gutter} | {}{}\n", " ".repeat(first), "^".repeat(length));
+            lines.push(format!("{gutter}--> {}:{}:{}", at.file, at.line, at.column));
+            lines.push(format!("{gutter} |"));
+            lines.push(format!("{} | {}", at.line, at.excerpt));
+            lines.push(format!("{gutter} | {}{}", " ".repeat(first), "^".repeat(length)));
         } else if !self.path.is_empty() {
-            out += &format!("  at {}\n", self.path);
+            lines.push(format!("  at {}", self.path));
         }
         if !self.help.is_empty() {
-            out += &format!("  help: {}\n", self.help);
+            lines.push(format!("  help: {}", self.help));
         }
-        out
+        lines.join("\n") + "\n"
     }
 }
 
@@ -226,14 +232,14 @@ pub struct ModelErrors {
 impl ModelErrors {
     /// All errors as plain text with excerpts of the source.
     pub fn render(&self) -> String {
-        let mut out: String = self.errors.iter().map(|e| e.render() + "\n").collect();
         let total = self.errors.len() + self.omitted;
-        out += &match (total, self.omitted) {
-            (1, _) => "the model is refused: 1 error\n".to_owned(),
-            (n, 0) => format!("the model is refused: {n} errors\n"),
-            (n, m) => format!("the model is refused: {n} errors, {m} of them not shown\n"),
+        let plural = if total == 1 { "" } else { "s" };
+        let hidden = match self.omitted {
+            0 => String::new(),
+            m => format!(", {m} of them not shown"),
         };
-        out
+        let findings: String = self.errors.iter().map(|e| e.render() + "\n").collect();
+        format!("{findings}the model is refused: {total} error{plural}{hidden}\n")
     }
 }
 

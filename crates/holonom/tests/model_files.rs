@@ -1,17 +1,44 @@
 //! Model files to models. The independent truth is geometry done by hand.
 
-use holonom::error::ModelErrors;
+use holonom::error::{Code, ModelErrors};
 use holonom::io::{Document, Syntax};
-use holonom::model::{ForceKind, JointKind, Model, Orientation};
+use holonom::model::{
+    DriverKind, ElasticLaw, ForceKind, Frame, JointKind, Model, Orientation, Road,
+};
+use serde_json::json;
+
+fn document(text: &str) -> Result<Document, ModelErrors> {
+    let mut none = |_: &str| Err("no other file".to_owned());
+    Document::parse(text, Syntax::Toml, "model.toml", &mut none)
+}
 
 fn build(text: &str) -> Result<Model, ModelErrors> {
-    let mut none = |_: &str| Err("no other file".to_owned());
-    let document = Document::parse(text, Syntax::Toml, "model.toml", &mut none)?;
-    Ok(document.build()?.0)
+    Ok(document(text)?.build()?.0)
 }
 
 fn model(text: &str) -> Model {
     build(text).unwrap_or_else(|errors| panic!("{}", errors.render()))
+}
+
+fn joint<'a>(m: &'a Model, name: &str) -> (JointKind, &'a [Frame; 2]) {
+    let joint = m.joints.iter().find(|j| j.name == name).unwrap();
+    (joint.kind, &joint.frames)
+}
+
+fn force<'a>(m: &'a Model, name: &str) -> &'a ForceKind {
+    &m.forces.iter().find(|f| f.name == name).unwrap().kind
+}
+
+fn column(a: &[[f64; 3]; 3], c: usize) -> [f64; 3] {
+    [a[0][c], a[1][c], a[2][c]]
+}
+
+#[track_caller]
+fn assert_near(found: &[f64], expected: &[f64]) {
+    assert_eq!(found.len(), expected.len());
+    for (a, b) in found.iter().zip(expected) {
+        assert!((a - b).abs() < 1e-13, "{found:?} ≠ {expected:?}");
+    }
 }
 
 const DOUBLE_PENDULUM: &str = r#"
@@ -29,7 +56,6 @@ elbow = { type = "revolute", between = ["upper", "lower"], point = [2.0, 0.0] }
 [forces]
 shoulder_spring = { type = "rsda", between = ["ground", "upper"], stiffness = "=k1", damping = 15.0, free_angle = 4.71238898038469 }
 elbow_spring = { type = "rsda", between = ["upper", "lower"], stiffness = 3.0e5, damping = 5.0e4 }
-pull = { type = "tsda", between = ["ground", "lower"], points = [[0.0, 1.0], [2.0, 0.0]], stiffness = 0.0, free_length = 1.0 }
 [initial.bodies]
 upper = { angular_velocity = 0.0 }
 lower = { angular_velocity = 10.0 }
@@ -40,15 +66,330 @@ end_time = 2.0
 #[test]
 fn a_planar_model_has_its_points_in_body_axes() {
     let m = model(DOUBLE_PENDULUM);
-    let JointKind::Revolute = m.joints[1].kind else { panic!() };
-    let [a, b] = m.joints[1].frames;
-    assert!((a.point[0] - 1.0).abs() < 1e-15 && a.point[1].abs() < 1e-15);
-    // The half length of the lower rod is 1.5: its end lies at (-1.5, 0) of its frame.
-    assert!((b.point[0] + 1.5).abs() < 1e-14 && b.point[1].abs() < 1e-14, "{:?}", b.point);
-    let ForceKind::Rsda { frames, free_angle, .. } = &m.forces[0].kind else { panic!() };
+    let (kind, [a, b]) = joint(&m, "elbow");
+    assert_eq!(kind, JointKind::Revolute);
+    // The elbow is at the end of the upper rod and, half length 1.5, at (-1.5, 0) of the lower.
+    assert_near(&a.point, &[1.0, 0.0, 0.0]);
+    assert_near(&b.point, &[-1.5, 0.0, 0.0]);
+    let ForceKind::Rsda { frames, law, free_angle, .. } = force(&m, "shoulder_spring") else {
+        panic!()
+    };
+    // The relative angle is the difference of the body angles: axes parallel to the body axes.
     assert_eq!(frames[1].axes, [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
-    assert_eq!(*free_angle, 4.71238898038469);
-    assert_eq!(m.bodies[0].orientation, Orientation::Angle(6.283185307179586));
+    assert_eq!((law, *free_angle), (&ElasticLaw::Linear(400.0), 4.71238898038469));
+    assert_eq!(m.bodies[0].orientation, Orientation::Angle(std::f64::consts::TAU));
     assert_eq!(m.initial.bodies[1].angular_velocity, Some([0.0, 0.0, 10.0]));
     assert_eq!(m.initial.bodies[0].velocity, None);
+}
+
+const SPATIAL: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+title = "one of everything"
+parameters.speed = { value = 4.4704, unit = "m/s" }
+
+[bodies.base]
+mass = 10.0
+inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+position = [1.0, 2.0, 3.0]
+# a quarter turn about z: x of the body is y of the ground
+euler_parameters = [0.7071067811865476, 0.0, 0.0, 0.7071067811865476]
+markers.tip = { point = [1.0, 4.0, 3.0] }
+markers.heel = { point_in_body = [0.5, 0.0, 0.0] }
+
+[bodies.arm]
+mass = 2.0
+inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
+position = [1.0, 4.0, 3.0]
+center_of_mass = [0.1, 0.0, 0.0]
+
+[joints]
+hinge = { type = "revolute", between = ["base", "arm"], point = "base.tip", axis = [0.0, 0.0, 2.0] }
+slide = { type = "translational", between = ["ground", "base"], point = [0.0, 0.0, 0.0], axis = [0.0, 3.0, 0.0] }
+screw = { type = "cylindrical", between = ["ground", "base"], points_in_body = [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0]], axes_in_body = [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]] }
+cross = { type = "universal", between = ["base", "arm"], point = [1.0, 4.0, 3.0], axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] }
+ball = { type = "spherical", between = ["base", "arm"], point = [1.0, 4.0, 3.0] }
+rod = { type = "distance", between = ["ground", "arm"], points = [[1.0, 4.0, 0.0], [1.0, 4.0, 4.0]] }
+weld = { type = "fixed", between = ["base", "arm"], point = [1.0, 4.0, 3.0] }
+
+[tables.progressive]
+x = [-0.1, 0.0, 0.1]
+y = [-200.0, 0.0, 300.0]
+
+[roads]
+bump = { type = "smooth_bump", height = 0.05, half_length = 0.35, center = 4.2335 }
+
+[forces]
+spring = { type = "tsda", between = ["base", "arm"], points = ["base.heel", [1.0, 4.0, 3.5]], free_length = 0.3, force = { table = "progressive" } }
+torsion = { type = "rsda", between = ["base", "arm"], axis = [0.0, 0.0, 1.0], stiffness = 10.0 }
+series = { type = "maxwell", between = ["ground", "arm"], points = [[0.0, 0.0, 0.0], [1.0, 4.0, 3.0]], stiffness = 1.0e4, damping = 1.0e3, free_length = 5.0 }
+rubber = { type = "bushing", between = ["base", "arm"], point = [1.0, 4.0, 3.0], stiffness = [7.0e7, 6.0e7, 5.0e7], rotational_stiffness = [1.0e3, 2.0e3, 3.0e3], damping = [3.5e4, 3.5e4, 3.5e4] }
+wheel = { type = "tyre", on = "arm", point = [1.0, 4.0, 3.0], radius = 0.47, stiffness = 3.0e5, damping = 3.5e3, road = "bump", lateral = { cornering_stiffness = 5.0e4, regularization_speed = 0.5, axis = [0.0, 2.0, 0.0] } }
+push = { type = "point_force", on = "base", point_in_body = [0.0, 0.0, 0.0], force = { type = "harmonic", amplitude = 10.0, angular_frequency = 3.0 }, direction = [0.0, 3.0, 4.0] }
+motor = { type = "torque", between = ["base", "arm"], torque = [0.0, 1.0, { type = "smooth_step", from = 0.0, to = 2.0, start = 0.0, end = 1.0 }], axes = "body" }
+
+[drivers]
+steering = { joint = "slide", coordinate = "translation", motion = 0.0 }
+turn = { on = "arm", coordinate = "rotation", axis = [1.0, 0.0, 0.0], motion = { type = "polynomial", coefficients = [0.0, 2.0] } }
+
+[initial]
+velocity = ["=speed", 0.0, 0.0]
+extra_states = { series = 0.01 }
+[initial.bodies.arm]
+position = [1.0, 4.0, 3.1]
+velocity = [0.0, 0.0, 0.0]
+
+[outputs]
+channels = ["base.position", "slide.*", "energy.total"]
+interval = 0.01
+[simulation]
+end_time = 2.5
+tolerance = { relative = 1.0e-3, translation = 1.0e-4, rotation = 1.0e-5 }
+method = "ForSDIRK"
+max_steps = 1000
+"#;
+
+#[test]
+fn a_spatial_model_has_its_frames_in_body_axes() {
+    let m = model(SPATIAL);
+    // The base is turned by 90 degrees about z: (x, y, z) of the ground is (y, -x, z) of the body.
+    let (_, [a, b]) = joint(&m, "hinge");
+    assert_near(&a.point, &[2.0, 0.0, 0.0]);
+    assert_near(&b.point, &[0.0, 0.0, 0.0]);
+    assert_near(&column(&a.axes, 2), &[0.0, 0.0, 1.0]);
+    assert_near(&column(&b.axes, 2), &[0.0, 0.0, 1.0]);
+    // The relative angle is zero in the design configuration: f of both is the same direction.
+    let fa = column(&a.axes, 0);
+    assert_near(&[-fa[1], fa[0], fa[2]], &column(&b.axes, 0));
+
+    let (_, [a, b]) = joint(&m, "slide");
+    assert_near(&a.point, &[0.0, 0.0, 0.0]);
+    assert_near(&b.point, &[-2.0, 1.0, -3.0]);
+    assert_near(&column(&a.axes, 2), &[0.0, 1.0, 0.0]);
+    assert_near(&column(&b.axes, 2), &[1.0, 0.0, 0.0]);
+
+    let (_, [a, b]) = joint(&m, "screw");
+    assert_near(&b.point, &[0.0, 0.0, -1.0]);
+    assert_near(&column(&a.axes, 2), &[0.0, 0.0, 1.0]);
+
+    let (_, [a, b]) = joint(&m, "cross");
+    assert_near(&column(&a.axes, 2), &[0.0, -1.0, 0.0]);
+    assert_near(&column(&b.axes, 2), &[0.0, 1.0, 0.0]);
+
+    let (kind, [a, b]) = joint(&m, "rod");
+    assert_eq!(kind, JointKind::Distance { length: 4.0 });
+    assert_near(&a.point, &[1.0, 4.0, 0.0]);
+    assert_near(&b.point, &[0.0, 0.0, 1.0]);
+    assert_eq!(joint(&m, "weld").0, JointKind::Fixed);
+    assert_eq!(joint(&m, "ball").0, JointKind::Spherical);
+
+    let ForceKind::Tsda { frames, law: ElasticLaw::Table(law), .. } = force(&m, "spring") else {
+        panic!()
+    };
+    assert_near(&frames[0].point, &[0.5, 0.0, 0.0]);
+    assert_near(&frames[1].point, &[0.0, 0.0, 0.5]);
+    assert_eq!(law.values(), &[-200.0, 0.0, 300.0]);
+
+    let ForceKind::Bushing { stiffness, damping, frames } = force(&m, "rubber") else { panic!() };
+    let diagonal = |a: &[[f64; 6]; 6]| [0, 1, 2, 3, 4, 5].map(|i| a[i][i]);
+    assert_eq!(diagonal(stiffness), [7.0e7, 6.0e7, 5.0e7, 1.0e3, 2.0e3, 3.0e3]);
+    assert_eq!(diagonal(damping), [3.5e4, 3.5e4, 3.5e4, 0.0, 0.0, 0.0]);
+    // Bushing axes are ground axes in the design configuration: x of the ground is -y of the base.
+    assert_near(&column(&frames[0].axes, 0), &[0.0, -1.0, 0.0]);
+    assert_near(&column(&frames[1].axes, 0), &[1.0, 0.0, 0.0]);
+
+    let ForceKind::Tyre(tyre) = force(&m, "wheel") else { panic!() };
+    assert_eq!(tyre.road, Road::SmoothBump { height: 0.05, half_length: 0.35, center: 4.2335 });
+    assert_eq!(tyre.smoothing, 1e-3);
+    assert_near(&tyre.lateral.unwrap().axis, &[0.0, 1.0, 0.0]);
+
+    let ForceKind::PointForce { force: push, .. } = force(&m, "push") else { panic!() };
+    let at = push.clone().map(|f| f.derivatives(0.2)[0]);
+    let size = 10.0 * f64::sin(0.6);
+    assert_near(&at, &[0.0, 0.6 * size, 0.8 * size]);
+    let ForceKind::Torque { body, reaction, torque, .. } = force(&m, "motor") else { panic!() };
+    assert_eq!((*reaction, *body), (Some(0), Some(1)));
+    assert_near(&torque.clone().map(|f| f.derivatives(2.0)[0]), &[0.0, 1.0, 2.0]);
+
+    assert_eq!(m.drivers[0].kind, DriverKind::Translation);
+    assert_eq!(m.drivers[0].frames, *joint(&m, "slide").1);
+    assert_eq!(m.drivers[1].frames[0].body, None);
+    assert_near(&column(&m.drivers[1].frames[1].axes, 2), &[1.0, 0.0, 0.0]);
+    assert_near(&[m.drivers[1].motion.derivatives(3.0)[0]], &[6.0]);
+
+    assert_eq!(m.initial.bodies[0].velocity, Some([4.4704, 0.0, 0.0]));
+    assert_eq!(m.initial.bodies[1].velocity, Some([0.0; 3]));
+    assert_eq!(m.initial.bodies[1].position, Some([1.0, 4.0, 3.1]));
+    assert_eq!(m.initial.extra_states, [("series".to_owned(), 0.01)]);
+    assert_eq!(m.simulation.tolerance.unwrap().rotation, 1e-5);
+    assert_eq!(m.simulation.max_steps, Some(1000));
+    assert_eq!(m.outputs.channels.len(), 3);
+}
+
+#[test]
+fn a_planar_slide_has_its_axis_in_both_bodies() {
+    let m = model(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+block = { mass = 1.0, inertia = 1.0, position = [1.0, 1.0], angle = 0.5235987755982988 }
+[joints]
+guide = { type = "translational", between = ["ground", "block"], point = [1.0, 1.0], axis = [0.0, 2.0] }
+[drivers]
+push = { on = "block", coordinate = "translation", point = [1.0, 1.0], axis = [1.0, 1.0], motion = { type = "table", x = [0.0, 1.0, 2.0], y = [0.0, 1.0, 0.0] } }
+"#,
+    );
+    let (_, [a, b]) = joint(&m, "guide");
+    assert_near(&column(&a.axes, 0), &[0.0, 1.0, 0.0]);
+    assert_near(&column(&a.axes, 1), &[-1.0, 0.0, 0.0]);
+    // Seen from a body turned by 30 degrees, the vertical is at 60 degrees.
+    assert_near(&column(&b.axes, 0), &[0.5, 0.75_f64.sqrt(), 0.0]);
+    assert_near(&column(&m.drivers[0].frames[0].axes, 0), &[0.5_f64.sqrt(), 0.5_f64.sqrt(), 0.0]);
+    assert!((m.drivers[0].motion.derivatives(1.0)[0] - 1.0).abs() < 1e-15);
+}
+
+#[test]
+fn the_merged_text_gives_the_same_model() {
+    for text in [DOUBLE_PENDULUM, SPATIAL] {
+        let first = document(text).unwrap();
+        let mut none = |_: &str| Err(String::new());
+        let again = Document::parse(&first.to_json(), Syntax::Json, "x", &mut none).unwrap();
+        assert_eq!(first.build().unwrap().0, again.build().unwrap().0);
+        assert_eq!(first.to_json(), again.to_json());
+    }
+}
+
+#[test]
+fn values_are_set_by_path() {
+    let d = document(SPATIAL).unwrap();
+    let changed = d
+        .with_values(&[
+            ("forces.rubber.stiffness[2]", json!(2.0e7)),
+            ("parameters.speed", json!(9.0)),
+            ("simulation.start_time", json!(0.5)),
+            ("simulation.tolerance", json!(1e-6)),
+            ("initial.bodies.base.velocity", json!([1.0, 2.0, 3.0])),
+            ("forces.torsion.damping", json!(0.25)),
+            ("joints.weld.enabled", json!(false)),
+            ("bodies.arm.mass", json!("=speed")),
+        ])
+        .unwrap();
+    let m = changed.build().unwrap().0;
+    let ForceKind::Bushing { stiffness, .. } = force(&m, "rubber") else { panic!() };
+    assert_eq!(stiffness[2][2], 2.0e7);
+    let ForceKind::Rsda { damping, .. } = force(&m, "torsion") else { panic!() };
+    assert_eq!(*damping, 0.25);
+    assert_eq!(m.bodies[1].mass, 9.0);
+    assert_eq!(m.simulation.start_time, Some(0.5));
+    assert_eq!(m.simulation.tolerance.unwrap().relative, 1e-6);
+    assert_eq!(m.initial.bodies[0].velocity, Some([1.0, 2.0, 3.0]));
+    assert!(m.joints.iter().all(|j| j.name != "weld"));
+    // The document itself is unchanged.
+    assert_eq!(d.build().unwrap().0, model(SPATIAL));
+}
+
+#[test]
+fn paths_that_lead_nowhere_are_refused_with_the_nearest() {
+    let d = document(SPATIAL).unwrap();
+    for (path, nearest) in [
+        ("forces.ruber.stiffness[2]", "`rubber`"),
+        ("forces.rubber.stifness", "`stiffness`"),
+        ("parameters.sped", "`speed`"),
+        ("force.rubber.stiffness", "`forces`"),
+        ("simulation.endtime", "`end_time`"),
+        ("initial.bodies.bse.velocity", "`base`"),
+        ("forces.rubber.stiffness[3]", "3 entries"),
+        ("forces.rubber.stiffness[2].x", "number"),
+        ("forces..x", "not a path"),
+        ("", "not a path"),
+        ("bodies.base.mass[0]", "number"),
+    ] {
+        let errors = d.with_values(&[(path, json!(1.0))]).unwrap_err();
+        assert_eq!(errors.errors[0].code, Code::UnknownPath, "{path}");
+        assert!(errors.render().contains(nearest), "{path}: {}", errors.render());
+    }
+    let errors = d.with_values(&[("bodies.base.mass", json!(null))]).unwrap_err();
+    assert_eq!(errors.errors[0].path, "bodies.base.mass");
+    let errors =
+        d.with_values(&[("bodies.base.mass", json!("heavy"))]).unwrap().build().unwrap_err();
+    assert_eq!(
+        (errors.errors[0].code, errors.errors[0].location.is_none()),
+        (Code::WrongType, true)
+    );
+}
+
+#[test]
+fn a_variant_changes_what_it_names_and_keeps_the_rest() {
+    let variant = r#"
+holonom = 1
+extends = "../base/model.toml"
+title = "softer"
+[parameters]
+speed = { value = 1.0 }
+[joints]
+hinge = { axis = [1.0, 0.0, 0.0] }
+weld = { enabled = false }
+[forces]
+rubber = { stiffness = [1.0, 2.0, 3.0] }
+spring = { type = "maxwell", between = ["base", "arm"], points = ["base.heel", "base.tip"], stiffness = 1.0, damping = 1.0, free_length = 0.0 }
+"#;
+    let mut asked = Vec::new();
+    let mut files = |path: &str| {
+        asked.push(path.to_owned());
+        Ok(SPATIAL.to_owned())
+    };
+    let name = "models/variant/model.toml";
+    let d = Document::parse(variant, Syntax::Toml, name, &mut files).unwrap();
+    assert_eq!(asked, ["models/base/model.toml"]);
+    // The second point must be one of `arm`: the error points into the variant.
+    let errors = d.build().unwrap_err();
+    assert_eq!(errors.errors[0].path, "forces.spring.points[1]");
+    assert_eq!(errors.errors[0].location.as_ref().unwrap().file, name);
+    assert_eq!(errors.errors[0].location.as_ref().unwrap().line, 12);
+    let d = d.with_values(&[("forces.spring.points[1]", json!([1.0, 4.0, 3.0]))]).unwrap();
+    let m = d.build().unwrap().0;
+    assert_eq!((m.title.as_str(), m.joints.len()), ("softer", 6));
+    assert_near(&column(&joint(&m, "hinge").1[1].axes, 2), &[1.0, 0.0, 0.0]);
+    assert_eq!(m.initial.bodies[0].velocity, Some([1.0, 0.0, 0.0]));
+    assert!(matches!(force(&m, "spring"), ForceKind::Maxwell { .. }));
+    let ForceKind::Bushing { stiffness, damping, .. } = force(&m, "rubber") else { panic!() };
+    assert_eq!((stiffness[1][1], damping[1][1]), (2.0, 3.5e4));
+    // What is switched off and what was extended is not in the merged text.
+    assert!(!d.to_json().contains("weld") && !d.to_json().contains("extends"));
+    // An error in the base names the base.
+    let mut files = |_: &str| Ok(SPATIAL.replace("mass = 10.0", "mas = 10.0"));
+    let d = Document::parse(variant, Syntax::Toml, name, &mut files).unwrap();
+    let errors = d.build().unwrap_err();
+    assert_eq!(errors.errors[0].location.as_ref().unwrap().file, "models/base/model.toml");
+}
+
+#[test]
+fn warnings_speak_of_what_is_legal_but_implausible() {
+    let text = DOUBLE_PENDULUM
+        .replace("-9.81", "-9810.0")
+        .replace("mass = 3.0", "mass = 3.0e6")
+        .replace("angle = 6.021385919380436", "angle = 345.0")
+        .replace("\"=k1\"", "400.0")
+        .replace("[-1.0, 0.0]", "[-2000.0, 0.0]");
+    let d = document(&text).unwrap();
+    let (_, warnings) = d.build().unwrap();
+    let found: Vec<_> = warnings.iter().map(|w| (w.code, w.path.as_str())).collect();
+    let expected = [
+        (Code::UnusedParameter, "parameters.k1"),
+        (Code::Implausible, "gravity"),
+        (Code::Implausible, "bodies.upper.mass"),
+        (Code::Implausible, "bodies.lower.angle"),
+        (Code::Implausible, "joints.pivot"),
+    ];
+    for e in expected {
+        assert!(found.contains(&e), "{e:?} {found:?}");
+    }
+    assert!(warnings.iter().all(|w| w.location.is_some()));
+    assert!(document(DOUBLE_PENDULUM).unwrap().build().unwrap().1.is_empty());
+    let (_, warnings) =
+        document(&DOUBLE_PENDULUM.replace("gravity", "# gravity")).unwrap().build().unwrap();
+    assert_eq!(warnings[0].code, Code::NotStated);
 }

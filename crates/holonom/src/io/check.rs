@@ -25,17 +25,12 @@ pub(super) fn check_file(root: &Node) -> (Json, Vec<Diagnostic>) {
         _ => None, // reported below
     };
     let mut checker = Checker { dimension, parameters: parameters(root), errors: Vec::new() };
-    let json = match &root.value {
-        Value::Table(table) => {
-            checker.unique_names(table);
-            checker.record(model_file(), table, "")
-        }
-        _ => {
-            let message = format!("the file holds {}; expected a table of fields", root.kind());
-            checker.errors.push(Diagnostic::new(Code::WrongType, "", message));
-            Json::Null
-        }
+    let Some(table) = root.table() else {
+        let message = format!("the file holds {}; expected a table of fields", root.kind());
+        return (Json::Null, vec![Diagnostic::new(Code::WrongType, "", message)]);
     };
+    checker.unique_names(table);
+    let json = checker.record(model_file(), table, "");
     (json, checker.errors)
 }
 
@@ -137,15 +132,12 @@ impl Checker<'_> {
             let message = format!("`{path}` refers to another parameter; expected a number");
             return self.refuse(Code::WrongType, path, message, "give the number itself");
         }
-        match self.parameters.get(name) {
-            Some(value) => value.unwrap_or_default().into(), // a bad value is reported at its place
-            None => {
-                let message =
-                    format!("`{path}` refers to the parameter `{name}`, which is not there");
-                let help = suggestion(name, "parameters", self.parameters.keys().copied());
-                self.refuse(Code::UnknownName, path, message, help)
-            }
+        if let Some(value) = self.parameters.get(name) {
+            return value.unwrap_or_default().into(); // a bad value is reported at its place
         }
+        let message = format!("`{path}` refers to the parameter `{name}`, which is not there");
+        let help = suggestion(name, "parameters", self.parameters.keys().copied());
+        self.refuse(Code::UnknownName, path, message, help)
     }
 
     fn integer(&mut self, x: f64, min: Option<u64>, max: Option<u64>, path: &str) -> Json {
@@ -169,24 +161,24 @@ impl Checker<'_> {
         let own = alternatives(shape, self.dimension);
         let exact = own.iter().copied().find(fits);
         let fitting = exact.or_else(|| own.into_iter().find(|s| kind_fits(s, node)));
-        if let (None, Some(dimension)) = (exact, self.dimension) {
-            if alternatives(shape, None).iter().any(fits) {
-                let expected = describe(shape, unit, self.dimension);
-                let have = match &node.value {
-                    Value::List(list) => format!("has {}", entries(list.len())),
-                    _ => format!("is {}", node.kind()),
-                };
-                let message = format!("`{path}` {have}; expected {expected}");
-                let help = match dimension {
-                    Dimension::Planar => {
-                        "this model is planar: points are [x, y], inertia and angles are about z"
-                    }
-                    Dimension::Spatial => {
-                        "this model is spatial: points are [x, y, z], inertia is a 3×3 tensor"
-                    }
-                };
-                return self.refuse(Code::WrongDimension, path, message, help);
-            }
+        if let (None, Some(dimension)) = (exact, self.dimension)
+            && alternatives(shape, None).iter().any(fits)
+        {
+            let expected = describe(shape, unit, self.dimension);
+            let have = match &node.value {
+                Value::List(list) => format!("has {}", entries(list.len())),
+                _ => format!("is {}", node.kind()),
+            };
+            let message = format!("`{path}` {have}; expected {expected}");
+            let help = match dimension {
+                Dimension::Planar => {
+                    "this model is planar: points are [x, y], inertia and angles are about z"
+                }
+                Dimension::Spatial => {
+                    "this model is spatial: points are [x, y, z], inertia is a 3×3 tensor"
+                }
+            };
+            return self.refuse(Code::WrongDimension, path, message, help);
         }
         match fitting {
             Some(fitting) => self.value(fitting, node, path, unit),

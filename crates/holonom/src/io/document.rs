@@ -55,6 +55,7 @@ impl Document {
         let errors: Vec<Diagnostic> = values
             .iter()
             .filter_map(|(path, value)| set(&mut document.root, path.as_ref(), value).err())
+            .map(|error| *error)
             .collect();
         if errors.is_empty() { Ok(document) } else { Err(ModelErrors { errors, omitted: 0 }) }
     }

@@ -96,10 +96,10 @@ impl Reader<'_> {
         if !errors.is_empty() {
             return None;
         }
-        self.toml_table(table.into_inner(), "", 1)
+        Some(self.toml_table(table.into_inner(), "", 1))
     }
 
-    fn toml_table(&mut self, table: DeTable<'_>, path: &str, depth: usize) -> Option<Value> {
+    fn toml_table(&mut self, table: DeTable<'_>, path: &str, depth: usize) -> Value {
         // The parser sorts fields by name; their places give back the order of the file.
         let mut fields: Vec<_> = table.into_iter().collect();
         fields.sort_by_key(|(key, _)| key.span().start);
@@ -115,7 +115,7 @@ impl Reader<'_> {
                 out.insert(name, Entry { key: key_span, node: Node { value, span } });
             }
         }
-        Some(Value::Table(out))
+        Value::Table(out)
     }
 
     fn toml_value(
@@ -156,7 +156,7 @@ impl Reader<'_> {
                 }
                 self.list(nodes, span, path)
             }
-            DeValue::Table(table) => self.toml_table(table, path, depth),
+            DeValue::Table(table) => Some(self.toml_table(table, path, depth)),
         }
     }
 

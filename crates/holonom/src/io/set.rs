@@ -11,9 +11,9 @@ pub(super) fn set(
     root: &mut Node,
     path: &str,
     value: &serde_json::Value,
-) -> Result<(), Diagnostic> {
+) -> Result<(), Box<Diagnostic>> {
     let fail = |message: String, help: String| {
-        Err(Diagnostic::new(Code::UnknownPath, path, message).help(help))
+        Err(Box::new(Diagnostic::new(Code::UnknownPath, path, message).help(help)))
     };
     let Some(mut steps) = parse_path(path) else {
         let message = format!("`{path}` is not a path of a model");
@@ -24,7 +24,7 @@ pub(super) fn set(
         Ok(new) => new,
         Err(reason) => {
             let message = format!("the value for `{path}`: {reason}");
-            return Err(Diagnostic::new(Code::NotFinite, path, message));
+            return Err(Box::new(Diagnostic::new(Code::NotFinite, path, message)));
         }
     };
     // `parameters.spring` means its value.
@@ -34,13 +34,23 @@ pub(super) fn set(
     {
         steps.push(Step::Field("value".to_owned()));
     }
+    // Names that `initial` may speak of although it does not yet.
+    let names = |collection: &str| -> Vec<String> {
+        let items = root.field(collection).and_then(Node::table);
+        items.into_iter().flat_map(|items| items.keys().cloned()).collect()
+    };
+    let (bodies, forces) = (names("bodies"), names("forces"));
     let root_shape = Shape::Record(model_file().clone());
     let mut shape = Some(&root_shape);
     let mut node = root;
     let mut walked = String::new();
     for step in &steps {
         // What is not written yet becomes a table when the path goes on through it.
-        let known = fields(shape, node);
+        let known = match walked.as_str() {
+            "initial.bodies" => bodies.clone(),
+            "initial.extra_states" => forces.clone(),
+            _ => fields(shape, node),
+        };
         let kind = node.kind();
         shape = shape.and_then(|shape| inner(shape, node, step));
         node = match (&mut node.value, step) {
@@ -106,8 +116,9 @@ fn inner<'a>(shape: &'a Shape, node: &Node, step: &Step) -> Option<&'a Shape> {
             let variant = variants.iter().find(|v| v.name == kind)?;
             Some(&variant.record.field(name)?.shape)
         }
-        (Shape::Map(item), Step::Field(_)) => Some(item),
-        (Shape::List { item, .. }, Step::Index(_)) => Some(item),
+        (Shape::Map(item), Step::Field(_)) | (Shape::List { item, .. }, Step::Index(_)) => {
+            Some(item)
+        }
         _ => None,
     }
 }

@@ -155,6 +155,7 @@ pub struct Force {
 }
 
 /// Kinds of forces. Signs: second relative to first; tension positive.
+#[allow(clippy::large_enum_variant, reason = "read once when the system is compiled")]
 #[derive(Debug, Clone, PartialEq)]
 pub enum ForceKind {
     /// Translational spring-damper along the line of two points:

@@ -179,10 +179,14 @@ impl Rules {
             }
             ForceKind::PointForce { frame, force, .. } => {
                 self.frame(&at("on"), frame, model);
-                force.iter().for_each(|f| self.motion(&at("force"), f, model));
+                for f in force {
+                    self.motion(&at("force"), f, model);
+                }
             }
             ForceKind::Torque { torque, .. } => {
-                torque.iter().for_each(|f| self.motion(&at("torque"), f, model));
+                for f in torque {
+                    self.motion(&at("torque"), f, model);
+                }
             }
         }
     }

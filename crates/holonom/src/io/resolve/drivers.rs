@@ -33,7 +33,7 @@ impl<'a> Context<'a> {
         driver: &'a schema::Driver,
         joints: &[Joint],
     ) -> Option<[Frame; 2]> {
-        match (&driver.joint, &driver.between, &driver.on) {
+        match (&driver.joint, driver.between.as_ref(), driver.on.as_ref()) {
             (Some(joint), None, None) => self.frames_of_joint(item, driver, joint, joints),
             (None, Some(names), None) => {
                 let bodies = self.between(item, names)?;
@@ -115,7 +115,7 @@ impl<'a> Context<'a> {
         let points = if rotation && !has_point {
             Some([[0.0; 3]; 2])
         } else {
-            self.shared_point(item, bodies, &driver.point, &driver.points_in_body)
+            self.shared_point(item, bodies, driver.point.as_ref(), driver.points_in_body.as_ref())
         };
         if rotation && self.planar() {
             for (field, stated) in
@@ -131,7 +131,8 @@ impl<'a> Context<'a> {
             }
             return Some(plain_frames(bodies, points?));
         }
-        let axes = self.shared_axis(item, bodies, &driver.axis, &driver.axes_in_body)?;
+        let axes =
+            self.shared_axis(item, bodies, driver.axis.as_ref(), driver.axes_in_body.as_ref())?;
         let points = points?;
         Some(if self.planar() {
             self.frames(bodies, points, axes.map(planar_axes))

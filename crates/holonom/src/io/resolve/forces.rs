@@ -7,7 +7,7 @@ use crate::error::Code;
 use crate::io::names::suggestion;
 use crate::io::schema::{self, Components};
 use crate::math::TimeFunction;
-use crate::model::{ElasticLaw, Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
+use crate::model::{Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
 
 impl<'a> Context<'a> {
     pub(super) fn forces(&mut self) -> Vec<Force> {
@@ -27,7 +27,8 @@ impl<'a> Context<'a> {
             schema::Force::Rsda(f) => self.rsda(item, f),
             schema::Force::Maxwell(f) => {
                 let bodies = self.between(item, &f.between)?;
-                let points = self.two_points(item, bodies, &f.points, &f.points_in_body)?;
+                let points =
+                    self.two_points(item, bodies, f.points.as_ref(), f.points_in_body.as_ref())?;
                 Some(ForceKind::Maxwell {
                     frames: plain_frames(bodies, points),
                     stiffness: f.stiffness,
@@ -43,8 +44,8 @@ impl<'a> Context<'a> {
     }
 
     /// An element that does nothing is a mistake.
-    fn acts(&mut self, item: &str, law: Option<&ElasticLaw>, damping: f64) {
-        if law.is_none() && damping == 0.0 {
+    fn acts(&mut self, item: &str, elastic: bool, damping: f64) {
+        if !elastic && damping == 0.0 {
             let message = format!("`{item}` has neither `stiffness`, nor a law, nor `damping`");
             let help = "give at least one of them, or switch the item off with `enabled = false`";
             self.refuse(Code::MissingField, format!("{item}.stiffness"), message, help);
@@ -53,17 +54,18 @@ impl<'a> Context<'a> {
 
     fn tsda(&mut self, item: &str, f: &'a schema::Tsda) -> Option<ForceKind> {
         let bodies = self.between(item, &f.between)?;
-        let points = self.two_points(item, bodies, &f.points, &f.points_in_body);
-        let law = self.law(item, f.stiffness, ("force", &f.force))?;
-        self.acts(item, law.as_ref(), f.damping);
-        if law.is_some() && f.free_length.is_none() {
+        let points = self.two_points(item, bodies, f.points.as_ref(), f.points_in_body.as_ref());
+        let law = self.law(item, f.stiffness, ("force", f.force.as_ref()));
+        let elastic = f.stiffness.is_some() || f.force.is_some();
+        self.acts(item, elastic, f.damping);
+        if elastic && f.free_length.is_none() {
             let message = format!("`{item}` has no `free_length`; expected a number (m)");
             let help = "the length at which the elastic force is zero";
             self.refuse(Code::MissingField, format!("{item}.free_length"), message, help);
         }
         Some(ForceKind::Tsda {
             frames: plain_frames(bodies, points?),
-            law: law.unwrap_or(ElasticLaw::Linear(0.0)),
+            law: law?,
             damping: f.damping,
             free_length: f.free_length.unwrap_or(0.0),
         })
@@ -71,22 +73,21 @@ impl<'a> Context<'a> {
 
     fn rsda(&mut self, item: &str, f: &'a schema::Rsda) -> Option<ForceKind> {
         let bodies = self.between(item, &f.between)?;
-        let law = self.law(item, f.stiffness, ("torque", &f.torque))?;
-        self.acts(item, law.as_ref(), f.damping);
+        let law = self.law(item, f.stiffness, ("torque", f.torque.as_ref()));
+        self.acts(item, f.stiffness.is_some() || f.torque.is_some(), f.damping);
         let points = [[0.0; 3]; 2];
         let frames = if self.planar() {
             plain_frames(bodies, points)
         } else {
-            let axes = self.shared_axis(item, bodies, &f.axis, &f.axes_in_body)?;
+            let axes = self.shared_axis(item, bodies, f.axis.as_ref(), f.axes_in_body.as_ref())?;
             self.frames_about(bodies, points, axes)
         };
-        let law = law.unwrap_or(ElasticLaw::Linear(0.0));
-        Some(ForceKind::Rsda { frames, law, damping: f.damping, free_angle: f.free_angle })
+        Some(ForceKind::Rsda { frames, law: law?, damping: f.damping, free_angle: f.free_angle })
     }
 
     fn bushing(&mut self, item: &str, f: &'a schema::Bushing) -> Option<ForceKind> {
         let bodies = self.between(item, &f.between)?;
-        let points = self.shared_point(item, bodies, &f.point, &f.points_in_body);
+        let points = self.shared_point(item, bodies, f.point.as_ref(), f.points_in_body.as_ref());
         let axes = self.two_axes(item, f.axes);
         let stiffness = self.matrix(
             item,
@@ -100,9 +101,8 @@ impl<'a> Context<'a> {
             ("rotational_damping", f.rotational_damping),
             ("damping_matrix", f.damping_matrix),
         );
-        let (stiffness, damping) = (stiffness?, damping?);
         if stiffness.iter().chain(&damping).flatten().all(|x| *x == 0.0) {
-            self.acts(item, None, 0.0);
+            self.acts(item, false, 0.0);
         }
         let axes = axes?;
         Some(ForceKind::Bushing {
@@ -119,7 +119,7 @@ impl<'a> Context<'a> {
         (along_name, along): (&str, Option<[f64; 3]>),
         (about_name, about): (&str, Option<[f64; 3]>),
         (matrix_name, matrix): (&str, Option<[[f64; 6]; 6]>),
-    ) -> Option<[[f64; 6]; 6]> {
+    ) -> [[f64; 6]; 6] {
         if let Some(matrix) = matrix {
             for (name, stated) in [(along_name, along), (about_name, about)] {
                 if stated.is_some() {
@@ -128,7 +128,7 @@ impl<'a> Context<'a> {
                     self.refuse(Code::ConflictingFields, path, message, "leave one of them out");
                 }
             }
-            return Some(matrix);
+            return matrix;
         }
         let mut out = [[0.0; 6]; 6];
         for (offset, name, stated) in [(0, along_name, along), (3, about_name, about)] {
@@ -141,12 +141,12 @@ impl<'a> Context<'a> {
                 out[offset + i][offset + i] = value.max(0.0); // a refused value is reported once
             }
         }
-        Some(out)
+        out
     }
 
     fn tyre(&mut self, item: &str, f: &'a schema::Tyre) -> Option<ForceKind> {
-        let body = self.moving_body(&format!("{item}.on"), &f.on)?;
-        let point = self.one_point(item, body, &f.point, &f.point_in_body);
+        let body = self.moving_body(&format!("{item}.on"), f.on.as_ref())?;
+        let point = self.one_point(item, body, f.point.as_ref(), f.point_in_body.as_ref());
         let road = self.file.roads.get(&f.road).map(road);
         if road.is_none() {
             let path = format!("{item}.road");
@@ -170,7 +170,11 @@ impl<'a> Context<'a> {
     }
 
     fn lateral(&mut self, path: &str, body: usize, f: &'a schema::Lateral) -> Option<LateralTyre> {
-        let axis = match self.one_of(path, ("axis", &f.axis), ("axis_in_body", &f.axis_in_body))? {
+        let axis = match self.one_of(
+            path,
+            ("axis", f.axis.as_ref()),
+            ("axis_in_body", f.axis_in_body.as_ref()),
+        )? {
             Choice::First(&axis) => {
                 let axis = self.direction(&format!("{path}.axis"), axis)?;
                 self.pose(Some(body)).direction_to_body(axis)
@@ -185,8 +189,8 @@ impl<'a> Context<'a> {
     }
 
     fn point_force(&mut self, item: &str, f: &'a schema::PointForce) -> Option<ForceKind> {
-        let body = self.moving_body(&format!("{item}.on"), &f.on)?;
-        let point = self.one_point(item, body, &f.point, &f.point_in_body);
+        let body = self.moving_body(&format!("{item}.on"), f.on.as_ref())?;
+        let point = self.one_point(item, body, f.point.as_ref(), f.point_in_body.as_ref());
         let force = self.components(&format!("{item}.force"), &f.force, ("direction", f.direction));
         Some(ForceKind::PointForce {
             frame: plain_frame(Some(body), point?),
@@ -196,10 +200,11 @@ impl<'a> Context<'a> {
     }
 
     fn torque(&mut self, item: &str, f: &'a schema::Torque) -> Option<ForceKind> {
-        let [reaction, body] = match self.one_of(item, ("on", &f.on), ("between", &f.between))? {
-            Choice::First(name) => [None, Some(self.moving_body(&format!("{item}.on"), name)?)],
-            Choice::Second(names) => self.between(item, names)?,
-        };
+        let [reaction, body] =
+            match self.one_of(item, ("on", f.on.as_ref()), ("between", f.between.as_ref()))? {
+                Choice::First(name) => [None, Some(self.moving_body(&format!("{item}.on"), name)?)],
+                Choice::Second(names) => self.between(item, names)?,
+            };
         let path = format!("{item}.torque");
         let torque = match (&f.torque, self.planar()) {
             (Components::Along(motion), true) => {

@@ -39,24 +39,25 @@ impl<'a> Context<'a> {
     /// Axes of both frames are the ground axes in the design configuration.
     fn point_joint(&mut self, item: &str, j: &'a schema::PointJoint) -> Option<[Frame; 2]> {
         let bodies = self.between(item, &j.between);
-        let points = self.shared_point(item, bodies?, &j.point, &j.points_in_body)?;
+        let points =
+            self.shared_point(item, bodies?, j.point.as_ref(), j.points_in_body.as_ref())?;
         Some(self.frames(bodies?, points, [IDENTITY; 2]))
     }
 
     fn revolute(&mut self, item: &str, j: &'a schema::Revolute) -> Option<[Frame; 2]> {
         let bodies = self.between(item, &j.between)?;
-        let points = self.shared_point(item, bodies, &j.point, &j.points_in_body);
+        let points = self.shared_point(item, bodies, j.point.as_ref(), j.points_in_body.as_ref());
         if self.planar() {
             return Some(plain_frames(bodies, points?));
         }
-        let axes = self.shared_axis(item, bodies, &j.axis, &j.axes_in_body);
+        let axes = self.shared_axis(item, bodies, j.axis.as_ref(), j.axes_in_body.as_ref());
         Some(self.frames_about(bodies, points?, axes?))
     }
 
     fn axis_joint(&mut self, item: &str, j: &'a schema::AxisJoint) -> Option<[Frame; 2]> {
         let bodies = self.between(item, &j.between)?;
-        let points = self.shared_point(item, bodies, &j.point, &j.points_in_body);
-        let axes = self.shared_axis(item, bodies, &j.axis, &j.axes_in_body);
+        let points = self.shared_point(item, bodies, j.point.as_ref(), j.points_in_body.as_ref());
+        let axes = self.shared_axis(item, bodies, j.axis.as_ref(), j.axes_in_body.as_ref());
         let (points, axes) = (points?, axes?);
         if self.planar() {
             return Some(self.frames(bodies, points, axes.map(planar_axes)));
@@ -66,8 +67,12 @@ impl<'a> Context<'a> {
 
     fn universal(&mut self, item: &str, j: &'a schema::Universal) -> Option<[Frame; 2]> {
         let bodies = self.between(item, &j.between)?;
-        let points = self.shared_point(item, bodies, &j.point, &j.points_in_body);
-        let axes = match self.one_of(item, ("axes", &j.axes), ("axes_in_body", &j.axes_in_body))? {
+        let points = self.shared_point(item, bodies, j.point.as_ref(), j.points_in_body.as_ref());
+        let axes = match self.one_of(
+            item,
+            ("axes", j.axes.as_ref()),
+            ("axes_in_body", j.axes_in_body.as_ref()),
+        )? {
             Choice::Second(&axes) => self.axes_of_bodies(item, bodies, axes)?,
             Choice::First(&[first, second]) => {
                 let path = format!("{item}.axes");
@@ -101,7 +106,7 @@ impl<'a> Context<'a> {
 
     fn distance(&mut self, item: &str, j: &'a schema::Distance) -> Option<(JointKind, [Frame; 2])> {
         let bodies = self.between(item, &j.between)?;
-        let points = self.two_points(item, bodies, &j.points, &j.points_in_body)?;
+        let points = self.two_points(item, bodies, j.points.as_ref(), j.points_in_body.as_ref())?;
         let [a, b] = [0, 1].map(|side| self.pose(bodies[side]).point_to_ground(points[side]));
         let design = distance(a, b);
         let length = j.length.unwrap_or(design);

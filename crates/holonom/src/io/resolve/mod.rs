@@ -118,8 +118,8 @@ impl<'a> Context<'a> {
     fn one_of<A, B>(
         &mut self,
         item: &str,
-        (first_name, first): (&str, &'a Option<A>),
-        (second_name, second): (&str, &'a Option<B>),
+        (first_name, first): (&str, Option<&'a A>),
+        (second_name, second): (&str, Option<&'a B>),
     ) -> Option<Choice<'a, A, B>> {
         match (first, second) {
             (Some(a), None) => Some(Choice::First(a)),

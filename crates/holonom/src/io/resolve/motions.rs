@@ -7,7 +7,7 @@ use crate::io::schema::{self, Motion};
 use crate::math::{MonotoneCubic, TableError, TimeFunction};
 use crate::model::ElasticLaw;
 
-impl<'a> Context<'a> {
+impl Context<'_> {
     /// `scale` times a function of time.
     pub(super) fn motion(
         &mut self,
@@ -45,46 +45,40 @@ impl<'a> Context<'a> {
                 Some(TimeFunction::SmoothStep { from, to, start: f.start, end: f.end })
             }
             schema::TimeFunction::Table(f) => {
-                let (at, x, y) = self.columns(path, &f.table, &f.x, &f.y)?;
+                let (at, x, y) =
+                    self.columns(path, f.table.as_ref(), f.x.as_ref(), f.y.as_ref())?;
                 let function = TimeFunction::table(x, y.iter().map(|y| scale * y).collect());
                 self.table(&at, function)
             }
         }
     }
 
-    /// A law from a stiffness or a table; `None` when neither is given.
+    /// A law from a stiffness or a table; none where neither is given.
     pub(super) fn law(
         &mut self,
         item: &str,
         stiffness: Option<f64>,
-        (field, law): (&str, &Option<schema::Law>),
-    ) -> Option<Option<ElasticLaw>> {
-        match (stiffness, law) {
-            (None, None) => Some(None),
-            (Some(stiffness), None) => Some(Some(ElasticLaw::Linear(stiffness))),
-            (None, Some(law)) => {
-                let path = format!("{item}.{field}");
-                let (at, x, y) = self.columns(&path, &law.table, &law.x, &law.y)?;
-                let cubic = self.table(&at, MonotoneCubic::new(x, y))?;
-                Some(Some(ElasticLaw::Table(cubic)))
-            }
-            (Some(_), Some(_)) => {
-                let message =
-                    format!("`{item}` has both `stiffness` and `{field}`; expected one of them");
-                let path = format!("{item}.{field}");
-                self.refuse(Code::ConflictingFields, path, message, "leave one of them out");
-                None
-            }
+        (field, law): (&str, Option<&schema::Law>),
+    ) -> Option<ElasticLaw> {
+        let Some(law) = law else { return Some(ElasticLaw::Linear(stiffness.unwrap_or(0.0))) };
+        let path = format!("{item}.{field}");
+        if stiffness.is_some() {
+            let message =
+                format!("`{item}` has both `stiffness` and `{field}`; expected one of them");
+            self.refuse(Code::ConflictingFields, path, message, "leave one of them out");
+            return None;
         }
+        let (at, x, y) = self.columns(&path, law.table.as_ref(), law.x.as_ref(), law.y.as_ref())?;
+        self.table(&at, MonotoneCubic::new(x, y)).map(ElasticLaw::Table)
     }
 
     /// The columns of a named or inline table, and where they are written.
     fn columns(
         &mut self,
         path: &str,
-        table: &Option<String>,
-        x: &Option<Vec<f64>>,
-        y: &Option<Vec<f64>>,
+        table: Option<&String>,
+        x: Option<&Vec<f64>>,
+        y: Option<&Vec<f64>>,
     ) -> Option<(String, Vec<f64>, Vec<f64>)> {
         match (table, x, y) {
             (Some(name), None, None) => {

@@ -54,8 +54,8 @@ impl<'a> Context<'a> {
         &mut self,
         item: &str,
         bodies: [BodyIndex; 2],
-        point: &'a Option<Place>,
-        in_body: &'a Option<[Vector; 2]>,
+        point: Option<&'a Place>,
+        in_body: Option<&'a [Vector; 2]>,
     ) -> Option<Pair> {
         match self.one_of(item, ("point", point), ("points_in_body", in_body))? {
             Choice::Second(points) => Some(points.map(Vector::components)),
@@ -83,8 +83,8 @@ impl<'a> Context<'a> {
         &mut self,
         item: &str,
         bodies: [BodyIndex; 2],
-        points: &'a Option<[Place; 2]>,
-        in_body: &'a Option<[Vector; 2]>,
+        points: Option<&'a [Place; 2]>,
+        in_body: Option<&'a [Vector; 2]>,
     ) -> Option<Pair> {
         match self.one_of(item, ("points", points), ("points_in_body", in_body))? {
             Choice::Second(points) => Some(points.map(Vector::components)),
@@ -101,8 +101,8 @@ impl<'a> Context<'a> {
         &mut self,
         item: &str,
         body: usize,
-        point: &'a Option<Place>,
-        in_body: &'a Option<Vector>,
+        point: Option<&'a Place>,
+        in_body: Option<&'a Vector>,
     ) -> Option<Vec3> {
         match self.one_of(item, ("point", point), ("point_in_body", in_body))? {
             Choice::First(place) => self.place_on(&format!("{item}.point"), place, Some(body)),
@@ -130,8 +130,8 @@ impl<'a> Context<'a> {
         &mut self,
         item: &str,
         bodies: [BodyIndex; 2],
-        axis: &'a Option<Vector>,
-        in_body: &'a Option<[Vector; 2]>,
+        axis: Option<&'a Vector>,
+        in_body: Option<&'a [Vector; 2]>,
     ) -> Option<Pair> {
         match self.one_of(item, ("axis", axis), ("axes_in_body", in_body))? {
             Choice::First(&axis) => {

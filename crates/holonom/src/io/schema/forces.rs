@@ -8,6 +8,7 @@ use super::{Motion, Place, Vector, item};
 /// Forces by their `type`.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
+#[allow(clippy::large_enum_variant, reason = "lives for the reading of a file only")]
 pub(crate) enum Force {
     Tsda(Tsda),
     Rsda(Rsda),
@@ -234,6 +235,7 @@ item! {
 }
 
 item! {
+    #[allow(clippy::struct_field_names, reason = "names of the file")]
     /// A torque on a body, over time. Give `on`, or `between` for a motor: the torque acts on the
     /// second body and the opposite on the first.
     struct Torque {
