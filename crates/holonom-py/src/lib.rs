@@ -1,7 +1,44 @@
-//! Python binding of Holonom.
+//! Python binding of Holonom: conversions only. Text marked JSON in `_core.pyi` is made here.
+
+mod model;
+mod options;
+mod report;
+mod sink;
+mod state;
+
+use pyo3::create_exception;
+use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 
+create_exception!(_core, ModelError, PyException, "A model that cannot be used; JSON.");
+create_exception!(_core, SimulationError, PyException, "A run that cannot start; JSON.");
+
+/// JSON Schema of model files.
+#[pyfunction]
+fn schema() -> String {
+    holonom::io::json_schema()
+}
+
+/// Version of the core.
+#[pyfunction]
+fn version() -> &'static str {
+    env!("CARGO_PKG_VERSION")
+}
+
+/// JSON list of the integration codes.
+#[pyfunction]
+fn methods() -> String {
+    report::methods()
+}
+
 #[pymodule]
-fn _core(_module: &Bound<'_, PyModule>) -> PyResult<()> {
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("ModelError", module.py().get_type::<ModelError>())?;
+    module.add("SimulationError", module.py().get_type::<SimulationError>())?;
+    module.add_class::<model::CoreModel>()?;
+    module.add_function(wrap_pyfunction!(model::parse, module)?)?;
+    module.add_function(wrap_pyfunction!(schema, module)?)?;
+    module.add_function(wrap_pyfunction!(version, module)?)?;
+    module.add_function(wrap_pyfunction!(methods, module)?)?;
     Ok(())
 }

@@ -1,1 +1,5 @@
 //! Uses of a system beside a run: the stiffness spectrum.
+
+mod spectrum;
+
+pub use spectrum::{SpectrumError, spectrum};

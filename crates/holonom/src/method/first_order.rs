@@ -4,7 +4,7 @@ use super::ode::{EvaluationFailure, LinearizedOde, Ode};
 use super::weights::Weights;
 use crate::reduction::{Chart, Manifold, ReducedBlocks};
 use crate::system::State;
-use holonom_linalg::DenseLu;
+use holonom_linalg::{DenseLu, SingularMatrix};
 
 /// ẇ = (v̇, v̈(t, v, v̇, z), ż), with the solve (I − γhJ)⁻¹ by one matrix of order ndof:
 ///
@@ -168,6 +168,46 @@ impl FirstOrder {
         }
     }
 
+    /// J = g_w at the last linearization, by rows; for analysis, not for steps.
+    ///
+    /// # Errors
+    /// When M̂ is singular.
+    pub fn jacobian(&mut self) -> Result<Vec<f64>, EvaluationFailure> {
+        let ndof = self.manifold.chart().ndof();
+        let (n, b) = (self.dimension(), &self.blocks);
+        let mut j = vec![0.0; n * n];
+        for k in 0..ndof {
+            j[k * n + ndof + k] = 1.0;
+        }
+        if ndof > 0 {
+            self.mass_lu.factor(&b.mass).map_err(|e| singular_mass(&e))?;
+        }
+        for column in 0..n {
+            let mut force: Vec<f64> = (0..ndof)
+                .map(|row| {
+                    -match column {
+                        c if c < ndof => b.stiffness[row * ndof + c],
+                        c if c < 2 * ndof => b.damping[row * ndof + c - ndof],
+                        c => b.force_extra[(c - 2 * ndof) * ndof + row],
+                    }
+                })
+                .collect();
+            if ndof > 0 {
+                self.mass_lu.solve(&mut force);
+            }
+            for (row, x) in force.iter().enumerate() {
+                j[(ndof + row) * n + column] = *x;
+            }
+        }
+        for k in 0..b.extra_extra.len() {
+            let row = &mut j[(2 * ndof + k) * n..(2 * ndof + k + 1) * n];
+            row[..ndof].copy_from_slice(&b.extra_position[k * ndof..(k + 1) * ndof]);
+            row[ndof..2 * ndof].copy_from_slice(&b.extra_velocity[k * ndof..(k + 1) * ndof]);
+            row[2 * ndof + k] = b.extra_extra[k];
+        }
+        Ok(j)
+    }
+
     /// Reduced blocks of the last linearization.
     pub fn blocks(&self) -> &ReducedBlocks {
         &self.blocks
@@ -303,13 +343,17 @@ impl LinearizedOde for FirstOrder {
         let force = &mut head[ndof..];
         self.blocks.time_derivative(&mut self.manifold, &self.state, force, z);
         if ndof > 0 {
-            self.mass_lu.factor(&self.blocks.mass).map_err(|e| EvaluationFailure {
-                code: "simulation/singular-mass",
-                message: format!("the reduced mass matrix is singular: {e}"),
-            })?;
+            self.mass_lu.factor(&self.blocks.mass).map_err(|e| singular_mass(&e))?;
             self.mass_lu.solve(force);
         }
         Ok(())
+    }
+}
+
+fn singular_mass(e: &SingularMatrix) -> EvaluationFailure {
+    EvaluationFailure {
+        code: "simulation/singular-mass",
+        message: format!("the reduced mass matrix is singular: {e}"),
     }
 }
 

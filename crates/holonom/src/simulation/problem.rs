@@ -50,6 +50,13 @@ impl Problem {
         Self { model: Arc::new(model), system }
     }
 
+    /// The same problem with another start time, s.
+    pub fn starting_at(&self, t: f64) -> Self {
+        let mut model = self.model.as_ref().clone();
+        model.simulation.start_time = Some(t);
+        Self { model: Arc::new(model), system: self.system.clone() }
+    }
+
     /// The model.
     pub fn model(&self) -> &Model {
         &self.model

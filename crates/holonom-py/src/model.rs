@@ -1,0 +1,216 @@
+//! `CoreModel`: a document with the problem compiled from it.
+
+use crate::options::Choices;
+use crate::sink::{Callbacks, thread_time};
+use crate::state::{Rows, rows};
+use crate::{ModelError, SimulationError, report};
+use holonom::analysis::spectrum;
+use holonom::error::{Diagnostic, ModelErrors};
+use holonom::io::{Document, Syntax};
+use holonom::simulation::{Problem, RunError, run};
+use holonom::system::Channel;
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// A validated model.
+#[pyclass(frozen, module = "holonom._core")]
+pub(crate) struct CoreModel {
+    document: Document,
+    problem: Problem,
+    warnings: Vec<Diagnostic>,
+}
+
+fn refused(errors: &ModelErrors) -> PyErr {
+    ModelError::new_err(report::model_errors(errors))
+}
+
+/// Reads a model; `syntax` is "toml" or "json", `read` returns the text of an `extends` target.
+#[pyfunction]
+pub(crate) fn parse(
+    py: Python<'_>,
+    text: &str,
+    syntax: &str,
+    name: &str,
+    read: Py<PyAny>,
+) -> PyResult<CoreModel> {
+    let syntax = match syntax {
+        "toml" => Syntax::Toml,
+        "json" => Syntax::Json,
+        other => {
+            let message = format!("`syntax` is {other:?}; it must be \"toml\" or \"json\"");
+            return Err(PyValueError::new_err(message));
+        }
+    };
+    let mut resolver = |path: &str| {
+        read.call1(py, (path,))
+            .and_then(|text| text.extract::<String>(py))
+            .map_err(|error| error.value(py).to_string())
+    };
+    let document =
+        Document::parse(text, syntax, name, &mut resolver).map_err(|e| refused(&e))?;
+    let (model, warnings) = document.build().map_err(|e| refused(&e))?;
+    Ok(CoreModel { document, problem: Problem::new(model), warnings })
+}
+
+#[pymethods]
+impl CoreModel {
+    fn with_values(&self, values_json: &str) -> PyResult<Self> {
+        let values: serde_json::Map<String, serde_json::Value> = serde_json::from_str(values_json)
+            .map_err(|e| PyValueError::new_err(format!("values are not a JSON object: {e}")))?;
+        let values: Vec<(String, serde_json::Value)> = values.into_iter().collect();
+        let document = self.document.with_values(&values).map_err(|e| refused(&e))?;
+        let (model, warnings) = document.build().map_err(|e| refused(&e))?;
+        Ok(Self { document, problem: self.problem.with_model(model), warnings })
+    }
+
+    fn to_json(&self) -> String {
+        self.document.to_json()
+    }
+
+    fn hash(&self, py: Python<'_>) -> PyResult<String> {
+        let text = self.document.to_json();
+        py.import("hashlib")?
+            .call_method1("sha256", (text.as_bytes(),))?
+            .call_method0("hexdigest")?
+            .extract()
+    }
+
+    fn defaults(&self) -> String {
+        report::defaults(self.problem.model())
+    }
+
+    fn channels(&self) -> String {
+        report::channels(self.problem.channels())
+    }
+
+    fn warnings(&self) -> String {
+        report::warnings(&self.warnings)
+    }
+
+    fn check(&self, py: Python<'_>, spectrum: bool) -> PyResult<String> {
+        py.detach(|| {
+            let assembled = self.problem.assemble().map_err(|e| report::assembly_error(&e))?;
+            let values = if spectrum {
+                Some(self::spectrum(&assembled).map_err(|e| {
+                    report::assembly_error(&holonom::reduction::assembly::AssemblyError::Evaluation(
+                        holonom::error::EvaluationFailure {
+                            code: "simulation/spectrum",
+                            message: e.to_string(),
+                        },
+                    ))
+                })?)
+            } else {
+                None
+            };
+            let summary = self.problem.summary(&assembled);
+            Ok(report::check(&self.problem, &assembled, &summary, values))
+        })
+        .map_err(ModelError::new_err::<String>)
+    }
+
+    fn simulate(
+        &self,
+        py: Python<'_>,
+        options_json: &str,
+        start: Option<&Bound<'_, PyDict>>,
+        on_chunk: Py<PyAny>,
+        on_progress: Py<PyAny>,
+    ) -> PyResult<String> {
+        let refuse = |code: &str, message: &str, item: Option<&str>, help: &str| {
+            SimulationError::new_err(report::refusal(code, message, item, help))
+        };
+        let choices: Choices = serde_json::from_str(options_json)
+            .map_err(|e| refuse("simulation/option", &e.to_string(), None, ""))?;
+        let sizes = self.problem.system().structure().sizes;
+        let mut from = match start {
+            None => None,
+            Some(data) => {
+                let mut states = Rows::read(data, &sizes)?.states;
+                if states.len() != 1 {
+                    let message = format!("`start` holds {} states; it must hold one", states.len());
+                    return Err(PyValueError::new_err(message));
+                }
+                states.pop()
+            }
+        };
+        let mut problem = self.problem.clone();
+        if let Some(t) = choices.start_time() {
+            match &mut from {
+                Some(state) => state.t = t,
+                None => problem = problem.starting_at(t),
+            }
+        }
+        let first = from.as_ref().map_or_else(
+            || problem.model().simulation.start_time.unwrap_or(0.0),
+            |state| state.t,
+        );
+        let options = choices
+            .resolve(problem.model(), first)
+            .map_err(|(code, message)| refuse(code, &message, None, ""))?;
+        let channels: Vec<Channel> = options
+            .channels
+            .iter()
+            .filter_map(|name| problem.channels().iter().find(|c| c.name == *name).cloned())
+            .collect();
+        let mut sink = Callbacks {
+            on_chunk,
+            on_progress,
+            sizes,
+            channels,
+            error: None,
+            callback_seconds: 0.0,
+        };
+        let begun = thread_time(py);
+        let outcome = py.detach(|| run(&problem, &options, from.as_ref(), &mut sink));
+        let cpu_seconds = thread_time(py) - begun - sink.callback_seconds;
+        if let Some(error) = sink.error {
+            return Err(error);
+        }
+        match outcome {
+            Ok(summary) => {
+                let simulated = summary.end.t - first;
+                Ok(report::summary(&summary, options.code, cpu_seconds, simulated))
+            }
+            Err(RunError::Assembly(error)) => {
+                Err(ModelError::new_err(report::assembly_error(&error)))
+            }
+            Err(error) => {
+                let code = match &error {
+                    RunError::UnknownChannel { .. } => "simulation/unknown-channel",
+                    RunError::StartState { .. } => "simulation/start-state",
+                    _ => "simulation/option",
+                };
+                Err(refuse(code, &error.to_string(), None, ""))
+            }
+        }
+    }
+
+    fn evaluate_channels<'py>(
+        &self,
+        py: Python<'py>,
+        names: Vec<String>,
+        state: &Bound<'py, PyDict>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let system = self.problem.system();
+        let states = Rows::read(state, &system.structure().sizes)?.states;
+        let out = PyDict::new(py);
+        for name in names {
+            let channel = self
+                .problem
+                .channels()
+                .iter()
+                .find(|c| c.name == name)
+                .ok_or_else(|| PyRuntimeError::new_err(format!("there is no channel `{name}`")))?;
+            let size = channel.size();
+            let mut values = vec![0.0; size * states.len()];
+            py.detach(|| {
+                for (row, state) in values.chunks_exact_mut(size).zip(&states) {
+                    system.channel(channel, state, row);
+                }
+            });
+            out.set_item(&channel.name, rows(py, &values, states.len(), &channel.shape)?)?;
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,103 @@
+//! Options of a run: those of the call, then those of the model file, then defaults.
+
+use holonom::method::Code;
+use holonom::model::{Model, Tolerance};
+use holonom::simulation::{Options, OutputTimes};
+use serde::Deserialize;
+
+/// Choices of one call; what is absent comes from the model.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Choices {
+    start_time: Option<f64>,
+    end_time: Option<f64>,
+    tolerance: Option<Parts>,
+    method: Option<String>,
+    formula: Option<String>,
+    interval: Option<f64>,
+    output_times: Option<Vec<f64>>,
+    channels: Option<Vec<String>>,
+    fixed_step: Option<f64>,
+    max_step: Option<f64>,
+    initial_step: Option<f64>,
+    max_steps: Option<u64>,
+    max_seconds: Option<f64>,
+    repartition_factor: Option<f64>,
+    profile: Option<String>,
+}
+
+#[derive(Debug, Clone, Copy, Deserialize)]
+struct Parts {
+    relative: f64,
+    translation: f64,
+    rotation: f64,
+}
+
+/// Why choices cannot be used: code and message.
+pub(crate) type Refusal = (&'static str, String);
+
+impl Choices {
+    pub(crate) fn start_time(&self) -> Option<f64> {
+        self.start_time
+    }
+
+    /// Options of the run; `start` is its first time.
+    pub(crate) fn resolve(self, model: &Model, start: f64) -> Result<Options, Refusal> {
+        let file = &model.simulation;
+        let Some(end_time) = self.end_time.or(file.end_time) else {
+            let message = "no `end_time`: state it in the call or under [simulation]".into();
+            return Err(("simulation/option", message));
+        };
+        let mut options = Options::new(end_time);
+        if let Some(tolerance) = self
+            .tolerance
+            .map(|p| Tolerance {
+                relative: p.relative,
+                translation: p.translation,
+                rotation: p.rotation,
+            })
+            .or(file.tolerance)
+        {
+            options.tolerance = tolerance;
+        }
+        // A method of the call replaces the file's pair, not half of it.
+        let (method, formula) = if self.method.is_some() {
+            (self.method, self.formula)
+        } else {
+            (file.method.clone(), self.formula.or(file.formula.clone()))
+        };
+        if method.is_some() || formula.is_some() {
+            let family = method.as_deref().unwrap_or("first_order");
+            options.code = Code::find(family, formula.as_deref())
+                .map_err(|e| ("simulation/unknown-method", e.to_string()))?;
+        }
+        if let Some(profile) = self.profile.as_deref()
+            && profile != "improved"
+        {
+            let message = format!("unknown profile `{profile}`; known is improved");
+            return Err(("simulation/option", message));
+        }
+        options.output = match (self.output_times, self.interval.or(model.outputs.interval)) {
+            (Some(times), _) => OutputTimes::Listed(times),
+            (None, Some(interval)) => OutputTimes::Interval(interval),
+            (None, None) if end_time > start => {
+                OutputTimes::Interval((end_time - start) / DEFAULT_OUTPUTS)
+            }
+            (None, None) => OutputTimes::Listed(vec![start]),
+        };
+        options.channels = self.channels.unwrap_or_else(|| model.outputs.channels.clone());
+        options.fixed_step = self.fixed_step.or(file.fixed_step);
+        options.max_step = self.max_step.or(file.max_step).unwrap_or(options.max_step);
+        options.initial_step = self.initial_step.or(file.initial_step);
+        options.max_steps = self.max_steps.or(file.max_steps).unwrap_or(options.max_steps);
+        options.max_seconds = self.max_seconds.or(file.max_seconds).unwrap_or(options.max_seconds);
+        options.repartition_factor = self
+            .repartition_factor
+            .or(file.repartition_factor)
+            .unwrap_or(options.repartition_factor);
+        Ok(options)
+    }
+}
+
+/// Output rows when no interval is stated.
+const DEFAULT_OUTPUTS: f64 = 200.0;

@@ -1,0 +1,190 @@
+//! Plain data of the core as JSON.
+
+use holonom::error::{Diagnostic, ModelErrors};
+use holonom::method::{CODES, Code};
+use holonom::model::{Dimension, Model};
+use holonom::reduction::assembly::{Assembled, AssemblyError};
+use holonom::simulation::{ModelSummary, Problem, Status, Summary};
+use holonom::system::Channel;
+use serde_json::{Value, json};
+
+pub(crate) fn methods() -> String {
+    let list: Vec<Value> = CODES
+        .iter()
+        .map(|i| json!({"name": i.name, "title": i.title, "family": i.family, "formula": i.formula}))
+        .collect();
+    Value::from(list).to_string()
+}
+
+fn diagnostic(d: &Diagnostic) -> Value {
+    let at = d.location.as_ref();
+    json!({
+        "code": d.code.as_str(), "message": d.message, "path": d.path, "help": d.help,
+        "file": at.map(|l| l.file.clone()), "line": at.map(|l| l.line),
+        "column": at.map(|l| l.column), "expected": "",
+    })
+}
+
+pub(crate) fn model_errors(errors: &ModelErrors) -> String {
+    let list: Vec<Value> = errors.errors.iter().map(diagnostic).collect();
+    json!({"errors": list, "omitted": errors.omitted, "rendered": errors.render()}).to_string()
+}
+
+/// A model that is well-formed but cannot be assembled.
+pub(crate) fn assembly_error(error: &AssemblyError) -> String {
+    let item = error.item().unwrap_or("");
+    let (code, message, help) = (error.code(), error.to_string(), error.help());
+    let rendered = format!("error[{code}]: {message}\n  help: {help}\n");
+    json!({
+        "errors": [{
+            "code": code, "message": message, "path": item, "help": help,
+            "file": null, "line": null, "column": null, "expected": "",
+        }],
+        "omitted": 0, "rendered": rendered,
+    })
+    .to_string()
+}
+
+pub(crate) fn warnings(list: &[Diagnostic]) -> String {
+    Value::from(list.iter().map(diagnostic).collect::<Vec<_>>()).to_string()
+}
+
+pub(crate) fn channels(list: &[Channel]) -> String {
+    let list: Vec<Value> = list
+        .iter()
+        .map(|c| json!({"name": c.name, "unit": c.unit, "frame": c.frame, "shape": c.shape}))
+        .collect();
+    Value::from(list).to_string()
+}
+
+pub(crate) fn defaults(model: &Model) -> String {
+    let s = &model.simulation;
+    json!({
+        "title": model.title,
+        "dimension": match model.dimension {
+            Dimension::Planar => "planar",
+            Dimension::Spatial => "spatial",
+        },
+        "start_time": s.start_time.unwrap_or(0.0),
+        "end_time": s.end_time,
+        "tolerance": s.tolerance.map(|t| json!({
+            "relative": t.relative, "translation": t.translation, "rotation": t.rotation,
+        })),
+        "method": s.method.clone().unwrap_or_else(|| Code::ForSdirk.info().name.into()),
+        "formula": s.formula,
+        "interval": model.outputs.interval,
+        "channels": model.outputs.channels,
+        "n_bodies": model.bodies.len(),
+    })
+    .to_string()
+}
+
+pub(crate) fn check(
+    problem: &Problem,
+    assembled: &Assembled,
+    summary: &ModelSummary,
+    spectrum: Option<Vec<(f64, f64)>>,
+) -> String {
+    let model = problem.model();
+    let redundant: Vec<Value> =
+        summary.redundant.iter().map(|(j, r)| json!({"joint": j, "row": r})).collect();
+    let adjustments: Vec<Value> = assembled
+        .adjustments
+        .iter()
+        .map(|a| {
+            json!({
+                "body": a.body, "translation": a.translation, "rotation": a.rotation,
+                "velocity": a.velocity, "angular_velocity": a.angular_velocity,
+            })
+        })
+        .collect();
+    json!({
+        "bodies": summary.bodies, "joints": model.joints.len(), "forces": model.forces.len(),
+        "drivers": model.drivers.len(), "coordinates": summary.coordinates,
+        "constraint_rows": summary.rows, "joint_rows": summary.joint_rows,
+        "redundant": redundant, "dof": summary.ndof, "extra_states": summary.extra_states,
+        "characteristic_length": summary.characteristic_length,
+        "pivot_ratio": summary.pivot_ratio,
+        "independent_coordinates": summary.independent,
+        "adjustments": adjustments,
+        "initial_residuals": {
+            "position": assembled.stated_residuals.0, "velocity": assembled.stated_residuals.1,
+        },
+        "spectrum": spectrum.map(|s| s.iter().map(|(re, im)| json!([re, im])).collect::<Vec<_>>()),
+    })
+    .to_string()
+}
+
+pub(crate) fn summary(
+    summary: &Summary,
+    code: Code,
+    cpu_seconds: f64,
+    simulated: f64,
+) -> String {
+    let (s, e) = (&summary.statistics, &summary.energy);
+    let stop = &summary.stop;
+    let per_second = if simulated > 0.0 { cpu_seconds / simulated } else { 0.0 };
+    json!({
+        "status": summary.status.name(),
+        "stop_reason": if summary.status == Status::Completed { Value::Null } else { json!({
+            "code": stop.code, "message": stop.message, "time": stop.time,
+            "step_size": stop.step_size, "item": stop.item, "help": stop.help,
+        }) },
+        "method": code.info().name,
+        "dof": summary.ndof,
+        "end_time": summary.end.t,
+        "cpu_seconds": cpu_seconds,
+        "cpu_seconds_per_simulated_second": per_second,
+        "statistics": {
+            "steps": s.steps,
+            "rejected": s.rejected_error + s.rejected_newton + s.rejected_evaluation,
+            "rejected_error": s.rejected_error,
+            "rejected_newton": s.rejected_newton,
+            "rejected_evaluation": s.rejected_evaluation,
+            "evaluations": s.evaluations,
+            "jacobians": s.jacobians,
+            "factorizations": s.factorizations,
+            "iterations": s.iterations,
+            "reparametrizations": s.reparametrizations,
+            "position_recoveries": s.recoveries,
+            "position_corrections": s.corrections,
+            "constraint_factorizations": s.constraint_factorizations,
+            "acceleration_solves": s.accelerations,
+            "stiff_steps": s.stiff_steps,
+            "outputs": s.outputs,
+            "smallest_step": s.smallest_step,
+            "largest_step": s.largest_step,
+            "assembly_seconds": s.assembly_seconds,
+            "run_seconds": s.run_seconds,
+            "output_seconds": s.output_seconds,
+            "cpu_seconds": cpu_seconds,
+            "cpu_seconds_per_simulated_second": per_second,
+        },
+        "residuals": {
+            "position": s.position_residual,
+            "velocity": s.velocity_residual,
+            "largest_over_bound": s.residual_ratio,
+        },
+        "energy": {
+            "initial": e.start.kinetic + e.start.potential,
+            "kinetic": e.end.kinetic,
+            "potential": e.end.potential,
+            "total": e.end.kinetic + e.end.potential,
+            "dissipated": e.dissipated,
+            "driver_work": e.supplied,
+            "imbalance": e.imbalance,
+            "largest_imbalance": e.largest_imbalance,
+            "range": e.range,
+        },
+        "warnings": summary.warnings.iter()
+            .map(|w| json!({"code": "simulation/warning", "message": w, "path": ""}))
+            .collect::<Vec<_>>(),
+    })
+    .to_string()
+}
+
+pub(crate) fn refusal(code: &str, message: &str, item: Option<&str>, help: &str) -> String {
+    json!({"code": code, "message": message, "time": null, "item": item, "help": help,
+           "details": {}})
+    .to_string()
+}

@@ -1,0 +1,90 @@
+//! States between NumPy and the core.
+
+use holonom::system::{Ledger, Sizes, State};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArrayDyn};
+use pyo3::exceptions::{PyKeyError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+/// Rows of arrays as they come from a result.
+pub(crate) struct Rows {
+    pub(crate) states: Vec<State>,
+}
+
+fn array(data: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<Vec<f64>>> {
+    let Some(item) = data.get_item(name)? else { return Ok(None) };
+    let numpy = item.py().import("numpy")?;
+    let flat = numpy
+        .call_method1("ascontiguousarray", (item, "f8"))?
+        .extract::<PyReadonlyArrayDyn<'_, f64>>()?;
+    Ok(Some(flat.as_slice()?.to_vec()))
+}
+
+impl Rows {
+    /// Reads `count` states (as many as there are times) from arrays by name.
+    pub(crate) fn read(data: &Bound<'_, PyDict>, sizes: &Sizes) -> PyResult<Self> {
+        let time = array(data, "time")?
+            .ok_or_else(|| PyKeyError::new_err("the state has no entry `time`"))?;
+        let count = time.len();
+        let mut states = vec![State::zeros(sizes); count];
+        for (state, t) in states.iter_mut().zip(time) {
+            state.t = t;
+        }
+        let n = sizes.coordinates;
+        for (name, size, required) in [
+            ("q", n, true),
+            ("qd", n, true),
+            ("qdd", n, false),
+            ("lambda", sizes.rows, false),
+            ("z", sizes.extra_states, sizes.extra_states > 0),
+            ("winding", sizes.windings, sizes.windings > 0),
+            ("ledger", 3, false),
+        ] {
+            let Some(values) = array(data, name)? else {
+                if required {
+                    return Err(PyKeyError::new_err(format!("the state has no entry `{name}`")));
+                }
+                continue;
+            };
+            if values.len() != size * count {
+                return Err(PyValueError::new_err(format!(
+                    "`{name}` has {} numbers for {count} states of {size}: not of this model",
+                    values.len()
+                )));
+            }
+            if size == 0 {
+                continue;
+            }
+            for (state, row) in states.iter_mut().zip(values.chunks_exact(size)) {
+                match name {
+                    "q" => state.q.copy_from_slice(row),
+                    "qd" => state.v.copy_from_slice(row),
+                    "qdd" => state.a.copy_from_slice(row),
+                    "lambda" => state.lambda.copy_from_slice(row),
+                    "z" => state.z.copy_from_slice(row),
+                    "winding" => state.winding.copy_from_slice(row),
+                    _ => {
+                        state.ledger =
+                            Ledger { initial: row[0], dissipated: row[1], supplied: row[2] };
+                    }
+                }
+            }
+        }
+        if states.iter().flat_map(|s| s.q.iter().chain(&s.v)).any(|x| !x.is_finite()) {
+            return Err(PyValueError::new_err("the state holds a number that is not finite"));
+        }
+        Ok(Self { states })
+    }
+}
+
+/// An array of rows with the given shape of one row.
+pub(crate) fn rows<'py>(
+    py: Python<'py>,
+    values: &[f64],
+    count: usize,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    let mut full = vec![count];
+    full.extend_from_slice(shape);
+    Ok(PyArray1::from_slice(py, values).reshape(full)?.into_any())
+}
