@@ -1,1 +1,179 @@
+//! Elements at the edges of what they allow: several turns, no length, off the road.
 
+use std::f64::consts::TAU;
+
+use super::constraints::{driver, joint};
+use super::forces::{At, named};
+use super::*;
+use crate::elements::{
+    ConstraintElement, ForceBlocks, ForceElement, ForceOutput, planar as plane, spatial,
+};
+use crate::model::{DriverKind, ElasticLaw, ForceKind, JointKind, Road, Tyre};
+
+const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+fn origin() -> Frame {
+    Frame { body: Some(0), point: [0.0; 3], axes: IDENTITY }
+}
+
+fn still<const N: usize>(q: Pair<f64, N>) -> At<f64, N> {
+    At { t: 0.0, q, v: [[0.0; N]; 2], z: 0.0, winding: 0.0 }
+}
+
+fn evaluate<const N: usize>(e: &impl ForceElement<N>, at: &At<f64, N>) -> Pair<f64, N> {
+    let mut out = ForceOutput::zero();
+    e.evaluate(&at.input(), &mut out);
+    out.q
+}
+
+#[test] // independent truth: the angle that was set, and the spring's torque −k θ
+fn rotational_spring_keeps_its_winding_over_several_turns() {
+    let frames = [origin(), origin()];
+    let law = ElasticLaw::Linear(3.0);
+    let kind = ForceKind::Rsda { frames, law, damping: 0.0, free_angle: 0.0 };
+    let e = spatial::Force::new(&named(kind.clone()), [[0.0; 3]; 2]);
+    let flat = plane::Force::new(&named(kind), [[0.0; 3]; 2]);
+    assert!(e.counts_turns());
+    for direction in [1.0, -1.0] {
+        let mut winding = 0.0;
+        for k in 0..200 {
+            let angle = direction * 0.2 * f64::from(k);
+            let p = turn(&[0.0, 0.0, 1.0], angle);
+            let q = [spatial::GROUND, [0.0, 0.0, 0.0, p[0], p[1], p[2], p[3]]];
+            let at = At { winding, ..still(q) };
+            winding = e.angle(refs(&q), winding);
+            assert!((winding - angle).abs() < 1e-12, "{winding} {angle}");
+            // torque about z from Q_p = 2 Eᵀ n
+            let force = evaluate(&e, &at)[1];
+            let n = crate::math::spatial::e_times(&p, &[force[3], force[4], force[5], force[6]]);
+            assert!((0.5 * n[2] + 3.0 * angle).abs() < 1e-11);
+            let plain = evaluate(&flat, &still([[0.0; 3], [0.0, 0.0, angle]]));
+            assert!((plain[1][2] + 3.0 * angle).abs() < 1e-12);
+            let energy = e.energy(&at.input()).potential;
+            assert!((energy - 1.5 * angle * angle).abs() < 1e-9);
+        }
+        assert!(winding.abs() > 6.0 * TAU);
+    }
+}
+
+#[test] // independent truth: the angle by hand
+fn planar_angles_count_from_the_design_configuration() {
+    // a body whose design angle is 3.5 rad: its frame's axes in the body are turned by −3.5
+    let (s, c) = (-3.5_f64).sin_cos();
+    let turned = Frame { axes: [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], ..origin() };
+    let frames = [origin(), turned];
+    let pin = plane::Constraint::joint(&joint(JointKind::Revolute, frames), [[0.0; 3]; 2])
+        .with_design_angles([0.0, 3.5]);
+    let law = ElasticLaw::Linear(2.0);
+    let kind = ForceKind::Rsda { frames, law, damping: 0.0, free_angle: 0.0 };
+    let spring = plane::Force::new(&named(kind), [[0.0; 3]; 2]).with_design_angles([0.0, 3.5]);
+    for angle in [0.0, 0.7, -9.0, 20.0] {
+        let q = [[0.0; 3], [0.0, 0.0, 3.5 + angle]];
+        let mut out = [0.0];
+        pin.quantity(0, refs(&q), refs(&[[0.0; 3]; 2]), &mut out);
+        assert!((out[0] - angle).abs() < 1e-13);
+        assert!((evaluate(&spring, &still(q))[1][2] + 2.0 * angle).abs() < 1e-12);
+    }
+    // a fixed joint does not care about whole turns of its bodies
+    let weld = plane::Constraint::joint(&joint(JointKind::Fixed, frames), [[0.0; 3]; 2]);
+    let mut u = [0.0; 6];
+    weld.value(refs(&[[0.0; 3], [0.0, 0.0, 3.5 + TAU]]), &mut u);
+    assert!(u[2].abs() < 1e-14);
+}
+
+#[test] // independent truth: the angle and displacement that were set, and the function's own slope
+fn drivers_measure_the_motion_they_prescribe() {
+    let frames = [origin(), origin()];
+    let rotation =
+        spatial::Constraint::driver(&driver(DriverKind::Rotation, frames), [[0.0; 3]; 2]);
+    let shift =
+        spatial::Constraint::driver(&driver(DriverKind::Translation, frames), [[0.0; 3]; 2]);
+    assert!(rotation.wraps() && !shift.wraps());
+    for angle in [-2.9, -0.4, 1.3, 2.9] {
+        let p = turn(&[0.0, 0.0, 1.0], angle);
+        let q = [spatial::GROUND, [0.3, 0.2, angle, p[0], p[1], p[2], p[3]]];
+        let mut u = [0.0; 6];
+        rotation.value(refs(&q), &mut u);
+        assert!((u[0] - angle).abs() < 1e-14);
+        shift.value(refs(&q), &mut u);
+        assert!((u[0] - angle).abs() < 1e-14);
+    }
+    let d = rotation.drive(0.4).unwrap();
+    for k in 0..3 {
+        let slope = richardson(1e-3, |s| vec![rotation.drive(0.4 + s).unwrap()[k]])[0];
+        assert!((slope - d[k + 1]).abs() < 1e-8);
+    }
+    let pin = spatial::Constraint::joint(&joint(JointKind::Revolute, frames), [[0.0; 3]; 2]);
+    assert_eq!(pin.drive(0.4), None);
+}
+
+fn spring(free_length: f64) -> ForceKind {
+    let law = ElasticLaw::Linear(1000.0);
+    ForceKind::Tsda { frames: [origin(), origin()], law, damping: 5.0, free_length }
+}
+
+#[test] // independent truth: a spring without free length is the linear force −k d
+fn spring_without_free_length_is_linear_down_to_no_length() {
+    let e = plane::Force::new(&named(spring(0.0)), [[0.0; 3]; 2]);
+    for d in [[0.0, 0.0], [1e-14, 0.0], [1e-9, -2e-9], [0.3, -0.4]] {
+        let at = still([[0.0; 3], [d[0], d[1], 0.3]]);
+        let q = evaluate(&e, &at);
+        for k in 0..2 {
+            assert!((q[1][k] + 1000.0 * d[k]).abs() <= 1e-12 * d[k].abs() * 1000.0);
+        }
+        let mut blocks = ForceBlocks::zero();
+        e.blocks(&at.input(), &mut blocks);
+        for i in 0..2 {
+            for j in 0..2 {
+                let expected = if i == j { 1000.0 } else { 0.0 };
+                assert!((blocks.k.0[1][1][i][j] - expected).abs() < 1e-9);
+                assert!((blocks.k.0[0][1][i][j] + expected).abs() < 1e-9);
+            }
+        }
+    }
+}
+
+#[test] // independent truth: the documented limit: no direction, no force, finite blocks
+fn springs_stay_finite_where_their_points_meet() {
+    let kinds = [
+        spring(0.5),
+        ForceKind::Maxwell {
+            frames: [origin(), origin()],
+            stiffness: 1000.0,
+            damping: 10.0,
+            free_length: 0.2,
+        },
+    ];
+    for kind in kinds {
+        let e = spatial::Force::new(&named(kind), [[0.0; 3]; 2]);
+        let mut at = still([spatial::GROUND, spatial::GROUND]);
+        at.v[1][0] = 2.0;
+        assert_eq!(evaluate(&e, &at), [[0.0; 7]; 2]);
+        let mut blocks = ForceBlocks::zero();
+        e.blocks(&at.input(), &mut blocks);
+        let all = blocks.k.0.as_flattened().as_flattened().as_flattened();
+        assert!(all.iter().all(|x| x.is_finite()));
+        assert!(blocks.c.0.as_flattened().as_flattened().as_flattened().iter().all(|x| *x == 0.0));
+    }
+}
+
+#[test] // independent truth: the law by hand at rest
+fn tyre_carries_its_law_and_none_off_the_road() {
+    let tyre = Tyre {
+        frame: origin(),
+        radius: 0.4699,
+        stiffness: 296325.0,
+        damping: 3502.0,
+        smoothing: 1e-3,
+        road: Road::Flat { height: 0.2 },
+        lateral: None,
+    };
+    let e = spatial::Force::new(&named(ForceKind::Tyre(tyre)), [[0.0; 3]; 2]);
+    let at = |z: f64| still([spatial::GROUND, [1.0, 2.0, z, 1.0, 0.0, 0.0, 0.0]]);
+    let on = evaluate(&e, &at(0.2 + 0.4699 - 0.02))[1];
+    let s = 0.5 * (0.02 + (0.02_f64.powi(2) + 1e-6).sqrt());
+    assert!((on[2] - 296325.0 * s).abs() < 1e-7);
+    assert_eq!([on[0], on[1]], [0.0, 0.0]);
+    let off = evaluate(&e, &at(2.0))[1];
+    assert!(off[2] > 0.0 && off[2] < 0.1, "what the smoothing leaves: {}", off[2]);
+}
