@@ -89,9 +89,9 @@ impl Force {
                 Self::PointForce(PointForce::new(frame, force, *axes, &centers))
             }
             ForceKind::Torque { torque, axes, .. } => Self::Torque(Torque::new(torque, *axes)),
-            ForceKind::Bushing { frames, stiffness, damping } => Self::Bushing(Box::new(
-                Bushing::new(&triads(frames, &centers), *stiffness, *damping),
-            )),
+            ForceKind::Bushing { frames, stiffness, damping } => {
+                Self::Bushing(Box::new(Bushing::new(&triads(frames, &centers), stiffness, damping)))
+            }
             ForceKind::Tyre(tyre) => Self::Tyre(Tyre::new(tyre, &centers)),
         }
     }

@@ -54,8 +54,8 @@ struct Deformation<T> {
 impl Bushing {
     pub(in crate::elements) fn new(
         frames: &[Triad<3>; 2],
-        stiffness: [[f64; 6]; 6],
-        damping: [[f64; 6]; 6],
+        stiffness: &[[f64; 6]; 6],
+        damping: &[[f64; 6]; 6],
     ) -> Self {
         let dots = frames[0].axes.map(Dot::along).to_vec();
         let translation = Measure::new([frames[0].point, frames[1].point], false, dots);
@@ -75,7 +75,7 @@ impl Bushing {
             }
         }
         let damped = damping.iter().flatten().any(|&c| c != 0.0);
-        Self { translation, forms, stiffness, damping, damped }
+        Self { translation, forms, stiffness: *stiffness, damping: *damping, damped }
     }
 
     /// R_k p_j (columns p_i) and R_kᵀ p_i (columns p_j).

@@ -93,7 +93,7 @@ impl Tyre {
     }
 
     #[inline(always)]
-    fn lateral<T: Real>(&self, law: &model::LateralTyre, contact: &Contact<T>) -> Lateral<T> {
+    fn lateral<T: Real>(law: &model::LateralTyre, contact: &Contact<T>) -> Lateral<T> {
         let axis = lift(&law.axis);
         let e = rotate(&contact.p, &axis);
         // the smallest number keeps a wheel that lies flat free of 0/0
@@ -137,7 +137,7 @@ impl Tyre {
     }
 
     fn with_lateral<T: Real>(&self, contact: &Contact<T>) -> Option<Lateral<T>> {
-        self.law.lateral.as_ref().map(|law| self.lateral(law, contact))
+        self.law.lateral.as_ref().map(|law| Self::lateral(law, contact))
     }
 }
 
