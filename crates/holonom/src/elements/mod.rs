@@ -6,7 +6,7 @@
 //! integration or files.
 
 mod angle;
-mod constraint;
+pub mod constraint;
 mod drivers;
 mod forces;
 mod joints;

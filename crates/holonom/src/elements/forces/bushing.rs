@@ -2,7 +2,7 @@ use super::quantity;
 use crate::elements::measure::{Dot, Measure};
 use crate::elements::space::{Spatial, Triad, euler};
 use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity, RowBlocks,
+    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, Quantity, RowBlocks,
 };
 use crate::math::Real;
 use crate::math::spatial::{conjugate, euler_parameters, product};
@@ -175,35 +175,36 @@ fn place(c: usize) -> (usize, usize) {
 
 /// out += leftᵀ right over the coordinates of both bodies.
 #[inline(always)]
-fn add_pair<T: Real>(
-    left: &Packed<T>,
-    right: &Packed<T>,
-    out: &mut crate::elements::PairBlocks<T, 7>,
-) {
-    for r in 0..PACKED {
+fn add_pair<T: Real>(left: &Packed<T>, right: &Packed<T>, out: &mut PairBlocks<T, 7>) {
+    let mut product = [[T::zero(); PACKED]; PACKED];
+    for k in 0..6 {
         // rows of rotations (3..6) do not depend on translations (columns 0..3)
-        let rows = if r < 3 { 3 } else { 6 };
-        let mut line = [T::zero(); PACKED];
-        for k in 0..rows {
+        for r in if k < 3 { 0 } else { 3 }..PACKED {
             let factor = left[k][r];
             for c in 0..PACKED {
-                line[c] += factor * right[k][c];
+                product[r][c] += factor * right[k][c];
             }
         }
+    }
+    for r in 0..PACKED {
         let (s, i) = place(r);
-        for c in 0..PACKED {
-            let (t, j) = place(c);
-            out.0[s][t][i][j] += line[c];
-            if c < 3 {
-                out.0[s][0][i][j] -= line[c];
-            }
-            if r < 3 {
-                out.0[0][t][i][j] -= line[c];
-                if c < 3 {
-                    out.0[0][0][i][j] += line[c];
-                }
-            }
+        add_row(&product[r], &mut out.0[s], i);
+        if r < 3 {
+            add_row(&product[r].map(|x| -x), &mut out.0[0], i);
         }
+    }
+}
+
+/// Adds a packed row to row `i` of the blocks of one side.
+#[inline(always)]
+fn add_row<T: Real>(row: &[T; PACKED], out: &mut [[[T; 7]; 7]; 2], i: usize) {
+    for k in 0..3 {
+        out[0][i][k] -= row[k];
+        out[1][i][k] += row[k];
+    }
+    for k in 3..7 {
+        out[0][i][k] += row[k];
+        out[1][i][k] += row[k + 4];
     }
 }
 
