@@ -12,25 +12,26 @@ pub fn trial_step(slope: f64, max_step: f64) -> f64 {
 /// Proposes the first step of a formula of order `order`.
 ///
 /// ```text
-/// τ = ‖g₀‖ / ‖dg/dt‖        error(h) ≈ ‖g₀‖ h (h/τ)ᵖ        error(h) = 0.01
+/// τ = min(‖g₀‖ / ‖dg/dt‖, 1 s)        error(h) ≈ ‖g₀‖ h (h/τ)ᵖ        error(h) = 0.01
 /// ```
 ///
 /// `slope` = ‖g₀‖ and `slope_rate` = ‖(g₁ − g₀)/h_trial‖ are in tolerances per unit of time. This is
 /// the rule of Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*, section II.4,
-/// with the scale of time made explicit, so that it does not depend on the unit of time.
+/// with the scale of time made explicit: theirs is 1 throughout. Here it is the limit, because a
+/// slope that happens not to change says nothing about the motion to come.
 pub fn starting_step(order: u32, slope: f64, slope_rate: f64, max_step: f64) -> f64 {
     if !(slope.is_finite() && slope_rate.is_finite()) {
         return (1e-6_f64).min(max_step);
     }
-    if slope_rate <= f64::MIN_POSITIVE {
-        return max_step; // nothing moves, or it moves uniformly: control will tell
+    if slope.max(slope_rate) <= f64::MIN_POSITIVE {
+        return (1e-3_f64).min(max_step); // nothing moves yet
     }
-    let p = f64::from(order);
     if slope <= f64::MIN_POSITIVE {
         return (0.01 / slope_rate).sqrt().min(max_step); // error(h) ≈ h² ‖dg/dt‖
     }
-    let tau = slope / slope_rate;
-    (tau * (0.01 / (slope * tau)).powf(1.0 / (p + 1.0))).min(max_step)
+    let tau = if slope < slope_rate { slope / slope_rate } else { 1.0 };
+    let power = 1.0 / (f64::from(order) + 1.0);
+    (tau * (0.01 / (slope * tau)).powf(power)).min(max_step)
 }
 
 #[cfg(test)]
@@ -42,18 +43,19 @@ mod tests {
         // Independent truth: the error model of the documentation, solved by hand.
         for (name, order, slope, rate, max, expected) in [
             ("order 1, τ = 1 s", 1, 1.0, 1.0, 9.0, 0.1),
-            ("order 3, τ = 2 s", 3, 8.0, 4.0, 9.0, 2.0 * (0.01_f64 / 16.0).powf(0.25)),
+            ("order 3, τ = 0.5 s", 3, 8.0, 16.0, 9.0, 0.5 * (0.01_f64 / 4.0).powf(0.25)),
             (
-                "the same in milliseconds",
+                "the same per hour",
                 3,
-                8.0e-3,
-                4.0e-6,
-                9e3,
-                2e3 * (0.01_f64 / 16.0).powf(0.25),
+                8.0 * 3600.0,
+                16.0 * 3600.0_f64.powi(2),
+                9.0,
+                0.5 / 3600.0 * (0.01_f64 / 4.0).powf(0.25),
             ),
+            ("uniform motion", 3, 100.0, 0.0, 9.0, 0.1),
             ("capped", 1, 1.0, 1.0, 0.05, 0.05),
-            ("uniform motion", 4, 3.0, 0.0, 0.7, 0.7),
             ("starts at rest", 4, 0.0, 1.0, 9.0, 0.1),
+            ("stays at rest", 4, 0.0, 0.0, 9.0, 1e-3),
             ("not a number", 4, f64::NAN, 1.0, 9.0, 1e-6),
         ] {
             let found = starting_step(order, slope, rate, max);

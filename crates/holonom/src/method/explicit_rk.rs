@@ -81,15 +81,15 @@ impl ExplicitRungeKuttaStepper {
         if self.pending { &self.current } else { &self.previous }
     }
 
-    /// All stages; `state` is then the end of the step.
-    fn stages(
+    /// All stages and their judgement; `state` is then the end of the step.
+    fn advance(
         &mut self,
         ode: &mut dyn LinearizedOde,
         t: f64,
         h: f64,
         w: &[f64],
         g: &[f64],
-    ) -> Result<(), Rejection> {
+    ) -> Result<(f64, StepVerdict), Rejection> {
         self.k[0].copy_from_slice(g);
         for i in 1..STAGES {
             self.state.copy_from_slice(w);
@@ -100,7 +100,12 @@ impl ExplicitRungeKuttaStepper {
             ode.derivative(t + self.formula.c[i] * h, &self.state, &mut self.k[i])
                 .map_err(Rejection::Evaluation)?;
         }
-        Ok(())
+        Self::combine(&mut self.work, h, &self.formula.e, &self.k);
+        let error = ode.norm(&self.work);
+        if self.options.fixed_step && error.is_finite() {
+            return Ok((error, StepVerdict::Accept { next: h }));
+        }
+        Ok((error, self.control.judge(h, error, &self.history)))
     }
 
     fn combine(work: &mut [f64], h: f64, weights: &[f64; STAGES], k: &[Vec<f64>; STAGES]) {
@@ -166,28 +171,17 @@ impl Stepper for ExplicitRungeKuttaStepper {
         self.commit();
         self.history_before = self.history;
         let mut report = StepReport::rejected(0.5 * h);
-        match self.stages(ode, t, h, w, g) {
-            Err(cause) => report.cause = Some(cause),
-            Ok(()) => {
-                Self::combine(&mut self.work, h, &self.formula.e, &self.k);
-                let error = ode.norm(&self.work);
-                let verdict = if self.options.fixed_step && error.is_finite() {
-                    StepVerdict::Accept { next: h }
-                } else {
-                    self.control.judge(h, error, &self.history)
-                };
-                match verdict {
-                    StepVerdict::Accept { next } => {
-                        self.finish(h, w);
-                        self.history.accept(h, error);
-                        report.accept(error, next.min(self.options.max_step));
-                    }
-                    StepVerdict::Reject { retry } => {
-                        (report.error, report.next_step) = (error, retry);
-                        report.cause = Some(Rejection::ErrorTooLarge);
-                    }
-                }
+        match self.advance(ode, t, h, w, g) {
+            Ok((error, StepVerdict::Accept { next })) => {
+                self.finish(h, w);
+                self.history.accept(h, error);
+                report.accept(error, next.min(self.options.max_step));
             }
+            Ok((error, StepVerdict::Reject { retry })) => {
+                (report.error, report.next_step) = (error, retry);
+                report.cause = Some(Rejection::ErrorTooLarge);
+            }
+            Err(cause) => report.cause = Some(cause),
         }
         if !report.accepted {
             self.history.reject();

@@ -13,7 +13,11 @@ pub mod stepper;
 mod weights;
 
 #[cfg(test)]
+mod adams_tests;
+#[cfg(test)]
 mod stepper_tests;
+#[cfg(test)]
+mod stiff_tests;
 #[cfg(test)]
 mod test_systems;
 

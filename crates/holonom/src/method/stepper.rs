@@ -134,7 +134,8 @@ pub struct StepperOptions {
     pub dead_band: f64,
     /// Step selection of implicit formulas by Gustafsson's predictive law.
     pub predictive: bool,
-    /// Error estimates are multiplied by (I − γh J)⁻¹, which bounds them on stiff components.
+    /// Error estimates are multiplied by (I − γh J)⁻¹, which bounds them on stiff components (by a
+    /// tenth of their size at least where the formula is not stiffly accurate).
     pub filter_error: bool,
 }
 
@@ -153,9 +154,17 @@ impl StepperOptions {
         }
     }
 
-    /// Reuse of linearizations and factorizations while the iteration is fast.
+    /// Reuse of linearizations and factorizations while the iteration is fast. The constants gave
+    /// the least work on stiff mechanical chains and on van der Pol's equation, with a
+    /// linearization at four evaluations.
     pub fn improved() -> Self {
-        Self { reuse_contraction: 1e-3, dead_band: 1.2, predictive: true, ..Self::thesis() }
+        Self {
+            newton: NewtonControl { kappa: 0.05, ..NewtonControl::default() },
+            reuse_contraction: 0.02,
+            dead_band: 1.2,
+            predictive: true,
+            ..Self::thesis()
+        }
     }
 
     /// Iteration constants in force.
