@@ -6,7 +6,7 @@ use crate::method::explicit_rk::ExplicitRungeKuttaStepper;
 use crate::method::ode::Ode;
 use crate::method::rosenbrock::RosenbrockStepper;
 use crate::method::sdirk::SdirkStepper;
-use crate::method::stepper::{Rejection, Stepper, StepperOptions};
+use crate::method::stepper::{Rejection, Stepper, StepperOptions, initial_step};
 use crate::method::test_systems::{
     DenseOde, distance, failure, kepler, kepler_solution, non_autonomous, non_autonomous_solution,
     run, run_with, van_der_pol,
@@ -339,4 +339,41 @@ fn steps_stay_below_the_largest_step() {
         let longest = run.steps.iter().copied().fold(0.0, f64::max);
         assert!(longest <= 0.05 * (1.0 + 1e-9) && run.accepted >= 60, "{}: {longest}", member.name);
     }
+}
+
+#[test] // a kinematic run: all motion is prescribed, nothing is integrated
+fn systems_without_unknowns_just_advance_in_time() {
+    for member in ALL {
+        let mut ode = DenseOde::new(0, |_, _, _| (), |_, _| Vec::new());
+        let options = StepperOptions { max_step: 0.5, ..StepperOptions::default() };
+        let mut stepper = (member.build)(0, options);
+        let run = run(&mut *stepper, &mut ode, 0.0, &[], 10.0, None);
+        assert_eq!(run.rejected(), 0, "{}", member.name);
+        assert!((20..40).contains(&run.accepted), "{}: {} steps", member.name, run.accepted);
+    }
+}
+
+#[test]
+fn the_first_step_avoids_failures_and_does_not_depend_on_the_origin() {
+    let first = |offset: f64, allowed: f64| {
+        let mut ode = DenseOde::fallible(
+            1,
+            move |t, y, g| {
+                g[0] = -3.0 * (y[0] - offset);
+                if t > allowed { Err(failure("test/late")) } else { Ok(()) }
+            },
+            |_, _| vec![vec![-3.0]],
+        )
+        .with_tolerance(0.0, 1e-6);
+        ode.set_weights(&[0.0]);
+        let mut scratch = [vec![0.0], vec![0.0]];
+        initial_step(&mut ode, 3, 0.0, &[offset + 1.0], &[-3.0], 1.0, &mut scratch)
+    };
+    // τ = 1/3 s, slope 3e6 tolerances per second.
+    let expected = (0.01 / (3e6 / 3.0_f64)).powf(0.25) / 3.0;
+    for (offset, allowed) in [(0.0, 1.0), (1e4, 1.0), (0.0, 1e-12)] {
+        let h = first(offset, allowed).unwrap();
+        assert!((h / expected - 1.0).abs() < 1e-2, "{h} instead of {expected}");
+    }
+    assert_eq!(first(0.0, -1.0), Err(failure("test/late")));
 }

@@ -107,7 +107,7 @@ impl Ode for DenseOde {
 
     fn norm(&mut self, change: &[f64]) -> f64 {
         let sum: f64 = change.iter().zip(&self.weights).map(|(c, s)| (c / s).powi(2)).sum();
-        (sum / self.n as f64).sqrt()
+        (sum / self.n.max(1) as f64).sqrt()
     }
 
     fn second_order_split(&self) -> usize {
