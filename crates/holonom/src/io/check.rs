@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 use super::limits;
 use super::names::{nearest, objection, suggestion};
 use super::schema::Dimension;
-use super::shape::{Field, Record, Shape, alternatives, describe, model_file};
+use super::shape::{Field, Record, Shape, Variant, alternatives, describe, model_file};
 use super::tree::{Node, Table, Value, join};
 use crate::error::{Code, Diagnostic};
 
@@ -120,7 +120,9 @@ impl Checker<'_> {
                 entries.map(|(i, n)| self.value(item, n, &format!("{path}[{i}]"), unit)).collect()
             }
             (Shape::Record(record), Value::Table(table)) => self.record(record, table, path),
-            (Shape::Tagged(_), Value::Table(table)) => self.tagged(shape, table, path),
+            (Shape::Tagged(tagged), Value::Table(table)) => {
+                self.tagged(&tagged.variants, table, path)
+            }
             (Shape::Map(item), Value::Table(table)) => self.map(item, table, path, unit),
             (Shape::Either(_), _) => self.either(shape, node, path, unit),
             _ => self.wrong_type(shape, node, path, unit),
@@ -186,8 +188,7 @@ impl Checker<'_> {
         }
     }
 
-    fn tagged(&mut self, shape: &Shape, table: &Table, path: &str) -> Json {
-        let Shape::Tagged(variants) = shape else { return Json::Null };
+    fn tagged(&mut self, variants: &[Variant], table: &Table, path: &str) -> Json {
         let exists = |of: Option<Dimension>| {
             of.is_none() || self.dimension.is_none() || of == self.dimension
         };
@@ -321,7 +322,7 @@ pub(super) fn kind_fits(shape: &Shape, node: &Node) -> bool {
         | (Shape::Text | Shape::Choice(_), Value::Text(_))
         | (Shape::List { .. }, Value::List(_))
         | (Shape::Record(_) | Shape::Tagged(_) | Shape::Map(_), Value::Table(_)) => true,
-        (Shape::Either(list), _) => list.iter().any(|(_, shape)| kind_fits(shape, node)),
+        (Shape::Either(either), _) => either.list.iter().any(|(_, shape)| kind_fits(shape, node)),
         _ => false,
     }
 }

@@ -11,6 +11,7 @@ pub mod limits;
 mod merge;
 mod names;
 mod read;
+mod reference;
 mod resolve;
 mod schema;
 mod set;
@@ -19,4 +20,5 @@ mod tree;
 
 pub use document::Document;
 pub use read::Syntax;
+pub use reference::reference_markdown;
 pub use schema::json_schema;

@@ -2,7 +2,7 @@
 
 use super::check::{COLLECTIONS, kind_fits};
 use super::names::suggestion;
-use super::shape::{Shape, model_file};
+use super::shape::{Shape, Tagged, model_file};
 use super::tree::{Entry, Node, Span, Step, Table, Value, join, parse_path};
 use crate::error::{Code, Diagnostic};
 
@@ -98,7 +98,7 @@ pub(super) fn set(
 fn fields(shape: Option<&Shape>, node: &Node) -> Vec<String> {
     match shape.map(|shape| fitting(shape, node)) {
         Some(Shape::Record(record)) => record.fields.iter().map(|f| f.name.clone()).collect(),
-        Some(Shape::Tagged(variants)) => {
+        Some(Shape::Tagged(Tagged { variants, .. })) => {
             let kind = node.field("type").and_then(Node::text);
             let variant = variants.iter().find(|v| Some(v.name.as_str()) == kind);
             variant.map_or(Vec::new(), |v| v.record.fields.iter().map(|f| f.name.clone()).collect())
@@ -111,7 +111,7 @@ fn fields(shape: Option<&Shape>, node: &Node) -> Vec<String> {
 fn inner<'a>(shape: &'a Shape, node: &Node, step: &Step) -> Option<&'a Shape> {
     match (fitting(shape, node), step) {
         (Shape::Record(record), Step::Field(name)) => Some(&record.field(name)?.shape),
-        (Shape::Tagged(variants), Step::Field(name)) => {
+        (Shape::Tagged(Tagged { variants, .. }), Step::Field(name)) => {
             let kind = node.field("type").and_then(Node::text)?;
             let variant = variants.iter().find(|v| v.name == kind)?;
             Some(&variant.record.field(name)?.shape)
@@ -125,8 +125,8 @@ fn inner<'a>(shape: &'a Shape, node: &Node, step: &Step) -> Option<&'a Shape> {
 
 fn fitting<'a>(shape: &'a Shape, node: &Node) -> &'a Shape {
     match shape {
-        Shape::Either(list) => {
-            list.iter().map(|(_, s)| s).find(|s| kind_fits(s, node)).unwrap_or(shape)
+        Shape::Either(either) => {
+            either.list.iter().map(|(_, s)| s).find(|s| kind_fits(s, node)).unwrap_or(shape)
         }
         shape => shape,
     }

@@ -25,18 +25,38 @@ pub(super) enum Shape {
     },
     Record(Record),
     /// A record whose fields depend on its `type`.
-    Tagged(Vec<Variant>),
+    Tagged(Tagged),
     /// Names of the user's choice.
     Map(Box<Shape>),
     /// The alternative whose dimension and kind fit.
-    Either(Vec<(Option<Dimension>, Shape)>),
+    Either(Either),
 }
 
 /// A table with known fields.
 #[derive(Debug, Clone)]
 pub(super) struct Record {
+    /// Title of the reference page.
+    pub(super) title: String,
     pub(super) doc: String,
     pub(super) fields: Vec<Field>,
+}
+
+/// Alternatives.
+#[derive(Debug, Clone)]
+pub(super) struct Either {
+    /// Name of this kind of value on the reference page; may be empty.
+    pub(super) title: String,
+    pub(super) doc: String,
+    pub(super) list: Vec<(Option<Dimension>, Shape)>,
+}
+
+/// Records by the value of their `type`.
+#[derive(Debug, Clone)]
+pub(super) struct Tagged {
+    /// Title of the reference page.
+    pub(super) title: String,
+    pub(super) doc: String,
+    pub(super) variants: Vec<Variant>,
 }
 
 /// A known field.
@@ -88,10 +108,14 @@ impl Compiler<'_> {
         }
         if let Some(list) = schema["anyOf"].as_array() {
             let alternatives = list.iter().flat_map(|alternative| match self.shape(alternative) {
-                Shape::Either(inner) => inner,
+                Shape::Either(inner) => inner.list,
                 shape => vec![(dimension(alternative), shape)],
             });
-            return Shape::Either(alternatives.collect());
+            return Shape::Either(Either {
+                title: text(&schema["title"]),
+                doc: doc(schema),
+                list: alternatives.collect(),
+            });
         }
         if let Some(list) = schema["oneOf"].as_array() {
             if list.iter().all(|choice| choice["const"].is_string()) {
@@ -107,7 +131,11 @@ impl Compiler<'_> {
                     record,
                 }
             });
-            return Shape::Tagged(variants.collect());
+            return Shape::Tagged(Tagged {
+                title: text(&schema["title"]),
+                doc: doc(schema),
+                variants: variants.collect(),
+            });
         }
         match schema["type"].as_str() {
             Some("number") => Shape::Number,
@@ -156,7 +184,7 @@ impl Compiler<'_> {
                 },
             }
         });
-        Record { doc: doc(schema), fields: fields.collect() }
+        Record { title: text(&schema["title"]), doc: doc(schema), fields: fields.collect() }
     }
 }
 
@@ -227,7 +255,7 @@ pub(super) fn describe(shape: &Shape, unit: Option<&str>, dimension: Option<Dime
 /// The alternatives that a model of this dimension has.
 pub(super) fn alternatives(shape: &Shape, dimension: Option<Dimension>) -> Vec<&Shape> {
     match shape {
-        Shape::Either(list) => {
+        Shape::Either(Either { list, .. }) => {
             let fits =
                 |of: &Option<Dimension>| of.is_none() || dimension.is_none() || *of == dimension;
             list.iter().filter(|(of, _)| fits(of)).map(|(_, shape)| shape).collect()

@@ -5,10 +5,11 @@ use serde::Deserialize;
 
 use super::{Motion, Place, Vector, item};
 
-/// Forces by their `type`.
+/// A force has a `type` and the fields of that type.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
 #[allow(clippy::large_enum_variant, reason = "lives for the reading of a file only")]
+#[schemars(title = "Forces")]
 pub(crate) enum Force {
     Tsda(Tsda),
     Rsda(Rsda),
@@ -24,6 +25,7 @@ pub(crate) enum Force {
 /// An elastic law through a table. Give `table`, or `x` and `y`.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Elastic law")]
 pub(crate) struct Law {
     /// Name of a table of the model.
     pub(crate) table: Option<String>,
@@ -198,6 +200,7 @@ fn millimetre() -> f64 {
 /// angle α = atan2(v_side, √(v_forward² + `regularization_speed`²)).
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Lateral tyre force")]
 pub(crate) struct Lateral {
     /// Lateral force by slip angle, not negative.
     #[schemars(extend("x-unit" = "N/rad"))]
@@ -256,9 +259,11 @@ item! {
     }
 }
 
-/// Components over time, or one function along a direction.
+/// Components over time, or one function along a direction: a [motion](#values) along the direction
+/// stated beside it, or a list of motions, one per axis (a planar torque: one motion, about z).
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(untagged)]
+#[schemars(title = "components")]
 pub(crate) enum Components {
     Along(Motion),
     #[schemars(extend("x-dimension" = "planar"))]
@@ -276,9 +281,11 @@ pub(crate) enum Axes {
     Body,
 }
 
-/// Road profiles by their `type`: height over x, the same for all y.
+/// A road profile is a height over x, the same for all y. It has a `type` and the fields of that
+/// type.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
+#[schemars(title = "Roads")]
 pub(crate) enum Road {
     Flat(Flat),
     SmoothBump(SmoothBump),

@@ -10,6 +10,7 @@ use super::{Motion, Place, Rotational, Vector, item};
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[allow(dead_code, reason = "values are put in place while the file is checked")]
+#[schemars(title = "Parameters")]
 pub(crate) struct Parameter {
     /// The number, in the unit of the fields that use it.
     pub(crate) value: f64,
@@ -22,6 +23,7 @@ pub(crate) struct Parameter {
 item! {
     /// A rigid body. Its frame (origin and axes) is yours to choose; the pose stated here is the
     /// design configuration.
+    #[schemars(title = "Bodies")]
     struct Body {
         /// Mass; zero is allowed where the other bodies give the motion a mass.
         #[schemars(extend("x-unit" = "kg"))]
@@ -54,6 +56,7 @@ item! {
 /// A named point of a body; give one of the two fields.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Markers")]
 pub(crate) struct Marker {
     /// The point in the design configuration, ground axes.
     #[schemars(extend("x-unit" = "m"))]
@@ -73,25 +76,32 @@ pub(crate) enum Inertia {
     Spatial([[f64; 3]; 3]),
 }
 
-/// Joints by their `type`.
+/// A joint has a `type` and the fields of that type.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
+#[schemars(title = "Joints")]
 pub(crate) enum Joint {
+    /// The second body keeps its design pose relative to the first.
     Fixed(PointJoint),
     Revolute(Revolute),
+    /// The second body slides along the axis and does not turn. The relative displacement is that of
+    /// the second point from the first along the axis.
     Translational(AxisJoint),
+    /// The second body slides along the axis and turns about it. The relative displacement is that of
+    /// the second point from the first along the axis, the relative angle is zero in the design
+    /// configuration.
     #[schemars(extend("x-dimension" = "spatial"))]
     Cylindrical(AxisJoint),
     #[schemars(extend("x-dimension" = "spatial"))]
     Universal(Universal),
+    /// The two bodies share a point and turn freely about it.
     #[schemars(extend("x-dimension" = "spatial"))]
     Spherical(PointJoint),
     Distance(Distance),
 }
 
 item! {
-    /// `fixed`: the second body keeps its design pose relative to the first. `spherical`: the two
-    /// bodies share a point and turn freely about it.
+    /// A joint at a point.
     struct PointJoint {
         /// First and second body; `"ground"` is one of them at most.
         pub(crate) between: [String; 2],
@@ -131,9 +141,7 @@ item! {
 }
 
 item! {
-    /// `translational`: the second body slides along the axis and does not turn. `cylindrical`: it
-    /// slides along the axis and turns about it. The relative displacement is that of the second
-    /// point from the first along the axis, the relative angle is zero in the design configuration.
+    /// A joint along an axis.
     struct AxisJoint {
         /// First and second body; `"ground"` is one of them at most.
         pub(crate) between: [String; 2],
@@ -196,6 +204,7 @@ item! {
 item! {
     /// A displacement or an angle that follows a function of time. Give `joint`, or `between` or `on`
     /// with the geometry.
+    #[schemars(title = "Drivers")]
     struct Driver {
         /// What is prescribed: a displacement along an axis (m) or an angle about it (rad).
         pub(crate) coordinate: Coordinate,
@@ -238,6 +247,7 @@ pub(crate) enum Coordinate {
 /// that are not stated follow from the joints with least change from the design configuration.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Initial state")]
 pub(crate) struct Initial {
     /// `keep`: a stated value that violates a joint by more than 1e-6 is refused. `adjust`: stated
     /// values are guesses and may move.
@@ -271,6 +281,7 @@ pub(crate) enum Assembly {
 /// Stated initial values of one body.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Initial state of a body")]
 pub(crate) struct InitialBody {
     /// Body origin, ground axes.
     #[schemars(extend("x-unit" = "m"))]
@@ -292,6 +303,7 @@ pub(crate) struct InitialBody {
 /// What a run writes.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Outputs")]
 pub(crate) struct Outputs {
     /// Channels `item.quantity`; `item.*` stands for all quantities of the item.
     #[serde(default)]
@@ -304,6 +316,7 @@ pub(crate) struct Outputs {
 /// Defaults of a run; flags of the command and arguments of the call come before them.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Run defaults")]
 pub(crate) struct Simulation {
     /// Start. Default: 0.
     #[schemars(extend("x-unit" = "s"))]
@@ -346,6 +359,7 @@ pub(crate) enum Tolerance {
 /// Tolerances by part.
 #[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Tolerances")]
 pub(crate) struct ToleranceParts {
     /// Relative part: of the movement since the start (positions) or of the value (velocities).
     pub(crate) relative: f64,

@@ -21,9 +21,9 @@ pub(super) use motions::*;
 /// Fields that every item has, added to each.
 macro_rules! item {
     ($(#[$meta:meta])* struct $name:ident { $($body:tt)* }) => {
-        $(#[$meta])*
         #[derive(Debug, Clone, serde::Deserialize, schemars::JsonSchema)]
         #[serde(deny_unknown_fields)]
+        $(#[$meta])*
         pub(crate) struct $name {
             $($body)*
             /// Text for people: what it is, where its numbers come from.
@@ -104,9 +104,10 @@ pub(crate) enum Dimension {
     Spatial,
 }
 
-/// A point or vector: `[x, y]` in planar, `[x, y, z]` in spatial models.
+/// `[x, y]` in planar, `[x, y, z]` in spatial models.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged)]
+#[schemars(title = "vector")]
 pub(crate) enum Vector {
     #[schemars(extend("x-dimension" = "planar"))]
     Planar([f64; 2]),
@@ -124,9 +125,10 @@ impl Vector {
     }
 }
 
-/// A rotational quantity: a number about z in planar, `[x, y, z]` in spatial models.
+/// A number about z in planar, `[x, y, z]` in spatial models.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, Serialize, JsonSchema)]
 #[serde(untagged)]
+#[schemars(title = "rotational vector")]
 pub(crate) enum Rotational {
     #[schemars(extend("x-dimension" = "planar"))]
     Planar(f64),
@@ -143,9 +145,10 @@ impl Rotational {
     }
 }
 
-/// A point: its components, or a marker `"body.marker"`.
+/// A vector, or a marker `"body.marker"`.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(untagged)]
+#[schemars(title = "place")]
 pub(crate) enum Place {
     At(Vector),
     Marker(String),

@@ -5,17 +5,19 @@ use serde::Deserialize;
 
 use super::item;
 
-/// A function of time: a number (constant) or a table with a `type`.
+/// A number (constant) or a [function of time](#functions-of-time).
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(untagged)]
+#[schemars(title = "motion")]
 pub(crate) enum Motion {
     Number(f64),
     Function(TimeFunction),
 }
 
-/// Functions of time by their `type`. Values carry the unit of the field that they stand in.
+/// A function of time has a `type` and the fields of that type. Values carry the unit of the field that they stand in.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
+#[schemars(title = "Functions of time")]
 pub(crate) enum TimeFunction {
     Constant(Constant),
     Polynomial(Polynomial),
@@ -96,6 +98,7 @@ pub(crate) struct TableFunction {
 item! {
     /// A table of two columns. Force laws go through it by a monotone cubic with one continuous
     /// derivative, continued linearly outside; motions by a cubic spline with two.
+    #[schemars(title = "Tables")]
     struct DataTable {
         /// Abscissas, increasing, two or more: extension (m) or angle (rad) of a law, time (s) of a
         /// motion.
