@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from holonom.store import Quantity, Writer
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -77,7 +78,9 @@ META: dict[str, Any] = {
     "model_hash": "0123456789abcdef",
     "options": {"method": "ForSDIRK", "tolerance": {"relative": 1e-3, "translation": 1e-3}},
     "requested": ["rod.position"],
-    "warnings": [{"code": "model/implausible", "message": "looks like grams", "path": "bodies.rod"}],
+    "warnings": [
+        {"code": "model/implausible", "message": "looks like grams", "path": "bodies.rod"}
+    ],
     "status": "running",
     "started": "2026-01-01T00:00:00+00:00",
     "holonom": "0.0.0",

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import CHANNELS, META, SUMMARY, synthetic_chunk, write_result
+
 from holonom.errors import FileError, UsageError
 from holonom.result import Result
 from holonom.store import APPLICATION_ID, FORMAT, Reader, Writer

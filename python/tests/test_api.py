@@ -1,0 +1,204 @@
+"""What a user does from Python."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import MODELS, PENDULUM
+
+import holonom
+
+
+@pytest.fixture
+def model(pendulum: Path) -> holonom.Model:
+    return holonom.Model.load(pendulum)
+
+
+def quarter_period(length: float, inertia: float, mass: float, amplitude: float) -> float:
+    """Time from rest to the lowest point, s: the complete elliptic integral by its AGM."""
+    a, b = 1.0, np.cos(amplitude / 2.0)
+    for _ in range(30):
+        a, b = (a + b) / 2.0, np.sqrt(a * b)
+    rate = np.sqrt(9.81 * mass * length / (inertia + mass * length**2))
+    return float(np.pi / (2.0 * a * rate))
+
+
+def test_the_pendulum_reaches_its_lowest_point_on_time(model: holonom.Model) -> None:
+    moment = quarter_period(0.8, 0.1, 2.0, np.pi / 2.0)
+    result = model.simulate(end_time=moment, tolerance=1e-9)
+    assert result.status == "completed"
+    assert result.time[-1] == moment
+    np.testing.assert_allclose(result["rod.position"][-1], [0.0, -0.8], atol=1e-7)
+
+
+def test_arrays_have_units_frames_and_shapes(model: holonom.Model) -> None:
+    result = model.simulate()
+    assert result.time.shape == (101,)
+    np.testing.assert_allclose(result.time, np.linspace(0.0, 1.0, 101), atol=1e-12)
+    assert result["rod.position"].shape == (101, 2)
+    assert (result.unit("rod.position"), result.frame("rod.position")) == ("m", "ground")
+    assert result["energy.kinetic"].shape == (101,)
+    assert result.unit("energy.kinetic") == "J"
+    assert result.statistics.steps > 0
+
+
+def test_channels_that_were_not_stored_are_computed_the_same(model: holonom.Model) -> None:
+    stored = model.simulate(channels=["rod.velocity", "rod.position", "pin.force"])
+    computed = model.simulate(channels=[])
+    assert "rod.velocity" not in computed.channels
+    for name in ("rod.velocity", "rod.position", "pin.force"):
+        np.testing.assert_array_equal(computed[name], stored[name])
+
+
+def test_a_run_continues_from_a_stored_state(model: holonom.Model) -> None:
+    whole = model.simulate(tolerance=1e-9)
+    rest = model.simulate(start=whole.state(0.4), end_time=1.0, tolerance=1e-9)
+    assert rest.time[0] == pytest.approx(0.4, abs=1e-12)
+    np.testing.assert_allclose(rest["rod.position"], whole["rod.position"][40:], atol=1e-7)
+
+
+def test_a_stored_file_holds_the_same_run(model: holonom.Model, tmp_path: Path) -> None:
+    path = tmp_path / "rod.holonom"
+    memory = model.simulate()
+    model.simulate(output=path).close()
+    with holonom.load(path) as loaded:
+        np.testing.assert_array_equal(loaded["q"], memory["q"])
+        assert loaded.model.hash == model.hash
+        np.testing.assert_array_equal(loaded["rod.velocity"], memory["rod.velocity"])
+        again = loaded.model.simulate(start=loaded.state(0.4))
+        assert again.time[-1] == loaded.time[-1]
+
+
+def test_values_are_changed_by_path_and_the_original_stays(model: holonom.Model) -> None:
+    heavy = model.with_values({"bodies.rod.mass": np.float64(5.0)})
+    assert json.loads(heavy.to_json())["bodies"]["rod"]["mass"] == 5.0
+    assert json.loads(model.to_json())["bodies"]["rod"]["mass"] == 2.0
+    assert heavy.hash != model.hash
+    with pytest.raises(holonom.ModelError, match=r"bodies\.rud") as caught:
+        model.with_values({"bodies.rud.mass": 5.0})
+    assert caught.value.code.startswith("model/")
+
+
+def test_check_counts_and_shows_the_linearized_motion(model: holonom.Model) -> None:
+    # At rest in the horizontal the pendulum's linearization has eigenvalues 0; hanging it swings
+    # with the small-angle frequency.
+    hanging = model.with_values({"bodies.rod.position": [0.0, -0.8]})
+    report = hanging.check()
+    assert (report.dof, report.data["bodies"], report.data["joints"]) == (1, 1, 1)
+    text = str(report)
+    assert "1 body, 1 joint" in text
+    assert "degrees of freedom    1" in text
+
+
+def test_an_unknown_channel_is_refused_with_the_nearest(model: holonom.Model) -> None:
+    with pytest.raises(holonom.UsageError, match=r"rod\.position"):
+        model.simulate(channels=["rod.positon"])
+    result = model.simulate(end_time=0.1)
+    with pytest.raises(holonom.UsageError, match=r"pin\.force"):
+        result["pin.forces"]
+
+
+def test_patterns_name_several_channels(model: holonom.Model) -> None:
+    result = model.simulate(end_time=0.1, channels=["rod.*"])
+    assert {"rod.position", "rod.velocity", "rod.angle"} <= set(result.requested)
+
+
+def test_an_unknown_option_or_method_is_refused_with_the_known_ones(model: holonom.Model) -> None:
+    with pytest.raises(holonom.UsageError, match="did you mean `tolerance`"):
+        model.simulate(tolerence=1e-3)
+    with pytest.raises(holonom.UsageError, match="ForSDIRK"):
+        model.simulate(method="ForSDIRC")
+
+
+def test_a_limit_ends_the_run_with_what_there_is(model: holonom.Model) -> None:
+    with pytest.raises(holonom.SimulationError) as caught:
+        model.simulate(max_steps=3)
+    error = caught.value
+    assert error.code == "simulation/max-steps"
+    assert error.result is not None
+    assert error.result.status == "limit"
+    kept = model.simulate(max_steps=3, on_failure="return")
+    assert kept.status == "limit"
+    assert kept.stop_reason["code"] == "simulation/max-steps"
+
+
+def test_progress_is_told_and_an_error_in_it_ends_the_run(model: holonom.Model) -> None:
+    def fail(*_: Any) -> None:
+        raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        model.simulate(end_time=1e4, tolerance=1e-9, progress=fail)
+
+
+def test_a_failed_start_leaves_an_older_result_alone(model: holonom.Model, tmp_path: Path) -> None:
+    path = tmp_path / "rod.holonom"
+    model.simulate(output=path, end_time=0.1).close()
+    before = path.read_bytes()
+    with pytest.raises(holonom.UsageError):
+        model.simulate(output=path, method="ForSDIRC")
+    assert path.read_bytes() == before
+
+
+def test_extends_stays_in_the_tree_of_model_folders(pendulum: Path) -> None:
+    folder = pendulum.parents[1] / "variant"
+    folder.mkdir()
+    variant = folder / "model.toml"
+    variant.write_text('holonom = 1\nextends = "../rod/model.toml"\ntitle = "Variant"\n')
+    model = holonom.Model.load(variant)
+    assert model.title == "Variant"
+    assert model.name == "variant"
+
+    outside = pendulum.parents[2] / "outside.toml"
+    outside.write_text(PENDULUM)
+    variant.write_text('holonom = 1\nextends = "../../outside.toml"\n')
+    with pytest.raises(holonom.ModelError, match="outside"):
+        holonom.Model.load(variant)
+
+
+def test_a_link_out_of_the_tree_is_no_way_out(pendulum: Path) -> None:
+    outside = pendulum.parents[2] / "outside.toml"
+    outside.write_text(PENDULUM)
+    link = pendulum.parent / "link.toml"
+    link.symlink_to(outside)
+    variant = pendulum.parent / "variant.toml"
+    variant.write_text('holonom = 1\nextends = "link.toml"\n')
+    with pytest.raises(holonom.ModelError, match="outside"):
+        holonom.Model.load(variant)
+
+
+def test_a_path_given_as_text_is_recognised() -> None:
+    with pytest.raises(holonom.ModelError, match=r"Model\.load"):
+        holonom.Model.from_text("models/rod/model.toml")
+
+
+def test_text_and_json_give_the_same_model(model: holonom.Model) -> None:
+    assert holonom.Model.from_text(PENDULUM).hash == model.hash
+    assert holonom.Model.from_text(model.to_json(), "json").hash == model.hash
+
+
+def test_a_file_that_is_not_utf8_or_is_a_folder_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    path.write_bytes(b"title = '\xff'")
+    with pytest.raises(holonom.ModelError, match="UTF-8"):
+        holonom.Model.load(path)
+    with pytest.raises(holonom.FileError, match=r"did you mean .*model\.toml"):
+        holonom.Model.load(tmp_path)
+
+
+def test_methods_are_listed() -> None:
+    names = [method["name"] for method in holonom.methods()]
+    assert {"ForSDIRK", "DEABM"} <= set(names)
+
+
+def test_the_models_of_the_library_load_and_assemble() -> None:
+    paths = sorted(MODELS.glob("*/model.toml"))
+    assert len(paths) >= 6
+    for path in paths:
+        model = holonom.Model.load(path)
+        report = model.check(spectrum=False)
+        assert report.dof >= 0, path
+        assert model.defaults["end_time"] > 0.0, path

@@ -1,0 +1,284 @@
+"""What a user types: output, exit status, and one message instead of a traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import PENDULUM
+
+from holonom.cli import invoke
+from holonom.result import Result
+
+HOLONOM = [sys.executable, "-m", "holonom.cli"]
+
+
+@pytest.fixture
+def result_file(pendulum: Path, tmp_path: Path) -> Path:
+    path = tmp_path / "out" / "rod.holonom"
+    assert invoke(["run", str(pendulum), "-o", str(path), "--quiet"]) == 0
+    return path
+
+
+def output_json(capsys: pytest.CaptureFixture[str]) -> Any:
+    return json.loads(capsys.readouterr().out)
+
+
+def test_run_says_how_it_went_in_about_15_lines(
+    pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "new" / "rod.holonom"
+    assert invoke(["run", str(pendulum), "-o", str(path)]) == 0
+    said = capsys.readouterr()
+    assert said.err == ""  # no progress where nobody watches
+    lines = said.out.splitlines()
+    assert 12 <= len(lines) <= 20
+    for wanted in (
+        "Rod on a pin",
+        "completed at 1 s",
+        "ForSDIRK",
+        "1 body, 1 joint",
+        "1 degrees of freedom",
+        "accepted",
+        "jacobians",
+        "s per simulated second",
+        "largest residuals",
+        "energy imbalance",
+        str(path),
+    ):
+        assert wanted in said.out, wanted
+    assert "\x1b" not in said.out
+
+
+def test_without_a_name_the_result_lands_in_results(
+    pendulum: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert invoke(["run", str(pendulum), "-q"]) == 0
+    assert (tmp_path / "results" / "rod.holonom").exists()
+
+
+def test_flags_override_the_model(
+    pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rod.holonom"
+    arguments = ["run", str(pendulum), "-o", str(path), "--json", "--end-time", "0.5"]
+    arguments += ["--tolerance", "relative=1e-4,rotation=1e-5", "--interval", "0.1"]
+    arguments += ["-c", "rod.angle", "--set", "bodies.rod.mass=3", "--method", "DEABM"]
+    assert invoke(arguments) == 0
+    facts = output_json(capsys)
+    assert facts["status"] == "completed"
+    assert facts["stored_until"] == 0.5
+    assert facts["n_times"] == 6
+    assert facts["requested"] == ["rod.angle"]
+    assert facts["options"]["method"] == "DEABM"
+    assert facts["options"]["tolerance"] == {
+        "relative": 1e-4,
+        "translation": 1e-4,
+        "rotation": 1e-5,
+    }
+    with Result.load(path) as result:
+        assert result.meta["model"]["bodies"]["rod"]["mass"] == 3
+
+
+def test_a_run_starts_from_a_stored_state(
+    pendulum: Path, result_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rest = str(tmp_path / "rest.holonom")
+    arguments = ["run", str(pendulum), "-o", rest, "--start", str(result_file), "--at", "0.4"]
+    assert invoke([*arguments, "--json"]) == 0
+    facts = output_json(capsys)
+    assert facts["n_times"] == 61
+    assert invoke([*arguments[:-1], "0.4001"]) == 1
+    assert "nearest one is at 0.4" in capsys.readouterr().err
+
+
+def test_check_prints_counts_or_json(pendulum: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["check", str(pendulum)]) == 0
+    text = capsys.readouterr().out
+    assert "degrees of freedom    1" in text
+    assert invoke(["check", str(pendulum), "--json"]) == 0
+    assert output_json(capsys)["dof"] == 1
+
+
+def test_the_faces_of_a_result(
+    result_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["report", str(result_file)]) == 0
+    assert result_file.with_suffix(".html").read_text(encoding="utf-8").startswith("<!doctype")
+    assert invoke(["plot", str(result_file), "rod.*", "-o", str(tmp_path / "rod.png")]) == 0
+    assert (tmp_path / "rod.png").stat().st_size > 1000
+    capsys.readouterr()
+    assert invoke(["export", str(result_file), "rod.position", "-o", "-"]) == 0
+    header, *rows = capsys.readouterr().out.splitlines()
+    assert header == "time (s),rod.position[0] (m),rod.position[1] (m)"
+    assert len(rows) == 101
+    assert invoke(["info", str(result_file)]) == 0
+    assert "rod.position [2] m ground" in capsys.readouterr().out
+    for command in (["info"], ["plot"], ["report"], ["export"]):
+        assert invoke([*command, str(result_file), "--json"]) == 0
+        assert isinstance(output_json(capsys), dict)
+
+
+def test_schema_is_json_and_has_a_reference(capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["schema"]) == 0
+    assert isinstance(output_json(capsys), dict)
+    assert invoke(["schema", "--json"]) == 0
+    assert isinstance(output_json(capsys), dict)
+    assert invoke(["schema", "--reference"]) == 0
+    assert capsys.readouterr().out.startswith("#")
+
+
+USAGE, MODEL, SOLVER, FILES, INTERRUPTED = 1, 2, 3, 5, 130
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        ([], USAGE, "command"),
+        (["fly"], USAGE, "fly"),
+        (["run"], USAGE, "MODEL"),
+        (["run", "MODEL", "--end-time", "soon"], USAGE, "--end-time"),
+        (["run", "MODEL", "--tolerance", "small"], USAGE, "--tolerance small"),
+        (["run", "MODEL", "--tolerance", "-1"], USAGE, "positive"),
+        (["run", "MODEL", "--tolerance", "nan"], USAGE, "finite"),
+        (["run", "MODEL", "--method", "Euler"], USAGE, "ForSDIRK"),
+        (["run", "MODEL", "--set", "mass"], USAGE, "PATH=VALUE"),
+        (["run", "MODEL", "-c", "rod.speed"], USAGE, "rod.speed"),
+        (["run", "MODEL", "--at", "1"], USAGE, "--start"),
+        (["run", "MODEL", "--fixed-step", "0"], USAGE, "fixed_step"),
+        (["run", "MODEL", "--set", "bodies.rad.mass=1"], MODEL, "bodies.rad"),
+        (["check", "BROKEN"], MODEL, "bodies"),
+        (["run", "MODEL", "--max-steps", "2"], SOLVER, "simulation/max-steps"),
+        (["run", "absent.toml"], FILES, "absent.toml"),
+        (["check", "FOLDER"], FILES, "folder"),
+        (["run", "MODEL", "-o", "FOLDER"], FILES, "folder"),
+        (["run", "MODEL", "-o", "MODEL"], FILES, "not overwritten"),
+        (["report", "MODEL"], FILES, "not a Holonom result"),
+        (["info", "absent.holonom"], FILES, "absent.holonom"),
+    ],
+)
+@pytest.mark.parametrize("as_json", [False, True])
+def test_every_refusal_has_its_status_and_one_message(
+    pendulum: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    status: int,
+    said: str,
+    as_json: bool,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    broken = tmp_path / "broken.toml"
+    broken.write_text('holonom = 1\ndimension = "planar"\n[bodees]\n')
+    places = {"MODEL": str(pendulum), "FOLDER": str(tmp_path), "BROKEN": str(broken)}
+    line = [places.get(word, word) for word in arguments]
+    if as_json and not arguments:
+        return  # `holonom --json` alone is a flag without a command
+    assert invoke([*line, "--json"] if as_json else line) == status
+    output = capsys.readouterr()
+    if as_json:
+        assert said in json.dumps(json.loads(output.out)["error"])
+    else:
+        assert said in output.err
+    assert "Traceback" not in output.err
+    assert pendulum.read_text() == PENDULUM
+
+
+def test_a_real_process_ends_with_the_same_status(pendulum: Path, tmp_path: Path) -> None:
+    run = [*HOLONOM, "run", str(pendulum), "-o", str(tmp_path / "rod.holonom")]
+    done = subprocess.run([*run, "--max-steps", "2"], capture_output=True, text=True)
+    assert done.returncode == SOLVER
+    assert "stopped at a limit" in done.stdout
+    assert "Traceback" not in done.stderr
+    with Result.load(tmp_path / "rod.holonom") as result:
+        assert result.status == "limit"
+
+
+def _endless(pendulum: Path, path: Path) -> list[str]:
+    arguments = ["--end-time", "1e6", "--tolerance", "1e-9", "--interval", "0.01"]
+    return [*HOLONOM, "run", str(pendulum), "-o", str(path), *arguments]
+
+
+def _wait_for_rows(path: Path) -> None:
+    deadline = time.monotonic() + 30.0
+    while time.monotonic() < deadline:
+        if path.exists():
+            with Result.load(path) as result:
+                if result.time.size:
+                    return
+        time.sleep(0.05)
+    raise AssertionError("nothing was stored within 30 s")
+
+
+def test_ctrl_c_keeps_and_marks_what_was_computed(pendulum: Path, tmp_path: Path) -> None:
+    path = tmp_path / "rod.holonom"
+    process = subprocess.Popen(
+        _endless(pendulum, path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    _wait_for_rows(path)
+    process.send_signal(signal.SIGINT)
+    asked = time.monotonic()
+    out, err = process.communicate(timeout=30)
+    assert time.monotonic() - asked < 3.0  # 0.2 s for the core; the rest is the summary
+    assert process.returncode == INTERRUPTED
+    assert "simulation/interrupted" in err
+    assert "Traceback" not in err
+    assert "interrupted at" in out
+    with Result.load(path) as result:
+        assert result.status == "interrupted"
+        assert result.time.size > 0
+        assert result["rod.position"].shape == (result.time.size, 2)
+    assert [entry.name for entry in tmp_path.iterdir() if entry.is_file()] == [path.name]
+
+
+def test_a_killed_run_says_up_to_which_time(
+    pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "rod.holonom"
+    process = subprocess.Popen(_endless(pendulum, path), stdout=subprocess.DEVNULL)
+    _wait_for_rows(path)
+    process.kill()
+    process.wait()
+    assert invoke(["info", str(path)]) == 0
+    assert "killed while writing at" in capsys.readouterr().out
+    assert invoke(["info", str(path), "--json"]) == 0
+    facts = output_json(capsys)
+    assert facts["status"] == "killed"
+    assert facts["stored_until"] > 0.0
+
+
+def test_progress_is_shown_on_a_terminal(pendulum: Path, tmp_path: Path) -> None:
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        _endless(pendulum, tmp_path / "rod.holonom"),
+        stderr=theirs,
+        stdout=subprocess.DEVNULL,
+        env=os.environ | {"TERM": "xterm", "COLUMNS": "120"},
+    )
+    os.close(theirs)
+    shown = b""
+    deadline = time.monotonic() + 30.0
+    while b"steps" not in shown and time.monotonic() < deadline:
+        shown += os.read(ours, 4096)
+    process.send_signal(signal.SIGINT)
+    while True:  # a terminal that nobody reads would stop the process
+        try:
+            if not os.read(ours, 4096):
+                break
+        except OSError:
+            break
+    assert process.wait(timeout=30) == INTERRUPTED
+    os.close(ours)
+    text = shown.decode(errors="replace")
+    for wanted in ("t ", "h ", "steps", "left"):
+        assert wanted in text

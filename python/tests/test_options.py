@@ -1,0 +1,57 @@
+"""What is asked of a run: accepted values come back, everything else is refused by name."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from holonom import Options, Tolerance, UsageError
+
+
+def test_stated_choices_are_plain_data() -> None:
+    options = Options(
+        end_time=np.float64(2.5), tolerance=1e-4, output_times=np.array([0.0, 1.0]), max_steps=10
+    )
+    tolerance = {"relative": 1e-4, "translation": 1e-4, "rotation": 1e-4}
+    assert options.to_dict() == {
+        "end_time": 2.5,
+        "tolerance": tolerance,
+        "output_times": [0.0, 1.0],
+        "max_steps": 10,
+    }
+
+
+def test_parts_of_a_tolerance_default_to_the_relative_one() -> None:
+    assert Tolerance.of({"relative": 1e-3, "rotation": 1e-5}) == Tolerance(1e-3, 1e-3, 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("choices", "named"),
+    [
+        ({"tolerance": 0.0}, "tolerance.relative"),
+        ({"tolerance": math.nan}, "tolerance.relative"),
+        ({"tolerance": "small"}, "tolerance.relative"),
+        ({"tolerance": {"relative": 1e-3, "rotation": -1.0}}, "tolerance.rotation"),
+        ({"tolerance": {"relativ": 1e-3}}, "relativ"),
+        ({"tolerance": {"rotation": 1e-3}}, "relative"),
+        ({"end_time": math.inf}, "end_time"),
+        ({"end_time": True}, "end_time"),
+        ({"end_time": 1.0, "start_time": 2.0}, "end_time"),
+        ({"interval": 0.0}, "interval"),
+        ({"interval": 0.1, "output_times": [0.0, 1.0]}, "output_times"),
+        ({"output_times": []}, "output_times"),
+        ({"output_times": [0.0, 1.0, 1.0]}, r"output_times\[2\]"),
+        ({"output_times": [0.0, math.nan]}, r"output_times\[1\]"),
+        ({"fixed_step": -1e-3}, "fixed_step"),
+        ({"max_steps": 0}, "max_steps"),
+        ({"max_steps": 1.5}, "max_steps"),
+        ({"repartition_factor": 1.0}, "repartition_factor"),
+        ({"channels": "rod.position"}, "channels"),
+    ],
+)
+def test_what_cannot_be_used_is_named(choices: dict[str, Any], named: str) -> None:
+    with pytest.raises(UsageError, match=named):
+        Options(**choices)
