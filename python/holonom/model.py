@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import fnmatch
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -254,13 +255,28 @@ class Model:
         return f"<holonom.Model {self.name!r}, {self.defaults.get('dimension')}, {self.hash[:12]}>"
 
 
-def expand(patterns: Iterable[str], known: Iterable[str]) -> list[str]:
-    """Return the names among `known` that names and patterns mean, each once, in their order."""
-    known = list(known)
+def split_component(name: str) -> tuple[str, int | None]:
+    """Return a channel's name and, of ``chassis.position[2]``, the index 2."""
+    match = re.fullmatch(r"(.+)\[(\d+)\]", name)
+    return (match[1], int(match[2])) if match else (name, None)
+
+
+def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
+    """Return the names that names and patterns mean, each once, in their order.
+
+    A name may end in the index of a component, ``chassis.position[2]``.
+    """
     found: dict[str, None] = {}
     for pattern in patterns:
-        exact = pattern in known
-        hits = [pattern] if exact else [n for n in known if fnmatch.fnmatchcase(n, pattern)]
+        name, index = split_component(pattern)
+        if index is None:
+            hits = [n for n in known if n == name or fnmatch.fnmatchcase(n, name)]
+        else:
+            hits = [pattern] if name in known else []
+            if hits and not (len(known[name].shape) == 1 and index < known[name].size):
+                raise UsageError(
+                    f"`{name}` has no component {index}; its shape is {list(known[name].shape)}"
+                )
         if not hits:
             near = difflib.get_close_matches(pattern, known, n=3, cutoff=0.5)
             hint = f"; did you mean {', '.join(f'`{n}`' for n in near)}?" if near else ""

@@ -80,15 +80,22 @@ def plot(result: Result, patterns: Sequence[str], path: Path | None = None) -> F
 
 def channels(result: Result, names: Sequence[str]) -> Figure:
     """Return a figure with one plot per channel over time."""
+    plots = [
+        (name, together, number == 0)
+        for name in names
+        for number, together in enumerate(_grouped(result.matrix(name)))
+    ]
     with mpl.rc_context(_STYLE):
-        figure, axes = _stack(len(names), 1.9)
-        for one, name in zip(axes, names, strict=True):
+        figure, axes = _stack(len(plots), 1.9)
+        for one, (name, together, first) in zip(axes, plots, strict=True):
             values = result.matrix(name)
             labels = components(name, values.shape[1])
-            for column, label in zip(values.T, labels, strict=True):
-                one.plot(*thinned(result.time, column), label=label)
-            frame = result.frame(name)
-            one.set_title(f"{name}" + (f", {frame} axes" if frame else ""), loc="left", fontsize=9)
+            for i in together:
+                line = thinned(result.time, values[:, i])
+                one.plot(*line, label=labels[i], color=COLORS[i % len(COLORS)])
+            if first:
+                frame = f", {frame} axes" if (frame := result.frame(name)) else ""
+                one.set_title(name + frame, loc="left", fontsize=9)
             one.set_ylabel(result.unit(name) or "–")
             if len(labels) > 1:
                 one.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
@@ -205,6 +212,14 @@ def thinned(t: Series, y: Series) -> tuple[Series, Series]:
             kept += [first + int(np.nanargmin(stretch)), first + int(np.nanargmax(stretch))]
     index = np.unique(kept)
     return t[index], y[index]
+
+
+def _grouped(values: Series) -> list[list[int]]:
+    """Return which components share a plot: a small movement would not be seen beside a large."""
+    spans = np.ptp(values, axis=0) if values.size else np.zeros(values.shape[1])
+    still = spans <= 1e-6 * np.abs(values).max(initial=0.0)
+    together = [i for i, span in enumerate(spans) if still[i] or span >= 0.1 * spans.max()]
+    return [together, *([i] for i in range(spans.size) if i not in together)]
 
 
 def _stack(rows: int, height: float) -> tuple[Figure, list[Axes]]:

@@ -41,10 +41,9 @@ h2 { font-size: 1.15rem; margin: 2.6rem 0 .7rem; }
   border-radius: .5rem; margin: 0 0 1rem; padding: 1rem 1.2rem; }
 .notice { border-left: .3rem solid var(--fair); white-space: pre-wrap; }
 .notice.bad { border-left-color: var(--bad); }
-.tiles { display: grid; grid-template-columns: repeat(auto-fit, minmax(9.5rem, 1fr)); gap: .8rem;
-  margin-bottom: 1rem; }
-.tiles div { background: var(--card); border: 1px solid var(--line); border-radius: .5rem;
-  padding: .7rem .9rem; }
+.tiles { display: flex; flex-wrap: wrap; gap: .8rem; margin-bottom: 1rem; }
+.tiles div { flex: 1 1 9.5rem; background: var(--card); border: 1px solid var(--line);
+  border-radius: .5rem; padding: .7rem .9rem; }
 .tiles b { display: block; font-size: 1.25rem; font-weight: 600; }
 .tiles span { color: var(--faint); font-size: .82rem; }
 figure { overflow-x: auto; }

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.errors import UsageError
-from holonom.model import Model, expand
+from holonom.model import Model, expand, split_component
 from holonom.store import STATE, Quantity, Reader
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ class Result:
         return cls(Reader.open(Path(path)))
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """Return a channel (or ``time``, ``q``, ``qd``, …).
+        """Return a channel, one of its components, or ``time``, ``q``, ``qd``, ….
 
         Returns
         -------
@@ -87,6 +87,10 @@ class Result:
         UsageError
             If there is no such channel.
         """
+        whole, index = split_component(name)
+        if index is not None:
+            self._quantity(name)  # refuses components that are not there
+            return self[whole][:, index]
         if name not in self._kept:
             if name in self._reader.quantities:
                 values = self._reader.read(name)
@@ -100,10 +104,12 @@ class Result:
 
     def matrix(self, name: str) -> NDArray[np.float64]:
         """Return a channel with one column per component, ndarray, shape (n_times, n)."""
-        return self[name].reshape(self.time.size, self._quantity(name).size)
+        size = 1 if split_component(name)[1] is not None else self._quantity(name).size
+        return self[name].reshape(self.time.size, size)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._reader.quantities or name in self.model.channels
+        whole = split_component(name)[0] if isinstance(name, str) else name
+        return whole in self._reader.quantities or whole in self.model.channels
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -235,8 +241,9 @@ class Result:
 
     def expand(self, patterns: list[str]) -> list[str]:
         """Return the channels meant by names and patterns, stored ones or computable."""
-        stored = self.channels
-        return expand(patterns, stored if set(patterns) <= set(stored) else self.model.channels)
+        stored = self._reader.quantities
+        whole = {split_component(pattern)[0] for pattern in patterns}
+        return expand(patterns, stored if whole <= stored.keys() else self.model.channels)
 
     def save(self, path: str | Path) -> Path:
         """Write the result as one file and return its path.
@@ -301,5 +308,7 @@ class Result:
         return f"<holonom.Result {self.meta.get('name')!r}: {self.status}, {until}>"
 
     def _quantity(self, name: str) -> Quantity:
-        stored = self._reader.quantities.get(name)
-        return stored or self.model.channels[expand([name], self.model.channels)[0]]
+        whole = split_component(name)[0]
+        stored = self._reader.quantities
+        known = stored if whole in stored else self.model.channels
+        return known[split_component(expand([name], known)[0])[0]]

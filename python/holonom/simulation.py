@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from holonom import _core
 from holonom.errors import Interrupted, SimulationError, UsageError, translated
+from holonom.model import split_component
 from holonom.result import Result
 from holonom.store import Writer, require_replaceable
 
@@ -45,7 +46,8 @@ def run(
         )
     requested = model.expand(chosen.get("channels") or [])
     always = [name for name in model.channels if name.startswith(DIAGNOSTICS)]
-    chosen["channels"] = list(dict.fromkeys([*requested, *always]))
+    whole = [split_component(name)[0] for name in requested]
+    chosen["channels"] = list(dict.fromkeys([*whole, *always]))
 
     state = None
     if start is not None:

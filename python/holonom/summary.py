@@ -93,7 +93,8 @@ def _sizes(result: Result) -> list[tuple[str, str]]:
     if "lambda" in quantities:
         text += f", {quantities['lambda'].size} constraints"
     if result.meta.get("dof") is not None:
-        text += f", {result.meta['dof']} degrees of freedom"
+        dof = result.meta["dof"]
+        text += f", {dof} degree{'' if dof == 1 else 's'} of freedom"
     if "z" in quantities and quantities["z"].size:
         text += f", {quantities['z'].size} extra states"
     return [("coordinates", text)]

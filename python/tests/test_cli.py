@@ -46,7 +46,7 @@ def test_run_says_how_it_went_in_about_15_lines(
         "completed at 1 s",
         "ForSDIRK",
         "1 body, 1 joint",
-        "1 degrees of freedom",
+        "1 degree of freedom",
         "accepted",
         "jacobians",
         "s per simulated second",
@@ -143,7 +143,6 @@ USAGE, MODEL, SOLVER, FILES, INTERRUPTED = 1, 2, 3, 5, 130
 @pytest.mark.parametrize(
     ("arguments", "status", "said"),
     [
-        ([], USAGE, "command"),
         (["fly"], USAGE, "fly"),
         (["run"], USAGE, "MODEL"),
         (["run", "MODEL", "--end-time", "soon"], USAGE, "--end-time"),
@@ -182,8 +181,6 @@ def test_every_refusal_has_its_status_and_one_message(
     broken.write_text('holonom = 1\ndimension = "planar"\n[bodees]\n')
     places = {"MODEL": str(pendulum), "FOLDER": str(tmp_path), "BROKEN": str(broken)}
     line = [places.get(word, word) for word in arguments]
-    if as_json and not arguments:
-        return  # `holonom --json` alone is a flag without a command
     assert invoke([*line, "--json"] if as_json else line) == status
     output = capsys.readouterr()
     if as_json:
@@ -192,6 +189,12 @@ def test_every_refusal_has_its_status_and_one_message(
         assert said in output.err
     assert "Traceback" not in output.err
     assert pendulum.read_text() == PENDULUM
+
+
+def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert invoke(["--help"]) == 0
+    assert "130 interrupted" in capsys.readouterr().out
+    assert invoke([]) == USAGE
 
 
 def test_a_real_process_ends_with_the_same_status(pendulum: Path, tmp_path: Path) -> None:

@@ -144,6 +144,26 @@ def test_a_report_that_cannot_be_written_names_its_file(stored: Path) -> None:
         result.report(stored / "report.html")  # a file where a folder is needed
 
 
+def test_small_movements_get_a_plot_of_their_own() -> None:
+    t = np.linspace(0.0, 1.0, 50)
+    travel = np.stack([10.0 * t, np.zeros(50), 0.1 * np.sin(t)], axis=1)
+    assert plotting._grouped(travel) == [[0, 1], [2]]
+    assert plotting._grouped(travel[:, :1]) == [[0]]
+    assert plotting._grouped(np.zeros((0, 3))) == [[0, 1, 2]]
+
+
+def test_a_component_is_a_channel_of_its_own(stored: Path) -> None:
+    with Result.load(stored) as result:
+        np.testing.assert_array_equal(result["rod.position[1]"], result["rod.position"][:, 1])
+        assert result.unit("rod.position[1]") == "m"
+        assert result.expand(["rod.position[1]"]) == ["rod.position[1]"]
+        result.plot("rod.position[1]")
+        with pytest.raises(UsageError, match="no component 2"):
+            result["rod.position[2]"]
+        with pytest.raises(UsageError, match="no component 0"):
+            result["energy.kinetic[0]"]
+
+
 def test_csv_reads_back_the_same_numbers(stored: Path, tmp_path: Path) -> None:
     with Result.load(stored) as result:
         path = result.to_csv(tmp_path / "rod.csv", ["energy.kinetic", "rod.position"])
