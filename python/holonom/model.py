@@ -237,8 +237,8 @@ class Model:
         names : list of str
             Channels.
         state : mapping of str to ndarray
-            ``time`` (n_times,), ``q``, ``qd``, ``qdd``, ``lambda``, ``z`` and ``winding``
-            (n_times, size), as a result stores them.
+            ``time`` (n_times,), ``q``, ``qd``, ``qdd``, ``lambda``, ``z``, ``winding`` and
+            ``ledger`` (n_times, size), as a result stores them.
 
         Returns
         -------

@@ -150,7 +150,8 @@ class Result:
         Returns
         -------
         dict of str to ndarray
-            ``time`` (1,), ``q``, ``qd``, ``qdd``, ``lambda``, ``z``, ``winding``: vectors.
+            ``time`` (1,), ``q``, ``qd``, ``qdd``, ``lambda``, ``z``, ``winding`` and the energy
+            ``ledger``: vectors.
 
         Raises
         ------

@@ -37,8 +37,9 @@ from holonom.errors import FileError
 APPLICATION_ID = 0x486F6C6F  # "Holo"
 FORMAT = 1
 
-#: The state at an output time, in the order of the restart interface.
-STATE = ("time", "q", "qd", "qdd", "lambda", "z", "winding")
+#: The state at an output time: coordinates with rates, multipliers, extra states, windings and
+#: the energy ledger.
+STATE = ("time", "q", "qd", "qdd", "lambda", "z", "winding", "ledger")
 
 #: Columns of the step log that every run has: start time and size of the attempted step (s), its
 #: error (1 is on tolerance), whether it was accepted, why not, and its Newton iterations.

@@ -12,11 +12,11 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("topology", &["model"]),
     ("elements", &["math", "model"]),
     ("system", &["elements", "topology", "model", "math"]),
-    ("reduction", &["system"]),
+    ("reduction", &["system", "model"]),
     ("formula", &[]),
     ("control", &[]),
-    ("method", &["reduction", "system", "formula", "control"]),
-    ("simulation", &["method", "reduction", "system", "formula", "control"]),
+    ("method", &["reduction", "system", "formula", "control", "model"]),
+    ("simulation", &["method", "reduction", "system", "formula", "control", "model"]),
     (
         "analysis",
         &[
