@@ -1,5 +1,6 @@
 //! Sparse matrices with a fixed pattern and their LU factorisation.
 
+mod elimination;
 mod ordering;
 mod pattern;
 mod substitution;
@@ -7,10 +8,10 @@ mod symbolic;
 
 use crate::error::SingularMatrix;
 
-use ordering::NEGLIGIBLE;
+use elimination::{Entry, Numbers, Plan};
 pub use pattern::SparsePattern;
 use substitution::Factors;
-use symbolic::{FactorPattern, Segment};
+use symbolic::FactorPattern;
 
 /// Most right-hand sides that are substituted together.
 const LANES: usize = 16;
@@ -30,18 +31,10 @@ const GROWTH_LIMIT: f64 = 1e6;
 #[derive(Debug, Clone)]
 pub struct SparseLu {
     n: usize,
-    /// Entries of A by row of Â: range per row; column in Â, slot in A's values, scale.
-    a_start: Vec<u32>,
-    a_column: Vec<u32>,
-    a_slot: Vec<u32>,
-    a_scale: Vec<f64>,
-    /// Pattern of the factors; L in segments.
+    n_values: usize,
     pattern: FactorPattern,
-    segment_start: Vec<u32>,
-    segments: Vec<Segment>,
-    l_value: Vec<f64>,
-    u_value: Vec<f64>,
-    inverse_pivot: Vec<f64>,
+    plan: Plan,
+    numbers: Numbers,
     /// Row and column of A at each position of Â, and their scales.
     row_at: Vec<usize>,
     column_at: Vec<usize>,
@@ -50,8 +43,6 @@ pub struct SparseLu {
     permutation_sign: f64,
     growth_limit: f64,
     operations: usize,
-    /// One row of Â during elimination; zero between calls.
-    row: Vec<f64>,
     /// Right-hand sides in the order of Â.
     work: Vec<f64>,
     residual: Vec<f64>,
@@ -80,42 +71,33 @@ impl SparseLu {
         let order = ordering::choose_pivots(pattern, &scaled)?;
         let order = FactorPattern::new(pattern, &order).gather(&order);
         let factors = FactorPattern::new(pattern, &order);
-        let (segment_start, segments) = factors.segments();
         let mut position = vec![0u32; n];
         for (p, &j) in order.columns.iter().enumerate() {
             position[j] = p as u32;
         }
+        let entry = |(slot, j): (usize, usize)| Entry {
+            column: position[j],
+            slot: slot as u32,
+            scale: a_scale[slot],
+        };
+        let entries: Vec<Vec<Entry>> =
+            order.rows.iter().map(|&i| pattern.row(i).map(entry).collect()).collect();
         let mut lu = Self {
             n,
-            a_start: vec![0],
-            a_column: Vec::with_capacity(pattern.len()),
-            a_slot: Vec::with_capacity(pattern.len()),
-            a_scale: Vec::with_capacity(pattern.len()),
-            l_value: vec![0.0; factors.l_column.len()],
-            u_value: vec![0.0; factors.u_column.len()],
+            n_values: values.len(),
+            plan: Plan::new(&factors, &entries),
+            numbers: Numbers::new(&factors),
             operations: factors.operations(),
             pattern: factors,
-            segment_start,
-            segments,
-            inverse_pivot: vec![0.0; n],
             row_scale: order.rows.iter().map(|&i| row_scale[i]).collect(),
             column_scale: order.columns.iter().map(|&j| column_scale[j]).collect(),
             permutation_sign: parity(&order.rows) * parity(&order.columns),
             row_at: order.rows,
             column_at: order.columns,
             growth_limit: f64::INFINITY,
-            row: vec![0.0; n],
             work: vec![0.0; n * LANES],
             residual: vec![0.0; n],
         };
-        for &i in &lu.row_at {
-            for (slot, j) in pattern.row(i) {
-                lu.a_column.push(position[j]);
-                lu.a_slot.push(slot as u32);
-                lu.a_scale.push(a_scale[slot]);
-            }
-            lu.a_start.push(lu.a_column.len() as u32);
-        }
         let growth = lu.eliminate(values, f64::INFINITY)?;
         lu.growth_limit = GROWTH_LIMIT.max(1e3 * growth);
         Ok(lu)
@@ -131,101 +113,18 @@ impl SparseLu {
         self.eliminate(values, self.growth_limit).map(|_| ())
     }
 
-    /// Elimination row by row; returns the largest growth of a number within its row.
     fn eliminate(&mut self, values: &[f64], growth_limit: f64) -> Result<f64, SingularMatrix> {
-        let mut growth = 0.0f64;
-        for i in 0..self.n {
-            let (from, to) = (self.a_start[i] as usize, self.a_start[i + 1] as usize);
-            let mut size = 0.0f64;
-            for e in from..to {
-                let a = values[self.a_slot[e] as usize] * self.a_scale[e];
-                self.row[self.a_column[e] as usize] = a;
-                size = size.max(a.abs());
-            }
-            let mut peak = size.max(self.subtract_segments(i));
-            let u = self.pattern.u_range(i);
-            for (&k, u) in self.pattern.u_column[u.clone()].iter().zip(&mut self.u_value[u]) {
-                *u = std::mem::take(&mut self.row[k as usize]);
-                peak = peak.max(u.abs());
-            }
-            let pivot = std::mem::take(&mut self.row[i]);
-            peak = peak.max(pivot.abs());
-            self.inverse_pivot[i] = 1.0 / pivot;
-            growth = growth.max(peak / size);
-            // Written so that a NaN fails.
-            let good = pivot.abs() > NEGLIGIBLE * peak
-                && peak <= growth_limit * size
-                && self.inverse_pivot[i].is_finite()
-                && peak.is_finite();
-            if !good {
-                self.row.fill(0.0);
-                return Err(SingularMatrix {
-                    row: self.row_at[i],
-                    column: self.column_at[i],
-                    pivot: pivot / (self.row_scale[i] * self.column_scale[i]),
-                });
-            }
-        }
-        Ok(growth)
-    }
-
-    /// Subtracts from the row at hand its multiples of the rows of U above it; returns the largest
-    /// number eliminated.
-    fn subtract_segments(&mut self, i: usize) -> f64 {
-        let mut peak = 0.0f64;
-        let mut e = self.pattern.l_start[i] as usize;
-        let u_start = &self.pattern.u_start;
-        let row = &mut self.row[..];
-        let segments = self.segment_start[i] as usize..self.segment_start[i + 1] as usize;
-        for segment in &self.segments[segments] {
-            let (first, count) = (segment.first as usize, segment.count as usize);
-            let l = &mut self.l_value[e..e + count];
-            e += count;
-            // The triangle of the segment.
-            for a in 0..count {
-                let j = first + a;
-                let numerator = std::mem::take(&mut row[j]);
-                peak = peak.max(numerator.abs());
-                l[a] = numerator * self.inverse_pivot[j];
-                let inside = &self.u_value[u_start[j] as usize..][..count - a - 1];
-                for (r, u) in row[j + 1..].iter_mut().zip(inside) {
-                    *r -= l[a] * u;
+        assert_eq!(values.len(), self.n_values, "one value for each slot of the pattern");
+        self.plan.eliminate(&self.pattern, values, growth_limit, &mut self.numbers).map_err(
+            |stop| {
+                let p = stop.position;
+                SingularMatrix {
+                    row: self.row_at[p],
+                    column: self.column_at[p],
+                    pivot: stop.pivot / (self.row_scale[p] * self.column_scale[p]),
                 }
-            }
-            // What its rows share.
-            let last = self.pattern.u_range(first + count - 1);
-            let columns = &self.pattern.u_column[last.clone()];
-            let shared = last.len();
-            let tail = |a: usize| {
-                let end = u_start[first + a + 1] as usize;
-                &self.u_value[end - shared..end]
-            };
-            let mut a = 0;
-            while a + 4 <= count {
-                let (l0, l1, l2, l3) = (l[a], l[a + 1], l[a + 2], l[a + 3]);
-                let (u0, u1, u2, u3) = (tail(a), tail(a + 1), tail(a + 2), tail(a + 3));
-                for t in 0..shared {
-                    let r = &mut row[columns[t] as usize];
-                    *r -= (l0 * u0[t] + l1 * u1[t]) + (l2 * u2[t] + l3 * u3[t]);
-                }
-                a += 4;
-            }
-            if a + 2 <= count {
-                let (l0, l1) = (l[a], l[a + 1]);
-                let (u0, u1) = (tail(a), tail(a + 1));
-                for t in 0..shared {
-                    row[columns[t] as usize] -= l0 * u0[t] + l1 * u1[t];
-                }
-                a += 2;
-            }
-            if a < count {
-                let (l0, u0) = (l[a], tail(a));
-                for t in 0..shared {
-                    row[columns[t] as usize] -= l0 * u0[t];
-                }
-            }
-        }
-        peak
+            },
+        )
     }
 
     /// Solves A x = b in place.
@@ -277,12 +176,7 @@ impl SparseLu {
         transposed: bool,
     ) -> usize {
         let (x, _) = self.work[..self.n * W].as_chunks_mut::<W>();
-        let factors = Factors {
-            pattern: &self.pattern,
-            l_value: &self.l_value,
-            u_value: &self.u_value,
-            inverse_pivot: &self.inverse_pivot,
-        };
+        let factors = Factors { pattern: &self.pattern, numbers: &self.numbers };
         let rows = (&self.row_at, &self.row_scale);
         let columns = (&self.column_at, &self.column_scale);
         let (source, target) = if transposed { (columns, rows) } else { (rows, columns) };
@@ -329,7 +223,7 @@ impl SparseLu {
 
     /// Sign of det A: 1 or −1.
     pub fn determinant_sign(&self) -> f64 {
-        self.inverse_pivot.iter().fold(self.permutation_sign, |s, p| s * p.signum())
+        self.numbers.inverse_pivot.iter().fold(self.permutation_sign, |s, p| s * p.signum())
     }
 
     /// Estimate of the condition number ‖A‖₁‖A⁻¹‖₁ of the matrix last factored: never above the
@@ -394,7 +288,7 @@ impl SparseLu {
 
     /// Entries stored in both factors, the diagonal counted once.
     pub fn fill(&self) -> usize {
-        self.l_value.len() + self.u_value.len() + self.n
+        self.pattern.l_column.len() + self.pattern.u_column.len() + self.n
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::error::SingularMatrix;
 use crate::sparse::SparsePattern;
+use crate::sparse::elimination::NEGLIGIBLE;
 
 /// A pivot sequence: position p eliminates row `rows[p]` with column `columns[p]`.
 pub(super) struct PivotOrder {
@@ -14,9 +15,6 @@ const THRESHOLD: f64 = 0.1;
 
 /// How many rows and columns of least count are looked at before the best entry is taken.
 const SEARCH: usize = 4;
-
-/// A pivot below this fraction of the largest number its row ever held is cancellation noise.
-pub(super) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
 
 const NONE: u32 = u32::MAX;
 

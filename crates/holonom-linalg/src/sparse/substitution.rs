@@ -3,31 +3,30 @@
 //! The right-hand sides of one unknown lie side by side, so that the compiler turns each loop over
 //! `W` into vector instructions and keeps a row in registers.
 
+use crate::sparse::elimination::Numbers;
 use crate::sparse::symbolic::FactorPattern;
 
 /// Factors as the substitutions need them.
 pub(super) struct Factors<'a> {
     pub(super) pattern: &'a FactorPattern,
-    pub(super) l_value: &'a [f64],
-    pub(super) u_value: &'a [f64],
-    pub(super) inverse_pivot: &'a [f64],
+    pub(super) numbers: &'a Numbers,
 }
 
 impl Factors<'_> {
     /// x ← U⁻¹ L⁻¹ x.
     pub(super) fn solve<const W: usize>(&self, x: &mut [[f64; W]]) {
-        let n = self.inverse_pivot.len();
+        let n = self.numbers.inverse_pivot.len();
         for i in 0..n {
             let range = self.pattern.l_range(i);
             let columns = &self.pattern.l_column[range.clone()];
-            x[i] = subtract_row(x[i], columns, &self.l_value[range], x);
+            x[i] = subtract_row(x[i], columns, &self.numbers.l[range], x);
         }
         for i in (0..n).rev() {
             let range = self.pattern.u_range(i);
             let columns = &self.pattern.u_column[range.clone()];
-            let mut row = subtract_row(x[i], columns, &self.u_value[range], x);
+            let mut row = subtract_row(x[i], columns, &self.numbers.u[range], x);
             for v in &mut row {
-                *v *= self.inverse_pivot[i];
+                *v *= self.numbers.inverse_pivot[i];
             }
             x[i] = row;
         }
@@ -35,21 +34,21 @@ impl Factors<'_> {
 
     /// x ← L⁻ᵀ U⁻ᵀ x.
     pub(super) fn solve_transposed<const W: usize>(&self, x: &mut [[f64; W]]) {
-        let n = self.inverse_pivot.len();
+        let n = self.numbers.inverse_pivot.len();
         for i in 0..n {
             let mut row = x[i];
             for v in &mut row {
-                *v *= self.inverse_pivot[i];
+                *v *= self.numbers.inverse_pivot[i];
             }
             x[i] = row;
             let range = self.pattern.u_range(i);
             let columns = &self.pattern.u_column[range.clone()];
-            subtract_column(row, columns, &self.u_value[range], x);
+            subtract_column(row, columns, &self.numbers.u[range], x);
         }
         for i in (0..n).rev() {
             let range = self.pattern.l_range(i);
             let columns = &self.pattern.l_column[range.clone()];
-            subtract_column(x[i], columns, &self.l_value[range], x);
+            subtract_column(x[i], columns, &self.numbers.l[range], x);
         }
     }
 }

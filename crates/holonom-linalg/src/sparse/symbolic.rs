@@ -16,13 +16,6 @@ pub(super) struct FactorPattern {
     pub(super) u_column: Vec<u32>,
 }
 
-/// Part of a row of L whose columns follow one another and whose rows of U agree beyond them.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Segment {
-    pub(super) first: u32,
-    pub(super) count: u32,
-}
-
 impl FactorPattern {
     /// Unites the rows of A with the rows of U that eliminate them.
     pub(super) fn new(pattern: &SparsePattern, order: &PivotOrder) -> Self {
@@ -52,6 +45,10 @@ impl FactorPattern {
             result.u_start.push(result.u_column.len() as u32);
         }
         result
+    }
+
+    pub(super) fn n(&self) -> usize {
+        self.l_start.len() - 1
     }
 
     pub(super) fn l_range(&self, i: usize) -> std::ops::Range<usize> {
@@ -102,40 +99,6 @@ impl FactorPattern {
             ready[from..].sort_unstable_by_key(|&q| Reverse(q));
         }
         result
-    }
-
-    /// Cuts every row of L into segments: range of segments per row, and the segments.
-    ///
-    /// Rows p and p + 1 of U belong together when the pattern of p is p + 1 and the pattern of
-    /// p + 1. A row of L that uses p then also uses p + 1, since elimination with p fills it.
-    pub(super) fn segments(&self) -> (Vec<u32>, Vec<Segment>) {
-        let n = self.l_start.len() - 1;
-        let joined: Vec<bool> = (0..n)
-            .map(|p| {
-                p + 1 < n && {
-                    let (this, next) = (self.u_range(p), self.u_range(p + 1));
-                    this.len() == next.len() + 1
-                        && self.u_column[this.start] as usize == p + 1
-                        && self.u_column[this.start + 1..this.end] == self.u_column[next]
-                }
-            })
-            .collect();
-        let mut starts = vec![0];
-        let mut segments: Vec<Segment> = Vec::new();
-        for i in 0..n {
-            let mut last: Option<u32> = None;
-            for at in self.l_range(i) {
-                let j = self.l_column[at];
-                if last.is_some_and(|l| l + 1 == j && joined[l as usize]) {
-                    segments.last_mut().expect("a segment is open").count += 1;
-                } else {
-                    segments.push(Segment { first: j, count: 1 });
-                }
-                last = Some(j);
-            }
-            starts.push(segments.len() as u32);
-        }
-        (starts, segments)
     }
 }
 
