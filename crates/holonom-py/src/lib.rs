@@ -19,6 +19,12 @@ fn schema() -> String {
     holonom::io::json_schema()
 }
 
+/// Reference page of model files, Markdown.
+#[pyfunction]
+fn model_reference() -> String {
+    holonom::io::reference_markdown()
+}
+
 /// Version of the core.
 #[pyfunction]
 fn version() -> &'static str {
@@ -38,6 +44,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<model::CoreModel>()?;
     module.add_function(wrap_pyfunction!(model::parse, module)?)?;
     module.add_function(wrap_pyfunction!(schema, module)?)?;
+    module.add_function(wrap_pyfunction!(model_reference, module)?)?;
     module.add_function(wrap_pyfunction!(version, module)?)?;
     module.add_function(wrap_pyfunction!(methods, module)?)?;
     Ok(())

@@ -6,7 +6,7 @@ use super::cartesian_spatial::Spatial;
 use super::structure::{Sizes, Structure};
 use super::{Measure, System, quantities};
 use crate::elements::{ConstraintElement, ForceElement};
-use crate::model::{BodyIndex, Dimension, Frame, Model};
+use crate::model::{BodyIndex, Dimension, Frame, Model, Orientation};
 use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
@@ -25,6 +25,10 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     base: Option<&Cartesian<S, D, N>>,
 ) -> Cartesian<S, D, N> {
     let center = |body: BodyIndex| body.map_or([0.0; 3], |b| model.bodies[b].center_of_mass);
+    let angle = |body: BodyIndex| match body.map(|b| model.bodies[b].orientation) {
+        Some(Orientation::Angle(angle)) => angle,
+        _ => 0.0,
+    };
     let bodies: Vec<PlacedBody> = model
         .bodies
         .iter()
@@ -40,7 +44,8 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     let mut row = 0;
     let joints = model.joints.iter().map(|j| {
         let [first, second] = j.frames.map(|f| f.body);
-        let element = S::joint(j, [center(first), center(second)]);
+        let ends = [first, second];
+        let element = S::joint(j, ends.map(center), ends.map(angle));
         (&j.name, "joint", [first, second], element, Vec::new())
     });
     let drivers = model.drivers.iter().map(|d| {
