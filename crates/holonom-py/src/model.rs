@@ -92,7 +92,7 @@ impl CoreModel {
         py.detach(|| {
             let assembled = self.problem.assemble().map_err(|e| report::assembly_error(&e))?;
             let values = if spectrum {
-                Some(self::spectrum(&assembled).map_err(|e| {
+                Some(self::spectrum(assembled).map_err(|e| {
                     report::assembly_error(&holonom::reduction::assembly::AssemblyError::Evaluation(
                         holonom::error::EvaluationFailure {
                             code: "simulation/spectrum",
@@ -103,8 +103,8 @@ impl CoreModel {
             } else {
                 None
             };
-            let summary = self.problem.summary(&assembled);
-            Ok(report::check(&self.problem, &assembled, &summary, values))
+            let summary = self.problem.summary(assembled);
+            Ok(report::check(&self.problem, assembled, &summary, values))
         })
         .map_err(ModelError::new_err::<String>)
     }

@@ -150,6 +150,7 @@ pub(crate) fn summary(
             "position_corrections": s.corrections,
             "constraint_factorizations": s.constraint_factorizations,
             "acceleration_solves": s.accelerations,
+            "symbolic_analyses": s.analyses,
             "stiff_steps": s.stiff_steps,
             "outputs": s.outputs,
             "smallest_step": s.smallest_step,

@@ -148,11 +148,16 @@ struct Unknowns {
     coupled: Vec<usize>,
 }
 
-/// Finds a consistent start of a model.
+/// Finds a consistent start of a model. `template`: the manifold of a model that differs in numbers
+/// only, whose symbolic work serves again.
 ///
 /// # Errors
 /// [`AssemblyError`], naming the joint, driver or body.
-pub fn assemble(system: &Arc<dyn System>, model: &Model) -> Result<Assembled, AssemblyError> {
+pub fn assemble(
+    system: &Arc<dyn System>,
+    model: &Model,
+    template: Option<&Manifold>,
+) -> Result<Assembled, AssemblyError> {
     let sizes = system.structure().sizes;
     let mut state = State::zeros(&sizes);
     state.t = model.simulation.start_time.unwrap_or(0.0);
@@ -231,26 +236,38 @@ pub fn assemble(system: &Arc<dyn System>, model: &Model) -> Result<Assembled, As
     system.unloaded_extra_states(&state.q, &mut state.z);
     set_extra_states(model, &mut state.z);
     system.update_windings(&state.q, &mut state.winding);
-    let (manifold, state) = start(system, state)?;
+    let (manifold, state) = start(system, state, template)?;
     let adjustments = adjustments(model, system.as_ref(), &wanted, &before, &state);
     Ok(Assembled { state, manifold, adjustments, stated_residuals: (worst, worst_velocity) })
 }
 
-/// Prepares factors, accelerations and multipliers at a state that satisfies the joints.
+/// Prepares factors, accelerations and multipliers at a state that satisfies the joints; `template`
+/// as for [`assemble`].
 ///
 /// # Errors
 /// [`AssemblyError`] when redundant rows contradict the others or a mass is missing.
 pub fn start(
     system: &Arc<dyn System>,
     mut state: State,
+    template: Option<&Manifold>,
 ) -> Result<(Manifold, State), AssemblyError> {
     let mut g = system.structure().constraint_pattern.clone();
     system.constraint_jacobian(&state.q, &mut g);
     let parametrization = partition(system.as_ref(), &state.q, &g);
-    let (nonzero_g, nonzero_m) = structural_nonzeros(system.as_ref(), &state.q);
-    let kept = parametrization.kept.clone();
-    let chart = Chart::new(system.as_ref(), parametrization, &g, &nonzero_g)?;
-    let saddle = Saddle::new(system.as_ref(), &state.q, &kept, &nonzero_g, &nonzero_m);
+    let known = match template {
+        Some(m) => m.chart().with_values(system.as_ref(), &parametrization, &g)?,
+        None => None,
+    };
+    let (chart, saddle) = if let (Some(chart), Some(m)) = (known, template) {
+        (chart, m.saddle().with_values())
+    } else {
+        let (nonzero_g, nonzero_m) = structural_nonzeros(system.as_ref(), &state.q);
+        let kept = parametrization.kept.clone();
+        (
+            Chart::new(system.as_ref(), parametrization, &g, &nonzero_g)?,
+            Saddle::new(system.as_ref(), &state.q, &kept, &nonzero_g, &nonzero_m),
+        )
+    };
     let mut manifold = Manifold::new(system.clone(), chart, saddle, g);
     check_mass(system.as_ref(), &mut manifold, &state.q)?;
     // Round-off of the state is removed in the parametrization of the run.

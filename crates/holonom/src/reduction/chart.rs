@@ -64,6 +64,8 @@ pub struct Chart {
     lu: SparseLu,
     work: Vec<f64>,
     nonzero: Arc<[bool]>,
+    /// Symbolic analyses made for this chart.
+    analyses: u64,
 }
 
 fn scale_of(measure: Measure, length: f64) -> f64 {
@@ -154,6 +156,7 @@ impl Chart {
             lu,
             work,
             nonzero: nonzero.clone(),
+            analyses: 1,
         })
     }
 
@@ -168,6 +171,33 @@ impl Chart {
         g: &BlockMatrix,
     ) -> Result<Self, EvaluationFailure> {
         Self::new(system, parametrization, g, &self.nonzero)
+    }
+
+    /// A copy with this chart's pattern, scales and pivots for other numbers of the same structure;
+    /// `None` if the parametrization is another one.
+    ///
+    /// # Errors
+    /// When the matrix is singular there.
+    pub fn with_values(
+        &self,
+        system: &dyn System,
+        parametrization: &Parametrization,
+        g: &BlockMatrix,
+    ) -> Result<Option<Self>, EvaluationFailure> {
+        let mine = &self.parametrization;
+        if mine.kept != parametrization.kept || mine.projection != parametrization.projection {
+            return Ok(None);
+        }
+        let mut chart = self.clone();
+        chart.analyses = 0;
+        chart.parametrization = parametrization.clone();
+        chart.refactor(system, g)?;
+        Ok(Some(chart))
+    }
+
+    /// Symbolic analyses made for this chart.
+    pub fn analyses(&self) -> u64 {
+        self.analyses
     }
 
     /// Which rows and coordinates are used.

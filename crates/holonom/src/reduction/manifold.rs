@@ -24,6 +24,8 @@ pub struct RecoveryCounters {
     pub factorizations: u64,
     /// Acceleration solves.
     pub accelerations: u64,
+    /// Symbolic analyses of matrices that have been replaced since.
+    pub analyses: u64,
 }
 
 /// A point on the constraint manifold with the factors that belong to it.
@@ -85,6 +87,16 @@ impl Manifold {
         &mut self.chart
     }
 
+    /// The index-1 matrix.
+    pub fn saddle(&self) -> &Saddle {
+        &self.saddle
+    }
+
+    /// Symbolic analyses made so far.
+    pub fn analyses(&self) -> u64 {
+        self.counters.analyses + self.chart.analyses() + self.saddle.analyses()
+    }
+
     /// M where accelerations were last evaluated.
     pub fn mass(&self) -> &BlockMatrix {
         self.saddle.mass()
@@ -99,6 +111,7 @@ impl Manifold {
     pub fn set_chart(&mut self, chart: Chart) {
         self.independent.resize(chart.ndof(), 0.0);
         self.orientation = chart.determinant_sign();
+        self.counters.analyses += self.chart.analyses();
         if chart.parametrization().kept != self.chart.parametrization().kept {
             self.saddle.set_rows(&chart.parametrization().kept);
         }

@@ -22,6 +22,7 @@ pub struct Saddle {
     lu: Option<SparseLu>,
     work: Vec<f64>,
     coordinates: usize,
+    analyses: u64,
 }
 
 impl Saddle {
@@ -69,14 +70,29 @@ impl Saddle {
             lu: None,
             work: Vec::new(),
             coordinates: n,
+            analyses: 0,
         };
         out.place(&structure.constraint_pattern, kept);
         out
     }
 
-    /// Uses other rows of G from now on.
+    /// A copy with this matrix's pattern, scales and pivots for other numbers of the same structure.
+    pub fn with_values(&self) -> Self {
+        Self { analyses: 0, ..self.clone() }
+    }
+
+    /// Symbolic analyses made for this matrix.
+    pub fn analyses(&self) -> u64 {
+        self.analyses
+    }
+
+    /// Rows of G in use.
+    pub fn rows(&self) -> &[usize] {
+        &self.kept
+    }
+
+    /// Uses other rows of G from now on; the pattern is placed anew at the next solve.
     pub fn set_rows(&mut self, kept: &[usize]) {
-        // The pattern of G is recovered from the copies' source numbering by the caller's G.
         self.kept.clear();
         self.kept.extend_from_slice(kept);
         self.lu = None;
@@ -162,6 +178,7 @@ impl Saddle {
             None => false,
         };
         if !served {
+            self.analyses += 1;
             let analysis = SparseLu::analyze(&self.pattern, &self.values);
             self.lu = Some(analysis.map_err(|e| singular(system, e, n))?);
         }

@@ -1,15 +1,19 @@
 //! A model compiled and assembled, ready to run.
 
 use crate::model::Model;
-use crate::reduction::assembly::{Assembled, AssemblyError, assemble};
-use crate::system::{Channel, System, compile};
-use std::sync::Arc;
+use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
+use crate::reduction::{Manifold, Projection};
+use crate::system::{Channel, State, System, compile};
+use std::sync::{Arc, OnceLock};
 
-/// A model with its system.
+/// A model with its system; assembled once, when first asked.
 #[derive(Debug, Clone)]
 pub struct Problem {
     model: Arc<Model>,
     system: Arc<dyn System>,
+    assembled: Arc<OnceLock<Result<Assembled, AssemblyError>>>,
+    /// The problem that this one differs from in numbers only: its symbolic work serves here too.
+    base: Option<Arc<Problem>>,
 }
 
 /// What `check` reports about a model.
@@ -41,20 +45,31 @@ impl Problem {
     /// Compiles a model.
     pub fn new(model: Model) -> Self {
         let system = compile(&model);
-        Self { model: Arc::new(model), system }
+        Self { model: Arc::new(model), system, assembled: Arc::default(), base: None }
     }
 
-    /// The same structure with other numbers; patterns are shared when the structure allows.
+    /// The problem of a model that may differ in numbers only: patterns and pivot orders are then
+    /// shared, always those of the first problem, so that results do not depend on what ran before.
     pub fn with_model(&self, model: Model) -> Self {
-        let system = self.system.with_values(&model).unwrap_or_else(|| compile(&model));
-        Self { model: Arc::new(model), system }
+        match self.system.with_values(&model) {
+            Some(system) => {
+                let base = self.base.clone().unwrap_or_else(|| Arc::new(self.clone()));
+                Self {
+                    model: Arc::new(model),
+                    system,
+                    assembled: Arc::default(),
+                    base: Some(base),
+                }
+            }
+            None => Self::new(model),
+        }
     }
 
     /// The same problem with another start time, s.
     pub fn starting_at(&self, t: f64) -> Self {
         let mut model = self.model.as_ref().clone();
         model.simulation.start_time = Some(t);
-        Self { model: Arc::new(model), system: self.system.clone() }
+        Self { model: Arc::new(model), assembled: Arc::default(), ..self.clone() }
     }
 
     /// The model.
@@ -71,8 +86,25 @@ impl Problem {
     ///
     /// # Errors
     /// [`AssemblyError`] naming the joint or body.
-    pub fn assemble(&self) -> Result<Assembled, AssemblyError> {
-        assemble(&self.system, &self.model)
+    pub fn assemble(&self) -> Result<&Assembled, AssemblyError> {
+        let compute = || {
+            let template = self.base.as_ref().and_then(|base| base.manifold());
+            assemble(&self.system, &self.model, template)
+        };
+        self.assembled.get_or_init(compute).as_ref().map_err(Clone::clone)
+    }
+
+    /// A run's beginning at a given state.
+    ///
+    /// # Errors
+    /// As [`Problem::assemble`].
+    pub fn start_from(&self, state: &State) -> Result<(Manifold, State), AssemblyError> {
+        let template = self.base.as_deref().unwrap_or(self).manifold();
+        start(&self.system, state.clone(), template)
+    }
+
+    fn manifold(&self) -> Option<&Manifold> {
+        self.assemble().ok().map(|a| &a.manifold)
     }
 
     /// Channels that can be asked for.
@@ -93,10 +125,10 @@ impl Problem {
             })
             .collect();
         let independent = match &parametrization.projection {
-            crate::reduction::Projection::Selection(independent) => {
+            Projection::Selection(independent) => {
                 independent.iter().map(|&i| self.system.coordinate_name(i)).collect()
             }
-            crate::reduction::Projection::Basis(_) => Vec::new(),
+            Projection::Basis(_) => Vec::new(),
         };
         ModelSummary {
             bodies: sizes.bodies,

@@ -8,7 +8,7 @@ use super::trajectory::{Chunk, Flow, Sink, StepOutcome, StepRecord};
 use crate::error::EvaluationFailure;
 use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
 use crate::method::{StateSpace, Weights, build_state_space, build_stepper};
-use crate::reduction::assembly::{AssemblyError, start};
+use crate::reduction::assembly::AssemblyError;
 use crate::reduction::{Chart, Parametrization, partition};
 use crate::system::{Channel, State, System};
 use std::sync::Arc;
@@ -100,13 +100,14 @@ pub fn run(
     let (manifold, mut state) = match from {
         Some(state) => {
             check_state(&system, state)?;
-            start(&system, state.clone())?
+            problem.start_from(state)?
         }
         None => {
             let assembled = problem.assemble()?;
-            (assembled.manifold, assembled.state)
+            (assembled.manifold.clone(), assembled.state.clone())
         }
     };
+
     let rule = "not before the start time";
     if options.end_time < state.t {
         return Err(RunError::Option { option: "end_time", value: options.end_time, rule });
@@ -635,6 +636,7 @@ impl Run<'_> {
         s.corrections = counters.corrections;
         s.constraint_factorizations = counters.factorizations;
         s.accelerations = counters.accelerations;
+        s.analyses = self.form.manifold().analyses();
         if s.steps == 0 {
             s.smallest_step = 0.0;
         }

@@ -71,6 +71,8 @@ pub struct Statistics {
     pub corrections: u64,
     /// Factorisations of [G; P].
     pub constraint_factorizations: u64,
+    /// Symbolic analyses (orderings, patterns), those of assembly included.
+    pub analyses: u64,
     /// Solves for accelerations.
     pub accelerations: u64,
     /// Stored output rows.
