@@ -1,0 +1,189 @@
+//! Helpers of the tests across rooms: models of the library by name, runs, channels, references.
+
+#![allow(dead_code, reason = "each test binary uses a part of it")]
+
+use holonom::io::{Document, Syntax};
+use holonom::method::Code;
+use holonom::model::{Model, Tolerance};
+use holonom::simulation::{Memory, Options, OutputTimes, Problem, Status, Summary, run};
+use std::path::PathBuf;
+
+/// Every folder of the library.
+pub(crate) const LIBRARY: &[&str] = &[
+    "simple_pendulum",
+    "double_pendulum",
+    "double_pendulum_w10",
+    "double_pendulum_rest",
+    "andrews",
+    "chain50",
+    "chain50_free",
+    "slider_crank",
+    "hmmwv14",
+    "hmmwv14_bushing",
+];
+
+/// Every code, implicit ones first.
+pub(crate) const ALL_CODES: [Code; 4] = [Code::ForSdirk, Code::ForRosen, Code::Deabm, Code::Dopri5];
+
+fn library() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../models")
+}
+
+/// A model of the library, as text merged with what it extends.
+pub(crate) fn document(name: &str) -> Document {
+    let read =
+        |file: &str| std::fs::read_to_string(library().join(file)).map_err(|e| e.to_string());
+    let file = format!("{name}/model.toml");
+    let text = read(&file).unwrap_or_else(|e| panic!("{file}: {e}"));
+    let mut resolver = |file: &str| read(file);
+    Document::parse(&text, Syntax::Toml, &file, &mut resolver)
+        .unwrap_or_else(|errors| panic!("{}", errors.render()))
+}
+
+/// A model of the library. None of them may give cause for a warning.
+pub(crate) fn model(name: &str) -> Model {
+    let (model, warnings) =
+        document(name).build().unwrap_or_else(|errors| panic!("{}", errors.render()));
+    assert!(warnings.is_empty(), "{name}: {warnings:?}");
+    model
+}
+
+/// A model from text of this test.
+pub(crate) fn model_of(text: &str) -> Model {
+    let mut none = |_: &str| Err("no other file".to_owned());
+    Document::parse(text, Syntax::Toml, "model.toml", &mut none)
+        .and_then(|document| document.build())
+        .unwrap_or_else(|errors| panic!("{}", errors.render()))
+        .0
+}
+
+/// Options of a run without output.
+pub(crate) fn options(code: Code, tolerance: f64, end_time: f64) -> Options {
+    Options {
+        code,
+        tolerance: Tolerance::uniform(tolerance),
+        output: OutputTimes::Listed(Vec::new()),
+        ..Options::new(end_time)
+    }
+}
+
+/// A finished run with the asked channels.
+#[derive(Debug)]
+pub(crate) struct Outcome {
+    pub(crate) summary: Summary,
+    pub(crate) rows: Memory,
+    /// Name and number of components of each channel kept.
+    channels: Vec<(String, usize)>,
+}
+
+impl Outcome {
+    /// Component `index` of a channel over the output times.
+    pub(crate) fn series(&self, channel: &str, index: usize) -> Vec<f64> {
+        let place = self.channels.iter().position(|(name, _)| name == channel);
+        let place = place.unwrap_or_else(|| panic!("the channel `{channel}` was not asked for"));
+        let size = self.channels[place].1;
+        self.rows.all.channels[place].iter().skip(index).step_by(size).copied().collect()
+    }
+
+    /// Output times, s.
+    pub(crate) fn times(&self) -> &[f64] {
+        &self.rows.all.time
+    }
+}
+
+/// Runs to the end; anything else fails the test.
+#[track_caller]
+pub(crate) fn run_model(model: &Model, options: &Options) -> Outcome {
+    let outcome = try_run(model, options);
+    let summary = &outcome.summary;
+    assert_eq!(summary.status, Status::Completed, "{:?} {:?}", options.code, summary.stop);
+    outcome
+}
+
+/// Runs as far as it goes.
+#[track_caller]
+pub(crate) fn try_run(model: &Model, options: &Options) -> Outcome {
+    let problem = Problem::new(model.clone());
+    let size_of = |name: &String| {
+        let channel = problem.channels().iter().find(|c| c.name == *name);
+        (name.clone(), channel.unwrap_or_else(|| panic!("no channel `{name}`")).size())
+    };
+    let channels = options.channels.iter().map(size_of).collect();
+    let mut rows = Memory::default();
+    let summary = run(&problem, options, None, &mut rows)
+        .unwrap_or_else(|error| panic!("{:?}: {error}", options.code));
+    Outcome { summary, rows, channels }
+}
+
+/// The table of a `reference.csv`: columns `time` and `channel` or `channel[index]`.
+#[derive(Debug)]
+pub(crate) struct Reference {
+    pub(crate) columns: Vec<(String, usize)>,
+    pub(crate) times: Vec<f64>,
+    /// Per column its values at the times.
+    pub(crate) values: Vec<Vec<f64>>,
+}
+
+/// Reads the reference of a model.
+pub(crate) fn reference(name: &str) -> Reference {
+    let file = library().join(name).join("reference.csv");
+    let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let header = lines.next().expect("a header").split(',');
+    let columns: Vec<_> = header
+        .map(|column| match column.split_once('[') {
+            Some((name, index)) => {
+                (name.to_owned(), index.trim_end_matches(']').parse().expect("an index"))
+            }
+            None => (column.to_owned(), 0),
+        })
+        .collect();
+    assert_eq!(columns[0].0, "time", "{name}: the first column");
+    let mut values = vec![Vec::new(); columns.len()];
+    for line in lines {
+        for (column, field) in values.iter_mut().zip(line.split(',')) {
+            column.push(field.parse::<f64>().unwrap_or_else(|_| panic!("{name}: {field:?}")));
+        }
+    }
+    let times = values.remove(0);
+    assert!(values.iter().all(|column| column.len() == times.len()), "{name}: ragged rows");
+    Reference { columns: columns[1..].to_vec(), times, values }
+}
+
+impl Reference {
+    /// The part up to a time.
+    pub(crate) fn until(mut self, time: f64) -> Self {
+        let kept = self.times.iter().take_while(|&&t| t <= time).count();
+        self.times.truncate(kept);
+        self.values.iter_mut().for_each(|column| column.truncate(kept));
+        self
+    }
+
+    /// Runs the model over the times of the reference.
+    #[track_caller]
+    pub(crate) fn run(&self, model: &Model, code: Code, tolerance: f64) -> Outcome {
+        let mut channels: Vec<String> = self.columns.iter().map(|(name, _)| name.clone()).collect();
+        channels.dedup();
+        let end = *self.times.last().expect("times");
+        let options = Options {
+            channels,
+            output: OutputTimes::Listed(self.times.clone()),
+            ..options(code, tolerance, end)
+        };
+        run_model(model, &options)
+    }
+
+    /// Largest difference per column, `(column, difference)`.
+    pub(crate) fn differences(&self, outcome: &Outcome) -> Vec<(String, f64)> {
+        self.columns
+            .iter()
+            .zip(&self.values)
+            .map(|((name, index), expected)| {
+                let found = outcome.series(name, *index);
+                assert_eq!(found.len(), expected.len(), "{name}: rows");
+                let error = found.iter().zip(expected).map(|(a, b)| (a - b).abs());
+                (format!("{name}[{index}]"), error.fold(0.0, f64::max))
+            })
+            .collect()
+    }
+}
