@@ -243,6 +243,12 @@ impl ModelErrors {
     }
 }
 
+/// A number as messages show it: short, and exact enough to be recognised.
+pub(crate) fn shown(x: f64) -> String {
+    let size = x.abs();
+    if x == 0.0 || (1e-4..1e7).contains(&size) { format!("{x}") } else { format!("{x:e}") }
+}
+
 impl From<Diagnostic> for ModelErrors {
     fn from(error: Diagnostic) -> Self {
         Self { errors: vec![error], omitted: 0 }

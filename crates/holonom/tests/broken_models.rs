@@ -81,10 +81,8 @@ fn sizes_beyond_the_limits_are_refused_before_they_cost_much() {
     assert_eq!(refusal("text.toml", &long_text).errors[0].code.as_str(), "model/too-large");
     let list = format!("{head}gravity = [{}]\n", "0,".repeat(limits::LIST_ENTRIES + 1));
     assert_eq!(refusal("list.toml", &list).errors[0].code.as_str(), "model/too-large");
-    let mut bodies = format!("{head}[bodies]\n");
-    for i in 0..=limits::ITEMS {
-        bodies += &format!("b{i}={{}}\n");
-    }
+    let items: Vec<String> = (0..=limits::ITEMS).map(|i| format!("b{i}={{}}\n")).collect();
+    let bodies = format!("{head}[bodies]\n{}", items.concat());
     assert_eq!(refusal("bodies.toml", &bodies).errors[0].code.as_str(), "model/too-large");
     for open in ["[", "{\"a\":"] {
         let deep = format!("{{\"holonom\":1,\"title\":{}", open.repeat(3_000_000));

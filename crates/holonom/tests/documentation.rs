@@ -33,7 +33,7 @@ fn the_page_of_errors_lists_every_code_of_models() {
     let text = std::fs::read_to_string(&path).unwrap();
     let (before, rest) = text.split_once(begin).unwrap();
     let (_, after) = rest.split_once(end).unwrap();
-    let rows: String = Code::ALL
+    let rows: Vec<String> = Code::ALL
         .iter()
         .map(|code| {
             let severity = match code.severity() {
@@ -44,7 +44,7 @@ fn the_page_of_errors_lists_every_code_of_models() {
         })
         .collect();
     let head = "| code | severity | meaning |\n| --- | --- | --- |\n";
-    assert_page("errors.md", &format!("{before}{begin}{head}{rows}{end}{after}"));
+    assert_page("errors.md", &format!("{before}{begin}{head}{}{end}{after}", rows.concat()));
 }
 
 /// Fenced blocks of a language.

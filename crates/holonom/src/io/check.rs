@@ -10,7 +10,7 @@ use super::names::{nearest, objection, suggestion};
 use super::schema::Dimension;
 use super::shape::{Field, Record, Shape, Variant, alternatives, describe, model_file};
 use super::tree::{Node, Table, Value, join};
-use crate::error::{Code, Diagnostic};
+use crate::error::{Code, Diagnostic, shown};
 
 /// Tables of items of the user's naming.
 pub(super) const COLLECTIONS: [&str; 7] =
@@ -82,10 +82,21 @@ impl Checker<'_> {
             Some(text) if takes_number && text.parse::<f64>().is_ok() => {
                 format!("write the number without quotes: {text}")
             }
+            Some(text)
+                if takes_number
+                    && text.split(' ').next().is_some_and(|n| n.parse::<f64>().is_ok()) =>
+            {
+                "write the number alone, without quotes and without its unit".to_owned()
+            }
             Some(text) if takes_number && self.parameters.contains_key(text) => {
                 format!("write \"={text}\" to use the parameter `{text}`")
             }
-            _ => String::new(),
+            _ => match (shape, &node.value) {
+                (Shape::Record(record), Value::Number(x)) if record.field("value").is_some() => {
+                    format!("write {{ value = {} }}", shown(*x))
+                }
+                _ => String::new(),
+            },
         };
         self.refuse(Code::WrongType, path, message, help)
     }
@@ -108,6 +119,17 @@ impl Checker<'_> {
                 let meant = nearest(text, words.iter().map(|(word, _)| word.as_str()));
                 let help = meant.map_or(String::new(), |word| format!("did you mean \"{word}\"?"));
                 self.refuse(Code::UnknownChoice, path, message, help)
+            }
+            (Shape::List { item, .. }, Value::List(list))
+                if matches!(**item, Shape::List { .. })
+                    && !list.is_empty()
+                    && list.iter().all(|node| matches!(node.value, Value::Number(_))) =>
+            {
+                // One error for a row in place of a matrix, not one per entry.
+                let expected = describe(shape, unit, self.dimension);
+                let message = format!("`{path}` is a list of numbers; expected {expected}");
+                let help = "give every row as a list of its own, zeros included";
+                self.refuse(Code::WrongType, path, message, help)
             }
             (Shape::List { item, min, max }, Value::List(list)) => {
                 if list.len() < *min || max.is_some_and(|max| list.len() > max) {
@@ -147,7 +169,9 @@ impl Checker<'_> {
         if x.fract() == 0.0 && x >= low as f64 && x <= high as f64 {
             return (x as u64).into();
         }
-        let message = format!("`{path}` is {x}; expected a whole number from {low} to {high}");
+        let range = if max.is_none() { String::new() } else { format!(" up to {high}") };
+        let message =
+            format!("`{path}` is {}; expected a whole number from {low}{range}", shown(x));
         self.refuse(Code::OutOfRange, path, message, "")
     }
 
@@ -234,7 +258,12 @@ impl Checker<'_> {
             let at = join(path, name);
             if let Some(objection) = objection(name).filter(|_| defines) {
                 let message = format!("`{name}` in `{path}`: {objection}");
-                self.refuse(Code::BadName, &at, message, "use letters, digits, `_` and `-`");
+                self.refuse(
+                    Code::BadName,
+                    &at,
+                    message,
+                    "choose another name, of letters, digits, `_` and `-`",
+                );
             }
             out.insert(name.clone(), self.value(item, &entry.node, &at, unit));
         }
@@ -262,6 +291,7 @@ impl Checker<'_> {
             field.dimension.is_none() || dimension.is_none() || field.dimension == dimension
         };
         let mut out = serde_json::Map::with_capacity(table.len());
+        let mut meant = Vec::new();
         for (name, entry) in table {
             let at = join(path, name);
             match record.field(name) {
@@ -277,13 +307,15 @@ impl Checker<'_> {
                 None => {
                     let known = record.fields.iter().filter(exists).map(|f| f.name.as_str());
                     let message = format!("{owner} has no field `{name}`");
-                    let help = suggestion(name, "fields", known);
+                    let help = suggestion(name, "fields", known.clone());
+                    meant.extend(nearest(name, known));
                     self.refuse(Code::UnknownField, &at, message, help);
                 }
             }
         }
         for field in record.fields.iter().filter(exists).filter(|field| field.required) {
-            if !table.contains_key(&field.name) {
+            // A misspelled field is not missing too.
+            if !table.contains_key(&field.name) && !meant.contains(&field.name.as_str()) {
                 let expected = describe(&field.shape, field.unit.as_deref(), dimension);
                 let message = format!("{owner} has no `{}`; expected {expected}", field.name);
                 self.refuse(
@@ -298,8 +330,11 @@ impl Checker<'_> {
     }
 }
 
-fn first_sentence(doc: &str) -> &str {
-    doc.split_once(". ").map_or(doc, |(first, _)| first).trim_end_matches('.')
+/// The beginning of a description, as help: "mass; zero is allowed …".
+fn first_sentence(doc: &str) -> String {
+    let sentence = doc.split_once(". ").map_or(doc, |(first, _)| first).trim_end_matches('.');
+    let mut characters = sentence.chars();
+    characters.next().map_or(String::new(), |c| c.to_lowercase().chain(characters).collect())
 }
 
 fn entries(n: usize) -> String {

@@ -75,23 +75,27 @@ impl Reader<'_> {
 
     fn toml(&mut self, text: &str) -> Option<Value> {
         let (table, errors) = DeTable::parse_recoverable(text);
+        // After one error of syntax the rest is guesswork; repeated keys are all real.
+        let mut broken = false;
         for error in &errors {
             let at = error.span().unwrap_or(0..0);
             let message = error.message().trim().replace('\n', ", ");
             let span = self.span(at.start, at.end);
             let key = text.get(at).unwrap_or_default().trim_matches(['"', '\'']);
-            self.refuse(
-                span,
-                if message.contains("duplicate key") {
-                    Diagnostic::new(Code::DuplicateName, key, format!("`{key}` is written twice"))
-                        .help("give each item and each field once, under one name")
-                } else if message.contains("recurs") {
+            if message.contains("duplicate key") {
+                let message = format!("`{key}` is written twice");
+                let error = Diagnostic::new(Code::DuplicateName, key, message);
+                self.refuse(span, error.help("give each item and each field once, under one name"));
+            } else if !broken {
+                broken = true;
+                let error = if message.contains("recurs") {
                     too_deep("")
                 } else {
                     Diagnostic::new(Code::Syntax, "", format!("not valid TOML: {message}"))
                         .help("texts stand in quotes, lists in [ ], tables in { } on one line")
-                },
-            );
+                };
+                self.refuse(span, error);
+            }
         }
         if !errors.is_empty() {
             return None;

@@ -45,7 +45,7 @@ struct Page<'a> {
 
 impl<'a> Page<'a> {
     fn heading(&mut self, level: &str, title: &str, doc: &str) {
-        self.out += &format!("\n{level} {title}\n\n{doc}\n");
+        self.out += &["\n", level, " ", title, "\n\n", doc, "\n"].concat();
     }
 
     fn tagged(&mut self, tagged: &'a Tagged) {
@@ -134,7 +134,7 @@ impl<'a> Page<'a> {
         self.heading("###", "Values", "Kinds of values that the tables above name:\n");
         for (shape, _) in &self.pending {
             if let Shape::Either(either) = shape {
-                self.out += &format!("- *{}*: {}\n", either.title, either.doc);
+                self.out += &["- *", &either.title, "*: ", &either.doc, "\n"].concat();
             }
         }
     }

@@ -242,12 +242,18 @@ pub(super) fn describe(shape: &Shape, unit: Option<&str>, dimension: Option<Dime
         }
         Shape::Tagged(_) => "a table with a `type`".to_owned(),
         Shape::Map(_) => "a table of names".to_owned(),
-        Shape::Either(_) => {
+        Shape::Either(either) => {
             let of_kind: Vec<_> = alternatives(shape, dimension)
                 .into_iter()
                 .map(|shape| describe(shape, unit, dimension))
                 .collect();
-            of_kind.join(" or ")
+            let text = of_kind.join(" or ");
+            // The one text among points is a marker.
+            if either.title == "place" {
+                text.replace(" or a text", " or a marker \"body.marker\"")
+            } else {
+                text
+            }
         }
     }
 }

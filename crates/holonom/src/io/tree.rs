@@ -3,7 +3,7 @@
 
 use indexmap::IndexMap;
 
-use crate::error::{Code, Diagnostic, Location};
+use crate::error::{Code, Diagnostic, Location, shown};
 
 /// Bytes `start..end` of source number `file`; values set by the caller have no source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -68,7 +68,7 @@ impl Node {
     pub(super) fn kind(&self) -> String {
         match &self.value {
             Value::Bool(b) => format!("`{b}`"),
-            Value::Number(x) => format!("the number {x}"),
+            Value::Number(x) => format!("the number {}", shown(*x)),
             Value::Text(t) if t.chars().count() > 40 => {
                 format!("the text \"{}…\"", t.chars().take(40).collect::<String>())
             }

@@ -1,7 +1,7 @@
 //! What is legal but looks like another unit: millimetres, degrees, grams.
 
 use super::{Dimension, ForceKind, Frame, Model, Orientation};
-use crate::error::{Code, Diagnostic, Warning};
+use crate::error::{Code, Diagnostic, Warning, shown};
 
 /// kg: heavier or lighter single bodies are rare.
 const MASS: [f64; 2] = [1e-6, 1e6];
@@ -20,13 +20,13 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
     };
     let gravity = model.gravity.iter().map(|x| x * x).sum::<f64>().sqrt();
     if gravity > GRAVITY {
-        let message = format!("`gravity` is {gravity} m/s²");
+        let message = format!("`gravity` is {} m/s²", shown(gravity));
         warn("gravity".into(), message, "on earth it is 9.81 m/s²; are lengths in millimetres?");
     }
     for body in &model.bodies {
         let item = format!("bodies.{}", body.name);
         if body.mass > MASS[1] || (body.mass > 0.0 && body.mass < MASS[0]) {
-            let message = format!("the mass of `{}` is {} kg", body.name, body.mass);
+            let message = format!("the mass of `{}` is {} kg", body.name, shown(body.mass));
             warn(format!("{item}.mass"), message, "masses are in kilograms");
         }
         angle(&mut warn, format!("{item}.angle"), body.orientation);

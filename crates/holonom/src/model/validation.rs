@@ -4,7 +4,7 @@ use super::{
     Body, Dimension, Driver, ElasticLaw, Force, ForceKind, Frame, Joint, JointKind, Model,
     Orientation, SimulationDefaults,
 };
-use crate::error::{Code, Diagnostic};
+use crate::error::{Code, Diagnostic, shown};
 use crate::math::TimeFunction;
 
 /// All violations of the rules, in the order of the model.
@@ -40,15 +40,22 @@ impl Rules {
 
     fn positive(&mut self, path: &str, value: f64, unit: &str) {
         if !(value.is_finite() && value > 0.0) {
-            let message = format!("`{path}` is {value} {unit}; expected a positive number");
+            let value = quantity(value, unit);
+            let message = format!("`{path}` is {value}; expected a positive number");
             self.refuse(Code::OutOfRange, path, message, "");
         }
     }
 
     fn not_negative(&mut self, path: &str, value: f64, unit: &str) {
         if !(value.is_finite() && value >= 0.0) {
-            let message = format!("`{path}` is {value} {unit}; expected a number not below zero");
-            self.refuse(Code::OutOfRange, path, message, "");
+            let help = match unit {
+                "kg" => "zero is allowed where other bodies give the motion a mass",
+                u if u.starts_with('N') => "a negative one would feed energy into the motion",
+                _ => "",
+            };
+            let value = quantity(value, unit);
+            let message = format!("`{path}` is {value}; expected a number not below zero");
+            self.refuse(Code::OutOfRange, path, message, help);
         }
     }
 
@@ -231,6 +238,10 @@ impl Rules {
     }
 }
 
+fn quantity(value: f64, unit: &str) -> String {
+    if unit.is_empty() { shown(value) } else { format!("{} {unit}", shown(value)) }
+}
+
 type Rule = Result<(), (String, &'static str)>;
 
 /// Relative slack of symmetry, definiteness and the triangle inequality: digits of a file.
@@ -243,7 +254,7 @@ fn inertia_rules(j: &[[f64; 3]; 3]) -> Rule {
     let trace = j[0][0] + j[1][1] + j[2][2];
     let size = j.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
     if let Some((r, c)) = asymmetric(j, SLACK * size) {
-        let (a, b) = (j[r][c], j[c][r]);
+        let (a, b) = (shown(j[r][c]), shown(j[c][r]));
         let message = format!("is not symmetric: [{r}][{c}] is {a}, [{c}][{r}] is {b}");
         return Err((
             message,
@@ -252,7 +263,7 @@ fn inertia_rules(j: &[[f64; 3]; 3]) -> Rule {
     }
     for k in 0..3 {
         if j[k][k] < -SLACK * size {
-            let message = format!("has the negative moment {} about axis {k}", j[k][k]);
+            let message = format!("has the negative moment {} about axis {k}", shown(j[k][k]));
             return Err((message, "moments of inertia are sums of mass times distance squared"));
         }
     }
@@ -267,7 +278,7 @@ fn inertia_rules(j: &[[f64; 3]; 3]) -> Rule {
     let (k, largest) =
         (0..3).map(|k| (k, diagonal[k])).fold((0, f64::MIN), |m, x| if x.1 > m.1 { x } else { m });
     let message = if largest > trace - largest {
-        let others = trace - largest;
+        let (largest, others) = (shown(largest), shown(trace - largest));
         format!(
             "violates the triangle inequality: {largest} about axis {k} exceeds the sum {others} of the others"
         )
@@ -298,8 +309,11 @@ fn matrix_rules(k: &[[f64; 6]; 6]) -> Rule {
     }
     let size = scaled.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
     if let Some((r, c)) = asymmetric(&scaled, SLACK * size) {
-        let message =
-            format!("is not symmetric: [{r}][{c}] is {}, [{c}][{r}] is {}", k[r][c], k[c][r]);
+        let message = format!(
+            "is not symmetric: [{r}][{c}] is {}, [{c}][{r}] is {}",
+            shown(k[r][c]),
+            shown(k[c][r])
+        );
         return Err((message, "give the same number on both sides of the diagonal"));
     }
     if semidefinite(&scaled, SLACK * size) {

@@ -3,7 +3,7 @@
 use super::geometry::Vec3;
 use super::places::{plain_frame, plain_frames};
 use super::{Choice, Context};
-use crate::error::Code;
+use crate::error::{Code, shown};
 use crate::io::names::suggestion;
 use crate::io::schema::{self, Components};
 use crate::math::TimeFunction;
@@ -135,8 +135,10 @@ impl<'a> Context<'a> {
             for (i, value) in stated.unwrap_or_default().into_iter().enumerate() {
                 if value < 0.0 {
                     let path = format!("{item}.{name}[{i}]");
-                    let message = format!("`{path}` is {value}; expected a number not below zero");
-                    self.refuse(Code::OutOfRange, path, message, "");
+                    let message =
+                        format!("`{path}` is {}; expected a number not below zero", shown(value));
+                    let help = "a negative one would feed energy into the motion";
+                    self.refuse(Code::OutOfRange, path, message, help);
                 }
                 out[offset + i][offset + i] = value.max(0.0); // a refused value is reported once
             }
@@ -274,7 +276,7 @@ impl<'a> Context<'a> {
             };
             if value <= 0.0 {
                 let path = format!("roads.{name}.{field}");
-                let message = format!("`{path}` is {value} m; expected a positive number");
+                let message = format!("`{path}` is {} m; expected a positive number", shown(value));
                 self.refuse(Code::OutOfRange, path, message, "");
             }
         }

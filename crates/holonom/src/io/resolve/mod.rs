@@ -76,6 +76,10 @@ impl<'a> Context<'a> {
         body.map_or(Pose::GROUND, |i| self.poses[i].pose)
     }
 
+    fn name(&self, body: model::BodyIndex) -> &'a str {
+        body.and_then(|i| self.poses.get_index(i)).map_or("ground", |(name, _)| name)
+    }
+
     /// A body by name; `"ground"` is the ground. `None` when there is no such body.
     fn body(&mut self, path: &str, name: &str) -> Option<model::BodyIndex> {
         if name == "ground" {

@@ -18,8 +18,7 @@ impl<'a> Context<'a> {
             Place::Marker(name) => {
                 let (owner, point) = self.marker(path, name)?;
                 if Some(owner) != body {
-                    let wanted =
-                        body.map_or("ground", |i| self.poses.get_index(i).map_or("", |p| p.0));
+                    let wanted = self.name(body);
                     let message =
                         format!("`{path}` is the marker `{name}`; expected a point of `{wanted}`");
                     let help = "the order of the points is the order of `between`";
@@ -63,12 +62,17 @@ impl<'a> Context<'a> {
                 let point = point.components();
                 Some(bodies.map(|body| self.pose(body).point_to_body(point)))
             }
-            Choice::First(place @ Place::Marker(name)) => {
+            Choice::First(Place::Marker(name)) => {
                 let path = format!("{item}.point");
                 let (owner, point) = self.marker(&path, name)?;
                 if !bodies.contains(&Some(owner)) {
-                    // Neither body owns it: the message of the second body says so.
-                    return self.place_on(&path, place, bodies[1]).map(|p| [p, p]);
+                    let [first, second] = bodies.map(|body| self.name(body));
+                    let message = format!(
+                        "`{path}` is the marker `{name}`; expected a point of `{first}` or `{second}`"
+                    );
+                    let help = "name a marker of one of the two bodies";
+                    self.refuse(Code::UnknownName, path, message, help);
+                    return None;
                 }
                 let ground = self.pose(Some(owner)).point_to_ground(point);
                 Some(bodies.map(|body| {
