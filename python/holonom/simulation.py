@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime as dt
 import json
-from collections.abc import Callable, Mapping
+import signal
+import threading
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -135,22 +138,19 @@ class _Recorder:
         self.last_time: float | None = None
 
     def append(self, chunk: dict[str, Any]) -> None:
-        """Store a chunk of the core; Ctrl-C takes effect when it is stored."""
-        try:
+        """Store a chunk of the core."""
+        with _uninterrupted():
             self._open().append(chunk)
-        except KeyboardInterrupt:
-            self._open().append(chunk)  # the broken attempt left nothing behind
-            raise
-        finally:
-            if len(chunk["time"]):
-                self.last_time = float(chunk["time"][-1])
+        if len(chunk["time"]):
+            self.last_time = float(chunk["time"][-1])
 
     def finish(self, summary: dict[str, Any]) -> None:
         """Store the summary and complete the file."""
         summary = dict(summary)
         warnings = [*self._model.warnings]
         warnings += [w for w in summary.pop("warnings", None) or [] if w not in warnings]
-        self._open().finish(summary | {"warnings": warnings, "finished": _now()})
+        with _uninterrupted():
+            self._open().finish(summary | {"warnings": warnings, "finished": _now()})
 
     def close(self) -> None:
         if self._writer is not None:
@@ -176,6 +176,23 @@ class _Recorder:
             }
             self._writer = Writer(self._output, meta, model.channels)
         return self._writer
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Let Ctrl-C take effect after the block, so that what is written is whole."""
+    before = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(before):
+        yield
+        return
+    asked: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if asked:
+        before(asked[0], None)
 
 
 def _now() -> str:
