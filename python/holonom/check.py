@@ -109,8 +109,8 @@ def _spectrum_lines(spectrum: list[complex]) -> list[str]:
         f"{'real part 1/s':>14} {'frequency Hz':>14} {'damping ratio':>14}",
     ]
     for z in modes[:MODES_SHOWN]:
-        ratio = -z.real / abs(z) if z else math.nan
-        lines.append(f"{z.real:14.4g} {z.imag / (2.0 * math.pi):14.4g} {ratio:14.3f}")
+        ratio = f"{-z.real / abs(z) + 0.0:.3f}" if z else "–"
+        lines.append(f"{z.real + 0.0:14.4g} {z.imag / (2.0 * math.pi):14.4g} {ratio:>14}")
     if len(modes) > MODES_SHOWN:
         lines.append(f"{'…':>14} {len(modes) - MODES_SHOWN} slower modes, with --json")
     moving = [abs(z) for z in modes if abs(z) > 1e-6 * abs(modes[0])]

@@ -114,7 +114,7 @@ class ModelError(HolonomError):
     exit_code = Exit.MODEL
 
     def __init__(self, *problems: Problem, rendered: str = "") -> None:
-        super().__init__(rendered or "\n".join(map(str, problems)))
+        super().__init__(rendered.rstrip() or "\n".join(map(str, problems)))
         self.problems = problems
 
     @property
@@ -138,8 +138,7 @@ class SimulationError(HolonomError):
     Attributes
     ----------
     reason : dict
-        ``code``, ``message`` and, where known, ``time`` (s), ``step`` (s), ``item``, ``help``,
-        ``details``.
+        ``code``, ``message`` and, where known, ``time`` (s), ``step_size`` (s), ``item``, ``help``.
     result : Result or None
         What was computed before; None when the run never started.
     """
@@ -178,12 +177,21 @@ def describe(reason: dict[str, Any]) -> str:
     lines += [f"  item: {reason['item']}"] if reason.get("item") else []
     where = [
         f"{name} {reason[key]:.9g} s"
-        for key, name in (("time", "at"), ("step", "step size"))
+        for key, name in (("time", "at"), ("step_size", "step size"))
         if isinstance(reason.get(key), int | float)
     ]
     lines += [f"  time: {', '.join(where)}"] if where else []
     lines += [f"  help: {reason['help']}"] if reason.get("help") else []
     return "\n".join(lines)
+
+
+#: Codes of choices that the core refuses before a run starts.
+_USAGE = (
+    "simulation/option",
+    "simulation/unknown-method",
+    "simulation/unknown-channel",
+    "simulation/start-state",
+)
 
 
 @contextmanager
@@ -197,11 +205,6 @@ def translated() -> Iterator[None]:
         raise ModelError(*problems, rendered=data.get("rendered") or "") from None
     except _core.SimulationError as error:
         data = json.loads(error.args[0])
-        kind = str(data.get("code", "")).partition("/")[0]
-        if kind == "options":
-            raise UsageError(describe(data)) from None
-        if kind == "simulation":
-            raise SimulationError(data) from None
-        # An initial state that cannot be found is a fault of the model: `assembly/…`.
-        problem = Problem.from_json({**data, "path": data.get("path") or data.get("item")})
-        raise ModelError(problem) from None
+        raise (
+            UsageError(describe(data)) if data.get("code") in _USAGE else SimulationError(data)
+        ) from None

@@ -7,7 +7,7 @@ import datetime as dt
 import json
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -92,27 +92,11 @@ def _simulate(
         if progress is not None:
             progress(time, step_size, steps)
 
-    raised: list[BaseException] = []  # what callbacks raised, however the core passes it on
-
-    def kept(callback: Callable[..., None]) -> Callable[..., None]:
-        def guarded(*arguments: Any) -> None:
-            try:
-                callback(*arguments)
-            except BaseException as error:
-                raised.append(error)
-                raise
-
-        return guarded
-
     try:
         with translated():
-            text = model._core.simulate(
-                json.dumps(chosen), state, kept(recorder.append), kept(on_progress)
-            )
+            text = model._core.simulate(json.dumps(chosen), state, recorder.append, on_progress)
         summary: dict[str, Any] = json.loads(text)
-        for error in raised:
-            raise error
-    except KeyboardInterrupt:  # Ctrl-C while Python code was running, not the core
+    except KeyboardInterrupt:  # Ctrl-C while a chunk was stored
         summary = {
             "status": "interrupted",
             "stop_reason": {

@@ -216,8 +216,8 @@ class Writer:
         for column in steps.keys() - self._step_columns:
             if not re.fullmatch("[a-z_]+", column):
                 raise FileError(f"`{column}` cannot be the name of a step column")
-            self._db.execute(f"ALTER TABLE step ADD COLUMN {column}")
-        columns = ", ".join(steps)
+            self._db.execute(f'ALTER TABLE step ADD COLUMN "{column}"')
+        columns = ", ".join(f'"{column}"' for column in steps)
         marks = ", ".join("?" * len(steps))
         rows = zip(*(np.asarray(values).tolist() for values in steps.values()), strict=True)
         self._db.executemany(f"INSERT INTO step ({columns}) VALUES ({marks})", rows)  # noqa: S608

@@ -39,7 +39,11 @@ def summarize(result: Result) -> list[tuple[str, str]]:
     facts += _steps(result)
     facts += _work(result)
     if result.residuals:
-        text = ", ".join(f"{k} {v:.1e}" for k, v in result.residuals.items() if _is_number(v))
+        text = ", ".join(
+            f"{key.replace('_', ' ')} {value:.1e}"
+            for key, value in result.residuals.items()
+            if _is_number(value)
+        )
         facts.append(("largest residuals", text))
     facts += _energy(result)
     if result.warnings:
@@ -148,6 +152,7 @@ def _energy(result: Result) -> list[tuple[str, str]]:
         facts.append(("energy at the end, J", text))
     if "energy.imbalance" in result.channels and result.time.size:
         worst = float(np.abs(result["energy.imbalance"]).max())
+        worst = max(worst, float(result.energy.get("largest_imbalance") or 0.0))
         text = f"{worst:.2e} J at most"
         span = max((float(np.ptp(values)) for values in stored.values()), default=0.0)
         if span > 0.0:

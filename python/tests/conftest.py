@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +66,7 @@ def synthetic_chunk(first: int, count: int) -> dict[str, Any]:
             "accepted": (np.arange(first, first + count) % 10 != 3).astype(float),
             "cause": ["error" if i % 10 == 3 else "" for i in range(first, first + count)],
             "iterations": np.full(count, 2.0),
-            "condition": np.full(count, 7.0),  # a column that not every run has
+            "order": np.full(count, 7.0),  # a column that not every run has
         },
         "events": json.dumps([{"time": float(t[0]), "kind": "breakpoint", "item": "motor"}]),
     }
@@ -74,7 +75,7 @@ def synthetic_chunk(first: int, count: int) -> dict[str, Any]:
 META: dict[str, Any] = {
     "name": "rod",
     "title": "Rod <on> a pin",
-    "model": {"bodies": {"rod": {"mass": 2.0}}, "joints": {"pin": {}}},
+    "model": tomllib.loads(PENDULUM),
     "model_hash": "0123456789abcdef",
     "options": {"method": "ForSDIRK", "tolerance": {"relative": 1e-3, "translation": 1e-3}},
     "requested": ["rod.position"],

@@ -54,7 +54,7 @@ def test_the_step_log_and_events_come_back(stored: Path) -> None:
     with Result.load(stored) as result:
         log = result.steps
         np.testing.assert_array_equal(log["t"], WHOLE["time"])
-        np.testing.assert_array_equal(log["condition"], np.full(200, 7.0))
+        np.testing.assert_array_equal(log["order"], np.full(200, 7.0))
         assert list(log["cause"]) == WHOLE["steps"]["cause"]
         assert [event["time"] for event in result.events] == [0.0, 0.5, 1.0, 1.5]
         assert result.events[0]["item"] == "motor"
