@@ -3,8 +3,8 @@
 use super::chart::Chart;
 use super::saddle::Saddle;
 use crate::error::EvaluationFailure;
-use crate::system::{Measure, State, System};
-use holonom_linalg::BlockMatrix;
+use crate::system::{State, System};
+use holonom_linalg::{BlockMatrix, Cholesky};
 use std::sync::Arc;
 
 /// Corrections that contract more slowly than this are refused as a way to another branch.
@@ -312,9 +312,51 @@ impl Manifold {
         (position, largest(&self.rows))
     }
 
-    /// Kind of a coordinate.
-    pub fn measure(&self, coordinate: usize) -> Measure {
-        self.system.structure().coordinate_measure(coordinate)
+    /// Replaces the multipliers of a redundant set, where dropped rows have none, by those of
+    /// minimum norm with the same generalized forces: λ = (Gᵀ)⁺(Q − M q̈), normalisation rows left
+    /// out of the norm. G must belong to the state. Without redundant rows nothing changes.
+    ///
+    /// With X the coefficients of the dropped rows in the kept ones, G_dᵀ = G_kᵀ X, all solutions are
+    /// (λ_k − X μ, μ); (1 + XᵀX) μ = Xᵀλ_k gives the shortest.
+    pub fn minimum_norm_multipliers(&mut self, lambda: &mut [f64]) {
+        let dropped = self.chart.parametrization().dropped.clone();
+        if dropped.is_empty() {
+            return;
+        }
+        let sizes = self.system.structure().sizes;
+        let (m, n, count) = (sizes.rows, sizes.coordinates, dropped.len());
+        let counted = ..sizes.joint_rows;
+        let mut x = vec![0.0; count * m];
+        let mut unit = vec![0.0; m];
+        let mut row = vec![0.0; n];
+        for (&d, x) in dropped.iter().zip(x.chunks_exact_mut(m)) {
+            unit.fill(0.0);
+            unit[d] = 1.0;
+            row.fill(0.0);
+            self.g.multiply_transposed_add(1.0, &unit, &mut row);
+            self.chart.solve_transposed(&row, x, &mut self.independent);
+        }
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(p, q)| p * q).sum::<f64>();
+        let mut normal = vec![0.0; count * count];
+        let mut mu = vec![0.0; count];
+        for i in 0..count {
+            let xi = &x[i * m..(i + 1) * m];
+            mu[i] = dot(&xi[counted], &lambda[counted]);
+            for j in 0..count {
+                let xj = &x[j * m..(j + 1) * m];
+                normal[i * count + j] = dot(&xi[counted], &xj[counted]) + f64::from(i == j);
+            }
+        }
+        let mut cholesky = Cholesky::new(count);
+        if cholesky.factor(&normal).is_ok() {
+            cholesky.solve(&mut mu);
+            for (i, (&d, mu)) in dropped.iter().zip(&mu).enumerate() {
+                for (l, x) in lambda.iter_mut().zip(&x[i * m..(i + 1) * m]) {
+                    *l -= mu * x;
+                }
+                lambda[d] = *mu;
+            }
+        }
     }
 }
 

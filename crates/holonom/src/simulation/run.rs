@@ -329,6 +329,7 @@ impl Run<'_> {
         self.form.pack(&self.state, &mut self.w);
         self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
         self.condition_reference = self.form.manifold_mut().chart_mut().condition();
+        self.form.manifold_mut().minimum_norm_multipliers(&mut self.state.lambda);
         while self.output.time() <= self.state.t {
             self.output.push(self.system.as_ref(), &self.state);
         }
@@ -443,6 +444,7 @@ impl Run<'_> {
         let begun = Instant::now();
         // The end state is kept aside: interior rows use the form's evaluation state.
         self.row.copy_from(self.form.state());
+        self.form.manifold_mut().minimum_norm_multipliers(&mut self.row.lambda);
         std::mem::swap(&mut self.row, &mut self.state);
         let t_end = self.state.t;
         // `self.row` is now the state at the start, `self.state` the one at the end.
@@ -473,6 +475,7 @@ impl Run<'_> {
             self.stepper.interpolate(theta, &mut self.scratch[0]);
             self.form.evaluate(time, &self.scratch[0], true)?;
             self.row.copy_from(self.form.state());
+            self.form.manifold_mut().minimum_norm_multipliers(&mut self.row.lambda);
             self.system.update_windings(&self.row.q, &mut self.row.winding);
             if self.form.full_order() {
                 self.row.ledger.initial = ledger.initial;
@@ -649,6 +652,13 @@ impl Run<'_> {
         e.imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
             - ledger.supplied;
         e.range = self.kinetic_range.1 - self.kinetic_range.0;
+        if !self.form.manifold().chart().parametrization().dropped.is_empty() {
+            self.warnings.push(
+                "some constraints are redundant: their reactions are not unique, and those stored \
+                 are the ones of minimum norm"
+                    .into(),
+            );
+        }
         if s.stiff_steps > s.steps / 10 && s.stiff_steps > 50 {
             self.warnings.push(
                 "the explicit code was limited by stability, not accuracy: an implicit one \
