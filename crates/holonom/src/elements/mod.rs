@@ -161,6 +161,10 @@ pub trait ForceElement<const N: usize> {
     fn breakpoints(&self) -> Vec<f64> {
         Vec::new()
     }
+    /// Longest step from here that cannot jump over a local feature of the law, s.
+    fn longest_step(&self, _input: &ForceInput<'_, f64, N>) -> f64 {
+        f64::INFINITY
+    }
 }
 
 impl<T: Real, const N: usize> RowBlocks<T, N> {

@@ -351,7 +351,11 @@ impl Run<'_> {
             let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
                 .first()
                 .map_or(end, |&b| b.min(end));
-            let (step, reaches) = clip(t, h, next, self.options.fixed_step.is_some());
+            let fixed = self.options.fixed_step.is_some();
+            if !fixed {
+                h = h.min(self.system.longest_step(&self.state));
+            }
+            let (step, reaches) = clip(t, h, next, fixed);
             let report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let t_end = if reaches { next } else { t + step };
             let mut rejection = report.cause.clone();

@@ -511,6 +511,11 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         all
     }
 
+    fn longest_step(&self, state: &State) -> f64 {
+        let steps = self.forces.iter().map(|f| f.element.longest_step(&Self::input(f, state)));
+        steps.fold(f64::INFINITY, f64::min)
+    }
+
     fn channels(&self) -> &[Channel] {
         &self.channels
     }

@@ -149,6 +149,10 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// Times at which forces or drivers have a kink, sorted, s.
     fn breakpoints(&self) -> Vec<f64>;
 
+    /// Longest step from a state that cannot jump over a local feature of a force, such as a bump
+    /// of the road under a smooth ride, s.
+    fn longest_step(&self, state: &State) -> f64;
+
     /// Channels that can be computed from a state.
     fn channels(&self) -> &[Channel];
 

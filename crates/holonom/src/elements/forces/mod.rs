@@ -79,6 +79,9 @@ macro_rules! by_variant {
             fn breakpoints(&self) -> Vec<f64> {
                 match self { $(Self::$variant(e) => e.breakpoints(),)+ }
             }
+            fn longest_step(&self, input: &ForceInput<'_, f64, $n>) -> f64 {
+                match self { $(Self::$variant(e) => e.longest_step(input),)+ }
+            }
         }
     };
 }

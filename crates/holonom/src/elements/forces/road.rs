@@ -29,6 +29,24 @@ pub(super) fn height<T: Real>(road: &Road, wheel_radius: f64, x: T) -> [T; 3] {
     }
 }
 
+/// Time in which a wheel at x with speed ẋ comes well into the obstacle of the road, s: a quarter of
+/// its length. A longer step from a smooth ride could begin before it and end behind it without
+/// any stage on it. Infinite where no obstacle lies ahead.
+pub(super) fn time_into_obstacle(road: &Road, wheel_radius: f64, x: f64, speed: f64) -> f64 {
+    let (center, half_length) = match *road {
+        Road::Flat { .. } => return f64::INFINITY,
+        Road::SmoothBump { half_length, center, .. } => (center, half_length),
+        Road::HalfCylinder { radius, center } => {
+            (center, (radius * (radius + 2.0 * wheel_radius)).sqrt())
+        }
+    };
+    let ahead = (center - x) * speed.signum();
+    if speed == 0.0 || ahead < -half_length {
+        return f64::INFINITY;
+    }
+    ((ahead - half_length).max(0.0) + 0.5 * half_length) / speed.abs()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -53,6 +71,20 @@ mod tests {
                 });
                 assert!((found[0] - slope).abs() < 1e-9, "{road:?} {x}");
                 assert!((found[1] - curvature).abs() < 1e-7, "{road:?} {x}");
+            }
+        }
+    }
+
+    #[test] // independent truth: the height at the end of the step
+    fn a_step_that_reaches_an_obstacle_ends_on_it() {
+        for road in &ROADS[1..] {
+            for (x, speed) in [(-10.0, 20.0), (4.0, 3.0), (15.0, -0.5)] {
+                let end = x + speed * time_into_obstacle(road, 0.4699, x, speed);
+                assert!(height(road, 0.4699, end)[0] > 0.01, "{road:?} {x} {speed}: {end}");
+                assert_eq!(time_into_obstacle(road, 0.4699, x, 0.0), f64::INFINITY);
+            }
+            for (x, speed) in [(-10.0, -20.0), (15.0, 0.5)] {
+                assert_eq!(time_into_obstacle(road, 0.4699, x, speed), f64::INFINITY);
             }
         }
     }

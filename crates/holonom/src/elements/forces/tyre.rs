@@ -303,6 +303,12 @@ impl ForceElement<7> for Tyre {
         }
     }
 
+    fn longest_step(&self, input: &ForceInput<'_, f64, 7>) -> f64 {
+        let contact = self.contact(input.q[1], input.v[1]);
+        let x = input.q[1][0] + rotate(&contact.p, &self.center)[0];
+        road::time_into_obstacle(&self.law.road, self.law.radius, x, contact.speed[0])
+    }
+
     fn quantities(&self) -> &'static [Quantity] {
         QUANTITIES
     }
