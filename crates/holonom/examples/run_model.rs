@@ -1,0 +1,63 @@
+//! Runs a model file and prints what came out: `cargo run --release --example run_model --
+//! models/hmmwv14/model.toml ForSDIRK 1e-3`. Method, tolerance and end time are optional.
+
+use holonom::io::{Document, Syntax};
+use holonom::method::Code;
+use holonom::model::Tolerance;
+use holonom::simulation::{Memory, Options, OutputTimes, Problem, run};
+use std::error::Error;
+use std::path::Path;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let file = arguments.first().ok_or("usage: run_model FILE [METHOD [TOLERANCE [END_TIME]]]")?;
+
+    // The engine opens no file: the caller resolves what a model extends.
+    let text = std::fs::read_to_string(file)?;
+    let mut read = |name: &str| std::fs::read_to_string(Path::new(name)).map_err(|e| e.to_string());
+    let document = Document::parse(&text, Syntax::of_file(file), file, &mut read)
+        .map_err(|errors| errors.render())?;
+    let (model, warnings) = document.build().map_err(|errors| errors.render())?;
+    warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
+
+    let defaults = model.simulation.clone();
+    let number = |at: usize| arguments.get(at).map(|text| text.parse::<f64>()).transpose();
+    let end_time = number(3)?.or(defaults.end_time).ok_or("the model states no `end_time`")?;
+    let mut options = Options::new(end_time);
+    if let Some(tolerance) = number(2)?.map(Tolerance::uniform).or(defaults.tolerance) {
+        options.tolerance = tolerance;
+    }
+    if let Some(method) = arguments.get(1).or(defaults.method.as_ref()) {
+        options.code = Code::find(method, None)?;
+    }
+    if let Some(interval) = model.outputs.interval {
+        options.output = OutputTimes::Interval(interval);
+    }
+
+    let problem = Problem::new(model);
+    let mut rows = Memory::default();
+    let summary = run(&problem, &options, None, &mut rows)?;
+    let (s, e) = (&summary.statistics, &summary.energy);
+    let per_second =
+        s.run_seconds / (summary.end.t - rows.all.time.first().copied().unwrap_or(0.0));
+    println!("{}: {}", summary.status.name(), summary.stop.message);
+    println!("degrees of freedom  {}", summary.ndof);
+    println!("steps               {}", s.steps);
+    println!(
+        "rejected            {} error, {} Newton, {} evaluation",
+        s.rejected_error, s.rejected_newton, s.rejected_evaluation
+    );
+    println!("evaluations         {}", s.evaluations);
+    println!("iterations          {}", s.iterations);
+    println!("Jacobians           {}, factorizations {}", s.jacobians, s.factorizations);
+    println!("re-partitions       {}", s.reparametrizations);
+    println!("recoveries          {}, corrections {}", s.recoveries, s.corrections);
+    println!("step sizes          {:.2e} to {:.2e} s", s.smallest_step, s.largest_step);
+    println!("seconds             {:.3}, {per_second:.4} per simulated second", s.run_seconds);
+    println!(
+        "residuals           position {:.1e}, velocity {:.1e}, worst over bound {:.1e}",
+        s.position_residual, s.velocity_residual, s.residual_ratio
+    );
+    println!("energy imbalance    {:.2e} J of {:.2e} J", e.largest_imbalance, e.range);
+    Ok(())
+}
