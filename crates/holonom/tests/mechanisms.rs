@@ -53,3 +53,48 @@ fn the_slider_crank_follows_its_minimal_coordinate() {
         assert_agrees("slider_crank", code, 1e-8, |_| 1e-5);
     }
 }
+
+#[test] // independent truth: minimal coordinates, DOP853
+fn the_chains_follow_minimal_coordinates() {
+    assert_agrees("chain50", Code::ForSdirk, 1e-8, |_| 1e-6);
+    assert_agrees("chain50_free", Code::ForSdirk, 1e-8, |_| 1e-6);
+}
+
+/// Fails when chassis height, wheel height (m) or pitch (rad) leave the reference by more than
+/// `allowed`.
+#[track_caller]
+fn assert_vehicle(code: Code, tolerance: f64, end: f64, allowed: f64) {
+    let reference = reference("hmmwv14").until(end + 1e-9);
+    let outcome = reference.run(&model("hmmwv14"), code, tolerance);
+    let bounded = [
+        "chassis.position[2]",
+        "chassis.yaw_pitch_roll[1]",
+        "spindle_front_right.wheel_center.position[2]",
+    ];
+    let differences = reference.differences(&outcome);
+    for (column, difference) in differences.iter().filter(|(c, _)| bounded.contains(&c.as_str())) {
+        assert!(*difference <= allowed, "{code:?} at {tolerance:e}: {column} by {difference:.2e}");
+    }
+    // The bump is there: it lifts the wheel by centimetres.
+    let wheel = outcome.series("spindle_front_right.wheel_center.position", 2);
+    let (low, high) = wheel.iter().fold((f64::MAX, f64::MIN), |(a, b), &z| (a.min(z), b.max(z)));
+    assert!(high - low > 0.02, "the wheel moves by {:.3} m", high - low);
+}
+
+#[test] // independent truth: tangent-space coordinates, Radau IIA
+fn the_vehicle_follows_its_reference_over_the_bump() {
+    for code in [Code::ForSdirk, Code::ForRosen] {
+        assert_vehicle(code, 1e-3, 2.0, 1e-3);
+        assert_vehicle(code, 1e-6, 2.0, 1e-5);
+        assert_vehicle(code, 1e-6, 2.5, 1e-4);
+    }
+}
+
+#[test] // independent truth: bushings of infinite stiffness, 2e7 N/m in the base model
+fn the_vehicle_with_bushings_rides_like_the_one_with_stays() {
+    let reference = reference("hmmwv14").until(2.0 + 1e-9);
+    let outcome = reference.run(&model("hmmwv14_bushing"), Code::ForSdirk, 1e-4);
+    let height = reference.differences(&outcome)[1].clone();
+    assert_eq!(height.0, "chassis.position[2]");
+    assert!(height.1 < 2e-3, "chassis height differs by {:.1e} m", height.1);
+}
