@@ -94,9 +94,9 @@ def channels(result: Result, names: Sequence[str]) -> Figure:
                 line = thinned(result.time, values[:, i])
                 one.plot(*line, label=labels[i], color=COLORS[i % len(COLORS)])
             if first:
-                frame = f", {frame} axes" if (frame := result.frame(name)) else ""
-                one.set_title(name + frame, loc="left", fontsize=9)
-            one.set_ylabel(result.unit(name) or "–")
+                title = ", ".join(filter(None, (name, frame_text(result.frame(name)))))
+                one.set_title(title, loc="left", fontsize=9)
+            one.set_ylabel(unit_text(result.unit(name)) or "–")
             if len(labels) > 1:
                 one.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
         axes[-1].set_xlabel("time, s")
@@ -128,7 +128,7 @@ def residuals(result: Result, names: Sequence[str]) -> Figure:
         for name in names:
             values = np.abs(result[name])
             shown = np.where(values > 0.0, values, np.nan)  # exactly satisfied: no point
-            label = name.partition(".")[2] + (f", {result.unit(name)}" if result.unit(name) else "")
+            label = f"{name.partition('.')[2]}, {unit_text(result.unit(name))}"
             axes.plot(*thinned(result.time, shown), label=label)
         axes.set_yscale("log")
         axes.set_ylabel("largest residual")
@@ -214,12 +214,33 @@ def thinned(t: Series, y: Series) -> tuple[Series, Series]:
     return t[index], y[index]
 
 
+def frame_text(frame: str) -> str:
+    """Return what a channel's frame is called in a caption."""
+    known = {"ground": "ground axes", "first": "axes of the first body's frame", "along": ""}
+    return known.get(frame, frame)
+
+
+def unit_text(unit: str) -> str:
+    """Return a unit as it is written."""
+    return unit.replace("^2", "²").replace("^3", "³")
+
+
 def _grouped(values: Series) -> list[list[int]]:
-    """Return which components share a plot: a small movement would not be seen beside a large."""
-    spans = np.ptp(values, axis=0) if values.size else np.zeros(values.shape[1])
-    still = spans <= 1e-6 * np.abs(values).max(initial=0.0)
-    together = [i for i, span in enumerate(spans) if still[i] or span >= 0.1 * spans.max()]
-    return [together, *([i] for i in range(spans.size) if i not in together)]
+    """Return which components share a plot: those whose movement is seen on a common scale."""
+    low, high = values.min(axis=0, initial=np.inf), values.max(axis=0, initial=-np.inf)
+    moves = high - low > 1e-6 * np.abs(values).max(initial=0.0)
+    groups: list[list[int]] = []
+    for i in range(values.shape[1]):
+        for group in groups:
+            joined = [*group, i]
+            scale = high[joined].max() - low[joined].min()
+            spans = [high[k] - low[k] for k in joined if moves[k]]
+            if min(spans, default=np.inf) >= 0.1 * scale:
+                group.append(i)
+                break
+        else:
+            groups.append([i])
+    return groups
 
 
 def _stack(rows: int, height: float) -> tuple[Figure, list[Axes]]:

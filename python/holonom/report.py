@@ -155,8 +155,9 @@ def _channels(result: Result) -> str:
 
 def _frame_note(result: Result, name: str) -> str:
     stored = "stored" if name in result.channels else "computed from the stored states"
-    frame = f"{result.frame(name)} axes, " if result.frame(name) else ""
-    return f"{name}: {result.unit(name) or 'no unit'}, {frame}{stored}"
+    unit = plotting.unit_text(result.unit(name)) or "no unit"
+    parts = filter(None, (unit, plotting.frame_text(result.frame(name)), stored))
+    return f"{name}: {', '.join(parts)}"
 
 
 def _steps(result: Result) -> str:

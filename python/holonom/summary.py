@@ -38,13 +38,7 @@ def summarize(result: Result) -> list[tuple[str, str]]:
     facts += [("outputs", _outputs(result))]
     facts += _steps(result)
     facts += _work(result)
-    if result.residuals:
-        text = ", ".join(
-            f"{key.replace('_', ' ')} {value:.1e}"
-            for key, value in result.residuals.items()
-            if _is_number(value)
-        )
-        facts.append(("largest residuals", text))
+    facts += _residuals(result)
     facts += _energy(result)
     if result.warnings:
         facts.append(("warnings", str(len(result.warnings))))
@@ -139,6 +133,14 @@ def _work(result: Result) -> list[tuple[str, str]]:
             text += f", {seconds / span:.3g} s per simulated second"
         facts.append(("processor time", text))
     return facts
+
+
+def _residuals(result: Result) -> list[tuple[str, str]]:
+    largest = {key: value for key, value in result.residuals.items() if _is_number(value)}
+    ratio = largest.pop("largest_over_bound", None)
+    parts = [f"{key.replace('_', ' ')} {value:.1e}" for key, value in largest.items()]
+    parts += [f"at most {ratio:.1e} of the bound"] if ratio is not None else []
+    return [("largest residuals", ", ".join(parts))] if parts else []
 
 
 def _energy(result: Result) -> list[tuple[str, str]]:

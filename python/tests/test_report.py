@@ -149,7 +149,8 @@ def test_small_movements_get_a_plot_of_their_own() -> None:
     travel = np.stack([10.0 * t, np.zeros(50), 0.1 * np.sin(t)], axis=1)
     assert plotting._grouped(travel) == [[0, 1], [2]]
     assert plotting._grouped(travel[:, :1]) == [[0]]
-    assert plotting._grouped(np.zeros((0, 3))) == [[0, 1, 2]]
+    assert plotting._grouped(np.stack([0.45 + 0.004 * t, 0.0 * t], axis=1)) == [[0], [1]]
+    assert plotting._grouped(np.zeros((5, 3))) == [[0, 1, 2]]
 
 
 def test_a_component_is_a_channel_of_its_own(stored: Path) -> None:
