@@ -14,7 +14,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.built
 SOURCES := pyproject.toml constraints.txt Cargo.toml Cargo.lock tools/preflight.sh \
-           $(wildcard crates/*/Cargo.toml) $(shell find crates -name '*.rs')
+           $(wildcard crates/*/Cargo.toml) $(shell find crates/*/src -type f)
 
 export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 export CARGO_TARGET_DIR := $(CURDIR)/target
@@ -64,8 +64,10 @@ bench: setup
 	cargo bench --workspace
 	for question in benchmarks/*/run.py; do $(BIN)/python "$$question" || exit 1; done
 
-docs: setup
+docs: run
 	$(BIN)/holonom schema --reference > docs/model-file.md
+	$(BIN)/holonom plot results/hmmwv14.holonom 'chassis.position[2]' 'chassis.yaw_pitch_roll[1]' \
+	    -o docs/images/hmmwv14.svg
 
 wheel: setup
 	$(BIN)/maturin build --release --out dist

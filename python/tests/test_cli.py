@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import random
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from conftest import PENDULUM
 
@@ -258,6 +260,26 @@ def test_a_killed_run_says_up_to_which_time(
     facts = output_json(capsys)
     assert facts["status"] == "killed"
     assert facts["stored_until"] > 0.0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("trial", range(20))
+def test_a_run_killed_at_20_random_moments_is_readable(
+    pendulum: Path, tmp_path: Path, trial: int
+) -> None:
+    path = tmp_path / "rod.holonom"
+    process = subprocess.Popen(_endless(pendulum, path), stdout=subprocess.DEVNULL)
+    _wait_for_rows(path)
+    time.sleep(random.Random(trial).uniform(0.0, 2.0))
+    process.kill()
+    process.wait()
+    with Result.load(path) as result:
+        assert result.status == "killed"
+        rows = result.time.size
+        np.testing.assert_allclose(result.time, 0.01 * np.arange(rows), rtol=1e-9, atol=1e-12)
+        # The rod keeps its length, whatever else happened to the file.
+        length = np.linalg.norm(result["rod.position"], axis=1)
+        np.testing.assert_allclose(length, 0.8, atol=1e-10)
 
 
 def test_progress_is_shown_on_a_terminal(pendulum: Path, tmp_path: Path) -> None:
