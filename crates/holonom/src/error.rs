@@ -37,7 +37,7 @@ codes! {
     TooLarge = "model/too-large", Error;
     /// Tables or lists are nested deeper than any model needs.
     TooDeep = "model/too-deep", Error;
-    /// A number is infinite, not a number, or beyond the range of double precision.
+    /// A number is infinite, not a number, or beyond 1e100.
     NotFinite = "model/not-finite", Error;
     /// A value of a kind that no field takes: a date or null.
     UnusableValue = "model/unusable-value", Error;
@@ -91,6 +91,8 @@ codes! {
     UnusedParameter = "model/unused-parameter", Warning;
     /// A value that is legal but looks like millimetres, degrees or grams.
     Implausible = "model/implausible", Warning;
+    /// A table of times does not cover the run that the file asks for.
+    ShortTable = "model/short-table", Warning;
     /// A choice that the file leaves open and that changes results.
     NotStated = "model/not-stated", Warning;
 }

@@ -84,8 +84,9 @@ fn sizes_beyond_the_limits_are_refused_before_they_cost_much() {
     let items: Vec<String> = (0..=limits::ITEMS).map(|i| format!("b{i}={{}}\n")).collect();
     let bodies = format!("{head}[bodies]\n{}", items.concat());
     assert_eq!(refusal("bodies.toml", &bodies).errors[0].code.as_str(), "model/too-large");
-    for open in ["[", "{\"a\":"] {
-        let deep = format!("{{\"holonom\":1,\"title\":{}", open.repeat(3_000_000));
+    for (open, close) in [("[", "]"), ("{\"a\":", "}")] {
+        let (open, close) = (open.repeat(3_000_000), close.repeat(3_000_000));
+        let deep = format!("{{\"holonom\":1,\"title\":{open}1{close}}}");
         assert_eq!(refusal("deep.json", &deep).errors[0].code.as_str(), "model/too-deep");
     }
     for deep in [

@@ -41,27 +41,7 @@ fn assert_near(found: &[f64], expected: &[f64]) {
     }
 }
 
-const DOUBLE_PENDULUM: &str = r#"
-holonom = 1
-dimension = "planar"
-gravity = [0.0, -9.81]
-[parameters]
-k1 = { value = 400.0, unit = "N m/rad" }
-[bodies]
-upper = { mass = 3.0, inertia = 1.0, position = [1.0, 0.0], angle = 6.283185307179586 }
-lower = { mass = 0.3, inertia = 0.225, position = [3.448888739433602, -0.38822856765378233], angle = 6.021385919380436 }
-[joints]
-pivot = { type = "revolute", between = ["ground", "upper"], points_in_body = [[0.0, 0.0], [-1.0, 0.0]] }
-elbow = { type = "revolute", between = ["upper", "lower"], point = [2.0, 0.0] }
-[forces]
-shoulder_spring = { type = "rsda", between = ["ground", "upper"], stiffness = "=k1", damping = 15.0, free_angle = 4.71238898038469 }
-elbow_spring = { type = "rsda", between = ["upper", "lower"], stiffness = 3.0e5, damping = 5.0e4 }
-[initial.bodies]
-upper = { angular_velocity = 0.0 }
-lower = { angular_velocity = 10.0 }
-[simulation]
-end_time = 2.0
-"#;
+const DOUBLE_PENDULUM: &str = include_str!("files/double_pendulum.toml");
 
 #[test]
 fn a_planar_model_has_its_points_in_body_axes() {
@@ -82,73 +62,7 @@ fn a_planar_model_has_its_points_in_body_axes() {
     assert_eq!(m.initial.bodies[0].velocity, None);
 }
 
-const SPATIAL: &str = r#"
-holonom = 1
-dimension = "spatial"
-gravity = [0.0, 0.0, -9.81]
-title = "one of everything"
-parameters.speed = { value = 4.4704, unit = "m/s" }
-
-[bodies.base]
-mass = 10.0
-inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-position = [1.0, 2.0, 3.0]
-# a quarter turn about z: x of the body is y of the ground
-euler_parameters = [0.7071067811865476, 0.0, 0.0, 0.7071067811865476]
-markers.tip = { point = [1.0, 4.0, 3.0] }
-markers.heel = { point_in_body = [0.5, 0.0, 0.0] }
-
-[bodies.arm]
-mass = 2.0
-inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
-position = [1.0, 4.0, 3.0]
-center_of_mass = [0.1, 0.0, 0.0]
-
-[joints]
-hinge = { type = "revolute", between = ["base", "arm"], point = "base.tip", axis = [0.0, 0.0, 2.0] }
-slide = { type = "translational", between = ["ground", "base"], point = [0.0, 0.0, 0.0], axis = [0.0, 3.0, 0.0] }
-screw = { type = "cylindrical", between = ["ground", "base"], points_in_body = [[0.0, 0.0, 0.0], [0.0, 0.0, -1.0]], axes_in_body = [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]] }
-cross = { type = "universal", between = ["base", "arm"], point = [1.0, 4.0, 3.0], axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] }
-ball = { type = "spherical", between = ["base", "arm"], point = [1.0, 4.0, 3.0] }
-rod = { type = "distance", between = ["ground", "arm"], points = [[1.0, 4.0, 0.0], [1.0, 4.0, 4.0]] }
-weld = { type = "fixed", between = ["base", "arm"], point = [1.0, 4.0, 3.0] }
-
-[tables.progressive]
-x = [-0.1, 0.0, 0.1]
-y = [-200.0, 0.0, 300.0]
-
-[roads]
-bump = { type = "smooth_bump", height = 0.05, half_length = 0.35, center = 4.2335 }
-
-[forces]
-spring = { type = "tsda", between = ["base", "arm"], points = ["base.heel", [1.0, 4.0, 3.5]], free_length = 0.3, force = { table = "progressive" } }
-torsion = { type = "rsda", between = ["base", "arm"], axis = [0.0, 0.0, 1.0], stiffness = 10.0 }
-series = { type = "maxwell", between = ["ground", "arm"], points = [[0.0, 0.0, 0.0], [1.0, 4.0, 3.0]], stiffness = 1.0e4, damping = 1.0e3, free_length = 5.0 }
-rubber = { type = "bushing", between = ["base", "arm"], point = [1.0, 4.0, 3.0], stiffness = [7.0e7, 6.0e7, 5.0e7], rotational_stiffness = [1.0e3, 2.0e3, 3.0e3], damping = [3.5e4, 3.5e4, 3.5e4] }
-wheel = { type = "tyre", on = "arm", point = [1.0, 4.0, 3.0], radius = 0.47, stiffness = 3.0e5, damping = 3.5e3, road = "bump", lateral = { cornering_stiffness = 5.0e4, regularization_speed = 0.5, axis = [0.0, 2.0, 0.0] } }
-push = { type = "point_force", on = "base", point_in_body = [0.0, 0.0, 0.0], force = { type = "harmonic", amplitude = 10.0, angular_frequency = 3.0 }, direction = [0.0, 3.0, 4.0] }
-motor = { type = "torque", between = ["base", "arm"], torque = [0.0, 1.0, { type = "smooth_step", from = 0.0, to = 2.0, start = 0.0, end = 1.0 }], axes = "body" }
-
-[drivers]
-steering = { joint = "slide", coordinate = "translation", motion = 0.0 }
-turn = { on = "arm", coordinate = "rotation", axis = [1.0, 0.0, 0.0], motion = { type = "polynomial", coefficients = [0.0, 2.0] } }
-
-[initial]
-velocity = ["=speed", 0.0, 0.0]
-extra_states = { series = 0.01 }
-[initial.bodies.arm]
-position = [1.0, 4.0, 3.1]
-velocity = [0.0, 0.0, 0.0]
-
-[outputs]
-channels = ["base.position", "slide.*", "energy.total"]
-interval = 0.01
-[simulation]
-end_time = 2.5
-tolerance = { relative = 1.0e-3, translation = 1.0e-4, rotation = 1.0e-5 }
-method = "ForSDIRK"
-max_steps = 1000
-"#;
+const SPATIAL: &str = include_str!("files/spatial.toml");
 
 #[test]
 fn a_spatial_model_has_its_frames_in_body_axes() {
@@ -392,4 +306,18 @@ fn warnings_speak_of_what_is_legal_but_implausible() {
     let (_, warnings) =
         document(&DOUBLE_PENDULUM.replace("gravity", "# gravity")).unwrap().build().unwrap();
     assert_eq!(warnings[0].code, Code::NotStated);
+}
+
+#[test]
+fn a_motion_that_ends_before_the_run_brings_a_warning() {
+    let text = DOUBLE_PENDULUM.replace(
+        "[initial.bodies]",
+        "[drivers]\nturn = { joint = \"pivot\", coordinate = \"rotation\", motion = { type = \"table\", x = [0.0, 1.0], y = [0.0, 1.0] } }\n[initial.bodies]",
+    );
+    let d = document(&text).unwrap();
+    let (_, warnings) = d.build().unwrap();
+    let found: Vec<_> = warnings.iter().map(|w| (w.code, w.path.as_str())).collect();
+    assert_eq!(found, [(Code::ShortTable, "drivers.turn.motion")]);
+    let shorter = d.with_values(&[("simulation.end_time", json!(1.0))]).unwrap();
+    assert!(shorter.build().unwrap().1.is_empty());
 }

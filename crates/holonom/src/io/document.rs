@@ -80,8 +80,9 @@ impl Document {
             let message = format!("the file does not fit the format: {error}");
             ModelErrors::from(Diagnostic::new(Code::WrongType, "", message))
         })?;
-        let model = resolve::model(&file).map_err(|errors| self.collect(errors, &root))?;
-        let errors = crate::model::validate(&model);
+        let (model, mut errors) = resolve::model(&file);
+        // What could be resolved is looked at in any case, so that all errors come at once.
+        errors.extend(crate::model::validate(&model));
         if !errors.is_empty() {
             return Err(self.collect(errors, &root));
         }
@@ -111,6 +112,15 @@ impl Document {
         let mut errors: Vec<Diagnostic> = placed.into_iter().map(|(_, error)| error).collect();
         for error in &mut errors {
             locate(error, root, &self.sources);
+            // A number that a parameter brought: its name leads to the place to change.
+            let written = super::tree::node_at(root, &error.path).and_then(Node::text);
+            if let Some(name) = written.and_then(|text| text.strip_prefix('='))
+                && !matches!(error.code, Code::UnknownName | Code::WrongType)
+            {
+                error.message += " (the value of the parameter `";
+                error.message += name;
+                error.message += "`)";
+            }
         }
         ModelErrors { errors, omitted }
     }

@@ -14,5 +14,7 @@ pub const LIST_ENTRIES: usize = 1_000_000;
 pub const TEXT_BYTES: usize = 64 << 10;
 /// Characters of a name.
 pub const NAME_CHARACTERS: usize = 128;
+/// Largest magnitude of a number, so that squares and products of numbers stay finite.
+pub const NUMBER: f64 = 1e100;
 /// Errors reported at once.
 pub const ERRORS_SHOWN: usize = 20;

@@ -1,6 +1,7 @@
 //! Text to tree, TOML or JSON.
 
 use jsonc_parser::ast;
+use jsonc_parser::errors::ParseErrorKind;
 use toml::de::{DeTable, DeValue};
 
 use super::limits;
@@ -165,6 +166,25 @@ impl Reader<'_> {
     }
 
     fn json(&mut self, text: &str) -> Option<Value> {
+        if text.trim().is_empty() {
+            let error = Diagnostic::new(Code::Syntax, "", "the file is empty")
+                .help("a model begins with { \"holonom\": 1, \"dimension\": …");
+            self.refuse(self.span(0, 0), error);
+            return None;
+        }
+        // The parser with places is lenient about texts; this one decides what JSON is.
+        if let Err(error) = serde_json::from_str::<serde::de::IgnoredAny>(text) {
+            let line_start: usize =
+                text.split_inclusive('\n').take(error.line().saturating_sub(1)).map(str::len).sum();
+            let at = line_start + error.column().saturating_sub(1);
+            let message = error.to_string();
+            let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(m, _)| m);
+            let error = Diagnostic::new(Code::Syntax, "", format!("not valid JSON: {message}"))
+                .help("names and texts stand in double quotes, items are separated by commas");
+            self.refuse(self.span(at, at + 1), error);
+            return None;
+        }
+        let options = jsonc_parser::CollectOptions::default();
         let strict = jsonc_parser::ParseOptions {
             allow_comments: false,
             allow_loose_object_property_names: false,
@@ -177,30 +197,17 @@ impl Reader<'_> {
             allow_non_finite_numbers: false,
             allow_extended_string_escapes: false,
         };
-        let parsed =
-            jsonc_parser::parse_to_ast(text, &jsonc_parser::CollectOptions::default(), &strict);
-        match parsed {
-            Ok(jsonc_parser::ParseResult { value: Some(value), .. }) => {
-                self.json_value(value, "", 1)
-            }
-            Ok(_) => {
-                let error = Diagnostic::new(Code::Syntax, "", "the file is empty");
-                self.refuse(self.span(0, 0), error);
-                None
-            }
+        match jsonc_parser::parse_to_ast(text, &options, &strict) {
+            Ok(parsed) => self.json_value(parsed.value?, "", 1),
             Err(error) => {
                 let at = error.range();
-                let kind = error.kind();
+                let message = format!("not valid JSON: {}", error.kind());
                 self.refuse(
                     self.span(at.start, at.end),
-                    if matches!(kind, jsonc_parser::errors::ParseErrorKind::NestingDepthExceeded) {
+                    if matches!(error.kind(), ParseErrorKind::NestingDepthExceeded) {
                         too_deep("")
                     } else {
-                        let kind = kind.to_string();
-                        let message = format!("not valid JSON: {}", kind.trim_end_matches('.'));
-                        Diagnostic::new(Code::Syntax, "", message).help(
-                            "names and texts stand in double quotes, items are separated by commas",
-                        )
+                        Diagnostic::new(Code::Syntax, "", message)
                     },
                 );
                 None
@@ -266,13 +273,15 @@ impl Reader<'_> {
 
     fn number(&mut self, number: Option<f64>, span: Span, path: &str) -> Option<Value> {
         match number {
-            Some(x) if x.is_finite() => Some(Value::Number(x)),
+            Some(x) if x.abs() <= limits::NUMBER => Some(Value::Number(x)),
             _ => {
                 let written = &self.source.text[span.start..span.end];
                 let written: String = written.chars().take(40).collect();
-                let message = format!("`{path}` is {written}; every number of a model is finite");
+                let finite = number.is_some_and(f64::is_finite);
+                let rule = if finite { "are at most 1e100" } else { "are finite" };
+                let message = format!("`{path}` is {written}; numbers of a model {rule}");
                 let error = Diagnostic::new(Code::NotFinite, path, message)
-                    .help("write a number between -1.8e308 and 1.8e308, or leave the field out");
+                    .help("look for a slip in the exponent, or leave the field out");
                 self.refuse(span, error);
                 None
             }

@@ -3,6 +3,7 @@
 
 use indexmap::IndexMap;
 
+use super::limits;
 use crate::error::{Code, Diagnostic, Location, shown};
 
 /// Bytes `start..end` of source number `file`; values set by the caller have no source.
@@ -101,8 +102,8 @@ impl Node {
             serde_json::Value::Null => return Err("null is not a value"),
             serde_json::Value::Bool(b) => Value::Bool(*b),
             serde_json::Value::Number(n) => match n.as_f64() {
-                Some(x) if x.is_finite() => Value::Number(x),
-                _ => return Err("the number is not finite"),
+                Some(x) if x.abs() <= limits::NUMBER => Value::Number(x),
+                _ => return Err("the number is not finite or larger than 1e100"),
             },
             serde_json::Value::String(t) => Value::Text(t.clone()),
             serde_json::Value::Array(list) => {
@@ -156,6 +157,15 @@ pub(super) fn join(path: &str, field: &str) -> String {
 pub(super) struct Source {
     pub(super) name: String,
     pub(super) text: String,
+}
+
+/// What `path` leads to, if it is written.
+pub(super) fn node_at<'a>(root: &'a Node, path: &str) -> Option<&'a Node> {
+    parse_path(path)?.iter().try_fold(root, |node, step| match (&node.value, step) {
+        (Value::Table(table), Step::Field(name)) => table.get(name).map(|entry| &entry.node),
+        (Value::List(list), Step::Index(i)) => list.get(*i),
+        _ => None,
+    })
 }
 
 /// Place of what `path` names: of its key, or of its value. Where the path leads to nothing written,

@@ -10,7 +10,7 @@ mod validation;
 use crate::math::{MonotoneCubic, TimeFunction};
 
 pub use plausibility::implausible;
-pub use validation::validate;
+pub use validation::{FARTHEST, validate};
 
 /// Planar models move in x-y and turn about z; spatial models use Euler parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,6 +2,7 @@
 
 use super::{Dimension, ForceKind, Frame, Model, Orientation};
 use crate::error::{Code, Diagnostic, Warning, shown};
+use crate::math::TimeFunction;
 
 /// kg: heavier or lighter single bodies are rare.
 const MASS: [f64; 2] = [1e-6, 1e6];
@@ -78,6 +79,33 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
         if let ForceKind::Rsda { free_angle, .. } = &force.kind {
             let path = format!("forces.{}.free_angle", force.name);
             angle(&mut warn, path, Orientation::Angle(*free_angle));
+        }
+    }
+    let mut short = |path: String, motion: &TimeFunction| {
+        let TimeFunction::Table(spline) = motion else { return };
+        let (first, last) = (spline.knots()[0], spline.knots()[spline.knots().len() - 1]);
+        let start = model.simulation.start_time.unwrap_or(0.0);
+        let end = model.simulation.end_time.unwrap_or(start);
+        if start < first || end > last {
+            let message = format!(
+                "the table of `{path}` reaches from {first} s to {last} s; the run from {start} s to {end} s"
+            );
+            let help = "extend the table or shorten the run";
+            out.push(Diagnostic::new(Code::ShortTable, path, message).help(help));
+        }
+    };
+    for driver in &model.drivers {
+        short(format!("drivers.{}.motion", driver.name), &driver.motion);
+    }
+    for force in &model.forces {
+        let (field, functions) = match &force.kind {
+            ForceKind::PointForce { force, .. } => ("force", force),
+            ForceKind::Torque { torque, .. } => ("torque", torque),
+            _ => continue,
+        };
+        let path = format!("forces.{}.{field}", force.name);
+        if let Some(longest) = functions.iter().find(|f| matches!(f, TimeFunction::Table(_))) {
+            short(path, longest);
         }
     }
     out

@@ -7,6 +7,10 @@ use super::{
 use crate::error::{Code, Diagnostic, shown};
 use crate::math::TimeFunction;
 
+/// Farthest that a point may lie, m: beyond, double precision no longer resolves a tenth of a
+/// micrometre.
+pub const FARTHEST: f64 = 1e9;
+
 /// All violations of the rules, in the order of the model.
 pub fn validate(model: &Model) -> Vec<Diagnostic> {
     let mut rules = Rules { errors: Vec::new() };
@@ -62,6 +66,12 @@ impl Rules {
     fn body(&mut self, body: &Body, dimension: Dimension) {
         let item = format!("bodies.{}", body.name);
         self.not_negative(&format!("{item}.mass"), body.mass, "kg");
+        for (field, point) in
+            [("position", &body.position), ("center_of_mass", &body.center_of_mass)]
+        {
+            let path = format!("{item}.{field}");
+            self.near(&path, &format!("`{path}`"), point);
+        }
         let path = format!("{item}.inertia");
         match dimension {
             Dimension::Planar => self.not_negative(&path, body.inertia[2][2], "kg m²"),
@@ -76,6 +86,14 @@ impl Rules {
         {
             let message = format!("`{item}` has the orientation of the other dimension");
             self.refuse(Code::WrongDimension, &item, message, "");
+        }
+    }
+
+    fn near(&mut self, path: &str, what: &str, point: &[f64; 3]) {
+        if let Some(&x) = point.iter().find(|x| !(0.0..=FARTHEST).contains(&x.abs())) {
+            let message =
+                format!("{what} has the coordinate {} m; expected at most 1e9 m", shown(x));
+            self.refuse(Code::OutOfRange, path, message, "lengths are in metres");
         }
     }
 
@@ -94,6 +112,13 @@ impl Rules {
         if frame.body.is_some_and(|body| body >= model.bodies.len()) {
             let message = format!("`{path}` is a body that is not there");
             self.refuse(Code::UnknownName, path, message, "");
+        }
+        // A body that is too far has too far points: reported once, at the body.
+        let far = |x: &f64| x.abs() > FARTHEST;
+        let body = frame.body.and_then(|i| model.bodies.get(i));
+        if !body.is_some_and(|body| body.position.iter().any(far)) {
+            let item = path.rsplit_once('.').map_or(path, |(item, _)| item);
+            self.near(item, &format!("a point of `{item}`"), &frame.point);
         }
     }
 
@@ -117,27 +142,38 @@ impl Rules {
     fn driver(&mut self, driver: &Driver, model: &Model) {
         let item = format!("drivers.{}", driver.name);
         self.frames(&item, &driver.frames, model);
-        self.motion(&format!("{item}.motion"), &driver.motion, model);
+        self.motion(&format!("{item}.motion"), &driver.motion);
     }
 
-    /// A table that ends before the run would be continued by guesswork.
-    fn motion(&mut self, path: &str, motion: &TimeFunction, model: &Model) {
-        let TimeFunction::Table(spline) = motion else { return };
-        let (first, last) = (spline.knots()[0], spline.knots()[spline.knots().len() - 1]);
-        let start = model.simulation.start_time.unwrap_or(0.0);
-        let end = model.simulation.end_time.unwrap_or(start);
-        if start < first || end > last {
-            let message = format!(
-                "the table of `{path}` reaches from {first} s to {last} s; the run goes from {start} s to {end} s"
-            );
-            self.refuse(Code::Table, path, message, "extend the table or shorten the run");
+    fn motion(&mut self, path: &str, motion: &TimeFunction) {
+        let finite = |t: f64| motion.derivatives(t).iter().all(|x| x.is_finite());
+        if let TimeFunction::Table(spline) = motion
+            && !spline.knots().iter().all(|&t| finite(t))
+        {
+            self.too_large(path);
         }
     }
 
     fn law(&mut self, item: &str, law: &ElasticLaw, unit: &str) {
-        if let ElasticLaw::Linear(stiffness) = law {
-            self.not_negative(&format!("{item}.stiffness"), *stiffness, unit);
+        match law {
+            ElasticLaw::Linear(stiffness) => {
+                self.not_negative(&format!("{item}.stiffness"), *stiffness, unit);
+            }
+            ElasticLaw::Table(cubic) => {
+                let finite = |&x: &f64| {
+                    let (value, slope) = cubic.value_and_slope(x);
+                    value.is_finite() && slope.is_finite() && cubic.integral(x).is_finite()
+                };
+                if !cubic.knots().iter().all(finite) {
+                    self.too_large(item);
+                }
+            }
         }
+    }
+
+    fn too_large(&mut self, path: &str) {
+        let message = format!("the table of `{path}` holds numbers too large to interpolate");
+        self.refuse(Code::Table, path, message, "look for a slip in an exponent");
     }
 
     fn force(&mut self, force: &Force, model: &Model) {
@@ -187,12 +223,12 @@ impl Rules {
             ForceKind::PointForce { frame, force, .. } => {
                 self.frame(&at("on"), frame, model);
                 for f in force {
-                    self.motion(&at("force"), f, model);
+                    self.motion(&at("force"), f);
                 }
             }
             ForceKind::Torque { torque, .. } => {
                 for f in torque {
-                    self.motion(&at("torque"), f, model);
+                    self.motion(&at("torque"), f);
                 }
             }
         }

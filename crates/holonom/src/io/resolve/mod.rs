@@ -17,8 +17,8 @@ use super::schema::{self, Dimension, Inertia, ModelFile};
 use crate::error::{Code, Diagnostic};
 use crate::model;
 
-/// Builds the model; on errors all of them, each with its path.
-pub(super) fn model(file: &ModelFile) -> Result<model::Model, Vec<Diagnostic>> {
+/// Builds the model, without what has errors, and lists the errors with their paths.
+pub(super) fn model(file: &ModelFile) -> (model::Model, Vec<Diagnostic>) {
     let mut errors = Vec::new();
     let mut bodies = Vec::with_capacity(file.bodies.len());
     let mut poses = IndexMap::with_capacity(file.bodies.len());
@@ -48,7 +48,7 @@ pub(super) fn model(file: &ModelFile) -> Result<model::Model, Vec<Diagnostic>> {
         joints,
         drivers,
     };
-    if context.errors.is_empty() { Ok(model) } else { Err(context.errors) }
+    (model, context.errors)
 }
 
 /// A body with its design pose and its markers in body axes.
