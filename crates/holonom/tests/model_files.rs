@@ -321,3 +321,28 @@ fn a_motion_that_ends_before_the_run_brings_a_warning() {
     let shorter = d.with_values(&[("simulation.end_time", json!(1.0))]).unwrap();
     assert!(shorter.build().unwrap().1.is_empty());
 }
+
+/// A chain of `n` bodies as text; every joint names a body that is not there when `broken`.
+fn long_chain(n: usize, broken: bool) -> String {
+    let wrong = if broken { "x" } else { "" };
+    let bodies = (0..n).map(|i| {
+        format!("link{i} = {{ mass = 0.1, inertia = 1.0e-4, position = [{}, 0.0] }}\n", i as f64)
+    });
+    let joints = (0..n).map(|i| {
+        let first = if i == 0 { "ground".to_owned() } else { format!("link{}{wrong}", i - 1) };
+        format!("j{i} = {{ type = \"revolute\", between = [\"{first}\", \"link{i}\"], point = [{}, 0.0] }}\n", i as f64)
+    });
+    let head = "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n".to_owned();
+    head + "[bodies]\n" + &bodies.collect::<String>() + "[joints]\n" + &joints.collect::<String>()
+}
+
+#[test] // reading is linear in the size: a quadratic step would take minutes here
+fn large_files_are_read_in_reasonable_time() {
+    let n = 20_000;
+    let m = model(&long_chain(n, false));
+    assert_eq!((m.bodies.len(), m.joints.len()), (n, n));
+    assert_near(&m.joints[n - 1].frames[0].point, &[1.0, 0.0, 0.0]);
+    let errors = build(&long_chain(n, true)).unwrap_err();
+    assert_eq!(errors.errors.len() + errors.omitted, n - 1);
+    assert_eq!(errors.errors[0].path, "joints.j1.between[0]");
+}

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use serde_json::Value as Json;
 
 use super::limits;
-use super::names::{nearest, objection, suggestion};
+use super::names::{nearest, objection, suggest};
 use super::schema::Dimension;
 use super::shape::{Field, Record, Shape, Variant, alternatives, describe, model_file};
 use super::tree::{Node, Table, Value, join};
@@ -160,7 +160,7 @@ impl Checker<'_> {
             return value.unwrap_or_default().into(); // a bad value is reported at its place
         }
         let message = format!("`{path}` refers to the parameter `{name}`, which is not there");
-        let help = suggestion(name, "parameters", self.parameters.keys().copied());
+        let help = suggest(&self.errors, name, "parameters", self.parameters.keys().copied());
         self.refuse(Code::UnknownName, path, message, help)
     }
 
@@ -307,7 +307,7 @@ impl Checker<'_> {
                 None => {
                     let known = record.fields.iter().filter(exists).map(|f| f.name.as_str());
                     let message = format!("{owner} has no field `{name}`");
-                    let help = suggestion(name, "fields", known.clone());
+                    let help = suggest(&self.errors, name, "fields", known.clone());
                     meant.extend(nearest(name, known));
                     self.refuse(Code::UnknownField, &at, message, help);
                 }

@@ -27,7 +27,7 @@ pub(super) fn nearest<'a>(
 ) -> Option<&'a str> {
     let lower = name.to_lowercase();
     let mut best: Option<(f64, &str)> = None;
-    for candidate in candidates {
+    for candidate in candidates.into_iter().take(COMPARED) {
         let score = strsim::normalized_damerau_levenshtein(&lower, &candidate.to_lowercase());
         // A name that is part of the other is meant more often than its distance says.
         let part = !lower.is_empty() && (candidate.contains(name) || name.contains(candidate));
@@ -37,6 +37,21 @@ pub(super) fn nearest<'a>(
         }
     }
     best.filter(|&(score, _)| score >= 0.5).map(|(_, candidate)| candidate)
+}
+
+/// Names that are compared for one suggestion, and errors that get one: a large file with an error in
+/// every line is answered at once too.
+const COMPARED: usize = 10_000;
+const ERRORS_WITH_HELP: usize = 100;
+
+/// Help for an unknown name, unless there are many errors already.
+pub(super) fn suggest<'a>(
+    errors: &[crate::error::Diagnostic],
+    name: &str,
+    what: &str,
+    candidates: impl IntoIterator<Item = &'a str> + Clone,
+) -> String {
+    if errors.len() < ERRORS_WITH_HELP { suggestion(name, what, candidates) } else { String::new() }
 }
 
 /// Help for an unknown name: the nearest one, or all when they are few.

@@ -5,7 +5,7 @@ use jsonc_parser::errors::ParseErrorKind;
 use toml::de::{DeTable, DeValue};
 
 use super::limits;
-use super::tree::{Entry, Node, Span, Table, Value, join, location};
+use super::tree::{Entry, Node, Span, Table, Value, join};
 use crate::error::{Code, Diagnostic, Location, ModelErrors};
 
 /// Syntax of a model file.
@@ -250,10 +250,13 @@ impl Reader<'_> {
                     let key = self.span(at.start, at.end);
                     let name = field.name.into_string();
                     let path = join(path, &name);
-                    if let Some(first) = out.get(&name) {
-                        let first: &Entry = first;
-                        let line = location(first.key, std::slice::from_ref(self.source))
-                            .map_or(0, |at| at.line);
+                    if let Some(first) = out.get(&name).map(|entry: &Entry| entry.key) {
+                        if self.errors.len() >= limits::ERRORS_SHOWN {
+                            self.omitted += 1; // finding the first line would cost
+                            continue;
+                        }
+                        let (name, text) = (&self.source.name, &self.source.text);
+                        let line = Location::of(name, text, first.start, first.end).line;
                         let message = format!("`{path}` is written twice, first on line {line}");
                         let error = Diagnostic::new(Code::DuplicateName, &path, message)
                             .help("give each item and each field once, under one name");

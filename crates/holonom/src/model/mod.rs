@@ -7,7 +7,7 @@
 mod plausibility;
 mod validation;
 
-use crate::math::{MonotoneCubic, TimeFunction};
+pub use crate::math::{MonotoneCubic, TableError, TimeFunction};
 
 pub use plausibility::implausible;
 pub use validation::{FARTHEST, validate};

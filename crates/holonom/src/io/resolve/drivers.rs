@@ -1,20 +1,23 @@
 //! Drivers.
 
+use indexmap::IndexMap;
+
 use super::Context;
 use super::geometry::planar_axes;
 use super::places::plain_frames;
 use crate::error::Code;
-use crate::io::names::suggestion;
+use crate::io::names::suggest;
 use crate::io::schema::{self, Coordinate};
 use crate::model::{BodyIndex, Driver, DriverKind, Frame, Joint, JointKind};
 
 impl<'a> Context<'a> {
     pub(super) fn drivers(&mut self, joints: &[Joint]) -> Vec<Driver> {
         let file = self.file;
+        let joints: IndexMap<&str, &Joint> = joints.iter().map(|j| (j.name.as_str(), j)).collect();
         let mut out = Vec::with_capacity(file.drivers.len());
         for (name, driver) in &file.drivers {
             let item = format!("drivers.{name}");
-            let frames = self.driver_frames(&item, driver, joints);
+            let frames = self.driver_frames(&item, driver, &joints);
             let motion = self.motion(&format!("{item}.motion"), &driver.motion, 1.0);
             let kind = match driver.coordinate {
                 Coordinate::Translation => DriverKind::Translation,
@@ -31,7 +34,7 @@ impl<'a> Context<'a> {
         &mut self,
         item: &str,
         driver: &'a schema::Driver,
-        joints: &[Joint],
+        joints: &IndexMap<&str, &Joint>,
     ) -> Option<[Frame; 2]> {
         match (&driver.joint, driver.between.as_ref(), driver.on.as_ref()) {
             (Some(joint), None, None) => self.frames_of_joint(item, driver, joint, joints),
@@ -62,7 +65,7 @@ impl<'a> Context<'a> {
         item: &str,
         driver: &schema::Driver,
         joint: &str,
-        joints: &[Joint],
+        joints: &IndexMap<&str, &Joint>,
     ) -> Option<[Frame; 2]> {
         let stated = [
             ("point", driver.point.is_some()),
@@ -79,11 +82,11 @@ impl<'a> Context<'a> {
         let known = &self.file.joints;
         if !known.contains_key(joint) {
             let message = format!("`{path}` names the joint `{joint}`, which is not there");
-            let help = suggestion(joint, "joints", known.keys().map(String::as_str));
+            let help = suggest(&self.errors, joint, "joints", known.keys().map(String::as_str));
             self.refuse(Code::UnknownName, path, message, &help);
             return None;
         }
-        let joint = joints.iter().find(|j| j.name == joint)?; // absent: it has errors of its own
+        let joint = joints.get(joint)?; // absent: it has errors of its own
         let (slides, turns) = match joint.kind {
             JointKind::Translational => (true, false),
             JointKind::Revolute => (false, true),

@@ -4,9 +4,9 @@ use super::geometry::Vec3;
 use super::places::{plain_frame, plain_frames};
 use super::{Choice, Context};
 use crate::error::{Code, shown};
-use crate::io::names::suggestion;
+use crate::io::names::suggest;
 use crate::io::schema::{self, Components};
-use crate::math::TimeFunction;
+use crate::model::TimeFunction;
 use crate::model::{Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
 
 impl<'a> Context<'a> {
@@ -153,7 +153,8 @@ impl<'a> Context<'a> {
         if road.is_none() {
             let path = format!("{item}.road");
             let message = format!("`{path}` names the road `{}`, which is not there", f.road);
-            let help = suggestion(&f.road, "roads", self.file.roads.keys().map(String::as_str));
+            let help =
+                suggest(&self.errors, &f.road, "roads", self.file.roads.keys().map(String::as_str));
             self.refuse(Code::UnknownName, path, message, &help);
         }
         let lateral = match &f.lateral {

@@ -1,8 +1,10 @@
 //! Initial state, outputs and defaults of a run.
 
+use indexmap::IndexSet;
+
 use super::Context;
 use crate::error::Code;
-use crate::io::names::suggestion;
+use crate::io::names::suggest;
 use crate::io::schema::{self, Rotational, Tolerance as Stated, Vector};
 use crate::model::{
     self, Assembly, Initial, InitialBody, Orientation, Outputs, SimulationDefaults, Tolerance,
@@ -57,7 +59,12 @@ impl Context<'_> {
                 }
                 None => {
                     let message = format!("`{path}` names the force `{name}`, which is not there");
-                    let help = suggestion(name, "forces", file.forces.keys().map(String::as_str));
+                    let help = suggest(
+                        &self.errors,
+                        name,
+                        "forces",
+                        file.forces.keys().map(String::as_str),
+                    );
                     self.refuse(Code::UnknownName, path, message, &help);
                 }
             }
@@ -68,27 +75,24 @@ impl Context<'_> {
     /// Channels are `item.quantity`; that the item exists is checked here, the quantity by the run.
     pub(super) fn outputs(&mut self) -> Outputs {
         let file = self.file;
+        let known: IndexSet<&str> = ["energy", "constraint", "*"]
+            .into_iter()
+            .chain(file.bodies.keys().map(String::as_str))
+            .chain(file.joints.keys().map(String::as_str))
+            .chain(file.forces.keys().map(String::as_str))
+            .chain(file.drivers.keys().map(String::as_str))
+            .collect();
         for (i, channel) in file.outputs.channels.iter().enumerate() {
             let path = format!("outputs.channels[{i}]");
             let Some((item, quantity)) = channel.split_once('.') else {
                 let message = format!("`{path}` is {channel:?}; expected \"item.quantity\"");
-                self.refuse(
-                    Code::WrongType,
-                    path,
-                    message,
-                    "such as \"chassis.position\" or \"energy.total\"",
-                );
+                let help = "such as \"chassis.position\" or \"energy.total\"";
+                self.refuse(Code::WrongType, path, message, help);
                 continue;
             };
-            let known = ["energy", "constraint", "*"]
-                .into_iter()
-                .chain(file.bodies.keys().map(String::as_str))
-                .chain(file.joints.keys().map(String::as_str))
-                .chain(file.forces.keys().map(String::as_str))
-                .chain(file.drivers.keys().map(String::as_str));
-            if !known.clone().any(|name| name == item) {
+            if !known.contains(item) {
                 let message = format!("`{path}` names the item `{item}`, which is not there");
-                let help = suggestion(item, "items", known);
+                let help = suggest(&self.errors, item, "items", known.iter().copied());
                 self.refuse(Code::UnknownName, path, message, &help);
             } else if quantity.is_empty() {
                 let message = format!("`{path}` is {channel:?}; expected \"item.quantity\"");

@@ -12,7 +12,7 @@ mod places;
 use indexmap::IndexMap;
 
 use self::geometry::{Pose, Vec3, planar_rotation, spatial_rotation};
-use super::names::suggestion;
+use super::names::suggest;
 use super::schema::{self, Dimension, Inertia, ModelFile};
 use crate::error::{Code, Diagnostic};
 use crate::model;
@@ -90,7 +90,7 @@ impl<'a> Context<'a> {
         }
         let message = format!("`{path}` names the body `{name}`, which is not there");
         let known = self.poses.keys().copied().chain(["ground"]);
-        let help = suggestion(name, "bodies", known);
+        let help = suggest(&self.errors, name, "bodies", known);
         self.refuse(Code::UnknownName, path, message, &help);
         None
     }

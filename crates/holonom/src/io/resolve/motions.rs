@@ -2,10 +2,10 @@
 
 use super::Context;
 use crate::error::Code;
-use crate::io::names::suggestion;
+use crate::io::names::suggest;
 use crate::io::schema::{self, Motion};
-use crate::math::{MonotoneCubic, TableError, TimeFunction};
 use crate::model::ElasticLaw;
+use crate::model::{MonotoneCubic, TableError, TimeFunction};
 
 impl Context<'_> {
     /// `scale` times a function of time.
@@ -86,7 +86,7 @@ impl Context<'_> {
                     let path = format!("{path}.table");
                     let message = format!("`{path}` names the table `{name}`, which is not there");
                     let known = self.file.tables.keys().map(String::as_str);
-                    let help = suggestion(name, "tables", known);
+                    let help = suggest(&self.errors, name, "tables", known);
                     self.refuse(Code::UnknownName, path, message, &help);
                     return None;
                 };

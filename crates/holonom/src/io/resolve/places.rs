@@ -3,7 +3,7 @@
 use super::geometry::{Mat3, Vec3, triad, unit};
 use super::{Choice, Context};
 use crate::error::Code;
-use crate::io::names::suggestion;
+use crate::io::names::suggest;
 use crate::io::schema::{Place, Vector};
 use crate::model::{BodyIndex, Frame};
 
@@ -42,8 +42,12 @@ impl<'a> Context<'a> {
             return Some((owner, point));
         }
         let message = format!("`{path}` names the marker `{marker}`, which `{body}` does not have");
-        let help =
-            suggestion(marker, "markers", self.poses[owner].markers.keys().map(String::as_str));
+        let help = suggest(
+            &self.errors,
+            marker,
+            "markers",
+            self.poses[owner].markers.keys().map(String::as_str),
+        );
         self.refuse(Code::UnknownName, path, message, &help);
         None
     }
