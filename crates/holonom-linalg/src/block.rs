@@ -1,3 +1,5 @@
+use crate::lanes::{LaneKernel, lanes, lanes_mut, run_lanes};
+
 /// Names one block of a [`BlockMatrix`]; blocks are numbered from zero in order of first mention.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BlockId(usize);
@@ -149,47 +151,37 @@ impl BlockMatrix {
     }
 
     /// y += α A x, with x of `n_cols` and y of `n_rows`.
+    ///
+    /// # Panics
+    /// If a vector has not the length of the matrix.
     pub fn multiply_add(&self, alpha: f64, x: &[f64], y: &mut [f64]) {
         self.multiply_many_add(alpha, x, 1, y);
     }
 
     /// y += α Aᵀ x, with x of `n_rows` and y of `n_cols`.
+    ///
+    /// # Panics
+    /// If a vector has not the length of the matrix.
     pub fn multiply_transposed_add(&self, alpha: f64, x: &[f64], y: &mut [f64]) {
         self.multiply_transposed_many_add(alpha, x, 1, y);
     }
 
     /// Y += α A X, with X of `n_cols`×k and Y of `n_rows`×k, both by rows.
+    ///
+    /// # Panics
+    /// If X or Y has not that many entries.
     pub fn multiply_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
-        for b in &self.blocks {
-            let values = &self.values[b.offset..b.offset + b.rows * b.columns];
-            for i in 0..b.rows {
-                let y = &mut y[(b.row + i) * k..(b.row + i + 1) * k];
-                for j in 0..b.columns {
-                    let a = alpha * values[i * b.columns + j];
-                    let x = &x[(b.column + j) * k..(b.column + j + 1) * k];
-                    for (y, x) in y.iter_mut().zip(x) {
-                        *y += a * x;
-                    }
-                }
-            }
-        }
+        assert_eq!((x.len(), y.len()), (self.n_cols * k, self.n_rows * k), "entries of X and Y");
+        run_lanes(k, &mut Product { matrix: self, alpha, x, k, y });
     }
 
     /// Y += α Aᵀ X, with X of `n_rows`×k and Y of `n_cols`×k, both by rows.
+    ///
+    /// # Panics
+    /// If X or Y has not that many entries.
     pub fn multiply_transposed_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
-        for b in &self.blocks {
-            let values = &self.values[b.offset..b.offset + b.rows * b.columns];
-            for i in 0..b.rows {
-                let x = &x[(b.row + i) * k..(b.row + i + 1) * k];
-                for j in 0..b.columns {
-                    let a = alpha * values[i * b.columns + j];
-                    let y = &mut y[(b.column + j) * k..(b.column + j + 1) * k];
-                    for (y, x) in y.iter_mut().zip(x) {
-                        *y += a * x;
-                    }
-                }
-            }
-        }
+        assert_eq!((x.len(), y.len()), (self.n_rows * k, self.n_cols * k), "entries of X and Y");
+        run_lanes(k, &mut TransposedProduct { matrix: self, alpha, x, k, y });
     }
 
     /// The matrix with all its zeros, `n_rows`×`n_cols` by rows.
@@ -199,5 +191,66 @@ impl BlockMatrix {
             dense[i * self.n_cols + j] += v;
         }
         dense
+    }
+}
+
+struct Product<'a> {
+    matrix: &'a BlockMatrix,
+    alpha: f64,
+    x: &'a [f64],
+    k: usize,
+    y: &'a mut [f64],
+}
+
+impl LaneKernel for Product<'_> {
+    #[inline(always)]
+    fn run<const W: usize>(&mut self, from: usize) {
+        for b in self.matrix.blocks.iter().filter(|b| b.columns > 0) {
+            let values = &self.matrix.values[b.offset..b.offset + b.rows * b.columns];
+            for (i, row) in values.chunks_exact(b.columns).enumerate() {
+                let mut sum = [0.0; W];
+                for (j, a) in row.iter().enumerate() {
+                    let x: &[f64; W] = lanes(self.x, self.k, b.column + j, from);
+                    for w in 0..W {
+                        sum[w] += a * x[w];
+                    }
+                }
+                let y: &mut [f64; W] = lanes_mut(self.y, self.k, b.row + i, from);
+                for w in 0..W {
+                    y[w] += self.alpha * sum[w];
+                }
+            }
+        }
+    }
+}
+
+struct TransposedProduct<'a> {
+    matrix: &'a BlockMatrix,
+    alpha: f64,
+    x: &'a [f64],
+    k: usize,
+    y: &'a mut [f64],
+}
+
+impl LaneKernel for TransposedProduct<'_> {
+    #[inline(always)]
+    fn run<const W: usize>(&mut self, from: usize) {
+        for b in &self.matrix.blocks {
+            let values = &self.matrix.values[b.offset..b.offset + b.rows * b.columns];
+            for j in 0..b.columns {
+                let mut sum = [0.0; W];
+                for i in 0..b.rows {
+                    let a = values[i * b.columns + j];
+                    let x: &[f64; W] = lanes(self.x, self.k, b.row + i, from);
+                    for w in 0..W {
+                        sum[w] += a * x[w];
+                    }
+                }
+                let y: &mut [f64; W] = lanes_mut(self.y, self.k, b.column + j, from);
+                for w in 0..W {
+                    y[w] += self.alpha * sum[w];
+                }
+            }
+        }
     }
 }

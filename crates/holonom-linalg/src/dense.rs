@@ -1,22 +1,46 @@
+use std::mem::MaybeUninit;
+
+use faer::dyn_stack::{MemStack, StackReq};
+use faer::linalg::cholesky::llt::factor as llt;
+use faer::linalg::lu::partial_pivoting::factor as lu;
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve;
+use faer::{Accum, MatMut, MatRef, Par, Spec};
+
 use crate::error::{NotPositiveDefinite, SingularMatrix};
+use crate::lanes::dot;
 
-/// A pivot below this fraction of its column's largest entry is cancellation noise.
-const NEGLIGIBLE: f64 = 4.0 * f64::EPSILON;
+/// A pivot below this fraction of the numbers it is made of is cancellation noise.
+const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
 
-/// LU factorisation with row exchanges of a dense n×n matrix; its storage is reused.
+/// LU factorisation with pivoting of a dense n×n matrix; its storage is reused.
+///
+/// A matrix by rows is its transpose by columns, so it is Aᵀ that is factored, P Aᵀ = L U, and
+/// pivots are exchanged among the columns of A.
 #[derive(Debug, Clone)]
 pub struct DenseLu {
     n: usize,
-    lu: Vec<f64>,
-    inverse_pivot: Vec<f64>,
-    /// Row `exchange[i] ≥ i` took the place of row i at step i.
-    exchange: Vec<usize>,
+    /// L without its unit diagonal and U, by columns.
+    factors: Vec<f64>,
+    permutation: Vec<usize>,
+    inverse_permutation: Vec<usize>,
+    /// The permutation as exchanges of position p with `exchanges[p] ≥ p`, in order.
+    exchanges: Vec<usize>,
+    scratch: Vec<MaybeUninit<u8>>,
 }
 
 impl DenseLu {
     /// Room for an n×n matrix.
     pub fn new(n: usize) -> Self {
-        Self { n, lu: vec![0.0; n * n], inverse_pivot: vec![0.0; n], exchange: vec![0; n] }
+        let need = lu::lu_in_place_scratch::<usize, f64>(n, n, Par::Seq, Spec::default());
+        Self {
+            n,
+            factors: vec![0.0; n * n],
+            permutation: vec![0; n],
+            inverse_permutation: vec![0; n],
+            exchanges: vec![0; n],
+            scratch: room(need),
+        }
     }
 
     /// Number of rows and columns.
@@ -27,100 +51,107 @@ impl DenseLu {
     /// Factors `a` (n×n by rows).
     ///
     /// # Errors
-    /// [`SingularMatrix`] when a column has no pivot above round-off; `row` is then the position
-    /// of elimination, equal to `column`.
+    /// [`SingularMatrix`] at the first pivot that does not exceed round-off or is not finite. The
+    /// factors must not be used then.
+    ///
+    /// # Panics
+    /// If `a` has not n² entries.
     pub fn factor(&mut self, a: &[f64]) -> Result<(), SingularMatrix> {
         let n = self.n;
-        self.lu.copy_from_slice(a);
+        self.factors.copy_from_slice(a);
+        lu::lu_in_place(
+            MatMut::from_column_major_slice_mut(&mut self.factors, n, n),
+            &mut self.permutation,
+            &mut self.inverse_permutation,
+            Par::Seq,
+            MemStack::new(&mut self.scratch),
+            Spec::default(),
+        );
         for p in 0..n {
-            let mut at = p;
-            for i in p + 1..n {
-                if self.lu[i * n + p].abs() > self.lu[at * n + p].abs() {
-                    at = i;
-                }
+            // Column p of U: what is left of row p of A.
+            let column = &self.factors[p * n..=p * n + p];
+            let peak = column.iter().fold(0.0, |m: f64, u| m.max(u.abs()));
+            let good = column[p].abs() > NEGLIGIBLE * peak && column.iter().all(|u| u.is_finite());
+            if !good {
+                let column_of_a = self.permutation[p];
+                return Err(SingularMatrix { row: p, column: column_of_a, pivot: column[p] });
             }
-            let pivot = self.lu[at * n + p];
-            self.exchange[p] = at;
-            // What elimination has subtracted in this column tells the size of round-off.
-            let peak = (0..n).fold(0.0f64, |m, i| m.max(self.lu[i * n + p].abs()));
-            if !(pivot.abs() > NEGLIGIBLE * peak && (1.0 / pivot).is_finite()) {
-                return Err(SingularMatrix { row: p, column: p, pivot });
-            }
-            if at != p {
-                let (upper, lower) = self.lu.split_at_mut(at * n);
-                upper[p * n..(p + 1) * n].swap_with_slice(&mut lower[..n]);
-            }
-            let inverse = 1.0 / pivot;
-            self.inverse_pivot[p] = inverse;
-            let (upper, lower) = self.lu.split_at_mut((p + 1) * n);
-            let pivot_row = &upper[p * n + p + 1..];
-            for row in lower.chunks_exact_mut(n) {
-                let l = row[p] * inverse;
-                row[p] = l;
-                for (a, u) in row[p + 1..].iter_mut().zip(pivot_row) {
-                    *a -= l * u;
-                }
-            }
+        }
+        // From here on the inverse permutation keeps track of where each entry has gone.
+        let (place, entry_at) = (&mut self.inverse_permutation, &mut self.exchanges);
+        for p in 0..n {
+            place[p] = p;
+            entry_at[p] = p;
+        }
+        for p in 0..n {
+            let from = place[self.permutation[p]];
+            let moved = entry_at[p];
+            entry_at[from] = moved;
+            place[moved] = from;
+            entry_at[p] = from; // position p is settled: its room holds the exchange
         }
         Ok(())
     }
 
     /// Solves A x = b in place.
+    ///
+    /// # Panics
+    /// If `b` has not n entries.
     pub fn solve(&self, b: &mut [f64]) {
-        self.solve_many(b, 1);
+        let n = self.n;
+        assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
+        for i in 0..n {
+            let row = &self.factors[i * n..=i * n + i];
+            b[i] = (b[i] - dot(&row[..i], &b[..i])) / row[i];
+        }
+        for i in (0..n).rev() {
+            b[i] -= dot(&self.factors[i * n + i + 1..(i + 1) * n], &b[i + 1..]);
+        }
+        for p in (0..n).rev() {
+            b.swap(p, self.exchanges[p]);
+        }
     }
 
     /// Solves A X = B in place; `b` is n×k by rows.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries.
     pub fn solve_many(&self, b: &mut [f64], k: usize) {
+        if k == 1 {
+            return self.solve(b);
+        }
         let n = self.n;
-        for p in 0..n {
-            swap_rows(b, k, p, self.exchange[p]);
-        }
-        for i in 0..n {
-            let (done, rest) = b.split_at_mut(i * k);
-            for j in 0..i {
-                subtract(&mut rest[..k], self.lu[i * n + j], &done[j * k..(j + 1) * k]);
-            }
-        }
-        for i in (0..n).rev() {
-            let (rest, done) = b.split_at_mut((i + 1) * k);
-            let row = &mut rest[i * k..];
-            for j in i + 1..n {
-                subtract(row, self.lu[i * n + j], &done[(j - i - 1) * k..(j - i) * k]);
-            }
-            for x in row.iter_mut() {
-                *x *= self.inverse_pivot[i];
-            }
+        let factors = MatRef::from_column_major_slice(&self.factors, n, n).transpose();
+        let mut x = MatMut::from_row_major_slice_mut(&mut *b, n, k);
+        triangular_solve::solve_lower_triangular_in_place(factors, x.as_mut(), Par::Seq);
+        triangular_solve::solve_unit_upper_triangular_in_place(factors, x, Par::Seq);
+        for p in (0..n).rev() {
+            swap_rows(b, k, p, self.exchanges[p]);
         }
     }
 
     /// Solves Aᵀ x = b in place.
+    ///
+    /// # Panics
+    /// If `b` has not n entries.
     pub fn solve_transposed(&self, b: &mut [f64]) {
         self.solve_transposed_many(b, 1);
     }
 
     /// Solves Aᵀ X = B in place; `b` is n×k by rows.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries.
     pub fn solve_transposed_many(&self, b: &mut [f64], k: usize) {
         let n = self.n;
-        for i in 0..n {
-            let (done, rest) = b.split_at_mut((i + 1) * k);
-            let row = &mut done[i * k..];
-            for x in row.iter_mut() {
-                *x *= self.inverse_pivot[i];
-            }
-            for j in i + 1..n {
-                subtract(&mut rest[(j - i - 1) * k..(j - i) * k], self.lu[i * n + j], row);
-            }
+        assert_eq!(b.len(), n * k, "right-hand sides of a matrix of {n} rows");
+        for p in 0..n {
+            swap_rows(b, k, p, self.exchanges[p]);
         }
-        for i in (0..n).rev() {
-            let (rest, row) = b.split_at_mut(i * k);
-            for j in 0..i {
-                subtract(&mut rest[j * k..(j + 1) * k], self.lu[i * n + j], &row[..k]);
-            }
-        }
-        for p in (0..n).rev() {
-            swap_rows(b, k, p, self.exchange[p]);
-        }
+        let factors = MatRef::from_column_major_slice(&self.factors, n, n);
+        let mut x = MatMut::from_row_major_slice_mut(b, n, k);
+        triangular_solve::solve_unit_lower_triangular_in_place(factors, x.as_mut(), Par::Seq);
+        triangular_solve::solve_upper_triangular_in_place(factors, x, Par::Seq);
     }
 }
 
@@ -131,23 +162,21 @@ fn swap_rows(b: &mut [f64], k: usize, p: usize, q: usize) {
     }
 }
 
-fn subtract(y: &mut [f64], a: f64, x: &[f64]) {
-    for (y, x) in y.iter_mut().zip(x) {
-        *y -= a * x;
-    }
-}
-
 /// Cholesky factorisation A = L Lᵀ of a dense symmetric positive definite n×n matrix.
 #[derive(Debug, Clone)]
 pub struct Cholesky {
     n: usize,
-    l: Vec<f64>,
+    /// L by columns.
+    factor: Vec<f64>,
+    work: Vec<f64>,
+    scratch: Vec<MaybeUninit<u8>>,
 }
 
 impl Cholesky {
     /// Room for an n×n matrix.
     pub fn new(n: usize) -> Self {
-        Self { n, l: vec![0.0; n * n] }
+        let need = llt::cholesky_in_place_scratch::<f64>(n, Par::Seq, Spec::default());
+        Self { n, factor: vec![0.0; n * n], work: vec![0.0; n], scratch: room(need) }
     }
 
     /// Number of rows and columns.
@@ -155,67 +184,87 @@ impl Cholesky {
         self.n
     }
 
-    /// Factors `a` (n×n by rows; only the lower triangle is read).
+    /// Factors the symmetric matrix `a` (n×n by rows), of which only entries (i, j ≥ i) are read.
     ///
     /// # Errors
-    /// [`NotPositiveDefinite`] when a pivot is not above round-off of its diagonal entry.
+    /// [`NotPositiveDefinite`] at the first pivot that is not above round-off of its diagonal
+    /// entry. The factor must not be used then.
+    ///
+    /// # Panics
+    /// If `a` has not n² entries.
     pub fn factor(&mut self, a: &[f64]) -> Result<(), NotPositiveDefinite> {
         let n = self.n;
-        for i in 0..n {
-            for j in 0..=i {
-                let mut sum = a[i * n + j];
-                for k in 0..j {
-                    sum -= self.l[i * n + k] * self.l[j * n + k];
-                }
-                if i != j {
-                    self.l[i * n + j] = sum / self.l[j * n + j];
-                } else if sum > NEGLIGIBLE * a[i * n + i] && sum.is_finite() {
-                    self.l[i * n + i] = sum.sqrt();
-                } else {
-                    return Err(NotPositiveDefinite { index: i, pivot: sum });
-                }
+        self.factor.copy_from_slice(a);
+        let outcome = llt::cholesky_in_place(
+            MatMut::from_column_major_slice_mut(&mut self.factor, n, n),
+            llt::LltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut self.scratch),
+            Spec::default(),
+        );
+        let done = outcome.map_or_else(|llt::LltError::NonPositivePivot { index }| index, |_| n);
+        for i in 0..done {
+            let pivot = self.factor[i * n + i].powi(2);
+            // Written so that a NaN fails.
+            let good = pivot > NEGLIGIBLE * a[i * n + i] && pivot.is_finite();
+            if !good {
+                return Err(NotPositiveDefinite { index: i, pivot });
             }
+        }
+        if done < n {
+            return Err(NotPositiveDefinite { index: done, pivot: self.pivot_after(done, a) });
         }
         Ok(())
     }
 
+    /// What elimination with the first `p` rows leaves of the diagonal entry of row `p`.
+    fn pivot_after(&mut self, p: usize, a: &[f64]) -> f64 {
+        let n = self.n;
+        let mut pivot = a[p * n + p];
+        for i in 0..p {
+            // Row p of L, by columns of L.
+            let mut l = a[i * n + p];
+            for j in 0..i {
+                l -= self.factor[j * n + i] * self.work[j];
+            }
+            self.work[i] = l / self.factor[i * n + i];
+            pivot -= self.work[i] * self.work[i];
+        }
+        pivot
+    }
+
     /// Solves A x = b in place.
+    ///
+    /// # Panics
+    /// If `b` has not n entries.
     pub fn solve(&self, b: &mut [f64]) {
         self.solve_many(b, 1);
     }
 
     /// Solves A X = B in place; `b` is n×k by rows.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries.
     pub fn solve_many(&self, b: &mut [f64], k: usize) {
-        let n = self.n;
-        for i in 0..n {
-            let (done, rest) = b.split_at_mut(i * k);
-            let row = &mut rest[..k];
-            for j in 0..i {
-                subtract(row, self.l[i * n + j], &done[j * k..(j + 1) * k]);
-            }
-            for x in row.iter_mut() {
-                *x /= self.l[i * n + i];
-            }
-        }
-        for i in (0..n).rev() {
-            let (rest, row) = b.split_at_mut(i * k);
-            let row = &mut row[..k];
-            for x in row.iter_mut() {
-                *x /= self.l[i * n + i];
-            }
-            for j in 0..i {
-                subtract(&mut rest[j * k..(j + 1) * k], self.l[i * n + j], row);
-            }
-        }
+        let l = MatRef::from_column_major_slice(&self.factor, self.n, self.n);
+        let mut x = MatMut::from_row_major_slice_mut(b, self.n, k);
+        triangular_solve::solve_lower_triangular_in_place(l, x.as_mut(), Par::Seq);
+        triangular_solve::solve_upper_triangular_in_place(l.transpose(), x, Par::Seq);
     }
 }
 
+/// Scratch memory of that size.
+fn room(need: StackReq) -> Vec<MaybeUninit<u8>> {
+    vec![MaybeUninit::uninit(); need.unaligned_bytes_required()]
+}
+
 /// C += Aᵀ B with A and B of `n_rows`×k and C of k×k, all by rows.
+///
+/// # Panics
+/// If a matrix has not that many entries.
 pub fn gram_add(n_rows: usize, k: usize, a: &[f64], b: &[f64], c: &mut [f64]) {
-    for r in 0..n_rows {
-        let b = &b[r * k..(r + 1) * k];
-        for (i, &a) in a[r * k..(r + 1) * k].iter().enumerate() {
-            subtract(&mut c[i * k..(i + 1) * k], -a, b);
-        }
-    }
+    let a = MatRef::from_row_major_slice(a, n_rows, k);
+    let b = MatRef::from_row_major_slice(b, n_rows, k);
+    let c = MatMut::from_row_major_slice_mut(c, k, k);
+    matmul(c, Accum::Add, a.transpose(), b, 1.0, Par::Seq);
 }

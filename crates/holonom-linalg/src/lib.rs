@@ -15,6 +15,7 @@ mod block;
 mod dense;
 mod error;
 mod full_pivot;
+mod lanes;
 mod rank;
 mod sparse;
 

@@ -7,14 +7,12 @@ mod substitution;
 mod symbolic;
 
 use crate::error::SingularMatrix;
+use crate::lanes::{MOST_LANES, run_lanes};
 
 use elimination::{Entry, Numbers, Plan};
 pub use pattern::SparsePattern;
-use substitution::Factors;
+use substitution::Substitution;
 use symbolic::FactorPattern;
-
-/// Most right-hand sides that are substituted together.
-const LANES: usize = 16;
 
 /// Growth of numbers during elimination beyond which frozen pivots are given up.
 const GROWTH_LIMIT: f64 = 1e6;
@@ -95,7 +93,7 @@ impl SparseLu {
             row_at: order.rows,
             column_at: order.columns,
             growth_limit: f64::INFINITY,
-            work: vec![0.0; n * LANES],
+            work: vec![0.0; n * MOST_LANES],
             residual: vec![0.0; n],
         };
         let growth = lu.eliminate(values, f64::INFINITY)?;
@@ -155,49 +153,14 @@ impl SparseLu {
 
     fn substitute(&mut self, b: &mut [f64], k: usize, transposed: bool) {
         assert_eq!(b.len(), self.n * k, "right-hand sides of a matrix of {} rows", self.n);
-        let mut from = 0;
-        while from < k {
-            from += match k - from {
-                16.. => self.substitute_lanes::<16>(b, k, from, transposed),
-                8.. => self.substitute_lanes::<8>(b, k, from, transposed),
-                4.. => self.substitute_lanes::<4>(b, k, from, transposed),
-                2.. => self.substitute_lanes::<2>(b, k, from, transposed),
-                _ => self.substitute_lanes::<1>(b, k, from, transposed),
-            };
-        }
-    }
-
-    /// Solves for right-hand sides `from..from + W`; returns W.
-    fn substitute_lanes<const W: usize>(
-        &mut self,
-        b: &mut [f64],
-        k: usize,
-        from: usize,
-        transposed: bool,
-    ) -> usize {
-        let (x, _) = self.work[..self.n * W].as_chunks_mut::<W>();
-        let factors = Factors { pattern: &self.pattern, numbers: &self.numbers };
-        let rows = (&self.row_at, &self.row_scale);
-        let columns = (&self.column_at, &self.column_scale);
+        let rows = (&self.row_at[..], &self.row_scale[..]);
+        let columns = (&self.column_at[..], &self.column_scale[..]);
         let (source, target) = if transposed { (columns, rows) } else { (rows, columns) };
-        for ((x, &i), scale) in x.iter_mut().zip(source.0).zip(source.1) {
-            let b = &b[i * k + from..][..W];
-            for w in 0..W {
-                x[w] = b[w] * scale;
-            }
-        }
-        if transposed {
-            factors.solve_transposed(x);
-        } else {
-            factors.solve(x);
-        }
-        for ((x, &i), scale) in x.iter().zip(target.0).zip(target.1) {
-            let b = &mut b[i * k + from..][..W];
-            for w in 0..W {
-                b[w] = x[w] * scale;
-            }
-        }
-        W
+        let (pattern, numbers, work) = (&self.pattern, &self.numbers, &mut self.work[..]);
+        run_lanes(
+            k,
+            &mut Substitution { pattern, numbers, source, target, transposed, b, k, work },
+        );
     }
 
     /// Solves A x = b in place with one step of iterative refinement.

@@ -1,55 +1,83 @@
-//! Forward and backward substitution with `W` right-hand sides at a time.
-//!
-//! The right-hand sides of one unknown lie side by side, so that the compiler turns each loop over
-//! `W` into vector instructions and keeps a row in registers.
+//! Forward and backward substitution with several right-hand sides at a time.
 
+use crate::lanes::{LaneKernel, lanes, lanes_mut};
 use crate::sparse::elimination::Numbers;
 use crate::sparse::symbolic::FactorPattern;
 
-/// Factors as the substitutions need them.
-pub(super) struct Factors<'a> {
+/// Solution in place for the n×k right-hand sides `b`, with the factors or their transposes.
+pub(super) struct Substitution<'a> {
     pub(super) pattern: &'a FactorPattern,
     pub(super) numbers: &'a Numbers,
+    /// Row of `b` and its scale at each position, for right-hand sides and for solutions.
+    pub(super) source: (&'a [usize], &'a [f64]),
+    pub(super) target: (&'a [usize], &'a [f64]),
+    pub(super) transposed: bool,
+    pub(super) b: &'a mut [f64],
+    pub(super) k: usize,
+    pub(super) work: &'a mut [f64],
 }
 
-impl Factors<'_> {
-    /// x ← U⁻¹ L⁻¹ x.
-    pub(super) fn solve<const W: usize>(&self, x: &mut [[f64; W]]) {
+impl LaneKernel for Substitution<'_> {
+    #[inline(always)]
+    fn run<const W: usize>(&mut self, from: usize) {
         let n = self.numbers.inverse_pivot.len();
-        for i in 0..n {
-            let range = self.pattern.l_range(i);
-            let columns = &self.pattern.l_column[range.clone()];
-            x[i] = subtract_row(x[i], columns, &self.numbers.l[range], x);
-        }
-        for i in (0..n).rev() {
-            let range = self.pattern.u_range(i);
-            let columns = &self.pattern.u_column[range.clone()];
-            let mut row = subtract_row(x[i], columns, &self.numbers.u[range], x);
-            for v in &mut row {
-                *v *= self.numbers.inverse_pivot[i];
+        let (x, _) = self.work[..n * W].as_chunks_mut::<W>();
+        for ((x, &i), scale) in x.iter_mut().zip(self.source.0).zip(self.source.1) {
+            let b: &[f64; W] = lanes(self.b, self.k, i, from);
+            for w in 0..W {
+                x[w] = b[w] * scale;
             }
-            x[i] = row;
+        }
+        if self.transposed {
+            solve_transposed(self.pattern, self.numbers, x);
+        } else {
+            solve(self.pattern, self.numbers, x);
+        }
+        for ((x, &i), scale) in x.iter().zip(self.target.0).zip(self.target.1) {
+            let b: &mut [f64; W] = lanes_mut(self.b, self.k, i, from);
+            for w in 0..W {
+                b[w] = x[w] * scale;
+            }
         }
     }
+}
 
-    /// x ← L⁻ᵀ U⁻ᵀ x.
-    pub(super) fn solve_transposed<const W: usize>(&self, x: &mut [[f64; W]]) {
-        let n = self.numbers.inverse_pivot.len();
-        for i in 0..n {
-            let mut row = x[i];
-            for v in &mut row {
-                *v *= self.numbers.inverse_pivot[i];
-            }
-            x[i] = row;
-            let range = self.pattern.u_range(i);
-            let columns = &self.pattern.u_column[range.clone()];
-            subtract_column(row, columns, &self.numbers.u[range], x);
+/// x ← U⁻¹ L⁻¹ x.
+#[inline(always)]
+fn solve<const W: usize>(pattern: &FactorPattern, numbers: &Numbers, x: &mut [[f64; W]]) {
+    for i in 0..x.len() {
+        let range = pattern.l_range(i);
+        x[i] = subtract_row(x[i], &pattern.l_column[range.clone()], &numbers.l[range], x);
+    }
+    for i in (0..x.len()).rev() {
+        let range = pattern.u_range(i);
+        let mut row = subtract_row(x[i], &pattern.u_column[range.clone()], &numbers.u[range], x);
+        for v in &mut row {
+            *v *= numbers.inverse_pivot[i];
         }
-        for i in (0..n).rev() {
-            let range = self.pattern.l_range(i);
-            let columns = &self.pattern.l_column[range.clone()];
-            subtract_column(x[i], columns, &self.numbers.l[range], x);
+        x[i] = row;
+    }
+}
+
+/// x ← L⁻ᵀ U⁻ᵀ x.
+#[inline(always)]
+fn solve_transposed<const W: usize>(
+    pattern: &FactorPattern,
+    numbers: &Numbers,
+    x: &mut [[f64; W]],
+) {
+    for i in 0..x.len() {
+        let mut row = x[i];
+        for v in &mut row {
+            *v *= numbers.inverse_pivot[i];
         }
+        x[i] = row;
+        let range = pattern.u_range(i);
+        subtract_column(row, &pattern.u_column[range.clone()], &numbers.u[range], x);
+    }
+    for i in (0..x.len()).rev() {
+        let range = pattern.l_range(i);
+        subtract_column(x[i], &pattern.l_column[range.clone()], &numbers.l[range], x);
     }
 }
 
