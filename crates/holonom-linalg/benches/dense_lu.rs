@@ -70,7 +70,7 @@ fn products(c: &mut Criterion) {
         let mut out = vec![0.0; k * k];
         c.bench_function(&format!("gram {n_rows}×{k}"), |b| {
             b.iter(|| {
-                gram_add(n_rows, k, black_box(&a[..n_rows * k]), &a[1..=n_rows * k], &mut out)
+                gram_add(n_rows, k, black_box(&a[..n_rows * k]), &a[1..=n_rows * k], &mut out);
             });
         });
     }

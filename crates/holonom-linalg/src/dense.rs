@@ -32,6 +32,7 @@ pub struct DenseLu {
 impl DenseLu {
     /// Room for an n×n matrix.
     pub fn new(n: usize) -> Self {
+        make_product_buffer();
         let need = lu::lu_in_place_scratch::<usize, f64>(n, n, Par::Seq, Spec::default());
         Self {
             n,
@@ -175,6 +176,7 @@ pub struct Cholesky {
 impl Cholesky {
     /// Room for an n×n matrix.
     pub fn new(n: usize) -> Self {
+        make_product_buffer();
         let need = llt::cholesky_in_place_scratch::<f64>(n, Par::Seq, Spec::default());
         Self { n, factor: vec![0.0; n * n], work: vec![0.0; n], scratch: room(need) }
     }
@@ -256,6 +258,14 @@ impl Cholesky {
 /// Scratch memory of that size.
 fn room(need: StackReq) -> Vec<MaybeUninit<u8>> {
     vec![MaybeUninit::uninit(); need.unaligned_bytes_required()]
+}
+
+/// Lets faer make the buffer of its matrix product, one for each thread, which it does at the first
+/// product of some size; set-up is the time for it. (Without AVX2 it makes one at each product.)
+fn make_product_buffer() {
+    let n = 32;
+    let a = vec![0.0; n * n];
+    gram_add(n, n, &a, &a, &mut vec![0.0; n * n]);
 }
 
 /// C += Aᵀ B with A and B of `n_rows`×k and C of k×k, all by rows.

@@ -10,7 +10,7 @@ pub(crate) trait LaneKernel {
 }
 
 /// Most columns that are taken together.
-pub(crate) const MOST_LANES: usize = 16;
+pub(crate) const MOST_LANES: usize = 24;
 
 /// Runs the kernel over `k` columns in groups, with the widest vectors this processor has.
 pub(crate) fn run_lanes(k: usize, kernel: &mut impl LaneKernel) {
@@ -27,27 +27,37 @@ impl<K: LaneKernel> pulp::WithSimd for Groups<'_, K> {
 
     // A closure in place of this type would be compiled for the plain processor.
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, _: S) {
+    fn with_simd<S: pulp::Simd>(mut self, _: S) {
         let mut from = 0;
-        while self.k - from >= MOST_LANES {
-            self.kernel.run::<MOST_LANES>(from);
-            from += MOST_LANES;
+        while from < self.k {
+            let rest = self.k - from;
+            // As few groups as possible, of about equal width; 18 columns in one group take two
+            // thirds of the time of 16 and 2.
+            let width = rest.div_ceil(rest.div_ceil(MOST_LANES));
+            from += match width {
+                24.. => self.group::<24>(from),
+                22.. => self.group::<22>(from),
+                20.. => self.group::<20>(from),
+                18.. => self.group::<18>(from),
+                16.. => self.group::<16>(from),
+                14.. => self.group::<14>(from),
+                12.. => self.group::<12>(from),
+                10.. => self.group::<10>(from),
+                8.. => self.group::<8>(from),
+                6.. => self.group::<6>(from),
+                4.. => self.group::<4>(from),
+                2.. => self.group::<2>(from),
+                _ => self.group::<1>(from),
+            };
         }
-        if self.k - from >= 8 {
-            self.kernel.run::<8>(from);
-            from += 8;
-        }
-        if self.k - from >= 4 {
-            self.kernel.run::<4>(from);
-            from += 4;
-        }
-        if self.k - from >= 2 {
-            self.kernel.run::<2>(from);
-            from += 2;
-        }
-        if self.k > from {
-            self.kernel.run::<1>(from);
-        }
+    }
+}
+
+impl<K: LaneKernel> Groups<'_, K> {
+    #[inline(always)]
+    fn group<const W: usize>(&mut self, from: usize) -> usize {
+        self.kernel.run::<W>(from);
+        W
     }
 }
 

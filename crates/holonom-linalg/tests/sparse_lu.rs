@@ -1,9 +1,12 @@
-//! Sparse LU against Gaussian elimination on the dense matrix, written here on its own.
+//! Sparse LU against Gaussian elimination on the dense matrix.
 
+mod common;
+
+use common::{cases, dense_solve, largest_difference, noise, transpose};
 use holonom_linalg::{SparseLu, SparsePattern};
 use proptest::prelude::*;
 
-/// A sparse square matrix with its dense copy.
+/// A sparse square matrix: entries (equal ones add up) with their numbers.
 #[derive(Debug, Clone)]
 struct Sample {
     n: usize,
@@ -30,143 +33,238 @@ impl Sample {
     }
 }
 
-/// Deterministic numbers in (−1, 1) for right-hand sides and new values.
-fn noise(seed: u64, count: usize) -> Vec<f64> {
-    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-    let mut next = || {
-        state ^= state << 13;
-        state ^= state >> 7;
-        state ^= state << 17;
-        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    };
-    (0..count).map(|_| next()).collect()
-}
-
-/// Solution of A X = B (n×k) by Gauss-Jordan with complete pivoting, and the ratio of the smallest
-/// to the largest pivot, negative determinants marked by the second result.
-fn dense_solve(n: usize, a: &[f64], b: &[f64], k: usize) -> Option<(Vec<f64>, f64, f64)> {
-    let mut a = a.to_vec();
-    let mut b = b.to_vec();
-    let mut columns: Vec<usize> = (0..n).collect();
-    let (mut first, mut last, mut sign) = (0.0f64, 0.0f64, 1.0f64);
-    for p in 0..n {
-        let (mut i0, mut j0) = (p, p);
-        for i in p..n {
-            for j in p..n {
-                if a[i * n + j].abs() > a[i0 * n + j0].abs() {
-                    (i0, j0) = (i, j);
-                }
-            }
-        }
-        let pivot = a[i0 * n + j0];
-        if pivot == 0.0 {
-            return None;
-        }
-        if p == 0 {
-            first = pivot.abs();
-        }
-        last = pivot.abs();
-        for c in 0..n {
-            a.swap(p * n + c, i0 * n + c);
-        }
-        for c in 0..k {
-            b.swap(p * k + c, i0 * k + c);
-        }
-        for r in 0..n {
-            a.swap(r * n + p, r * n + j0);
-        }
-        columns.swap(p, j0);
-        sign *= pivot.signum();
-        if p != i0 {
-            sign = -sign;
-        }
-        if p != j0 {
-            sign = -sign;
-        }
-        for r in (0..n).filter(|&r| r != p) {
-            let l = a[r * n + p] / pivot;
-            for c in p..n {
-                a[r * n + c] -= l * a[p * n + c];
-            }
-            for c in 0..k {
-                b[r * k + c] -= l * b[p * k + c];
-            }
-        }
-    }
-    let mut x = vec![0.0; n * k];
-    for p in 0..n {
-        for c in 0..k {
-            x[columns[p] * k + c] = b[p * k + c] / a[p * n + p];
-        }
-    }
-    Some((x, if n == 0 { 1.0 } else { last / first }, sign))
-}
-
-fn transpose(n: usize, a: &[f64]) -> Vec<f64> {
-    (0..n * n).map(|e| a[(e % n) * n + e / n]).collect()
-}
-
-fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
-    let size = b.iter().fold(1e-300f64, |m, v| m.max(v.abs()));
-    a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs())) / size
-}
-
-/// Random pattern with a hidden permutation on which entries are never missing, so that most
-/// samples are structurally regular while diagonals are mostly zero; some values are exactly zero.
+/// Random pattern over a hidden permutation whose entries are never left out, so that most samples
+/// are structurally regular although their diagonals are mostly zero. `zeros` of seven values are
+/// exactly zero, and rows and columns are scaled over six powers of ten.
 fn sample() -> impl Strategy<Value = Sample> {
     (1usize..28).prop_flat_map(|n| {
         let permutation = Just((0..n).collect::<Vec<_>>()).prop_shuffle();
         let extra = prop::collection::vec((0..n, 0..n), 0..4 * n);
-        let seed = any::<u64>();
-        (permutation, extra, seed, 0u32..4).prop_map(move |(permutation, extra, seed, zeros)| {
-            let mut entries: Vec<_> = permutation.into_iter().enumerate().collect();
-            entries.extend(extra);
-            let mut values = noise(seed, entries.len());
-            for (e, v) in values.iter_mut().enumerate() {
-                if e % 7 < zeros as usize {
-                    *v = 0.0;
+        (permutation, extra, any::<u64>(), 0usize..4).prop_map(
+            move |(order, extra, seed, zeros)| {
+                let mut entries: Vec<_> = order.into_iter().enumerate().collect();
+                entries.extend(extra);
+                let mut values = noise(seed, entries.len());
+                let scale = noise(seed ^ 1, 2 * n);
+                for (e, v) in values.iter_mut().enumerate() {
+                    let (i, j) = entries[e];
+                    *v *= 10f64.powf(1.5 * (scale[i] + scale[n + j]));
+                    if e % 7 < zeros {
+                        *v = 0.0;
+                    }
                 }
-            }
-            Sample { n, entries, values }
-        })
+                Sample { n, entries, values }
+            },
+        )
     })
 }
 
+/// Compares every kind of solution with dense elimination; `lu` is factored for this sample.
+fn check(sample: &Sample, lu: &mut SparseLu, k: usize) -> Result<(), TestCaseError> {
+    let n = sample.n;
+    let b = noise(n as u64 + 77, n * k);
+    let Some(truth) = dense_solve(n, &sample.dense(), &b, k) else {
+        return Err(TestCaseError::fail("a singular matrix was accepted"));
+    };
+    prop_assume!(truth.ratio > 1e-8);
+    let allowed = 1e-13 / truth.ratio;
+    let transposed = dense_solve(n, &transpose(n, n, &sample.dense()), &b, k).expect("regular");
+    let mut x = b.clone();
+    lu.solve_many(&mut x, k);
+    prop_assert!(largest_difference(&x, &truth.x) < allowed);
+    let mut x = b.clone();
+    lu.solve_transposed_many(&mut x, k);
+    prop_assert!(largest_difference(&x, &transposed.x) < allowed);
+    let column = |m: &[f64]| (0..n).map(|i| m[i * k + k - 1]).collect::<Vec<f64>>();
+    let mut x = column(&b);
+    lu.solve(&mut x);
+    prop_assert!(largest_difference(&x, &column(&truth.x)) < allowed);
+    let mut x = column(&b);
+    lu.solve_transposed(&mut x);
+    prop_assert!(largest_difference(&x, &column(&transposed.x)) < allowed);
+    prop_assert_eq!(lu.determinant_sign(), truth.sign);
+    Ok(())
+}
+
+/// Only a singular matrix may be refused.
+fn analyze_and_check(
+    sample: &Sample,
+    pattern: &SparsePattern,
+    values: &[f64],
+    k: usize,
+) -> Result<(), TestCaseError> {
+    if let Ok(mut lu) = SparseLu::analyze(pattern, values) {
+        return check(sample, &mut lu, k);
+    }
+    let ratio = dense_solve(sample.n, &sample.dense(), &[], 0).map_or(0.0, |t| t.ratio);
+    prop_assert!(ratio < 1e-12, "refused although its pivots differ by {ratio:e} only");
+    Ok(())
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(600))]
+    #![proptest_config(cases(500))]
 
     #[test] // truth: dense elimination with complete pivoting
-    fn solves_what_dense_elimination_solves(sample in sample()) {
-        let n = sample.n;
-        let k = 5;
+    fn solves_what_dense_elimination_solves(sample in sample(), k in 1usize..60) {
         let (pattern, values) = sample.sparse();
-        let b = noise(n as u64 + 77, n * k);
-        let dense = dense_solve(n, &sample.dense(), &b, k);
-        match SparseLu::analyze(&pattern, &values) {
-            Err(_) => {
-                let ratio = dense.map_or(0.0, |d| d.1);
-                prop_assert!(ratio < 1e-10, "refused although pivots differ by {ratio:e} only");
-            }
-            Ok(mut lu) => {
-                let Some((x, ratio, sign)) = dense else { panic!("accepted a singular matrix") };
-                prop_assume!(ratio > 1e-7);
-                let transposed = transpose(n, &sample.dense());
-                let (y, _, _) = dense_solve(n, &transposed, &b, k).unwrap();
-                let mut many = b.clone();
-                lu.solve_many(&mut many, k);
-                prop_assert!(largest_difference(&many, &x) < 1e-13 / ratio);
-                let mut many = b.clone();
-                lu.solve_transposed_many(&mut many, k);
-                prop_assert!(largest_difference(&many, &y) < 1e-13 / ratio);
-                let column = |m: &[f64]| (0..n).map(|i| m[i * k]).collect::<Vec<f64>>();
-                let mut one = column(&b);
-                lu.solve(&mut one);
-                prop_assert!(largest_difference(&one, &column(&x)) < 1e-13 / ratio);
-                let mut one = column(&b);
-                lu.solve_transposed(&mut one);
-                prop_assert!(largest_difference(&one, &column(&y)) < 1e-13 / ratio);
-                prop_assert_eq!(lu.determinant_sign(), sign);
-            }
+        analyze_and_check(&sample, &pattern, &values, k)?;
+    }
+
+    #[test] // truth: dense elimination of the new matrix; zeros at analysis are no zeros later
+    fn refactors_with_other_numbers(sample in sample(), seed in any::<u64>(), k in 1usize..5) {
+        let (pattern, values) = sample.sparse();
+        let Ok(mut lu) = SparseLu::analyze(&pattern, &values) else { return Ok(()) };
+        let mut other = sample.clone();
+        for (v, change) in other.values.iter_mut().zip(noise(seed, sample.values.len())) {
+            // Also where the old value is zero: the entry was structural all along.
+            *v = 1.2 * *v + 0.1 * change;
+        }
+        let (_, values) = other.sparse();
+        if lu.refactor(&values).is_ok() {
+            check(&other, &mut lu, k)?;
+        } else {
+            // Frozen pivots may be bad for the new numbers.
+            analyze_and_check(&other, &pattern, &values, k)?;
         }
     }
+
+    #[test] // truth: column and row counts of the pattern itself
+    fn refuses_structurally_singular_matrices(sample in sample(), at in any::<prop::sample::Index>()) {
+        let n = sample.n;
+        let empty = at.index(n);
+        for by_row in [true, false] {
+            let kept: Vec<usize> = (0..sample.entries.len())
+                .filter(|&e| empty != if by_row { sample.entries[e].0 } else { sample.entries[e].1 })
+                .collect();
+            let holed = Sample {
+                n,
+                entries: kept.iter().map(|&e| sample.entries[e]).collect(),
+                values: kept.iter().map(|&e| sample.values[e]).collect(),
+            };
+            let (pattern, values) = holed.sparse();
+            prop_assert!(SparseLu::analyze(&pattern, &values).is_err());
+        }
+    }
+
+    #[test] // truth: 1-norms of the matrix and of its inverse by dense elimination
+    fn condition_estimate_is_a_good_lower_bound(sample in sample()) {
+        let n = sample.n;
+        let (pattern, values) = sample.sparse();
+        let Ok(mut lu) = SparseLu::analyze(&pattern, &values) else { return Ok(()) };
+        let identity: Vec<f64> = (0..n * n).map(|e| f64::from(e % (n + 1) == 0)).collect();
+        let Some(inverse) = dense_solve(n, &sample.dense(), &identity, n) else { return Ok(()) };
+        prop_assume!(inverse.ratio > 1e-8);
+        let norm = |m: &[f64]| {
+            (0..n).map(|j| (0..n).map(|i| m[i * n + j].abs()).sum::<f64>()).fold(0.0, f64::max)
+        };
+        let condition = norm(&sample.dense()) * norm(&inverse.x);
+        let estimate = lu.condition_estimate(&pattern, &values);
+        prop_assert!(estimate < condition * (1.0 + 1e-6), "{estimate:e} of {condition:e}");
+        prop_assert!(estimate > 0.1 * condition, "{estimate:e} of {condition:e}");
+    }
+}
+
+/// Entries and values of a dense matrix, all structural.
+fn full(n: usize, a: &[f64]) -> (SparsePattern, Vec<f64>) {
+    let entries: Vec<_> = (0..n * n).map(|e| (e / n, e % n)).collect();
+    (SparsePattern::new(n, n, &entries).0, a.to_vec())
+}
+
+#[test] // truth: the residual, computed here from the matrix
+fn refinement_leaves_a_small_residual_at_condition_1e8() {
+    // Two orthogonal reflections around a diagonal from 1 to 1e-8, with a hidden permutation.
+    let n = 30;
+    let reflect = |seed: u64, a: &mut [f64], left: bool| {
+        let v = noise(seed, n);
+        let square: f64 = v.iter().map(|x| x * x).sum();
+        for c in 0..n {
+            let at = |i: usize| if left { i * n + c } else { c * n + i };
+            let dot: f64 = (0..n).map(|i| v[i] * a[at(i)]).sum();
+            for i in 0..n {
+                a[at(i)] -= 2.0 * v[i] * dot / square;
+            }
+        }
+    };
+    let mut a = vec![0.0; n * n];
+    for i in 0..n {
+        a[i * n + (i * 7) % n] = 10f64.powf(-8.0 * i as f64 / (n - 1) as f64);
+    }
+    reflect(1, &mut a, true);
+    reflect(2, &mut a, false);
+    let (pattern, values) = full(n, &a);
+    let mut lu = SparseLu::analyze(&pattern, &values).unwrap();
+    let condition = lu.condition_estimate(&pattern, &values);
+    assert!((1e7..1e10).contains(&condition), "{condition:e}");
+    let b = noise(3, n);
+    let mut x = b.clone();
+    let correction = lu.solve_refined(&pattern, &values, &mut x);
+    assert!(correction < 1e-6, "{correction:e}");
+    let size = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    for i in 0..n {
+        let residual: f64 = (0..n).map(|j| a[i * n + j] * x[j]).sum::<f64>() - b[i];
+        assert!(residual.abs() < 1e-15 * n as f64 * size, "row {i}: {residual:e}, x {size:e}");
+    }
+}
+
+#[test] // truth: a 2×2 matrix whose frozen pivot goes to zero has solution (1, 1) by inspection
+fn a_vanishing_or_bad_pivot_asks_for_a_new_analysis() {
+    let (pattern, values) = full(2, &[1.0, 0.2, 0.2, 1.0]);
+    let mut lu = SparseLu::analyze(&pattern, &values).unwrap();
+    for bad in [0.0, 1e-12] {
+        let values = [bad, 1.0, 1.0, bad];
+        let error = lu.refactor(&values).unwrap_err();
+        assert!(error.row < 2 && error.column < 2);
+        let mut x = [1.0 + bad, 1.0 + bad];
+        SparseLu::analyze(&pattern, &values).unwrap().solve(&mut x);
+        assert!((x[0] - 1.0).abs() < 1e-15 && (x[1] - 1.0).abs() < 1e-15);
+    }
+    // A refused matrix leaves nothing behind.
+    lu.refactor(&values).unwrap();
+    let mut x = [1.2, 1.2];
+    lu.solve(&mut x);
+    assert!((x[0] - 1.0).abs() < 1e-15 && (x[1] - 1.0).abs() < 1e-15);
+}
+
+#[test] // truth: a NaN or an infinity is no number
+fn numbers_that_are_not_finite_are_refused() {
+    let good = [2.0, 1.0, 1.0, 3.0];
+    for at in 0..4 {
+        for bad in [f64::NAN, f64::INFINITY] {
+            let mut values = good;
+            values[at] = bad;
+            let (pattern, _) = full(2, &good);
+            assert!(SparseLu::analyze(&pattern, &values).is_err());
+            let mut lu = SparseLu::analyze(&pattern, &good).unwrap();
+            assert!(lu.refactor(&values).is_err(), "{bad} at {at}");
+        }
+    }
+}
+
+#[test] // truth: a bidiagonal chain has one elimination per row and its solution by recursion
+fn a_long_chain_has_no_fill_and_no_deep_recursion() {
+    let n = 50_000;
+    let entries: Vec<_> =
+        (0..n).flat_map(|i| [(i, i), (i, (i + 1).min(n - 1)), ((i + 1).min(n - 1), i)]).collect();
+    let (pattern, slots) = SparsePattern::new(n, n, &entries);
+    let mut values = vec![0.0; pattern.len()];
+    for (e, &slot) in slots.iter().enumerate() {
+        values[slot] = if e % 3 == 0 { 4.0 } else { -1.0 };
+    }
+    values[slots[3 * (n - 1)]] = 4.0;
+    let mut lu = SparseLu::analyze(&pattern, &values).unwrap();
+    assert_eq!(lu.fill(), 3 * n - 2);
+    let mut x = vec![2.0; n];
+    x[0] = 3.0;
+    x[n - 1] = 3.0;
+    lu.solve(&mut x); // 4 − 1 − 1 inside, 4 − 1 at the ends: all ones
+    assert!(x.iter().all(|v| (v - 1.0).abs() < 1e-14));
+}
+
+#[test] // truth: there is exactly one matrix without rows
+fn an_empty_matrix_is_regular() {
+    let (pattern, _) = SparsePattern::new(0, 0, &[]);
+    let mut lu = SparseLu::analyze(&pattern, &[]).unwrap();
+    lu.refactor(&[]).unwrap();
+    lu.solve(&mut []);
+    assert_eq!(lu.determinant_sign(), 1.0);
 }

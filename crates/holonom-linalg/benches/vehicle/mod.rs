@@ -50,7 +50,7 @@ fn constraint_rows(noise: &mut Noise) -> Triplets {
     for corner in 0..4 {
         let (upper, lower, carrier) = (2 + corner, 6 + corner, 10 + corner);
         joints.extend([(0, upper, 5), (0, lower, 5), (upper, carrier, 1), (lower, carrier, 3)]);
-        joints.push((if corner < 2 { 1 } else { 0 }, carrier, 1));
+        joints.push((usize::from(corner < 2), carrier, 1));
     }
     let mut g = Triplets::default();
     let mut row = 0;

@@ -1,0 +1,106 @@
+//! Products of block matrices against products of their dense copies, made here entry by entry.
+
+mod common;
+
+use common::{cases, largest_difference, noise, product, transpose};
+use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
+use proptest::prelude::*;
+
+/// Blocks that may repeat and overlap, in a matrix large enough for them; values by request.
+fn blocks() -> impl Strategy<Value = (usize, usize, Vec<(usize, usize, usize, usize)>)> {
+    prop::collection::vec((0usize..9, 0usize..9, 0usize..8, 0usize..8), 0..12).prop_map(|blocks| {
+        let n_rows = blocks.iter().map(|b| b.0 + b.2).max().unwrap_or(0) + 1;
+        let n_cols = blocks.iter().map(|b| b.1 + b.3).max().unwrap_or(0) + 2;
+        (n_rows, n_cols, blocks)
+    })
+}
+
+proptest! {
+    #![proptest_config(cases(200))]
+
+    #[test] // truth: the dense matrix, summed up and multiplied here
+    fn products_are_those_of_the_dense_matrix(
+        (n_rows, n_cols, blocks) in blocks(),
+        k in 1usize..60,
+        alpha in -2.0..2.0,
+    ) {
+        let (mut matrix, ids) = BlockMatrix::new(n_rows, n_cols, &blocks);
+        let mut dense = vec![0.0; n_rows * n_cols];
+        for (e, (&(row, column, rows, columns), &id)) in blocks.iter().zip(&ids).enumerate() {
+            let values = noise(e as u64, rows * columns);
+            matrix.add(id, &values);
+            for i in 0..rows {
+                for j in 0..columns {
+                    dense[(row + i) * n_cols + column + j] += values[i * columns + j];
+                }
+            }
+        }
+        prop_assert!(largest_difference(&matrix.to_dense(), &dense) < 1e-15);
+
+        let x = noise(91, n_cols * k);
+        let start = noise(92, n_rows * k);
+        let mut y = start.clone();
+        matrix.multiply_many_add(alpha, &x, k, &mut y);
+        let mut truth = product(n_rows, n_cols, k, &dense, &x);
+        truth.iter_mut().zip(&start).for_each(|(t, s)| *t = alpha * *t + s);
+        prop_assert!(largest_difference(&y, &truth) < 1e-13);
+
+        let x = noise(93, n_rows * k);
+        let start = noise(94, n_cols * k);
+        let mut y = start.clone();
+        matrix.multiply_transposed_many_add(alpha, &x, k, &mut y);
+        let transposed = transpose(n_rows, n_cols, &dense);
+        let mut truth = product(n_cols, n_rows, k, &transposed, &x);
+        truth.iter_mut().zip(&start).for_each(|(t, s)| *t = alpha * *t + s);
+        prop_assert!(largest_difference(&y, &truth) < 1e-13);
+
+        // One column at a time gives the same as many; both are sums in the same order.
+        let mut one = vec![0.0; n_cols];
+        let column: Vec<f64> = (0..n_rows).map(|i| x[i * k]).collect();
+        matrix.multiply_transposed_add(alpha, &column, &mut one);
+        let mut many = vec![0.0; n_cols * k];
+        matrix.multiply_transposed_many_add(alpha, &x, k, &mut many);
+        prop_assert!((0..n_cols).all(|j| one[j] == many[j * k]));
+
+        matrix.clear();
+        prop_assert!(matrix.values().iter().all(|&v| v == 0.0));
+    }
+}
+
+#[test] // truth: counted by hand
+fn equal_blocks_are_one_block() {
+    let requests = [(0, 0, 2, 2), (2, 2, 1, 3), (0, 0, 2, 2), (0, 0, 2, 3)];
+    let (mut matrix, ids) = BlockMatrix::new(3, 5, &requests);
+    assert_eq!(ids[0], ids[2]);
+    assert_eq!(matrix.n_blocks(), 3);
+    assert_eq!(matrix.values().len(), 4 + 3 + 6);
+    assert_eq!(ids.iter().map(|id| id.index()).collect::<Vec<_>>(), [0, 1, 0, 2]);
+    assert_eq!(matrix.shape(ids[3]), (0, 0, 2, 3));
+    matrix.add(ids[0], &[1.0, 2.0, 3.0, 4.0]);
+    matrix.add(ids[2], &[1.0, 0.0, 0.0, 0.0]);
+    matrix.block_mut(ids[1])[2] = 7.0;
+    assert_eq!(matrix.block(ids[0]), [2.0, 2.0, 3.0, 4.0]);
+    #[rustfmt::skip]
+    assert_eq!(matrix.to_dense(), [
+        2.0, 2.0, 0.0, 0.0, 0.0,
+        3.0, 4.0, 0.0, 0.0, 0.0,
+        0.0, 0.0, 0.0, 0.0, 7.0,
+    ]);
+}
+
+#[test] // truth: A [1 2]ᵀ = b by hand for the assembled matrix [4 1; 1 3] at offset 1
+fn entries_place_blocks_in_a_larger_sparse_matrix() {
+    let (mut blocks, ids) = BlockMatrix::new(2, 2, &[(0, 0, 2, 2), (1, 1, 1, 1)]);
+    blocks.add(ids[0], &[4.0, 1.0, 1.0, 1.0]);
+    blocks.add(ids[1], &[2.0]);
+    let mut entries = blocks.entries(1, 1);
+    entries.push((0, 0));
+    let (pattern, slots) = SparsePattern::new(3, 3, &entries);
+    let mut values = vec![0.0; pattern.len()];
+    for (&slot, v) in slots.iter().zip(blocks.values().iter().chain(&[5.0])) {
+        values[slot] += v;
+    }
+    let mut b = [10.0, 6.0, 7.0];
+    SparseLu::analyze(&pattern, &values).unwrap().solve(&mut b);
+    assert!(largest_difference(&b, &[2.0, 1.0, 2.0]) < 1e-15);
+}
