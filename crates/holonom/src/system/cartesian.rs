@@ -129,25 +129,25 @@ pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
 impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
     const REST: [f64; N] = [0.0; N];
 
-    pub(super) fn pose<'a>(q: &'a [f64], body: Option<usize>) -> &'a [f64; N] {
+    pub(super) fn pose(q: &[f64], body: Option<usize>) -> &[f64; N] {
         match body {
             Some(b) => q[b * N..].first_chunk().expect("a body has N coordinates"),
             None => const { &S::GROUND },
         }
     }
 
-    pub(super) fn rate<'a>(v: &'a [f64], body: Option<usize>) -> &'a [f64; N] {
+    pub(super) fn rate(v: &[f64], body: Option<usize>) -> &[f64; N] {
         match body {
             Some(b) => v[b * N..].first_chunk().expect("a body has N coordinates"),
             None => const { &Self::REST },
         }
     }
 
-    fn pair<'a>(q: &'a [f64], bodies: [Option<usize>; 2]) -> [&'a [f64; N]; 2] {
+    fn pair(q: &[f64], bodies: [Option<usize>; 2]) -> [&[f64; N]; 2] {
         [Self::pose(q, bodies[0]), Self::pose(q, bodies[1])]
     }
 
-    fn rates<'a>(v: &'a [f64], bodies: [Option<usize>; 2]) -> [&'a [f64; N]; 2] {
+    fn rates(v: &[f64], bodies: [Option<usize>; 2]) -> [&[f64; N]; 2] {
         [Self::rate(v, bodies[0]), Self::rate(v, bodies[1])]
     }
 
@@ -193,7 +193,6 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
 
     /// Force and torque on the second body by the first, at the joint's point, ground axes: −Gᵀλ.
     pub(super) fn reaction(
-        &self,
         constraint: &PlacedConstraint<S::Constraint>,
         state: &State,
     ) -> ([f64; 3], [f64; 3]) {

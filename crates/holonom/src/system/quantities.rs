@@ -179,11 +179,11 @@ pub(super) fn evaluate_channel<S: Space<D, N>, const D: usize, const N: usize>(
             motion(system, b, &arm, kind, state, out);
         }
         ChannelSource::ReactionForce(k) => {
-            let (force, _) = system.reaction(&system.constraints[k], state);
+            let (force, _) = Cartesian::<S, D, N>::reaction(&system.constraints[k], state);
             out.copy_from_slice(&force[..out.len()]);
         }
         ChannelSource::ReactionTorque(k) => {
-            let (_, torque) = system.reaction(&system.constraints[k], state);
+            let (_, torque) = Cartesian::<S, D, N>::reaction(&system.constraints[k], state);
             copy_angular(&torque, out);
         }
         ChannelSource::Joint(k, i) => {
