@@ -204,11 +204,25 @@ pub(super) fn root_schema() -> serde_json::Value {
     settings.into_generator().into_root_schema_for::<ModelFile>().to_value()
 }
 
-/// JSON Schema (draft 2020-12) of model files, for editors and other tools.
+/// JSON Schema (draft 2020-12) of model files, for editors and other tools. A file that extends
+/// another one holds parts of items, which only the merged file completes: of such a file the schema
+/// checks the sections.
 pub fn json_schema() -> String {
     let settings = schemars::generate::SchemaSettings::draft2020_12()
         .with_transform(RecursiveTransform(WithoutNull))
         .with_transform(RecursiveTransform(WithParameters));
-    let schema = settings.into_generator().into_root_schema_for::<ModelFile>();
-    format!("{:#}\n", schema.to_value())
+    let mut schema = settings.into_generator().into_root_schema_for::<ModelFile>().to_value();
+    let mut whole = serde_json::Map::new();
+    if let Some(root) = schema.as_object_mut() {
+        for keyword in ["properties", "required", "additionalProperties"] {
+            whole.extend(root.shift_remove(keyword).map(|value| (keyword.to_owned(), value)));
+        }
+        let names = whole["properties"].as_object().into_iter().flatten().map(|(name, _)| name);
+        let sections: serde_json::Map<_, _> = names.map(|name| (name.clone(), json!({}))).collect();
+        root.insert("if".to_owned(), json!({ "required": ["extends"] }));
+        let part = json!({ "properties": sections, "required": ["holonom"], "additionalProperties": false });
+        root.insert("then".to_owned(), part);
+        root.insert("else".to_owned(), whole.into());
+    }
+    format!("{schema:#}\n")
 }
