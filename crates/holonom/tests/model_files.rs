@@ -219,6 +219,7 @@ fn paths_that_lead_nowhere_are_refused_with_the_nearest() {
         ("forces.rubber.stiffness[2].x", "number"),
         ("forces..x", "not a path"),
         ("", "not a path"),
+        ("extends", "takes no value"),
         ("bodies.base.mass[0]", "number"),
     ] {
         let errors = d.with_values(&[(path, json!(1.0))]).unwrap_err();

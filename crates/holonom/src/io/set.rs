@@ -20,6 +20,10 @@ pub(super) fn set(
         let help = "write it like `forces.front.stiffness[2]`".to_owned();
         return fail(message, help);
     };
+    if path == "extends" {
+        let message = "`extends` was followed when the file was read; it takes no value".to_owned();
+        return fail(message, "change the file, or read another one".to_owned());
+    }
     let new = match Node::from_json(value) {
         Ok(new) => new,
         Err(reason) => {
