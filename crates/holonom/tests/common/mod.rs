@@ -6,6 +6,7 @@ use holonom::io::{Document, Syntax};
 use holonom::method::Code;
 use holonom::model::{Model, Tolerance};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, Status, Summary, run};
+use holonom::system::State;
 use std::path::PathBuf;
 
 /// Every folder of the library.
@@ -103,6 +104,12 @@ pub(crate) fn run_model(model: &Model, options: &Options) -> Outcome {
 /// Runs as far as it goes.
 #[track_caller]
 pub(crate) fn try_run(model: &Model, options: &Options) -> Outcome {
+    run_from(model, options, None)
+}
+
+/// Runs as far as it goes from a state, or from the assembled start.
+#[track_caller]
+pub(crate) fn run_from(model: &Model, options: &Options, start: Option<&State>) -> Outcome {
     let problem = Problem::new(model.clone());
     let size_of = |name: &String| {
         let channel = problem.channels().iter().find(|c| c.name == *name);
@@ -110,7 +117,7 @@ pub(crate) fn try_run(model: &Model, options: &Options) -> Outcome {
     };
     let channels = options.channels.iter().map(size_of).collect();
     let mut rows = Memory::default();
-    let summary = run(&problem, options, None, &mut rows)
+    let summary = run(&problem, options, start, &mut rows)
         .unwrap_or_else(|error| panic!("{:?}: {error}", options.code));
     Outcome { summary, rows, channels }
 }
