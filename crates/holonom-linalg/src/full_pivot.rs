@@ -12,7 +12,7 @@ pub struct FullPivot {
 }
 
 /// An entry below this fraction of the largest number its row was made of is cancellation noise.
-const NEGLIGIBLE: f64 = 64.0 * f64::EPSILON;
+const NEGLIGIBLE: f64 = 1024.0 * f64::EPSILON;
 
 /// Gaussian elimination with complete pivoting of an m×n matrix `a` (by rows), in place.
 ///

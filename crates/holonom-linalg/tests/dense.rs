@@ -81,13 +81,14 @@ proptest! {
         let residual: Vec<f64> =
             product(m, n, 1, &a, &found.x).iter().zip(&b).map(|(ax, b)| ax - b).collect();
         let norm = residual.iter().map(|r| r * r).sum::<f64>().sqrt();
-        prop_assert!((norm - found.residual_norm).abs() < 1e-12);
+        prop_assert!((norm - found.residual_norm).abs() < 1e-12 * (1.0 + norm));
         let gradient = product(n, m, 1, &transpose(m, n, &a), &residual);
-        prop_assert!(gradient.iter().all(|g| g.abs() < 1e-12));
+        let size = found.x.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+        prop_assert!(gradient.iter().all(|g| g.abs() < 1e-13 * (m * n) as f64 * size));
         let (basis, dimension) = orthonormal_null_space(m, n, &a, 1e-9).unwrap();
         prop_assert_eq!(dimension, n - rank);
         let along = product(dimension, n, 1, &transpose(n, dimension, &basis), &found.x);
-        prop_assert!(along.iter().all(|g| g.abs() < 1e-9));
+        prop_assert!(along.iter().all(|g| g.abs() < 1e-11 * size));
         let image = product(m, n, dimension, &a, &basis);
         prop_assert!(image.iter().all(|v| v.abs() < 1e-12));
         let square = product(dimension, n, dimension, &transpose(n, dimension, &basis), &basis);
@@ -112,7 +113,7 @@ proptest! {
         let fixed: Vec<_> = (0..fixed.min(rank)).map(|i| (m - 1 - i, n - 1 - i)).collect();
         let mut factors = a.clone();
         let result = full_pivot_elimination(m, n, &mut factors, &fixed, 1e-10);
-        prop_assume!((0..fixed.len()).all(|p| result.pivots[p].abs() > 1e-3));
+        prop_assume!((0..fixed.len()).all(|p| result.pivots[p].abs() > 0.03));
         prop_assert_eq!(result.rank, rank);
         prop_assert_eq!(result.pivots.len(), rank);
         for (p, &(i, j)) in fixed.iter().enumerate() {
@@ -145,7 +146,7 @@ proptest! {
         gram_add(n, k, &a, &b, &mut c);
         let mut truth = product(k, n, k, &transpose(n, k, &a), &b);
         truth.iter_mut().zip(&start).for_each(|(t, s)| *t += s);
-        prop_assert!(largest_difference(&c, &truth) < 1e-13);
+        prop_assert!(c.iter().zip(&truth).all(|(c, t)| (c - t).abs() < 1e-15 * (n + 4) as f64));
     }
 }
 
