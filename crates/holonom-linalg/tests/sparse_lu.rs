@@ -238,6 +238,10 @@ fn a_vanishing_or_bad_pivot_asks_for_a_new_analysis() {
     }
     // A refused matrix leaves nothing behind.
     lu.refactor(&values).unwrap();
+    assert_eq!(lu.growth(), 1.0); // 1 − 0.04 is no growth
+    lu.refactor(&[0.01, 1.0, 1.0, 0.01]).unwrap();
+    assert!((lu.growth() - 99.99).abs() < 1e-10); // 0.01 − 100 beside 1
+    lu.refactor(&values).unwrap();
     let mut x = [1.2, 1.2];
     lu.solve(&mut x);
     assert!((x[0] - 1.0).abs() < 1e-15 && (x[1] - 1.0).abs() < 1e-15);

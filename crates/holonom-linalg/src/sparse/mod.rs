@@ -39,6 +39,7 @@ pub struct SparseLu {
     row_scale: Vec<f64>,
     column_scale: Vec<f64>,
     permutation_sign: f64,
+    growth: f64,
     growth_limit: f64,
     operations: usize,
     /// Right-hand sides in the order of Â.
@@ -92,12 +93,13 @@ impl SparseLu {
             permutation_sign: parity(&order.rows) * parity(&order.columns),
             row_at: order.rows,
             column_at: order.columns,
+            growth: 1.0,
             growth_limit: f64::INFINITY,
             work: vec![0.0; n * MOST_LANES],
             residual: vec![0.0; n],
         };
-        let growth = lu.eliminate(values, f64::INFINITY)?;
-        lu.growth_limit = GROWTH_LIMIT.max(1e3 * growth);
+        lu.eliminate(values)?;
+        lu.growth_limit = GROWTH_LIMIT.max(1e3 * lu.growth);
         Ok(lu)
     }
 
@@ -108,21 +110,19 @@ impl SparseLu {
     /// these pivots are no longer good for the matrix; the caller then analyzes again. The factors
     /// must not be used after an error.
     pub fn refactor(&mut self, values: &[f64]) -> Result<(), SingularMatrix> {
-        self.eliminate(values, self.growth_limit).map(|_| ())
+        self.eliminate(values)
     }
 
-    fn eliminate(&mut self, values: &[f64], growth_limit: f64) -> Result<f64, SingularMatrix> {
+    fn eliminate(&mut self, values: &[f64]) -> Result<(), SingularMatrix> {
         assert_eq!(values.len(), self.n_values, "one value for each slot of the pattern");
-        self.plan.eliminate(&self.pattern, values, growth_limit, &mut self.numbers).map_err(
-            |stop| {
-                let p = stop.position;
-                SingularMatrix {
-                    row: self.row_at[p],
-                    column: self.column_at[p],
-                    pivot: stop.pivot / (self.row_scale[p] * self.column_scale[p]),
-                }
-            },
-        )
+        let outcome =
+            self.plan.eliminate(&self.pattern, values, self.growth_limit, &mut self.numbers);
+        self.growth = outcome.map_err(|stop| SingularMatrix {
+            row: self.row_at[stop.position],
+            column: self.column_at[stop.position],
+            pivot: stop.pivot / (self.row_scale[stop.position] * self.column_scale[stop.position]),
+        })?;
+        Ok(())
     }
 
     /// Solves A x = b in place.
@@ -237,6 +237,12 @@ impl SparseLu {
         let size: f64 = x.iter().map(|v| v.abs()).sum();
         self.residual = x;
         norm * inverse_norm.max(2.0 * size / (3.0 * n as f64))
+    }
+
+    /// Largest factor by which numbers of a row grew in the last factorisation: near 1 with fresh
+    /// pivots; each power of ten costs a digit of a solution without refinement.
+    pub fn growth(&self) -> f64 {
+        self.growth
     }
 
     /// Additions and multiplications of one refactorisation.

@@ -16,6 +16,10 @@ const THRESHOLD: f64 = 0.1;
 /// How many rows and columns of least count are looked at before the best entry is taken.
 const SEARCH: usize = 4;
 
+/// A row longer than this is not searched for what it has in common with others, which would make
+/// the choice quadratic where one body meets thousands.
+const LONG: usize = 128;
+
 const NONE: u32 = u32::MAX;
 
 /// Eliminates the matrix once, choosing at each step, among the large enough entries of the few
@@ -151,7 +155,8 @@ impl Active {
         let mut best: Option<Candidate> = None;
         for at in 0..self.columns[j].len() {
             let i = self.columns[j][at] as usize;
-            let &(_, v) = self.rows[i].iter().find(|&&(c, _)| c as usize == j)?;
+            let entry = self.rows[i].iter().find(|&&(c, _)| c as usize == j);
+            let &(_, v) = entry.expect("column is listed");
             if self.admits(i, j, v) {
                 self.mark(i);
                 let rated = self.rate(i, j, v);
@@ -179,8 +184,12 @@ impl Active {
         let mut fill = 0;
         for &r in self.columns[j].iter().filter(|&&r| r as usize != i) {
             let row = &self.rows[r as usize];
-            let common = row.iter().filter(|&&(c, _)| self.marked[c as usize] == self.stamp);
-            fill += others + 1 - common.count();
+            let common = if row.len() > LONG {
+                1
+            } else {
+                row.iter().filter(|&&(c, _)| self.marked[c as usize] == self.stamp).count()
+            };
+            fill += others + 1 - common;
         }
         let updates = others * (self.columns[j].len() - 1);
         let size = value.abs() / self.row_max[i];
@@ -217,20 +226,24 @@ impl Active {
             let row = &mut self.rows[i as usize];
             let here = row.iter().position(|&(j, _)| j as usize == q).expect("column is listed");
             let factor = row.swap_remove(here).1 / pivot;
+            let mut size = 0.0;
             for (j, v) in row.iter_mut() {
                 let at = self.place[*j as usize];
                 if at != NONE {
                     touched[at as usize] = true;
                     *v -= factor * pivot_row[at as usize].1;
                 }
+                if v.abs() > size {
+                    size = v.abs();
+                }
             }
             for (at, &(j, v)) in pivot_row.iter().enumerate() {
                 if j as usize != q && !touched[at] {
                     row.push((j, -factor * v));
+                    size = size.max((factor * v).abs());
                     self.columns[j as usize].push(i);
                 }
             }
-            let size = largest(row);
             self.row_max[i as usize] = size;
             self.row_peak[i as usize] = self.row_peak[i as usize].max(size);
             self.lists.remove(i as usize);
