@@ -48,12 +48,6 @@ impl PlanarAngle {
         let [i, j] = frames.map(|frame| frame.axes[0][1].atan2(frame.axes[0][0]));
         Self { offset: j - i }
     }
-
-    /// Shifts the offset by whole turns so that θ is in (−π, π] where the bodies have these angles.
-    pub(super) fn set_principal_at(&mut self, angles: [f64; 2]) {
-        let there = angles[1] - angles[0] + self.offset;
-        self.offset -= TAU * (there / TAU).round();
-    }
 }
 
 impl Angle<3> for PlanarAngle {

@@ -124,17 +124,6 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
             Coordinate::Angle(angle) => angle.value(q),
         };
     }
-
-    pub(super) fn angles_mut(&mut self) -> impl Iterator<Item = &mut S::Angle> {
-        let row = match &mut self.rows {
-            Rows::Angle(angle) => Some(angle),
-            Rows::Measure(_) => None,
-        };
-        row.into_iter().chain(self.coordinates.iter_mut().filter_map(|c| match c {
-            Coordinate::Angle(angle) => Some(angle),
-            Coordinate::Displacement(_) => None,
-        }))
-    }
 }
 
 fn point<const D: usize>(frames: &[Triad<D>; 2]) -> [f64; 3] {

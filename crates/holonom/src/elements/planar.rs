@@ -39,14 +39,6 @@ impl Constraint {
             DriverKind::Rotation => drivers::rotation::planar(&frames, motion),
         }
     }
-
-    /// Counts angles so that they lie in (−π, π] where the two bodies have the angles `design`,
-    /// rad: the axes of a frame do not know about whole turns of the design configuration.
-    #[must_use]
-    pub fn with_design_angles(mut self, design: [f64; 2]) -> Self {
-        self.angles_mut().for_each(|angle| angle.set_principal_at(design));
-        self
-    }
 }
 
 type Tsda = forces::tsda::Tsda<Planar, 2, 3, 1>;
@@ -107,15 +99,6 @@ impl Force {
     /// the reaction; it is the ground where there is none.
     pub fn bodies(force: &model::Force) -> [BodyIndex; 2] {
         forces::bodies(force)
-    }
-
-    /// As [`Constraint::with_design_angles`], for the angle of a rotational spring.
-    #[must_use]
-    pub fn with_design_angles(mut self, design: [f64; 2]) -> Self {
-        if let Self::Rsda(rsda) = &mut self {
-            rsda.angle.set_principal_at(design);
-        }
-        self
     }
 }
 

@@ -19,8 +19,7 @@ pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + 'static {
     /// Whether each body has a normalisation row.
     const NORMALIZED: bool;
 
-    /// `design`: angles of the two bodies in the design configuration (planar), rad.
-    fn joint(joint: &Joint, centers: [[f64; 3]; 2], design: [f64; 2]) -> Self::Constraint;
+    fn joint(joint: &Joint, centers: [[f64; 3]; 2]) -> Self::Constraint;
     fn driver(driver: &Driver, centers: [[f64; 3]; 2]) -> Self::Constraint;
     fn force(force: &Force, centers: [[f64; 3]; 2]) -> Self::Force;
     fn force_bodies(force: &Force) -> [BodyIndex; 2];

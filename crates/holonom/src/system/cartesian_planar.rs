@@ -20,8 +20,8 @@ impl Space<2, 3> for Planar {
     const GROUND: [f64; 3] = [0.0; 3];
     const NORMALIZED: bool = false;
 
-    fn joint(joint: &model::Joint, centers: [[f64; 3]; 2], design: [f64; 2]) -> Constraint {
-        Constraint::joint(joint, centers).with_design_angles(design)
+    fn joint(joint: &model::Joint, centers: [[f64; 3]; 2]) -> Constraint {
+        Constraint::joint(joint, centers)
     }
 
     fn driver(driver: &model::Driver, centers: [[f64; 3]; 2]) -> Constraint {

@@ -97,7 +97,7 @@ impl Space<3, 7> for Spatial {
     const GROUND: [f64; 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
     const NORMALIZED: bool = true;
 
-    fn joint(joint: &model::Joint, centers: [[f64; 3]; 2], _: [f64; 2]) -> Constraint {
+    fn joint(joint: &model::Joint, centers: [[f64; 3]; 2]) -> Constraint {
         Constraint::joint(joint, centers)
     }
 

@@ -6,7 +6,7 @@ use super::cartesian_spatial::Spatial;
 use super::structure::{Sizes, Structure};
 use super::{Measure, System, quantities};
 use crate::elements::{ConstraintElement, ForceElement};
-use crate::model::{BodyIndex, Dimension, Frame, Model, Orientation};
+use crate::model::{BodyIndex, Dimension, Frame, Model};
 use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
@@ -25,10 +25,6 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     base: Option<&Cartesian<S, D, N>>,
 ) -> Cartesian<S, D, N> {
     let center = |body: BodyIndex| body.map_or([0.0; 3], |b| model.bodies[b].center_of_mass);
-    let angle = |body: BodyIndex| match body.map(|b| model.bodies[b].orientation) {
-        Some(Orientation::Angle(angle)) => angle,
-        _ => 0.0,
-    };
     let bodies: Vec<PlacedBody> = model
         .bodies
         .iter()
@@ -45,7 +41,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     let joints = model.joints.iter().map(|j| {
         let [first, second] = j.frames.map(|f| f.body);
         let ends = [first, second];
-        let element = S::joint(j, ends.map(center), ends.map(angle));
+        let element = S::joint(j, ends.map(center));
         (&j.name, "joint", [first, second], element, Vec::new())
     });
     let drivers = model.drivers.iter().map(|d| {

@@ -56,25 +56,24 @@ fn rotational_spring_keeps_its_winding_over_several_turns() {
     }
 }
 
-#[test] // independent truth: the angle by hand
-fn planar_angles_count_from_the_design_configuration() {
-    // a body whose design angle is 3.5 rad: its frame's axes in the body are turned by −3.5
-    let (s, c) = (-3.5_f64).sin_cos();
-    let turned = Frame { axes: [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], ..origin() };
-    let frames = [origin(), turned];
-    let pin = plane::Constraint::joint(&joint(JointKind::Revolute, frames), [[0.0; 3]; 2])
-        .with_design_angles([0.0, 3.5]);
+#[test] // independent truth: the difference of the body angles
+fn planar_angles_are_differences_of_body_angles_over_any_turns() {
+    let frames = [origin(), origin()];
+    let pin = plane::Constraint::joint(&joint(JointKind::Revolute, frames), [[0.0; 3]; 2]);
     let law = ElasticLaw::Linear(2.0);
-    let kind = ForceKind::Rsda { frames, law, damping: 0.0, free_angle: 0.0 };
-    let spring = plane::Force::new(&named(kind), [[0.0; 3]; 2]).with_design_angles([0.0, 3.5]);
+    let kind = ForceKind::Rsda { frames, law, damping: 0.0, free_angle: 3.5 };
+    let spring = plane::Force::new(&named(kind), [[0.0; 3]; 2]);
     for angle in [0.0, 0.7, -9.0, 20.0] {
         let q = [[0.0; 3], [0.0, 0.0, 3.5 + angle]];
         let mut out = [0.0];
         pin.quantity(0, refs(&q), refs(&[[0.0; 3]; 2]), &mut out);
-        assert!((out[0] - angle).abs() < 1e-13);
+        assert!((out[0] - 3.5 - angle).abs() < 1e-13);
         assert!((evaluate(&spring, &still(q))[1][2] + 2.0 * angle).abs() < 1e-12);
     }
     // a fixed joint does not care about whole turns of its bodies
+    let (s, c) = (-3.5_f64).sin_cos();
+    let turned = Frame { axes: [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], ..origin() };
+    let frames = [origin(), turned];
     let weld = plane::Constraint::joint(&joint(JointKind::Fixed, frames), [[0.0; 3]; 2]);
     let mut u = [0.0; 6];
     weld.value(refs(&[[0.0; 3], [0.0, 0.0, 3.5 + TAU]]), &mut u);
