@@ -2,7 +2,7 @@
 
 use crate::options::Choices;
 use crate::sink::{Callbacks, thread_time};
-use crate::state::{Rows, rows};
+use crate::state::{Rows, foreign, rows};
 use crate::{ModelError, SimulationError, report};
 use holonom::analysis::spectrum;
 use holonom::error::{Diagnostic, ModelErrors};
@@ -47,8 +47,7 @@ pub(crate) fn parse(
             .and_then(|text| text.extract::<String>(py))
             .map_err(|error| error.value(py).to_string())
     };
-    let document =
-        Document::parse(text, syntax, name, &mut resolver).map_err(|e| refused(&e))?;
+    let document = Document::parse(text, syntax, name, &mut resolver).map_err(|e| refused(&e))?;
     let (model, warnings) = document.build().map_err(|e| refused(&e))?;
     Ok(CoreModel { document, problem: Problem::new(model), warnings })
 }
@@ -93,12 +92,14 @@ impl CoreModel {
             let assembled = self.problem.assemble().map_err(|e| report::assembly_error(&e))?;
             let values = if spectrum {
                 Some(self::spectrum(assembled).map_err(|e| {
-                    report::assembly_error(&holonom::reduction::assembly::AssemblyError::Evaluation(
-                        holonom::error::EvaluationFailure {
-                            code: "simulation/spectrum",
-                            message: e.to_string(),
-                        },
-                    ))
+                    report::assembly_error(
+                        &holonom::reduction::assembly::AssemblyError::Evaluation(
+                            holonom::error::EvaluationFailure {
+                                code: "simulation/spectrum",
+                                message: e.to_string(),
+                            },
+                        ),
+                    )
                 })?)
             } else {
                 None
@@ -128,8 +129,9 @@ impl CoreModel {
             Some(data) => {
                 let mut states = Rows::read(data, &sizes)?.states;
                 if states.len() != 1 {
-                    let message = format!("`start` holds {} states; it must hold one", states.len());
-                    return Err(PyValueError::new_err(message));
+                    let message =
+                        format!("`start` holds {} states; it must hold one", states.len());
+                    return Err(foreign(&message));
                 }
                 states.pop()
             }
@@ -141,10 +143,9 @@ impl CoreModel {
                 None => problem = problem.starting_at(t),
             }
         }
-        let first = from.as_ref().map_or_else(
-            || problem.model().simulation.start_time.unwrap_or(0.0),
-            |state| state.t,
-        );
+        let first = from
+            .as_ref()
+            .map_or_else(|| problem.model().simulation.start_time.unwrap_or(0.0), |state| state.t);
         let options = choices
             .resolve(problem.model(), first)
             .map_err(|(code, message)| refuse(code, &message, None, ""))?;
@@ -196,12 +197,10 @@ impl CoreModel {
         let states = Rows::read(state, &system.structure().sizes)?.states;
         let out = PyDict::new(py);
         for name in names {
-            let channel = self
-                .problem
-                .channels()
-                .iter()
-                .find(|c| c.name == name)
-                .ok_or_else(|| PyRuntimeError::new_err(format!("there is no channel `{name}`")))?;
+            let channel =
+                self.problem.channels().iter().find(|c| c.name == name).ok_or_else(|| {
+                    PyRuntimeError::new_err(format!("there is no channel `{name}`"))
+                })?;
             let size = channel.size();
             let mut values = vec![0.0; size * states.len()];
             py.detach(|| {

@@ -100,4 +100,4 @@ impl Choices {
 }
 
 /// Output rows when no interval is stated.
-const DEFAULT_OUTPUTS: f64 = 200.0;
+pub(crate) const DEFAULT_OUTPUTS: f64 = 200.0;

@@ -1,17 +1,20 @@
 //! Plain data of the core as JSON.
 
+use crate::options::DEFAULT_OUTPUTS;
 use holonom::error::{Diagnostic, ModelErrors};
 use holonom::method::{CODES, Code};
-use holonom::model::{Dimension, Model};
+use holonom::model::{Dimension, Model, Tolerance};
 use holonom::reduction::assembly::{Assembled, AssemblyError};
-use holonom::simulation::{ModelSummary, Problem, Status, Summary};
+use holonom::simulation::{DEFAULT_TOLERANCE, ModelSummary, Problem, Status, Summary};
 use holonom::system::Channel;
 use serde_json::{Value, json};
 
 pub(crate) fn methods() -> String {
     let list: Vec<Value> = CODES
         .iter()
-        .map(|i| json!({"name": i.name, "title": i.title, "family": i.family, "formula": i.formula}))
+        .map(
+            |i| json!({"name": i.name, "title": i.title, "family": i.family, "formula": i.formula}),
+        )
         .collect();
     Value::from(list).to_string()
 }
@@ -59,6 +62,7 @@ pub(crate) fn channels(list: &[Channel]) -> String {
 
 pub(crate) fn defaults(model: &Model) -> String {
     let s = &model.simulation;
+    let tolerance = s.tolerance.unwrap_or(Tolerance::uniform(DEFAULT_TOLERANCE));
     json!({
         "title": model.title,
         "dimension": match model.dimension {
@@ -67,12 +71,16 @@ pub(crate) fn defaults(model: &Model) -> String {
         },
         "start_time": s.start_time.unwrap_or(0.0),
         "end_time": s.end_time,
-        "tolerance": s.tolerance.map(|t| json!({
-            "relative": t.relative, "translation": t.translation, "rotation": t.rotation,
-        })),
+        "tolerance": {
+            "relative": tolerance.relative,
+            "translation": tolerance.translation,
+            "rotation": tolerance.rotation,
+        },
         "method": s.method.clone().unwrap_or_else(|| Code::ForSdirk.info().name.into()),
         "formula": s.formula,
-        "interval": model.outputs.interval,
+        "interval": model.outputs.interval.or(s.end_time.map(|end| {
+            (end - s.start_time.unwrap_or(0.0)) / DEFAULT_OUTPUTS
+        })),
         "channels": model.outputs.channels,
         "n_bodies": model.bodies.len(),
     })
@@ -115,12 +123,7 @@ pub(crate) fn check(
     .to_string()
 }
 
-pub(crate) fn summary(
-    summary: &Summary,
-    code: Code,
-    cpu_seconds: f64,
-    simulated: f64,
-) -> String {
+pub(crate) fn summary(summary: &Summary, code: Code, cpu_seconds: f64, simulated: f64) -> String {
     let (s, e) = (&summary.statistics, &summary.energy);
     let stop = &summary.stop;
     let per_second = if simulated > 0.0 { cpu_seconds / simulated } else { 0.0 };

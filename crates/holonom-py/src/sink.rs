@@ -95,9 +95,9 @@ impl Sink for Callbacks {
     fn progress(&mut self, t: f64, step_size: f64, steps: u64) -> Flow {
         Python::attach(|py| {
             let begun = thread_time(py);
-            let result = py.check_signals().and_then(|()| {
-                self.on_progress.call1(py, (t, step_size, steps)).map(drop)
-            });
+            let result = py
+                .check_signals()
+                .and_then(|()| self.on_progress.call1(py, (t, step_size, steps)).map(drop));
             self.callback_seconds += thread_time(py) - begun;
             match result {
                 Ok(()) => Flow::Continue,

@@ -1,14 +1,20 @@
 //! States between NumPy and the core.
 
+use crate::{SimulationError, report};
 use holonom::system::{Ledger, Sizes, State};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArrayDyn};
-use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// Rows of arrays as they come from a result.
 pub(crate) struct Rows {
     pub(crate) states: Vec<State>,
+}
+
+/// A state that is not one of this model.
+pub(crate) fn foreign(message: &str) -> PyErr {
+    let help = "pass what `Result.state` returns for the same model";
+    SimulationError::new_err(report::refusal("simulation/start-state", message, None, help))
 }
 
 fn array(data: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<Vec<f64>>> {
@@ -23,8 +29,7 @@ fn array(data: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<Vec<f64>>> {
 impl Rows {
     /// Reads `count` states (as many as there are times) from arrays by name.
     pub(crate) fn read(data: &Bound<'_, PyDict>, sizes: &Sizes) -> PyResult<Self> {
-        let time = array(data, "time")?
-            .ok_or_else(|| PyKeyError::new_err("the state has no entry `time`"))?;
+        let time = array(data, "time")?.ok_or_else(|| foreign("the state has no entry `time`"))?;
         let count = time.len();
         let mut states = vec![State::zeros(sizes); count];
         for (state, t) in states.iter_mut().zip(time) {
@@ -42,12 +47,12 @@ impl Rows {
         ] {
             let Some(values) = array(data, name)? else {
                 if required {
-                    return Err(PyKeyError::new_err(format!("the state has no entry `{name}`")));
+                    return Err(foreign(&format!("the state has no entry `{name}`")));
                 }
                 continue;
             };
             if values.len() != size * count {
-                return Err(PyValueError::new_err(format!(
+                return Err(foreign(&format!(
                     "`{name}` has {} numbers for {count} states of {size}: not of this model",
                     values.len()
                 )));
@@ -71,7 +76,7 @@ impl Rows {
             }
         }
         if states.iter().flat_map(|s| s.q.iter().chain(&s.v)).any(|x| !x.is_finite()) {
-            return Err(PyValueError::new_err("the state holds a number that is not finite"));
+            return Err(foreign("the state holds a number that is not finite"));
         }
         Ok(Self { states })
     }

@@ -184,12 +184,10 @@ impl FirstOrder {
         }
         for column in 0..n {
             let mut force: Vec<f64> = (0..ndof)
-                .map(|row| {
-                    -match column {
-                        c if c < ndof => b.stiffness[row * ndof + c],
-                        c if c < 2 * ndof => b.damping[row * ndof + c - ndof],
-                        c => b.force_extra[(c - 2 * ndof) * ndof + row],
-                    }
+                .map(|row| -match column {
+                    c if c < ndof => b.stiffness[row * ndof + c],
+                    c if c < 2 * ndof => b.damping[row * ndof + c - ndof],
+                    c => b.force_extra[(c - 2 * ndof) * ndof + row],
                 })
                 .collect();
             if ndof > 0 {

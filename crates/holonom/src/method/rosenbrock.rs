@@ -310,6 +310,7 @@ mod tests {
         for (end, t) in [t0, t0 + h].into_iter().enumerate() {
             stepper.current.w[end] = vec![x(t), v(t), y(t)];
             stepper.current.slope[end] = vec![v(t), a(t), y_rate(t)];
+            stepper.current.smooth[end] = vec![v(t), a(t), y_rate(t)];
         }
         let mut w = vec![0.0; 3];
         for theta in [0.0, 0.3, 0.6, 1.0] {

@@ -54,12 +54,7 @@ impl Problem {
         match self.system.with_values(&model) {
             Some(system) => {
                 let base = self.base.clone().unwrap_or_else(|| Arc::new(self.clone()));
-                Self {
-                    model: Arc::new(model),
-                    system,
-                    assembled: Arc::default(),
-                    base: Some(base),
-                }
+                Self { model: Arc::new(model), system, assembled: Arc::default(), base: Some(base) }
             }
             None => Self::new(model),
         }
