@@ -194,3 +194,43 @@ impl Reference {
             .collect()
     }
 }
+
+/// A pendulum on a cart that a driver moves to and fro: a moving constraint with one degree of
+/// freedom. Cart: 0.3 m sin(4 t); rod 0.8 m with its mass in the middle.
+pub(crate) const DRIVEN_PENDULUM: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+cart = { mass = 2.0, inertia = 0.1, position = [0.0, 0.0] }
+rod = { mass = 1.5, inertia = 0.08, position = [0.4, 0.0] }
+[joints]
+track = { type = "translational", between = ["ground", "cart"], point = [0.0, 0.0], axis = [1.0, 0.0] }
+hinge = { type = "revolute", between = ["cart", "rod"], point = [0.0, 0.0] }
+[drivers]
+shaker = { joint = "track", coordinate = "translation", motion = { type = "harmonic", amplitude = 0.3, angular_frequency = 4.0 } }
+[forces]
+damper = { type = "rsda", between = ["cart", "rod"], damping = 0.2 }
+"#;
+
+/// A spatial slider-crank: crank of 0.08 m about x, rod of 0.3 m between a ball and a universal
+/// joint, slider along x with a spring. One degree of freedom.
+pub(crate) const SPATIAL_SLIDER_CRANK: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+crank = { mass = 0.12, inertia = [[1.0e-4, 0.0, 0.0], [0.0, 1.0e-4, 0.0], [0.0, 0.0, 2.0e-5]], position = [0.0, 0.1, 0.16] }
+rod = { mass = 0.5, inertia = [[4.0e-3, 1.0e-4, 0.0], [1.0e-4, 4.0e-3, 0.0], [0.0, 0.0, 4.0e-3]], position = [0.1, 0.05, 0.1] }
+slider = { mass = 2.0, inertia = [[1.0e-3, 0.0, 0.0], [0.0, 1.0e-3, 0.0], [0.0, 0.0, 1.0e-3]], position = [0.2, 0.0, 0.0] }
+[joints]
+bearing = { type = "revolute", between = ["ground", "crank"], point = [0.0, 0.1, 0.12], axis = [1.0, 0.0, 0.0] }
+ball = { type = "spherical", between = ["crank", "rod"], point = [0.0, 0.1, 0.2] }
+cardan = { type = "universal", between = ["rod", "slider"], point = [0.2, 0.0, 0.0], axes = [[-0.1, -0.2, 0.0], [0.0, 0.0, 1.0]] }
+guide = { type = "translational", between = ["ground", "slider"], point = [0.2, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
+[forces]
+spring = { type = "tsda", between = ["ground", "slider"], points = [[0.6, 0.0, 0.0], [0.2, 0.0, 0.0]], stiffness = 200.0, damping = 1.0, free_length = 0.4 }
+motor = { type = "torque", between = ["ground", "crank"], torque = { type = "harmonic", amplitude = 0.5, angular_frequency = 9.0 }, axis = [1.0, 0.0, 0.0] }
+[initial.bodies]
+crank = { angular_velocity = [6.0, 0.0, 0.0] }
+"#;
