@@ -234,3 +234,23 @@ motor = { type = "torque", between = ["ground", "crank"], torque = { type = "har
 [initial.bodies]
 crank = { angular_velocity = [6.0, 0.0, 0.0] }
 "#;
+
+/// A boom on a cardan joint with a telescope that a driver moves: a driver along an axis that
+/// turns in space. Two degrees of freedom.
+pub(crate) const DRIVEN_TELESCOPE: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+boom = { mass = 3.0, inertia = [[0.05, 0.0, 0.0], [0.0, 0.3, 0.01], [0.0, 0.01, 0.31]], position = [0.6, 0.0, 0.0] }
+tip = { mass = 1.2, inertia = [[0.01, 0.0, 0.0], [0.0, 0.05, 0.0], [0.0, 0.0, 0.05]], position = [1.1, 0.0, 0.0] }
+[joints]
+cardan = { type = "universal", between = ["ground", "boom"], point = [0.0, 0.0, 0.0], axes = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]] }
+telescope = { type = "translational", between = ["boom", "tip"], point = [1.0, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
+[drivers]
+ram = { joint = "telescope", coordinate = "translation", motion = { type = "harmonic", amplitude = 0.25, angular_frequency = 3.0 } }
+[forces]
+cable = { type = "tsda", between = ["ground", "boom"], points = [[0.0, 0.3, 1.0], [0.9, 0.0, 0.05]], stiffness = 150.0, damping = 4.0, free_length = 1.0 }
+[initial.bodies]
+boom = { angular_velocity = [0.0, 0.5, 1.2] }
+"#;
