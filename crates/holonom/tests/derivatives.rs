@@ -9,7 +9,6 @@ use common::{
 use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{Code, FirstOrder, Weights};
 use holonom::model::{Model, Tolerance};
-use holonom::reduction::assembly::start;
 use holonom::simulation::Problem;
 
 /// The reduced equations at time `t` of a run.
@@ -24,7 +23,7 @@ impl Reduced {
     fn at(model: &Model, t: f64) -> Self {
         let problem = Problem::new(model.clone());
         let end = run_model(model, &options(Code::ForSdirk, 1e-6, t)).summary.end;
-        let (manifold, state) = start(problem.system(), end).expect("a consistent state");
+        let (manifold, state) = problem.start_from(&end).expect("a consistent state");
         let sizes = problem.system().structure().sizes;
         let weights = Weights::new(Tolerance::uniform(1e-6), &sizes, &state);
         let mut form = FirstOrder::new(manifold, weights, &state);

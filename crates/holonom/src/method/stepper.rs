@@ -159,7 +159,7 @@ impl StepperOptions {
     /// linearization at four evaluations.
     pub fn improved() -> Self {
         Self {
-            newton: NewtonControl { kappa: 0.05, ..NewtonControl::default() },
+            newton: NewtonControl { kappa: 0.01, ..NewtonControl::default() },
             reuse_contraction: 0.02,
             dead_band: 1.2,
             predictive: true,
