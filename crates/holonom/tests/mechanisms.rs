@@ -42,7 +42,14 @@ fn andrews_has_its_reference_end_values() {
         reference.columns.iter().zip(&reference.values).zip(reference.differences(&outcome))
     {
         let digits = if column.ends_with("velocity") { 6 } else { 8 };
-        let allowed = 0.5 * 10f64.powi(-digits) * expected[0].abs();
+        // Published are the angles of K2, K4 and K6 from K1, K5 and K7 (Theta, Phi, Omega); the
+        // absolute ones nearly cancel.
+        let published = match column.as_str() {
+            "K2.angle" => 15.756,
+            "K4.angle" | "K6.angle" => 0.5347,
+            _ => expected[0].abs(),
+        };
+        let allowed = 0.5 * 10f64.powi(-digits) * published;
         assert!(difference <= allowed, "{column}: {difference:.2e}, allowed {allowed:.2e}");
     }
 }
