@@ -67,6 +67,7 @@ class CheckReport:
         for key, label in (
             ("coordinates", "coordinates"),
             ("constraint_rows", "constraint rows"),
+            ("loops", "closed loops"),
             ("dof", "degrees of freedom"),
             ("extra_states", "extra states"),
         ):

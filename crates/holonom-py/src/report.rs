@@ -111,6 +111,7 @@ pub(crate) fn check(
         "drivers": model.drivers.len(), "coordinates": summary.coordinates,
         "constraint_rows": summary.rows, "joint_rows": summary.joint_rows,
         "redundant": redundant, "dof": summary.ndof, "extra_states": summary.extra_states,
+        "loops": summary.loops, "floating": summary.floating,
         "characteristic_length": summary.characteristic_length,
         "pivot_ratio": summary.pivot_ratio,
         "independent_coordinates": summary.independent,

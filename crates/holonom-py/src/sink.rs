@@ -71,7 +71,12 @@ impl Callbacks {
         )?;
         steps.set_item("condition", column(&|r| r.condition))?;
         dict.set_item("steps", steps)?;
-        dict.set_item("events", "[]")?;
+        let events: Vec<serde_json::Value> = chunk
+            .events
+            .iter()
+            .map(|e| serde_json::json!({"time": e.t, "kind": e.kind.name()}))
+            .collect();
+        dict.set_item("events", serde_json::Value::from(events).to_string())?;
         Ok(dict)
     }
 

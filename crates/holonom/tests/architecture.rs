@@ -16,7 +16,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("formula", &[]),
     ("control", &[]),
     ("method", &["reduction", "system", "formula", "control", "model"]),
-    ("simulation", &["method", "reduction", "system", "formula", "control", "model"]),
+    ("simulation", &["method", "reduction", "system", "formula", "control", "topology", "model"]),
     (
         "analysis",
         &[

@@ -4,6 +4,7 @@ use crate::model::Model;
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::{Manifold, Projection};
 use crate::system::{Channel, State, System, compile};
+use crate::topology::Topology;
 use std::sync::{Arc, OnceLock};
 
 /// A model with its system; assembled once, when first asked.
@@ -29,6 +30,10 @@ pub struct ModelSummary {
     pub joint_rows: usize,
     /// Degrees of freedom.
     pub ndof: usize,
+    /// Independent loops of the graph of joints.
+    pub loops: usize,
+    /// Groups of bodies that no joint ties to the ground.
+    pub floating: usize,
     /// Extra states.
     pub extra_states: usize,
     /// Redundant rows: item and direction.
@@ -125,7 +130,10 @@ impl Problem {
             }
             Projection::Basis(_) => Vec::new(),
         };
+        let topology = Topology::new(&self.model);
         ModelSummary {
+            loops: topology.loop_joints.len(),
+            floating: topology.components - 1,
             bodies: sizes.bodies,
             coordinates: sizes.coordinates,
             rows: sizes.rows,

@@ -1,16 +1,18 @@
 //! The run loop: steps, output, limits, re-parametrization, diagnosis.
 
+use super::checks::{RunError, check_options, check_state, find_channels};
+use super::diagnosis::{Stop, diagnose};
 use super::ledger::{StepPowers, powers};
-use super::options::{Options, OutputTimes};
+use super::options::Options;
+use super::output::Output;
 use super::problem::Problem;
 use super::statistics::{EnergySummary, Statistics, Status, StopReason};
-use super::trajectory::{Chunk, Flow, Sink, StepOutcome, StepRecord};
+use super::trajectory::{EventKind, EventRecord, Flow, Sink, StepOutcome, StepRecord};
 use crate::error::EvaluationFailure;
 use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
 use crate::method::{StateSpace, Weights, build_state_space, build_stepper};
-use crate::reduction::assembly::AssemblyError;
 use crate::reduction::{Chart, Parametrization, partition};
-use crate::system::{Channel, State, System};
+use crate::system::{State, System};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -29,42 +31,6 @@ const CHUNK_STEPS: usize = 1024;
 const MAX_REJECTIONS: u32 = 60;
 const POLL: Duration = Duration::from_millis(50);
 const FLUSH: Duration = Duration::from_millis(500);
-
-/// Why a run could not start.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum RunError {
-    /// No consistent start.
-    #[error(transparent)]
-    Assembly(#[from] AssemblyError),
-    /// A channel that does not exist.
-    #[error("unknown channel `{name}`{}", nearest.as_ref().map_or(String::new(), |n| format!("; did you mean `{n}`?")))]
-    UnknownChannel {
-        /// What was asked for.
-        name: String,
-        /// The channel nearest in name.
-        nearest: Option<String>,
-    },
-    /// An option out of range.
-    #[error("`{option}` is {value}; it must be {rule}")]
-    Option {
-        /// Name of the option.
-        option: &'static str,
-        /// Its value.
-        value: f64,
-        /// What it must be.
-        rule: &'static str,
-    },
-    /// A start state of another model.
-    #[error("the start state has {found} {what}, the model {expected}")]
-    StartState {
-        /// Which array.
-        what: &'static str,
-        /// Length found.
-        found: usize,
-        /// Length expected.
-        expected: usize,
-    },
-}
 
 /// Summary of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -167,127 +133,6 @@ pub fn run(
     })
 }
 
-fn check_options(options: &Options) -> Result<(), RunError> {
-    let positive = |option, value: f64| {
-        if value > 0.0 {
-            return Ok(());
-        }
-        Err(RunError::Option { option, value, rule: "positive" })
-    };
-    positive("tolerance.relative", options.tolerance.relative)?;
-    positive("tolerance.translation", options.tolerance.translation)?;
-    positive("tolerance.rotation", options.tolerance.rotation)?;
-    positive("max_step", options.max_step)?;
-    positive("initial_step", options.initial_step.unwrap_or(1.0))?;
-    positive("fixed_step", options.fixed_step.unwrap_or(1.0))?;
-    positive("repartition_factor", options.repartition_factor)?;
-    if !options.end_time.is_finite() {
-        let value = options.end_time;
-        return Err(RunError::Option { option: "end_time", value, rule: "finite" });
-    }
-    if let OutputTimes::Interval(value) = options.output {
-        positive("interval", value)?;
-    }
-    Ok(())
-}
-
-fn check_state(system: &Arc<dyn System>, state: &State) -> Result<(), RunError> {
-    let sizes = system.structure().sizes;
-    for (what, found, expected) in [
-        ("coordinates", state.q.len(), sizes.coordinates),
-        ("velocities", state.v.len(), sizes.coordinates),
-        ("accelerations", state.a.len(), sizes.coordinates),
-        ("multipliers", state.lambda.len(), sizes.rows),
-        ("extra states", state.z.len(), sizes.extra_states),
-        ("windings", state.winding.len(), sizes.windings),
-    ] {
-        if found != expected {
-            return Err(RunError::StartState { what, found, expected });
-        }
-    }
-    Ok(())
-}
-
-fn find_channels(system: &Arc<dyn System>, names: &[String]) -> Result<Vec<Channel>, RunError> {
-    let all = system.channels();
-    names
-        .iter()
-        .map(|name| {
-            all.iter().find(|c| c.name == *name).cloned().ok_or_else(|| RunError::UnknownChannel {
-                name: name.clone(),
-                nearest: nearest(name, all),
-            })
-        })
-        .collect()
-}
-
-/// The channel that shares most with a misspelled name, if it shares at least half.
-fn nearest(name: &str, all: &[Channel]) -> Option<String> {
-    let score = |other: &str| strsim::jaro_winkler(name, other);
-    all.iter()
-        .map(|c| (score(&c.name), &c.name))
-        .filter(|(s, _)| *s > 0.7)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, n)| n.clone())
-}
-
-/// Output rows that are still to come.
-struct Output {
-    times: OutputTimes,
-    start: f64,
-    end: f64,
-    next: usize,
-    channels: Vec<Channel>,
-    chunk: Chunk,
-    values: Vec<f64>,
-}
-
-impl Output {
-    fn new(options: &Options, start: f64, channels: Vec<Channel>) -> Self {
-        let largest = channels.iter().map(Channel::size).max().unwrap_or(0);
-        let chunk = Chunk { channels: vec![Vec::new(); channels.len()], ..Chunk::default() };
-        Self {
-            times: options.output.clone(),
-            start,
-            end: options.end_time,
-            next: 0,
-            channels,
-            chunk,
-            values: vec![0.0; largest],
-        }
-    }
-
-    /// Next output time; infinite when there is none.
-    fn time(&self) -> f64 {
-        match &self.times {
-            OutputTimes::Interval(interval) => {
-                let last = ((self.end - self.start) / interval * (1.0 + 1e-12)).floor() as usize;
-                if self.next <= last {
-                    // The last multiple may exceed the end by round-off.
-                    (self.start + self.next as f64 * interval).min(self.end)
-                } else if self.next == last + 1
-                    && self.start + last as f64 * interval < self.end * (1.0 - 1e-12)
-                {
-                    self.end
-                } else {
-                    f64::INFINITY
-                }
-            }
-            OutputTimes::Listed(times) => times.get(self.next).copied().unwrap_or(f64::INFINITY),
-        }
-    }
-
-    fn push(&mut self, system: &dyn System, state: &State) {
-        self.chunk.push(state);
-        for (channel, rows) in self.channels.iter().zip(&mut self.chunk.channels) {
-            let values = &mut self.values[..channel.size()];
-            system.channel(channel, state, values);
-            rows.extend_from_slice(values);
-        }
-        self.next += 1;
-    }
-}
-
 /// Everything of one run.
 struct Run<'a> {
     options: &'a Options,
@@ -312,15 +157,6 @@ struct Run<'a> {
     last_poll: Instant,
     last_flush: Instant,
     sink_time: Duration,
-}
-
-/// Why the loop ended early.
-enum Stop {
-    Interrupted,
-    MaxSteps,
-    MaxSeconds,
-    Sink(String),
-    Failed { cause: Option<Rejection>, step_size: f64 },
 }
 
 impl Run<'_> {
@@ -396,6 +232,7 @@ impl Run<'_> {
                 None => report.next_step,
             };
             if reaches && next < end {
+                self.note(EventKind::Breakpoint);
                 self.stepper.restart();
                 self.form.begin_step(&self.state);
                 h = self.first_step().map_err(|f| failed(f, 0.0))?;
@@ -557,6 +394,7 @@ impl Run<'_> {
 
     fn set_chart(&mut self, chart: Chart) -> Result<(), EvaluationFailure> {
         self.statistics.reparametrizations += 1;
+        self.note(EventKind::Reparametrization);
         self.form.manifold_mut().set_chart(chart);
         self.form.reparametrized();
         let keep = self.form.full_order();
@@ -600,6 +438,10 @@ impl Run<'_> {
             order: self.stepper.order(),
             condition: 0.0,
         });
+    }
+
+    fn note(&mut self, kind: EventKind) {
+        self.output.chunk.events.push(EventRecord { t: self.state.t, kind });
     }
 
     fn poll(&mut self, h: f64) -> Result<(), Stop> {
@@ -683,82 +525,7 @@ impl Run<'_> {
             }
             (stop, _) => stop,
         };
-        self.diagnose(stop)
-    }
-
-    fn diagnose(&self, stop: Result<(), Stop>) -> (Status, StopReason) {
-        let time = self.state.t;
-        let reason = |code, message: String, step_size, help| StopReason {
-            code,
-            message,
-            time,
-            step_size,
-            item: None,
-            help,
-        };
-        match stop {
-            Ok(()) => {
-                let message = format!("reached the end time {time} s");
-                (Status::Completed, reason("simulation/completed", message, 0.0, ""))
-            }
-            Err(Stop::Interrupted) => {
-                let message = format!("interrupted at t = {time:.6} s");
-                let help = "start again from the last state to go on";
-                (Status::Interrupted, reason("simulation/interrupted", message, 0.0, help))
-            }
-            Err(Stop::MaxSteps) => {
-                let limit = self.options.max_steps;
-                let message = format!("`max_steps` = {limit} reached at t = {time:.6} s");
-                let help = "raise `max_steps`, loosen the tolerance, or use an implicit code";
-                (Status::Limit, reason("simulation/max-steps", message, 0.0, help))
-            }
-            Err(Stop::MaxSeconds) => {
-                let limit = self.options.max_seconds;
-                let message = format!("`max_seconds` = {limit} reached at t = {time:.6} s");
-                let help = "raise `max_seconds`, or loosen the tolerance";
-                (Status::Limit, reason("simulation/max-seconds", message, 0.0, help))
-            }
-            Err(Stop::Sink(message)) => {
-                let help = "the trajectory could not be stored; check space and access";
-                (Status::Failed, reason("simulation/sink", message, 0.0, help))
-            }
-            Err(Stop::Failed { cause, step_size }) => {
-                (Status::Failed, self.failure(cause, step_size))
-            }
-        }
-    }
-
-    fn failure(&self, cause: Option<Rejection>, step_size: f64) -> StopReason {
-        let time = self.state.t;
-        let (code, message, help) = match cause {
-            Some(Rejection::Evaluation(f) | Rejection::SingularMatrix(f)) => {
-                let help = match f.code {
-                    "simulation/branch" | "simulation/singular-configuration" => {
-                        "the mechanism comes to a singular configuration (a dead point); change \
-                         its lengths or its start, or stop before it"
-                    }
-                    "simulation/position-recovery" => {
-                        "the joints cannot be closed any more: look at the mechanism near this \
-                         time, and at the forces that drive it there"
-                    }
-                    _ => "look at the forces near this time; plot the last states",
-                };
-                (f.code, f.message, help)
-            }
-            Some(Rejection::NewtonDivergence | Rejection::NewtonSlow) => (
-                "simulation/newton-divergence",
-                format!(
-                    "the iteration diverged at t = {time:.6} s with steps down to {step_size:.1e} s"
-                ),
-                "look for a stop, contact or kink in a force law there",
-            ),
-            _ => (
-                "simulation/step-size-underflow",
-                format!("the step size fell to {step_size:.1e} s at t = {time:.6} s"),
-                "look for a jump in a force law there, or loosen the tolerance",
-            ),
-        };
-        StopReason { code, message, time, step_size, item: None, help }
+        diagnose(stop, self.state.t, self.options)
     }
 }
 

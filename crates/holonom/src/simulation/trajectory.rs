@@ -25,6 +25,8 @@ pub struct Chunk {
     pub channels: Vec<Vec<f64>>,
     /// Attempted steps.
     pub steps: Vec<StepRecord>,
+    /// What happened at single times.
+    pub events: Vec<EventRecord>,
 }
 
 impl Chunk {
@@ -55,6 +57,7 @@ impl Chunk {
         }
         self.channels.iter_mut().for_each(Vec::clear);
         self.steps.clear();
+        self.events.clear();
     }
 }
 
@@ -75,6 +78,34 @@ pub struct StepRecord {
     pub order: u32,
     /// Estimate of the condition of [G; P] at the end, 0 for rejected steps.
     pub condition: f64,
+}
+
+/// Something that happened at one time of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EventRecord {
+    /// s.
+    pub t: f64,
+    /// What happened.
+    pub kind: EventKind,
+}
+
+/// What happened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EventKind {
+    /// A kink of a time function was reached exactly; integration started afresh.
+    Breakpoint,
+    /// Other coordinates became the independent ones.
+    Reparametrization,
+}
+
+impl EventKind {
+    /// Name in results.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Breakpoint => "breakpoint",
+            Self::Reparametrization => "reparametrization",
+        }
+    }
 }
 
 /// Outcome of an attempt.
@@ -146,6 +177,7 @@ impl Sink for Memory {
             all.extend_from_slice(new);
         }
         all.steps.extend_from_slice(&chunk.steps);
+        all.events.extend_from_slice(&chunk.events);
         Ok(())
     }
 

@@ -1,0 +1,62 @@
+//! Output rows of a run: when they are due and the chunk that collects them.
+
+use super::options::{Options, OutputTimes};
+use super::trajectory::Chunk;
+use crate::system::{Channel, State, System};
+
+/// Output rows that are still to come.
+pub(super) struct Output {
+    times: OutputTimes,
+    start: f64,
+    end: f64,
+    next: usize,
+    channels: Vec<Channel>,
+    pub(super) chunk: Chunk,
+    values: Vec<f64>,
+}
+
+impl Output {
+    pub(super) fn new(options: &Options, start: f64, channels: Vec<Channel>) -> Self {
+        let largest = channels.iter().map(Channel::size).max().unwrap_or(0);
+        let chunk = Chunk { channels: vec![Vec::new(); channels.len()], ..Chunk::default() };
+        Self {
+            times: options.output.clone(),
+            start,
+            end: options.end_time,
+            next: 0,
+            channels,
+            chunk,
+            values: vec![0.0; largest],
+        }
+    }
+
+    /// Next output time; infinite when there is none.
+    pub(super) fn time(&self) -> f64 {
+        match &self.times {
+            OutputTimes::Interval(interval) => {
+                let last = ((self.end - self.start) / interval * (1.0 + 1e-12)).floor() as usize;
+                if self.next <= last {
+                    // The last multiple may exceed the end by round-off.
+                    (self.start + self.next as f64 * interval).min(self.end)
+                } else if self.next == last + 1
+                    && self.start + last as f64 * interval < self.end * (1.0 - 1e-12)
+                {
+                    self.end
+                } else {
+                    f64::INFINITY
+                }
+            }
+            OutputTimes::Listed(times) => times.get(self.next).copied().unwrap_or(f64::INFINITY),
+        }
+    }
+
+    pub(super) fn push(&mut self, system: &dyn System, state: &State) {
+        self.chunk.push(state);
+        for (channel, rows) in self.channels.iter().zip(&mut self.chunk.channels) {
+            let values = &mut self.values[..channel.size()];
+            system.channel(channel, state, values);
+            rows.extend_from_slice(values);
+        }
+        self.next += 1;
+    }
+}
