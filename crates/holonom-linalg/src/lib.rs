@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | dense blocks at fixed places | [`BlockMatrix`] | assembly, products |
 //! | general sparse, fixed pattern | [`SparsePattern`], [`SparseLu`] | factor again and again |
-//! | dense, square | [`DenseLu`], [`Cholesky`] | integration Jacobians |
+//! | dense, square | [`DenseLu`], [`Cholesky`], [`DenseComplexLu`] | integration Jacobians |
 //! | dense, any shape, at set-up | [`least_norm`], [`full_pivot_elimination`], … | rank, assembly |
 //!
 //! At the interface a matrix is a slice of `f64` stored by rows: entry (i, j) of an m×n matrix is
@@ -12,6 +12,7 @@
 //! (`factor`, `refactor`, `solve…`, `multiply…`) allocates nothing after set-up.
 
 mod block;
+mod complex;
 mod dense;
 mod error;
 mod full_pivot;
@@ -20,6 +21,7 @@ mod rank;
 mod sparse;
 
 pub use block::{BlockId, BlockMatrix};
+pub use complex::{Complex64, DenseComplexLu};
 pub use dense::{Cholesky, DenseLu, gram_add};
 pub use error::{DecompositionError, NotPositiveDefinite, SingularMatrix};
 pub use full_pivot::{FullPivot, full_pivot_elimination};

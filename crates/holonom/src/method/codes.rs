@@ -2,11 +2,12 @@
 
 use super::adams::AdamsStepper;
 use super::explicit_rk::ExplicitRungeKuttaStepper;
+use super::radau::RadauStepper;
 use super::rosenbrock::RosenbrockStepper;
 use super::sdirk::SdirkStepper;
 use super::stepper::{Stepper, StepperOptions};
 use super::{FirstOrder, FullOrder, StateSpace, Weights};
-use crate::formula::{DOPRI5, ROSENBROCK_NYSTROM_4, SDIRK4_15};
+use crate::formula::{DOPRI5, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15};
 use crate::reduction::Manifold;
 use crate::system::State;
 
@@ -17,6 +18,8 @@ pub enum Code {
     ForSdirk,
     /// First-order reduction with Rosenbrock-Nyström 4.
     ForRosen,
+    /// First-order reduction with Radau IIA of order 5.
+    ForRadau,
     /// Explicit variable-order Adams PECE.
     Deabm,
     /// Explicit Dormand-Prince 5(4).
@@ -53,6 +56,13 @@ pub const CODES: &[CodeInfo] = &[
         family: "first_order",
         formula: "rosenbrock4",
         title: "first-order reduction, Rosenbrock-Nyström 4: linearly implicit, order 4",
+    },
+    CodeInfo {
+        code: Code::ForRadau,
+        name: "ForRadau",
+        family: "first_order",
+        formula: "radau5",
+        title: "first-order reduction, Radau IIA: implicit, order 5, for the stiffest models",
     },
     CodeInfo {
         code: Code::Deabm,
@@ -118,7 +128,9 @@ pub fn build_state_space(
     state: &State,
 ) -> Box<dyn StateSpace> {
     match code {
-        Code::ForSdirk | Code::ForRosen => Box::new(FirstOrder::new(manifold, weights, state)),
+        Code::ForSdirk | Code::ForRosen | Code::ForRadau => {
+            Box::new(FirstOrder::new(manifold, weights, state))
+        }
         Code::Deabm | Code::Dopri5 => Box::new(FullOrder::new(manifold, weights, state)),
     }
 }
@@ -136,6 +148,7 @@ pub fn build_stepper(
         Code::ForRosen => {
             Box::new(RosenbrockStepper::new(&ROSENBROCK_NYSTROM_4, dimension, options))
         }
+        Code::ForRadau => Box::new(RadauStepper::new(&RADAU_IIA_5, dimension, options)),
         Code::Deabm => Box::new(AdamsStepper::new(dimension, 0, options)),
         Code::Dopri5 => Box::new(ExplicitRungeKuttaStepper::new(&DOPRI5, dimension, options)),
     }

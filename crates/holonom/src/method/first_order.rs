@@ -1,6 +1,7 @@
 //! The first-order reduction: w = (v, v̇, z) on the constraint manifold as an [`Ode`].
 
-use super::ode::{EvaluationFailure, LinearizedOde, Ode};
+use super::complex_solver::ComplexSolver;
+use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode};
 use super::weights::Weights;
 use crate::reduction::{Chart, Manifold, ReducedBlocks};
 use crate::system::State;
@@ -33,6 +34,8 @@ pub struct FirstOrder {
     gamma_h: f64,
     lu: DenseLu,
     mass_lu: DenseLu,
+    /// Allocated at the first complex factorization: most formulas need none.
+    complex: Option<Box<ComplexSolver>>,
     pi: Vec<f64>,
     m1: Vec<f64>,
     m2: Vec<f64>,
@@ -63,6 +66,7 @@ impl FirstOrder {
             gamma_h: 0.0,
             lu: DenseLu::new(ndof),
             mass_lu: DenseLu::new(ndof),
+            complex: None,
             pi: vec![0.0; ndof * ndof],
             m1: vec![0.0; ndof * ndof],
             m2: vec![0.0; ndof * ndof],
@@ -158,6 +162,7 @@ impl FirstOrder {
         self.linearized = false;
         self.lu = DenseLu::new(ndof);
         self.mass_lu = DenseLu::new(ndof);
+        self.complex = None;
         self.at.resize(2 * ndof + self.state.z.len(), f64::NAN);
         self.at.fill(f64::NAN);
         for matrix in [&mut self.pi, &mut self.m1, &mut self.m2] {
@@ -291,12 +296,18 @@ impl LinearizedOde for FirstOrder {
         if ndof == 0 {
             return Ok(());
         }
-        self.lu.factor(&self.pi).map_err(|e| EvaluationFailure {
-            code: "simulation/singular-jacobian",
-            message: format!(
-                "the integration Jacobian is singular at step coefficient {gamma_h:.1e} s: {e}"
-            ),
-        })
+        self.lu.factor(&self.pi).map_err(|e| singular_jacobian(gamma_h, &e))
+    }
+
+    fn factor_complex(&mut self, gamma_h: Complex64) -> Result<(), EvaluationFailure> {
+        let (ndof, extra) = (self.manifold.chart().ndof(), self.state.z.len());
+        let solver = self.complex.get_or_insert_with(|| Box::new(ComplexSolver::new(ndof, extra)));
+        solver.factor(&self.blocks, gamma_h).map_err(|e| singular_jacobian(gamma_h.norm(), &e))
+    }
+
+    fn solve_complex(&mut self, x: &mut [f64], y: &mut [f64]) {
+        let solver = self.complex.as_mut().expect("factored before");
+        solver.solve(&self.blocks, x, y);
     }
 
     fn solve(&mut self, x: &mut [f64]) {
@@ -345,6 +356,15 @@ impl LinearizedOde for FirstOrder {
             self.mass_lu.solve(force);
         }
         Ok(())
+    }
+}
+
+fn singular_jacobian(gamma_h: f64, e: &SingularMatrix) -> EvaluationFailure {
+    EvaluationFailure {
+        code: "simulation/singular-jacobian",
+        message: format!(
+            "the integration Jacobian is singular at step coefficient {gamma_h:.1e} s: {e}"
+        ),
     }
 }
 

@@ -2,10 +2,12 @@
 
 pub mod adams;
 mod codes;
+mod complex_solver;
 pub mod explicit_rk;
 mod first_order;
 mod full_order;
 pub mod ode;
+pub mod radau;
 pub mod rosenbrock;
 pub mod sdirk;
 mod state_space;

@@ -1,6 +1,7 @@
 //! The view of a system that integration formulas have: ẇ = g(t, w) with its linearization.
 
 pub use crate::error::EvaluationFailure;
+pub use holonom_linalg::Complex64;
 
 /// A first-order system ẇ = g(t, w).
 pub trait Ode {
@@ -57,6 +58,21 @@ pub trait LinearizedOde: Ode {
 
     /// x ← (I − γh J)⁻¹ x with the last factor.
     fn solve(&mut self, x: &mut [f64]);
+
+    /// Factors I − γh J for a complex γh, beside the real factor; formulas that need it are refused
+    /// for forms without it.
+    ///
+    /// # Errors
+    /// When the matrix is singular, or the form has no complex solve.
+    fn factor_complex(&mut self, _gamma_h: Complex64) -> Result<(), EvaluationFailure> {
+        Err(EvaluationFailure {
+            code: "simulation/no-complex-solve",
+            message: "this form of the equations has no complex solve".into(),
+        })
+    }
+
+    /// x + iy ← (I − γh J)⁻¹ (x + iy) with the last complex factor.
+    fn solve_complex(&mut self, _x: &mut [f64], _y: &mut [f64]) {}
 
     /// g_t (explicit time dependence) at the linearization point, for Rosenbrock formulas.
     ///

@@ -1,7 +1,8 @@
 //! Stiff problems with published or closed-form solutions, on every implicit stepper, and the paths
 //! that only stiff problems take.
 
-use crate::formula::{ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16};
+use crate::formula::{RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16};
+use crate::method::radau::RadauStepper;
 use crate::method::rosenbrock::RosenbrockStepper;
 use crate::method::sdirk::SdirkStepper;
 use crate::method::stepper::{Rejection, Stepper, StepperOptions};
@@ -12,10 +13,11 @@ use crate::method::test_systems::{
 type Build = fn(usize, StepperOptions) -> Box<dyn Stepper>;
 
 const SDIRK: Build = |n, o| Box::new(SdirkStepper::new(&SDIRK4_15, n, o));
-const IMPLICIT: [(&str, Build); 3] = [
+const IMPLICIT: [(&str, Build); 4] = [
     ("SDIRK4/15", SDIRK),
     ("SDIRK4/16", |n, o| Box::new(SdirkStepper::new(&SDIRK4_16, n, o))),
     ("Rosenbrock", |n, o| Box::new(RosenbrockStepper::new(&ROSENBROCK_NYSTROM_4, n, o))),
+    ("Radau", |n, o| Box::new(RadauStepper::new(&RADAU_IIA_5, n, o))),
 ];
 
 fn profiles() -> [(&'static str, StepperOptions); 2] {

@@ -1,7 +1,8 @@
 //! Small systems with exact dense Jacobians, and a bare run loop, for the tests of the steppers.
 
-use crate::method::ode::{EvaluationFailure, LinearizedOde, Ode};
+use crate::method::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode};
 use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
+use holonom_linalg::DenseComplexLu;
 
 type Slope = Box<dyn Fn(f64, &[f64], &mut [f64]) -> Result<(), EvaluationFailure>>;
 type Jacobian = Box<dyn Fn(f64, &[f64]) -> Vec<Vec<f64>>>;
@@ -26,6 +27,7 @@ pub(crate) struct DenseOde {
     j: Vec<Vec<f64>>,
     lu: Vec<Vec<f64>>,
     rows: Vec<usize>,
+    complex: DenseComplexLu,
 }
 
 impl DenseOde {
@@ -52,6 +54,7 @@ impl DenseOde {
             j: Vec::new(),
             lu: Vec::new(),
             rows: Vec::new(),
+            complex: DenseComplexLu::new(n),
         }
     }
 
@@ -175,6 +178,25 @@ impl LinearizedOde for DenseOde {
             y[i] /= self.lu[i][i];
         }
         x.copy_from_slice(&y);
+    }
+
+    fn factor_complex(&mut self, gamma_h: Complex64) -> Result<(), EvaluationFailure> {
+        self.factorizations += 1;
+        let entry = |e: usize| {
+            let (i, k) = (e / self.n, e % self.n);
+            f64::from(i == k) - gamma_h * self.j[i][k]
+        };
+        let a: Vec<_> = (0..self.n * self.n).map(entry).collect();
+        self.complex.factor(&a).map_err(|_| failure("test/singular"))
+    }
+
+    fn solve_complex(&mut self, x: &mut [f64], y: &mut [f64]) {
+        self.solves += 1;
+        let mut b: Vec<_> = x.iter().zip(&*y).map(|(&x, &y)| Complex64::new(x, y)).collect();
+        self.complex.solve(&mut b);
+        for (i, b) in b.into_iter().enumerate() {
+            (x[i], y[i]) = (b.re, b.im);
+        }
     }
 
     fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure> {

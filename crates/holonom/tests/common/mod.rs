@@ -24,7 +24,8 @@ pub(crate) const LIBRARY: &[&str] = &[
 ];
 
 /// Every code, implicit ones first.
-pub(crate) const ALL_CODES: [Code; 4] = [Code::ForSdirk, Code::ForRosen, Code::Deabm, Code::Dopri5];
+pub(crate) const ALL_CODES: [Code; 5] =
+    [Code::ForSdirk, Code::ForRosen, Code::ForRadau, Code::Deabm, Code::Dopri5];
 
 fn library() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../models")
