@@ -25,5 +25,8 @@ pub use complex::{Complex64, DenseComplexLu};
 pub use dense::{Cholesky, DenseLu, gram_add};
 pub use error::{DecompositionError, NotPositiveDefinite, SingularMatrix};
 pub use full_pivot::{FullPivot, full_pivot_elimination};
-pub use rank::{LeastNorm, eigenvalues, least_norm, orthonormal_null_space, singular_values};
+pub use rank::{
+    LeastNorm, ThinSvd, eigenvalues, least_norm, orthonormal_null_space, orthonormal_null_space_qr,
+    singular_values, thin_svd,
+};
 pub use sparse::{SparseLu, SparsePattern};

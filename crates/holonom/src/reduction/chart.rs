@@ -10,7 +10,7 @@ use std::sync::Arc;
 pub enum Projection {
     /// Coordinate partitioning: the independent coordinates, ascending.
     Selection(Vec<usize>),
-    /// Tangent plane: an orthonormal basis by rows, ndof×n.
+    /// Tangent plane: ndof×n by rows, orthonormal on scaled coordinates.
     Basis(Vec<f64>),
 }
 
@@ -124,7 +124,7 @@ impl Chart {
             Projection::Basis(rows) => {
                 for (k, row) in rows.chunks_exact(n).enumerate() {
                     row_scale.push(1.0);
-                    for (i, &x) in row.iter().enumerate() {
+                    for (i, &x) in row.iter().enumerate().filter(|(_, x)| **x != 0.0) {
                         entries.push((rank + k, i));
                         constants.push(x * column_scale[i]);
                     }

@@ -6,9 +6,11 @@ mod manifold;
 mod partitioning;
 mod reduced_blocks;
 mod saddle;
+mod tangent_plane;
 
 pub use chart::{Chart, Parametrization, Projection, structural_nonzeros};
 pub use manifold::{Manifold, RecoveryCounters, largest_index};
 pub use partitioning::{RANK_TOLERANCE, partition, scaled_jacobian};
 pub use reduced_blocks::ReducedBlocks;
 pub use saddle::Saddle;
+pub use tangent_plane::{Choice, choose};

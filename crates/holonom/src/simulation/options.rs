@@ -2,6 +2,7 @@
 
 use crate::method::Code;
 use crate::model::Tolerance;
+use crate::reduction::Choice;
 
 /// When states are stored.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +36,8 @@ pub struct Options {
     pub max_steps: u64,
     /// Largest wall time, s.
     pub max_seconds: f64,
+    /// What the independent variables are.
+    pub parametrization: Choice,
     /// A new partition is tried when the condition of [G; P] has grown by this factor.
     pub repartition_factor: f64,
 }
@@ -60,6 +63,7 @@ impl Options {
             initial_step: None,
             max_steps: DEFAULT_MAX_STEPS,
             max_seconds: f64::INFINITY,
+            parametrization: Choice::default(),
             repartition_factor: DEFAULT_REPARTITION_FACTOR,
         }
     }

@@ -11,7 +11,8 @@ use super::trajectory::{EventKind, EventRecord, Flow, Sink, StepOutcome, StepRec
 use crate::error::EvaluationFailure;
 use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
 use crate::method::{StateSpace, Weights, build_state_space, build_stepper};
-use crate::reduction::{Chart, Parametrization, partition};
+use crate::reduction::assembly::AssemblyError;
+use crate::reduction::{Chart, Choice, Manifold, Parametrization, choose};
 use crate::system::{State, System};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -24,6 +25,8 @@ const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
 const CONDITION_FLOOR: f64 = 10.0;
 /// Smallest number of steps of a run without unknowns.
 const KINEMATIC_STEPS: f64 = 200.0;
+/// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
+const TANGENT_GROWTH: f64 = 2.0;
 /// Rows in a chunk.
 const CHUNK_ROWS: usize = 256;
 /// Attempts in a chunk, so that a run without output rows reports its steps too.
@@ -65,7 +68,7 @@ pub fn run(
     check_options(options)?;
     let begun = Instant::now();
     let system = problem.system().clone();
-    let (manifold, mut state) = match from {
+    let (mut manifold, mut state) = match from {
         Some(state) => {
             check_state(&system, state)?;
             problem.start_from(state)?
@@ -76,6 +79,11 @@ pub fn run(
         }
     };
 
+    if options.parametrization != Choice::Partitioning {
+        let chart = new_chart(options.parametrization, &mut manifold, &state)
+            .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?;
+        manifold.set_chart(chart);
+    }
     let rule = "not before the start time";
     if options.end_time < state.t {
         return Err(RunError::Option { option: "end_time", value: options.end_time, rule });
@@ -367,8 +375,13 @@ impl Run<'_> {
         if let Some(last) = self.output.chunk.steps.last_mut() {
             last.condition = condition;
         }
-        let limit = self.options.repartition_factor * self.condition_reference;
-        if condition > limit.max(CONDITION_FLOOR) {
+        let factor = self.options.repartition_factor;
+        let limit = match self.options.parametrization {
+            Choice::Partitioning => (factor * self.condition_reference).max(CONDITION_FLOOR),
+            // A tangent plane can always be renewed, and is best near its point of contact.
+            _ => factor.max(TANGENT_GROWTH) * self.condition_reference,
+        };
+        if condition > limit {
             self.repartition(condition)?;
         }
         Ok(())
@@ -379,7 +392,7 @@ impl Run<'_> {
         let system = self.system.clone();
         let mut g = system.structure().constraint_pattern.clone();
         system.constraint_jacobian(&self.state.q, &mut g);
-        let new = partition(system.as_ref(), &self.state.q, &g);
+        let new = choose(self.options.parametrization, system.as_ref(), &self.state.q, &g)?;
         let old = self.form.manifold().chart().parametrization();
         if new.kept == old.kept && new.projection == old.projection {
             self.condition_reference = condition;
@@ -527,6 +540,18 @@ impl Run<'_> {
         };
         diagnose(stop, self.state.t, self.options)
     }
+}
+
+/// The chart of a chosen parametrization at a state.
+fn new_chart(
+    choice: Choice,
+    manifold: &mut Manifold,
+    state: &State,
+) -> Result<Chart, EvaluationFailure> {
+    let system = manifold.system().clone();
+    let g = manifold.jacobian();
+    let parametrization = choose(choice, system.as_ref(), &state.q, g)?;
+    manifold.chart().with_parametrization(system.as_ref(), parametrization, g)
 }
 
 fn failed(failure: EvaluationFailure, step_size: f64) -> Stop {

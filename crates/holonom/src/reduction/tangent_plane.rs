@@ -1,0 +1,140 @@
+//! Choice of the parametrization: independent coordinates, or a basis of the tangent plane.
+
+use super::chart::{Parametrization, Projection};
+use super::partitioning::partition;
+use crate::error::EvaluationFailure;
+use crate::system::{Measure, System};
+use holonom_linalg::{
+    BlockMatrix, DecompositionError, orthonormal_null_space, orthonormal_null_space_qr, thin_svd,
+};
+
+/// What the rows of P in v = P q are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Choice {
+    /// Independent coordinates.
+    #[default]
+    Partitioning,
+    /// An orthonormal basis of null(G) at the last re-parametrization, by QR.
+    TangentPlane,
+    /// The same plane by SVD.
+    TangentPlaneSvd,
+}
+
+impl Choice {
+    /// All choices with their names in options.
+    pub const ALL: &'static [(Self, &'static str)] = &[
+        (Self::Partitioning, "partitioning"),
+        (Self::TangentPlane, "tangent_plane"),
+        (Self::TangentPlaneSvd, "tangent_plane_svd"),
+    ];
+
+    /// The choice of this name.
+    pub fn find(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(_, n)| *n == name).map(|(choice, _)| *choice)
+    }
+
+    /// Name in options.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
+    }
+}
+
+/// A direction of the tangent plane is followed by its rotations when they are more than this part
+/// of it, with lengths measured against the characteristic length.
+const ROTATION_SHARE: f64 = 0.125;
+
+/// An entry of a unit vector below this is round-off.
+const NEGLIGIBLE: f64 = 1e-13;
+
+/// A parametrization at a configuration with Jacobian `g`. Rank, kept and redundant rows are those
+/// of the partition, whichever is chosen.
+///
+/// The tangent plane is an orthonormal basis N of null(G), with lengths measured against the
+/// characteristic length. Its directions are followed by their rotations where they rotate, else by
+/// their translations:
+///
+/// ```text
+/// N_rot = U Σ Wᵀ      P = [U₁ᵀ on rotations; (N_trans W₂)ᵀ on translations],  Σ₁ > 1/8 ≥ Σ₂
+/// ```
+///
+/// which is Vᵀ of the same plane in a metric where translations weigh nothing against rotations.
+/// Stiff elements then act along directions that stay put in v while the mechanism turns; with equal
+/// weights the stiff double pendulum loses two digits. A constant shift of v, as in v = P (q − q₀),
+/// changes nothing.
+///
+/// Source: N. K. Mani, E. J. Haug, K. E. Atkinson, *Application of singular value decomposition for
+/// analysis of mechanical system dynamics*, J. Mech. Trans. Automation 107 (1985); F. A. Potra,
+/// W. C. Rheinboldt, *On the numerical solution of Euler-Lagrange equations*, Mech. Struct. Mach. 19
+/// (1991), with QR.
+///
+/// # Errors
+/// `simulation/singular-configuration` when G is not finite or the decomposition fails.
+pub fn choose(
+    choice: Choice,
+    system: &dyn System,
+    q: &[f64],
+    g: &BlockMatrix,
+) -> Result<Parametrization, EvaluationFailure> {
+    let mut parametrization = partition(system, q, g);
+    if choice != Choice::Partitioning {
+        let rows = tangent_plane(choice, system, &parametrization, g).map_err(|error| {
+            EvaluationFailure {
+                code: "simulation/singular-configuration",
+                message: format!("the tangent plane of the constraints was not found: {error}"),
+            }
+        })?;
+        parametrization.projection = Projection::Basis(rows);
+    }
+    Ok(parametrization)
+}
+
+/// P, ndof×n by rows.
+fn tangent_plane(
+    choice: Choice,
+    system: &dyn System,
+    parametrization: &Parametrization,
+    g: &BlockMatrix,
+) -> Result<Vec<f64>, DecompositionError> {
+    let structure = system.structure();
+    let n = structure.sizes.coordinates;
+    let (rank, ndof) = (parametrization.kept.len(), parametrization.ndof);
+    let length = system.characteristic_length();
+    let turns = |i: usize| structure.coordinate_measure(i) == Measure::Angle;
+    let dense = g.to_dense();
+    let mut a = Vec::with_capacity(rank * n);
+    for &row in &parametrization.kept {
+        let row = &dense[row * n..(row + 1) * n];
+        let scaled = |i: usize| if turns(i) { row[i] } else { row[i] * length };
+        let largest = (0..n).fold(0.0f64, |m, i| m.max(scaled(i).abs()));
+        a.extend((0..n).map(|i| scaled(i) / largest));
+    }
+    let plane = match choice {
+        // The kept rows are independent: none of their singular values counts as zero.
+        Choice::TangentPlaneSvd => orthonormal_null_space(rank, n, &a, 0.0)?.0,
+        _ => orthonormal_null_space_qr(rank, n, &a)?,
+    };
+    let (rotations, translations): (Vec<_>, Vec<_>) = (0..n).partition(|&i| turns(i));
+    let mut n_rot: Vec<f64> =
+        rotations.iter().flat_map(|&i| &plane[i * ndof..(i + 1) * ndof]).copied().collect();
+    // With rows of zeros, if need be, W is square.
+    let height = rotations.len().max(ndof);
+    n_rot.resize(height * ndof, 0.0);
+    let split = thin_svd(height, ndof, &n_rot)?;
+    let mut rows = vec![0.0; ndof * n];
+    // Round-off where a direction does not move a coordinate would cost fill in [G; P].
+    let clean = |x: f64| if x.abs() > NEGLIGIBLE { x } else { 0.0 };
+    for k in 0..ndof {
+        let row = &mut rows[k * n..(k + 1) * n];
+        if split.s[k] > ROTATION_SHARE {
+            for (at, &i) in rotations.iter().enumerate() {
+                row[i] = clean(split.u[at * ndof + k]);
+            }
+        } else {
+            for &i in &translations {
+                let x: f64 = (0..ndof).map(|j| plane[i * ndof + j] * split.v[j * ndof + k]).sum();
+                row[i] = clean(x) / length;
+            }
+        }
+    }
+    Ok(rows)
+}
