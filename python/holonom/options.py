@@ -61,6 +61,13 @@ class Tolerance:
         return cls(value)
 
 
+# Options that are one word out of few.
+_WORDS = {
+    "parametrization": ("partitioning", "tangent_plane", "tangent_plane_svd"),
+    "jacobian": ("analytic", "differences"),
+}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
     """Choices for one run; what is None is taken from the model, or is the default of the core.
@@ -86,6 +93,13 @@ class Options:
         Largest number of steps.
     max_seconds : float, optional
         Largest wall time, s.
+    parametrization : str, optional
+        What the independent variables are: ``partitioning`` (default) takes coordinates,
+        ``tangent_plane`` a basis of the constraints' tangent plane by QR, ``tangent_plane_svd``
+        the same by SVD.
+    jacobian : str, optional
+        Where the integration Jacobian comes from: ``analytic`` (default) or ``differences`` of
+        accelerations; ForRosen needs the analytic one.
     repartition_factor : float, optional
         Growth of the partition's condition that asks for a new partition; more than 1.
     profile : str, optional
@@ -110,6 +124,8 @@ class Options:
     initial_step: float | None = None
     max_steps: int | None = None
     max_seconds: float | None = None
+    parametrization: str | None = None
+    jacobian: str | None = None
     repartition_factor: float | None = None
     profile: str | None = None
 
@@ -127,6 +143,9 @@ class Options:
             put("tolerance", Tolerance.of(self.tolerance))
         if self.max_steps is not None:
             put("max_steps", _require_count("max_steps", self.max_steps))
+        for name, known in _WORDS.items():
+            if (value := getattr(self, name)) is not None and value not in known:
+                raise UsageError(f"`{name}` is {value!r}; it must be one of {_listed(known)}")
         if self.repartition_factor is not None:
             factor = _require_finite("repartition_factor", self.repartition_factor)
             if factor <= 1.0:

@@ -50,6 +50,8 @@ def test_parts_of_a_tolerance_default_to_the_relative_one() -> None:
         ({"max_steps": 1.5}, "max_steps"),
         ({"repartition_factor": 1.0}, "repartition_factor"),
         ({"channels": "rod.position"}, "channels"),
+        ({"parametrization": "tangent"}, "tangent_plane_svd"),
+        ({"jacobian": "numeric"}, "differences"),
     ],
 )
 def test_what_cannot_be_used_is_named(choices: dict[str, Any], named: str) -> None:

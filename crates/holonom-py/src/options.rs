@@ -1,7 +1,8 @@
 //! Options of a run: those of the call, then those of the model file, then defaults.
 
-use holonom::method::Code;
+use holonom::method::{Code, JacobianSource};
 use holonom::model::{Model, Tolerance};
+use holonom::reduction::Choice;
 use holonom::simulation::{Options, OutputTimes};
 use serde::Deserialize;
 
@@ -22,6 +23,8 @@ pub(crate) struct Choices {
     initial_step: Option<f64>,
     max_steps: Option<u64>,
     max_seconds: Option<f64>,
+    parametrization: Option<String>,
+    jacobian: Option<String>,
     repartition_factor: Option<f64>,
     profile: Option<String>,
 }
@@ -77,6 +80,16 @@ impl Choices {
             let message = format!("unknown profile `{profile}`; known is improved");
             return Err(("simulation/option", message));
         }
+        if let Some(name) = self.parametrization.as_deref() {
+            options.parametrization = Choice::find(name).ok_or_else(|| {
+                unknown("parametrization", name, Choice::ALL.iter().map(|(_, n)| *n))
+            })?;
+        }
+        if let Some(name) = self.jacobian.as_deref() {
+            options.jacobian = JacobianSource::find(name).ok_or_else(|| {
+                unknown("jacobian", name, JacobianSource::ALL.iter().map(|(_, n)| *n))
+            })?;
+        }
         options.output = match (self.output_times, self.interval.or(model.outputs.interval)) {
             (Some(times), _) => OutputTimes::Listed(times),
             (None, Some(interval)) => OutputTimes::Interval(interval),
@@ -97,6 +110,11 @@ impl Choices {
             .unwrap_or(options.repartition_factor);
         Ok(options)
     }
+}
+
+fn unknown(option: &str, name: &str, known: impl Iterator<Item = &'static str>) -> Refusal {
+    let known = known.collect::<Vec<_>>().join(", ");
+    ("simulation/option", format!("unknown {option} `{name}`; known are {known}"))
 }
 
 /// Output rows when no interval is stated.

@@ -1,6 +1,7 @@
 //! The first-order reduction: w = (v, v̇, z) on the constraint manifold as an [`Ode`].
 
 use super::complex_solver::ComplexSolver;
+use super::differences::{Differences, JacobianSource};
 use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode};
 use super::weights::Weights;
 use crate::reduction::{Chart, Manifold, ReducedBlocks};
@@ -18,15 +19,17 @@ use holonom_linalg::{DenseLu, SingularMatrix};
 /// Source: thesis (3.103)-(3.105); the extra states are eliminated first.
 #[derive(Debug, Clone)]
 pub struct FirstOrder {
-    manifold: Manifold,
+    pub(super) manifold: Manifold,
     /// [G; P] at the linearization point: weights and norms.
-    start: Chart,
-    blocks: ReducedBlocks,
+    pub(super) start: Chart,
+    pub(super) blocks: ReducedBlocks,
+    /// Buffers of a Jacobian by differences; none with the analytic one.
+    differences: Option<Box<Differences>>,
     weights: Weights,
     /// State of the last evaluation.
-    state: State,
+    pub(super) state: State,
     /// Configuration from which a step's recoveries start again after a failure.
-    anchor: Vec<f64>,
+    pub(super) anchor: Vec<f64>,
     linearized: bool,
     /// (t, w) of the last full evaluation; NaN if none is current.
     at: Vec<f64>,
@@ -46,7 +49,7 @@ pub struct FirstOrder {
     dv: Vec<f64>,
     rows: Vec<f64>,
     zero: Vec<f64>,
-    z_rate: Vec<f64>,
+    pub(super) z_rate: Vec<f64>,
 }
 
 impl FirstOrder {
@@ -57,6 +60,7 @@ impl FirstOrder {
         Self {
             start: manifold.chart().clone(),
             blocks: ReducedBlocks::new(&manifold),
+            differences: None,
             weights,
             state: state.clone(),
             anchor: state.q.clone(),
@@ -80,6 +84,14 @@ impl FirstOrder {
             z_rate: vec![0.0; s.extra_states],
             manifold,
         }
+    }
+
+    /// Where the integration Jacobian comes from; analytic unless said otherwise.
+    pub fn set_jacobian(&mut self, source: JacobianSource) {
+        self.differences = match source {
+            JacobianSource::Analytic => None,
+            JacobianSource::Differences => Some(Box::new(Differences::new(&self.manifold))),
+        };
     }
 
     /// The manifold with its factors at the last evaluation.
@@ -154,6 +166,15 @@ impl FirstOrder {
         Ok(&self.state)
     }
 
+    /// Makes factors, M, accelerations and multipliers those of (t, w), the start of the step.
+    pub(super) fn return_to(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
+        if t != self.at_time || w != self.at {
+            self.state.q.copy_from_slice(&self.anchor);
+            self.evaluate(t, w, true)?;
+        }
+        Ok(())
+    }
+
     /// After a re-parametrization by [`Manifold::set_chart`]: sizes may differ.
     pub fn reparametrized(&mut self) {
         let ndof = self.manifold.chart().ndof();
@@ -163,6 +184,9 @@ impl FirstOrder {
         self.lu = DenseLu::new(ndof);
         self.mass_lu = DenseLu::new(ndof);
         self.complex = None;
+        if let Some(differences) = &mut self.differences {
+            **differences = Differences::new(&self.manifold);
+        }
         self.at.resize(2 * ndof + self.state.z.len(), f64::NAN);
         self.at.fill(f64::NAN);
         for matrix in [&mut self.pi, &mut self.m1, &mut self.m2] {
@@ -247,21 +271,28 @@ impl Ode for FirstOrder {
         let ndof = self.manifold.chart().ndof();
         self.rows.fill(0.0);
         self.start.solve(&self.rows, &change[..ndof], &mut self.dq);
-        if self.linearized {
+        if self.linearized && self.differences.is_none() {
             self.blocks.blocks.a0.multiply_add(-1.0, &self.dq, &mut self.rows);
         }
         self.start.solve(&self.rows, &change[ndof..2 * ndof], &mut self.dv);
+        if let (true, Some(differences)) = (self.linearized, &self.differences) {
+            differences.add_velocities(&change[..ndof], &mut self.dv);
+        }
         self.weights.norm(&self.dq, &self.dv, &change[2 * ndof..])
     }
 }
 
 impl LinearizedOde for FirstOrder {
     fn linearize(&mut self, t: f64, w: &[f64], _g: &[f64]) -> Result<(), EvaluationFailure> {
-        // Factors, M, accelerations and multipliers must belong to this very point.
-        if t != self.at_time || w != self.at {
-            self.state.q.copy_from_slice(&self.anchor);
-            self.evaluate(t, w, true)?;
+        if let Some(mut differences) = self.differences.take() {
+            let outcome = differences.evaluate(self, t, w);
+            self.differences = Some(differences);
+            outcome?;
+            self.linearized = true;
+            return Ok(());
         }
+        // Factors, M, accelerations and multipliers must belong to this very point.
+        self.return_to(t, w)?;
         self.blocks.evaluate(&mut self.manifold, &self.state);
         self.start.copy_from(self.manifold.chart());
         self.linearized = true;

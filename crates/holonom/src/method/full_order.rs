@@ -4,6 +4,7 @@
 //! joints at each evaluation. So the history of a multistep formula belongs to all coordinates and a
 //! re-parametrization leaves it untouched.
 
+use super::JacobianSource;
 use super::ode::{EvaluationFailure, LinearizedOde, Ode};
 use super::weights::Weights;
 use crate::reduction::Manifold;
@@ -38,6 +39,10 @@ impl FullOrder {
             manifold,
         }
     }
+
+    /// Explicit formulas have no Jacobian: nothing changes.
+    #[expect(clippy::unused_self, reason = "one of the forms that a run may have")]
+    pub fn set_jacobian(&mut self, _source: JacobianSource) {}
 
     /// The manifold with its factors at the last evaluation.
     pub fn manifold(&self) -> &Manifold {

@@ -3,6 +3,7 @@
 pub mod adams;
 mod codes;
 mod complex_solver;
+mod differences;
 pub mod explicit_rk;
 mod first_order;
 mod full_order;
@@ -24,6 +25,7 @@ mod stiff_tests;
 mod test_systems;
 
 pub use codes::{CODES, Code, CodeInfo, UnknownMethod, build_state_space, build_stepper};
+pub use differences::JacobianSource;
 pub use first_order::FirstOrder;
 pub use full_order::FullOrder;
 pub use state_space::StateSpace;

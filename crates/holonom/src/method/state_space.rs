@@ -1,7 +1,7 @@
 //! What the run loop asks of a form of the equations, beyond what a formula asks.
 
 use super::ode::{EvaluationFailure, LinearizedOde};
-use super::{FirstOrder, FullOrder};
+use super::{FirstOrder, FullOrder, JacobianSource};
 use crate::reduction::Manifold;
 use crate::system::State;
 
@@ -30,6 +30,9 @@ pub trait StateSpace: LinearizedOde + Send {
 
     /// The manifold has got another parametrization.
     fn reparametrized(&mut self);
+
+    /// Where the integration Jacobian comes from.
+    fn set_jacobian(&mut self, source: JacobianSource);
 
     /// Whether w holds all coordinates and the energy ledger, so that histories outlive a
     /// re-parametrization and no quadrature is needed.
@@ -64,6 +67,9 @@ macro_rules! state_space {
             }
             fn reparametrized(&mut self) {
                 Self::reparametrized(self);
+            }
+            fn set_jacobian(&mut self, source: JacobianSource) {
+                Self::set_jacobian(self, source);
             }
             fn full_order(&self) -> bool {
                 $full

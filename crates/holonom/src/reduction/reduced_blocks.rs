@@ -109,6 +109,18 @@ impl ReducedBlocks {
         self.evaluate_extra_states(manifold);
     }
 
+    /// D and M̂ alone at `state`; the caller fills in the other reduced matrices.
+    pub fn evaluate_mass(&mut self, manifold: &mut Manifold) {
+        let ndof = manifold.chart().ndof();
+        manifold.chart_mut().null_space(&mut self.d);
+        self.mass.fill(0.0);
+        if ndof > 0 {
+            self.x.fill(0.0);
+            manifold.mass().multiply_many_add(1.0, &self.d, ndof, &mut self.x);
+            gram_add(self.d.len() / ndof, ndof, &self.d, &self.x, &mut self.mass);
+        }
+    }
+
     fn evaluate_extra_states(&mut self, manifold: &mut Manifold) {
         let structure = manifold.system().structure();
         let (bodies, per_body) = (structure.extra_bodies.clone(), structure.sizes.per_body);

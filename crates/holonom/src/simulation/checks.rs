@@ -1,6 +1,7 @@
 //! What a run refuses before it starts.
 
 use super::options::{Options, OutputTimes};
+use crate::method::{Code, JacobianSource};
 use crate::reduction::assembly::AssemblyError;
 use crate::system::{Channel, State, System};
 use std::sync::Arc;
@@ -28,6 +29,15 @@ pub enum RunError {
         value: f64,
         /// What it must be.
         rule: &'static str,
+    },
+    /// The code needs an exact Jacobian.
+    #[error(
+        "`jacobian` is differences; {code} needs the exact Jacobian, without which it loses its \
+         order; use analytic, or another code"
+    )]
+    InexactJacobian {
+        /// Name of the code.
+        code: &'static str,
     },
     /// A start state of another model.
     #[error("the start state has {found} {what}, the model {expected}")]
@@ -61,6 +71,9 @@ pub(super) fn check_options(options: &Options) -> Result<(), RunError> {
     }
     if let OutputTimes::Interval(value) = options.output {
         positive("interval", value)?;
+    }
+    if options.jacobian == JacobianSource::Differences && options.code == Code::ForRosen {
+        return Err(RunError::InexactJacobian { code: options.code.info().name });
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! Choices for one run.
 
-use crate::method::Code;
+use crate::method::{Code, JacobianSource};
 use crate::model::Tolerance;
 use crate::reduction::Choice;
 
@@ -38,6 +38,8 @@ pub struct Options {
     pub max_seconds: f64,
     /// What the independent variables are.
     pub parametrization: Choice,
+    /// Where the integration Jacobian comes from.
+    pub jacobian: JacobianSource,
     /// A new partition is tried when the condition of [G; P] has grown by this factor.
     pub repartition_factor: f64,
 }
@@ -64,6 +66,7 @@ impl Options {
             max_steps: DEFAULT_MAX_STEPS,
             max_seconds: f64::INFINITY,
             parametrization: Choice::default(),
+            jacobian: JacobianSource::default(),
             repartition_factor: DEFAULT_REPARTITION_FACTOR,
         }
     }

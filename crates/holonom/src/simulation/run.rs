@@ -95,7 +95,8 @@ pub fn run(
     let channels = find_channels(&system, &options.channels)?;
     let sizes = system.structure().sizes;
     let weights = Weights::new(options.tolerance, &sizes, &state);
-    let form = build_state_space(options.code, manifold, weights, &state);
+    let mut form = build_state_space(options.code, manifold, weights, &state);
+    form.set_jacobian(options.jacobian);
     let dimension = form.dimension();
     let stepper =
         build_stepper(options.code, dimension, options.fixed_step.is_some(), options.max_step);

@@ -1,0 +1,152 @@
+//! The integration Jacobian by differences of accelerations.
+
+use super::FirstOrder;
+use crate::error::EvaluationFailure;
+use crate::reduction::{Manifold, Projection};
+use crate::system::Measure;
+
+/// Where M̂₁, M̂₂ and the blocks of extra states come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum JacobianSource {
+    /// Derivatives of the equations.
+    #[default]
+    Analytic,
+    /// Differences of v̈ and ż with all dependent variables solved anew.
+    Differences,
+}
+
+impl JacobianSource {
+    /// All sources with their names in options.
+    pub const ALL: &'static [(Self, &'static str)] =
+        &[(Self::Analytic, "analytic"), (Self::Differences, "differences")];
+
+    /// The source of this name.
+    pub fn find(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(_, n)| *n == name).map(|(source, _)| *source)
+    }
+
+    /// Name in options.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(source, _)| *source == self).map_or("", |(_, name)| name)
+    }
+}
+
+/// Forward differences over the entries of w = (v, v̇, z):
+///
+/// ```text
+/// M̂₂ = −M̂ v̈_v   M̂₁ = −M̂ v̈_v̇   Ẑ = −M̂ v̈_z   ż_v, ż_v̇, ż_z
+/// ```
+///
+/// The increment is √ε of the entry, or of a metre scaled to the model, a radian, or either per
+/// second where the entry is smaller. A linearization takes 2·ndof + n_z + 1 evaluations.
+#[derive(Debug, Clone)]
+pub(super) struct Differences {
+    /// What counts as a movement of size one, per entry of v.
+    scale: Vec<f64>,
+    point: Vec<f64>,
+    base: Vec<f64>,
+    base_z_rate: Vec<f64>,
+    base_v: Vec<f64>,
+    slope: Vec<f64>,
+    /// q̇_v at fixed v̇: row i of column k at `k * n + i`.
+    velocities: Vec<f64>,
+}
+
+impl Differences {
+    pub(super) fn new(manifold: &Manifold) -> Self {
+        let system = manifold.system();
+        let structure = system.structure();
+        let sizes = structure.sizes;
+        let ndof = manifold.chart().ndof();
+        let scale = match &manifold.chart().parametrization().projection {
+            Projection::Selection(independent) => independent
+                .iter()
+                .map(|&i| match structure.coordinate_measure(i) {
+                    Measure::Length => system.characteristic_length(),
+                    Measure::Angle => 1.0,
+                })
+                .collect(),
+            Projection::Basis(_) => vec![1.0; ndof],
+        };
+        Self {
+            scale,
+            point: vec![0.0; 2 * ndof + sizes.extra_states],
+            base: vec![0.0; ndof],
+            base_z_rate: vec![0.0; sizes.extra_states],
+            base_v: vec![0.0; sizes.coordinates],
+            slope: vec![0.0; ndof],
+            velocities: vec![0.0; sizes.coordinates * ndof],
+        }
+    }
+
+    /// Fills `form.blocks` at (t, w) and leaves the form evaluated there.
+    pub(super) fn evaluate(
+        &mut self,
+        form: &mut FirstOrder,
+        t: f64,
+        w: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        let (ndof, n) = (self.base.len(), self.base_v.len());
+        form.return_to(t, w)?;
+        form.blocks.evaluate_mass(&mut form.manifold);
+        form.start.copy_from(form.manifold.chart());
+        self.project_acceleration(form, true);
+        self.base_z_rate.copy_from_slice(&form.z_rate);
+        self.base_v.copy_from_slice(&form.state.v);
+        self.point.copy_from_slice(w);
+        for k in 0..w.len() {
+            let size = if k < 2 * ndof { self.scale[k % ndof] } else { 1.0 };
+            let moved = w[k] + f64::EPSILON.sqrt() * w[k].abs().max(size);
+            let inverse = 1.0 / (moved - w[k]);
+            self.point[k] = moved;
+            form.evaluate(t, &self.point, true)?;
+            self.point[k] = w[k];
+            self.project_acceleration(form, false);
+            for (slope, base) in self.slope.iter_mut().zip(&self.base) {
+                *slope = -inverse * (*slope - base);
+            }
+            let b = &mut form.blocks;
+            for (row, mass) in b.mass.chunks_exact(ndof.max(1)).enumerate() {
+                let x = mass.iter().zip(&self.slope).map(|(m, s)| m * s).sum();
+                match k {
+                    k if k < ndof => b.stiffness[row * ndof + k] = x,
+                    k if k < 2 * ndof => b.damping[row * ndof + k - ndof] = x,
+                    k => b.force_extra[(k - 2 * ndof) * ndof + row] = x,
+                }
+            }
+            for (j, (rate, base)) in form.z_rate.iter().zip(&self.base_z_rate).enumerate() {
+                let x = inverse * (rate - base);
+                match k {
+                    k if k < ndof => b.extra_position[j * ndof + k] = x,
+                    k if k < 2 * ndof => b.extra_velocity[j * ndof + k - ndof] = x,
+                    k if k - 2 * ndof == j => b.extra_extra[j] = x,
+                    _ => {} // extra states do not act on each other directly
+                }
+            }
+            if k < ndof {
+                let column = &mut self.velocities[k * n..(k + 1) * n];
+                for (out, (v, base)) in column.iter_mut().zip(form.state.v.iter().zip(&self.base_v))
+                {
+                    *out = inverse * (v - base);
+                }
+            }
+        }
+        // The factors of the point itself are wanted by what follows.
+        form.state.q.copy_from_slice(&form.anchor);
+        form.evaluate(t, w, true).map(|_| ())
+    }
+
+    fn project_acceleration(&mut self, form: &FirstOrder, base: bool) {
+        let target = if base { &mut self.base } else { &mut self.slope };
+        form.manifold.chart().parametrization().project(&form.state.a, target);
+    }
+
+    /// dv += q̇_v δp.
+    pub(super) fn add_velocities(&self, change: &[f64], dv: &mut [f64]) {
+        for (column, x) in self.velocities.chunks_exact(dv.len().max(1)).zip(change) {
+            for (out, c) in dv.iter_mut().zip(column) {
+                *out += c * x;
+            }
+        }
+    }
+}
