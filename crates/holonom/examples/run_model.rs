@@ -1,6 +1,8 @@
 //! Runs a model file and prints what came out: `cargo run --release --example run_model --
 //! models/hmmwv14/model.toml ForSDIRK 1e-3`. Method, tolerance and end time are optional.
 
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "an example talks to its reader")]
+
 use holonom::io::{Document, Syntax};
 use holonom::method::Code;
 use holonom::model::Tolerance;

@@ -12,11 +12,11 @@ use holonom::simulation::{Options, OutputTimes};
 use serde_json::json;
 
 /// Values of the channels at eight times, which fixed steps hit.
-fn series(model: &Model, options: Options, end: f64, channels: &[&str]) -> Vec<f64> {
+fn series(model: &Model, options: &Options, end: f64, channels: &[&str]) -> Vec<f64> {
     let options = Options {
         output: OutputTimes::Listed((1..=8).map(|k| f64::from(k) * end / 8.0).collect()),
         channels: channels.iter().map(|&c| c.to_owned()).collect(),
-        ..options
+        ..options.clone()
     };
     let outcome = run_model(model, &options);
     channels.iter().flat_map(|channel| outcome.series(channel, 0)).collect()
@@ -29,12 +29,12 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
 /// Halves the step twice from `steps` steps and compares with a run by an explicit code.
 #[track_caller]
 fn assert_order_4(model: &Model, end: f64, steps: u32, channels: &[&str]) {
-    let truth = series(model, options(Code::Dopri5, 1e-13, end), end, channels);
+    let truth = series(model, &options(Code::Dopri5, 1e-13, end), end, channels);
     for code in [Code::ForSdirk, Code::ForRosen] {
         let error = |steps: u32| {
             let fixed_step = Some(end / f64::from(steps));
             let options = Options { fixed_step, ..options(code, 1e-3, end) };
-            difference(&series(model, options, end, channels), &truth)
+            difference(&series(model, &options, end, channels), &truth)
         };
         let (coarse, fine) = (error(steps), error(4 * steps));
         let order = (coarse / fine).log2() / 2.0;

@@ -41,7 +41,6 @@ impl FullOrder {
     }
 
     /// Explicit formulas have no Jacobian: nothing changes.
-    #[expect(clippy::unused_self, reason = "one of the forms that a run may have")]
     pub fn set_jacobian(&mut self, _source: JacobianSource) {}
 
     /// The manifold with its factors at the last evaluation.
