@@ -216,11 +216,13 @@ impl Manifold {
         if self.size_of(&self.correction) <= 0.5 * predicted + 1e3 * noise {
             return Ok(());
         }
+        let moved = self.system.coordinate_name(largest_index(&self.correction));
         Err(EvaluationFailure {
             code: "simulation/branch",
-            message: "the dependent coordinates would leave the branch of the mechanism that was \
-                      followed so far"
-                .into(),
+            message: format!(
+                "coordinate `{moved}` would leave the branch of the mechanism that was followed so \
+                 far"
+            ),
         })
     }
 

@@ -86,5 +86,13 @@ fn failure(cause: Option<Rejection>, time: f64, step_size: f64) -> StopReason {
             "look for a jump in a force law there, or loosen the tolerance",
         ),
     };
-    StopReason { code, message, time, step_size, item: None, help }
+    let item = named_item(&message);
+    StopReason { code, message, time, step_size, item, help }
+}
+
+/// The joint, body or coordinate that a message names: names stand between backticks.
+fn named_item(message: &str) -> Option<String> {
+    let mut parts = message.split('`');
+    parts.next();
+    parts.next().filter(|name| !name.is_empty()).map(str::to_owned)
 }
