@@ -1,0 +1,51 @@
+//! The same model and options give the same bits.
+
+mod common;
+
+use common::{ALL_CODES, model, model_of, options, run_model};
+use holonom::method::Code;
+use holonom::model::Model;
+use holonom::simulation::{Options, OutputTimes, Statistics};
+
+/// Every bit of the rows, the step log and the counted work of a run.
+fn bits(model: &Model, code: Code, end: f64) -> (Vec<u64>, Vec<u64>) {
+    let channels = vec!["energy.imbalance".to_owned(), "constraint.acceleration".to_owned()];
+    let output = OutputTimes::Interval(end / 20.0);
+    let options = Options { output, channels, ..options(code, 1e-4, end) };
+    let outcome = run_model(model, &options);
+    let all = &outcome.rows.all;
+    let steps = all.steps.iter().flat_map(|s| [s.t, s.h, s.error, s.condition]);
+    let rows = [&all.time, &all.q, &all.v, &all.a, &all.lambda, &all.z, &all.ledger];
+    let values = rows.into_iter().chain(&all.channels).flatten().copied();
+    assert!(all.q.len() > 20);
+    // Wall times are the only thing that may differ.
+    let Statistics { steps: accepted, evaluations, jacobians, iterations, corrections, .. } =
+        outcome.summary.statistics;
+    let work = vec![accepted, evaluations, jacobians, iterations, corrections];
+    (values.chain(steps).map(f64::to_bits).collect(), work)
+}
+
+#[test] // independent truth: the first of the two runs
+fn two_runs_give_the_same_bits() {
+    for code in ALL_CODES {
+        let andrews = model("andrews");
+        assert!(bits(&andrews, code, 0.01) == bits(&andrews, code, 0.01), "{code:?}");
+        let telescope = model_of(common::DRIVEN_TELESCOPE);
+        assert!(bits(&telescope, code, 1.0) == bits(&telescope, code, 1.0), "{code:?}");
+    }
+    let vehicle = model("hmmwv14");
+    for code in [Code::ForSdirk, Code::ForRosen] {
+        assert!(bits(&vehicle, code, 0.7) == bits(&vehicle, code, 0.7), "{code:?}");
+    }
+}
+
+#[test] // independent truth: the run on this thread
+fn a_run_on_another_thread_gives_the_same_bits() {
+    let here = bits(&model("andrews"), Code::ForSdirk, 0.01);
+    let threads: Vec<_> = (0..3)
+        .map(|_| std::thread::spawn(|| bits(&model("andrews"), Code::ForSdirk, 0.01)))
+        .collect();
+    for thread in threads {
+        assert!(thread.join().expect("the run ends") == here);
+    }
+}

@@ -1,0 +1,229 @@
+//! What must not matter: where a model stands, how its ground frame is turned, how its bodies are
+//! numbered. The independent truth is the run of the untouched model.
+
+mod common;
+
+use common::{DRIVEN_TELESCOPE, SPATIAL_SLIDER_CRANK, model, model_of, options, run_model};
+use holonom::method::Code;
+use holonom::model::{Dimension, DriverKind, ForceKind, Frame, Model, Orientation, Road};
+use holonom::simulation::{Options, OutputTimes};
+
+/// A rotation by Euler parameters, about z for planar models, and a translation.
+#[derive(Clone, Copy)]
+struct Placement {
+    turn: [f64; 4],
+    shift: [f64; 3],
+}
+
+impl Placement {
+    fn turned(self, v: [f64; 3]) -> [f64; 3] {
+        let [w, x, y, z] = self.turn;
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let once = cross([x, y, z], v);
+        let twice = cross([x, y, z], once);
+        std::array::from_fn(|k| v[k] + 2.0 * (w * once[k] + twice[k]))
+    }
+
+    fn placed(self, point: [f64; 3]) -> [f64; 3] {
+        let turned = self.turned(point);
+        std::array::from_fn(|k| turned[k] + self.shift[k])
+    }
+
+    fn angle(self) -> f64 {
+        2.0 * self.turn[3].atan2(self.turn[0])
+    }
+
+    fn orientation(self, orientation: Orientation) -> Orientation {
+        match orientation {
+            Orientation::Angle(angle) => Orientation::Angle(angle + self.angle()),
+            Orientation::EulerParameters([b0, b1, b2, b3]) => {
+                let [a0, a1, a2, a3] = self.turn;
+                Orientation::EulerParameters([
+                    a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
+                    a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
+                    a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
+                    a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
+                ])
+            }
+        }
+    }
+
+    fn frame(self, frame: &mut Frame) {
+        if frame.body.is_none() {
+            frame.point = self.placed(frame.point);
+            for column in 0..3 {
+                let axis = self.turned([0, 1, 2].map(|row| frame.axes[row][column]));
+                (0..3).for_each(|row| frame.axes[row][column] = axis[row]);
+            }
+        }
+    }
+
+    /// The whole model, its ground and its gravity, placed elsewhere.
+    fn model(self, model: &Model) -> Model {
+        let mut out = model.clone();
+        out.gravity = self.turned(out.gravity);
+        for body in &mut out.bodies {
+            body.position = self.placed(body.position);
+            body.orientation = self.orientation(body.orientation);
+        }
+        for stated in &mut out.initial.bodies {
+            stated.position = stated.position.map(|p| self.placed(p));
+            stated.orientation = stated.orientation.map(|o| self.orientation(o));
+            stated.velocity = stated.velocity.map(|v| self.turned(v));
+            stated.angular_velocity = stated.angular_velocity.map(|v| self.turned(v));
+        }
+        out.joints.iter_mut().flat_map(|j| &mut j.frames).for_each(|f| self.frame(f));
+        for driver in &mut out.drivers {
+            assert!(matches!(driver.kind, DriverKind::Translation), "angles would need a shift");
+            driver.frames.iter_mut().for_each(|f| self.frame(f));
+        }
+        for force in &mut out.forces {
+            match &mut force.kind {
+                ForceKind::Tsda { frames, .. }
+                | ForceKind::Rsda { frames, .. }
+                | ForceKind::Maxwell { frames, .. }
+                | ForceKind::Bushing { frames, .. } => {
+                    frames.iter_mut().for_each(|f| self.frame(f));
+                }
+                ForceKind::Tyre(tyre) => match &mut tyre.road {
+                    Road::SmoothBump { center, .. } => *center += self.shift[0],
+                    road => panic!("no placement of {road:?}"),
+                },
+                ForceKind::Torque { .. } => assert_eq!(model.dimension, Dimension::Planar),
+                ForceKind::PointForce { .. } => panic!("components would have to be turned"),
+            }
+        }
+        out
+    }
+}
+
+/// Positions of all body origins at ten times, and the number of steps.
+fn positions(model: &Model, code: Code, tolerance: f64, end: f64) -> (Vec<[f64; 3]>, u64) {
+    let names: Vec<String> = model.bodies.iter().map(|b| format!("{}.position", b.name)).collect();
+    let options = Options {
+        output: OutputTimes::Interval(end / 10.0),
+        channels: names.clone(),
+        ..options(code, tolerance, end)
+    };
+    let outcome = run_model(model, &options);
+    let size = if model.dimension == Dimension::Planar { 2 } else { 3 };
+    let rows = outcome.times().len();
+    let mut out = Vec::new();
+    for name in &names {
+        let columns: Vec<_> = (0..size).map(|k| outcome.series(name, k)).collect();
+        let component = |row: usize, k: usize| columns.get(k).map_or(0.0, |c| c[row]);
+        out.extend((0..rows).map(|row| [0, 1, 2].map(|k| component(row, k))));
+    }
+    (out, outcome.summary.statistics.steps)
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+fn steps_agree(a: u64, b: u64) -> bool {
+    a.abs_diff(b) as f64 <= (0.05 * a as f64).max(1.0)
+}
+
+#[track_caller]
+fn assert_invariant(model: &Model, placement: Placement, code: Code, tolerance: f64, end: f64) {
+    let (here, steps) = positions(model, code, tolerance, end);
+    let (there, steps_there) = positions(&placement.model(model), code, tolerance, end);
+    assert!(steps_agree(steps, steps_there), "{code:?}: {steps} steps, elsewhere {steps_there}");
+    let difference =
+        here.iter().zip(there).map(|(&a, b)| distance(placement.placed(a), b)).fold(0.0, f64::max);
+    assert!(difference < 10.0 * tolerance, "{code:?}: {difference:.2e} m at {tolerance:e}");
+}
+
+const FAR_AND_TURNED: Placement = Placement {
+    turn: [0.939_372_712_847_378_9, 0.0, 0.0, 0.342_897_807_455_451_4], // 0.7 rad about z
+    shift: [1e4, -0.7e4, 0.0],
+};
+
+/// Codes that reach the end of stiff models in a short time.
+const IMPLICIT: [Code; 2] = [Code::ForSdirk, Code::ForRosen];
+
+#[test]
+fn planar_models_run_alike_everywhere() {
+    let models = [
+        ("simple_pendulum", 3.0),
+        ("double_pendulum", 2.0),
+        ("andrews", 0.03),
+        ("slider_crank", 0.6),
+    ];
+    for (name, end) in models {
+        for code in IMPLICIT {
+            assert_invariant(&model(name), FAR_AND_TURNED, code, 1e-5, end);
+        }
+    }
+    for code in [Code::Deabm, Code::Dopri5] {
+        assert_invariant(&model("slider_crank"), FAR_AND_TURNED, code, 1e-5, 0.6);
+    }
+}
+
+#[test]
+fn a_spatial_model_runs_alike_everywhere() {
+    // About (1, 2, 2)/3 by 2 rad.
+    let (sin, cos) = 1f64.sin_cos();
+    let turn = [cos, sin / 3.0, 2.0 * sin / 3.0, 2.0 * sin / 3.0];
+    let placement = Placement { turn, shift: [1e4, -0.7e4, 0.3e4] };
+    for code in [Code::ForSdirk, Code::ForRosen, Code::Deabm] {
+        assert_invariant(&model_of(DRIVEN_TELESCOPE), placement, code, 1e-5, 3.0);
+    }
+}
+
+#[test]
+fn the_vehicle_rides_alike_on_another_stretch_of_road() {
+    let placement = Placement { turn: [1.0, 0.0, 0.0, 0.0], shift: [1e4, -0.7e4, 0.0] };
+    for code in IMPLICIT {
+        assert_invariant(&model("hmmwv14"), placement, code, 1e-3, 5.0);
+    }
+}
+
+/// The model with its bodies in reverse order.
+fn renumbered(model: &Model) -> Model {
+    let mut out = model.clone();
+    let last = out.bodies.len() - 1;
+    out.bodies.reverse();
+    out.initial.bodies.reverse();
+    let frame = |frame: &mut Frame| frame.body = frame.body.map(|b| last - b);
+    out.joints.iter_mut().flat_map(|j| &mut j.frames).for_each(frame);
+    out.drivers.iter_mut().flat_map(|d| &mut d.frames).for_each(frame);
+    for force in &mut out.forces {
+        match &mut force.kind {
+            ForceKind::Tsda { frames, .. }
+            | ForceKind::Rsda { frames, .. }
+            | ForceKind::Maxwell { frames, .. }
+            | ForceKind::Bushing { frames, .. } => frames.iter_mut().for_each(frame),
+            ForceKind::Tyre(tyre) => frame(&mut tyre.frame),
+            ForceKind::PointForce { frame: point, .. } => frame(point),
+            ForceKind::Torque { body, reaction, .. } => {
+                *body = body.map(|b| last - b);
+                *reaction = reaction.map(|b| last - b);
+            }
+        }
+    }
+    out
+}
+
+#[test]
+fn numbering_of_bodies_does_not_matter() {
+    let models = [
+        ("andrews", model("andrews"), 1e-5, 0.03),
+        ("double pendulum", model("double_pendulum"), 1e-5, 2.0),
+        ("slider-crank in space", model_of(SPATIAL_SLIDER_CRANK), 1e-6, 1.0),
+        ("vehicle", model("hmmwv14"), 1e-3, 1.0),
+    ];
+    for (name, model, tolerance, end) in models {
+        let (mut here, steps) = positions(&model, Code::ForSdirk, tolerance, end);
+        let (there, steps_there) = positions(&renumbered(&model), Code::ForSdirk, tolerance, end);
+        assert!(steps_agree(steps, steps_there), "{name}: {steps} steps, {steps_there}");
+        // Rows come body by body.
+        let rows = here.len() / model.bodies.len();
+        here = here.chunks(rows).rev().flatten().copied().collect();
+        let difference = here.iter().zip(there).map(|(&a, b)| distance(a, b)).fold(0.0, f64::max);
+        assert!(difference < 10.0 * tolerance, "{name}: {difference:.2e} m at {tolerance:e}");
+    }
+}
