@@ -5,7 +5,7 @@ mod common;
 use common::{LIBRARY, Outcome, model, options, run_from, run_model};
 use holonom::method::Code;
 use holonom::model::Tolerance;
-use holonom::simulation::Status;
+use holonom::simulation::{Options, OutputTimes, Status};
 
 /// Simulated time of a model, s. For explicit codes a time that stability lets them reach in a few
 /// thousand steps, from a state (at the first number) that is not at rest.
@@ -43,7 +43,7 @@ fn assert_kept(what: &str, outcome: &Outcome, tolerance: f64) {
 fn assert_library_kept(tolerance: f64) {
     for name in LIBRARY {
         let (model, (end, explicit)) = (model(name), spans(name));
-        for code in [Code::ForSdirk, Code::ForRosen] {
+        for code in [Code::ForSdirk, Code::ForRosen, Code::ForRadau] {
             let outcome = run_from(&model, &options(code, tolerance, end), None);
             assert_kept(&format!("{name} by {code:?}"), &outcome, tolerance);
         }
@@ -85,7 +85,7 @@ fn the_pendulum_keeps_its_energy() {
 #[test] // independent truth: the value ½ m v² + m g z computed here from the channels
 fn energy_channels_are_those_of_the_motion() {
     let mut options = options(Code::ForSdirk, 1e-6, 2.0);
-    options.output = holonom::simulation::OutputTimes::Interval(0.1);
+    options.output = OutputTimes::Interval(0.1);
     options.tolerance = Tolerance::uniform(1e-6);
     options.channels = ["bob.position", "bob.velocity", "energy.kinetic", "energy.potential"]
         .map(str::to_owned)
@@ -99,5 +99,57 @@ fn energy_channels_are_those_of_the_motion() {
     for i in 0..height.len() {
         assert!((kinetic[i] - 0.5 * (vx[i] * vx[i] + vy[i] * vy[i])).abs() < 1e-12);
         assert!((potential[i] - 9.81 * height[i]).abs() < 1e-12);
+    }
+}
+
+/// A point of a body, in ground axes, from the body's pose: position and Euler parameters.
+fn point(position: [f64; 3], e: [f64; 4], s: [f64; 3]) -> [f64; 3] {
+    let [w, x, y, z] = e;
+    let rows = [
+        [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ];
+    std::array::from_fn(|i| position[i] + (0..3).map(|j| rows[i][j] * s[j]).sum::<f64>())
+}
+
+#[test] // independent truth: points turned here, lengths of the design configuration
+fn the_vehicle_keeps_its_joints_between_steps_too() {
+    let model = model("hmmwv14");
+    let joint = |name: &str| model.joints.iter().find(|j| j.name == name).expect("a joint");
+    let names = ["upper_ball_front_right", "lower_ball_rear_left", "tie_rod_front_right"];
+    let mut channels = Vec::new();
+    for frame in names.iter().flat_map(|name| joint(name).frames) {
+        let body = &model.bodies[frame.body.expect("a moving body")].name;
+        channels.push(format!("{body}.position"));
+        channels.push(format!("{body}.euler_parameters"));
+    }
+    for code in [Code::ForSdirk, Code::ForRosen, Code::ForRadau] {
+        let options = Options {
+            output: OutputTimes::Interval(0.013),
+            channels: channels.clone(),
+            ..options(code, 1e-3, 1.0)
+        };
+        let outcome = run_model(&model, &options);
+        let row = |channel: &str, row: usize| -> Vec<f64> {
+            let size = if channel.ends_with("position") { 3 } else { 4 };
+            (0..size).map(|k| outcome.series(channel, k)[row]).collect()
+        };
+        let mut largest = 0.0f64;
+        for i in 0..outcome.times().len() {
+            for name in names {
+                let ends = joint(name).frames.map(|frame| {
+                    let body = &model.bodies[frame.body.expect("a moving body")].name;
+                    let r = row(&format!("{body}.position"), i).try_into().expect("three");
+                    let e = row(&format!("{body}.euler_parameters"), i).try_into().expect("four");
+                    point(r, e, frame.point)
+                });
+                let [a, b] = ends;
+                let distance = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
+                let length = if name.starts_with("tie_rod") { 0.386537060632121 } else { 0.0 };
+                largest = largest.max((distance - length).abs());
+            }
+        }
+        assert!(largest < 1e-10, "{code:?}: a joint is open by {largest:.1e} m");
     }
 }

@@ -34,7 +34,7 @@ fn two_runs_give_the_same_bits() {
         assert!(bits(&telescope, code, 1.0) == bits(&telescope, code, 1.0), "{code:?}");
     }
     let vehicle = model("hmmwv14");
-    for code in [Code::ForSdirk, Code::ForRosen] {
+    for code in [Code::ForSdirk, Code::ForRosen, Code::ForRadau] {
         assert!(bits(&vehicle, code, 0.7) == bits(&vehicle, code, 0.7), "{code:?}");
     }
 }

@@ -143,7 +143,7 @@ const FAR_AND_TURNED: Placement = Placement {
 };
 
 /// Codes that reach the end of stiff models in a short time.
-const IMPLICIT: [Code; 2] = [Code::ForSdirk, Code::ForRosen];
+const IMPLICIT: [Code; 3] = [Code::ForSdirk, Code::ForRosen, Code::ForRadau];
 
 #[test]
 fn planar_models_run_alike_everywhere() {

@@ -90,7 +90,7 @@ fn assert_vehicle(code: Code, tolerance: f64, end: f64, allowed: f64) {
 
 #[test] // independent truth: tangent-space coordinates, Radau IIA
 fn the_vehicle_follows_its_reference_over_the_bump() {
-    for code in [Code::ForSdirk, Code::ForRosen] {
+    for code in [Code::ForSdirk, Code::ForRosen, Code::ForRadau] {
         assert_vehicle(code, 1e-3, 2.0, 1e-3);
         assert_vehicle(code, 1e-6, 2.0, 1e-5);
         assert_vehicle(code, 1e-6, 2.5, 1e-4);
