@@ -4,6 +4,7 @@ mod common;
 
 use common::{model, reference};
 use holonom::method::Code;
+use holonom::simulation::{Options, OutputTimes};
 
 /// Fails when a column differs from the reference by more than `allowed`.
 #[track_caller]
@@ -104,4 +105,26 @@ fn the_vehicle_with_bushings_rides_like_the_one_with_stays() {
     let height = reference.differences(&outcome)[1].clone();
     assert_eq!(height.0, "chassis.position[2]");
     assert!(height.1 < 2e-3, "chassis height differs by {:.1e} m", height.1);
+}
+
+#[test] // independent truth: the files themselves
+fn every_model_runs_as_its_file_says() {
+    for name in common::LIBRARY {
+        let model = model(name);
+        let (stated, outputs) = (&model.simulation, &model.outputs);
+        let end = stated.end_time.unwrap_or_else(|| panic!("{name} states no end time"));
+        let interval = outputs.interval.unwrap_or_else(|| panic!("{name} states no interval"));
+        assert!(!outputs.channels.is_empty() && !model.title.is_empty(), "{name}");
+        let mut options = Options::new(end);
+        options.tolerance = stated.tolerance.unwrap_or(options.tolerance);
+        options.output = OutputTimes::Interval(interval);
+        options.channels.clone_from(&outputs.channels);
+        let outcome = common::run_model(&model, &options);
+        assert_eq!(outcome.times().len(), (end / interval).round() as usize + 1, "{name}");
+        assert_eq!(outcome.times().last(), Some(&end), "{name}");
+        for channel in &outputs.channels {
+            let values = outcome.series(channel, 0);
+            assert!(values.iter().all(|x| x.is_finite()), "{name}: {channel}");
+        }
+    }
 }
