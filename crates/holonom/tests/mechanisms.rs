@@ -128,3 +128,68 @@ fn every_model_runs_as_its_file_says() {
         }
     }
 }
+
+/// The N four-bar mechanism of the IFToMM library (problem A02) for N = 2: three upright rods of
+/// 1 m, joined by two horizontal ones. It passes positions in which all rods lie in one line.
+fn two_four_bars() -> String {
+    let mut text = String::from(
+        "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n[initial.bodies]\n\
+         upright_0 = { angular_velocity = -1.0 }\n[bodies]\n",
+    );
+    let rod = |name: String, x: f64, y: f64| {
+        format!(
+            "{name} = {{ mass = 1.0, inertia = 0.08333333333333333, position = [{x:?}, {y:?}] }}\n"
+        )
+    };
+    let pin = |name: String, first: String, second: String, x: i32, y: i32| {
+        format!(
+            "{name} = {{ type = \"revolute\", between = [\"{first}\", \"{second}\"], \
+             point = [{x}.0, {y}.0] }}\n"
+        )
+    };
+    for k in 0..3 {
+        text += &rod(format!("upright_{k}"), f64::from(k), 0.5);
+    }
+    for k in 1..3 {
+        text += &rod(format!("bar_{k}"), f64::from(k) - 0.5, 1.0);
+    }
+    text += "[joints]\n";
+    for k in 0..3 {
+        text += &pin(format!("foot_{k}"), "ground".into(), format!("upright_{k}"), k, 0);
+    }
+    for k in 1..3 {
+        let (left, bar) = (format!("upright_{}", k - 1), format!("bar_{k}"));
+        text += &pin(format!("left_{k}"), left, bar.clone(), k - 1, 1);
+        text += &pin(format!("right_{k}"), format!("upright_{k}"), bar, k, 1);
+    }
+    text
+}
+
+#[test] // independent truth: the one equation of the parallelogram branch, DOP853
+fn the_four_bars_pass_their_singular_positions_on_the_same_branch() {
+    let model = common::model_of(&two_four_bars());
+    // x of the upper end of the first rod, twice that of its middle, at 1, 2, … 8 s
+    let expected = [
+        -0.19502030194949888,
+        0.05781579576768689,
+        -0.5493397392986787,
+        0.11761610237563318,
+        -0.8113104610002243,
+        0.18138112622086816,
+        -0.9582707548885849,
+        0.2510559146237836,
+    ];
+    for code in common::ALL_CODES {
+        let options = Options {
+            output: OutputTimes::Interval(1.0),
+            channels: vec!["upright_0.position".into()],
+            ..common::options(code, 1e-6, 8.0)
+        };
+        let outcome = common::run_model(&model, &options);
+        let found = outcome.series("upright_0.position", 0);
+        for (k, (x, expected)) in found[1..].iter().zip(expected).enumerate() {
+            let error = (2.0 * x - expected).abs();
+            assert!(error < 1e-3, "{code:?} at {} s: {error:.1e} m", k + 1);
+        }
+    }
+}
