@@ -14,6 +14,8 @@ from typing import Any
 
 from holonom._core import version as _version
 from holonom.check import CheckReport
+from holonom.compare import compare
+from holonom.comparison import Comparison, ComparisonInterrupted
 from holonom.errors import (
     FileError,
     HolonomError,
@@ -31,6 +33,8 @@ __version__ = _version()
 
 __all__ = [
     "CheckReport",
+    "Comparison",
+    "ComparisonInterrupted",
     "FileError",
     "HolonomError",
     "Interrupted",
@@ -42,6 +46,7 @@ __all__ = [
     "SimulationError",
     "Tolerance",
     "UsageError",
+    "compare",
     "load",
     "methods",
     "simulate",

@@ -90,7 +90,17 @@ class HolonomError(Exception):
 
 
 class UsageError(HolonomError, ValueError):
-    """An option or argument that cannot be used: unknown channel, negative tolerance, …."""
+    """An option or argument that cannot be used: unknown channel, negative tolerance, ….
+
+    Attributes
+    ----------
+    code : str
+        Stable code, such as ``simulation/unknown-method``.
+    """
+
+    def __init__(self, message: str, code: str = "simulation/option") -> None:
+        super().__init__(message)
+        self.code = code
 
 
 class FileError(HolonomError, OSError):
@@ -206,5 +216,7 @@ def translated() -> Iterator[None]:
     except _core.SimulationError as error:
         data = json.loads(error.args[0])
         raise (
-            UsageError(describe(data)) if data.get("code") in _USAGE else SimulationError(data)
+            UsageError(describe(data), data["code"])
+            if data.get("code") in _USAGE
+            else SimulationError(data)
         ) from None

@@ -178,7 +178,7 @@ class Model:
 
         if on_failure not in ("raise", "return"):
             raise UsageError(f"`on_failure` is {on_failure!r}; it must be 'raise' or 'return'")
-        options = _options(choices)
+        options = Options.of(choices)
         target = None if output is None else Path(output)
         return run(self, options, start, target, on_failure == "raise", progress)
 
@@ -283,16 +283,6 @@ def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
             raise UsageError(f"there is no channel `{pattern}`{hint}")
         found |= dict.fromkeys(hits)
     return list(found)
-
-
-def _options(choices: Mapping[str, Any]) -> Options:
-    known = list(Options.__dataclass_fields__)
-    for name in choices:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = f"; did you mean `{near[0]}`?" if near else f"; known are {', '.join(known)}"
-            raise UsageError(f"there is no option `{name}`{hint}")
-    return Options(**choices)
 
 
 def _plain(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import itertools
 import json
 import math
@@ -167,6 +168,23 @@ class Options:
             raise UsageError(
                 f"`end_time` {self.end_time} s lies before `start_time` {self.start_time} s"
             )
+
+    @classmethod
+    def of(cls, choices: Mapping[str, Any]) -> Options:
+        """Return options by name; a name that is none is refused with the nearest.
+
+        Raises
+        ------
+        UsageError
+            If there is no such option, or its value cannot be used.
+        """
+        known = list(cls.__dataclass_fields__)
+        for name in choices:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, n=1)
+                hint = f"; did you mean `{near[0]}`?" if near else f"; known are {', '.join(known)}"
+                raise UsageError(f"there is no option `{name}`{hint}")
+        return cls(**choices)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the stated choices as plain data."""

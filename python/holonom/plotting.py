@@ -28,13 +28,15 @@ except ModuleNotFoundError as error:
     ) from None
 
 if TYPE_CHECKING:
+    from holonom.comparison import Comparison
     from holonom.result import Result
 
 Series = NDArray[np.float64]
 
-#: Four colours that stay apart for colour-blind readers, on light and on dark paper.
+#: Colours that stay apart for colour-blind readers, on light and on dark paper.
 COLORS = ("#3f7fbf", "#d9792b", "#3d9a6a", "#b0589f", "#8a7a3c", "#6f6f9f")
 REJECTED = "#cc4444"
+MARKERS = "osD^vPX"
 #: Points drawn per line; more would not be seen.
 POINTS = 3000
 
@@ -151,6 +153,40 @@ def energy(result: Result, names: Sequence[str]) -> Figure:
             axes[1].plot(*thinned(result.time, result["energy.imbalance"]), color=REJECTED)
             axes[1].set_ylabel("imbalance, J")
         axes[-1].set_xlabel("time, s")
+    return figure
+
+
+def work_precision(comparison: Comparison, path: Path | None = None) -> Figure:
+    """Draw errors against processor time; see `Comparison.plot`."""
+    lines = {
+        method: [
+            (seconds, error)
+            for row in sorted(comparison.of(method), key=lambda row: -row.tolerance.relative)
+            if (seconds := row.cpu_seconds) and (error := comparison.error(row))
+        ]
+        for method in comparison.methods
+    }
+    if not any(lines.values()):
+        raise UsageError("there is nothing to draw: no run completed and was timed")
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+        axes = figure.subplots()
+        for number, (method, points) in enumerate(lines.items()):
+            if points:
+                color, marker = COLORS[number % len(COLORS)], MARKERS[number % len(MARKERS)]
+                x, y = zip(*points, strict=True)
+                axes.plot(x, y, marker=marker, markersize=5, color=color, label=method)
+        if comparison.doubt:
+            text = "reference, by its check"
+            axes.axhline(comparison.doubt, color=_INK, linewidth=0.8, linestyle=":", label=text)
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        axes.set_xlabel("processor time, s")
+        axes.set_ylabel(comparison.error_label)
+        axes.set_title(comparison.model, loc="left", fontsize=9)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+    if path is not None:
+        save(figure, path)
     return figure
 
 

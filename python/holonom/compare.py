@@ -1,0 +1,507 @@
+"""Methods and tolerances run against each other, with a reference that is made on the spot."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom.accuracy import ComponentError, Target, Truth, targets
+from holonom.comparison import COUNTS, Comparison, ComparisonInterrupted, Reference, Row
+from holonom.errors import SimulationError, UsageError
+from holonom.model import Model
+from holonom.options import Options, Tolerance
+from holonom.options import methods as known_methods
+from holonom.result import Result
+from holonom.runs import Outcome, Task, run_task, side_by_side
+
+Series = NDArray[np.float64]
+
+#: Tolerances of the thesis's tables.
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
+#: Number of intervals between the output times, unless others are asked for.
+INTERVALS = 200
+#: The reference's tolerance as part of the tightest one compared, and the least that doubles allow.
+REFERENCE_FACTOR = 1e-3
+LEAST_TOLERANCE = 1e-12
+#: A reference whose check is off by more of the tightest tolerance is warned of.
+DOUBTFUL = 0.1
+#: Formulas by how cheaply they reach a tight tolerance on a stiff model; others come after them.
+_RANKED = ("radau5", "sdirk4_15", "sdirk4_16", "rosenbrock4")
+
+Progress = Callable[[float, int, str], None]
+
+
+def compare(
+    model: Model | str | Path,
+    *,
+    methods: Sequence[str | Mapping[str, Any]] | None = None,
+    tolerances: Sequence[float | Mapping[str, float] | Tolerance] = TOLERANCES,
+    end_time: float | None = None,
+    interval: float | None = None,
+    output_times: Sequence[float] | None = None,
+    channels: Sequence[str] | None = None,
+    reference: Result | str | Path | None = None,
+    reference_tolerance: float | Mapping[str, float] | Tolerance | None = None,
+    save_reference: str | Path | None = None,
+    start: Mapping[str, NDArray[np.float64]] | None = None,
+    repeat: int = 3,
+    processes: int | None = None,
+    progress: Progress | None = None,
+    **choices: Any,
+) -> Comparison:
+    """Run a model by several methods at several tolerances and compare them with a reference.
+
+    Parameters
+    ----------
+    model : Model or path
+    methods : sequence of str or mapping, optional
+        Codes such as ``ForSDIRK``, or options of a run with ``method`` among them:
+        ``{"method": "ForSDIRK", "jacobian": "differences"}``. All implicit codes by default.
+    tolerances : sequence of float, mapping or Tolerance, optional
+        As for a run; 1e-2 … 1e-5 by default.
+    end_time : float, optional
+        s; that of the model by default.
+    interval, output_times : float, sequence of float, optional
+        Times at which errors are taken, s. By default 200 equal intervals; with a given reference
+        up to 201 of its own times, so that nothing has to be interpolated.
+    channels : sequence of str, optional
+        Channels, components, patterns, ``positions`` (of all bodies, with their orientations; the
+        default) and ``velocities``. Euler parameters are compared as a rotation angle, 2·|δp|.
+    reference : Result or path, optional
+        A run to compare with. Without one it is made by the implicit code of highest order and
+        repeated by a code with another formula; their difference is part of the comparison.
+    reference_tolerance : float, mapping or Tolerance, optional
+        Of the reference made on the spot; by default 1/1000 of the tightest tolerance.
+    save_reference : path, optional
+        Result file for the reference made on the spot.
+    start : mapping, optional
+        State to start from, as `Result.state` returns it.
+    repeat : int, optional
+        Number of timed runs of every pair, one after the other and nothing beside them; the
+        median counts. 0 takes no times.
+    processes : int, optional
+        Number of processes for the runs that errors are taken from; the timed runs come after
+        them, alone. A script that asks for more than one needs ``if __name__ == "__main__":``.
+    progress : callable, optional
+        Called with the number of runs done, their total and what is being done.
+    **choices
+        Further `Options` of all the runs compared: ``max_seconds``, ``parametrization``, ….
+
+    Returns
+    -------
+    Comparison
+        A row for each method and tolerance; runs that failed are rows with their code.
+
+    Raises
+    ------
+    UsageError
+        If a choice cannot be used, or a given reference does not cover the run.
+    ModelError
+        If the initial state cannot be assembled.
+    SimulationError
+        If no reference could be made.
+    ComparisonInterrupted
+        If Ctrl-C ended it; its ``comparison`` holds the rows that were finished.
+    """
+    loaded = model if isinstance(model, Model) else Model.load(model)
+    wanted = targets(loaded, channels)
+    limits = list(dict.fromkeys(Tolerance.of(tolerance) for tolerance in tolerances))
+    codes = _codes(methods)
+    repeat = _count("repeat", repeat, 0)
+    processes = _count("processes", 1 if processes is None else processes, 1)
+    if not limits or not codes:
+        raise UsageError("give at least one method and one tolerance")
+    if reference is not None and (reference_tolerance is not None or save_reference is not None):
+        raise UsageError(
+            "`reference_tolerance` and `save_reference` belong to a reference made on the spot; "
+            "give them or `reference`"
+        )
+    for name, instead in (("method", "methods"), ("tolerance", "tolerances")):
+        if name in choices:
+            raise UsageError(f"give `{instead}`, a list, instead of `{name}`")
+    if start is not None:
+        choices = {**choices, "start_time": float(np.atleast_1d(start["time"])[0])}
+    given = Result.load(reference) if isinstance(reference, str | Path) else reference
+    options = Options.of(
+        {**choices, "end_time": end_time, "interval": interval, "output_times": output_times}
+    )
+    times, end = _times(loaded, options, given)
+    common = {**choices, "end_time": end, "output_times": times, "channels": []}
+    pairs = [
+        Task(label, {**common, **code, "tolerance": limit})
+        for label, code in codes.items()
+        for limit in limits
+    ]
+    for task in pairs:
+        Options.of(task.choices)  # refuses what no run can use before anything runs
+    if start is None:
+        loaded.check(spectrum=False)  # a model that cannot be assembled is an error of the whole
+
+    work = _Work(
+        model=loaded,
+        wanted=wanted,
+        times=times,
+        end=end,
+        limits=limits,
+        codes=codes,
+        pairs=pairs,
+        start=start,
+        repeat=repeat,
+        progress=progress,
+    )
+    if given is None:
+        begin = {"start_time": choices["start_time"]} if "start_time" in choices else {}
+        tolerance = _reference_tolerance(limits, reference_tolerance)
+        ahead = {**begin, "end_time": end, "output_times": times, "channels": []}
+        output = None if save_reference is None else Path(save_reference)
+        work.candidates = [
+            Task(name, {**ahead, "method": name, "tolerance": tolerance}, path)
+            for name, path in zip(_references(), (output, None), strict=False)
+        ]
+    else:
+        work.use(given)
+        if given is not reference:
+            given.close()
+    try:
+        work.run(processes)
+    except KeyboardInterrupt:
+        raise ComparisonInterrupted(work.comparison(interrupted=True)) from None
+    return work.comparison()
+
+
+@dataclass(slots=True, kw_only=True)
+class _Work:
+    """The runs of one comparison and what came of them."""
+
+    model: Model
+    wanted: list[Target]
+    times: Series
+    end: float
+    limits: list[Tolerance]
+    codes: dict[str, dict[str, Any]]
+    pairs: list[Task]
+    start: Mapping[str, Series] | None
+    repeat: int
+    progress: Progress | None
+    candidates: list[Task] = field(default_factory=list)
+    outcomes: dict[int, Outcome] = field(default_factory=dict)
+    samples: dict[int, list[float]] = field(default_factory=dict)
+    reference: Reference | None = None
+    truth: Truth | None = None
+    warnings: list[str] = field(default_factory=list)
+    done: int = 0
+    total: int = 0
+
+    @property
+    def channels(self) -> list[str]:
+        return list(dict.fromkeys(target.channel for target in self.wanted))
+
+    def use(self, given: Result) -> None:
+        """Take a given result as the reference."""
+        if given.meta.get("model_hash") not in (None, self.model.hash):
+            self.warnings.append("the reference is a run of another model, or of other values")
+        tolerance = given.options.get("tolerance")
+        self.reference = Reference(
+            method=str(given.meta.get("method") or given.options.get("method") or "unknown"),
+            tolerance=dict(tolerance) if isinstance(tolerance, dict) else {},
+            path="" if given.path is None else str(given.path),
+            steps=given.statistics.get("steps"),
+        )
+        values = {name: given.matrix(name) for name in self.channels}
+        self.truth = Truth(self.wanted, given.time, values, self.times)
+
+    def run(self, processes: int) -> None:
+        """Make the reference and all rows; Ctrl-C leaves what is finished."""
+        tasks = [*self.candidates, *self.pairs]
+        first = len(self.candidates)
+        alone = processes == 1
+        extra = max(self.repeat - 1, 0) if alone else self.repeat
+        self.total = len(tasks) + extra * len(self.pairs)
+        found: dict[int, Outcome] = {}
+        outcomes = self._one_by_one(tasks) if alone else self._together(tasks, processes)
+        with contextlib.closing(outcomes):
+            for index, outcome in outcomes:
+                self.done += 1
+                if index < first:
+                    found[index] = outcome
+                    if len(found) == first:
+                        self._settle(found)
+                    continue
+                pair = index - first
+                self.outcomes[pair] = outcome
+                if alone:
+                    if self.repeat and outcome.cpu_seconds is not None:
+                        self.samples[pair] = [outcome.cpu_seconds]
+                    self._time(pair, extra)
+        if not alone:
+            for pair in range(len(self.pairs)):
+                self._time(pair, extra)
+
+    def _settle(self, found: dict[int, Outcome]) -> None:
+        """Choose the reference from its candidates and check it by the other one."""
+        usable = [index for index in sorted(found) if found[index].completed]
+        if not usable:
+            raise SimulationError(
+                {**found[0].reason, "message": f"no reference could be made: {_said(found[0])}"}
+            )
+        chosen, *checks = usable
+        task, outcome = self.candidates[chosen], found[chosen]
+        self.truth = Truth(self.wanted, self.times, outcome.values, self.times)
+        tightest = _tightest(self.limits)
+        errors: list[ComponentError] = []
+        if checks:
+            errors = self.truth.errors(found[checks[0]].values, tightest)
+        self.reference = Reference(
+            method=task.label,
+            tolerance=_parts(task.choices["tolerance"]),
+            path="" if task.output is None or chosen else str(task.output),
+            steps=outcome.statistics.get("steps"),
+            check_method=self.candidates[checks[0]].label if checks else "",
+            check_errors=tuple(errors),
+        )
+        for index, failed in found.items():
+            if not failed.completed:
+                label = self.candidates[index].label
+                self.warnings.append(f"{label} could not repeat the reference: {_said(failed)}")
+        if (difference := self.reference.difference) is not None and difference > DOUBTFUL:
+            worst = max(errors, key=lambda error: error.scaled)
+            self.warnings.append(
+                f"the reference is in doubt: its check differs by {difference:.1e} of the tightest "
+                f"tolerance at `{worst.name}`; smaller errors than that cannot be told"
+            )
+
+    def _time(self, pair: int, times: int) -> None:
+        """Repeat a run for its processor time, with nothing beside it."""
+        task, outcome = self.pairs[pair], self.outcomes[pair]
+        for number in range(times):
+            if outcome.completed:
+                text = f"{_title(task)}, timing {number + 1} of {times}"
+                again = run_task(self.model, task, [], self.start, self._inside(text))
+                if again.cpu_seconds is not None:
+                    self.samples.setdefault(pair, []).append(again.cpu_seconds)
+            self.done += 1
+
+    def _one_by_one(self, tasks: list[Task]) -> Generator[tuple[int, Outcome], None, None]:
+        for index, task in enumerate(tasks):
+            title = f"reference by {_title(task)}" if index < len(self.candidates) else _title(task)
+            progress = self._inside(title)
+            yield index, run_task(self.model, task, self.channels, self.start, progress)
+
+    def _together(
+        self, tasks: list[Task], processes: int
+    ) -> Generator[tuple[int, Outcome], None, None]:
+        # The longest runs first: references, then tight tolerances.
+        order = sorted(range(len(tasks)), key=lambda i: tasks[i].choices["tolerance"].relative)
+        self._tell(0.0, f"{len(tasks)} runs in {processes} processes")
+        sorted_tasks = [tasks[i] for i in order]
+        runs = side_by_side(self.model, sorted_tasks, self.channels, self.start, processes)
+        with contextlib.closing(runs):
+            for place, outcome in runs:
+                self._tell(1.0, f"{_title(sorted_tasks[place])} done")
+                yield order[place], outcome
+
+    def _tell(self, fraction: float, text: str) -> None:
+        if self.progress is not None:
+            self.progress(self.done + fraction, self.total, text)
+
+    def _inside(self, text: str) -> Callable[[float, float, int], None]:
+        """Return the progress of one run, as part of that of the comparison."""
+        begin, span = float(self.times[0]), self.end - float(self.times[0])
+        self._tell(0.0, text)
+
+        def progress(time: float, _: float, steps: int) -> None:
+            fraction = min(max((time - begin) / span, 0.0), 1.0) if span > 0.0 else 0.0
+            self._tell(fraction, f"{text}, t {time:.4g} s, {steps} steps")
+
+        return progress
+
+    def comparison(self, *, interrupted: bool = False) -> Comparison:
+        """Return what there is."""
+        rows = [self._row(pair) for pair in sorted(self.outcomes)] if self.truth else []
+        warnings = self.warnings + ([] if self.truth is None else _coarse(rows))
+        return Comparison(
+            model=self.model.name,
+            model_hash=self.model.hash,
+            rows=tuple(rows),
+            reference=self.reference,
+            channels=tuple(target.name for target in self.wanted),
+            start_time=float(self.times[0]),
+            end_time=self.end,
+            n_times=int(self.times.size),
+            warnings=tuple(warnings),
+            interrupted=interrupted,
+        )
+
+    def _row(self, pair: int) -> Row:
+        task, outcome = self.pairs[pair], self.outcomes[pair]
+        tolerance = task.choices["tolerance"]
+        errors: list[ComponentError] = []
+        if outcome.completed and self.truth is not None:
+            errors = self.truth.errors(outcome.values, tolerance)
+        reason = {} if outcome.completed else outcome.reason
+        return Row(
+            method=task.label,
+            choices=self.codes[task.label],
+            tolerance=tolerance,
+            status=outcome.status,
+            code=str(reason.get("code", "")),
+            message=str(reason.get("message", "")),
+            counts={
+                name: count
+                for name, count in outcome.statistics.items()
+                if name in COUNTS or name.startswith("rejected_")
+            },
+            cpu_samples=tuple(self.samples.get(pair, ())),
+            errors=tuple(errors),
+        )
+
+
+def _codes(asked: Sequence[str | Mapping[str, Any]] | None) -> dict[str, dict[str, Any]]:
+    """Return the options of every method by its label."""
+    known = known_methods()
+    if asked is None:
+        asked = [entry["name"] for entry in known if entry["family"] != "explicit"]
+    if isinstance(asked, str | Mapping):
+        raise UsageError("`methods` is one method; it must be a list")
+    codes = {}
+    for entry in asked:
+        options = {"method": entry} if isinstance(entry, str) else dict(entry)
+        name, formula = options.pop("method", None), options.pop("formula", None)
+        hits = [
+            code["name"]
+            for code in known
+            if name == code["name"]
+            or (name == code["family"] and formula in (code["formula"], code["name"]))
+        ]
+        if len(hits) != 1:
+            raise UsageError(_unknown(name, formula, known))
+        if "tolerance" in options or "channels" in options:
+            raise UsageError("a method carries no `tolerance` and no `channels`; these are common")
+        label = " ".join([hits[0], *(f"{key}={value}" for key, value in options.items())])
+        codes[label] = {"method": hits[0], **options}
+    return codes
+
+
+def _unknown(name: object, formula: object, known: list[dict[str, str]]) -> str:
+    names = [code["name"] for code in known]
+    pairs = [f"{code['family']} with {code['formula']}" for code in known]
+    near = difflib.get_close_matches(str(name), names, n=1)
+    hint = f"did you mean `{near[0]}`? " if near and formula is None else ""
+    asked = f"`{name}`" + (f" with the formula `{formula}`" if formula is not None else "")
+    return f"there is no method {asked}; {hint}known are {', '.join(names)}, or {', '.join(pairs)}"
+
+
+def _references() -> list[str]:
+    """Return the code that makes references and the one, of another formula, that checks them."""
+    implicit = [code for code in known_methods() if code["family"] != "explicit"]
+
+    def rank(code: dict[str, str]) -> int:
+        return _RANKED.index(code["formula"]) if code["formula"] in _RANKED else len(_RANKED)
+
+    best, *others = sorted(implicit, key=rank)
+    check = next((code for code in others if code["formula"] != best["formula"]), None)
+    return [best["name"]] + ([] if check is None else [check["name"]])
+
+
+def _times(model: Model, options: Options, given: Result | None) -> tuple[Series, float]:
+    """Return the output times of all runs and the end time, s."""
+    begin, end = options.start_time, options.end_time
+    if begin is None:
+        begin = float(model.defaults.get("start_time") or 0.0)
+    if end is None and options.output_times is not None:
+        end = options.output_times[-1]
+    if end is None:
+        end = model.defaults.get("end_time")
+        if given is not None and given.time.size and not (end and end <= given.time[-1]):
+            end = float(given.time[-1])
+    if end is None:
+        raise UsageError(
+            "there is no end time; give `end_time`, or state it in the model's [simulation]"
+        )
+    if end <= begin:
+        raise UsageError(f"`end_time` {end} s must lie after the start at {begin} s")
+    slack = 1e-9 * (end - begin)
+    if options.output_times is not None:
+        times = np.array(options.output_times)
+        if times[0] < begin - slack or times[-1] > end + slack:
+            raise UsageError(f"`output_times` must lie between {begin} s and {end} s")
+    elif options.interval is not None:
+        count = int(np.floor((end - begin + slack) / options.interval))
+        times = begin + options.interval * np.arange(count + 1)
+        times = np.append(times[times < end - slack], end)
+    elif given is not None:
+        times = given.time[(given.time >= begin - slack) & (given.time <= end + slack)]
+        kept = np.linspace(0, max(times.size - 1, 0), min(times.size, INTERVALS + 1))
+        times = times[np.unique(np.round(kept).astype(int))]
+    else:
+        times = np.linspace(begin, end, INTERVALS + 1)
+    if given is not None:
+        span = given.time
+        if not span.size or not times.size or times[-1] > span[-1] + slack:
+            until = f"ends at {span[-1]} s" if span.size else "holds nothing"
+            raise UsageError(f"the reference {until}, but errors are taken until {end} s")
+        if times[0] < span[0] - slack:
+            raise UsageError(
+                f"the reference starts at {span[0]} s, but errors are taken from {times[0]} s"
+            )
+        if end > span[-1] + slack:
+            raise UsageError(f"the reference ends at {span[-1]} s, before the end time {end} s")
+    return times, float(end)
+
+
+def _reference_tolerance(
+    limits: list[Tolerance], asked: float | Mapping[str, float] | Tolerance | None
+) -> Tolerance:
+    if asked is not None:
+        return Tolerance.of(asked)
+    parts = _parts(_tightest(limits)).items()
+    return Tolerance(**{k: max(REFERENCE_FACTOR * v, LEAST_TOLERANCE) for k, v in parts})
+
+
+def _tightest(limits: list[Tolerance]) -> Tolerance:
+    parts = [_parts(limit) for limit in limits]
+    return Tolerance(**{name: min(part[name] for part in parts) for name in parts[0]})
+
+
+def _parts(tolerance: Tolerance) -> dict[str, float]:
+    return {name: getattr(tolerance, name) for name in Tolerance.__dataclass_fields__}
+
+
+def _coarse(rows: list[Row]) -> list[str]:
+    """Warn of a reference whose points are too far apart for the errors found."""
+    found = [
+        (error.interpolation / error.delta, error.name, row)
+        for row in rows
+        for error in row.errors
+        if error.interpolation > 0.01 * error.delta > 0.0
+    ]
+    if not found:
+        return []
+    ratio, name, row = max(found, key=lambda entry: entry[0])
+    text = (
+        f"the reference's points lie too far apart: reading it between them may err by {ratio:.1e} "
+        f"of the error of `{name}` by {row.method} at {row.tolerance.relative:g}; leave out "
+        "`interval` and `output_times` to take errors at its own times"
+    )
+    return [text]
+
+
+def _title(task: Task) -> str:
+    return f"{task.label} at {task.choices['tolerance'].relative:.0e}"
+
+
+def _said(outcome: Outcome) -> str:
+    return str(outcome.reason.get("message", outcome.status)).partition("\n")[0]
+
+
+def _count(name: str, value: object, least: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise UsageError(f"`{name}` is {value!r}; it must be a whole number of at least {least}")
+    return value
