@@ -1,4 +1,4 @@
-"""The command line: ``holonom run | check | plot | report | export | info | schema``."""
+"""The command line: ``holonom run | compare | check | plot | report | export | info | schema``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -14,15 +14,23 @@ from holonom.errors import Exit, HolonomError, SimulationError, UsageError
 from holonom.model import Model
 from holonom.result import Result
 
+if TYPE_CHECKING:
+    from rich.progress import Progress
+
+    from holonom.comparison import Comparison
+
 app = typer.Typer(
     name="holonom",
     help="Implicit integration of constrained multibody systems.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
-    epilog="Exit status: 0 ok, 1 usage, 2 invalid model, 3 solver failure, 5 files, "
-    "130 interrupted.",
+    epilog="Exit status: 0 ok, 1 usage, 2 invalid model, 3 solver failure, 4 some runs "
+    "failed, 5 files, 130 interrupted.",
 )
+
+#: Lines of an error analysis that are printed; a longer one goes to a file.
+ANALYSIS_SHOWN = 240
 
 ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file, TOML or JSON.")]
 ResultFile = Annotated[Path, typer.Argument(metavar="RESULT", help="Result file.")]
@@ -117,6 +125,115 @@ def run(
 
 
 @app.command()
+def compare(
+    model: ModelFile,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--method",
+            help="Codes, and options of one: ForSDIRK,ForRosen or ForSDIRK,jacobian=differences; "
+            "repeatable. All implicit codes by default.",
+        ),
+    ] = None,
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(help="Numbers, or relative=1e-3,rotation=1e-4; repeatable. 1e-2 to 1e-5."),
+    ] = None,
+    reference: Annotated[
+        Path | None,
+        typer.Option(metavar="RESULT", help="Compare with this result; else one is made."),
+    ] = None,
+    reference_tolerance: Annotated[
+        str | None,
+        typer.Option(help="Of the reference made; 1/1000 of the tightest tolerance by default."),
+    ] = None,
+    save_reference: Annotated[
+        Path | None, typer.Option(metavar="RESULT", help="Store the reference made.")
+    ] = None,
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "-c",
+            "--channel",
+            "--channels",
+            help="What is compared: channels, patterns, 'positions' (default), 'velocities'; "
+            "repeatable, or with commas. Prints the error analysis of each.",
+        ),
+    ] = None,
+    end_time: Annotated[float | None, _seconds("--end-time", "Time at which the runs end.")] = None,
+    interval: Annotated[
+        float | None, _seconds("--interval", "Time between the errors taken; 1/200 of the run.")
+    ] = None,
+    max_steps: Annotated[int | None, typer.Option(help="Largest number of steps of a run.")] = None,
+    max_seconds: Annotated[
+        float | None, _seconds("--max-seconds", "Largest wall time of a run.")
+    ] = None,
+    repeat: Annotated[int, typer.Option(help="Timed runs of each; their median counts.")] = 3,
+    jobs: Annotated[
+        int, typer.Option("-j", "--jobs", help="Processes; the timed runs stay alone.")
+    ] = 1,
+    csv: Annotated[Path | None, typer.Option(help="Write the table.")] = None,
+    errors: Annotated[Path | None, typer.Option(help="Write the error analysis as CSV.")] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw error against processor time: .svg, .pdf or .png.")
+    ] = None,
+    values: Values = None,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    json_: Json = False,
+) -> int:
+    """Compare methods and tolerances with a reference: errors, work, processor time."""
+    import holonom
+
+    loaded = _load(model, values)
+    channels = [name for text in channel or [] for name in text.split(",")]
+    choices: dict[str, Any] = {
+        "methods": _methods(method or []),
+        "tolerances": [limit for text in tolerance or [] for limit in _tolerances(text)],
+        "reference_tolerance": None
+        if reference_tolerance is None
+        else _tolerance(reference_tolerance, "--reference-tolerance"),
+        "reference": reference,
+        "save_reference": save_reference,
+        "channels": channels,
+        "end_time": end_time,
+        "interval": interval,
+        "max_steps": max_steps,
+        "max_seconds": max_seconds,
+    }
+    interrupted = False
+    with _ComparisonProgress(loaded.name, shown=not (quiet or json_)) as progress:
+        try:
+            comparison = holonom.compare(
+                loaded,
+                repeat=repeat,
+                processes=jobs,
+                progress=progress,
+                **{key: value for key, value in choices.items() if value not in (None, [])},
+            )
+        except holonom.ComparisonInterrupted as error:
+            comparison, interrupted = error.comparison, True
+    if csv is not None:
+        comparison.to_csv(csv)
+    if errors is not None:
+        comparison.errors_to_csv(errors)
+    timed = any(row.errors and row.cpu_samples for row in comparison.rows)
+    if plot is not None and (timed or not interrupted):
+        comparison.plot(plot)
+    if json_:
+        _print_json(comparison.to_json())
+    elif not quiet:
+        _print_comparison(comparison, analysis=bool(channels))
+    if interrupted:
+        if not json_:
+            _complain("the comparison was interrupted; the rows that were finished are kept")
+        return Exit.INTERRUPTED
+    failed = sum(row.status != "completed" for row in comparison.rows)
+    if failed:
+        return Exit.SOLVER if failed == len(comparison.rows) else Exit.PARTIAL
+    return Exit.OK
+
+
+@app.command()
 def check(model: ModelFile, values: Values = None, json_: Json = False) -> int:
     """Validate and assemble a model; print counts, redundancy and stiffness."""
     report = _load(model, values).check()
@@ -165,19 +282,35 @@ def export(
     channels: Names = None,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="CSV file; by default RESULT.csv, '-' prints it."),
+        typer.Option("-o", "--output", help="The file; RESULT.csv by default, '-' prints CSV."),
+    ] = None,
+    format_: Annotated[
+        str | None,
+        typer.Option(
+            "--format", help="csv, parquet or netcdf; by default that of the file's name."
+        ),
     ] = None,
     json_: Json = False,
 ) -> int:
-    """Write channels as CSV; without names those that are stored."""
-    from holonom.export import write_csv
+    """Write channels as CSV, Parquet or NetCDF; without names those that are stored."""
+    from holonom.export import FORMATS, write_csv
 
-    target = output or result.with_suffix(".csv")
+    endings = {ending: kind for kind, (ending, _) in FORMATS.items()}
+    if format_ is None:
+        format_ = endings.get(output.suffix.lower(), "csv") if output else "csv"
+    if format_ not in FORMATS:
+        raise UsageError(f"there is no format `{format_}`; known are {', '.join(FORMATS)}")
+    ending, write = FORMATS[format_]
+    target = output or result.with_suffix(ending)
     with Result.load(result) as loaded:
+        if target.resolve() == result.resolve():
+            raise UsageError(f"{target} is the result itself; give another name")
         if str(target) == "-":
+            if format_ != "csv":
+                raise UsageError(f"`-o -` prints CSV; name a file for {format_}")
             write_csv(loaded, sys.stdout, channels)
             return Exit.OK
-        loaded.to_csv(target, channels)
+        write(loaded, target, channels)
     return _done("table", target, json_)
 
 
@@ -251,19 +384,7 @@ class _Progress:
     def __enter__(self) -> Callable[[float, float, int], None] | None:
         if not self._shown:
             return None
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-        self._bar = Progress(
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=None),
-            TextColumn("{task.fields[text]}"),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            transient=True,
-            auto_refresh=False,
-        )
+        self._bar = _bar()
         self._bar.start()
         self._task = self._bar.add_task(self._name, total=None, text="assembling")
         return self._update
@@ -284,6 +405,45 @@ class _Progress:
         )
 
 
+class _ComparisonProgress:
+    """A bar over the runs of a comparison, on a terminal."""
+
+    def __init__(self, name: str, *, shown: bool) -> None:
+        self._bar: Any = _bar() if shown and sys.stderr.isatty() else None
+        self._name = name
+
+    def __enter__(self) -> Callable[[float, int, str], None] | None:
+        if self._bar is None:
+            return None
+        self._bar.start()
+        self._task = self._bar.add_task(self._name, total=None, text="assembling")
+        return self._update
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _update(self, done: float, total: int, text: str) -> None:
+        text = f"{int(done)} / {total} runs, {text}"
+        self._bar.update(self._task, completed=done, total=total, text=text, refresh=True)
+
+
+def _bar() -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=None),
+        TextColumn("{task.fields[text]}"),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+        auto_refresh=False,
+    )
+
+
 def _load(path: Path, values: list[str] | None) -> Model:
     model = Model.load(path)
     changes = {}
@@ -291,14 +451,11 @@ def _load(path: Path, values: list[str] | None) -> Model:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise UsageError(f"`--set {text}`: expected PATH=VALUE, as in gravity[1]=-1.62")
-        try:
-            changes[name.strip()] = json.loads(value)
-        except ValueError:
-            changes[name.strip()] = value.strip()
+        changes[name.strip()] = _value(value)
     return model.with_values(changes) if changes else model
 
 
-def _tolerance(text: str) -> float | dict[str, float]:
+def _tolerance(text: str, flag: str = "--tolerance") -> float | dict[str, float]:
     try:
         if "=" not in text:
             return float(text)
@@ -306,8 +463,37 @@ def _tolerance(text: str) -> float | dict[str, float]:
         return {name.strip(): float(value) for name, _, value in parts}
     except ValueError:
         raise UsageError(
-            f"`--tolerance {text}`: expected a number, or relative=1e-3,translation=1e-4,…"
+            f"`{flag} {text}`: expected a number, or relative=1e-3,translation=1e-4,…"
         ) from None
+
+
+def _tolerances(text: str) -> list[float | dict[str, float]]:
+    """Read one tolerance in parts, or several numbers."""
+    return [_tolerance(part) for part in ([text] if "=" in text else text.split(","))]
+
+
+def _methods(texts: list[str]) -> list[dict[str, Any]]:
+    """Read codes with their options: ``ForRosen,ForSDIRK,jacobian=differences`` are two."""
+    methods: list[dict[str, Any]] = []
+    for text in texts:
+        first = len(methods)
+        for part in text.split(","):
+            name, equals, value = part.partition("=")
+            if not equals:
+                methods.append({"method": part.strip()})
+            elif len(methods) == first:
+                raise UsageError(f"`--method {text}`: expected a code before `{part}`")
+            else:
+                methods[-1][name.strip()] = _value(value)
+    return methods
+
+
+def _value(text: str) -> Any:
+    """Read a number, a list, true or false; anything else is a text."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text.strip()
 
 
 def _facts(result: Result) -> dict[str, Any]:
@@ -333,6 +519,23 @@ def _print_summary(result: Result) -> None:
         typer.echo(warning_line(warning))
     for label, text in [*summarize(result), ("result", str(result.path))]:
         typer.echo(f"{label:<22}{text}")
+
+
+def _print_comparison(comparison: Comparison, *, analysis: bool) -> None:
+    from rich.console import Console
+
+    from holonom.comparison import as_text
+
+    parts: list[Any] = [comparison]
+    if analysis and len(comparison.channels) * len(comparison.rows) <= ANALYSIS_SHOWN:
+        parts.append(comparison.error_table())
+    elif analysis:
+        parts.append("the error analysis is long; `--errors FILE` writes it as CSV")
+    for part in parts:
+        if sys.stdout.isatty():
+            Console(highlight=False, markup=False).print(part)
+        else:
+            typer.echo(as_text(part))
 
 
 def _print_json(data: Any) -> None:

@@ -237,7 +237,7 @@ class _Work:
                 pair = index - first
                 self.outcomes[pair] = outcome
                 if alone:
-                    if self.repeat and outcome.cpu_seconds is not None:
+                    if self.repeat and outcome.completed and outcome.cpu_seconds is not None:
                         self.samples[pair] = [outcome.cpu_seconds]
                     self._time(pair, extra)
         if not alone:

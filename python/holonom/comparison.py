@@ -52,7 +52,8 @@ class Row:
         Work of the run: ``steps`` are accepted ones, ``rejected`` the others, by cause in
         ``rejected_error``, ….
     cpu_samples : tuple of float
-        Processor time of the core in each timed run, s; these ran one after the other.
+        Processor time of the core in each timed run, s; these ran one after the other. None of
+        a run that did not complete.
     errors : tuple of ComponentError
         Error of every scalar; empty when the run did not complete.
     """
@@ -361,6 +362,8 @@ class Comparison:
             for kind in kinds:
                 cells += [_error(row.error_of(kind))] if kind != "other" else []
                 cells.append(_ratio(row.measure_of(kind)))
+            if cells and row.status != "completed":
+                cells[0] = row.status
             for name in COUNTS:
                 cells.append(str(row.counts.get(name, "")))
                 if name == "rejected" and len(causes) > 1:

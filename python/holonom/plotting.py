@@ -19,6 +19,7 @@ try:
     from cycler import cycler
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 except ModuleNotFoundError as error:
     if (error.name or "").partition(".")[0] != "matplotlib":
         raise
@@ -181,6 +182,12 @@ def work_precision(comparison: Comparison, path: Path | None = None) -> Figure:
             axes.axhline(comparison.doubt, color=_INK, linewidth=0.8, linestyle=":", label=text)
         axes.set_xscale("log")
         axes.set_yscale("log")
+        low, high = axes.get_xlim()
+        axes.xaxis.set_major_locator(
+            LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,))
+        )
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.set_xlabel("processor time, s")
         axes.set_ylabel(comparison.error_label)
         axes.set_title(comparison.model, loc="left", fontsize=9)

@@ -15,6 +15,7 @@ from holonom.model import Model, expand, split_component
 from holonom.store import STATE, Quantity, Reader
 
 if TYPE_CHECKING:
+    import xarray
     from matplotlib.figure import Figure
 
 
@@ -290,9 +291,54 @@ class Result:
         """Write channels as CSV and return the path; the stored ones when none are given."""
         from holonom import export
 
-        with Path(path).open("w", encoding="utf-8", newline="") as file:
-            export.write_csv(self, file, channels)
-        return Path(path)
+        return export.write_csv_file(self, Path(path), channels)
+
+    def to_xarray(self, channels: list[str] | None = None) -> xarray.Dataset:
+        """Return channels as a dataset of xarray; the stored ones when none are given.
+
+        Every channel is a variable over ``time`` (s), a vector also over its components, which are
+        named: ``xyz``, ``euler_parameter``, …. ``attrs`` hold ``units`` (SI; "1" where there is
+        none) and ``frame``; those of the dataset say which run it was.
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown, or xarray is not installed.
+        """
+        from holonom import export
+
+        return export.dataset(self, channels)
+
+    def to_netcdf(self, path: str | Path, channels: list[str] | None = None) -> Path:
+        """Write `to_xarray` as NetCDF 4 and return the path.
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown, or xarray or h5netcdf is not installed.
+        FileError
+            If the file cannot be written.
+        """
+        from holonom import export
+
+        return export.write_netcdf(self, Path(path), channels)
+
+    def to_parquet(self, path: str | Path, channels: list[str] | None = None) -> Path:
+        """Write channels as Parquet and return the path; the stored ones when none are given.
+
+        One column for the time (s) and one per component, ``chassis.position[2]``; unit and frame
+        are metadata of the column, what the run was is metadata of the file, ``holonom``: JSON.
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown, or pyarrow is not installed.
+        FileError
+            If the file cannot be written.
+        """
+        from holonom import export
+
+        return export.write_parquet(self, Path(path), channels)
 
     def close(self) -> None:
         """Let go of the file; arrays that were read stay."""
