@@ -180,10 +180,13 @@ class Reference:
         text += f", {self.steps} steps" if self.steps is not None else ""
         text += f", from {self.path}" if self.path else ""
         if self.difference is not None:
-            text += (
-                f"; {self.check_method} differs from it by {self.difference:.1e} of the tightest "
-                "tolerance"
-            )
+            parts = [
+                f"{value:.1e} {units}"
+                for kind, units in _KINDS.items()
+                if units and (value := self.difference_of(kind)) is not None
+            ]
+            text += f"; {self.check_method} differs from it by "
+            text += "; ".join([*parts, f"{self.difference:.1e} of the tightest tolerance"])
         return text
 
 

@@ -1,0 +1,165 @@
+"""Results read back by the libraries that other programs use."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+import xarray as xr
+from conftest import MODELS
+
+import holonom
+from holonom.cli import invoke
+from holonom.result import Result
+
+
+@pytest.fixture
+def spatial() -> Result:
+    """A short run of the vehicle: vectors of three and of four components, and scalars."""
+    model = holonom.Model.load(MODELS / "hmmwv14" / "model.toml")
+    names = ["chassis.position", "chassis.euler_parameters", "spring_front_right.force"]
+    return model.simulate(end_time=0.05, channels=names)
+
+
+NAMES = ["chassis.position", "chassis.euler_parameters", "spring_front_right.force"]
+
+
+def test_a_dataset_holds_values_units_and_names_of_components(spatial: Result) -> None:
+    data = spatial.to_xarray()
+    assert set(data.data_vars) == set(spatial.channels)
+    position = data["chassis.position"]
+    assert position.dims == ("time", "xyz")
+    assert position.attrs == {"units": "m", "frame": "ground"}
+    # By label, against the column of the result.
+    np.testing.assert_array_equal(position.sel(xyz="z"), spatial["chassis.position"][:, 2])
+    parameters = data["chassis.euler_parameters"]
+    assert parameters.dims == ("time", "euler_parameter")
+    assert parameters.attrs["units"] == "1"
+    np.testing.assert_allclose((parameters**2).sum("euler_parameter"), 1.0, atol=1e-12)
+    assert data["spring_front_right.force"].dims == ("time",)
+    assert data["energy.total"].attrs == {"units": "J"}
+    assert data["time"].attrs["units"] == "s"
+    np.testing.assert_array_equal(data["time"], spatial.time)
+    assert data.attrs["method"] == "ForSDIRK"
+    assert data.attrs["model_hash"] == spatial.model.hash
+    assert set(data.attrs) >= {"source", "title", "tolerance", "status"}
+
+
+def test_only_the_channels_named_are_exported(spatial: Result) -> None:
+    data = spatial.to_xarray(["chassis.velocity", "chassis.position[1]"])
+    assert list(data.data_vars) == ["chassis.velocity", "chassis.position[1]"]
+    with pytest.raises(holonom.UsageError, match=r"chassis\.position"):
+        spatial.to_xarray(["chassis.positon"])
+
+
+def test_netcdf_is_read_back_by_xarray_and_hdf5(spatial: Result, tmp_path: Path) -> None:
+    path = spatial.to_netcdf(tmp_path / "new" / "run.nc", NAMES)
+    with xr.open_dataset(path, engine="h5netcdf") as data:
+        xr.testing.assert_identical(data.load(), spatial.to_xarray(NAMES))
+    with h5py.File(path) as file:  # nothing but HDF5
+        stored = file["chassis.position"]
+        np.testing.assert_array_equal(stored[:], spatial["chassis.position"])
+        assert stored.attrs["units"] == "m"
+
+
+def test_parquet_is_read_back_by_pyarrow_and_pandas(spatial: Result, tmp_path: Path) -> None:
+    path = spatial.to_parquet(tmp_path / "new" / "run.parquet", NAMES)
+    columns = ["time", *(f"chassis.position[{i}]" for i in range(3))]
+    columns += [*(f"chassis.euler_parameters[{i}]" for i in range(4)), "spring_front_right.force"]
+    table = pq.read_table(path)
+    assert table.column_names == columns
+    field = table.schema.field("chassis.position[2]")
+    assert field.metadata == {b"unit": b"m", b"frame": b"ground"}
+    facts = json.loads(table.schema.metadata[b"holonom"])
+    assert facts["model_hash"] == spatial.model.hash
+    frame = pd.read_parquet(path)
+    assert list(frame.columns) == columns
+    np.testing.assert_array_equal(frame["time"], spatial.time)
+    np.testing.assert_array_equal(frame[columns[1:4]].to_numpy(), spatial["chassis.position"])
+    assert (frame.dtypes == np.float64).all()
+
+
+@pytest.mark.parametrize(
+    ("format_", "ending", "read"),
+    [
+        ("csv", ".csv", lambda path: pd.read_csv(path)["time (s)"]),
+        ("parquet", ".parquet", lambda path: pd.read_parquet(path)["time"]),
+        ("netcdf", ".nc", lambda path: xr.load_dataset(path, engine="h5netcdf")["time"]),
+    ],
+)
+def test_the_command_writes_every_format_by_name_and_by_ending(
+    stored: Path,
+    capsys: pytest.CaptureFixture[str],
+    format_: str,
+    ending: str,
+    read: Callable[[Path], Any],
+) -> None:
+    assert invoke(["export", str(stored), "rod.position", "--format", format_, "--json"]) == 0
+    path = stored.with_suffix(ending)
+    assert json.loads(capsys.readouterr().out) == {"table": str(path)}
+    other = stored.with_name(f"other{ending}")
+    assert invoke(["export", str(stored), "rod.position", "-o", str(other)]) == 0
+    with Result.load(stored) as result:
+        for written in (path, other):
+            np.testing.assert_array_equal(read(written), result.time)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--format", "excel"], "known are csv, parquet, netcdf"),
+        (["--format", "parquet", "-o", "-"], "prints CSV"),
+        (["-o", "ITSELF"], "the result itself"),
+        (["rod.positon"], "rod.position"),
+    ],
+)
+def test_exports_that_make_no_sense_are_refused(
+    stored: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], said: str
+) -> None:
+    before = stored.read_bytes()
+    line = [str(stored) if word == "ITSELF" else word for word in arguments]
+    assert invoke(["export", str(stored), *line]) == 1
+    assert said in capsys.readouterr().err
+    assert stored.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("library", "extra", "write"),
+    [
+        ("xarray", "xarray", lambda result, _: result.to_xarray()),
+        ("xarray", "xarray", lambda result, path: result.to_netcdf(path)),
+        ("h5netcdf", "netcdf", lambda result, path: result.to_netcdf(path)),
+        ("h5py", "netcdf", lambda result, path: result.to_netcdf(path)),
+        ("pyarrow", "parquet", lambda result, path: result.to_parquet(path)),
+    ],
+)
+def test_a_missing_library_is_named_with_its_extra(
+    stored: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    library: str,
+    extra: str,
+    write: Callable[[Result, Path], Any],
+) -> None:
+    monkeypatch.setitem(sys.modules, library, None)  # as if it were not there
+    path = tmp_path / "table"
+    with (
+        Result.load(stored) as result,
+        pytest.raises(holonom.UsageError, match=rf"{library}.*`{extra}`"),
+    ):
+        write(result, path)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.nc", "run.parquet"])
+def test_a_place_that_cannot_be_written_is_named(stored: Path, name: str) -> None:
+    blocked = stored / name  # a file where a folder is needed
+    assert invoke(["export", str(stored), "-o", str(blocked)]) == 5
