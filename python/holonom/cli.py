@@ -200,6 +200,10 @@ def compare(
         "max_steps": max_steps,
         "max_seconds": max_seconds,
     }
+    if plot is not None:
+        from holonom import plotting
+
+        plotting.require_format(plot)  # now, not after the runs
     interrupted = False
     with _ComparisonProgress(loaded.name, shown=not (quiet or json_)) as progress:
         try:
@@ -212,13 +216,18 @@ def compare(
             )
         except holonom.ComparisonInterrupted as error:
             comparison, interrupted = error.comparison, True
-    if csv is not None:
-        comparison.to_csv(csv)
-    if errors is not None:
-        comparison.errors_to_csv(errors)
     timed = any(row.errors and row.cpu_samples for row in comparison.rows)
-    if plot is not None and (timed or not interrupted):
-        comparison.plot(plot)
+    try:
+        if csv is not None:
+            comparison.to_csv(csv)
+        if errors is not None:
+            comparison.errors_to_csv(errors)
+        if plot is not None and (timed or not interrupted):
+            comparison.plot(plot)
+    except HolonomError:
+        if not (json_ or quiet):  # the work of minutes is shown all the same
+            _print_comparison(comparison, analysis=bool(channels))
+        raise
     if json_:
         _print_json(comparison.to_json())
     elif not quiet:

@@ -207,10 +207,7 @@ def save(figure: Figure, path: Path) -> None:
     FileError
         If the file cannot be written.
     """
-    kind = path.suffix.lower().removeprefix(".")
-    known = figure.canvas.get_supported_filetypes()
-    if kind not in known:
-        raise UsageError(f"{path}: pictures end in {', '.join(f'.{k}' for k in sorted(known))}")
+    kind = require_format(path)
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -218,6 +215,21 @@ def save(figure: Figure, path: Path) -> None:
             figure.savefig(path, dpi=160, facecolor="white", metadata=metadata)
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}") from None
+
+
+def require_format(path: Path) -> str:
+    """Return the format that a picture's ending tells.
+
+    Raises
+    ------
+    UsageError
+        If it is not known.
+    """
+    kind = path.suffix.lower().removeprefix(".")
+    known = Figure().canvas.get_supported_filetypes()
+    if kind not in known:
+        raise UsageError(f"{path}: pictures end in {', '.join(f'.{k}' for k in sorted(known))}")
+    return kind
 
 
 def inline_svg(figure: Figure, title: str) -> str:

@@ -626,6 +626,16 @@ def test_what_cannot_be_compared_is_refused_before_anything_runs(
         holonom.compare(oscillator, progress=lambda *_: pytest.fail("it ran"), **choices)
 
 
+def test_a_table_that_cannot_be_written_is_shown(
+    model_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["compare", str(model_file), "--method", "DEABM", "--tolerance", "1e-2"]
+    assert invoke([*line, "--csv", str(model_file / "t.csv")]) == 5
+    said = capsys.readouterr()
+    assert "DEABM" in said.out
+    assert "t.csv" in said.err
+
+
 def test_a_family_with_its_formula_is_the_code(oscillator: holonom.Model) -> None:
     known = next(m for m in holonom.methods() if m["name"] == "ForSDIRK")
     pair = {"method": known["family"], "formula": known["formula"]}
