@@ -1,6 +1,6 @@
 //! Options of a run: those of the call, then those of the model file, then defaults.
 
-use holonom::method::{Code, JacobianSource};
+use holonom::method::{Code, JacobianSource, Profile};
 use holonom::model::{Model, Tolerance};
 use holonom::reduction::Choice;
 use holonom::simulation::{Options, OutputTimes};
@@ -74,11 +74,12 @@ impl Choices {
             options.code = Code::find(family, formula.as_deref())
                 .map_err(|e| ("simulation/unknown-method", e.to_string()))?;
         }
-        if let Some(profile) = self.profile.as_deref()
-            && profile != "improved"
-        {
-            let message = format!("unknown profile `{profile}`; known is improved");
-            return Err(("simulation/option", message));
+        if let Some(name) = self.profile.as_deref() {
+            let known = Profile::NAMES.iter().find(|(known, _)| *known == name);
+            options.profile = known.map(|(_, profile)| *profile).ok_or_else(|| {
+                let message = format!("unknown profile `{name}`; known are improved and thesis");
+                ("simulation/option", message)
+            })?;
         }
         if let Some(name) = self.parametrization.as_deref() {
             options.parametrization = Choice::find(name).ok_or_else(|| {

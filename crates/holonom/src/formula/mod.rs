@@ -2,12 +2,14 @@
 
 mod adams;
 mod dopri5;
+mod nystrom;
 mod radau;
 mod rosenbrock;
 mod sdirk;
 
 pub use adams::{ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients, adams_interpolation};
 pub use dopri5::{DOPRI5, ExplicitRungeKutta};
+pub use nystrom::{Continuation, Nystrom};
 pub use radau::{RADAU_IIA_5, Radau};
 pub use rosenbrock::{ROSENBROCK_NYSTROM_4, Rosenbrock};
 pub use sdirk::{SDIRK4_15, SDIRK4_16, Sdirk};

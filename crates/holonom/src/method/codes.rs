@@ -2,12 +2,15 @@
 
 use super::adams::AdamsStepper;
 use super::explicit_rk::ExplicitRungeKuttaStepper;
+use super::nystrom::NystromStepper;
 use super::radau::RadauStepper;
 use super::rosenbrock::RosenbrockStepper;
 use super::sdirk::SdirkStepper;
 use super::stepper::{Stepper, StepperOptions};
-use super::{FirstOrder, FullOrder, StateSpace, Weights};
-use crate::formula::{DOPRI5, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15};
+use super::{Descriptor, FirstOrder, FullOrder, Iterate, StateSpace, Weights};
+use crate::control::NewtonControl;
+use crate::formula::{DOPRI5, Nystrom, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16};
+use crate::model::Tolerance;
 use crate::reduction::Manifold;
 use crate::system::State;
 
@@ -16,10 +19,24 @@ use crate::system::State;
 pub enum Code {
     /// First-order reduction with SDIRK4/15; the default.
     ForSdirk,
+    /// First-order reduction with SDIRK4/16.
+    ForSdirk16,
     /// First-order reduction with Rosenbrock-Nyström 4.
     ForRosen,
     /// First-order reduction with Radau IIA of order 5.
     ForRadau,
+    /// State-space method with the trapezoidal rule.
+    SspTrap,
+    /// State-space method with SDIRK4/16.
+    SspSdirk16,
+    /// State-space method with SDIRK4/15.
+    SspSdirk15,
+    /// Descriptor form with SDIRK4/16.
+    InflSdirk,
+    /// Descriptor form with SDIRK4/15.
+    InflSdirk15,
+    /// Descriptor form with the trapezoidal rule.
+    InflTrap,
     /// Explicit variable-order Adams PECE.
     Deabm,
     /// Explicit Dormand-Prince 5(4).
@@ -33,7 +50,7 @@ pub struct CodeInfo {
     pub code: Code,
     /// Name as typed.
     pub name: &'static str,
-    /// Family: `first_order`, `explicit`.
+    /// Family: `first_order`, `state_space`, `descriptor`, `explicit`.
     pub family: &'static str,
     /// Formula within the family.
     pub formula: &'static str,
@@ -41,44 +58,62 @@ pub struct CodeInfo {
     pub title: &'static str,
 }
 
+const fn info(
+    code: Code,
+    name: &'static str,
+    family: &'static str,
+    formula: &'static str,
+    title: &'static str,
+) -> CodeInfo {
+    CodeInfo { code, name, family, formula, title }
+}
+
 /// All codes; the first of a family is the family's default.
+#[rustfmt::skip] // a table
 pub const CODES: &[CodeInfo] = &[
-    CodeInfo {
-        code: Code::ForSdirk,
-        name: "ForSDIRK",
-        family: "first_order",
-        formula: "sdirk4_15",
-        title: "first-order reduction, SDIRK4/15: implicit, order 4, for stiff models",
-    },
-    CodeInfo {
-        code: Code::ForRosen,
-        name: "ForRosen",
-        family: "first_order",
-        formula: "rosenbrock4",
-        title: "first-order reduction, Rosenbrock-Nyström 4: linearly implicit, order 4",
-    },
-    CodeInfo {
-        code: Code::ForRadau,
-        name: "ForRadau",
-        family: "first_order",
-        formula: "radau5",
-        title: "first-order reduction, Radau IIA: implicit, order 5, for the stiffest models",
-    },
-    CodeInfo {
-        code: Code::Deabm,
-        name: "DEABM",
-        family: "explicit",
-        formula: "adams",
-        title: "explicit Adams PECE of variable order 1 to 12, for models that are not stiff",
-    },
-    CodeInfo {
-        code: Code::Dopri5,
-        name: "DOPRI5",
-        family: "explicit",
-        formula: "dopri5",
-        title: "explicit Dormand-Prince 5(4), a plain cross-check",
-    },
+    info(Code::ForSdirk, "ForSDIRK", "first_order", "sdirk4_15",
+        "first-order reduction, SDIRK4/15: implicit, order 4, for stiff models"),
+    info(Code::ForSdirk16, "ForSDIRK16", "first_order", "sdirk4_16",
+        "first-order reduction, SDIRK4/16: implicit, order 4"),
+    info(Code::ForRosen, "ForRosen", "first_order", "rosenbrock4",
+        "first-order reduction, Rosenbrock-Nyström 4: linearly implicit, order 4"),
+    info(Code::ForRadau, "ForRadau", "first_order", "radau5",
+        "first-order reduction, Radau IIA: implicit, order 5, for the stiffest models"),
+    info(Code::SspTrap, "SspTrap", "state_space", "trapezoidal",
+        "state-space method, trapezoidal rule: implicit, order 2, for loose tolerances"),
+    info(Code::SspSdirk15, "SspSDIRK15", "state_space", "sdirk4_15",
+        "state-space method, SDIRK4/15: implicit, order 4"),
+    info(Code::SspSdirk16, "SspSDIRK16", "state_space", "sdirk4_16",
+        "state-space method, SDIRK4/16: implicit, order 4"),
+    info(Code::InflSdirk, "InflSDIRK", "descriptor", "sdirk4_16",
+        "descriptor form, SDIRK4/16: implicit, order 4, sparse matrix of accelerations and multipliers"),
+    info(Code::InflSdirk15, "InflSDIRK15", "descriptor", "sdirk4_15",
+        "descriptor form, SDIRK4/15: implicit, order 4, sparse matrix of accelerations and multipliers"),
+    info(Code::InflTrap, "InflTrap", "descriptor", "trapezoidal",
+        "descriptor form, trapezoidal rule: implicit, order 2, for loose tolerances"),
+    info(Code::Deabm, "DEABM", "explicit", "adams",
+        "explicit Adams PECE of variable order 1 to 12, for models that are not stiff"),
+    info(Code::Dopri5, "DOPRI5", "explicit", "dopri5",
+        "explicit Dormand-Prince 5(4), a plain cross-check"),
 ];
+
+/// Choices that belong together in a code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Profile {
+    /// Those of the thesis: norm of the independent coordinates, a linearization at every accepted
+    /// step, standard step selection, unfiltered estimates but in ForSDIRK.
+    Thesis,
+    /// Norm of all coordinates, filtered estimates, linearizations and factors kept while the
+    /// iteration is fast.
+    #[default]
+    Improved,
+}
+
+impl Profile {
+    /// Both, by name.
+    pub const NAMES: [(&'static str, Self); 2] =
+        [("improved", Self::Improved), ("thesis", Self::Thesis)];
+}
 
 /// No such method.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -123,32 +158,68 @@ impl Code {
 /// The form of the equations that a code integrates.
 pub fn build_state_space(
     code: Code,
+    profile: Profile,
     manifold: Manifold,
-    weights: Weights,
+    tolerance: Tolerance,
     state: &State,
 ) -> Box<dyn StateSpace> {
+    let sizes = &manifold.system().structure().sizes;
+    let mut weights = Weights::new(tolerance, sizes, state);
+    if profile == Profile::Thesis {
+        weights = weights.of_independent_coordinates();
+    }
     match code {
-        Code::ForSdirk | Code::ForRosen | Code::ForRadau => {
-            Box::new(FirstOrder::new(manifold, weights, state))
-        }
         Code::Deabm | Code::Dopri5 => Box::new(FullOrder::new(manifold, weights, state)),
+        Code::InflSdirk | Code::InflSdirk15 | Code::InflTrap => {
+            let iterate = match profile {
+                Profile::Thesis => Iterate::Plain,
+                Profile::Improved => Iterate::Consistent,
+            };
+            Box::new(Descriptor::new(manifold, weights, state, iterate))
+        }
+        Code::ForSdirk
+        | Code::ForSdirk16
+        | Code::ForRosen
+        | Code::ForRadau
+        | Code::SspTrap
+        | Code::SspSdirk15
+        | Code::SspSdirk16 => Box::new(FirstOrder::new(manifold, weights, state)),
     }
 }
 
-/// The stepper of a code for a form of `dimension` unknowns.
+/// The stepper of a code for its form of the equations.
 pub fn build_stepper(
     code: Code,
-    dimension: usize,
+    profile: Profile,
+    form: &mut dyn StateSpace,
     fixed_step: bool,
     max_step: f64,
 ) -> Box<dyn Stepper> {
-    let options = StepperOptions { fixed_step, max_step, ..StepperOptions::improved() };
+    let dimension = form.dimension();
+    let unknowns = form.second_order().map_or(0, |system| system.unknowns());
+    let mut options = match profile {
+        Profile::Thesis => {
+            let filter_error = matches!(code, Code::ForSdirk | Code::ForSdirk16);
+            StepperOptions { filter_error, ..StepperOptions::thesis() }
+        }
+        Profile::Improved => StepperOptions::improved(),
+    };
+    (options.fixed_step, options.max_step) = (fixed_step, max_step);
+    let nystrom = |formula: Nystrom| -> Box<dyn Stepper> {
+        let newton = NewtonControl { max_iterations: 10, ..NewtonControl::default() };
+        let options = StepperOptions { newton, ..options };
+        Box::new(NystromStepper::new(formula, dimension, unknowns, options))
+    };
     match code {
         Code::ForSdirk => Box::new(SdirkStepper::new(&SDIRK4_15, dimension, options)),
+        Code::ForSdirk16 => Box::new(SdirkStepper::new(&SDIRK4_16, dimension, options)),
         Code::ForRosen => {
             Box::new(RosenbrockStepper::new(&ROSENBROCK_NYSTROM_4, dimension, options))
         }
         Code::ForRadau => Box::new(RadauStepper::new(&RADAU_IIA_5, dimension, options)),
+        Code::SspTrap | Code::InflTrap => nystrom(Nystrom::trapezoidal()),
+        Code::SspSdirk15 | Code::InflSdirk15 => nystrom(Nystrom::sdirk(&SDIRK4_15)),
+        Code::SspSdirk16 | Code::InflSdirk => nystrom(Nystrom::sdirk(&SDIRK4_16)),
         Code::Deabm => Box::new(AdamsStepper::new(dimension, 0, options)),
         Code::Dopri5 => Box::new(ExplicitRungeKuttaStepper::new(&DOPRI5, dimension, options)),
     }

@@ -3,8 +3,10 @@
 use super::complex_solver::ComplexSolver;
 use super::differences::{Differences, JacobianSource};
 use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode};
+use super::second_order::SecondOrder;
+use super::state_space_method::AccelerationBuffers;
 use super::weights::Weights;
-use crate::reduction::{Chart, Manifold, ReducedBlocks};
+use crate::reduction::{Chart, Manifold, Projection, ReducedBlocks, largest_index};
 use crate::system::State;
 use holonom_linalg::{DenseLu, SingularMatrix};
 
@@ -25,24 +27,24 @@ pub struct FirstOrder {
     pub(super) blocks: ReducedBlocks,
     /// Buffers of a Jacobian by differences; none with the analytic one.
     differences: Option<Box<Differences>>,
-    weights: Weights,
+    pub(super) weights: Weights,
     /// State of the last evaluation.
     pub(super) state: State,
     /// Configuration from which a step's recoveries start again after a failure.
     pub(super) anchor: Vec<f64>,
-    linearized: bool,
+    pub(super) linearized: bool,
     /// (t, w) of the last full evaluation; NaN if none is current.
     at: Vec<f64>,
-    at_time: f64,
-    gamma_h: f64,
-    lu: DenseLu,
+    pub(super) at_time: f64,
+    pub(super) gamma_h: f64,
+    pub(super) lu: DenseLu,
     mass_lu: DenseLu,
     /// Allocated at the first complex factorization: most formulas need none.
     complex: Option<Box<ComplexSolver>>,
     pi: Vec<f64>,
-    m1: Vec<f64>,
-    m2: Vec<f64>,
-    inverse_e: Vec<f64>,
+    pub(super) m1: Vec<f64>,
+    pub(super) m2: Vec<f64>,
+    pub(super) inverse_e: Vec<f64>,
     b1: Vec<f64>,
     b2: Vec<f64>,
     dq: Vec<f64>,
@@ -50,6 +52,8 @@ pub struct FirstOrder {
     rows: Vec<f64>,
     zero: Vec<f64>,
     pub(super) z_rate: Vec<f64>,
+    /// For stages that are solved for accelerations.
+    pub(super) stage: AccelerationBuffers,
 }
 
 impl FirstOrder {
@@ -82,6 +86,7 @@ impl FirstOrder {
             rows: vec![0.0; s.rows],
             zero: vec![0.0; ndof],
             z_rate: vec![0.0; s.extra_states],
+            stage: AccelerationBuffers::new(ndof, &s),
             manifold,
         }
     }
@@ -115,9 +120,29 @@ impl FirstOrder {
         self.state.winding.copy_from_slice(&state.winding);
         self.state.ledger = state.ledger;
         self.weights.set(state);
+        if self.weights.are_independent() {
+            self.set_independent_weights(state);
+        }
         if !self.linearized {
             self.start.copy_from(self.manifold.chart());
         }
+    }
+
+    fn set_independent_weights(&mut self, state: &State) {
+        let mut w = std::mem::take(&mut self.stage.trial);
+        self.pack(state, &mut w);
+        let structure = self.manifold.system().structure();
+        let parametrization = self.manifold.chart().parametrization();
+        let n = state.q.len();
+        // An entry of a tangent plane counts as the coordinate that it moves most.
+        let measure = |k: usize| match &parametrization.projection {
+            Projection::Selection(independent) => structure.coordinate_measure(independent[k]),
+            Projection::Basis(rows) => {
+                structure.coordinate_measure(largest_index(&rows[k * n..(k + 1) * n]))
+            }
+        };
+        self.weights.set_independent(&w, measure, parametrization.ndof);
+        self.stage.trial = w;
     }
 
     /// w of a state.
@@ -166,6 +191,11 @@ impl FirstOrder {
         Ok(&self.state)
     }
 
+    /// Whether the integration Jacobian is one by differences.
+    pub(super) fn uses_differences(&self) -> bool {
+        self.differences.is_some()
+    }
+
     /// Makes factors, M, accelerations and multipliers those of (t, w), the start of the step.
     pub(super) fn return_to(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
         if t != self.at_time || w != self.at {
@@ -195,6 +225,7 @@ impl FirstOrder {
         for vector in [&mut self.b1, &mut self.b2, &mut self.zero] {
             vector.resize(ndof, 0.0);
         }
+        self.stage.resize(ndof);
     }
 
     /// J = g_w at the last linearization, by rows; for analysis, not for steps.
@@ -239,6 +270,47 @@ impl FirstOrder {
     pub fn blocks(&self) -> &ReducedBlocks {
         &self.blocks
     }
+
+    /// Factors M̂ + γh M̂₁' + βh² M̂₂': Π for β = γ², and Ψ of the state-space method.
+    pub(super) fn factor_matrix(
+        &mut self,
+        gamma_h: f64,
+        beta_h2: f64,
+    ) -> Result<(), EvaluationFailure> {
+        self.gamma_h = gamma_h;
+        let ndof = self.manifold.chart().ndof();
+        let b = &self.blocks;
+        self.m1.copy_from_slice(&b.damping);
+        self.m2.copy_from_slice(&b.stiffness);
+        for k in 0..b.extra_extra.len() {
+            self.inverse_e[k] = 1.0 / (1.0 - gamma_h * b.extra_extra[k]);
+            let range = k * ndof..(k + 1) * ndof;
+            let (zeta, by_p, by_v) = (
+                &b.force_extra[range.clone()],
+                &b.extra_position[range.clone()],
+                &b.extra_velocity[range],
+            );
+            for i in 0..ndof {
+                let scale = gamma_h * zeta[i] * self.inverse_e[k];
+                for j in 0..ndof {
+                    self.m1[i * ndof + j] += scale * by_v[j];
+                    self.m2[i * ndof + j] += scale * by_p[j];
+                }
+            }
+        }
+        for (((pi, m), m1), m2) in self.pi.iter_mut().zip(&b.mass).zip(&self.m1).zip(&self.m2) {
+            *pi = m + gamma_h * m1 + beta_h2 * m2;
+        }
+        if ndof == 0 {
+            return Ok(());
+        }
+        self.lu.factor(&self.pi).map_err(|e| EvaluationFailure {
+            code: "simulation/singular-jacobian",
+            message: format!(
+                "the integration Jacobian is singular at step coefficient {gamma_h:.1e} s: {e}"
+            ),
+        })
+    }
 }
 
 impl Ode for FirstOrder {
@@ -268,6 +340,9 @@ impl Ode for FirstOrder {
 
     /// On all coordinates: δq = D δp, δq̇ = D δṗ − S A₀ δq.
     fn norm(&mut self, change: &[f64]) -> f64 {
+        if self.weights.are_independent() {
+            return self.weights.independent_norm(change, None);
+        }
         let ndof = self.manifold.chart().ndof();
         self.rows.fill(0.0);
         self.start.solve(&self.rows, &change[..ndof], &mut self.dq);
@@ -280,6 +355,13 @@ impl Ode for FirstOrder {
         }
         self.weights.norm(&self.dq, &self.dv, &change[2 * ndof..])
     }
+
+    fn error_norm(&mut self, error: &[f64], w_end: &[f64]) -> f64 {
+        if self.weights.are_independent() {
+            return self.weights.independent_norm(error, Some(w_end));
+        }
+        self.norm(error)
+    }
 }
 
 impl LinearizedOde for FirstOrder {
@@ -291,7 +373,6 @@ impl LinearizedOde for FirstOrder {
             self.linearized = true;
             return Ok(());
         }
-        // Factors, M, accelerations and multipliers must belong to this very point.
         self.return_to(t, w)?;
         self.blocks.evaluate(&mut self.manifold, &self.state);
         self.start.copy_from(self.manifold.chart());
@@ -300,34 +381,7 @@ impl LinearizedOde for FirstOrder {
     }
 
     fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure> {
-        self.gamma_h = gamma_h;
-        let ndof = self.manifold.chart().ndof();
-        let b = &self.blocks;
-        self.m1.copy_from_slice(&b.damping);
-        self.m2.copy_from_slice(&b.stiffness);
-        for k in 0..b.extra_extra.len() {
-            self.inverse_e[k] = 1.0 / (1.0 - gamma_h * b.extra_extra[k]);
-            let range = k * ndof..(k + 1) * ndof;
-            let (zeta, by_p, by_v) = (
-                &b.force_extra[range.clone()],
-                &b.extra_position[range.clone()],
-                &b.extra_velocity[range],
-            );
-            for i in 0..ndof {
-                let scale = gamma_h * zeta[i] * self.inverse_e[k];
-                for j in 0..ndof {
-                    self.m1[i * ndof + j] += scale * by_v[j];
-                    self.m2[i * ndof + j] += scale * by_p[j];
-                }
-            }
-        }
-        for (((pi, m), m1), m2) in self.pi.iter_mut().zip(&b.mass).zip(&self.m1).zip(&self.m2) {
-            *pi = m + gamma_h * (m1 + gamma_h * m2);
-        }
-        if ndof == 0 {
-            return Ok(());
-        }
-        self.lu.factor(&self.pi).map_err(|e| singular_jacobian(gamma_h, &e))
+        self.factor_matrix(gamma_h, gamma_h * gamma_h)
     }
 
     fn factor_complex(&mut self, gamma_h: Complex64) -> Result<(), EvaluationFailure> {
@@ -376,6 +430,10 @@ impl LinearizedOde for FirstOrder {
         }
     }
 
+    fn second_order(&mut self) -> Option<&mut dyn SecondOrder> {
+        Some(self)
+    }
+
     fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure> {
         let ndof = self.manifold.chart().ndof();
         g_t.fill(0.0);
@@ -407,7 +465,7 @@ fn singular_mass(e: &SingularMatrix) -> EvaluationFailure {
 }
 
 /// y += α A x for a square A by rows.
-fn multiply_add(a: &[f64], alpha: f64, x: &[f64], y: &mut [f64]) {
+pub(super) fn multiply_add(a: &[f64], alpha: f64, x: &[f64], y: &mut [f64]) {
     if x.is_empty() {
         return;
     }
@@ -416,6 +474,6 @@ fn multiply_add(a: &[f64], alpha: f64, x: &[f64], y: &mut [f64]) {
     }
 }
 
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }

@@ -3,15 +3,20 @@
 pub mod adams;
 mod codes;
 mod complex_solver;
+mod descriptor;
+mod descriptor_matrix;
 mod differences;
 pub mod explicit_rk;
 mod first_order;
 mod full_order;
+pub mod nystrom;
 pub mod ode;
 pub mod radau;
 pub mod rosenbrock;
 pub mod sdirk;
+pub mod second_order;
 mod state_space;
+mod state_space_method;
 pub mod stepper;
 mod weights;
 
@@ -24,7 +29,8 @@ mod stiff_tests;
 #[cfg(test)]
 mod test_systems;
 
-pub use codes::{CODES, Code, CodeInfo, UnknownMethod, build_state_space, build_stepper};
+pub use codes::{CODES, Code, CodeInfo, Profile, UnknownMethod, build_state_space, build_stepper};
+pub use descriptor::{Descriptor, Iterate};
 pub use differences::JacobianSource;
 pub use first_order::FirstOrder;
 pub use full_order::FullOrder;

@@ -1,5 +1,6 @@
 //! The view of a system that integration formulas have: ẇ = g(t, w) with its linearization.
 
+use super::second_order::SecondOrder;
 pub use crate::error::EvaluationFailure;
 pub use holonom_linalg::Complex64;
 
@@ -16,6 +17,12 @@ pub trait Ode {
 
     /// Weighted norm of a change of w; 1 is on tolerance. The weights belong to the step's start.
     fn norm(&mut self, change: &[f64]) -> f64;
+
+    /// Norm of an error estimate of a step that ends at `w_end`; differs from [`Ode::norm`] where
+    /// weights take the larger of both ends.
+    fn error_norm(&mut self, error: &[f64], _w_end: &[f64]) -> f64 {
+        self.norm(error)
+    }
 
     /// Number k of leading entries of w whose derivatives are the entries k..2k, so that dense
     /// output may use second derivatives; 0 if there are none.
@@ -79,4 +86,9 @@ pub trait LinearizedOde: Ode {
     /// # Errors
     /// As [`Ode::derivative`].
     fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure>;
+
+    /// The same system for formulas that solve for accelerations, where it is of second order.
+    fn second_order(&mut self) -> Option<&mut dyn SecondOrder> {
+        None
+    }
 }

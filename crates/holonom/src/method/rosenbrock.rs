@@ -147,13 +147,14 @@ impl RosenbrockStepper {
         for (u, &e) in self.u.iter().zip(&self.formula.e) {
             add_scaled(&mut self.state, e, u);
         }
-        let raw = ode.norm(&self.state);
+        let end = &self.current.w[1];
+        let raw = ode.error_norm(&self.state, end);
         if !self.options.filter_error {
             return raw;
         }
         self.statistics.solves += 1;
         ode.solve(&mut self.state);
-        ode.norm(&self.state).max(0.1 * raw)
+        ode.error_norm(&self.state, end).max(0.1 * raw)
     }
 
     /// The attempt up to its judgement: error and next step, or why there is none.
@@ -166,6 +167,11 @@ impl RosenbrockStepper {
         g: &[f64],
     ) -> Result<(f64, StepVerdict), Rejection> {
         self.stages(ode, t, h, w, g)?;
+        let end = &mut self.current.w[1];
+        end.copy_from_slice(w);
+        for (u, &m) in self.u.iter().zip(&self.formula.m) {
+            add_scaled(end, m, u);
+        }
         let error = self.error(ode);
         let verdict = if self.options.fixed_step && error.is_finite() {
             StepVerdict::Accept { next: h }
@@ -177,10 +183,6 @@ impl RosenbrockStepper {
             *step = h;
             ends[0].copy_from_slice(w);
             slope[0].copy_from_slice(g);
-            ends[1].copy_from_slice(w);
-            for (u, &m) in self.u.iter().zip(&self.formula.m) {
-                add_scaled(&mut ends[1], m, u);
-            }
             // Dense output needs this slope, and it is the first stage of the next step.
             self.statistics.derivatives += 1;
             ode.derivative(t + h, &ends[1], &mut slope[1]).map_err(Rejection::Evaluation)?;

@@ -273,24 +273,26 @@ impl SdirkStepper {
 
     /// Scaled error z₅ − Σ d̂ⱼ zⱼ, filtered; filtered once more where a first or repeated attempt
     /// would fail, because transients there are not what the step has to follow.
-    fn error(&mut self, ode: &mut dyn LinearizedOde) -> f64 {
+    fn error(&mut self, ode: &mut dyn LinearizedOde, w: &[f64]) -> f64 {
         self.work.copy_from_slice(&self.z[STAGES - 1]);
         for (z, &d) in self.z.iter().zip(&self.formula.d_hat) {
             add_scaled(&mut self.work, -d, z);
         }
+        self.end.copy_from_slice(w);
+        add_scaled(&mut self.end, 1.0, &self.z[STAGES - 1]);
         if !self.options.filter_error {
-            return ode.norm(&self.work);
+            return ode.error_norm(&self.work, &self.end);
         }
         self.statistics.solves += 1;
         ode.solve(&mut self.work);
-        let error = ode.norm(&self.work);
+        let error = ode.error_norm(&self.work, &self.end);
         let fragile = self.memory.history.accepted.is_none() || self.memory.history.rejected;
         if !(error > 1.0 && fragile && !self.options.fixed_step) {
             return error;
         }
         self.statistics.solves += 1;
         ode.solve(&mut self.work);
-        ode.norm(&self.work)
+        ode.error_norm(&self.work, &self.end)
     }
 
     /// Stores the end of the step and its dense output.
@@ -298,7 +300,6 @@ impl SdirkStepper {
         let gamma_h = self.formula.gamma * h;
         let last = &self.z[STAGES - 1];
         for i in 0..w.len() {
-            self.end[i] = w[i] + last[i];
             // From the formula and not by a new evaluation: that would multiply what is left of the
             // iteration error by the stiffness, this divides it by γh. It costs nothing, either.
             self.slope[i] = (last[i] - self.past[i]) / gamma_h;
@@ -392,7 +393,7 @@ impl Stepper for SdirkStepper {
                 if report.contraction > 0.0 {
                     self.memory.contraction = report.contraction;
                 }
-                let error = self.error(ode);
+                let error = self.error(ode, w);
                 match self.judge(h, error, last_stage) {
                     StepVerdict::Accept { next } => {
                         self.finish(h, w);

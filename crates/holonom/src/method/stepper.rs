@@ -134,6 +134,10 @@ pub struct StepperOptions {
     pub dead_band: f64,
     /// Step selection of implicit formulas by Gustafsson's predictive law.
     pub predictive: bool,
+    /// Iterations of formulas in second-order form start from accelerations continued from the step
+    /// before, not from those at the start of the step, and go over to the other residual
+    /// ([`super::second_order::Residual`]) where one diverges.
+    pub adapt_iteration: bool,
     /// Error estimates are multiplied by (I − γh J)⁻¹, which bounds them on stiff components (by a
     /// tenth of their size at least where the formula is not stiffly accurate).
     pub filter_error: bool,
@@ -150,6 +154,7 @@ impl StepperOptions {
             reuse_contraction: 0.0,
             dead_band: 1.0,
             predictive: false,
+            adapt_iteration: false,
             filter_error: true,
         }
     }
@@ -163,6 +168,7 @@ impl StepperOptions {
             reuse_contraction: 0.02,
             dead_band: 1.2,
             predictive: true,
+            adapt_iteration: true,
             ..Self::thesis()
         }
     }

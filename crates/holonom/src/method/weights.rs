@@ -1,7 +1,7 @@
 //! Error weights on all coordinates: per body, translation and rotation, position and velocity.
 
 use crate::model::Tolerance;
-use crate::system::{Sizes, State};
+use crate::system::{Measure, Sizes, State};
 
 /// Scales of one body: translation, rotation, velocity, angular velocity.
 type BodyScales = [f64; 4];
@@ -22,6 +22,16 @@ pub struct Weights {
     angle_factor: f64,
     bodies: Vec<BodyScales>,
     extra: Vec<f64>,
+    independent: Option<Independent>,
+}
+
+/// The norm of the thesis: root mean square over the entries of w = (v, v̇, z), each against
+/// absolute + relative × |w|. Source: thesis (4.6), (4.7).
+#[derive(Debug, Clone, Default)]
+struct Independent {
+    /// |w| at the start of the step.
+    size: Vec<f64>,
+    absolute: Vec<f64>,
 }
 
 fn length(x: &[f64]) -> f64 {
@@ -39,9 +49,47 @@ impl Weights {
             angle_factor: if sizes.per_body == 7 { 2.0 } else { 1.0 },
             bodies: vec![[1.0; 4]; sizes.bodies],
             extra: vec![1.0; sizes.extra_states],
+            independent: None,
         };
         out.set(start);
         out
+    }
+
+    /// The same tolerances in the norm of the thesis.
+    pub fn of_independent_coordinates(self) -> Self {
+        Self { independent: Some(Independent::default()), ..self }
+    }
+
+    /// Whether norms are those of the independent coordinates.
+    pub fn are_independent(&self) -> bool {
+        self.independent.is_some()
+    }
+
+    /// Takes the scales of w at the start of a step; `measure` of the independent coordinates.
+    pub fn set_independent(&mut self, w: &[f64], measure: impl Fn(usize) -> Measure, ndof: usize) {
+        let Tolerance { translation, rotation, .. } = self.tolerance;
+        let Some(independent) = &mut self.independent else { return };
+        independent.size.resize(w.len(), 0.0);
+        independent.absolute.resize(w.len(), 0.0);
+        for (i, w) in w.iter().enumerate() {
+            independent.size[i] = w.abs();
+            independent.absolute[i] = if i >= 2 * ndof || measure(i % ndof) == Measure::Length {
+                translation
+            } else {
+                rotation
+            };
+        }
+    }
+
+    /// Norm of a change of w in the norm of the thesis; `end` is w at the end of the step, if known.
+    pub fn independent_norm(&self, change: &[f64], end: Option<&[f64]>) -> f64 {
+        let Some(independent) = &self.independent else { return f64::NAN };
+        let mut sum = 0.0;
+        for (i, change) in change.iter().enumerate() {
+            let size = independent.size[i].max(end.map_or(0.0, |end| end[i].abs()));
+            sum += (change / (independent.absolute[i] + self.tolerance.relative * size)).powi(2);
+        }
+        (sum / change.len().max(1) as f64).sqrt()
     }
 
     /// Takes the scales of the state that a step starts from.

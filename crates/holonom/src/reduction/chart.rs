@@ -30,6 +30,25 @@ pub struct Parametrization {
 }
 
 impl Parametrization {
+    /// x = Pᵀ p.
+    pub fn extend(&self, p: &[f64], x: &mut [f64]) {
+        x.fill(0.0);
+        match &self.projection {
+            Projection::Selection(independent) => {
+                for (p, &i) in p.iter().zip(independent) {
+                    x[i] = *p;
+                }
+            }
+            Projection::Basis(rows) => {
+                for (p, row) in p.iter().zip(rows.chunks_exact(x.len())) {
+                    for (out, a) in x.iter_mut().zip(row) {
+                        *out += a * p;
+                    }
+                }
+            }
+        }
+    }
+
     /// p = P x.
     pub fn project(&self, x: &[f64], p: &mut [f64]) {
         match &self.projection {
@@ -279,6 +298,25 @@ impl Chart {
         }
     }
 
+    /// X = S R for R (m×k, by rows) into `x` (n×k); dropped rows are not read.
+    pub fn solve_rows_many(&mut self, rows: &[f64], k: usize, x: &mut [f64]) {
+        if k == 0 {
+            return;
+        }
+        x.fill(0.0);
+        for ((out, &row), scale) in
+            x.chunks_exact_mut(k).zip(&self.parametrization.kept).zip(&self.row_scale)
+        {
+            for (out, r) in out.iter_mut().zip(&rows[row * k..(row + 1) * k]) {
+                *out = r * scale;
+            }
+        }
+        self.lu.solve_many(x, k);
+        for (row, scale) in x.chunks_exact_mut(k).zip(&self.column_scale) {
+            row.iter_mut().for_each(|v| *v *= scale);
+        }
+    }
+
     /// rows = SᵀX (m×ndof) and p = DᵀX (ndof×ndof) for X (n×ndof), which is destroyed.
     pub fn solve_transposed_many(&mut self, x: &mut [f64], rows: &mut [f64], p: &mut [f64]) {
         let (rank, ndof) = (self.parametrization.kept.len(), self.ndof());
@@ -321,6 +359,41 @@ fn singular(system: &dyn System, e: holonom_linalg::SingularMatrix) -> Evaluatio
     }
 }
 
+/// Which entries of D (n×ndof, by rows) can differ from zero, found at a few generic configurations
+/// near `q`; for a tangent plane all of them.
+pub fn structural_null_space(system: &dyn System, chart: &Chart, q: &[f64]) -> Vec<bool> {
+    let (n, ndof) = (q.len(), chart.ndof());
+    if let Projection::Basis(_) = chart.parametrization().projection {
+        return vec![true; n * ndof];
+    }
+    let mut chart = chart.clone();
+    let mut g = system.structure().constraint_pattern.clone();
+    let mut d = vec![0.0; n * ndof];
+    let mut nonzero = vec![false; n * ndof];
+    let mut probe = q.to_vec();
+    for round in 0..=3 {
+        if round > 0 {
+            disturb(q, round, &mut probe);
+        }
+        system.constraint_jacobian(&probe, &mut g);
+        if chart.refactor(system, &g).is_ok() {
+            chart.null_space(&mut d);
+            for (flag, x) in nonzero.iter_mut().zip(&d) {
+                *flag |= *x != 0.0;
+            }
+        }
+    }
+    nonzero
+}
+
+/// A fixed irrational walk around q: what vanishes at three such places vanishes everywhere.
+fn disturb(q: &[f64], round: u32, probe: &mut [f64]) {
+    for (i, (x, q)) in probe.iter_mut().zip(q).enumerate() {
+        let phase = f64::from(round) * 0.618_033_988_749_895 * (i as f64 + 1.0);
+        *x = q + 0.7 * (phase.fract() - 0.5) + 0.11;
+    }
+}
+
 /// Which stored values of G and M can differ from zero, found at a few generic configurations.
 pub fn structural_nonzeros(system: &dyn System, q: &[f64]) -> (Arc<[bool]>, Arc<[bool]>) {
     let structure: &Structure = system.structure();
@@ -329,12 +402,8 @@ pub fn structural_nonzeros(system: &dyn System, q: &[f64]) -> (Arc<[bool]>, Arc<
     let mut probe = q.to_vec();
     let (mut g_nonzero, mut m_nonzero) =
         (vec![false; g.values().len()], vec![false; m.values().len()]);
-    // A fixed irrational walk: an entry that vanishes at three such places vanishes everywhere.
     for round in 1..=3 {
-        for (i, (x, q)) in probe.iter_mut().zip(q).enumerate() {
-            let phase = f64::from(round) * 0.618_033_988_749_895 * (i as f64 + 1.0);
-            *x = q + 0.7 * (phase.fract() - 0.5) + 0.11;
-        }
+        disturb(q, round, &mut probe);
         system.constraint_jacobian(&probe, &mut g);
         system.mass_matrix(&probe, &mut m);
         for (flag, x) in g_nonzero.iter_mut().zip(g.values()) {

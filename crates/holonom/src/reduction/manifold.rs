@@ -303,6 +303,53 @@ impl Manifold {
         })
     }
 
+    /// ψ = Dᵀ(M q̈ − Q) for independent accelerations `p_rate` at a state with consistent q and q̇
+    /// whose G was just evaluated by [`Manifold::recover_velocity`]; q̈ = D v̈ + S τ and
+    /// λ = Sᵀ(Q − M q̈) into the state, ż into `z_rate`.
+    ///
+    /// Source: thesis (3.13), (3.14), (3.30).
+    pub fn reduced_residual(
+        &mut self,
+        state: &mut State,
+        p_rate: &[f64],
+        z_rate: &mut [f64],
+        psi: &mut [f64],
+    ) {
+        let system = self.system.as_ref();
+        system.forces(state, &mut self.force, z_rate);
+        system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
+        self.chart.solve(&self.tau, p_rate, &mut state.a);
+        self.force.iter_mut().for_each(|x| *x = -*x);
+        self.saddle.evaluate_mass(system, &state.q).multiply_add(1.0, &state.a, &mut self.force);
+        self.chart.solve_transposed(&self.force, &mut state.lambda, psi);
+        state.lambda.iter_mut().for_each(|x| *x = -*x);
+    }
+
+    /// q̈ = D v̈ + S τ with τ and the factors of the last [`Manifold::reduced_residual`].
+    pub fn extend_acceleration(&mut self, p_rate: &[f64], a: &mut [f64]) {
+        self.chart.solve(&self.tau, p_rate, a);
+    }
+
+    /// (M q̈ + Gᵀλ − Q, G q̈ − τ) at a state with accelerations, multipliers and consistent q and q̇
+    /// whose G was just evaluated by [`Manifold::recover_velocity`]; ż into `z_rate`.
+    ///
+    /// Source: thesis (3.76).
+    pub fn descriptor_residual(
+        &mut self,
+        state: &State,
+        z_rate: &mut [f64],
+        force: &mut [f64],
+        rows: &mut [f64],
+    ) {
+        let system = self.system.as_ref();
+        system.forces(state, force, z_rate);
+        system.acceleration_rhs(state.t, &state.q, &state.v, rows);
+        force.iter_mut().chain(rows.iter_mut()).for_each(|x| *x = -*x);
+        self.saddle.evaluate_mass(system, &state.q).multiply_add(1.0, &state.a, force);
+        self.g.multiply_transposed_add(1.0, &state.lambda, force);
+        self.g.multiply_add(1.0, &state.a, rows);
+    }
+
     /// ‖Φ‖∞ and ‖G q̇ − ν‖∞ over all rows (redundant ones too) at a state whose G is current.
     pub fn residuals(&mut self, state: &State) -> (f64, f64) {
         let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));

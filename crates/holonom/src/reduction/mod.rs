@@ -8,7 +8,7 @@ mod reduced_blocks;
 mod saddle;
 mod tangent_plane;
 
-pub use chart::{Chart, Parametrization, Projection, structural_nonzeros};
+pub use chart::{Chart, Parametrization, Projection, structural_nonzeros, structural_null_space};
 pub use manifold::{Manifold, RecoveryCounters, largest_index};
 pub use partitioning::{RANK_TOLERANCE, partition, scaled_jacobian};
 pub use reduced_blocks::ReducedBlocks;

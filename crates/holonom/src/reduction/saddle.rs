@@ -145,6 +145,12 @@ impl Saddle {
         &self.mass
     }
 
+    /// Evaluates M at q without factoring anything.
+    pub fn evaluate_mass(&mut self, system: &dyn System, q: &[f64]) -> &BlockMatrix {
+        system.mass_matrix(q, &mut self.mass);
+        &self.mass
+    }
+
     /// Solves for accelerations and multipliers; dropped rows get λ = 0.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Choices for one run.
 
-use crate::method::{Code, JacobianSource};
+use crate::method::{Code, JacobianSource, Profile};
 use crate::model::Tolerance;
 use crate::reduction::Choice;
 
@@ -22,6 +22,8 @@ pub struct Options {
     pub tolerance: Tolerance,
     /// Method and formula.
     pub code: Code,
+    /// Choices that go with it.
+    pub profile: Profile,
     /// When states are stored.
     pub output: OutputTimes,
     /// Names of channels stored with the states.
@@ -58,6 +60,7 @@ impl Options {
             end_time,
             tolerance: Tolerance::uniform(DEFAULT_TOLERANCE),
             code: Code::ForSdirk,
+            profile: Profile::Improved,
             output: OutputTimes::Interval(end_time / 200.0),
             channels: Vec::new(),
             fixed_step: None,

@@ -10,7 +10,7 @@ use super::statistics::{EnergySummary, Statistics, Status, StopReason};
 use super::trajectory::{EventKind, EventRecord, Flow, Sink, StepOutcome, StepRecord};
 use crate::error::EvaluationFailure;
 use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
-use crate::method::{StateSpace, Weights, build_state_space, build_stepper};
+use crate::method::{StateSpace, build_state_space, build_stepper};
 use crate::reduction::assembly::AssemblyError;
 use crate::reduction::{Chart, Choice, Manifold, Parametrization, choose};
 use crate::system::{State, System};
@@ -93,13 +93,12 @@ pub fn run(
         state.ledger.initial = energy.kinetic + energy.potential;
     }
     let channels = find_channels(&system, &options.channels)?;
-    let sizes = system.structure().sizes;
-    let weights = Weights::new(options.tolerance, &sizes, &state);
-    let mut form = build_state_space(options.code, manifold, weights, &state);
+    let (code, profile) = (options.code, options.profile);
+    let mut form = build_state_space(code, profile, manifold, options.tolerance, &state);
     form.set_jacobian(options.jacobian);
     let dimension = form.dimension();
-    let stepper =
-        build_stepper(options.code, dimension, options.fixed_step.is_some(), options.max_step);
+    let fixed = options.fixed_step.is_some();
+    let stepper = build_stepper(code, profile, form.as_mut(), fixed, options.max_step);
     let assembly_seconds = begun.elapsed().as_secs_f64();
     let statistics =
         Statistics { assembly_seconds, smallest_step: f64::INFINITY, ..Statistics::default() };
