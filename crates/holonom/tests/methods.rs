@@ -9,10 +9,11 @@ use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::second_order::SecondOrder;
 use holonom::method::stepper::{Stepper, StepperOptions};
 use holonom::method::{
-    CODES, Code, CodeInfo, Descriptor, FirstOrder, Iterate, Profile, StateSpace, Weights,
-    build_state_space, build_stepper,
+    CODES, Code, CodeInfo, Descriptor, FirstOrder, Iterate, JacobianSource, Profile, StateSpace,
+    Weights, build_state_space, build_stepper,
 };
 use holonom::model::{Model, Tolerance};
+use holonom::reduction::Choice;
 use holonom::simulation::{Options, OutputTimes, Problem};
 use holonom::system::State;
 
@@ -257,6 +258,32 @@ fn all_methods_filter_errors_alike() {
     }
 }
 
+#[test] // truth: the analytic matrix
+fn jacobians_by_differences_filter_errors_almost_alike() {
+    for (name, mut case) in cases() {
+        let (t, h) = (case.state.t, 1e-3);
+        let ndof = case.first_order.manifold().chart().ndof();
+        let error: Vec<f64> = (0..case.w.len())
+            .map(|i| (1.0 + (i as f64 * 1.7).sin()) * if i < ndof { 1e-6 } else { 1e-4 })
+            .collect();
+        let filtered = |form: &mut dyn SecondOrder| -> Vec<f64> {
+            let mut x = error.clone();
+            form.linearize(t, &case.w, &case.g).unwrap();
+            form.factor_stage(0.25 * h, 0.0625 * h * h).unwrap();
+            form.filter(&mut x);
+            x.iter().enumerate().map(|(i, x)| x * if i < ndof { 1e6 } else { 1e4 }).collect()
+        };
+        let truth = filtered(&mut case.first_order);
+        case.first_order.set_jacobian(JacobianSource::Differences);
+        let state_space = filtered(&mut case.first_order);
+        assert!(distance(&state_space, &truth) < 1e-4, "{name}: {state_space:?} ≠ {truth:?}");
+        let form = &mut case.descriptors[1];
+        form.set_jacobian(JacobianSource::Differences);
+        let descriptor = filtered(form);
+        assert!(distance(&descriptor, &state_space) < 1e-9, "{name}: {descriptor:?}");
+    }
+}
+
 /// Error over tolerance against a reference, largest over ten times: coordinates and velocities.
 fn measure(model: &Model, code: Code, tolerance: f64, truth: &[Vec<f64>; 2], end: f64) -> [f64; 2] {
     let found = solution(model, options(code, tolerance, end));
@@ -330,6 +357,40 @@ fn extra_states_drivers_and_special_sizes_work_under_every_method() {
         let summary = run_model(&model, &options(Code::Deabm, 1e-4, 0.01)).summary;
         assert_eq!(summary.ndof, ndof, "{name}");
         assert_all_agree(name, &model, Code::Deabm, 1.0, [30.0, 60.0]);
+    }
+}
+
+#[test] // truth: the explicit Adams code
+fn parametrizations_jacobians_and_profiles_go_with_every_method() {
+    for (name, text) in [("loop with Maxwell element", LOOP_WITH_MAXWELL), ("spatial", SPATIAL)] {
+        let model = model_of(text);
+        let truth = solution(&model, options(Code::Deabm, 1e-10, 0.5));
+        for info in implicit() {
+            for &(parametrization, choice) in Choice::ALL {
+                for &(jacobian, source) in JacobianSource::ALL {
+                    for (profile_name, profile) in Profile::NAMES {
+                        if info.code == Code::ForRosen && jacobian == JacobianSource::Differences {
+                            continue;
+                        }
+                        let run = Options {
+                            parametrization,
+                            jacobian,
+                            profile,
+                            ..options(info.code, 1e-4, 0.5)
+                        };
+                        let found = solution(&model, run);
+                        for k in 0..2 {
+                            let gap = distance(&found[k], &truth[k]);
+                            assert!(
+                                gap < 60.0 * 1e-4,
+                                "{} on {name}, {choice}, {source}, {profile_name}: {gap:.1e}",
+                                info.name
+                            );
+                        }
+                    }
+                }
+            }
+        }
     }
 }
 
