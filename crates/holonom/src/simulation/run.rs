@@ -121,6 +121,7 @@ pub fn run(
         statistics,
         warnings: Vec::new(),
         sink,
+        started: Instant::now(),
         last_poll: Instant::now(),
         last_flush: Instant::now(),
         sink_time: Duration::ZERO,
@@ -162,6 +163,7 @@ struct Run<'a> {
     output: Output,
     warnings: Vec<String>,
     sink: &'a mut dyn Sink,
+    started: Instant,
     last_poll: Instant,
     last_flush: Instant,
     sink_time: Duration,
@@ -231,7 +233,7 @@ impl Run<'_> {
                 continue;
             }
             (rejections, repartitioned) = (0, false);
-            self.emit(t, step).map_err(|f| failed(f, step))?;
+            self.emit(t, step)?;
             self.account(step);
             // A step cut short at a breakpoint says nothing about the next one.
             h = match self.options.fixed_step {
@@ -296,7 +298,7 @@ impl Run<'_> {
     }
 
     /// Output rows inside the step, then the new state.
-    fn emit(&mut self, t: f64, step: f64) -> Result<(), EvaluationFailure> {
+    fn emit(&mut self, t: f64, step: f64) -> Result<(), Stop> {
         let begun = Instant::now();
         // The end state is kept aside: interior rows use the form's evaluation state.
         self.row.copy_from(self.form.state());
@@ -329,7 +331,7 @@ impl Run<'_> {
             let time = self.output.time();
             let theta = ((time - t) / step).clamp(0.0, 1.0);
             self.stepper.interpolate(theta, &mut self.scratch[0]);
-            self.form.evaluate(time, &self.scratch[0], true)?;
+            self.form.evaluate(time, &self.scratch[0], true).map_err(|f| failed(f, step))?;
             self.row.copy_from(self.form.state());
             self.form.manifold_mut().minimum_norm_multipliers(&mut self.row.lambda);
             self.system.update_windings(&self.row.q, &mut self.row.winding);
@@ -339,6 +341,11 @@ impl Run<'_> {
                 self.row.ledger = self.powers.advance(&ledger, step, theta);
             }
             self.output.push(self.system.as_ref(), &self.row);
+            // A step may hold any number of rows: they go out in chunks, and the run can be stopped.
+            if self.output.chunk.time.len() >= CHUNK_ROWS {
+                self.flush()?;
+                self.poll(step)?;
+            }
         }
         while self.output.time() <= t_end {
             self.output.push(self.system.as_ref(), &self.state);
@@ -465,6 +472,9 @@ impl Run<'_> {
         let flow = self.sink.progress(self.state.t, h, self.statistics.steps);
         self.last_poll = Instant::now();
         self.sink_time += begun.elapsed();
+        if self.started.elapsed().as_secs_f64() > self.options.max_seconds {
+            return Err(Stop::MaxSeconds);
+        }
         match flow {
             Flow::Continue => Ok(()),
             Flow::Interrupt => Err(Stop::Interrupted),
