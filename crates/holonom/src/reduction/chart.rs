@@ -251,7 +251,10 @@ impl Chart {
     /// Takes over the numbers of another chart of the same parametrization.
     pub fn copy_from(&mut self, other: &Self) {
         self.values.copy_from_slice(&other.values);
-        self.lu.clone_from(&other.lu);
+        // Factoring again allocates nothing; a copy of the factors would.
+        if self.lu.refactor(&self.values).is_err() {
+            self.lu = other.lu.clone();
+        }
     }
 
     /// x = S r + D p: solves [G; P] x = [r; p]. `rows` has all m rows; dropped ones are not read.

@@ -122,8 +122,9 @@ impl ReducedBlocks {
     }
 
     fn evaluate_extra_states(&mut self, manifold: &mut Manifold) {
-        let structure = manifold.system().structure();
-        let (bodies, per_body) = (structure.extra_bodies.clone(), structure.sizes.per_body);
+        let system = manifold.system().clone();
+        let (bodies, per_body) =
+            (&system.structure().extra_bodies, system.structure().sizes.per_body);
         let ndof = manifold.chart().ndof();
         self.extra_extra.copy_from_slice(&self.blocks.extra_extra);
         for (k, ends) in bodies.iter().enumerate() {
