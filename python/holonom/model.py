@@ -118,6 +118,17 @@ class Model:
             If a path does not exist or a value does not fit.
         """
         plain = {path: _plain(value) for path, value in values.items()}
+        for path, value in plain.items():
+            try:
+                json.dumps(value, allow_nan=False)
+            except ValueError:
+                raise ModelError(
+                    Problem(
+                        code="model/not-finite",
+                        message=f"the new value of `{path}` is or holds a number that is not finite",
+                        path=path,
+                    )
+                ) from None
         with translated():
             return Model(self._core.with_values(json.dumps(plain)), self.name)
 

@@ -75,7 +75,12 @@ impl Rows {
                 }
             }
         }
-        if states.iter().flat_map(|s| s.q.iter().chain(&s.v)).any(|x| !x.is_finite()) {
+        let finite = |s: &State| {
+            let lists = [&s.q, &s.v, &s.a, &s.lambda, &s.z, &s.winding];
+            let ledger = [s.t, s.ledger.initial, s.ledger.dissipated, s.ledger.supplied];
+            lists.into_iter().flatten().chain(&ledger).all(|x| x.is_finite())
+        };
+        if !states.iter().all(finite) {
             return Err(foreign("the state holds a number that is not finite"));
         }
         Ok(Self { states })

@@ -12,6 +12,8 @@ const CONTRACTION_LIMIT: f64 = 0.5;
 /// The old factor is replaced when it would need more corrections than a new one costs.
 const WORTH_REFACTORING: f64 = 4.0;
 const MAX_CORRECTIONS: u32 = 40;
+/// Corrections of this size may be noise where the residual is.
+const NOISY_CORRECTION: f64 = 1e-9;
 
 /// Work counters of the recovery.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -170,8 +172,9 @@ impl Manifold {
             let rate = size / before;
             if k > 0 && rate > CONTRACTION_LIMIT {
                 // Corrections that no longer fall have reached round-off, if they are that small.
-                if before <= 1e3 * noise {
-                    return self.check_branch(q, predicted, noise);
+                if before <= 1e3 * noise || (size <= NOISY_CORRECTION && self.residual_is_noise(q))
+                {
+                    return self.check_branch(q, predicted, noise.max(size));
                 }
                 if fresh {
                     break;
@@ -188,6 +191,13 @@ impl Manifold {
             before = size;
         }
         Err(self.position_failure(t, q))
+    }
+
+    /// Whether Φ, as the last correction found it, is rounding of the coordinates: an ill-conditioned
+    /// [G; P] then turns it into corrections that do not fall.
+    fn residual_is_noise(&self, q: &[f64]) -> bool {
+        let largest = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+        self.phi.iter().all(|x| x.abs() <= 64.0 * f64::EPSILON * largest)
     }
 
     /// One correction of the quasi-Newton iteration; returns its size.

@@ -39,7 +39,8 @@ impl Output {
                     // The last multiple may exceed the end by round-off.
                     (self.start + self.next as f64 * interval).min(self.end)
                 } else if self.next == last + 1
-                    && self.start + last as f64 * interval < self.end * (1.0 - 1e-12)
+                    && self.start + last as f64 * interval
+                        < self.end - 1e-12 * (self.end - self.start)
                 {
                     self.end
                 } else {

@@ -27,6 +27,8 @@ const CONDITION_FLOOR: f64 = 10.0;
 const KINEMATIC_STEPS: f64 = 200.0;
 /// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
 const TANGENT_GROWTH: f64 = 2.0;
+/// Pieces of a step in which a state inside it is approached when it cannot be recovered at once.
+const PIECES: u32 = 16;
 /// Rows in a chunk.
 const CHUNK_ROWS: usize = 256;
 /// Attempts in a chunk, so that a run without output rows reports its steps too.
@@ -330,8 +332,7 @@ impl Run<'_> {
         while self.output.time() < t_end {
             let time = self.output.time();
             let theta = ((time - t) / step).clamp(0.0, 1.0);
-            self.stepper.interpolate(theta, &mut self.scratch[0]);
-            self.form.evaluate(time, &self.scratch[0], true).map_err(|f| failed(f, step))?;
+            self.evaluate_inside(t, step, time).map_err(|f| failed(f, step))?;
             self.row.copy_from(self.form.state());
             self.form.manifold_mut().minimum_norm_multipliers(&mut self.row.lambda);
             self.system.update_windings(&self.row.q, &mut self.row.winding);
@@ -359,6 +360,23 @@ impl Run<'_> {
         self.form.begin_step(&self.state);
         self.statistics.output_seconds += begun.elapsed().as_secs_f64();
         Ok(())
+    }
+
+    /// State at a time inside the accepted step. Where it cannot be recovered at once, the motion is followed
+    /// from the start of the step in small pieces.
+    fn evaluate_inside(&mut self, t: f64, step: f64, at: f64) -> Result<(), EvaluationFailure> {
+        let theta = ((at - t) / step).clamp(0.0, 1.0);
+        self.stepper.interpolate(theta, &mut self.scratch[0]);
+        if self.form.evaluate(at, &self.scratch[0], true).is_ok() {
+            return Ok(());
+        }
+        for k in 1..PIECES {
+            let part = theta * f64::from(k) / f64::from(PIECES);
+            self.stepper.interpolate(part, &mut self.scratch[0]);
+            self.form.evaluate(t + part * step, &self.scratch[0], false)?;
+        }
+        self.stepper.interpolate(theta, &mut self.scratch[0]);
+        self.form.evaluate(at, &self.scratch[0], true).map(drop)
     }
 
     /// Step sizes and energy of the new state.
