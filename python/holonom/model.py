@@ -125,7 +125,7 @@ class Model:
                 raise ModelError(
                     Problem(
                         code="model/not-finite",
-                        message=f"the new value of `{path}` is or holds a number that is not finite",
+                        message=f"the new value of `{path}` holds a number that is not finite",
                         path=path,
                     )
                 ) from None
