@@ -225,10 +225,19 @@ def _wait_for_rows(path: Path) -> None:
     raise AssertionError("nothing was stored within 30 s")
 
 
+def _heed_ctrl_c() -> None:
+    """Undo what a shell does to background jobs: a test may run in one."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_ctrl_c_keeps_and_marks_what_was_computed(pendulum: Path, tmp_path: Path) -> None:
     path = tmp_path / "rod.holonom"
     process = subprocess.Popen(
-        _endless(pendulum, path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        _endless(pendulum, path),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=_heed_ctrl_c,
     )
     _wait_for_rows(path)
     process.send_signal(signal.SIGINT)
