@@ -24,8 +24,8 @@ impl Reduced {
         let problem = Problem::new(model.clone());
         let end = run_model(model, &options(Code::ForSdirk, 1e-6, t)).summary.end;
         let (manifold, state) = problem.start_from(&end).expect("a consistent state");
-        let sizes = problem.system().structure().sizes;
-        let weights = Weights::new(Tolerance::uniform(1e-6), &sizes, &state);
+        let system = problem.system().clone();
+        let weights = Weights::new(Tolerance::uniform(1e-6), system.as_ref(), &state);
         let mut form = FirstOrder::new(manifold, weights, &state);
         form.begin_step(&state);
         let mut w = vec![0.0; form.dimension()];

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{ALL_CODES, Outcome, model_of, options, run_model};
-use holonom::method::Code;
+use holonom::method::{CODES, Code};
 use holonom::model::Model;
 use holonom::simulation::{Options, OutputTimes, Problem};
 
@@ -289,5 +289,101 @@ angular_velocity = [0.0, 0.0, 0.0]
                 assert!((a - b).abs() < 1e-6, "{code:?} at {t} s: {a} for {b}");
             }
         }
+    }
+}
+
+#[test] // independent truth: the damper alone, to which the element tends
+fn a_maxwell_element_with_a_stiff_spring_is_a_damper() {
+    let bar = |force: &str| {
+        model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+bar = {{ mass = 2.0, inertia = 0.3, position = [0.8, 0.0] }}
+[joints]
+pin = {{ type = "revolute", between = ["ground", "bar"], point = [0.0, 0.0] }}
+[forces]
+element = {{ between = ["ground", "bar"], points = [[0.0, 2.0], [1.6, 0.0]], damping = 50.0, {force} }}
+"#
+        ))
+    };
+    let ten =
+        |model: &Model, code| at_ten_times(model, code, 1e-5, 1.0, &["element.force", "bar.angle"]);
+    let damper = ten(&bar(r#"type = "tsda""#), Code::ForRadau);
+    for stiffness in ["1e6", "1e9", "1e12"] {
+        let stiff =
+            bar(&format!(r#"type = "maxwell", stiffness = {stiffness}, free_length = 2.0"#));
+        for info in CODES.iter().filter(|info| info.family != "explicit") {
+            let run = ten(&stiff, info.code);
+            let steps = run.summary.statistics.steps;
+            let most = if info.formula == "trapezoidal" { 400 } else { 60 };
+            assert!(steps < most, "{} at {stiffness} N/m: {steps} steps", info.name);
+            let last = |outcome: &Outcome, channel| outcome.series(channel, 0).pop().unwrap();
+            let (angle, force) = (last(&run, "bar.angle"), last(&run, "element.force"));
+            let (true_angle, true_force) =
+                (last(&damper, "bar.angle"), last(&damper, "element.force"));
+            assert!((angle - true_angle).abs() < 3e-5, "{} at {stiffness}: {angle}", info.name);
+            assert!((force / true_force - 1.0).abs() < 1e-3, "{}: {force} N", info.name);
+            assert!(run.summary.warnings.is_empty(), "{}: {:?}", info.name, run.summary.warnings);
+        }
+    }
+}
+
+#[test] // independent truth: constant energy, and constant spin about the axle without torque
+fn a_fast_rotor_goes_through_every_partition() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+arm = { mass = 1.0, inertia = [[0.001, 0, 0], [0, 0.02, 0], [0, 0, 0.02]], position = [0.25, 0.0, 0.0] }
+wheel = { mass = 2.0, inertia = [[0.01, 0, 0], [0, 0.006, 0], [0, 0, 0.006]], position = [0.5, 0.0, 0.0] }
+[joints]
+ball = { type = "spherical", between = ["ground", "arm"], point = [0.0, 0.0, 0.0] }
+axle = { type = "revolute", between = ["arm", "wheel"], point = [0.5, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
+[initial.bodies]
+wheel = { angular_velocity = [500.0, 0.0, 0.0] }
+"#,
+    );
+    for info in CODES {
+        for tolerance in [1e-2, 1e-3, 1e-4] {
+            if info.formula == "trapezoidal" && tolerance < 1e-2 {
+                continue; // 10⁵ steps
+            }
+            let channels = ["energy.kinetic", "energy.potential"];
+            let run = at_ten_times(&model, info.code, tolerance, 0.3, &channels);
+            let energy = |row: usize| {
+                run.series("energy.kinetic", 0)[row] + run.series("energy.potential", 0)[row]
+            };
+            let drift = (energy(10) - energy(0)).abs() / energy(0).abs();
+            // Errors add up over 24 turns.
+            assert!(drift < 200.0 * tolerance, "{} at {tolerance:e}: {drift:.1e}", info.name);
+        }
+    }
+}
+
+#[test] // independent truth: the driver's own angle
+fn a_kinematic_run_counts_many_turns() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+wheel = { mass = 2.0, inertia = [[0.01, 0, 0], [0, 0.006, 0], [0, 0, 0.006]], position = [0.5, 0.3, 0.0] }
+[joints]
+axle = { type = "revolute", between = ["ground", "wheel"], point = [0.5, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
+[drivers]
+spin = { joint = "axle", coordinate = "rotation", motion = { type = "polynomial", coefficients = [0.0, 200.0] } }
+"#,
+    );
+    for code in ALL_CODES {
+        let run = at_ten_times(&model, code, 1e-3, 10.0, &["wheel.position"]);
+        assert_eq!(run.summary.ndof, 0);
+        let height = error(&run, "wheel.position", 2, |t| 0.3 * (200.0 * t).sin());
+        assert!(height < 1e-9, "{code:?}: {height:.1e} m");
     }
 }

@@ -113,8 +113,8 @@ fn case(model: Model) -> Case {
     let state = run_model(&model, &start).summary.end;
     let problem = Problem::new(model);
     let (manifold, state) = problem.start_from(&state).unwrap();
-    let sizes = problem.system().structure().sizes;
-    let weights = || Weights::new(Tolerance::uniform(1e-6), &sizes, &state);
+    let system = problem.system().clone();
+    let weights = || Weights::new(Tolerance::uniform(1e-6), system.as_ref(), &state);
     let descriptor = |iterate| Descriptor::new(manifold.clone(), weights(), &state, iterate);
     let descriptors = [descriptor(Iterate::Plain), descriptor(Iterate::Consistent)];
     let mut first_order = FirstOrder::new(manifold.clone(), weights(), &state);
@@ -426,7 +426,7 @@ fn prescribed(model: &Model, code: Code, steps: &[f64], detour: Option<f64>) -> 
     let (manifold, mut state) = (assembled.manifold.clone(), assembled.state.clone());
     let (profile, tolerance) = (Profile::Thesis, Tolerance::uniform(1e-9));
     let mut form = build_state_space(code, profile, manifold, tolerance, &state);
-    let mut stepper = build_stepper(code, profile, form.as_mut(), false, f64::INFINITY);
+    let mut stepper = build_stepper(code, profile, form.as_mut(), tolerance, false, f64::INFINITY);
     let mut w = vec![0.0; form.dimension()];
     let mut g = w.clone();
     form.begin_step(&state);

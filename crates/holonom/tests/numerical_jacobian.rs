@@ -36,9 +36,9 @@ fn differences_agree_with_the_analytic_blocks() {
     for (name, model) in library() {
         let problem = Problem::new(model);
         let assembled = problem.assemble().unwrap();
-        let sizes = problem.system().structure().sizes;
+        let system = problem.system().clone();
         let form = |source| {
-            let weights = Weights::new(Tolerance::uniform(1e-4), &sizes, &assembled.state);
+            let weights = Weights::new(Tolerance::uniform(1e-4), system.as_ref(), &assembled.state);
             let mut form = FirstOrder::new(assembled.manifold.clone(), weights, &assembled.state);
             form.set_jacobian(source);
             form.begin_step(&assembled.state);
@@ -61,7 +61,8 @@ fn differences_agree_with_the_analytic_blocks() {
             ("ż_v̇", &a.extra_velocity, &n.extra_velocity),
             ("ż_z", &a.extra_extra, &n.extra_extra),
         ] {
-            let size = a.iter().fold(1e-3f64, |m, x| m.max(x.abs()));
+            // Forward differences of quantities of size 1 leave about √ε.
+            let size = a.iter().fold(1e-2f64, |m, x| m.max(x.abs()));
             for (a, n) in a.iter().zip(n) {
                 assert!((a - n).abs() < 1e-5 * size, "{name}, {what}: {n:e} instead of {a:e}");
             }

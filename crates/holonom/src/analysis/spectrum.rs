@@ -25,8 +25,7 @@ pub enum SpectrumError {
 /// [`SpectrumError`].
 pub fn spectrum(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> {
     let system = assembled.manifold.system().clone();
-    let weights =
-        Weights::new(Tolerance::uniform(1.0), &system.structure().sizes, &assembled.state);
+    let weights = Weights::new(Tolerance::uniform(1.0), system.as_ref(), &assembled.state);
     let mut form = FirstOrder::new(assembled.manifold.clone(), weights, &assembled.state);
     let n = form.dimension();
     let (mut w, mut g) = (vec![0.0; n], vec![0.0; n]);

@@ -131,7 +131,7 @@ pub struct Quantity {
 
 /// Services of a force between two bodies.
 pub trait ForceElement<const N: usize> {
-    /// Whether the element has an extra state z (m).
+    /// Whether the element has an extra state z (m), 0 where the element is unloaded.
     fn has_extra_state(&self) -> bool {
         false
     }
@@ -143,9 +143,10 @@ pub trait ForceElement<const N: usize> {
     fn angle(&self, _q: [&[f64; N]; 2], _winding: f64) -> f64 {
         0.0
     }
-    /// Extra state at which the element is unloaded.
-    fn unloaded_state(&self, _q: [&[f64; N]; 2]) -> f64 {
-        0.0
+    /// Error of the extra state that counts like a metre or a metre per second of its points,
+    /// whichever is the smaller error of the force, m.
+    fn extra_state_scale(&self) -> f64 {
+        1.0
     }
     /// Q and ż.
     fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceOutput<T, N>);

@@ -163,8 +163,7 @@ pub fn build_state_space(
     tolerance: Tolerance,
     state: &State,
 ) -> Box<dyn StateSpace> {
-    let sizes = &manifold.system().structure().sizes;
-    let mut weights = Weights::new(tolerance, sizes, state);
+    let mut weights = Weights::new(tolerance, manifold.system().as_ref(), state);
     if profile == Profile::Thesis {
         weights = weights.of_independent_coordinates();
     }
@@ -192,6 +191,7 @@ pub fn build_stepper(
     code: Code,
     profile: Profile,
     form: &mut dyn StateSpace,
+    tolerance: Tolerance,
     fixed_step: bool,
     max_step: f64,
 ) -> Box<dyn Stepper> {
@@ -202,11 +202,15 @@ pub fn build_stepper(
             let filter_error = matches!(code, Code::ForSdirk | Code::ForSdirk16);
             StepperOptions { filter_error, ..StepperOptions::thesis() }
         }
-        Profile::Improved => StepperOptions::improved(),
+        Profile::Improved => StepperOptions::improved(tolerance.largest()),
     };
     (options.fixed_step, options.max_step) = (fixed_step, max_step);
+    // A dense matrix of order ndof costs less to factor than a step that is shorter than it need be.
+    if !matches!(code, Code::InflSdirk | Code::InflSdirk15 | Code::InflTrap) {
+        options.dead_band = 1.0;
+    }
     let nystrom = |formula: Nystrom| -> Box<dyn Stepper> {
-        let newton = NewtonControl { max_iterations: 10, ..NewtonControl::default() };
+        let newton = NewtonControl { max_iterations: 10, ..options.newton };
         let options = StepperOptions { newton, ..options };
         Box::new(NystromStepper::new(formula, dimension, unknowns, options))
     };

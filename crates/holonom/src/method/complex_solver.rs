@@ -76,7 +76,7 @@ impl ComplexSolver {
         if ndof == 0 { Ok(()) } else { self.lu.factor(&self.pi) }
     }
 
-    /// x + iy ← (I − γh J)⁻¹ (x + iy).
+    /// x + iy ← (I − γh J)⁻¹ (x + iy), the velocity entries of x and y multiplied by M̂ already.
     pub(super) fn solve(&mut self, b: &ReducedBlocks, x: &mut [f64], y: &mut [f64]) {
         let ndof = self.ndof();
         let at = |i: usize| Complex64::new(x[i], y[i]);
@@ -84,11 +84,7 @@ impl ComplexSolver {
             *p = at(i);
         }
         for i in 0..ndof {
-            let row = &b.mass[i * ndof..(i + 1) * ndof];
-            let mut sum = Complex64::new(0.0, 0.0);
-            for (j, m) in row.iter().enumerate() {
-                sum += at(ndof + j) * m;
-            }
+            let mut sum = at(ndof + i);
             for (k, inverse_e) in self.inverse_e.iter().enumerate() {
                 sum -= self.gamma_h * inverse_e * at(2 * ndof + k) * b.force_extra[k * ndof + i];
             }

@@ -3,7 +3,7 @@
 use super::complex_solver::ComplexSolver;
 use super::differences::{Differences, JacobianSource};
 use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode};
-use super::second_order::SecondOrder;
+use super::second_order::{Residual, SecondOrder};
 use super::state_space_method::AccelerationBuffers;
 use super::weights::Weights;
 use crate::reduction::{Chart, Manifold, Projection, ReducedBlocks, largest_index};
@@ -117,6 +117,8 @@ impl FirstOrder {
     /// The state that the next step starts from: weights and windings follow it.
     pub fn begin_step(&mut self, state: &State) {
         self.anchor.copy_from_slice(&state.q);
+        // Recoveries go on from here, not from an output row or a stage of the step before.
+        self.state.q.copy_from_slice(&state.q);
         self.state.winding.copy_from_slice(&state.winding);
         self.state.ledger = state.ledger;
         self.weights.set(state);
@@ -182,6 +184,7 @@ impl FirstOrder {
         if let Err(failure) = recovered {
             // Do not carry a failed iterate into the next attempt.
             self.state.q.copy_from_slice(&self.anchor);
+            self.manifold.go_back(&self.anchor);
             return Err(failure);
         }
         if full {
@@ -271,6 +274,15 @@ impl FirstOrder {
         &self.blocks
     }
 
+    /// The velocity entries r_v of a change of w become M̂ r_v.
+    fn weigh(&mut self, x: &mut [f64]) {
+        let ndof = self.manifold.chart().ndof();
+        let v = &mut x[ndof..2 * ndof];
+        self.b2.fill(0.0);
+        multiply_add(&self.blocks.mass, 1.0, v, &mut self.b2);
+        v.copy_from_slice(&self.b2);
+    }
+
     /// Factors M̂ + γh M̂₁' + βh² M̂₂': Π for β = γ², and Ψ of the state-space method.
     pub(super) fn factor_matrix(
         &mut self,
@@ -324,12 +336,7 @@ impl Ode for FirstOrder {
 
     fn derivative(&mut self, t: f64, w: &[f64], g: &mut [f64]) -> Result<(), EvaluationFailure> {
         let ndof = self.manifold.chart().ndof();
-        if !w.iter().sum::<f64>().is_finite() {
-            return Err(EvaluationFailure {
-                code: "simulation/not-finite",
-                message: format!("the iteration ran away at t = {t:.6} s"),
-            });
-        }
+        require_finite(t, w)?;
         self.evaluate(t, w, true)?;
         g[..ndof].copy_from_slice(&w[ndof..2 * ndof]);
         let parametrization = self.manifold.chart().parametrization();
@@ -390,20 +397,66 @@ impl LinearizedOde for FirstOrder {
         solver.factor(&self.blocks, gamma_h).map_err(|e| singular_jacobian(gamma_h.norm(), &e))
     }
 
+    /// Velocity entries are forces: −ψ with the slope's accelerations, or M̂₀ (v̈ − slope).
+    fn defect(
+        &mut self,
+        residual: Residual,
+        t: f64,
+        w: &[f64],
+        slope: &[f64],
+        defect: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        let ndof = self.manifold.chart().ndof();
+        match residual {
+            Residual::Forces => {
+                require_finite(t, w)?;
+                self.evaluate(t, w, false)?;
+                let (rates, rest) = slope[ndof..].split_at(ndof);
+                let (positions, forces) = defect.split_at_mut(ndof);
+                let (forces, z) = forces.split_at_mut(ndof);
+                for ((out, v), s) in positions.iter_mut().zip(&w[ndof..]).zip(slope) {
+                    *out = v - s;
+                }
+                let (manifold, state) = (&mut self.manifold, &mut self.state);
+                manifold.reduced_residual(state, rates, &mut self.z_rate, forces);
+                forces.iter_mut().for_each(|x| *x = -*x);
+                for ((out, rate), s) in z.iter_mut().zip(&self.z_rate).zip(rest) {
+                    *out = rate - s;
+                }
+            }
+            Residual::Accelerations => {
+                self.derivative(t, w, defect)?;
+                defect.iter_mut().zip(slope).for_each(|(g, s)| *g -= s);
+                self.weigh(defect);
+            }
+        }
+        Ok(())
+    }
+
     fn solve_complex(&mut self, x: &mut [f64], y: &mut [f64]) {
+        self.weigh(x);
+        self.weigh(y);
+        self.solve_complex_defect(x, y);
+    }
+
+    fn solve_complex_defect(&mut self, x: &mut [f64], y: &mut [f64]) {
         let solver = self.complex.as_mut().expect("factored before");
         solver.solve(&self.blocks, x, y);
     }
 
     fn solve(&mut self, x: &mut [f64]) {
+        self.weigh(x);
+        self.solve_defect(x);
+    }
+
+    fn solve_defect(&mut self, x: &mut [f64]) {
         let ndof = self.manifold.chart().ndof();
         let gh = self.gamma_h;
         let (p, rest) = x.split_at_mut(ndof);
         let (v, z) = rest.split_at_mut(ndof);
         let b = &self.blocks;
         // b₂ = M̂ r_v − γh Ẑ E⁻¹ r_z
-        self.b2.fill(0.0);
-        multiply_add(&b.mass, 1.0, v, &mut self.b2);
+        self.b2.copy_from_slice(v);
         for (k, z) in z.iter().enumerate() {
             let scale = -gh * self.inverse_e[k] * z;
             for (out, zeta) in self.b2.iter_mut().zip(&b.force_extra[k * ndof..]) {
@@ -446,6 +499,17 @@ impl LinearizedOde for FirstOrder {
         }
         Ok(())
     }
+}
+
+/// Refuses an iterate that is not a number.
+pub(super) fn require_finite(t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
+    if w.iter().sum::<f64>().is_finite() {
+        return Ok(());
+    }
+    Err(EvaluationFailure {
+        code: "simulation/not-finite",
+        message: format!("the iteration ran away at t = {t:.6} s"),
+    })
 }
 
 fn singular_jacobian(gamma_h: f64, e: &SingularMatrix) -> EvaluationFailure {

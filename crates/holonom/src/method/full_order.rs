@@ -121,6 +121,7 @@ impl FullOrder {
             });
         if let Err(failure) = recovered {
             self.state.q.copy_from_slice(&self.anchor);
+            self.manifold.go_back(&self.anchor);
             return Err(failure);
         }
         Ok(&self.state)

@@ -1,6 +1,6 @@
 //! The view of a system that integration formulas have: ẇ = g(t, w) with its linearization.
 
-use super::second_order::SecondOrder;
+use super::second_order::{Residual, SecondOrder};
 pub use crate::error::EvaluationFailure;
 pub use holonom_linalg::Complex64;
 
@@ -65,6 +65,34 @@ pub trait LinearizedOde: Ode {
 
     /// x ← (I − γh J)⁻¹ x with the last factor.
     fn solve(&mut self, x: &mut [f64]);
+
+    /// How far `slope` is from g at a stage (t, w): g − slope, or that multiplied by a matrix in
+    /// which iterations converge from farther away. [`LinearizedOde::solve_defect`] undoes it.
+    ///
+    /// # Errors
+    /// As [`Ode::derivative`].
+    fn defect(
+        &mut self,
+        _residual: Residual,
+        t: f64,
+        w: &[f64],
+        slope: &[f64],
+        defect: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.derivative(t, w, defect)?;
+        defect.iter_mut().zip(slope).for_each(|(g, s)| *g -= s);
+        Ok(())
+    }
+
+    /// x ← (I − γh J)⁻¹ x for an x made of defects.
+    fn solve_defect(&mut self, x: &mut [f64]) {
+        self.solve(x);
+    }
+
+    /// x + iy ← (I − γh J)⁻¹ (x + iy) for x, y made of defects, with the complex factor.
+    fn solve_complex_defect(&mut self, x: &mut [f64], y: &mut [f64]) {
+        self.solve_complex(x, y);
+    }
 
     /// Factors I − γh J for a complex γh, beside the real factor; formulas that need it are refused
     /// for forms without it.

@@ -9,19 +9,17 @@
 //! Source: Hairer & Wanner, *Solving ODEs II*, section IV.8.
 
 use crate::control::{
-    IterationVerdict, NewtonControl, NewtonMonitor, StepControl, StepHistory, StepLaw, StepVerdict,
+    IterationVerdict, NewtonMonitor, StepControl, StepHistory, StepLaw, StepVerdict,
 };
 use crate::formula::Radau;
 use crate::method::ode::{Complex64, LinearizedOde};
+use crate::method::second_order::Residual;
 use crate::method::stepper::{
     Rejection, StageQuadrature, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics,
     add_scaled,
 };
 
 const STAGES: usize = 3;
-/// Allowed iteration error: the formula's own error falls below its estimate, which is of order 3,
-/// and the iteration must not undo that.
-const KAPPA: f64 = 0.01;
 
 /// Age of the linearization.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,6 +63,11 @@ impl Default for Memory {
 /// Failure of the stages: cause and ratio for the step.
 type StageFailure = (Rejection, f64);
 
+/// Whether the iteration did not converge.
+fn lost(outcome: &Result<u32, StageFailure>) -> bool {
+    matches!(outcome, Err((Rejection::NewtonDivergence | Rejection::NewtonSlow, _)))
+}
+
 /// Stepper of the three-stage Radau IIA formula.
 #[derive(Debug, Clone)]
 pub struct RadauStepper {
@@ -78,6 +81,7 @@ pub struct RadauStepper {
     pending: bool,
     linearization: Linearization,
     factored: Option<f64>,
+    defect: Residual,
     /// The segment before this step predicts the stages.
     predict: bool,
     /// Weighted norm of round-off in w₀.
@@ -85,6 +89,7 @@ pub struct RadauStepper {
     z: [Vec<f64>; STAGES],
     y: [Vec<f64>; STAGES],
     slopes: [Vec<f64>; STAGES],
+    defects: [Vec<f64>; STAGES],
     residual: [Vec<f64>; STAGES],
     state: Vec<f64>,
     end: Vec<f64>,
@@ -109,11 +114,13 @@ impl RadauStepper {
             pending: false,
             linearization: Linearization::None,
             factored: None,
+            defect: options.residual,
             predict: false,
             floor: 0.0,
             z: stages(),
             y: stages(),
             slopes: stages(),
+            defects: stages(),
             residual: stages(),
             state: vector(),
             end: vector(),
@@ -195,17 +202,18 @@ impl RadauStepper {
         report: &mut StepReport,
     ) -> Result<u32, StageFailure> {
         self.predict(h);
-        let control = self.options.iteration();
-        let control = NewtonControl { kappa: control.kappa.min(KAPPA), ..control };
-        let mut monitor = NewtonMonitor::start(control, self.memory.eta, self.floor);
+        let mut monitor =
+            NewtonMonitor::start(self.options.iteration(), self.memory.eta, self.floor);
         let verdict = loop {
+            self.implied_slopes(h);
             for i in 0..STAGES {
                 for ((state, &w), &z) in self.state.iter_mut().zip(w).zip(&self.z[i]) {
                     *state = w + z;
                 }
                 self.statistics.derivatives += 1;
                 let at = t + self.formula.c[i] * h;
-                if let Err(failure) = ode.derivative(at, &self.state, &mut self.slopes[i]) {
+                let (slope, defect) = (&self.slopes[i], &mut self.defects[i]);
+                if let Err(failure) = ode.defect(self.defect, at, &self.state, slope, defect) {
                     self.memory.eta = 1.0;
                     return Err((Rejection::Evaluation(failure), 0.5));
                 }
@@ -235,28 +243,40 @@ impl RadauStepper {
         }
     }
 
-    /// Correction of y from the slopes at the stages, into `residual`.
-    fn correct(&mut self, ode: &mut dyn LinearizedOde, h: f64) {
+    /// The slopes A⁻¹z / h = T Λy / h that the iterate ascribes to its stages.
+    fn implied_slopes(&mut self, h: f64) {
         let f = self.formula;
-        transform(&f.t_inverse, &self.slopes, &mut self.residual);
-        let [r1, r2, r3] = &mut self.residual;
-        let [y1, y2, y3] = &self.y;
         let (re, im) = f.complex;
-        // Divided by the eigenvalue: h/γ̂ r₁ = h/γ̂ (T⁻¹g)₁ − y₁, and the same for the complex pair.
-        let scale = h / (re * re + im * im);
-        for i in 0..r1.len() {
-            r1[i] = h / f.real * r1[i] - y1[i];
-            let (a, b) = (r2[i], r3[i]);
-            r2[i] = scale * (re * a + im * b) - y2[i];
-            r3[i] = scale * (re * b - im * a) - y3[i];
+        let [s1, s2, s3] = &mut self.residual;
+        let [y1, y2, y3] = &self.y;
+        for i in 0..s1.len() {
+            s1[i] = f.real * y1[i] / h;
+            s2[i] = (re * y2[i] - im * y3[i]) / h;
+            s3[i] = (im * y2[i] + re * y3[i]) / h;
         }
-        self.statistics.solves += 2;
-        ode.solve(r1);
-        ode.solve_complex(r2, r3);
+        transform(&f.t, &self.residual, &mut self.slopes);
     }
 
-    /// Linearization, factorization and iteration. An iteration that fails with an old linearization
-    /// is repeated once with a fresh one, before the step is made shorter.
+    /// Correction of y from the defects at the stages, into `residual`.
+    fn correct(&mut self, ode: &mut dyn LinearizedOde, h: f64) {
+        let f = self.formula;
+        transform(&f.t_inverse, &self.defects, &mut self.residual);
+        let [r1, r2, r3] = &mut self.residual;
+        let (re, im) = f.complex;
+        let scale = h / (re * re + im * im);
+        for i in 0..r1.len() {
+            r1[i] *= h / f.real;
+            let (a, b) = (r2[i], r3[i]);
+            r2[i] = scale * (re * a + im * b);
+            r3[i] = scale * (re * b - im * a);
+        }
+        self.statistics.solves += 2;
+        ode.solve_defect(r1);
+        ode.solve_complex_defect(r2, r3);
+    }
+
+    /// Linearization, factorization and iteration. An iteration that fails is repeated with a fresh
+    /// linearization, then with the other residual, before the step is made shorter.
     fn stages(
         &mut self,
         ode: &mut dyn LinearizedOde,
@@ -275,17 +295,23 @@ impl RadauStepper {
             self.linearize(ode, t, w, g)?;
         }
         self.factor(ode, h)?;
-        match self.iterate(ode, t, h, w, report) {
-            Err((Rejection::NewtonDivergence | Rejection::NewtonSlow, _))
-                if self.linearization == Linearization::Old =>
-            {
-                self.linearize(ode, t, w, g)?;
-                self.factor(ode, h)?;
-                report.contraction = 0.0;
-                self.iterate(ode, t, h, w, report)
-            }
-            outcome => outcome,
+        let mut outcome = self.iterate(ode, t, h, w, report);
+        if lost(&outcome) && self.linearization == Linearization::Old {
+            self.linearize(ode, t, w, g)?;
+            self.factor(ode, h)?;
+            report.contraction = 0.0;
+            outcome = self.iterate(ode, t, h, w, report);
         }
+        if lost(&outcome) && self.options.adapt_iteration {
+            let before = self.defect;
+            self.defect = before.other();
+            let other = self.iterate(ode, t, h, w, report);
+            if other.is_ok() {
+                return other;
+            }
+            self.defect = before;
+        }
+        outcome
     }
 
     /// Scaled error (I − γ₀hJ)⁻¹ (γ₀h g₀ + Σ eᵢ zᵢ). Where a first or repeated attempt would fail,

@@ -1,7 +1,7 @@
 //! Stepper of SDIRK formulas in z-form: ForSDIRK for ẇ = g(t, w).
 //!
 //! ```text
-//! r = Σ_{j<i} ζᵢⱼ zⱼ + γh g(t₀ + cᵢh, w₀ + zᵢ) − zᵢ        (I − γhJ) δ = r        zᵢ ← zᵢ + δ
+//! z̃ = Σ_{j<i} ζᵢⱼ zⱼ    r = γh [g(t₀ + cᵢh, w₀ + zᵢ) − (zᵢ − z̃)/γh]    (I − γhJ) δ = r    zᵢ ← zᵢ + δ
 //! ```
 //!
 //! Source: thesis sections 4.3 and 5.5; Hairer & Wanner, *Solving ODEs II*, section IV.8.
@@ -11,6 +11,7 @@ use crate::control::{
 };
 use crate::formula::Sdirk;
 use crate::method::ode::LinearizedOde;
+use crate::method::second_order::Residual;
 use crate::method::stepper::{
     Rejection, StageQuadrature, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics,
     add_scaled,
@@ -61,6 +62,11 @@ impl Default for Memory {
 /// Failure of the stages: cause and ratio for the step.
 type StageFailure = (Rejection, f64);
 
+/// Whether the iteration did not converge.
+fn lost(outcome: &Result<u32, StageFailure>) -> bool {
+    matches!(outcome, Err((Rejection::NewtonDivergence | Rejection::NewtonSlow, _)))
+}
+
 /// Stepper of an SDIRK formula.
 #[derive(Debug, Clone)]
 pub struct SdirkStepper {
@@ -74,6 +80,7 @@ pub struct SdirkStepper {
     pending: bool,
     linearization: Linearization,
     factored: Option<f64>,
+    residual: Residual,
     /// The segment before this step predicts its first stage.
     predict: bool,
     /// Weighted norm of round-off in w₀.
@@ -103,6 +110,7 @@ impl SdirkStepper {
             pending: false,
             linearization: Linearization::None,
             factored: None,
+            residual: options.residual,
             predict: false,
             floor: 0.0,
             z: std::array::from_fn(|_| vector()),
@@ -206,15 +214,17 @@ impl SdirkStepper {
                 }
                 self.statistics.derivatives += 1;
                 let at = t + self.formula.c[i] * h;
-                if let Err(failure) = ode.derivative(at, &self.state, &mut self.work) {
+                for ((slope, &past), &z) in self.slope.iter_mut().zip(&self.past).zip(&*z) {
+                    *slope = (z - past) / gamma_h;
+                }
+                let (residual, slope, work) = (self.residual, &self.slope, &mut self.work);
+                if let Err(failure) = ode.defect(residual, at, &self.state, slope, work) {
                     self.memory.eta[i] = 1.0;
                     return Err((Rejection::Evaluation(failure), 0.5));
                 }
-                for ((r, &past), &z) in self.work.iter_mut().zip(&self.past).zip(&*z) {
-                    *r = past + gamma_h * *r - z;
-                }
+                work.iter_mut().for_each(|r| *r *= gamma_h);
                 self.statistics.solves += 1;
-                ode.solve(&mut self.work);
+                ode.solve_defect(work);
                 self.statistics.iterations += 1;
                 report.iterations += 1;
                 let verdict = monitor.observe(ode.norm(&self.work));
@@ -238,8 +248,8 @@ impl SdirkStepper {
         Ok(last_stage)
     }
 
-    /// Linearization, factorization and stages. An iteration that fails with an old linearization
-    /// is repeated once with a fresh one, before the step is made shorter.
+    /// Linearization, factorization and stages. An iteration that fails is repeated with a fresh
+    /// linearization, then with the other residual, before the step is made shorter.
     fn stages(
         &mut self,
         ode: &mut dyn LinearizedOde,
@@ -258,17 +268,23 @@ impl SdirkStepper {
             self.linearize(ode, t, w, g)?;
         }
         self.factor(ode, h)?;
-        match self.iterate(ode, t, h, w, report) {
-            Err((Rejection::NewtonDivergence | Rejection::NewtonSlow, _))
-                if self.linearization == Linearization::Old =>
-            {
-                self.linearize(ode, t, w, g)?;
-                self.factor(ode, h)?;
-                report.contraction = 0.0;
-                self.iterate(ode, t, h, w, report)
-            }
-            outcome => outcome,
+        let mut outcome = self.iterate(ode, t, h, w, report);
+        if lost(&outcome) && self.linearization == Linearization::Old {
+            self.linearize(ode, t, w, g)?;
+            self.factor(ode, h)?;
+            report.contraction = 0.0;
+            outcome = self.iterate(ode, t, h, w, report);
         }
+        if lost(&outcome) && self.options.adapt_iteration {
+            let before = self.residual;
+            self.residual = before.other();
+            let other = self.iterate(ode, t, h, w, report);
+            if other.is_ok() {
+                return other;
+            }
+            self.residual = before;
+        }
+        outcome
     }
 
     /// Scaled error z₅ − Σ d̂ⱼ zⱼ, filtered; filtered once more where a first or repeated attempt

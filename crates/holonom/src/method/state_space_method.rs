@@ -9,7 +9,7 @@
 //! one form of the equations. Source: thesis section 3.2, (3.30), (3.46).
 
 use super::FirstOrder;
-use super::first_order::{dot, multiply_add};
+use super::first_order::{dot, multiply_add, require_finite};
 use super::ode::EvaluationFailure;
 use super::second_order::{Residual, SecondOrder, Stage};
 use crate::system::Sizes;
@@ -62,12 +62,8 @@ impl FirstOrder {
             trial[ndof + k] = stage.past[ndof + k] + stage.gamma_h * v_rate[k];
         }
         trial[2 * ndof..].copy_from_slice(z);
-        let finite = trial.iter().sum::<f64>().is_finite();
-        let outcome = if finite {
-            self.evaluate(stage.t, &trial, false).map(|_| ())
-        } else {
-            Err(ran_away(stage.t))
-        };
+        let outcome = require_finite(stage.t, &trial)
+            .and_then(|()| self.evaluate(stage.t, &trial, false).map(|_| ()));
         self.stage.trial = trial;
         outcome
     }
@@ -101,13 +97,6 @@ impl FirstOrder {
             }
         }
         Ok(())
-    }
-}
-
-fn ran_away(t: f64) -> EvaluationFailure {
-    EvaluationFailure {
-        code: "simulation/not-finite",
-        message: format!("the iteration ran away at t = {t:.6} s"),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::control::{NewtonControl, starting_step, trial_step};
 use crate::method::ode::{EvaluationFailure, LinearizedOde, Ode};
+use crate::method::second_order::Residual;
 
 /// Why an attempt was rejected.
 #[derive(Debug, Clone, PartialEq)]
@@ -134,9 +135,11 @@ pub struct StepperOptions {
     pub dead_band: f64,
     /// Step selection of implicit formulas by Gustafsson's predictive law.
     pub predictive: bool,
-    /// Iterations of formulas in second-order form start from accelerations continued from the step
-    /// before, not from those at the start of the step, and go over to the other residual
-    /// ([`super::second_order::Residual`]) where one diverges.
+    /// What iterations of first-order formulas drive to zero.
+    pub residual: Residual,
+    /// Iterations go over to the other residual where one diverges. Those of formulas in
+    /// second-order form also start from accelerations continued from the step before, not from
+    /// those at the start of the step.
     pub adapt_iteration: bool,
     /// Error estimates are multiplied by (I − γh J)⁻¹, which bounds them on stiff components (by a
     /// tenth of their size at least where the formula is not stiffly accurate).
@@ -154,6 +157,7 @@ impl StepperOptions {
             reuse_contraction: 0.0,
             dead_band: 1.0,
             predictive: false,
+            residual: Residual::Accelerations,
             adapt_iteration: false,
             filter_error: true,
         }
@@ -162,12 +166,17 @@ impl StepperOptions {
     /// Reuse of linearizations and factorizations while the iteration is fast. The constants gave
     /// the least work on stiff mechanical chains and on van der Pol's equation, with a
     /// linearization at four evaluations.
-    pub fn improved() -> Self {
+    ///
+    /// What the iterations leave adds up over the steps, of which there are more at a tighter
+    /// `tolerance`: the share of it that each may leave falls with it.
+    pub fn improved(tolerance: f64) -> Self {
+        let kappa = (0.1 * tolerance.sqrt()).clamp(1e-4, 0.01);
         Self {
-            newton: NewtonControl { kappa: 0.01, ..NewtonControl::default() },
+            newton: NewtonControl { kappa, ..NewtonControl::default() },
             reuse_contraction: 0.02,
             dead_band: 1.2,
             predictive: true,
+            residual: Residual::Forces,
             adapt_iteration: true,
             ..Self::thesis()
         }
@@ -181,7 +190,7 @@ impl StepperOptions {
 
 impl Default for StepperOptions {
     fn default() -> Self {
-        Self::improved()
+        Self::improved(1e-3)
     }
 }
 

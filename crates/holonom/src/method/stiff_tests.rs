@@ -21,7 +21,7 @@ const IMPLICIT: [(&str, Build); 4] = [
 ];
 
 fn profiles() -> [(&'static str, StepperOptions); 2] {
-    [("thesis", StepperOptions::thesis()), ("improved", StepperOptions::improved())]
+    [("thesis", StepperOptions::thesis()), ("improved", StepperOptions::improved(1e-6))]
 }
 
 /// Runs `ode` with every implicit stepper in both profiles.
@@ -150,7 +150,7 @@ fn a_diverging_iteration_makes_the_step_shorter() {
 fn a_fast_iteration_keeps_linearization_and_factors() {
     // Linear with constant J: one linearization serves the whole run.
     let mut ode = prothero_robinson(-1e3);
-    let mut stepper = SDIRK(1, StepperOptions::improved());
+    let mut stepper = SDIRK(1, StepperOptions::improved(1e-6));
     let run = run(&mut *stepper, &mut ode, 0.0, &[0.0], 10.0, None);
     assert!(run.accepted > 20);
     assert_eq!(ode.linearizations, 1);
@@ -166,7 +166,7 @@ fn an_old_linearization_is_renewed_before_the_step_is_shortened() {
         move |t, y, g| g[0] = -rate(t) * (y[0] - t),
         move |t, _| vec![vec![-rate(t)]],
     );
-    let options = StepperOptions { reuse_contraction: 0.5, ..StepperOptions::improved() };
+    let options = StepperOptions { reuse_contraction: 0.5, ..StepperOptions::improved(1e-6) };
     let mut stepper = SDIRK(1, options);
     let mut renewed = 0;
     let mut before = 0;

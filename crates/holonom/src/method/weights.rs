@@ -1,7 +1,7 @@
 //! Error weights on all coordinates: per body, translation and rotation, position and velocity.
 
 use crate::model::Tolerance;
-use crate::system::{Measure, Sizes, State};
+use crate::system::{Measure, State, System};
 
 /// Scales of one body: translation, rotation, velocity, angular velocity.
 type BodyScales = [f64; 4];
@@ -21,6 +21,7 @@ pub struct Weights {
     /// 2 for Euler parameters, 1 for an angle.
     angle_factor: f64,
     bodies: Vec<BodyScales>,
+    extra_scales: Vec<f64>,
     extra: Vec<f64>,
     independent: Option<Independent>,
 }
@@ -40,7 +41,8 @@ fn length(x: &[f64]) -> f64 {
 
 impl Weights {
     /// Weights of a run that starts at `start`.
-    pub fn new(tolerance: Tolerance, sizes: &Sizes, start: &State) -> Self {
+    pub fn new(tolerance: Tolerance, system: &dyn System, start: &State) -> Self {
+        let sizes = &system.structure().sizes;
         let mut out = Self {
             tolerance,
             start: start.q.clone(),
@@ -48,6 +50,7 @@ impl Weights {
             translations: sizes.translations,
             angle_factor: if sizes.per_body == 7 { 2.0 } else { 1.0 },
             bodies: vec![[1.0; 4]; sizes.bodies],
+            extra_scales: system.extra_state_scales(),
             extra: vec![1.0; sizes.extra_states],
             independent: None,
         };
@@ -113,8 +116,9 @@ impl Weights {
                 rotation + relative * self.angle_factor * length(&v[d..]),
             ];
         }
-        for (scale, z) in self.extra.iter_mut().zip(&state.z) {
-            *scale = translation + relative * z.abs();
+        let scaled = self.extra_scales.iter().zip(&state.z);
+        for (weight, (scale, z)) in self.extra.iter_mut().zip(scaled) {
+            *weight = scale * translation + relative * z.abs();
         }
     }
 

@@ -395,4 +395,9 @@ impl Tolerance {
     pub fn uniform(value: f64) -> Self {
         Self { relative: value, translation: value, rotation: value }
     }
+
+    /// The largest of the three parts.
+    pub fn largest(&self) -> f64 {
+        self.relative.max(self.translation).max(self.rotation)
+    }
 }

@@ -233,7 +233,6 @@ pub fn assemble(
     }
     solver.close_velocities(&mut state, &everything, &g);
 
-    system.unloaded_extra_states(&state.q, &mut state.z);
     set_extra_states(model, &mut state.z);
     system.update_windings(&state.q, &mut state.winding);
     let (manifold, state) = start(system, state, template)?;

@@ -249,6 +249,13 @@ impl Manifold {
         }
     }
 
+    /// Goes back to a configuration of the branch after a failure elsewhere, whose factors may be
+    /// those of a nearly singular matrix.
+    pub fn go_back(&mut self, q: &[f64]) {
+        // A start that cannot be factored is found out by the next recovery.
+        let _ = self.factor_at(q);
+    }
+
     fn factor_at(&mut self, q: &[f64]) -> Result<(), EvaluationFailure> {
         self.counters.factorizations += 1;
         self.system.constraint_jacobian(q, &mut self.g);

@@ -25,6 +25,8 @@ const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
 const CONDITION_FLOOR: f64 = 10.0;
 /// Smallest number of steps of a run without unknowns.
 const KINEMATIC_STEPS: f64 = 200.0;
+/// Largest rotation of a body in a step of a run without unknowns, rad.
+const KINEMATIC_TURN: f64 = 0.5;
 /// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
 const TANGENT_GROWTH: f64 = 2.0;
 /// Pieces of a step in which a state inside it is approached when it cannot be recovered at once.
@@ -95,12 +97,12 @@ pub fn run(
         state.ledger.initial = energy.kinetic + energy.potential;
     }
     let channels = find_channels(&system, &options.channels)?;
-    let (code, profile) = (options.code, options.profile);
-    let mut form = build_state_space(code, profile, manifold, options.tolerance, &state);
+    let (code, profile, tolerance) = (options.code, options.profile, options.tolerance);
+    let mut form = build_state_space(code, profile, manifold, tolerance, &state);
     form.set_jacobian(options.jacobian);
     let dimension = form.dimension();
     let fixed = options.fixed_step.is_some();
-    let stepper = build_stepper(code, profile, form.as_mut(), fixed, options.max_step);
+    let stepper = build_stepper(code, profile, form.as_mut(), tolerance, fixed, options.max_step);
     let assembly_seconds = begun.elapsed().as_secs_f64();
     let statistics =
         Statistics { assembly_seconds, smallest_step: f64::INFINITY, ..Statistics::default() };
@@ -185,10 +187,10 @@ impl Run<'_> {
         }
         let breakpoints = self.system.breakpoints();
         // Without unknowns no error limits the step; the energy ledger is still an integral.
-        let kinematic_step = match self.form.dimension() {
-            0 => (end - self.state.t) / KINEMATIC_STEPS,
-            _ => f64::INFINITY,
-        };
+        let span = end - self.state.t;
+        let kinematic = self.form.manifold().chart().ndof() == 0;
+        let fixed = self.options.fixed_step.is_some();
+        let mut longest = f64::INFINITY;
         let mut h = self.first_step().map_err(|f| failed(f, 0.0))?;
         let mut attempts = 0;
         let mut rejections = 0;
@@ -206,9 +208,11 @@ impl Run<'_> {
             let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
                 .first()
                 .map_or(end, |&b| b.min(end));
-            let fixed = self.options.fixed_step.is_some();
             if !fixed {
-                h = h.min(self.system.longest_step(&self.state)).min(kinematic_step);
+                h = h.min(self.system.longest_step(&self.state));
+                if kinematic {
+                    h = h.min(span / KINEMATIC_STEPS).min(self.turning_step()).min(longest);
+                }
             }
             let (step, reaches) = clip(t, h, next, fixed);
             let report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
@@ -222,27 +226,32 @@ impl Run<'_> {
                 rejections += 1;
                 let retry = if report.accepted { 0.5 * step } else { report.next_step };
                 let lost = matches!(&cause, Rejection::Evaluation(_));
-                if lost && !repartitioned {
-                    repartitioned = true;
+                let before = self.statistics.reparametrizations;
+                if lost && !std::mem::replace(&mut repartitioned, true) {
                     self.repartition_at_start().map_err(|f| failed(f, step))?;
-                } else if rejections >= MAX_REJECTIONS || retry < smallest_step(t, end) {
+                }
+                let renewed = self.statistics.reparametrizations > before;
+                // A step of prescribed length gets one more chance, with another partition.
+                let hopeless = if fixed {
+                    !renewed
+                } else {
+                    rejections >= MAX_REJECTIONS || retry < smallest_step(t, end)
+                };
+                if hopeless {
                     return Err(Stop::Failed { cause: Some(cause), step_size: step });
                 }
-                if self.options.fixed_step.is_some() {
-                    return Err(Stop::Failed { cause: Some(cause), step_size: step });
+                if !fixed {
+                    h = retry;
+                    longest = retry;
                 }
-                h = retry;
                 continue;
             }
             (rejections, repartitioned) = (0, false);
             self.emit(t, step)?;
             self.account(step);
-            // A step cut short at a breakpoint says nothing about the next one.
-            h = match self.options.fixed_step {
-                Some(fixed) => fixed,
-                None if reaches && step < h => h.max(report.next_step.min(h)),
-                None => report.next_step,
-            };
+            h = self.options.fixed_step.unwrap_or(report.next_step);
+            // What has just been refused is approached again by doubling.
+            longest *= 2.0;
             if reaches && next < end {
                 self.note(EventKind::Breakpoint);
                 self.stepper.restart();
@@ -271,6 +280,21 @@ impl Run<'_> {
         let h =
             initial_step(self.form.as_mut(), order, t, &self.w, &self.g, limit, &mut self.scratch)?;
         Ok(h.min(limit))
+    }
+
+    /// Step in which no body turns by more than [`KINEMATIC_TURN`], as its rates and accelerations
+    /// foretell.
+    fn turning_step(&self) -> f64 {
+        let sizes = &self.system.structure().sizes;
+        let per_radian = if sizes.per_body - sizes.translations == 1 { 1.0 } else { 2.0 };
+        let turning = |x: &[f64]| {
+            let bodies = x.chunks_exact(sizes.per_body);
+            let rates =
+                bodies.map(|b| b[sizes.translations..].iter().map(|x| x * x).sum::<f64>().sqrt());
+            per_radian * rates.fold(0.0, f64::max)
+        };
+        let (rate, acceleration) = (turning(&self.state.v), turning(&self.state.a));
+        (KINEMATIC_TURN / rate).min((2.0 * KINEMATIC_TURN / acceleration).sqrt())
     }
 
     /// Takes over the end of an accepted attempt: state with accelerations at `t_end`.
@@ -559,6 +583,16 @@ impl Run<'_> {
                  (ForSDIRK) will be much faster"
                     .into(),
             );
+        }
+        let exchanged = e.range.max(e.dissipated.abs()).max(e.supplied.abs());
+        let allowed = (100.0 * self.options.tolerance.largest()).max(0.1);
+        if e.largest_imbalance > allowed * exchanged {
+            self.warnings.push(format!(
+                "the energy balance does not close: {:.1e} J are missing of {exchanged:.1e} J \
+                 exchanged; forces of stiff elements may be wrong: tighten the tolerance, or \
+                 compare with another code",
+                e.largest_imbalance
+            ));
         }
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {

@@ -493,12 +493,9 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         }
     }
 
-    fn unloaded_extra_states(&self, q: &[f64], z: &mut [f64]) {
-        for f in &self.forces {
-            if let Some(k) = f.extra {
-                z[k] = f.element.unloaded_state(Self::pair(q, f.bodies));
-            }
-        }
+    fn extra_state_scales(&self) -> Vec<f64> {
+        let with_state = self.forces.iter().filter(|f| f.extra.is_some());
+        with_state.map(|f| f.element.extra_state_scale()).collect()
     }
 
     fn breakpoints(&self) -> Vec<f64> {

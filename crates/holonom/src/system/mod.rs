@@ -143,8 +143,8 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// branch to stay near).
     fn update_windings(&self, q: &[f64], winding: &mut [f64]);
 
-    /// Extra states at which their elements are unloaded.
-    fn unloaded_extra_states(&self, q: &[f64], z: &mut [f64]);
+    /// For each extra state the error that counts like a metre or a metre per second, m.
+    fn extra_state_scales(&self) -> Vec<f64>;
 
     /// Times at which forces or drivers have a kink, sorted, s.
     fn breakpoints(&self) -> Vec<f64>;

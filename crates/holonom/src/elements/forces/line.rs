@@ -57,11 +57,6 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Line<S, 
         Span { length, rate: dot(&unit, &speed), unit, speed, link }
     }
 
-    /// l.
-    pub(super) fn length(&self, q: [&[f64; N]; 2]) -> f64 {
-        self.span(q, [&[0.0; N]; 2]).length
-    }
-
     /// l̇_q.
     #[inline(always)]
     pub(super) fn rate_gradient<T: Real>(

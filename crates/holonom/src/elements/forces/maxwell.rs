@@ -9,14 +9,19 @@ const QUANTITIES: &[Quantity] = &[
     quantity("length", "m", "", 1),
     quantity("rate", "m/s", "", 1),
     quantity("force", "N", "along", 1),
+    quantity("damper_extension", "m", "", 1),
 ];
 
-/// A spring and a damper in series, planar or spatial; extra state z: the damper's extension, m.
+/// A spring and a damper in series, planar or spatial; extra state z: the spring's extension, m.
 ///
 /// ```text
-/// f = k (l − l₀ − z),   Q = −f l_qᵀ,   ż = f / c
-/// −Q_q = f l_qq + k l_qᵀ l_q,   −Q_z = −k l_qᵀ,   ż_q = (k/c) l_q,   ż_z = −k/c
+/// f = k z,   Q = −f l_qᵀ,   ż = l̇ − (k/c) z
+/// −Q_q = f l_qq,   −Q_z = k l_qᵀ,   ż_q = l̇_q,   ż_q̇ = l_q,   ż_z = −k/c
 /// ```
+///
+/// With the damper's extension l − l₀ − z as the state, a stiff spring would turn every error of the
+/// length into a force; like this the element tends to the damper c alone as k grows, and the
+/// equations with it.
 ///
 /// Source: J. C. Maxwell's series model; l and its derivatives in `line.rs`.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,11 +41,6 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Maxwell<
     ) -> Self {
         Self { line: Line::new(frames, free_length), stiffness, damping, free_length }
     }
-
-    #[inline(always)]
-    fn force<T: Real>(&self, length: T, z: T) -> T {
-        (length - self.free_length - z) * self.stiffness
-    }
 }
 
 impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceElement<N>
@@ -50,34 +50,34 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
         true
     }
 
-    fn unloaded_state(&self, q: [&[f64; N]; 2]) -> f64 {
-        self.line.length(q) - self.free_length
+    fn extra_state_scale(&self) -> f64 {
+        (self.damping / self.stiffness).min(1.0)
     }
 
     fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceOutput<T, N>) {
         let span = self.line.span(input.q, input.v);
-        let force = self.force(span.length, input.z);
+        let force = input.z * self.stiffness;
         out.q = span.gradient().map(|row| scaled(&row, -force));
-        out.z_rate = force / self.damping;
+        out.z_rate = span.rate - force / self.damping;
     }
 
     fn blocks<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceBlocks<T, N>) {
         *out = ForceBlocks::zero();
         let span = self.line.span(input.q, input.v);
-        let force = self.force(span.length, input.z);
         let stiffness = T::from(self.stiffness);
-        let ratio = stiffness / self.damping;
+        let force = input.z * stiffness;
         let gradient = span.gradient();
-        self.line.add_stiffness(&span, input.q, force, stiffness, &mut out.k);
-        out.z = gradient.map(|row| scaled(&row, -stiffness));
-        out.rate_q = gradient.map(|row| scaled(&row, ratio));
-        out.rate_z = -ratio;
+        self.line.add_stiffness(&span, input.q, force, T::zero(), &mut out.k);
+        out.z = gradient.map(|row| scaled(&row, stiffness));
+        out.rate_q = self.line.rate_gradient(&span, input.q, input.v);
+        out.rate_v = gradient;
+        out.rate_z = -(stiffness / self.damping);
     }
 
     fn energy(&self, input: &ForceInput<'_, f64, N>) -> Energy {
-        let force = self.force(self.line.length(input.q), input.z);
+        let force = self.stiffness * input.z;
         Energy {
-            potential: 0.5 * force * force / self.stiffness,
+            potential: 0.5 * force * input.z,
             dissipated: force * force / self.damping,
             supplied: 0.0,
         }
@@ -92,7 +92,8 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
         out[0] = match index {
             0 => span.length,
             1 => span.rate,
-            _ => self.force(span.length, input.z),
+            2 => self.stiffness * input.z,
+            _ => span.length - self.free_length - input.z,
         };
     }
 }

@@ -50,8 +50,8 @@ macro_rules! by_variant {
             fn angle(&self, q: [&[f64; $n]; 2], winding: f64) -> f64 {
                 match self { $(Self::$variant(e) => e.angle(q, winding),)+ }
             }
-            fn unloaded_state(&self, q: [&[f64; $n]; 2]) -> f64 {
-                match self { $(Self::$variant(e) => e.unloaded_state(q),)+ }
+            fn extra_state_scale(&self) -> f64 {
+                match self { $(Self::$variant(e) => e.extra_state_scale(),)+ }
             }
             fn evaluate<T: Real>(
                 &self,

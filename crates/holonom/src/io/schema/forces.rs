@@ -96,8 +96,7 @@ item! {
 
 item! {
     /// A spring and a damper in series along the line of two points (Maxwell element). Its extra
-    /// state z is the extension of the damper: tension f = `stiffness` (l − `free_length` − z),
-    /// ż = f / `damping`.
+    /// state z is the extension of the spring: tension f = `stiffness` z, ż = l̇ − f / `damping`.
     struct Maxwell {
         /// First and second body; `"ground"` is one of them at most.
         pub(crate) between: [String; 2],
@@ -114,7 +113,7 @@ item! {
         /// Damping of the damper, positive.
         #[schemars(extend("x-unit" = "N s/m"))]
         pub(crate) damping: f64,
-        /// Length of the spring without force, the damper at z = 0; not negative.
+        /// Length without force from which `damper_extension` counts; not negative.
         #[schemars(extend("x-unit" = "m"))]
         pub(crate) free_length: f64,
     }

@@ -262,7 +262,7 @@ pub(crate) struct Initial {
     /// Stated values of single bodies, by name.
     #[serde(default)]
     pub(crate) bodies: IndexMap<String, InitialBody>,
-    /// Extra states by the name of their force: extension of the damper of a Maxwell element, m.
+    /// Extra states by the name of their force: extension of the spring of a Maxwell element, m.
     /// Default: the force is zero.
     #[serde(default)]
     #[schemars(extend("x-unit" = "m"))]
