@@ -176,14 +176,7 @@ impl CoreModel {
             Err(RunError::Assembly(error)) => {
                 Err(ModelError::new_err(report::assembly_error(&error)))
             }
-            Err(error) => {
-                let code = match &error {
-                    RunError::UnknownChannel { .. } => "simulation/unknown-channel",
-                    RunError::StartState { .. } => "simulation/start-state",
-                    _ => "simulation/option",
-                };
-                Err(refuse(code, &error.to_string(), None, ""))
-            }
+            Err(error) => Err(refuse(error.code(), &error.to_string(), error.item(), error.help())),
         }
     }
 

@@ -37,16 +37,21 @@ pub enum TimeFunction {
         end: f64,
     },
     /// C2 spline through a table.
-    Table(Spline),
+    Table {
+        /// The spline.
+        spline: Spline,
+        /// Where the table is written, for messages: `tables.lift`; may be empty.
+        name: String,
+    },
 }
 
 impl TimeFunction {
-    /// C2 spline through a table.
+    /// C2 spline through a table; `name` says in messages where it is written.
     ///
     /// # Errors
     /// As [`Spline::new`].
-    pub fn table(times: Vec<f64>, values: Vec<f64>) -> Result<Self, TableError> {
-        Spline::new(times, values).map(Self::Table)
+    pub fn table(times: Vec<f64>, values: Vec<f64>, name: &str) -> Result<Self, TableError> {
+        Spline::new(times, values).map(|spline| Self::Table { spline, name: name.to_owned() })
     }
 
     /// Value and first three derivatives at `t`.
@@ -91,7 +96,7 @@ impl TimeFunction {
                     ]
                 }
             }
-            Self::Table(spline) => spline.derivatives(t),
+            Self::Table { spline, .. } => spline.derivatives(t),
         }
     }
 
@@ -107,7 +112,7 @@ impl TimeFunction {
         match self {
             Self::Constant(_) | Self::Polynomial { .. } | Self::Harmonic { .. } => Vec::new(),
             Self::SmoothStep { start, end, .. } => vec![*start, *end],
-            Self::Table(spline) => spline.knots().to_vec(),
+            Self::Table { spline, .. } => spline.knots().to_vec(),
         }
     }
 

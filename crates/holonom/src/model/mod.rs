@@ -9,7 +9,7 @@ mod validation;
 
 pub use crate::math::{MonotoneCubic, TableError, TimeFunction};
 
-pub use plausibility::implausible;
+pub use plausibility::{MotionTable, implausible, motion_tables};
 pub use validation::{FARTHEST, validate};
 
 /// Planar models move in x-y and turn about z; spatial models use Euler parameters.

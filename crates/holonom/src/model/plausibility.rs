@@ -81,21 +81,54 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
             angle(&mut warn, path, Orientation::Angle(*free_angle));
         }
     }
-    let mut short = |path: String, motion: &TimeFunction| {
-        let TimeFunction::Table(spline) = motion else { return };
-        let (first, last) = (spline.knots()[0], spline.knots()[spline.knots().len() - 1]);
+    for table in motion_tables(model) {
         let start = model.simulation.start_time.unwrap_or(0.0);
         let end = model.simulation.end_time.unwrap_or(start);
-        if start < first || end > last {
+        if !table.covers(start, end) {
+            let MotionTable { path, first, last, .. } = table;
             let message = format!(
                 "the table of `{path}` reaches from {first} s to {last} s; the run from {start} s to {end} s"
             );
             let help = "extend the table or shorten the run";
             out.push(Diagnostic::new(Code::ShortTable, path, message).help(help));
         }
+    }
+    out
+}
+
+/// A table of times that a driver or an applied force follows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MotionTable {
+    /// Path of the motion in the model.
+    pub path: String,
+    /// Where the table is written: `tables.lift`, or the path of the motion.
+    pub name: String,
+    /// First time, s.
+    pub first: f64,
+    /// Last time, s.
+    pub last: f64,
+}
+
+impl MotionTable {
+    /// Whether the table holds all times of a run, up to round-off of its ends.
+    pub fn covers(&self, start: f64, end: f64) -> bool {
+        let slack = 1e-12 * (self.last - self.first).max(self.first.abs()).max(self.last.abs());
+        start >= self.first - slack && end <= self.last + slack
+    }
+}
+
+/// The tables of times of a model, one entry for each motion that follows one.
+pub fn motion_tables(model: &Model) -> Vec<MotionTable> {
+    let mut out = Vec::new();
+    let mut add = |path: String, function: &TimeFunction| {
+        let TimeFunction::Table { spline, name } = function else { return };
+        let knots = spline.knots();
+        let name = if name.is_empty() { path.clone() } else { name.clone() };
+        let (first, last) = (knots[0], knots[knots.len() - 1]);
+        out.push(MotionTable { path, name, first, last });
     };
     for driver in &model.drivers {
-        short(format!("drivers.{}.motion", driver.name), &driver.motion);
+        add(format!("drivers.{}.motion", driver.name), &driver.motion);
     }
     for force in &model.forces {
         let (field, functions) = match &force.kind {
@@ -103,11 +136,11 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
             ForceKind::Torque { torque, .. } => ("torque", torque),
             _ => continue,
         };
-        let path = format!("forces.{}.{field}", force.name);
-        if let Some(longest) = functions.iter().find(|f| matches!(f, TimeFunction::Table(_))) {
-            short(path, longest);
+        for function in functions {
+            add(format!("forces.{}.{field}", force.name), function);
         }
     }
+    out.dedup();
     out
 }
 

@@ -147,7 +147,7 @@ impl Rules {
 
     fn motion(&mut self, path: &str, motion: &TimeFunction) {
         let finite = |t: f64| motion.derivatives(t).iter().all(|x| x.is_finite());
-        if let TimeFunction::Table(spline) = motion
+        if let TimeFunction::Table { spline, .. } = motion
             && !spline.knots().iter().all(|&t| finite(t))
         {
             self.too_large(path);

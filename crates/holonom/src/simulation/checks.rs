@@ -1,10 +1,18 @@
 //! What a run refuses before it starts.
 
 use super::options::{Options, OutputTimes};
+use super::output::OUTPUT_SLACK;
 use crate::method::{Code, JacobianSource};
-use crate::reduction::assembly::AssemblyError;
+use crate::model::{Model, MotionTable, Tolerance, motion_tables};
+use crate::reduction::assembly::{AssemblyError, PROJECTED};
+use crate::reduction::largest_index;
 use crate::system::{Channel, State, System};
 use std::sync::Arc;
+
+/// Smallest tolerance: a step's error cannot be told from the round-off of its arithmetic below.
+const SMALLEST_TOLERANCE: f64 = 1e-13;
+/// Largest number of output rows of a run.
+const MOST_ROWS: f64 = 1e7;
 
 /// Why a run could not start.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -30,6 +38,56 @@ pub enum RunError {
         /// What it must be.
         rule: &'static str,
     },
+    /// A tolerance that no arithmetic can keep.
+    #[error(
+        "`{option}` is {value:e}, below the round-off of the computation; at least {least:.1e} can be kept"
+    )]
+    Tolerance {
+        /// Name of the part.
+        option: &'static str,
+        /// Its value.
+        value: f64,
+        /// Smallest value accepted.
+        least: f64,
+    },
+    /// An output time that the run does not reach, or that is out of order.
+    #[error("`output_times[{index}]` is {value} s; it must {rule}")]
+    OutputTime {
+        /// Index in the list.
+        index: usize,
+        /// Its value, s.
+        value: f64,
+        /// What it must do.
+        rule: String,
+    },
+    /// An output interval that asks for too many rows.
+    #[error(
+        "`interval` = {interval} s asks for {rows:.0} output rows; at most {MOST_ROWS:.0} are stored"
+    )]
+    TooManyRows {
+        /// s.
+        interval: f64,
+        /// Rows from start to end.
+        rows: f64,
+    },
+    /// A motion that is not known for the whole run.
+    #[error(
+        "the table `{name}` of `{path}` reaches from {first} s to {last} s, the run from {start} s to {end} s"
+    )]
+    ShortTable {
+        /// Where the table is written.
+        name: String,
+        /// Path of the motion.
+        path: String,
+        /// First time of the table, s.
+        first: f64,
+        /// Last time of the table, s.
+        last: f64,
+        /// Start of the run, s.
+        start: f64,
+        /// End of the run, s.
+        end: f64,
+    },
     /// The code needs an exact Jacobian.
     #[error(
         "`jacobian` is differences; {code} needs the exact Jacobian, without which it loses its \
@@ -49,28 +107,117 @@ pub enum RunError {
         /// Length expected.
         expected: usize,
     },
+    /// A start state with a number that is none.
+    #[error("the start state is not finite: its {what}[{index}] is {value}")]
+    StateNotFinite {
+        /// Which array.
+        what: &'static str,
+        /// Index in it.
+        index: usize,
+        /// The entry.
+        value: f64,
+    },
+    /// A start state that contradicts a joint.
+    #[error(
+        "the start state contradicts {row}: {level} residual {residual:.3e}, allowed {allowed:.1e}"
+    )]
+    InconsistentState {
+        /// `position` or `velocity`.
+        level: &'static str,
+        /// Joint and row.
+        row: String,
+        /// Name of the joint, driver or body.
+        item: String,
+        /// Residual, m, rad, m/s or rad/s.
+        residual: f64,
+        /// Largest residual that is projected away.
+        allowed: f64,
+    },
 }
 
-pub(super) fn check_options(options: &Options) -> Result<(), RunError> {
-    let positive = |option, value: f64| {
-        if value > 0.0 {
-            return Ok(());
+impl RunError {
+    /// Stable code.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Assembly(error) => error.code(),
+            Self::UnknownChannel { .. } => "simulation/unknown-channel",
+            Self::StartState { .. }
+            | Self::StateNotFinite { .. }
+            | Self::InconsistentState { .. } => "simulation/start-state",
+            Self::ShortTable { .. } => "simulation/short-table",
+            _ => "simulation/option",
         }
-        Err(RunError::Option { option, value, rule: "positive" })
+    }
+
+    /// The item of the model concerned, if one is.
+    pub fn item(&self) -> Option<&str> {
+        match self {
+            Self::Assembly(error) => error.item(),
+            Self::InconsistentState { item, .. } => Some(item),
+            Self::ShortTable { path, .. } => Some(path),
+            _ => None,
+        }
+    }
+
+    /// What to try; may be empty.
+    pub fn help(&self) -> &'static str {
+        match self {
+            Self::Assembly(error) => error.help(),
+            Self::StartState { .. } => "pass a state of the same model, as a result stores it",
+            Self::StateNotFinite { .. } => "pass a state as a result stores it",
+            Self::InconsistentState { .. } => {
+                "pass a state of this very model, as a result stores it at that time; where \
+                 lengths, joints or drivers have changed, state initial values in the model instead"
+            }
+            Self::ShortTable { .. } => "extend the table, or let the run begin and end within it",
+            Self::Tolerance { .. } => "ask for less, 1e-10 for a reference",
+            Self::OutputTime { .. } => "leave the time out, or change the span of the run",
+            Self::TooManyRows { .. } => "ask for a longer interval",
+            _ => "",
+        }
+    }
+}
+
+/// Checks choices of a run from `start`, s; `length` is the model's characteristic length, m.
+pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Result<(), RunError> {
+    let refuse = |option, value, rule| Err(RunError::Option { option, value, rule });
+    let positive = |option, value: f64| {
+        if value > 0.0 { Ok(()) } else { refuse(option, value, "positive") }
     };
-    positive("tolerance.relative", options.tolerance.relative)?;
-    positive("tolerance.translation", options.tolerance.translation)?;
-    positive("tolerance.rotation", options.tolerance.rotation)?;
+    let Tolerance { relative, translation, rotation } = options.tolerance;
+    for (option, value, least) in [
+        ("tolerance.relative", relative, SMALLEST_TOLERANCE),
+        // Of a small mechanism in metres.
+        ("tolerance.translation", translation, SMALLEST_TOLERANCE * length.min(1.0)),
+        ("tolerance.rotation", rotation, SMALLEST_TOLERANCE),
+    ] {
+        if !(value > 0.0 && value.is_finite()) {
+            return refuse(option, value, "positive and finite");
+        }
+        if value < least {
+            return Err(RunError::Tolerance { option, value, least });
+        }
+    }
     positive("max_step", options.max_step)?;
     positive("initial_step", options.initial_step.unwrap_or(1.0))?;
     positive("fixed_step", options.fixed_step.unwrap_or(1.0))?;
     positive("repartition_factor", options.repartition_factor)?;
-    if !options.end_time.is_finite() {
-        let value = options.end_time;
-        return Err(RunError::Option { option: "end_time", value, rule: "finite" });
+    let end = options.end_time;
+    if !end.is_finite() {
+        return refuse("end_time", end, "finite");
     }
-    if let OutputTimes::Interval(value) = options.output {
-        positive("interval", value)?;
+    if end < start {
+        return refuse("end_time", end, "not before the start time");
+    }
+    match &options.output {
+        OutputTimes::Interval(interval) => {
+            positive("interval", *interval)?;
+            let rows = (end - start) / interval + 1.0;
+            if rows > MOST_ROWS {
+                return Err(RunError::TooManyRows { interval: *interval, rows });
+            }
+        }
+        OutputTimes::Listed(times) => check_output_times(times, start, end)?,
     }
     if options.jacobian == JacobianSource::Differences && options.code == Code::ForRosen {
         return Err(RunError::InexactJacobian { code: options.code.info().name });
@@ -78,21 +225,84 @@ pub(super) fn check_options(options: &Options) -> Result<(), RunError> {
     Ok(())
 }
 
-pub(super) fn check_state(system: &Arc<dyn System>, state: &State) -> Result<(), RunError> {
-    let sizes = system.structure().sizes;
-    for (what, found, expected) in [
-        ("coordinates", state.q.len(), sizes.coordinates),
-        ("velocities", state.v.len(), sizes.coordinates),
-        ("accelerations", state.a.len(), sizes.coordinates),
-        ("multipliers", state.lambda.len(), sizes.rows),
-        ("extra states", state.z.len(), sizes.extra_states),
-        ("windings", state.winding.len(), sizes.windings),
-    ] {
-        if found != expected {
-            return Err(RunError::StartState { what, found, expected });
-        }
+fn check_output_times(times: &[f64], start: f64, end: f64) -> Result<(), RunError> {
+    // Ends of a computed grid may miss those of the run by round-off.
+    let slack = OUTPUT_SLACK * start.abs().max(end.abs());
+    let mut before = f64::NEG_INFINITY;
+    for (index, &value) in times.iter().enumerate() {
+        let rule = if !(start - slack..=end + slack).contains(&value) {
+            format!("lie in the run, from {start} s to {end} s")
+        } else if value <= before {
+            "come after the one before".to_owned()
+        } else {
+            before = value;
+            continue;
+        };
+        return Err(RunError::OutputTime { index, value, rule });
     }
     Ok(())
+}
+
+/// Refuses a run that outlasts a motion's table: a cubic continued beyond its last point is no data.
+pub(super) fn check_tables(model: &Model, start: f64, end: f64) -> Result<(), RunError> {
+    match motion_tables(model).into_iter().find(|table| !table.covers(start, end)) {
+        None => Ok(()),
+        Some(MotionTable { path, name, first, last }) => {
+            Err(RunError::ShortTable { name, path, first, last, start, end })
+        }
+    }
+}
+
+/// Refuses a start state that is not one of the system, or contradicts a joint or driver by more than
+/// [`PROJECTED`] times max(1, L) m or max(1, ‖q̇‖∞).
+pub(super) fn check_state(system: &dyn System, state: &State) -> Result<(), RunError> {
+    let sizes = system.structure().sizes;
+    for (what, values, expected) in [
+        ("coordinates", &state.q, sizes.coordinates),
+        ("velocities", &state.v, sizes.coordinates),
+        ("accelerations", &state.a, sizes.coordinates),
+        ("multipliers", &state.lambda, sizes.rows),
+        ("extra states", &state.z, sizes.extra_states),
+        ("windings", &state.winding, sizes.windings),
+    ] {
+        if values.len() != expected {
+            return Err(RunError::StartState { what, found: values.len(), expected });
+        }
+        if let Some(index) = values.iter().position(|x| !x.is_finite()) {
+            return Err(RunError::StateNotFinite { what, index, value: values[index] });
+        }
+    }
+    let ledger = &state.ledger;
+    for (what, value) in [
+        ("time", state.t),
+        ("initial energy", ledger.initial),
+        ("dissipated energy", ledger.dissipated),
+        ("supplied energy", ledger.supplied),
+    ] {
+        if !value.is_finite() {
+            return Err(RunError::StateNotFinite { what, index: 0, value });
+        }
+    }
+    let mut residual = vec![0.0; sizes.rows];
+    let refuse = |level, residual: &[f64], allowed: f64| {
+        let worst = largest_index(residual);
+        match residual.get(worst) {
+            Some(&residual) if residual.abs() > allowed || residual.is_nan() => {
+                let (row, item) = (system.row_name(worst), system.row_item(worst).0.to_owned());
+                Err(RunError::InconsistentState { level, row, item, residual, allowed })
+            }
+            _ => Ok(()),
+        }
+    };
+    system.position_constraints(state.t, &state.q, &mut residual);
+    refuse("position", &residual, PROJECTED * system.characteristic_length().max(1.0))?;
+    let mut g = system.structure().constraint_pattern.clone();
+    system.constraint_jacobian(&state.q, &mut g);
+    system.velocity_rhs(state.t, &mut residual);
+    residual.iter_mut().for_each(|x| *x = -*x);
+    g.multiply_add(1.0, &state.v, &mut residual);
+    let speed = state.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+    refuse("velocity", &residual, PROJECTED * speed)
 }
 
 pub(super) fn find_channels(

@@ -4,12 +4,17 @@ use super::options::{Options, OutputTimes};
 use super::trajectory::Chunk;
 use crate::system::{Channel, State, System};
 
+/// An output time beyond an end of the run by this part of it is that end.
+pub(super) const OUTPUT_SLACK: f64 = 1e-12;
+
 /// Output rows that are still to come.
 pub(super) struct Output {
     times: OutputTimes,
     start: f64,
     end: f64,
     next: usize,
+    /// Time of the last row, s; NaN before the first.
+    last: f64,
     channels: Vec<Channel>,
     pub(super) chunk: Chunk,
     values: Vec<f64>,
@@ -24,6 +29,7 @@ impl Output {
             start,
             end: options.end_time,
             next: 0,
+            last: f64::NAN,
             channels,
             chunk,
             values: vec![0.0; largest],
@@ -34,20 +40,23 @@ impl Output {
     pub(super) fn time(&self) -> f64 {
         match &self.times {
             OutputTimes::Interval(interval) => {
-                let last = ((self.end - self.start) / interval * (1.0 + 1e-12)).floor() as usize;
+                let last =
+                    ((self.end - self.start) / interval * (1.0 + OUTPUT_SLACK)).floor() as usize;
                 if self.next <= last {
                     // The last multiple may exceed the end by round-off.
                     (self.start + self.next as f64 * interval).min(self.end)
                 } else if self.next == last + 1
                     && self.start + last as f64 * interval
-                        < self.end - 1e-12 * (self.end - self.start)
+                        < self.end - OUTPUT_SLACK * (self.end - self.start)
                 {
                     self.end
                 } else {
                     f64::INFINITY
                 }
             }
-            OutputTimes::Listed(times) => times.get(self.next).copied().unwrap_or(f64::INFINITY),
+            OutputTimes::Listed(times) => {
+                times.get(self.next).map_or(f64::INFINITY, |t| t.min(self.end))
+            }
         }
     }
 
@@ -59,5 +68,13 @@ impl Output {
             rows.extend_from_slice(values);
         }
         self.next += 1;
+        self.last = state.t;
+    }
+
+    /// One more row for the state at which a run ends early, if it is none yet.
+    pub(super) fn push_last(&mut self, system: &dyn System, state: &State) {
+        if self.last != state.t {
+            self.push(system, state);
+        }
     }
 }

@@ -1,6 +1,6 @@
 //! The run loop: steps, output, limits, re-parametrization, diagnosis.
 
-use super::checks::{RunError, check_options, check_state, find_channels};
+use super::checks::{RunError, check_options, check_state, check_tables, find_channels};
 use super::diagnosis::{Stop, diagnose};
 use super::ledger::{StepPowers, powers};
 use super::options::Options;
@@ -69,12 +69,14 @@ pub fn run(
     from: Option<&State>,
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
-    check_options(options)?;
     let begun = Instant::now();
     let system = problem.system().clone();
+    let start = from.map_or(problem.model().simulation.start_time.unwrap_or(0.0), |state| state.t);
+    check_options(options, start, system.characteristic_length())?;
+    check_tables(problem.model(), start, options.end_time)?;
     let (mut manifold, mut state) = match from {
         Some(state) => {
-            check_state(&system, state)?;
+            check_state(system.as_ref(), state)?;
             problem.start_from(state)?
         }
         None => {
@@ -87,10 +89,6 @@ pub fn run(
         let chart = new_chart(options.parametrization, &mut manifold, &state)
             .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?;
         manifold.set_chart(chart);
-    }
-    let rule = "not before the start time";
-    if options.end_time < state.t {
-        return Err(RunError::Option { option: "end_time", value: options.end_time, rule });
     }
     let energy = system.energy(&state);
     if from.is_none() {
@@ -544,6 +542,9 @@ impl Run<'_> {
 
     /// Flushes, completes the statistics and says why the run ended.
     fn finish(&mut self, stop: Result<(), Stop>) -> (Status, StopReason) {
+        if stop.is_err() {
+            self.output.push_last(self.system.as_ref(), &self.state);
+        }
         let flushed = self.flush();
         let counters = self.form.manifold().counters;
         let stepper = *self.stepper.statistics();

@@ -9,7 +9,8 @@ use crate::math::vector::lift;
 use crate::math::{Real, TimeFunction};
 use crate::model::{ForceAxes, Frame};
 
-const QUANTITIES: &[Quantity] = &[quantity("force", "N", "ground", 3)];
+const PLANAR: &[Quantity] = &[quantity("force", "N", "ground", 2)];
+const SPATIAL: &[Quantity] = &[quantity("force", "N", "ground", 3)];
 
 /// A force at a point x = r + A s of the second body, planar or spatial.
 ///
@@ -114,11 +115,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
     }
 
     fn quantities(&self) -> &'static [Quantity] {
-        QUANTITIES
+        if D == 2 { PLANAR } else { SPATIAL }
     }
 
     fn quantity(&self, _index: usize, input: &ForceInput<'_, f64, N>, out: &mut [f64]) {
-        out[..3].fill(0.0);
         let force = self.in_ground(input.q[1], &self.components(input.t).0);
         out[..D].copy_from_slice(&force);
     }

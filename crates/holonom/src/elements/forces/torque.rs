@@ -9,7 +9,8 @@ use crate::math::spatial::{
 use crate::math::{Real, TimeFunction};
 use crate::model::ForceAxes;
 
-const QUANTITIES: &[Quantity] = &[quantity("torque", "N m", "ground", 3)];
+const PLANAR: &[Quantity] = &[quantity("torque", "N m", "ground", 1)];
+const SPATIAL: &[Quantity] = &[quantity("torque", "N m", "ground", 3)];
 
 /// Planar torque on the second body, the opposite on the first: Q_θj = n(t), Q_θi = −n(t).
 #[derive(Debug, Clone, PartialEq)]
@@ -43,11 +44,11 @@ impl ForceElement<3> for PlanarTorque {
     }
 
     fn quantities(&self) -> &'static [Quantity] {
-        QUANTITIES
+        PLANAR
     }
 
     fn quantity(&self, _index: usize, input: &ForceInput<'_, f64, 3>, out: &mut [f64]) {
-        out[..3].copy_from_slice(&[0.0, 0.0, self.torque.derivatives(input.t)[0]]);
+        out[0] = self.torque.derivatives(input.t)[0];
     }
 
     fn breakpoints(&self) -> Vec<f64> {
@@ -140,7 +141,7 @@ impl ForceElement<7> for SpatialTorque {
     }
 
     fn quantities(&self) -> &'static [Quantity] {
-        QUANTITIES
+        SPATIAL
     }
 
     fn quantity(&self, _index: usize, input: &ForceInput<'_, f64, 7>, out: &mut [f64]) {

@@ -47,7 +47,7 @@ impl Context<'_> {
             schema::TimeFunction::Table(f) => {
                 let (at, x, y) =
                     self.columns(path, f.table.as_ref(), f.x.as_ref(), f.y.as_ref())?;
-                let function = TimeFunction::table(x, y.iter().map(|y| scale * y).collect());
+                let function = TimeFunction::table(x, y.iter().map(|y| scale * y).collect(), &at);
                 self.table(&at, function)
             }
         }
