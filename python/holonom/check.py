@@ -37,7 +37,7 @@ class CheckReport:
 
     @property
     def redundant(self) -> list[dict[str, str]]:
-        """Redundant constraints, each with ``joint`` and ``row``."""
+        """Redundant constraints, each with ``joint``, ``row`` and, in words, ``direction``."""
         return list(self.data.get("redundant", []))
 
     @property
@@ -75,7 +75,7 @@ class CheckReport:
                 facts.append((label, str(data[key])))
         if "characteristic_length" in data:
             facts.append(("characteristic length", f"{data['characteristic_length']:.4g} m"))
-        redundant = [f"{entry['joint']}: {entry['row']}" for entry in self.redundant]
+        redundant = [f"{entry['joint']}: {entry['direction']}" for entry in self.redundant]
         facts.append(("redundant constraints", str(len(redundant)) if redundant else "none"))
         facts += [("", entry) for entry in redundant]
         facts += [("moved by assembly", plain(entry)) for entry in data.get("adjustments") or []]

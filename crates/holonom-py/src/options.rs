@@ -74,19 +74,19 @@ impl Choices {
             options.code = Code::find(family, formula.as_deref())
                 .map_err(|e| ("simulation/unknown-method", e.to_string()))?;
         }
-        if let Some(name) = self.profile.as_deref() {
+        if let Some(name) = self.profile.as_deref().or(file.profile) {
             let known = Profile::NAMES.iter().find(|(known, _)| *known == name);
             options.profile = known.map(|(_, profile)| *profile).ok_or_else(|| {
                 let message = format!("unknown profile `{name}`; known are improved and thesis");
                 ("simulation/option", message)
             })?;
         }
-        if let Some(name) = self.parametrization.as_deref() {
+        if let Some(name) = self.parametrization.as_deref().or(file.parametrization) {
             options.parametrization = Choice::find(name).ok_or_else(|| {
                 unknown("parametrization", name, Choice::ALL.iter().map(|(_, n)| *n))
             })?;
         }
-        if let Some(name) = self.jacobian.as_deref() {
+        if let Some(name) = self.jacobian.as_deref().or(file.jacobian) {
             options.jacobian = JacobianSource::find(name).ok_or_else(|| {
                 unknown("jacobian", name, JacobianSource::ALL.iter().map(|(_, n)| *n))
             })?;

@@ -2,8 +2,9 @@
 
 use crate::options::DEFAULT_OUTPUTS;
 use holonom::error::{Diagnostic, ModelErrors};
-use holonom::method::{CODES, Code};
+use holonom::method::{CODES, Code, JacobianSource, Profile};
 use holonom::model::{Dimension, Model, Tolerance};
+use holonom::reduction::Choice;
 use holonom::reduction::assembly::{Assembled, AssemblyError};
 use holonom::simulation::{DEFAULT_TOLERANCE, ModelSummary, Problem, Status, Summary};
 use holonom::system::Channel;
@@ -78,6 +79,9 @@ pub(crate) fn defaults(model: &Model) -> String {
         },
         "method": s.method.clone().unwrap_or_else(|| Code::ForSdirk.info().name.into()),
         "formula": s.formula,
+        "parametrization": s.parametrization.unwrap_or(Choice::default().name()),
+        "jacobian": s.jacobian.unwrap_or(JacobianSource::default().name()),
+        "profile": s.profile.unwrap_or(Profile::default().name()),
         "interval": model.outputs.interval.or(s.end_time.map(|end| {
             (end - s.start_time.unwrap_or(0.0)) / DEFAULT_OUTPUTS
         })),
@@ -94,8 +98,11 @@ pub(crate) fn check(
     spectrum: Option<Vec<(f64, f64)>>,
 ) -> String {
     let model = problem.model();
-    let redundant: Vec<Value> =
-        summary.redundant.iter().map(|(j, r)| json!({"joint": j, "row": r})).collect();
+    let redundant: Vec<Value> = summary
+        .redundant
+        .iter()
+        .map(|r| json!({"joint": r.item, "row": r.row, "direction": r.direction}))
+        .collect();
     let adjustments: Vec<Value> = assembled
         .adjustments
         .iter()
@@ -126,14 +133,10 @@ pub(crate) fn check(
 
 pub(crate) fn summary(summary: &Summary, code: Code, cpu_seconds: f64, simulated: f64) -> String {
     let (s, e) = (&summary.statistics, &summary.energy);
-    let stop = &summary.stop;
     let per_second = if simulated > 0.0 { cpu_seconds / simulated } else { 0.0 };
     json!({
         "status": summary.status.name(),
-        "stop_reason": if summary.status == Status::Completed { Value::Null } else { json!({
-            "code": stop.code, "message": stop.message, "time": stop.time,
-            "step_size": stop.step_size, "item": stop.item, "help": stop.help,
-        }) },
+        "stop_reason": stop_reason(summary),
         "method": code.info().name,
         "dof": summary.ndof,
         "end_time": summary.end.t,
@@ -182,10 +185,26 @@ pub(crate) fn summary(summary: &Summary, code: Code, cpu_seconds: f64, simulated
             "range": e.range,
         },
         "warnings": summary.warnings.iter()
-            .map(|w| json!({"code": "simulation/warning", "message": w, "path": ""}))
+            .map(|w| json!({"code": w.code, "message": w.message, "path": ""}))
             .collect::<Vec<_>>(),
     })
     .to_string()
+}
+
+/// Why the run ended; what does not apply is left out.
+fn stop_reason(summary: &Summary) -> Value {
+    let stop = &summary.stop;
+    let mut reason = json!({"code": stop.code, "message": stop.message, "time": stop.time});
+    if summary.status == Status::Failed {
+        reason["step_size"] = stop.step_size.into();
+    }
+    let texts = [("item", stop.item.as_deref()), ("help", Some(stop.help))];
+    for (key, text) in texts {
+        if let Some(text) = text.filter(|text| !text.is_empty()) {
+            reason[key] = text.into();
+        }
+    }
+    reason
 }
 
 pub(crate) fn refusal(code: &str, message: &str, item: Option<&str>, help: &str) -> String {

@@ -52,10 +52,12 @@ impl Rows {
                 continue;
             };
             if values.len() != size * count {
-                return Err(foreign(&format!(
-                    "`{name}` has {} numbers for {count} states of {size}: not of this model",
-                    values.len()
-                )));
+                let found = values.len();
+                return Err(foreign(&if count == 1 {
+                    format!("`{name}` has {found} numbers; a state of this model has {size}")
+                } else {
+                    format!("`{name}` has {found} numbers for {count} states of {size} each")
+                }));
             }
             if size == 0 {
                 continue;

@@ -5,7 +5,7 @@ mod common;
 
 use common::model_of;
 use holonom::reduction::assembly::AssemblyError;
-use holonom::simulation::Problem;
+use holonom::simulation::{Memory, Options, Problem, run};
 
 const FOUR_BAR: &str = r#"
 holonom = 1
@@ -157,6 +157,21 @@ high = { type = "revolute", between = ["ground", "door"], point = [0.0, 0.0, 0.5
     let assembled = problem.assemble().unwrap();
     let summary = problem.summary(assembled);
     assert_eq!((summary.ndof, summary.redundant.len()), (1, 5));
+    // Each is named by joint and axis, and the axes of the frames are those of the ground or along z.
+    for row in &summary.redundant {
+        assert!(["low", "high"].contains(&row.item.as_str()), "{row:?}");
+        let ground = row.direction.contains("the ground's") && row.row.contains("along");
+        let turned =
+            row.direction.contains("of its frame, [") && row.row.starts_with("rotation about");
+        assert!(ground || turned, "{row:?}");
+    }
+    let mut rows = Memory::default();
+    let run = run(&problem, &Options::new(0.1), None, &mut rows).unwrap();
+    let warning = run.warnings.iter().find(|w| w.code == "simulation/redundant").unwrap();
+    for row in &summary.redundant {
+        let name = format!("`{}`, {}", row.item, row.row);
+        assert!(warning.message.contains(&name), "{name}: {}", warning.message);
+    }
     let mut manifold = assembled.manifold.clone();
     let mut state = assembled.state.clone();
     manifold.minimum_norm_multipliers(&mut state.lambda);

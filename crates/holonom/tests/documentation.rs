@@ -1,7 +1,7 @@
 //! The committed pages are what the code says. `HOLONOM_WRITE=1 cargo test` rewrites them.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use holonom::error::{Code, Severity};
 use holonom::io::{Document, Syntax, json_schema, reference_markdown};
@@ -45,6 +45,49 @@ fn the_page_of_errors_lists_every_code_of_models() {
         .collect();
     let head = "| code | severity | meaning |\n| --- | --- | --- |\n";
     assert_page("errors.md", &format!("{before}{begin}{head}{}{end}{after}", rows.concat()));
+}
+
+/// Texts of the sources of a folder, tests left out.
+fn sources(folder: &Path, ending: &str, out: &mut Vec<String>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, ending, out);
+        } else if path.extension().is_some_and(|e| e == ending) {
+            out.push(std::fs::read_to_string(path).unwrap());
+        }
+    }
+}
+
+/// Codes of the form `family/some-words` between quotation marks, models' left out.
+fn codes(text: &str, quote: char, out: &mut BTreeSet<String>) {
+    const FAMILIES: [&str; 5] = ["assembly", "simulation", "usage", "file", "holonom"];
+    for part in text.split(quote) {
+        let words =
+            |s: &str| !s.is_empty() && s.chars().all(|c| c.is_ascii_lowercase() || c == '-');
+        if let Some((family, name)) = part.split_once('/')
+            && FAMILIES.contains(&family)
+            && words(name)
+        {
+            out.insert(part.to_owned());
+        }
+    }
+}
+
+#[test] // independent truth: the texts between quotation marks in the sources
+fn the_page_of_errors_lists_every_code_of_runs_files_and_commands() {
+    let root = page("..");
+    let mut texts = Vec::new();
+    for crate_name in ["holonom", "holonom-py"] {
+        sources(&root.join("crates").join(crate_name).join("src"), "rs", &mut texts);
+    }
+    sources(&root.join("python/holonom"), "py", &mut texts);
+    let (mut used, mut listed) = (BTreeSet::new(), BTreeSet::new());
+    texts.iter().for_each(|text| codes(text, '"', &mut used));
+    let text = std::fs::read_to_string(page("errors.md")).unwrap();
+    codes(&text, '`', &mut listed);
+    assert!(used.len() > 25, "{used:?}");
+    assert_eq!(used, listed);
 }
 
 /// Fenced blocks of a language.

@@ -153,7 +153,7 @@ mass = { velocity = [1.5, 0.0] }
 fn redundant(model: &Model) -> Vec<String> {
     let problem = Problem::new(model.clone());
     let assembled = problem.assemble().expect("an assembly");
-    problem.summary(assembled).redundant.into_iter().map(|(item, _)| item).collect()
+    problem.summary(assembled).redundant.into_iter().map(|row| row.item).collect()
 }
 
 #[test] // independent truth: the equation of a parallelogram of uniform links

@@ -2,9 +2,11 @@
 
 use holonom::error::{Code, ModelErrors};
 use holonom::io::{Document, Syntax};
+use holonom::method::{JacobianSource, Profile};
 use holonom::model::{
     DriverKind, ElasticLaw, ForceKind, Frame, JointKind, Model, Orientation, Road,
 };
+use holonom::reduction::Choice;
 use serde_json::json;
 
 fn document(text: &str) -> Result<Document, ModelErrors> {
@@ -321,6 +323,49 @@ fn a_motion_that_ends_before_the_run_brings_a_warning() {
     assert_eq!(found, [(Code::ShortTable, "drivers.turn.motion")]);
     let shorter = d.with_values(&[("simulation.end_time", json!(1.0))]).unwrap();
     assert!(shorter.build().unwrap().1.is_empty());
+}
+
+#[test]
+fn a_tiny_model_far_away_brings_a_warning_with_the_numbers() {
+    let far = |x: f64| {
+        format!(
+            "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n[bodies]\n\
+             rod = {{ mass = 1.0, inertia = 1.0e-5, position = [{x:e}, 0.0] }}\n[joints]\n\
+             pin = {{ type = \"revolute\", between = [\"ground\", \"rod\"], point = [{:.3}, 0.0] }}\n",
+            x - 0.01
+        )
+    };
+    let warnings = |x: f64| document(&far(x)).unwrap().build().unwrap().1;
+    assert!(warnings(1e3).is_empty());
+    let found = warnings(1e6);
+    assert_eq!((found[0].code, found[0].path.as_str()), (Code::Implausible, "bodies.rod.position"));
+    for part in ["1.0000e6 m", "1.0e8 times", "1.0000e-2 m", "2.2e-10 m"] {
+        assert!(found[0].message.contains(part), "{}", found[0].message);
+    }
+}
+
+#[test]
+fn choices_of_a_run_are_the_words_of_the_options() {
+    let with = |field: &str, word: &str| {
+        let end = "[simulation]";
+        build(&DOUBLE_PENDULUM.replace(end, &format!("{end}\n{field} = \"{word}\"")))
+    };
+    assert!(DOUBLE_PENDULUM.contains("[simulation]"));
+    for (_, word) in Choice::ALL {
+        assert_eq!(with("parametrization", word).unwrap().simulation.parametrization, Some(*word));
+    }
+    for (_, word) in JacobianSource::ALL {
+        assert_eq!(with("jacobian", word).unwrap().simulation.jacobian, Some(*word));
+    }
+    for (word, _) in Profile::NAMES {
+        assert_eq!(with("profile", word).unwrap().simulation.profile, Some(word));
+    }
+    for field in ["parametrization", "jacobian", "profile"] {
+        let errors = with(field, "something").unwrap_err();
+        assert_eq!(errors.errors[0].code, Code::UnknownChoice);
+        assert_eq!(errors.errors[0].path, format!("simulation.{field}"));
+    }
+    assert_eq!(model(DOUBLE_PENDULUM).simulation.profile, None);
 }
 
 /// A chain of `n` bodies as text; every joint names a body that is not there when `broken`.

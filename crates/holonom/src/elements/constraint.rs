@@ -106,8 +106,29 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         self.quantities
     }
 
-    /// Value of quantity `index`. Spatial angles are principal values in (−π, π].
-    pub fn quantity(&self, index: usize, q: [&[f64; N]; 2], v: [&[f64; N]; 2], out: &mut [f64]) {
+    /// Whether a relative coordinate is an angle that a pose tells up to whole turns only.
+    pub fn counts_turns(&self) -> bool {
+        S::Angle::COUNTS_TURNS && self.coordinates.iter().any(|c| matches!(c, Coordinate::Angle(_)))
+    }
+
+    /// The joint's angle on the branch nearest to `winding`, rad; 0 for joints without one.
+    pub fn angle(&self, q: [&[f64; N]; 2], winding: f64) -> f64 {
+        let angle = |c: &Coordinate<S, D, N, R>| match c {
+            Coordinate::Angle(angle) => Some(angle.nearest(q, winding)),
+            Coordinate::Displacement(_) => None,
+        };
+        self.coordinates.iter().find_map(angle).unwrap_or(0.0)
+    }
+
+    /// Value of quantity `index`; an angle is that on the branch nearest to `winding`.
+    pub fn quantity(
+        &self,
+        index: usize,
+        q: [&[f64; N]; 2],
+        v: [&[f64; N]; 2],
+        winding: f64,
+        out: &mut [f64],
+    ) {
         let rate = index % 2 == 1;
         out[0] = match &self.coordinates[index / 2] {
             Coordinate::Displacement(measure) if rate => {
@@ -121,7 +142,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
                 u[0]
             }
             Coordinate::Angle(angle) if rate => product(&angle.gradient(q), v),
-            Coordinate::Angle(angle) => angle.value(q),
+            Coordinate::Angle(angle) => angle.nearest(q, winding),
         };
     }
 }

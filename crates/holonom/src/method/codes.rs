@@ -113,6 +113,14 @@ impl Profile {
     /// Both, by name.
     pub const NAMES: [(&'static str, Self); 2] =
         [("improved", Self::Improved), ("thesis", Self::Thesis)];
+
+    /// Name in options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Improved => "improved",
+            Self::Thesis => "thesis",
+        }
+    }
 }
 
 /// No such method.

@@ -2,6 +2,7 @@
 
 use crate::model::Tolerance;
 use crate::system::{Measure, State, System};
+use std::f64::consts::TAU;
 
 /// Scales of one body: translation, rotation, velocity, angular velocity.
 type BodyScales = [f64; 4];
@@ -10,8 +11,9 @@ type BodyScales = [f64; 4];
 /// choice of independent coordinates nor the place of the model in space changes it.
 ///
 /// Positions are weighed against absolute + relative × movement since the start, velocities against
-/// absolute + relative × value; a change of Euler parameters δp is the angle 2|δp|. RMS within a
-/// body, maximum over bodies and extra states.
+/// absolute + relative × value; a change of Euler parameters δp is the angle 2|δp|. The movement of
+/// an orientation is the angle to that at the start, at most π, planar as in space. RMS within a body,
+/// maximum over bodies and extra states.
 #[derive(Debug, Clone)]
 pub struct Weights {
     tolerance: Tolerance,
@@ -104,7 +106,8 @@ impl Weights {
             let v = &state.v[b * n..(b + 1) * n];
             let moved = q[..d].iter().zip(q0).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
             let turned = if self.angle_factor == 1.0 {
-                (q[d] - q0[d]).abs()
+                let angle = (q[d] - q0[d]).abs() % TAU;
+                angle.min(TAU - angle)
             } else {
                 let cosine: f64 = q[d..].iter().zip(&q0[d..]).map(|(x, y)| x * y).sum();
                 2.0 * cosine.abs().min(1.0).acos()
@@ -146,4 +149,42 @@ impl Weights {
 /// Maximum that does not pass over NaN.
 fn keep_larger(a: f64, b: f64) -> f64 {
     if b.is_nan() || b > a { b } else { a }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sizes(per_body: usize, translations: usize) -> Sizes {
+        Sizes {
+            bodies: 1,
+            coordinates: per_body,
+            per_body,
+            translations,
+            rows: 0,
+            joint_rows: 0,
+            extra_states: 0,
+            windings: 0,
+        }
+    }
+
+    #[test] // independent truth: the same turn of a body about z, planar and in space
+    fn a_turn_is_weighed_alike_in_the_plane_and_in_space() {
+        let tolerance = Tolerance { relative: 1e-2, translation: 1e-3, rotation: 1e-4 };
+        let spatial = |angle: f64| {
+            let (s, c) = (0.5 * angle).sin_cos();
+            State { q: vec![0.0, 0.0, 0.0, c, 0.0, 0.0, s], v: vec![0.0; 7], ..State::default() }
+        };
+        let planar =
+            |angle| State { q: vec![0.0, 0.0, angle], v: vec![0.0; 3], ..State::default() };
+        for angle in [0.0, 0.5, 3.0, 3.3, 6.0, 7.0, -4.0, 50.0] {
+            let mut flat = Weights::new(tolerance, &sizes(3, 2), &planar(0.2));
+            let mut deep = Weights::new(tolerance, &sizes(7, 3), &spatial(0.2));
+            flat.set(&planar(0.2 + angle));
+            deep.set(&spatial(0.2 + angle));
+            let norm = flat.norm(&[0.0, 0.0, 1e-3], &[0.0; 3], &[]);
+            let same = deep.norm(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5e-3], &[0.0; 7], &[]);
+            assert!((norm - same).abs() < 1e-6 * norm, "{angle}: {norm} {same}");
+        }
+    }
 }

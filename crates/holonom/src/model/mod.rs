@@ -7,6 +7,8 @@
 mod plausibility;
 mod validation;
 
+use crate::math::{planar, spatial};
+
 pub use crate::math::{MonotoneCubic, TableError, TimeFunction};
 
 pub use plausibility::{MotionTable, implausible, motion_tables};
@@ -47,6 +49,37 @@ pub struct Model {
     pub outputs: Outputs,
     /// Defaults of a run stated by the file.
     pub simulation: SimulationDefaults,
+}
+
+impl Model {
+    /// Root mean square distance of the points of joints and drivers from their bodies' centres of
+    /// mass, m, which does not depend on where the model stands; 1 m for a model without any.
+    pub fn characteristic_length(&self) -> f64 {
+        let frames = self.joints.iter().flat_map(|j| &j.frames);
+        let frames = frames.chain(self.drivers.iter().flat_map(|d| &d.frames));
+        let (mut sum, mut count) = (0.0, 0.0);
+        for Frame { body, point, .. } in frames {
+            if let Some(b) = body {
+                let center = &self.bodies[*b].center_of_mass;
+                sum += point.iter().zip(center).map(|(p, c)| (p - c).powi(2)).sum::<f64>();
+                count += 1.0;
+            }
+        }
+        if sum > 0.0 { (sum / count).sqrt() } else { 1.0 }
+    }
+
+    /// Axis f, g or h (0, 1, 2) of a frame in the design configuration, ground axes.
+    pub fn design_axis(&self, frame: &Frame, k: usize) -> [f64; 3] {
+        let axis = frame.axes.map(|row| row[k]);
+        match frame.body.map(|b| self.bodies[b].orientation) {
+            Some(Orientation::EulerParameters(p)) => spatial::rotate(&p, &axis),
+            Some(Orientation::Angle(angle)) => {
+                let [x, y] = planar::rotate(angle, &[axis[0], axis[1]]);
+                [x, y, axis[2]]
+            }
+            None => axis,
+        }
+    }
 }
 
 /// A rigid body. The body frame's origin and axes are the user's; inertia is about the centre of
@@ -377,6 +410,12 @@ pub struct SimulationDefaults {
     pub max_seconds: Option<f64>,
     /// Re-partitioning factor α.
     pub repartition_factor: Option<f64>,
+    /// Name of the parametrization.
+    pub parametrization: Option<&'static str>,
+    /// Name of the source of the integration Jacobian.
+    pub jacobian: Option<&'static str>,
+    /// Name of the profile of the code.
+    pub profile: Option<&'static str>,
 }
 
 /// Tolerances of a run.

@@ -1,6 +1,6 @@
 //! What is legal but looks like another unit: millimetres, degrees, grams.
 
-use super::{Dimension, ForceKind, Frame, Model, Orientation};
+use super::{Dimension, ForceKind, Frame, InitialBody, Model, Orientation};
 use crate::error::{Code, Diagnostic, Warning, shown};
 use crate::math::TimeFunction;
 
@@ -10,6 +10,8 @@ const MASS: [f64; 2] = [1e-6, 1e6];
 const LENGTH: f64 = 1e3;
 /// m/s²: gravity is about 9.81, in millimetres 9810.
 const GRAVITY: f64 = 100.0;
+/// Distance of a body over the size of the model: more loses digits that constraints need.
+const DISTANCE: f64 = 1e7;
 /// Turns: more than a mechanism starts with.
 const TURNS: f64 = 100.0;
 
@@ -47,6 +49,7 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
             angle(&mut warn, format!("initial.bodies.{}.angle", body.name), orientation);
         }
     }
+    distant(&mut warn, model);
     let mut far = |item: String, frames: &[Frame]| {
         for frame in frames {
             let Some(body) = frame.body.and_then(|i| model.bodies.get(i)) else { continue };
@@ -142,6 +145,33 @@ pub fn motion_tables(model: &Model) -> Vec<MotionTable> {
     }
     out.dedup();
     out
+}
+
+/// Positions far from the origin are coarse: of two nearby points the difference keeps few digits.
+fn distant(warn: &mut impl FnMut(String, String, &str), model: &Model) {
+    let size = model.characteristic_length();
+    let none = InitialBody::default();
+    let farthest = model
+        .bodies
+        .iter()
+        .enumerate()
+        .map(|(b, body)| {
+            let stated = model.initial.bodies.get(b).unwrap_or(&none).position;
+            let distance = |p: [f64; 3]| p.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+            (distance(body.position).max(stated.map_or(0.0, distance)), &body.name)
+        })
+        .max_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((distance, name)) = farthest else { return };
+    if distance <= DISTANCE * size {
+        return;
+    }
+    let message = format!(
+        "`{name}` lies {distance:.4e} m from the origin, {:.1e} times the model's size of {size:.4e} m: \
+         positions keep {:.1e} m of their last digit",
+        distance / size,
+        distance * f64::EPSILON
+    );
+    warn(format!("bodies.{name}.position"), message, "put the origin of the ground near the model");
 }
 
 /// 90 is 14.3 turns: whole multiples of 5 beyond one turn are degrees more often than radians.

@@ -234,7 +234,7 @@ pub fn assemble(
     solver.close_velocities(&mut state, &everything, &g);
 
     set_extra_states(model, &mut state.z);
-    system.update_windings(&state.q, &mut state.winding);
+    system.update_windings(state.t, &state.q, &mut state.winding);
     let (manifold, state) = start(system, state, template)?;
     let adjustments = adjustments(model, system.as_ref(), &wanted, &before, &state);
     Ok(Assembled { state, manifold, adjustments, stated_residuals: (worst, worst_velocity) })

@@ -30,7 +30,7 @@ pub(super) fn diagnose(
     match stop {
         Ok(()) => {
             let message = format!("reached the end time {time} s");
-            (Status::Completed, reason("simulation/completed", message, 0.0, ""))
+            (Status::Completed, reason("simulation/end-time", message, 0.0, ""))
         }
         Err(Stop::Interrupted) => {
             let message = format!("interrupted at t = {time:.6} s");

@@ -1,6 +1,6 @@
 //! A model compiled and assembled, ready to run.
 
-use crate::model::Model;
+use crate::model::{Dimension, Model};
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::{Manifold, Projection};
 use crate::system::{Channel, State, System, compile};
@@ -36,14 +36,25 @@ pub struct ModelSummary {
     pub floating: usize,
     /// Extra states.
     pub extra_states: usize,
-    /// Redundant rows: item and direction.
-    pub redundant: Vec<(String, String)>,
+    /// Redundant rows.
+    pub redundant: Vec<RedundantRow>,
     /// Characteristic length, m.
     pub characteristic_length: f64,
     /// Smallest accepted pivot over the first: below 1e-5 the configuration is nearly singular.
     pub pivot_ratio: f64,
     /// Names of the independent coordinates.
     pub independent: Vec<String>,
+}
+
+/// A constraint that others imply already.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RedundantRow {
+    /// Name of the joint or driver.
+    pub item: String,
+    /// Name of the row, `rotation about g`.
+    pub row: String,
+    /// What it prescribes, in words: the axis and where it points in the design configuration.
+    pub direction: String,
 }
 
 impl Problem {
@@ -112,6 +123,31 @@ impl Problem {
         self.system.channels()
     }
 
+    /// What a row of a joint or driver prescribes, in words.
+    fn direction(&self, item: &str, row: &str) -> String {
+        let joints = self.model.joints.iter().map(|j| (&j.name, &j.frames));
+        let drivers = self.model.drivers.iter().map(|d| (&d.name, &d.frames));
+        let frames =
+            joints.chain(drivers).find(|(name, _)| *name == item).map(|(_, frames)| frames);
+        let axis = row.rsplit_once(' ');
+        match (frames, axis) {
+            (_, Some((motion, axis @ ("x" | "y" | "z")))) => {
+                format!("{motion} the ground's {axis} axis")
+            }
+            (Some(frames), Some((motion, axis @ ("f" | "g" | "h")))) => {
+                let k = usize::from(axis.as_bytes()[0] - b'f');
+                // Three digits, without a minus before a zero.
+                let round = |x: f64| (x * 1e3).round() / 1e3 + 0.0;
+                let [x, y, z] = self.model.design_axis(&frames[0], k).map(round);
+                let planar = self.model.dimension == Dimension::Planar;
+                let points =
+                    if planar { format!("[{x}, {y}]") } else { format!("[{x}, {y}, {z}]") };
+                format!("{motion} axis {axis} of its frame, {points} in the design configuration")
+            }
+            _ => row.to_owned(),
+        }
+    }
+
     /// Counts of an assembled model.
     pub fn summary(&self, assembled: &Assembled) -> ModelSummary {
         let sizes = self.system.structure().sizes;
@@ -120,8 +156,9 @@ impl Problem {
             .dropped
             .iter()
             .map(|&row| {
-                let (item, direction) = self.system.row_item(row);
-                (item.to_owned(), direction.to_owned())
+                let (item, row) = self.system.row_item(row);
+                let direction = self.direction(item, row);
+                RedundantRow { item: item.to_owned(), row: row.to_owned(), direction }
             })
             .collect();
         let independent = match &parametrization.projection {

@@ -6,7 +6,7 @@ use super::ledger::{StepPowers, powers};
 use super::options::Options;
 use super::output::Output;
 use super::problem::Problem;
-use super::statistics::{EnergySummary, Statistics, Status, StopReason};
+use super::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 use super::trajectory::{EventKind, EventRecord, Flow, Sink, StepOutcome, StepRecord};
 use crate::error::EvaluationFailure;
 use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
@@ -35,6 +35,8 @@ const PIECES: u32 = 16;
 const CHUNK_ROWS: usize = 256;
 /// Attempts in a chunk, so that a run without output rows reports its steps too.
 const CHUNK_STEPS: usize = 1024;
+/// Redundant constraints that a warning names.
+const REDUNDANT_SHOWN: usize = 8;
 const MAX_REJECTIONS: u32 = 60;
 const POLL: Duration = Duration::from_millis(50);
 const FLUSH: Duration = Duration::from_millis(500);
@@ -55,7 +57,7 @@ pub struct Summary {
     /// Last accepted state: a run can go on from here.
     pub end: State,
     /// Warnings of the run.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<RunWarning>,
 }
 
 /// Runs a problem from its assembled start, or from `from`, to the end time.
@@ -163,7 +165,7 @@ struct Run<'a> {
     kinetic_range: (f64, f64),
     powers: StepPowers,
     output: Output,
-    warnings: Vec<String>,
+    warnings: Vec<RunWarning>,
     sink: &'a mut dyn Sink,
     started: Instant,
     last_poll: Instant,
@@ -332,7 +334,7 @@ impl Run<'_> {
         // `self.row` is now the state at the start, `self.state` the one at the end.
         let winding_start = &self.row.winding;
         self.state.winding.copy_from_slice(winding_start);
-        self.system.update_windings(&self.state.q, &mut self.state.winding);
+        self.system.update_windings(t_end, &self.state.q, &mut self.state.winding);
         self.powers.at[0] = self.powers.at[2];
         let energy = self.system.energy(&self.state);
         self.powers.at[2] = powers(&energy);
@@ -357,7 +359,7 @@ impl Run<'_> {
             self.evaluate_inside(t, step, time).map_err(|f| failed(f, step))?;
             self.row.copy_from(self.form.state());
             self.form.manifold_mut().minimum_norm_multipliers(&mut self.row.lambda);
-            self.system.update_windings(&self.row.q, &mut self.row.winding);
+            self.system.update_windings(time, &self.row.q, &mut self.row.winding);
             if self.form.full_order() {
                 self.row.ledger.initial = ledger.initial;
             } else {
@@ -571,19 +573,15 @@ impl Run<'_> {
         e.imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
             - ledger.supplied;
         e.range = self.kinetic_range.1 - self.kinetic_range.0;
-        if !self.form.manifold().chart().parametrization().dropped.is_empty() {
-            self.warnings.push(
-                "some constraints are redundant: their reactions are not unique, and those stored \
-                 are the ones of minimum norm"
-                    .into(),
-            );
+        let dropped = &self.form.manifold().chart().parametrization().dropped;
+        if !dropped.is_empty() {
+            self.warnings.push(redundancy(self.system.as_ref(), dropped));
         }
         if s.stiff_steps > s.steps / 10 && s.stiff_steps > 50 {
-            self.warnings.push(
-                "the explicit code was limited by stability, not accuracy: an implicit one \
-                 (ForSDIRK) will be much faster"
-                    .into(),
-            );
+            let message = "the explicit code was limited by stability, not accuracy: an implicit \
+                           one (ForSDIRK) will be much faster"
+                .into();
+            self.warnings.push(RunWarning { code: "simulation/stiff", message });
         }
         let exchanged = e.range.max(e.dissipated.abs()).max(e.supplied.abs());
         let allowed = (100.0 * self.options.tolerance.largest()).max(0.1);
@@ -603,6 +601,22 @@ impl Run<'_> {
         };
         diagnose(stop, self.state.t, self.options)
     }
+}
+
+/// Names redundant constraints and says what that means for reactions.
+fn redundancy(system: &dyn System, dropped: &[usize]) -> RunWarning {
+    let shown: Vec<String> =
+        dropped.iter().take(REDUNDANT_SHOWN).map(|&row| system.row_name(row)).collect();
+    let more = match dropped.len().saturating_sub(REDUNDANT_SHOWN) {
+        0 => String::new(),
+        more => format!("; and {more} more"),
+    };
+    let message = format!(
+        "constraints are redundant ({}{more}): reactions are not unique there, and those stored are \
+         the ones of minimum norm",
+        shown.join("; ")
+    );
+    RunWarning { code: "simulation/redundant", message }
 }
 
 /// The chart of a chosen parametrization at a state.

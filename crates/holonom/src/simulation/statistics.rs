@@ -30,7 +30,7 @@ impl Status {
 /// Why a run ended.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StopReason {
-    /// Stable code, e.g. `simulation/completed`, `simulation/newton-divergence`.
+    /// Stable code, e.g. `simulation/end-time`, `simulation/newton-divergence`.
     pub code: &'static str,
     /// What happened.
     pub message: String,
@@ -42,6 +42,15 @@ pub struct StopReason {
     pub item: Option<String>,
     /// What to try.
     pub help: &'static str,
+}
+
+/// Something about a run that its user should know.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunWarning {
+    /// Stable code.
+    pub code: &'static str,
+    /// What it is, and what to do.
+    pub message: String,
 }
 
 /// Work of a run.

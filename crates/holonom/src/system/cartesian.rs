@@ -2,6 +2,7 @@
 
 use super::compile::build;
 use super::quantities::{Channel, evaluate_channel};
+use super::turns::Turns;
 use super::{BodyPose, DerivativeBlocks, EnergyBalance, State, Structure, System};
 use crate::elements::{
     ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
@@ -30,8 +31,11 @@ pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + 'static {
         index: usize,
         q: [&[f64; N]; 2],
         v: [&[f64; N]; 2],
+        winding: f64,
         out: &mut [f64],
     );
+    fn joint_counts_turns(constraint: &Self::Constraint) -> bool;
+    fn joint_angle(constraint: &Self::Constraint, q: [&[f64; N]; 2], winding: f64) -> f64;
     /// Point of the joint on its second body, relative to the centre of mass, body axes.
     fn point_on_second(constraint: &Self::Constraint) -> [f64; 3];
     /// Rotational block of M, (N−D)×(N−D) row-major at the end of a body's coordinates.
@@ -74,6 +78,8 @@ pub(super) struct PlacedConstraint<C> {
     pub(super) row: usize,
     /// Kinks of a driver's motion, s.
     pub(super) breakpoints: Vec<f64>,
+    /// Of a joint whose angle counts turns.
+    pub(super) turns: Option<Turns>,
 }
 
 /// A force between two bodies with its place in the equations.
@@ -83,7 +89,7 @@ pub(super) struct PlacedForce<F> {
     pub(super) element: F,
     pub(super) bodies: [Option<usize>; 2],
     pub(super) extra: Option<usize>,
-    pub(super) winding: Option<usize>,
+    pub(super) turns: Option<Turns>,
 }
 
 /// Numbers of one body.
@@ -159,7 +165,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             q: Self::pair(&state.q, force.bodies),
             v: Self::rates(&state.v, force.bodies),
             z: force.extra.map_or(0.0, |k| state.z[k]),
-            winding: force.winding.map_or(0.0, |k| state.winding[k]),
+            winding: force.turns.as_ref().map_or(0.0, |turns| turns.near(state.t, &state.winding)),
         }
     }
 
@@ -169,12 +175,15 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         constraints: &[PlacedConstraint<S::Constraint>],
         forces: &[PlacedForce<S::Force>],
     ) -> bool {
+        let index = |turns: &Option<Turns>| turns.as_ref().map(|t| t.index);
         let same_constraint = |a: &PlacedConstraint<S::Constraint>,
                                b: &PlacedConstraint<S::Constraint>| {
-            a.bodies == b.bodies && a.row == b.row && a.kind == b.kind && a.name == b.name
+            (a.bodies, a.row, a.kind, &a.name) == (b.bodies, b.row, b.kind, &b.name)
+                && index(&a.turns) == index(&b.turns)
         };
         let same_force = |a: &PlacedForce<S::Force>, b: &PlacedForce<S::Force>| {
-            a.bodies == b.bodies && a.extra == b.extra && a.winding == b.winding && a.name == b.name
+            (a.bodies, a.extra, &a.name) == (b.bodies, b.extra, &b.name)
+                && index(&a.turns) == index(&b.turns)
         };
         self.constraints.len() == constraints.len()
             && self.forces.len() == forces.len()
@@ -485,10 +494,17 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         out
     }
 
-    fn update_windings(&self, q: &[f64], winding: &mut [f64]) {
+    fn update_windings(&self, t: f64, q: &[f64], winding: &mut [f64]) {
         for f in &self.forces {
-            if let Some(k) = f.winding {
-                winding[k] = f.element.angle(Self::pair(q, f.bodies), winding[k]);
+            if let Some(turns) = &f.turns {
+                let near = turns.near(t, winding);
+                winding[turns.index] = f.element.angle(Self::pair(q, f.bodies), near);
+            }
+        }
+        for c in &self.constraints {
+            if let Some(turns) = &c.turns {
+                let near = turns.near(t, winding);
+                winding[turns.index] = S::joint_angle(&c.element, Self::pair(q, c.bodies), near);
             }
         }
     }

@@ -49,9 +49,18 @@ impl Space<2, 3> for Planar {
         index: usize,
         q: [&[f64; 3]; 2],
         v: [&[f64; 3]; 2],
+        winding: f64,
         out: &mut [f64],
     ) {
-        constraint.quantity(index, q, v, out);
+        constraint.quantity(index, q, v, winding, out);
+    }
+
+    fn joint_counts_turns(constraint: &Constraint) -> bool {
+        constraint.counts_turns()
+    }
+
+    fn joint_angle(constraint: &Constraint, q: [&[f64; 3]; 2], winding: f64) -> f64 {
+        constraint.angle(q, winding)
     }
 
     fn point_on_second(constraint: &Constraint) -> [f64; 3] {

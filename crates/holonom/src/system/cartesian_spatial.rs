@@ -126,9 +126,18 @@ impl Space<3, 7> for Spatial {
         index: usize,
         q: [&[f64; 7]; 2],
         v: [&[f64; 7]; 2],
+        winding: f64,
         out: &mut [f64],
     ) {
-        constraint.quantity(index, q, v, out);
+        constraint.quantity(index, q, v, winding, out);
+    }
+
+    fn joint_counts_turns(constraint: &Constraint) -> bool {
+        constraint.counts_turns()
+    }
+
+    fn joint_angle(constraint: &Constraint, q: [&[f64; 7]; 2], winding: f64) -> f64 {
+        constraint.angle(q, winding)
     }
 
     fn point_on_second(constraint: &Constraint) -> [f64; 3] {

@@ -4,9 +4,10 @@ use super::cartesian::{Cartesian, PlacedBody, PlacedConstraint, PlacedForce, Slo
 use super::cartesian_planar::Planar;
 use super::cartesian_spatial::Spatial;
 use super::structure::{Sizes, Structure};
+use super::turns::Turns;
 use super::{Measure, System, quantities};
 use crate::elements::{ConstraintElement, ForceElement};
-use crate::model::{BodyIndex, Dimension, Frame, Model};
+use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
@@ -58,6 +59,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
             bodies: ends,
             row,
             breakpoints,
+            turns: None,
         });
         row += rows;
     }
@@ -67,8 +69,18 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         let ends = S::force_bodies(f);
         let element = S::force(f, ends.map(center));
         let extra = element.has_extra_state().then(|| post_increment(&mut extra_states));
-        let winding = element.counts_turns().then(|| post_increment(&mut windings));
-        forces.push(PlacedForce { name: f.name.clone(), element, bodies: ends, extra, winding });
+        let turns = match &f.kind {
+            ForceKind::Rsda { frames, .. } if element.counts_turns() => {
+                Some(Turns::new(post_increment(&mut windings), frames, model))
+            }
+            _ => None,
+        };
+        forces.push(PlacedForce { name: f.name.clone(), element, bodies: ends, extra, turns });
+    }
+    for (c, joint) in constraints.iter_mut().zip(&model.joints) {
+        if S::joint_counts_turns(&c.element) {
+            c.turns = Some(Turns::new(post_increment(&mut windings), &joint.frames, model));
+        }
     }
     let normalization_start = row;
     let sizes = Sizes {
@@ -98,7 +110,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         constraints,
         forces,
         gravity,
-        length: characteristic_length(model),
+        length: model.characteristic_length(),
         channels: Vec::new(),
     };
     system.channels = quantities::list(&system);
@@ -108,22 +120,6 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
 fn post_increment(counter: &mut usize) -> usize {
     *counter += 1;
     *counter - 1
-}
-
-/// Root mean square distance of the points of joints and drivers from their bodies' centres of mass,
-/// which does not depend on where the model stands; 1 m for a model without any.
-fn characteristic_length(model: &Model) -> f64 {
-    let frames = model.joints.iter().flat_map(|j| &j.frames);
-    let frames = frames.chain(model.drivers.iter().flat_map(|d| &d.frames));
-    let (mut sum, mut count) = (0.0, 0.0);
-    for Frame { body, point, .. } in frames {
-        if let Some(b) = body {
-            let center = &model.bodies[*b].center_of_mass;
-            sum += point.iter().zip(center).map(|(p, c)| (p - c).powi(2)).sum::<f64>();
-            count += 1.0;
-        }
-    }
-    if sum > 0.0 { (sum / count).sqrt() } else { 1.0 }
 }
 
 /// Numbers the blocks of all patterns.

@@ -10,6 +10,7 @@ mod cartesian_spatial;
 mod compile;
 mod quantities;
 mod structure;
+mod turns;
 
 pub use compile::compile;
 pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity};
@@ -34,7 +35,7 @@ pub struct State {
     pub lambda: Vec<f64>,
     /// Extra states of elements, m.
     pub z: Vec<f64>,
-    /// Angles of elements that count turns, at the last accepted step, rad.
+    /// Angles of forces and joints that count turns, at the last accepted step, rad.
     pub winding: Vec<f64>,
     /// Energy bookkeeping since the start of the run.
     pub ledger: Ledger,
@@ -139,9 +140,9 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// Energies and powers; driver power uses the multipliers of `state`.
     fn energy(&self, state: &State) -> EnergyBalance;
 
-    /// Current angle of each element that counts turns, into `winding` (its old content is the
-    /// branch to stay near).
-    fn update_windings(&self, q: &[f64], winding: &mut [f64]);
+    /// Current angle of each joint and force that counts turns, into `winding`, whose old content is
+    /// the branch to stay near; the angle of a driver follows its motion.
+    fn update_windings(&self, t: f64, q: &[f64], winding: &mut [f64]);
 
     /// For each extra state the error that counts like a metre or a metre per second, m.
     fn extra_state_scales(&self) -> Vec<f64>;

@@ -189,7 +189,8 @@ pub(super) fn evaluate_channel<S: Space<D, N>, const D: usize, const N: usize>(
         ChannelSource::Joint(k, i) => {
             let c = &system.constraints[k];
             let (q, v) = pair(c.bodies);
-            S::joint_quantity(&c.element, i, q, v, out);
+            let near = c.turns.as_ref().map_or(0.0, |turns| turns.near(state.t, &state.winding));
+            S::joint_quantity(&c.element, i, q, v, near, out);
         }
         ChannelSource::Force(k, i) => {
             let f = &system.forces[k];

@@ -366,7 +366,7 @@ fn rows_are_satisfied_and_independent_where_a_joint_is_assembled() {
             let quantities = e.quantities();
             for (index, quantity) in quantities.iter().enumerate() {
                 let mut out = [0.0];
-                e.quantity(index, refs(&q), refs(&[[0.0; 7]; 2]), &mut out);
+                e.quantity(index, refs(&q), refs(&[[0.0; 7]; 2]), 0.0, &mut out);
                 let expected = match quantity.name {
                     "angle" => angle,
                     "displacement" => slide,

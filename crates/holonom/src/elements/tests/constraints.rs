@@ -230,7 +230,7 @@ fn rates_of_relative_coordinates_are_their_derivatives() {
             let (q, v) = (poses(&mut random, &frames, &relative), random_pair(&mut random, 1.0));
             for index in (0..e.quantities().len()).step_by(2) {
                 let (mut out, mut rate) = ([0.0], [0.0]);
-                e.quantity(index + 1, refs(&q), refs(&v), &mut rate);
+                e.quantity(index + 1, refs(&q), refs(&v), 0.0, &mut rate);
                 let found = richardson(1e-4, |s| {
                     let mut there = q;
                     for side in 0..2 {
@@ -239,10 +239,10 @@ fn rates_of_relative_coordinates_are_their_derivatives() {
                         }
                     }
                     let mut out = [0.0];
-                    e.quantity(index, refs(&there), refs(&v), &mut out);
+                    e.quantity(index, refs(&there), refs(&v), 0.0, &mut out);
                     out.to_vec()
                 });
-                e.quantity(index, refs(&q), refs(&v), &mut out);
+                e.quantity(index, refs(&q), refs(&v), 0.0, &mut out);
                 assert!((found[0] - rate[0]).abs() < 1e-8, "{kind:?} {index}");
             }
         }

@@ -66,7 +66,7 @@ fn planar_angles_are_differences_of_body_angles_over_any_turns() {
     for angle in [0.0, 0.7, -9.0, 20.0] {
         let q = [[0.0; 3], [0.0, 0.0, 3.5 + angle]];
         let mut out = [0.0];
-        pin.quantity(0, refs(&q), refs(&[[0.0; 3]; 2]), &mut out);
+        pin.quantity(0, refs(&q), refs(&[[0.0; 3]; 2]), 0.0, &mut out);
         assert!((out[0] - 3.5 - angle).abs() < 1e-13);
         assert!((evaluate(&spring, &still(q))[1][2] + 2.0 * angle).abs() < 1e-12);
     }

@@ -346,6 +346,75 @@ pub(crate) struct Simulation {
     pub(crate) max_seconds: Option<f64>,
     /// Growth of the condition number at which the independent coordinates are chosen anew, above 1.
     pub(crate) repartition_factor: Option<f64>,
+    /// What the independent variables are; partitioning unless stated.
+    pub(crate) parametrization: Option<Parametrization>,
+    /// Where the integration Jacobian comes from; analytic unless stated.
+    pub(crate) jacobian: Option<JacobianSource>,
+    /// Choices that go with a code; improved unless stated.
+    pub(crate) profile: Option<Profile>,
+}
+
+/// What the independent variables are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Parametrization {
+    /// Some of the coordinates.
+    Partitioning,
+    /// Combinations of coordinates along the tangent plane of the constraints, by QR.
+    TangentPlane,
+    /// The same by singular values.
+    TangentPlaneSvd,
+}
+
+impl Parametrization {
+    /// Name in files and options.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Partitioning => "partitioning",
+            Self::TangentPlane => "tangent_plane",
+            Self::TangentPlaneSvd => "tangent_plane_svd",
+        }
+    }
+}
+
+/// Where the integration Jacobian comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum JacobianSource {
+    /// Derivatives of the elements' equations.
+    Analytic,
+    /// Differences of accelerations; not for ForRosen.
+    Differences,
+}
+
+impl JacobianSource {
+    /// Name in files and options.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Analytic => "analytic",
+            Self::Differences => "differences",
+        }
+    }
+}
+
+/// Choices that go with a code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Profile {
+    /// Norm over all coordinates, filtered estimates, reuse of Jacobians.
+    Improved,
+    /// As in the thesis that the codes come from.
+    Thesis,
+}
+
+impl Profile {
+    /// Name in files and options.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Improved => "improved",
+            Self::Thesis => "thesis",
+        }
+    }
 }
 
 /// Tolerances of a run.
