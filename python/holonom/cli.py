@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from holonom.errors import Exit, HolonomError, SimulationError, UsageError
+from holonom.errors import Exit, FileError, HolonomError, SimulationError, UsageError
 from holonom.model import Model
 from holonom.result import Result
 
@@ -54,12 +54,19 @@ def run(
     model: ModelFile,
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Result file; results/<model>.holonom by default."),
+        typer.Option(
+            "-o",
+            "--output",
+            help="Result file, results/<model>.holonom by default; missing folders are made.",
+        ),
     ] = None,
     end_time: Annotated[float | None, _seconds("--end-time", "Time at which the run ends.")] = None,
     tolerance: Annotated[
         str | None,
-        typer.Option(help="A number, or relative=1e-3,translation=1e-4,rotation=1e-4 (SI)."),
+        typer.Option(
+            help="A number, or some of relative=1e-3,translation=1e-4,rotation=1e-4 (SI); "
+            "the others are the model's."
+        ),
     ] = None,
     method: Annotated[str | None, typer.Option(help="Integration code, such as ForSDIRK.")] = None,
     formula: Annotated[str | None, typer.Option(help="Formula, when METHOD is a family.")] = None,
@@ -76,6 +83,11 @@ def run(
     initial_step: Annotated[float | None, _seconds("--initial-step", "First step size.")] = None,
     max_steps: Annotated[int | None, typer.Option(help="Largest number of steps.")] = None,
     max_seconds: Annotated[float | None, _seconds("--max-seconds", "Largest wall time.")] = None,
+    parametrization: Annotated[
+        str | None, typer.Option(help="partitioning, tangent_plane or tangent_plane_svd.")
+    ] = None,
+    jacobian: Annotated[str | None, typer.Option(help="analytic or differences.")] = None,
+    profile: Annotated[str | None, typer.Option(help="improved or thesis.")] = None,
     values: Values = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
     json_: Json = False,
@@ -95,6 +107,9 @@ def run(
         "initial_step": initial_step,
         "max_steps": max_steps,
         "max_seconds": max_seconds,
+        "parametrization": parametrization,
+        "jacobian": jacobian,
+        "profile": profile,
     }
     if at is not None and start is None:
         raise UsageError("`--at` needs `--start RESULT`")
@@ -320,6 +335,8 @@ def export(
             write_csv(loaded, sys.stdout, channels)
             return Exit.OK
         write(loaded, target, channels)
+        if not loaded.time.size:
+            _complain("the result has no rows; the table has a heading only", "warning")
     return _done("table", target, json_)
 
 
@@ -365,18 +382,20 @@ def invoke(arguments: Sequence[str]) -> int:
         return _fail(error.exit_code, error.to_json(), arguments)
     except typer.TyperException as error:  # an unknown flag, a missing argument
         text = error.format_message() or "a command is needed; try 'holonom --help'"
-        return _fail(Exit.USAGE, {"message": text}, arguments)
+        return _fail(Exit.USAGE, {"code": "usage/command-line", "message": text}, arguments)
     except (KeyboardInterrupt, typer.Abort):
-        return _fail(Exit.INTERRUPTED, {"message": "interrupted"}, arguments)
+        reason = {"code": "simulation/interrupted", "message": "interrupted"}
+        return _fail(Exit.INTERRUPTED, reason, arguments)
     except OSError as error:
         name = f"{error.filename}: " if error.filename else ""
-        return _fail(Exit.FILES, {"message": f"{name}{error.strerror or error}"}, arguments)
+        text = f"{name}{error.strerror or error}"
+        return _fail(Exit.FILES, {"code": FileError.code, "message": text}, arguments)
     except Exception as error:  # noqa: BLE001 - whatever it is, it is not the user's fault
         import traceback
 
         traceback.print_exc()
         text = f"this is a defect in Holonom, not in your model: {error!r}"
-        return _fail(Exit.DEFECT, {"message": text}, arguments)
+        return _fail(Exit.DEFECT, {"code": "holonom/defect", "message": text}, arguments)
 
 
 class _Progress:
@@ -567,9 +586,9 @@ def _fail(status: Exit, error: dict[str, Any], arguments: Sequence[str]) -> int:
     return status
 
 
-def _complain(message: str) -> None:
+def _complain(message: str, kind: str = "error") -> None:
     # The core renders findings with their own heading, `error[model/…]: …`.
-    text = message if message.startswith("error") else f"error: {message}"
+    text = message if message.startswith(kind) else f"{kind}: {message}"
     typer.echo(typer.style(text, fg="red") if sys.stderr.isatty() else text, err=True)
 
 

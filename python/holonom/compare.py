@@ -112,7 +112,9 @@ def compare(
     """
     loaded = model if isinstance(model, Model) else Model.load(model)
     wanted = targets(loaded, channels)
-    limits = list(dict.fromkeys(Tolerance.of(tolerance) for tolerance in tolerances))
+    limits = list(
+        dict.fromkeys(Tolerance.of(limit, loaded.defaults["tolerance"]) for limit in tolerances)
+    )
     codes = _codes(methods)
     repeat = _count("repeat", repeat, 0)
     processes = _count("processes", 1 if processes is None else processes, 1)
@@ -452,10 +454,9 @@ def _times(model: Model, options: Options, given: Result | None) -> tuple[Series
 def _reference_tolerance(
     limits: list[Tolerance], asked: float | Mapping[str, float] | Tolerance | None
 ) -> Tolerance:
-    if asked is not None:
-        return Tolerance.of(asked)
     parts = _parts(_tightest(limits)).items()
-    return Tolerance(**{k: max(v / REFERENCE_PART, LEAST_TOLERANCE) for k, v in parts})
+    made = {k: max(v / REFERENCE_PART, LEAST_TOLERANCE) for k, v in parts}
+    return Tolerance(**made) if asked is None else Tolerance.of(asked, made)
 
 
 def _tightest(limits: list[Tolerance]) -> Tolerance:

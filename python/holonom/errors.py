@@ -102,14 +102,23 @@ class UsageError(HolonomError, ValueError):
         super().__init__(message)
         self.code = code
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the error as plain data."""
+        return {"code": self.code, "message": str(self)}
+
 
 class FileError(HolonomError, OSError):
     """A file that cannot be read or written, or that is not a Holonom result."""
 
     exit_code = Exit.FILES
+    code = "file/unusable"
 
     def __init__(self, message: str) -> None:
         super().__init__(message)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the error as plain data."""
+        return {"code": self.code, "message": str(self)}
 
 
 class ModelError(HolonomError):
@@ -201,6 +210,7 @@ _USAGE = (
     "simulation/unknown-method",
     "simulation/unknown-channel",
     "simulation/start-state",
+    "simulation/short-table",
 )
 
 

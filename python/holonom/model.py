@@ -165,7 +165,8 @@ class Model:
         start : mapping, optional
             State to start from, as `Result.state` returns it; else the model's initial state.
         output : path, optional
-            Result file, written while the run goes on; else the result stays in memory.
+            Result file, written while the run goes on; missing folders are made. Without it the
+            result stays in memory.
         on_failure : {"raise", "return"}
             What to do when the run ends early: raise, or return what there is with its `status`.
         progress : callable, optional

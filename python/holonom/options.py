@@ -45,20 +45,17 @@ class Tolerance:
             object.__setattr__(self, field.name, float(value))
 
     @classmethod
-    def of(cls, value: float | Mapping[str, float] | Tolerance) -> Tolerance:
-        """Return the tolerance meant by a number or a mapping of parts."""
+    def of(
+        cls, value: float | Mapping[str, float] | Tolerance, default: Mapping[str, float]
+    ) -> Tolerance:
+        """Return the tolerance meant by a number or a mapping of parts.
+
+        Parts that a mapping leaves out are those of `default`.
+        """
         if isinstance(value, Tolerance):
             return value
         if isinstance(value, Mapping):
-            known = {field.name for field in fields(cls)}
-            for name in value:
-                if name not in known:
-                    raise UsageError(
-                        f"`tolerance` has no part `{name}`; known are {_listed(sorted(known))}"
-                    )
-            if "relative" not in value:
-                raise UsageError("`tolerance` needs the part `relative`")
-            return cls(**value)
+            return cls(**{**default, **_parts(value)})
         return cls(value)
 
 
@@ -66,6 +63,7 @@ class Tolerance:
 _WORDS = {
     "parametrization": ("partitioning", "tangent_plane", "tangent_plane_svd"),
     "jacobian": ("analytic", "differences"),
+    "profile": ("improved", "thesis"),
 }
 
 
@@ -78,8 +76,8 @@ class Options:
     end_time, start_time : float, optional
         s. The start time is that of `start` when a run continues from a state.
     tolerance : float, mapping or Tolerance, optional
-        One number for all parts, or ``relative``, ``translation`` (m; m/s), ``rotation`` (rad;
-        rad/s).
+        One number for all parts, or some of ``relative``, ``translation`` (m; m/s), ``rotation``
+        (rad; rad/s); the others are then the model's.
     method, formula : str, optional
         A code such as ``ForSDIRK``, or a family with a formula; `holonom.methods` lists them.
     interval : float, optional
@@ -141,7 +139,11 @@ class Options:
             if (value := getattr(self, name)) is not None:
                 put(name, _require_positive(name, value))
         if self.tolerance is not None:
-            put("tolerance", Tolerance.of(self.tolerance))
+            stated = self.tolerance
+            if isinstance(stated, Mapping):
+                put("tolerance", _parts(stated))
+            elif not isinstance(stated, Tolerance):
+                put("tolerance", Tolerance(stated))
         if self.max_steps is not None:
             put("max_steps", _require_count("max_steps", self.max_steps))
         for name, known in _WORDS.items():
@@ -196,6 +198,17 @@ class Options:
             if value is not None:
                 data[field.name] = list(value) if isinstance(value, tuple) else value
         return data
+
+
+def _parts(stated: Mapping[str, float]) -> dict[str, float]:
+    """Check the parts of a tolerance that are stated."""
+    known = Tolerance.__dataclass_fields__
+    for name in stated:
+        if name not in known:
+            raise UsageError(f"`tolerance` has no part `{name}`; known are {_listed(list(known))}")
+    if not stated:
+        raise UsageError(f"`tolerance` is empty; it needs one of {_listed(list(known))}")
+    return {name: _require_positive(f"tolerance.{name}", part) for name, part in stated.items()}
 
 
 def methods() -> list[dict[str, str]]:

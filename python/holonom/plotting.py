@@ -88,6 +88,7 @@ def channels(result: Result, names: Sequence[str]) -> Figure:
         for name in names
         for number, together in enumerate(_grouped(result.matrix(name)))
     ]
+    rows = result.time.size
     with mpl.rc_context(_STYLE):
         figure, axes = _stack(len(plots), 1.9)
         for one, (name, together, first) in zip(axes, plots, strict=True):
@@ -95,7 +96,11 @@ def channels(result: Result, names: Sequence[str]) -> Figure:
             labels = components(name, values.shape[1])
             for i in together:
                 line = thinned(result.time, values[:, i])
-                one.plot(*line, label=labels[i], color=COLORS[i % len(COLORS)])
+                # A single row has no line to draw.
+                marker = "o" if rows == 1 else None
+                one.plot(*line, label=labels[i], color=COLORS[i % len(COLORS)], marker=marker)
+            if not rows:
+                one.text(0.5, 0.5, "no rows", ha="center", transform=one.transAxes)
             if first:
                 title = ", ".join(filter(None, (name, frame_text(result.frame(name)))))
                 one.set_title(title, loc="left", fontsize=9)

@@ -91,8 +91,10 @@ def render(result: Result) -> str:
         _tiles(result),
         _card(_table(summarize(result))),
     ]
-    if result.time.size > 1:
+    if result.time.size:
         sections += [_channels(result), _residuals(result), _energy(result)]
+    else:
+        sections += ['<p class="note">There are no rows: nothing was stored.</p>']
     sections += [_steps(result), _statistics(result), _warnings(result), _events(result)]
     sections += [_provenance(result)]
     return (

@@ -95,6 +95,8 @@ class Result:
         if name not in self._kept:
             if name in self._reader.quantities:
                 values = self._reader.read(name)
+            elif not self.time.size:  # the run ended before anything was stored
+                values = np.zeros((0, *(() if name in STATE else self._quantity(name).shape)))
             else:
                 self._quantity(name)  # refuses unknown names, with the nearest ones
                 states = {part: self[part] for part in STATE if part in self._reader.quantities}
@@ -161,7 +163,7 @@ class Result:
         """
         times = self.time
         if not times.size:
-            raise UsageError("the result holds no states")
+            raise UsageError("the result has no rows: nothing was stored before the run ended")
         index = times.size - 1 if time is None else int(np.argmin(np.abs(times - time)))
         if time is not None and abs(times[index] - time) > 1e-9 * max(1.0, abs(time)):
             raise UsageError(

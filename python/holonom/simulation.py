@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import datetime as dt
 import json
+import reprlib
 import signal
 import threading
 from collections.abc import Iterator, Mapping
@@ -18,7 +19,7 @@ from holonom import _core
 from holonom.errors import Interrupted, SimulationError, UsageError, translated
 from holonom.model import split_component
 from holonom.result import Result
-from holonom.store import Writer, require_replaceable
+from holonom.store import STATE, Writer, require_replaceable
 
 if TYPE_CHECKING:
     from holonom.model import Model, Progress
@@ -43,6 +44,8 @@ def run(
     for stated, displaced in (("output_times", "interval"), ("method", "formula")):
         if stated in asked and displaced not in asked:
             chosen.pop(displaced, None)
+    if isinstance(asked.get("tolerance"), dict):  # what is not stated of it comes from the model
+        chosen["tolerance"] = {**model.defaults["tolerance"], **asked["tolerance"]}
     if chosen.get("end_time") is None:
         raise UsageError(
             "there is no end time; give `end_time`, or state it in the model's [simulation]"
@@ -54,7 +57,7 @@ def run(
 
     state = None
     if start is not None:
-        state = {k: np.atleast_1d(np.asarray(v, dtype=np.float64)) for k, v in start.items()}
+        state = _state(start)
         chosen["start_time"] = float(state["time"][0])
         if options.start_time not in (None, chosen["start_time"]):
             raise UsageError(
@@ -79,6 +82,41 @@ def run(
         if raise_failure:
             raise SimulationError(reason, result)
     return result
+
+
+def _state(start: object) -> dict[str, NDArray[np.float64]]:
+    """Return a start state as vectors of numbers; the core checks it against the model."""
+
+    def refused(message: str) -> UsageError:
+        text = f"{message}\n  help: pass what `Result.state` returns for the same model"
+        return UsageError(text, "simulation/start-state")
+
+    if not isinstance(start, Mapping):
+        raise refused(f"`start` is {reprlib.repr(start)}; it must be a state: arrays by name")
+    state = {}
+    for name, values in start.items():
+        if name not in STATE:
+            raise refused(f"`start` has an entry {name!r}; known are {', '.join(STATE)}")
+        try:
+            state[name] = np.atleast_1d(np.asarray(values, dtype=np.float64))
+        except (TypeError, ValueError):
+            raise refused(
+                f"`start[{name!r}]` is {reprlib.repr(values)}; it must hold numbers"
+            ) from None
+        if state[name].ndim != 1:
+            shape = state[name].shape
+            raise refused(f"`start[{name!r}]` has the shape {shape}; it must be a vector")
+        if not np.isfinite(state[name]).all():
+            index = int(np.argmin(np.isfinite(state[name])))
+            raise refused(
+                f"`start[{name!r}][{index}]` is {state[name][index]}, not a finite number"
+            )
+    for name in ("time", "q", "qd"):
+        if name not in state:
+            raise refused(f"`start` has no entry `{name}`")
+    if state["time"].size != 1:
+        raise refused(f"`start['time']` holds {state['time'].size} times; it must hold one")
+    return state
 
 
 def _simulate(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,60 @@ def test_a_run_continues_from_a_stored_state(model: holonom.Model) -> None:
     rest = model.simulate(start=whole.state(0.4), end_time=1.0, tolerance=1e-9)
     assert rest.time[0] == pytest.approx(0.4, abs=1e-12)
     np.testing.assert_allclose(rest["rod.position"], whole["rod.position"][40:], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("start", "named"),
+    [
+        (3, "`start` is 3"),
+        ({}, "no entry `time`"),
+        ("state", "it must be a state"),
+        ({"time": [0.0], "q": ["a"], "qd": [0.0]}, r"start\['q'\]` is \['a'\]"),
+        ({"q": [0.0], "qd": [0.0]}, "no entry `time`"),
+        ({"time": 0.0, "qd": [0.0]}, "no entry `q`"),
+        ({"time": 0.0, "position": [0.0]}, "'position'"),
+    ],
+)
+def test_a_start_that_is_no_state_is_refused(model: holonom.Model, start: Any, named: str) -> None:
+    with pytest.raises(holonom.UsageError, match=named) as refused:
+        model.simulate(start=start)
+    assert refused.value.code == "simulation/start-state"
+
+
+@pytest.mark.parametrize(
+    ("entry", "change", "named"),
+    [
+        ("q", lambda q: q[:-1], "`q` has 2 numbers; a state of this model has 3"),
+        ("qd", lambda v: np.append(v, 0.0), "`qd` has 4 numbers"),
+        ("q", lambda q: q * np.nan, r"start\['q'\]\[0\]` is nan"),
+        ("qd", lambda v: np.full_like(v, np.inf), r"start\['qd'\]\[0\]` is inf"),
+        ("time", lambda t: np.append(t, t), "holds 2 times"),
+        ("q", lambda q: q[None, :], "shape"),
+        ("q", lambda q: q + np.array([1e-3, 0.0, 0.0]), "joint `pin`, translation along x"),
+        ("qd", lambda v: v + np.array([0.0, 10.0, 0.0]), "joint `pin`, translation along y"),
+    ],
+)
+def test_a_state_that_does_not_fit_is_refused(
+    model: holonom.Model, entry: str, change: Callable[[Any], Any], named: str
+) -> None:
+    state = model.simulate(end_time=0.1).state()
+    state[entry] = change(state[entry])
+    with pytest.raises(holonom.UsageError, match=named) as refused:
+        model.simulate(start=state)
+    assert refused.value.code == "simulation/start-state"
+
+
+def test_a_run_at_a_limit_keeps_its_last_state_and_goes_on(model: holonom.Model) -> None:
+    part = model.simulate(output_times=[0.0, 1.0], max_steps=20, on_failure="return")
+    assert part.status == "limit"
+    assert part.time.size == 2
+    assert 0.0 < part.time[-1] == part.stop_reason["time"] < 1.0
+    rest = model.simulate(start=part.state())
+    assert rest.time[0] == part.time[-1]
+    assert rest.status == "completed"
+    # Independent truth: the run in one piece.
+    whole = model.simulate()
+    np.testing.assert_allclose(rest["rod.angle"][-1], whole["rod.angle"][-1], atol=1e-4)
 
 
 def test_a_stored_file_holds_the_same_run(model: holonom.Model, tmp_path: Path) -> None:

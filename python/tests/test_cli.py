@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import PENDULUM
+from conftest import PENDULUM, write_result
 
 from holonom.cli import invoke
+from holonom.errors import UsageError
 from holonom.result import Result
 
 HOLONOM = [sys.executable, "-m", "holonom.cli"]
@@ -68,6 +69,12 @@ def test_without_a_name_the_result_lands_in_results(
     assert (tmp_path / "results" / "rod.holonom").exists()
 
 
+def test_folders_of_a_result_are_made(pendulum: Path, tmp_path: Path) -> None:
+    path = tmp_path / "new" / "deep" / "rod.holonom"
+    assert invoke(["run", str(pendulum), "-q", "-o", str(path)]) == 0
+    assert path.is_file()
+
+
 def test_flags_override_the_model(
     pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -84,7 +91,7 @@ def test_flags_override_the_model(
     assert facts["options"]["method"] == "DEABM"
     assert facts["options"]["tolerance"] == {
         "relative": 1e-4,
-        "translation": 1e-4,
+        "translation": 1e-6,  # of the model
         "rotation": 1e-5,
     }
     with Result.load(path) as result:
@@ -101,6 +108,27 @@ def test_a_run_starts_from_a_stored_state(
     assert facts["n_times"] == 61
     assert invoke([*arguments[:-1], "0.4001"]) == 1
     assert "nearest one is at 0.4" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("rows", [0, 1])
+def test_the_faces_of_a_result_with_hardly_a_row(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], rows: int
+) -> None:
+    path = tmp_path / "rod.holonom"
+    write_result(path, chunks=rows, rows=1).close()
+    picture, page, table = (tmp_path / name for name in ("a.png", "a.html", "a.csv"))
+    assert invoke(["plot", str(path), "-o", str(picture)]) == 0
+    assert picture.stat().st_size > 1000
+    assert invoke(["report", str(path), "-o", str(page)]) == 0
+    assert ("There are no rows" in page.read_text(encoding="utf-8")) == (rows == 0)
+    assert invoke(["export", str(path), "-o", str(table)]) == 0
+    assert len(table.read_text(encoding="utf-8").splitlines()) == 1 + rows
+    assert ("no rows" in capsys.readouterr().err) == (rows == 0)
+    for arguments in (["info"], ["info", "--json"], ["export", "-o", "-"]):
+        assert invoke([*arguments[:1], str(path), *arguments[1:]]) == 0
+    if rows == 0:
+        with Result.load(path) as result, pytest.raises(UsageError, match="no rows"):
+            result.state()
 
 
 def test_check_prints_counts_or_json(pendulum: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -210,7 +238,7 @@ def test_a_real_process_ends_with_the_same_status(pendulum: Path, tmp_path: Path
 
 
 def _endless(pendulum: Path, path: Path) -> list[str]:
-    arguments = ["--end-time", "1e6", "--tolerance", "1e-9", "--interval", "0.01"]
+    arguments = ["--end-time", "9e4", "--tolerance", "1e-9", "--interval", "0.01"]
     return [*HOLONOM, "run", str(pendulum), "-o", str(path), *arguments]
 
 

@@ -24,8 +24,12 @@ def test_stated_choices_are_plain_data() -> None:
     }
 
 
-def test_parts_of_a_tolerance_default_to_the_relative_one() -> None:
-    assert Tolerance.of({"relative": 1e-3, "rotation": 1e-5}) == Tolerance(1e-3, 1e-3, 1e-5)
+def test_parts_of_a_tolerance_that_are_not_stated_are_those_of_the_default() -> None:
+    default = {"relative": 1e-3, "translation": 1e-4, "rotation": 1e-5}
+    assert Tolerance.of({"relative": 1e-6}, default) == Tolerance(1e-6, 1e-4, 1e-5)
+    assert Tolerance.of({"rotation": 1e-6}, default) == Tolerance(1e-3, 1e-4, 1e-6)
+    assert Tolerance.of(1e-6, default) == Tolerance(1e-6, 1e-6, 1e-6)
+    assert Options(tolerance={"rotation": 1e-6}).to_dict() == {"tolerance": {"rotation": 1e-6}}
 
 
 @pytest.mark.parametrize(
@@ -36,7 +40,7 @@ def test_parts_of_a_tolerance_default_to_the_relative_one() -> None:
         ({"tolerance": "small"}, "tolerance.relative"),
         ({"tolerance": {"relative": 1e-3, "rotation": -1.0}}, "tolerance.rotation"),
         ({"tolerance": {"relativ": 1e-3}}, "relativ"),
-        ({"tolerance": {"rotation": 1e-3}}, "relative"),
+        ({"tolerance": {}}, "relative"),
         ({"end_time": math.inf}, "end_time"),
         ({"end_time": True}, "end_time"),
         ({"end_time": 1.0, "start_time": 2.0}, "end_time"),
