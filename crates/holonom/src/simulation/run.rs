@@ -586,12 +586,13 @@ impl Run<'_> {
         let exchanged = e.range.max(e.dissipated.abs()).max(e.supplied.abs());
         let allowed = (100.0 * self.options.tolerance.largest()).max(0.1);
         if e.largest_imbalance > allowed * exchanged {
-            self.warnings.push(format!(
+            let message = format!(
                 "the energy balance does not close: {:.1e} J are missing of {exchanged:.1e} J \
                  exchanged; forces of stiff elements may be wrong: tighten the tolerance, or \
                  compare with another code",
                 e.largest_imbalance
-            ));
+            );
+            self.warnings.push(RunWarning { code: "simulation/energy-imbalance", message });
         }
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
