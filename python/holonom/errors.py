@@ -157,7 +157,8 @@ class SimulationError(HolonomError):
     Attributes
     ----------
     reason : dict
-        ``code``, ``message`` and, where known, ``time`` (s), ``step_size`` (s), ``item``, ``help``.
+        ``code``, ``message`` and, where known, ``time`` (s), ``step_size`` (s), ``item``,
+        ``coordinate``, ``help``.
     result : Result or None
         What was computed before; None when the run never started.
     """
@@ -193,7 +194,8 @@ def describe(reason: dict[str, Any]) -> str:
     lines = [
         f"{reason.get('message', 'the run failed')} [{reason.get('code', 'simulation/failed')}]"
     ]
-    lines += [f"  item: {reason['item']}"] if reason.get("item") else []
+    for key in ("item", "coordinate"):
+        lines += [f"  {key}: {reason[key]}"] if reason.get(key) else []
     where = [
         f"{name} {reason[key]:.9g} s"
         for key, name in (("time", "at"), ("step_size", "step size"))

@@ -111,7 +111,7 @@ def _notice(result: Result) -> str:
         return ""
     reason = result.stop_reason
     text = f"{reason.get('message', '')} [{reason.get('code', '')}]"
-    for key in ("item", "time", "step_size", "help"):
+    for key in ("item", "coordinate", "time", "step_size", "help"):
         if reason.get(key) is not None:
             text += f"\n{key.replace('_', ' ')}: {plain(reason[key])}"
     return f'<div class="notice bad">{escape(text)}</div>'

@@ -198,7 +198,11 @@ fn stop_reason(summary: &Summary) -> Value {
     if summary.status == Status::Failed {
         reason["step_size"] = stop.step_size.into();
     }
-    let texts = [("item", stop.item.as_deref()), ("help", Some(stop.help))];
+    let texts = [
+        ("item", stop.item.as_deref()),
+        ("coordinate", stop.coordinate.as_deref()),
+        ("help", Some(stop.help)),
+    ];
     for (key, text) in texts {
         if let Some(text) = text.filter(|text| !text.is_empty()) {
             reason[key] = text.into();

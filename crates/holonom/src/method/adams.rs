@@ -409,6 +409,10 @@ impl Stepper for AdamsStepper {
         }
     }
 
+    fn last_change(&self) -> &[f64] {
+        &self.difference
+    }
+
     fn statistics(&self) -> &StepperStatistics {
         &self.statistics
     }

@@ -203,6 +203,10 @@ impl Stepper for ExplicitRungeKuttaStepper {
         }
     }
 
+    fn last_change(&self) -> &[f64] {
+        &self.work
+    }
+
     fn statistics(&self) -> &StepperStatistics {
         &self.statistics
     }

@@ -6,7 +6,7 @@ use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode};
 use super::second_order::{Residual, SecondOrder};
 use super::state_space_method::AccelerationBuffers;
 use super::weights::Weights;
-use crate::reduction::{Chart, Manifold, Projection, ReducedBlocks, largest_index};
+use crate::reduction::{Chart, Manifold, ReducedBlocks};
 use crate::system::State;
 use holonom_linalg::{DenseLu, SingularMatrix};
 
@@ -137,12 +137,7 @@ impl FirstOrder {
         let parametrization = self.manifold.chart().parametrization();
         let n = state.q.len();
         // An entry of a tangent plane counts as the coordinate that it moves most.
-        let measure = |k: usize| match &parametrization.projection {
-            Projection::Selection(independent) => structure.coordinate_measure(independent[k]),
-            Projection::Basis(rows) => {
-                structure.coordinate_measure(largest_index(&rows[k * n..(k + 1) * n]))
-            }
-        };
+        let measure = |k: usize| structure.coordinate_measure(parametrization.coordinate(k, n));
         self.weights.set_independent(&w, measure, parametrization.ndof);
         self.stage.trial = w;
     }

@@ -564,6 +564,10 @@ impl Stepper for NystromStepper {
         }
     }
 
+    fn last_change(&self) -> &[f64] {
+        &self.work
+    }
+
     fn statistics(&self) -> &StepperStatistics {
         &self.statistics
     }

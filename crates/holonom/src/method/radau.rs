@@ -502,6 +502,10 @@ impl Stepper for RadauStepper {
         add_scaled(w, 1.0, &self.z[i]);
     }
 
+    fn last_change(&self) -> &[f64] {
+        &self.residual[0]
+    }
+
     fn statistics(&self) -> &StepperStatistics {
         &self.statistics
     }

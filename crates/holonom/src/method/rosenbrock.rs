@@ -285,6 +285,10 @@ impl Stepper for RosenbrockStepper {
         }
     }
 
+    fn last_change(&self) -> &[f64] {
+        &self.state
+    }
+
     fn statistics(&self) -> &StepperStatistics {
         &self.statistics
     }

@@ -451,6 +451,10 @@ impl Stepper for SdirkStepper {
         add_scaled(w, 1.0, &self.z[i]);
     }
 
+    fn last_change(&self) -> &[f64] {
+        &self.work
+    }
+
     fn statistics(&self) -> &StepperStatistics {
         &self.statistics
     }

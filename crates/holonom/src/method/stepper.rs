@@ -257,6 +257,12 @@ pub trait Stepper: Send {
     /// [`Stepper::quadrature`] only.
     fn stage(&self, _i: usize, _w: &mut [f64]) {}
 
+    /// What the last attempt was rejected for, in w: the last correction of an iteration that failed,
+    /// or the estimated error; empty where neither is kept.
+    fn last_change(&self) -> &[f64] {
+        &[]
+    }
+
     /// Work since construction.
     fn statistics(&self) -> &StepperStatistics;
 }

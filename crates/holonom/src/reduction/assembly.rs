@@ -3,7 +3,7 @@
 //! Stated values are kept: a residual below [`PROJECTED`] is projected away and reported, a larger
 //! one is refused. Unstated values are found from the joints with least change.
 
-use super::chart::{Chart, Parametrization, Projection, structural_nonzeros};
+use super::chart::{Chart, Parametrization, structural_nonzeros};
 use super::manifold::{Manifold, largest_index};
 use super::partitioning::partition;
 use super::saddle::Saddle;
@@ -350,10 +350,8 @@ fn check_mass(
         }
     }
     let tiny = 1e-15;
-    let name = |k: usize| match &manifold.chart().parametrization().projection {
-        Projection::Selection(independent) => system.coordinate_name(independent[k]),
-        Projection::Basis(rows) => system.coordinate_name(largest_index(&rows[k * n..(k + 1) * n])),
-    };
+    let name =
+        |k: usize| system.coordinate_name(manifold.chart().parametrization().coordinate(k, n));
     if let Some(k) = (0..ndof).find(|&k| reduced[k * ndof + k] <= tiny) {
         return Err(AssemblyError::SingularMass { coordinate: name(k) });
     }

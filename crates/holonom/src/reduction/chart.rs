@@ -1,9 +1,13 @@
 //! The factored matrix [G; P] of one parametrization, and the only solves made with it.
 
+use super::manifold::largest_index;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, Structure, System};
 use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
 use std::sync::Arc;
+
+/// Enough to tell the smallest singular value from the next where the matrix is nearly singular.
+const INVERSE_ITERATIONS: u32 = 4;
 
 /// P of v = P q: which combinations of the coordinates are independent.
 #[derive(Debug, Clone, PartialEq)]
@@ -30,6 +34,14 @@ pub struct Parametrization {
 }
 
 impl Parametrization {
+    /// The coordinate that independent variable `k` is, or moves most; `n` coordinates in all.
+    pub fn coordinate(&self, k: usize, n: usize) -> usize {
+        match &self.projection {
+            Projection::Selection(independent) => independent[k],
+            Projection::Basis(rows) => largest_index(&rows[k * n..(k + 1) * n]),
+        }
+    }
+
     /// x = Pᵀ p.
     pub fn extend(&self, p: &[f64], x: &mut [f64]) {
         x.fill(0.0);
@@ -345,9 +357,31 @@ impl Chart {
         self.lu.condition_estimate(&self.pattern, &self.values)
     }
 
+    /// Row and coordinate with the largest part in the singular vectors of the smallest singular
+    /// value: what becomes undetermined near a singular configuration. By inverse iteration.
+    pub fn weakest(&mut self) -> (Option<usize>, usize) {
+        let mut row = None;
+        self.work.fill(1.0);
+        for _ in 0..INVERSE_ITERATIONS {
+            self.lu.solve_transposed(&mut self.work);
+            row = Some(largest_index(&self.work[..self.parametrization.kept.len()]));
+            normalize(&mut self.work);
+            self.lu.solve(&mut self.work);
+            normalize(&mut self.work);
+        }
+        (row.and_then(|k| self.parametrization.kept.get(k).copied()), largest_index(&self.work))
+    }
+
     /// Sign of det [G; P].
     pub fn determinant_sign(&self) -> f64 {
         self.lu.determinant_sign()
+    }
+}
+
+fn normalize(x: &mut [f64]) {
+    let size = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    if size.is_normal() {
+        x.iter_mut().for_each(|v| *v /= size);
     }
 }
 

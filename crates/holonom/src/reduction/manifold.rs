@@ -238,13 +238,28 @@ impl Manifold {
 
     fn position_failure(&mut self, t: f64, q: &[f64]) -> EvaluationFailure {
         self.system.position_constraints(t, q, &mut self.phi);
-        let worst = largest_index(&self.phi);
+        let (worst, moved) = (largest_index(&self.phi), largest_index(&self.correction));
+        let correction = self.correction.get(moved).map_or(0.0, |x| x.abs());
+        if self.residual_is_noise(q) {
+            return EvaluationFailure {
+                code: "simulation/singular-configuration",
+                message: format!(
+                    "the joints are closed at t = {t:.6} s, but leave `{}` undetermined: corrections \
+                     of {correction:.2e} do not fall",
+                    self.system.coordinate_name(moved)
+                ),
+            };
+        }
+        let residual = match self.phi.get(worst) {
+            Some(size) => format!("{:.2e}, is in {}", size.abs(), self.system.row_name(worst)),
+            None => "0, is in no joint".to_owned(),
+        };
         EvaluationFailure {
             code: "simulation/position-recovery",
             message: format!(
-                "the joints could not be closed at t = {t:.6} s; the largest residual, {:.2e}, is in {}",
-                self.phi.get(worst).copied().unwrap_or(f64::NAN),
-                if self.phi.is_empty() { String::new() } else { self.system.row_name(worst) }
+                "the joints could not be closed at t = {t:.6} s; the largest residual, {residual}; the \
+                 last correction, {correction:.2e}, was of `{}`",
+                self.system.coordinate_name(moved)
             ),
         }
     }

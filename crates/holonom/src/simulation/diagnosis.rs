@@ -2,7 +2,12 @@
 
 use super::options::Options;
 use super::statistics::{Status, StopReason};
-use crate::method::stepper::Rejection;
+use crate::method::StateSpace;
+use crate::method::stepper::{Rejection, Stepper};
+use crate::system::{Measure, State};
+
+/// Items that a message names.
+const SHOWN: usize = 6;
 
 /// Why the loop ended early.
 pub(super) enum Stop {
@@ -13,11 +18,90 @@ pub(super) enum Stop {
     Failed { cause: Option<Rejection>, step_size: f64 },
 }
 
+/// What may have made a run fail, found at its last good state.
+#[derive(Debug, Default)]
+pub(super) struct Suspects {
+    /// Coordinate with the largest last correction or error.
+    changed: Option<String>,
+    /// Forces on its body, the stiffest first.
+    forces: Vec<String>,
+    /// Drivers and forces that have a kink at this time.
+    kinks: Vec<String>,
+    /// Joint and coordinate that are nearest to losing their hold.
+    weakest: (Option<String>, Option<String>),
+}
+
+impl Suspects {
+    /// Reads the last attempt of a stepper from `state`, the last good one.
+    pub(super) fn find(form: &mut dyn StateSpace, stepper: &dyn Stepper, state: &State) -> Self {
+        let system = form.manifold().system().clone();
+        let n = system.structure().sizes.coordinates;
+        let parametrization = form.manifold().chart().parametrization();
+        // w holds positions, then their rates.
+        let count = if form.full_order() { n } else { parametrization.ndof };
+        let coordinate =
+            |k: usize| if form.full_order() { k } else { parametrization.coordinate(k, n) };
+        let change = stepper.last_change();
+        let changed = [change.get(..count), change.get(count..2 * count)]
+            .into_iter()
+            .flatten()
+            .find(|part| part.iter().any(|x| *x != 0.0))
+            .map(|part| {
+                let scale = |k: usize| match system.structure().coordinate_measure(coordinate(k)) {
+                    Measure::Length => system.characteristic_length(),
+                    Measure::Angle => 1.0,
+                };
+                let size = |k: usize| {
+                    if part[k].is_finite() { part[k].abs() / scale(k) } else { f64::INFINITY }
+                };
+                coordinate(
+                    (0..count).fold(0, |best, k| if size(k) > size(best) { k } else { best }),
+                )
+            });
+        let forces = changed.map_or(Vec::new(), |c| system.forces_on(c, state));
+        // Factors belong to the last good state after this.
+        form.begin_step(state);
+        let mut w = vec![0.0; form.dimension()];
+        form.pack(state, &mut w);
+        let mut weakest = (None, None);
+        if form.evaluate(state.t, &w, false).is_ok() && n > 0 {
+            let (row, coordinate) = form.manifold_mut().chart_mut().weakest();
+            weakest.0 = row.map(|row| system.row_item(row).0.to_owned());
+            weakest.1 = Some(system.coordinate_name(coordinate));
+        }
+        let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
+        Self {
+            changed: changed.map(|c| system.coordinate_name(c)),
+            forces: owned(forces),
+            kinks: owned(system.kinks_at(state.t)),
+            weakest,
+        }
+    }
+
+    /// What changed most, the forces on its body and what has a kink, as the end of a message.
+    fn told(&self, what: &str) -> String {
+        let listed =
+            |names: &[String]| format!("`{}`", names[..names.len().min(SHOWN)].join("`, `"));
+        let changed = self.changed.as_ref().map(|c| format!("; {what} is of `{c}`"));
+        let forces = (!self.forces.is_empty())
+            .then(|| format!("; forces on its body, the stiffest first: {}", listed(&self.forces)));
+        let kinks = (!self.kinks.is_empty())
+            .then(|| format!("; kinks at this time: {}", listed(&self.kinks)));
+        [changed, forces, kinks].into_iter().flatten().collect()
+    }
+
+    /// The item to look at first.
+    fn item(&self) -> Option<String> {
+        self.kinks.first().or(self.forces.first()).cloned()
+    }
+}
+
 /// Status and reason of a run that ended at `time`.
 pub(super) fn diagnose(
     stop: Result<(), Stop>,
     time: f64,
     options: &Options,
+    suspects: &Suspects,
 ) -> (Status, StopReason) {
     let reason = |code, message: String, step_size, help| StopReason {
         code,
@@ -25,6 +109,7 @@ pub(super) fn diagnose(
         time,
         step_size,
         item: None,
+        coordinate: None,
         help,
     };
     match stop {
@@ -53,12 +138,15 @@ pub(super) fn diagnose(
             let help = "the trajectory could not be stored; check space and access";
             (Status::Failed, reason("simulation/sink", message, 0.0, help))
         }
-        Err(Stop::Failed { cause, step_size }) => (Status::Failed, failure(cause, time, step_size)),
+        Err(Stop::Failed { cause, step_size }) => {
+            (Status::Failed, failure(cause, time, step_size, suspects))
+        }
     }
 }
 
-fn failure(cause: Option<Rejection>, time: f64, step_size: f64) -> StopReason {
-    let (code, message, help) = match cause {
+fn failure(cause: Option<Rejection>, time: f64, step_size: f64, suspects: &Suspects) -> StopReason {
+    let (weak_item, weak_coordinate) = suspects.weakest.clone();
+    let (code, message, help, item, coordinate) = match cause {
         Some(Rejection::Evaluation(f) | Rejection::SingularMatrix(f)) => {
             let help = match f.code {
                 "simulation/branch" | "simulation/singular-configuration" => {
@@ -71,28 +159,42 @@ fn failure(cause: Option<Rejection>, time: f64, step_size: f64) -> StopReason {
                 }
                 _ => "look at the forces near this time; plot the last states",
             };
-            (f.code, f.message, help)
+            (f.code, f.message, help, weak_item, weak_coordinate)
         }
         Some(Rejection::NewtonDivergence | Rejection::NewtonSlow) => (
             "simulation/newton-divergence",
             format!(
-                "the iteration diverged at t = {time:.6} s with steps down to {step_size:.1e} s"
+                "the iteration diverged at t = {time:.6} s with steps down to {step_size:.1e} s{}",
+                suspects.told("the largest correction")
             ),
-            "look for a stop, contact or kink in a force law there",
+            "look for a stop, contact or kink in these forces there",
+            suspects.item(),
+            suspects.changed.clone(),
         ),
         _ => (
             "simulation/step-size-underflow",
-            format!("the step size fell to {step_size:.1e} s at t = {time:.6} s"),
-            "look for a jump in a force law there, or loosen the tolerance",
+            format!(
+                "the step size fell to {step_size:.1e} s at t = {time:.6} s{}",
+                suspects.told("the largest error")
+            ),
+            "look for a jump in a force law or motion there, or loosen the tolerance",
+            suspects.item(),
+            suspects.changed.clone(),
         ),
     };
-    let item = named_item(&message);
-    StopReason { code, message, time, step_size, item, help }
+    // A failed evaluation names what it met; the rest was found beside it.
+    let said = named(&message, |name| !name.contains('.'));
+    let item = if code.ends_with("divergence") || code.ends_with("underflow") {
+        item
+    } else {
+        said.or(item)
+    };
+    let coordinate = named(&message, |name| name.contains('.')).or(coordinate);
+    StopReason { code, message, time, step_size, item, coordinate, help }
 }
 
-/// The joint, body or coordinate that a message names: names stand between backticks.
-fn named_item(message: &str) -> Option<String> {
-    let mut parts = message.split('`');
-    parts.next();
-    parts.next().filter(|name| !name.is_empty()).map(str::to_owned)
+/// The first name of a kind in a message: names stand between backticks, coordinates hold a dot.
+fn named(message: &str, kind: impl Fn(&str) -> bool) -> Option<String> {
+    let names = message.split('`').skip(1).step_by(2);
+    names.into_iter().find(|name| !name.is_empty() && kind(name)).map(str::to_owned)
 }

@@ -1,7 +1,7 @@
 //! The run loop: steps, output, limits, re-parametrization, diagnosis.
 
 use super::checks::{RunError, check_options, check_state, check_tables, find_channels};
-use super::diagnosis::{Stop, diagnose};
+use super::diagnosis::{Stop, Suspects, diagnose};
 use super::ledger::{StepPowers, powers};
 use super::options::Options;
 use super::output::Output;
@@ -600,7 +600,13 @@ impl Run<'_> {
             }
             (stop, _) => stop,
         };
-        diagnose(stop, self.state.t, self.options)
+        let suspects = match &stop {
+            Err(Stop::Failed { .. }) => {
+                Suspects::find(self.form.as_mut(), self.stepper.as_ref(), &self.state)
+            }
+            _ => Suspects::default(),
+        };
+        diagnose(stop, self.state.t, self.options, &suspects)
     }
 }
 

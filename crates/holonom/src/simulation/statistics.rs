@@ -38,8 +38,10 @@ pub struct StopReason {
     pub time: f64,
     /// Step size last tried, s.
     pub step_size: f64,
-    /// Joint, force, body or coordinate concerned, if one is.
+    /// Joint, driver or force concerned, if one is.
     pub item: Option<String>,
+    /// Coordinate concerned, `body.x`, if one is.
+    pub coordinate: Option<String>,
     /// What to try.
     pub help: &'static str,
 }

@@ -11,6 +11,9 @@ use crate::model::{BodyIndex, Dimension, Driver, Force, Joint, Model};
 use holonom_linalg::{BlockId, BlockMatrix};
 use std::sync::Arc;
 
+/// Radians, or part of the characteristic length, over which stiff forces are told for messages.
+const PROBE: f64 = 1e-6;
+
 /// What distinguishes planar from spatial Cartesian coordinates: N per body, D of them translations.
 pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + 'static {
     type Constraint: ConstraintElement<N> + Send + Sync;
@@ -538,6 +541,34 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     fn coordinate_name(&self, coordinate: usize) -> String {
         let body = &self.bodies[coordinate / N].name;
         format!("{body}.{}", S::coordinate_names()[coordinate % N])
+    }
+
+    fn forces_on(&self, coordinate: usize, state: &State) -> Vec<&str> {
+        let (body, row) = (Some(coordinate / N), coordinate % N);
+        // A stop is stiff beside the state before it is reached: a secant sees it.
+        let reach = if row < D { PROBE * self.length } else { PROBE };
+        let force_at = |f: &PlacedForce<S::Force>, shift: f64| {
+            let mut probe = state.clone();
+            probe.q[coordinate] += shift;
+            let mut out = ForceOutput::zero();
+            f.element.evaluate(&Self::input(f, &probe), &mut out);
+            out.q[usize::from(f.bodies[1] == body)][row]
+        };
+        let mut acting: Vec<(f64, &str)> = self
+            .forces
+            .iter()
+            .filter(|f| f.bodies.contains(&body))
+            .map(|f| ((force_at(f, reach) - force_at(f, -reach)).abs(), f.name.as_str()))
+            .collect();
+        acting.sort_by(|a, b| b.0.total_cmp(&a.0));
+        acting.into_iter().map(|(_, name)| name).collect()
+    }
+
+    fn kinks_at(&self, t: f64) -> Vec<&str> {
+        let near = |times: &[f64]| times.iter().any(|b| (b - t).abs() <= 1e-12 * t.abs().max(1e-3));
+        let drivers = self.constraints.iter().filter(|c| near(&c.breakpoints)).map(|c| &c.name);
+        let forces = self.forces.iter().filter(|f| near(&f.element.breakpoints())).map(|f| &f.name);
+        drivers.chain(forces).map(String::as_str).collect()
     }
 
     fn row_name(&self, row: usize) -> String {

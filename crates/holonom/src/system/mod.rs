@@ -163,6 +163,12 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// The mobile parts of a body's coordinates for messages: `name.x`, `name.e2`, …
     fn coordinate_name(&self, coordinate: usize) -> String;
 
+    /// Names of the forces on the body of a coordinate, the stiffest at `state` first; for messages.
+    fn forces_on(&self, coordinate: usize, state: &State) -> Vec<&str>;
+
+    /// Names of the drivers and forces with a kink at a time (s), to round-off; for messages.
+    fn kinks_at(&self, t: f64) -> Vec<&str>;
+
     /// The joint or driver and row, for messages: `joint `guide`, rotation about z`.
     fn row_name(&self, row: usize) -> String;
 
