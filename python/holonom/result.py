@@ -239,6 +239,11 @@ class Result:
         return self._reader.steps()
 
     @property
+    def step_totals(self) -> list[tuple[bool, str, int, float, float, float]]:
+        """Attempts by outcome: accepted or not, cause, count, smallest, largest, mean size (s)."""
+        return self._reader.step_totals()
+
+    @property
     def events(self) -> list[dict[str, Any]]:
         """Events in the order in which they happened."""
         return self._reader.events()

@@ -8,7 +8,7 @@ import json
 import reprlib
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,8 +69,12 @@ def run(
 
     recorder = _Recorder(model, chosen, requested, output)
     try:
-        summary = _simulate(model, chosen, state, recorder, progress)
-        recorder.finish(summary)
+        with _deferred_interrupts() as heed:
+            summary = _simulate(model, chosen, state, recorder, progress, heed)
+            recorder.finish(summary)
+    except KeyboardInterrupt:  # after the end: everything is stored
+        reason = {"code": "simulation/interrupted", "message": "interrupted after the run"}
+        raise Interrupted(reason, recorder.result()) from None
     except BaseException:
         recorder.close()
         raise
@@ -125,24 +129,16 @@ def _simulate(
     state: dict[str, NDArray[np.float64]] | None,
     recorder: _Recorder,
     progress: Progress | None,
+    heed: Callable[[], None],
 ) -> dict[str, Any]:
     def on_progress(time: float, step_size: float, steps: int) -> None:
+        heed()
         if progress is not None:
             progress(time, step_size, steps)
 
-    try:
-        with translated():
-            text = model._core.simulate(json.dumps(chosen), state, recorder.append, on_progress)
-        summary: dict[str, Any] = json.loads(text)
-    except KeyboardInterrupt:  # Ctrl-C while a chunk was stored
-        summary = {
-            "status": "interrupted",
-            "stop_reason": {
-                "code": "simulation/interrupted",
-                "message": "the run was interrupted",
-                "time": recorder.last_time,
-            },
-        }
+    with translated():
+        text = model._core.simulate(json.dumps(chosen), state, recorder.append, on_progress)
+    summary: dict[str, Any] = json.loads(text)
     return summary
 
 
@@ -157,22 +153,17 @@ class _Recorder:
         self._requested = requested
         self._output = output
         self._writer: Writer | None = None
-        self.last_time: float | None = None
 
     def append(self, chunk: dict[str, Any]) -> None:
         """Store a chunk of the core."""
-        with _uninterrupted():
-            self._open().append(chunk)
-        if len(chunk["time"]):
-            self.last_time = float(chunk["time"][-1])
+        self._open().append(chunk)
 
     def finish(self, summary: dict[str, Any]) -> None:
         """Store the summary and complete the file."""
         summary = dict(summary)
         warnings = [*self._model.warnings]
         warnings += [w for w in summary.pop("warnings", None) or [] if w not in warnings]
-        with _uninterrupted():
-            self._open().finish(summary | {"warnings": warnings, "finished": _now()})
+        self._open().finish(summary | {"warnings": warnings, "finished": _now()})
 
     def close(self) -> None:
         if self._writer is not None:
@@ -201,20 +192,27 @@ class _Recorder:
 
 
 @contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C take effect after the block, so that what is written is whole."""
+def _deferred_interrupts() -> Iterator[Callable[[], None]]:
+    """Let Ctrl-C take effect where the function yielded is called, and after the block.
+
+    So the core ends in good order, and what is written is whole.
+    """
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):
-        yield
+        yield lambda: None
         return
     asked: list[int] = []
+
+    def heed() -> None:
+        if asked:
+            before(asked.pop(), None)
+
     signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
     try:
-        yield
+        yield heed
     finally:
         signal.signal(signal.SIGINT, before)
-    if asked:
-        before(asked[0], None)
+    heed()
 
 
 def _now() -> str:

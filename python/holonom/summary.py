@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -105,18 +104,17 @@ def _outputs(result: Result) -> str:
 
 
 def _steps(result: Result) -> list[tuple[str, str]]:
-    log = result.steps
-    accepted = log["accepted"] > 0
-    if not accepted.size:
+    totals = result.step_totals
+    if not totals:
         return []
-    text = f"{int(accepted.sum())} accepted, {int((~accepted).sum())} rejected"
-    if causes := Counter(str(cause) for cause in log["cause"][~accepted] if cause):
-        text += f" ({', '.join(f'{cause} {n}' for cause, n in causes.most_common())})"
+    accepted = [row for row in totals if row[0]]
+    rejected = [row for row in totals if not row[0]]
+    text = f"{sum(row[2] for row in accepted)} accepted, {sum(row[2] for row in rejected)} rejected"
+    if causes := [f"{cause} {count}" for _, cause, count, *_ in rejected if cause]:
+        text += f" ({', '.join(causes)})"
     facts = [("steps", text)]
-    if accepted.any():
-        h = log["h"][accepted]
-        sizes = f"{h.min():.2e} to {h.max():.2e} s, mean {h.mean():.2e} s"
-        facts.append(("step size", sizes))
+    for _, _, _, least, largest, mean in accepted:
+        facts.append(("step size", f"{least:.2e} to {largest:.2e} s, mean {mean:.2e} s"))
     return facts
 
 

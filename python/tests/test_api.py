@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import pytest
 from conftest import MODELS, PENDULUM
 
 import holonom
+from holonom.store import Writer
 
 
 @pytest.fixture
@@ -114,6 +116,26 @@ def test_a_run_at_a_limit_keeps_its_last_state_and_goes_on(model: holonom.Model)
     # Independent truth: the run in one piece.
     whole = model.simulate()
     np.testing.assert_allclose(rest["rod.angle"][-1], whole["rod.angle"][-1], atol=1e-4)
+
+
+def test_ctrl_c_while_rows_are_stored_loses_none(
+    model: holonom.Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plain = Writer.append
+
+    def append(self: Writer, chunk: Any) -> None:
+        signal.raise_signal(signal.SIGINT)
+        plain(self, chunk)
+
+    monkeypatch.setattr(Writer, "append", append)
+    with pytest.raises(holonom.Interrupted) as ended:
+        model.simulate(end_time=1e4, tolerance=1e-9, interval=0.01)
+    result = ended.value.result
+    assert result is not None
+    assert result.status == "interrupted"
+    assert result.time[-1] == result.stop_reason["time"] < 1e4
+    # Every row up to the last, which is the state in which the run was stopped.
+    np.testing.assert_allclose(result.time[:-1], 0.01 * np.arange(result.time.size - 1), atol=1e-9)
 
 
 def test_a_stored_file_holds_the_same_run(model: holonom.Model, tmp_path: Path) -> None:

@@ -279,6 +279,7 @@ def test_ctrl_c_keeps_and_marks_what_was_computed(pendulum: Path, tmp_path: Path
     with Result.load(path) as result:
         assert result.status == "interrupted"
         assert result.time.size > 0
+        assert result.stop_reason["time"] == result.time[-1]
         assert result["rod.position"].shape == (result.time.size, 2)
     assert [entry.name for entry in tmp_path.iterdir() if entry.is_file()] == [path.name]
 
