@@ -90,6 +90,16 @@ fn the_page_of_errors_lists_every_code_of_runs_files_and_commands() {
     assert_eq!(used, listed);
 }
 
+#[test]
+fn the_readme_names_every_code_and_parametrization() {
+    let text = std::fs::read_to_string(page("../README.md")).unwrap();
+    let codes = holonom::method::CODES.iter().map(|i| format!("`{}`", i.name));
+    let choices = holonom::reduction::Choice::ALL.iter().map(|(_, name)| format!("\"{name}\""));
+    for name in codes.chain(choices) {
+        assert!(text.contains(&name), "{name}");
+    }
+}
+
 /// Fenced blocks of a language.
 fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
     let fence = format!("```{language}\n");
