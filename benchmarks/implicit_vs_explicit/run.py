@@ -15,7 +15,7 @@ import holonom
 
 HERE = Path(__file__).parent
 START, END, TOLERANCE = 0.45, 0.70, 1e-3
-CODES = ["ForSDIRK", "ForRosen", "DEABM"]
+CODES = ["ForSDIRK", "ForRosen", "DEABM", "DOPRI5"]
 COMPARED = {
     "chassis.position": slice(2, 3),  # height, m
     "chassis.yaw_pitch_roll": slice(1, 2),  # pitch, rad

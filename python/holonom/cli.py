@@ -88,6 +88,10 @@ def run(
     ] = None,
     jacobian: Annotated[str | None, typer.Option(help="analytic or differences.")] = None,
     profile: Annotated[str | None, typer.Option(help="improved or thesis.")] = None,
+    newmark_gamma: Annotated[
+        float | None, typer.Option(help="γ of Newmark's formula, for SspTrap and InflTrap.")
+    ] = None,
+    newmark_beta: Annotated[float | None, typer.Option(help="β of the same.")] = None,
     values: Values = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
     json_: Json = False,
@@ -110,6 +114,8 @@ def run(
         "parametrization": parametrization,
         "jacobian": jacobian,
         "profile": profile,
+        "newmark_gamma": newmark_gamma,
+        "newmark_beta": newmark_beta,
     }
     if at is not None and start is None:
         raise UsageError("`--at` needs `--start RESULT`")

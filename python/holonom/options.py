@@ -103,6 +103,10 @@ class Options:
         Growth of the partition's condition that asks for a new partition; more than 1.
     profile : str, optional
         ``improved`` or ``thesis``.
+    newmark_gamma, newmark_beta : float, optional
+        Another member of Newmark's family in place of the trapezoidal rule of ``SspTrap`` and
+        ``InflTrap``: γ from 0.5 (order 2) to 1, more damps high frequencies, at order 1 and with
+        a `fixed_step` only; β is (γ + ½)²/4 by default.
 
     Raises
     ------
@@ -127,6 +131,8 @@ class Options:
     jacobian: str | None = None
     repartition_factor: float | None = None
     profile: str | None = None
+    newmark_gamma: float | None = None
+    newmark_beta: float | None = None
 
     def __post_init__(self) -> None:
         def put(name: str, value: object) -> None:
@@ -144,6 +150,9 @@ class Options:
                 put("tolerance", _parts(stated))
             elif not isinstance(stated, Tolerance):
                 put("tolerance", Tolerance(stated))
+        for name in ("newmark_gamma", "newmark_beta"):
+            if (value := getattr(self, name)) is not None:
+                put(name, _require_positive(name, value))
         if self.max_steps is not None:
             put("max_steps", _require_count("max_steps", self.max_steps))
         for name, known in _WORDS.items():

@@ -1,6 +1,6 @@
 //! Options of a run: those of the call, then those of the model file, then defaults.
 
-use holonom::method::{Code, JacobianSource, Profile};
+use holonom::method::{Code, JacobianSource, Newmark, Profile};
 use holonom::model::{Model, Tolerance};
 use holonom::reduction::Choice;
 use holonom::simulation::{Options, OutputTimes};
@@ -27,6 +27,8 @@ pub(crate) struct Choices {
     jacobian: Option<String>,
     repartition_factor: Option<f64>,
     profile: Option<String>,
+    newmark_gamma: Option<f64>,
+    newmark_beta: Option<f64>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -91,6 +93,13 @@ impl Choices {
                 unknown("jacobian", name, JacobianSource::ALL.iter().map(|(_, n)| *n))
             })?;
         }
+        options.newmark = match (self.newmark_gamma, self.newmark_beta) {
+            (None, None) => None,
+            (gamma, beta) => {
+                let newmark = Newmark::damping(gamma.unwrap_or(0.5));
+                Some(Newmark { beta: beta.unwrap_or(newmark.beta), ..newmark })
+            }
+        };
         options.output = match (self.output_times, self.interval.or(model.outputs.interval)) {
             (Some(times), _) => OutputTimes::Listed(times),
             (None, Some(interval)) => OutputTimes::Interval(interval),

@@ -426,7 +426,8 @@ fn prescribed(model: &Model, code: Code, steps: &[f64], detour: Option<f64>) -> 
     let (manifold, mut state) = (assembled.manifold.clone(), assembled.state.clone());
     let (profile, tolerance) = (Profile::Thesis, Tolerance::uniform(1e-9));
     let mut form = build_state_space(code, profile, manifold, tolerance, &state);
-    let mut stepper = build_stepper(code, profile, form.as_mut(), tolerance, false, f64::INFINITY);
+    let mut stepper =
+        build_stepper(code, profile, form.as_mut(), tolerance, None, false, f64::INFINITY);
     let mut w = vec![0.0; form.dimension()];
     let mut g = w.clone();
     form.begin_step(&state);

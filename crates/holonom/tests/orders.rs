@@ -4,9 +4,9 @@
 mod common;
 
 use common::{model_of, options, run_model};
-use holonom::method::{CODES, Code, CodeInfo};
+use holonom::method::{CODES, Code, CodeInfo, Newmark};
 use holonom::model::Model;
-use holonom::simulation::{Options, OutputTimes};
+use holonom::simulation::{Memory, Options, OutputTimes, Problem, run};
 use std::fmt::Write as _;
 
 /// A bar on a pin: three coordinates, two constraints.
@@ -226,5 +226,44 @@ fn formulas_keep_their_order_over_changes_of_the_partition() {
             let seen = (coarse[k] / fine[k]).log2();
             assert!(seen > order_of(info) - 0.4, "{}: {seen:.3}", info.name);
         }
+    }
+}
+
+#[test] // truth: the explicit Adams code at tolerance 1e-13
+fn members_of_newmarks_family_have_their_orders_and_need_fixed_steps_to_damp() {
+    let model = model_of(PENDULUM);
+    let truth = solution(&model, options(Code::Deabm, 1e-13, 1.0));
+    for code in [Code::SspTrap, Code::InflTrap] {
+        // Newmark (1959): order 2 for γ = ½ whatever β, else 1.
+        for (newmark, order) in [
+            (Newmark { gamma: 0.5, beta: 0.25 }, 2.0),
+            (Newmark { gamma: 0.5, beta: 0.3 }, 2.0),
+            (Newmark::damping(0.6), 1.0),
+        ] {
+            let error = |steps: u32| {
+                let fixed_step = Some(1.0 / f64::from(steps));
+                let newmark = Some(newmark);
+                let fixed = Options { fixed_step, newmark, ..options(code, 1e-6, 1.0) };
+                let found = solution(&model, fixed);
+                [0, 1].map(|k| distance(&found[k], &truth[k]))
+            };
+            let (coarse, fine) = (error(320), error(640));
+            for k in 0..2 {
+                let seen = (coarse[k] / fine[k]).log2();
+                assert!((seen - order).abs() < 0.2, "{code:?}, {newmark:?}: order {seen:.3}");
+            }
+        }
+        let refused = |options: Options| {
+            let problem = Problem::new(model.clone());
+            run(&problem, &options, None, &mut Memory::default()).unwrap_err().to_string()
+        };
+        let controlled =
+            Options { newmark: Some(Newmark::damping(0.6)), ..options(code, 1e-4, 1.0) };
+        assert!(refused(controlled.clone()).contains("fixed_step"));
+        let unstable = Newmark { gamma: 0.5, beta: 0.2 };
+        assert!(
+            refused(Options { newmark: Some(unstable), ..controlled.clone() }).contains("A-stable")
+        );
+        assert!(refused(Options { code: Code::ForSdirk, ..controlled }).contains("SspTrap"));
     }
 }

@@ -123,6 +123,22 @@ impl Profile {
     }
 }
 
+/// Parameters of Newmark's formula; γ = ½, β = ¼ is the trapezoidal rule.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Newmark {
+    /// γ: ½ gives order 2; more damps high frequencies, at order 1.
+    pub gamma: f64,
+    /// β; A-stable for 2β ≥ γ ≥ ½.
+    pub beta: f64,
+}
+
+impl Newmark {
+    /// γ with the β that damps high frequencies most, (γ + ½)²/4.
+    pub fn damping(gamma: f64) -> Self {
+        Self { gamma, beta: 0.25 * (gamma + 0.5).powi(2) }
+    }
+}
+
 /// No such method.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("unknown method `{asked}`; known are {known}")]
@@ -149,7 +165,9 @@ impl Code {
             .iter()
             .find(|i| {
                 let named = same(i.name, method) || same(i.family, method);
-                named && formula.is_none_or(|f| same(i.formula, f))
+                // The trapezoidal rule is a member of Newmark's family.
+                let alias = |f| same(f, "newmark") && i.formula == "trapezoidal";
+                named && formula.is_none_or(|f| same(i.formula, f) || alias(f))
             })
             .map(|i| i.code)
             .ok_or_else(|| UnknownMethod {
@@ -194,12 +212,13 @@ pub fn build_state_space(
     }
 }
 
-/// The stepper of a code for its form of the equations.
+/// The stepper of a code for its form of the equations; `newmark` is for the trapezoidal codes.
 pub fn build_stepper(
     code: Code,
     profile: Profile,
     form: &mut dyn StateSpace,
     tolerance: Tolerance,
+    newmark: Option<Newmark>,
     fixed_step: bool,
     max_step: f64,
 ) -> Box<dyn Stepper> {
@@ -229,7 +248,9 @@ pub fn build_stepper(
             Box::new(RosenbrockStepper::new(&ROSENBROCK_NYSTROM_4, dimension, options))
         }
         Code::ForRadau => Box::new(RadauStepper::new(&RADAU_IIA_5, dimension, options)),
-        Code::SspTrap | Code::InflTrap => nystrom(Nystrom::trapezoidal()),
+        Code::SspTrap | Code::InflTrap => nystrom(
+            newmark.map_or_else(Nystrom::trapezoidal, |n| Nystrom::newmark(n.gamma, n.beta)),
+        ),
         Code::SspSdirk15 | Code::InflSdirk15 => nystrom(Nystrom::sdirk(&SDIRK4_15)),
         Code::SspSdirk16 | Code::InflSdirk => nystrom(Nystrom::sdirk(&SDIRK4_16)),
         Code::Deabm => Box::new(AdamsStepper::new(dimension, 0, options)),

@@ -29,7 +29,9 @@ mod stiff_tests;
 #[cfg(test)]
 mod test_systems;
 
-pub use codes::{CODES, Code, CodeInfo, Profile, UnknownMethod, build_state_space, build_stepper};
+pub use codes::{
+    CODES, Code, CodeInfo, Newmark, Profile, UnknownMethod, build_state_space, build_stepper,
+};
 pub use descriptor::{Descriptor, Iterate};
 pub use differences::JacobianSource;
 pub use first_order::FirstOrder;

@@ -2,7 +2,7 @@
 
 use super::options::{Options, OutputTimes};
 use super::output::OUTPUT_SLACK;
-use crate::method::{Code, JacobianSource};
+use crate::method::{Code, JacobianSource, Newmark};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::largest_index;
@@ -201,6 +201,22 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
     positive("max_step", options.max_step)?;
     positive("initial_step", options.initial_step.unwrap_or(1.0))?;
     positive("fixed_step", options.fixed_step.unwrap_or(1.0))?;
+    if let Some(Newmark { gamma, beta }) = options.newmark {
+        if options.code.info().formula != "trapezoidal" {
+            let rule = "left out: it is for SspTrap and InflTrap";
+            return refuse("newmark_gamma", gamma, rule);
+        }
+        if !(0.5..=1.0).contains(&gamma) {
+            return refuse("newmark_gamma", gamma, "from 0.5 to 1");
+        }
+        if !(2.0 * beta >= gamma && beta <= 1.0) {
+            return refuse("newmark_beta", beta, "from newmark_gamma/2 to 1: less is not A-stable");
+        }
+        if gamma != 0.5 && options.fixed_step.is_none() {
+            let rule = "0.5 without a `fixed_step`: at order 1 there is no estimate of the error";
+            return refuse("newmark_gamma", gamma, rule);
+        }
+    }
     positive("repartition_factor", options.repartition_factor)?;
     let end = options.end_time;
     if !end.is_finite() {

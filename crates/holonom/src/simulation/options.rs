@@ -1,6 +1,6 @@
 //! Choices for one run.
 
-use crate::method::{Code, JacobianSource, Profile};
+use crate::method::{Code, JacobianSource, Newmark, Profile};
 use crate::model::Tolerance;
 use crate::reduction::Choice;
 
@@ -38,6 +38,8 @@ pub struct Options {
     pub max_steps: u64,
     /// Largest wall time, s.
     pub max_seconds: f64,
+    /// Another member of Newmark's family in place of the trapezoidal rule, for its codes.
+    pub newmark: Option<Newmark>,
     /// What the independent variables are.
     pub parametrization: Choice,
     /// Where the integration Jacobian comes from.
@@ -68,6 +70,7 @@ impl Options {
             initial_step: None,
             max_steps: DEFAULT_MAX_STEPS,
             max_seconds: f64::INFINITY,
+            newmark: None,
             parametrization: Choice::default(),
             jacobian: JacobianSource::default(),
             repartition_factor: DEFAULT_REPARTITION_FACTOR,

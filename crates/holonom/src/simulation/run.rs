@@ -102,7 +102,15 @@ pub fn run(
     form.set_jacobian(options.jacobian);
     let dimension = form.dimension();
     let fixed = options.fixed_step.is_some();
-    let stepper = build_stepper(code, profile, form.as_mut(), tolerance, fixed, options.max_step);
+    let stepper = build_stepper(
+        code,
+        profile,
+        form.as_mut(),
+        tolerance,
+        options.newmark,
+        fixed,
+        options.max_step,
+    );
     let assembly_seconds = begun.elapsed().as_secs_f64();
     let statistics =
         Statistics { assembly_seconds, smallest_step: f64::INFINITY, ..Statistics::default() };
