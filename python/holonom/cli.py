@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from holonom.errors import Exit, FileError, HolonomError, SimulationError, UsageError
+from holonom.errors import (
+    Exit,
+    FileError,
+    HolonomError,
+    SimulationError,
+    UsageError,
+    describe,
+)
 from holonom.model import Model
 from holonom.result import Result
 
@@ -354,6 +361,8 @@ def info(result: ResultFile, json_: Json = False) -> int:
             _print_json(_facts(loaded))
         else:
             _print_summary(loaded)
+            if loaded.status != "completed" and loaded.stop_reason:
+                typer.echo(describe(loaded.stop_reason))
             for name in loaded.channels:
                 quantity = loaded.quantities[name]
                 shape = f" {list(quantity.shape)}" if quantity.shape else ""

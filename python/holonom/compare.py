@@ -20,6 +20,7 @@ from holonom.options import Options, Tolerance
 from holonom.options import methods as known_methods
 from holonom.result import Result
 from holonom.runs import Outcome, Task, run_task, side_by_side
+from holonom.simulation import start_state
 
 Series = NDArray[np.float64]
 
@@ -129,7 +130,8 @@ def compare(
         if name in choices:
             raise UsageError(f"give `{instead}`, a list, instead of `{name}`")
     if start is not None:
-        choices = {**choices, "start_time": float(np.atleast_1d(start["time"])[0])}
+        start = start_state(start)
+        choices = {**choices, "start_time": float(start["time"][0])}
     given = Result.load(reference) if isinstance(reference, str | Path) else reference
     options = Options.of(
         {**choices, "end_time": end_time, "interval": interval, "output_times": output_times}

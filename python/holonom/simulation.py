@@ -57,7 +57,7 @@ def run(
 
     state = None
     if start is not None:
-        state = _state(start)
+        state = start_state(start)
         chosen["start_time"] = float(state["time"][0])
         if options.start_time not in (None, chosen["start_time"]):
             raise UsageError(
@@ -88,7 +88,7 @@ def run(
     return result
 
 
-def _state(start: object) -> dict[str, NDArray[np.float64]]:
+def start_state(start: object) -> dict[str, NDArray[np.float64]]:
     """Return a start state as vectors of numbers; the core checks it against the model."""
 
     def refused(message: str) -> UsageError:

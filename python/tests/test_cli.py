@@ -85,6 +85,7 @@ def test_flags_override_the_model(
     assert invoke(arguments) == 0
     facts = output_json(capsys)
     assert facts["status"] == "completed"
+    assert facts["stop_reason"]["code"] == "simulation/end-time"
     assert facts["stored_until"] == 0.5
     assert facts["n_times"] == 6
     assert facts["requested"] == ["rod.angle"]
@@ -227,7 +228,9 @@ def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str])
     assert invoke([]) == USAGE
 
 
-def test_a_real_process_ends_with_the_same_status(pendulum: Path, tmp_path: Path) -> None:
+def test_a_real_process_ends_with_the_same_status(
+    pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     run = [*HOLONOM, "run", str(pendulum), "-o", str(tmp_path / "rod.holonom")]
     done = subprocess.run([*run, "--max-steps", "2"], capture_output=True, text=True)
     assert done.returncode == SOLVER
@@ -235,6 +238,8 @@ def test_a_real_process_ends_with_the_same_status(pendulum: Path, tmp_path: Path
     assert "Traceback" not in done.stderr
     with Result.load(tmp_path / "rod.holonom") as result:
         assert result.status == "limit"
+    assert invoke(["info", str(tmp_path / "rod.holonom")]) == 0
+    assert "simulation/max-steps" in capsys.readouterr().out
 
 
 def _endless(pendulum: Path, path: Path) -> list[str]:

@@ -662,3 +662,8 @@ def test_command_lines_that_cannot_be_used_say_why(
     output = capsys.readouterr()
     assert said in output.err
     assert "Traceback" not in output.err
+
+
+def test_a_start_that_is_no_state_is_refused_before_the_runs(pendulum: Path) -> None:
+    with pytest.raises(holonom.UsageError, match="`start` is 3"):
+        holonom.compare(pendulum, start=3)  # type: ignore[arg-type]

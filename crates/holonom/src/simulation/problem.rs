@@ -1,5 +1,6 @@
 //! A model compiled and assembled, ready to run.
 
+use super::checks::{RunError, check_state};
 use crate::model::{Dimension, Model};
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::{Manifold, Projection};
@@ -105,13 +106,15 @@ impl Problem {
         self.assembled.get_or_init(compute).as_ref().map_err(Clone::clone)
     }
 
-    /// A run's beginning at a given state.
+    /// A run's beginning at a given state, whose round-off is projected away.
     ///
     /// # Errors
-    /// As [`Problem::assemble`].
-    pub fn start_from(&self, state: &State) -> Result<(Manifold, State), AssemblyError> {
+    /// [`RunError`] when it is not a state of this model or contradicts a joint or driver, naming
+    /// the row and its residual; as [`Problem::assemble`].
+    pub fn start_from(&self, state: &State) -> Result<(Manifold, State), RunError> {
+        check_state(self.system.as_ref(), state)?;
         let template = self.base.as_deref().unwrap_or(self).manifold();
-        start(&self.system, state.clone(), template)
+        Ok(start(&self.system, state.clone(), template)?)
     }
 
     fn manifold(&self) -> Option<&Manifold> {

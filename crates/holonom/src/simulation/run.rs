@@ -1,6 +1,6 @@
 //! The run loop: steps, output, limits, re-parametrization, diagnosis.
 
-use super::checks::{RunError, check_options, check_state, check_tables, find_channels};
+use super::checks::{RunError, check_options, check_tables, find_channels};
 use super::diagnosis::{Stop, Suspects, diagnose};
 use super::ledger::{StepPowers, powers};
 use super::options::Options;
@@ -73,14 +73,12 @@ pub fn run(
 ) -> Result<Summary, RunError> {
     let begun = Instant::now();
     let system = problem.system().clone();
+    let given = from.map(|state| problem.start_from(state)).transpose()?;
     let start = from.map_or(problem.model().simulation.start_time.unwrap_or(0.0), |state| state.t);
     check_options(options, start, system.characteristic_length())?;
     check_tables(problem.model(), start, options.end_time)?;
-    let (mut manifold, mut state) = match from {
-        Some(state) => {
-            check_state(system.as_ref(), state)?;
-            problem.start_from(state)?
-        }
+    let (mut manifold, mut state) = match given {
+        Some(given) => given,
         None => {
             let assembled = problem.assemble()?;
             (assembled.manifold.clone(), assembled.state.clone())
