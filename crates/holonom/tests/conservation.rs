@@ -13,7 +13,7 @@ fn spans(name: &str) -> (f64, [f64; 2]) {
     match name {
         "simple_pendulum" => (10.0, [0.0, 10.0]),
         "andrews" => (0.03, [0.0, 0.03]),
-        "slider_crank" => (2.0, [0.0, 2.0]),
+        "slider_crank" | "spatial_four_bar" => (2.0, [0.0, 2.0]),
         "chain50_free" => (0.5, [0.0, 0.5]),
         "chain50" => (1.0, [0.1, 0.105]),
         "hmmwv14" | "hmmwv14_bushing" => (2.5, [0.55, 0.5502]),

@@ -62,6 +62,13 @@ fn the_slider_crank_follows_its_minimal_coordinate() {
     }
 }
 
+#[test] // independent truth: one equation in the crank angle, DOP853
+fn the_spatial_four_bar_follows_its_minimal_coordinate() {
+    for code in common::ALL_CODES {
+        assert_agrees("spatial_four_bar", code, 1e-8, |_| 1e-5);
+    }
+}
+
 #[test] // independent truth: minimal coordinates, DOP853
 fn the_chains_follow_minimal_coordinates() {
     assert_agrees("chain50", Code::ForSdirk, 1e-8, |_| 1e-6);

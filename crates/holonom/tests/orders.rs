@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{model_of, options, run_model};
+use common::{model, model_of, options, run_model};
 use holonom::method::{CODES, Code, CodeInfo, Newmark};
 use holonom::model::Model;
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, run};
@@ -65,26 +65,6 @@ shake = { joint = "rail", coordinate = "translation", motion = { type = "harmoni
 crank = { angular_velocity = 8.0 }
 "#;
 
-/// Crank on z, coupler on a ball and a cardan joint, rocker on x: a spatial loop without redundancy.
-const SPATIAL_FOUR_BAR: &str = r#"
-holonom = 1
-dimension = "spatial"
-gravity = [0.0, 0.0, -9.81]
-[bodies]
-crank = { mass = 1.0, inertia = [[2.0e-3, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.02]], position = [0.1, 0.0, 0.0] }
-coupler = { mass = 2.0, inertia = [[0.15, 0.0, 0.0], [0.0, 0.15, 0.0], [0.0, 0.0, 0.15]], position = [0.3, 0.4, 0.2] }
-rocker = { mass = 1.5, inertia = [[0.05, 0.0, 0.0], [0.0, 5.0e-3, 0.0], [0.0, 0.0, 0.05]], position = [0.4, 0.8, 0.2] }
-[joints]
-bearing = { type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }
-ball = { type = "spherical", between = ["crank", "coupler"], point = [0.2, 0.0, 0.0] }
-cardan = { type = "universal", between = ["coupler", "rocker"], point = [0.4, 0.8, 0.4], axes = [[0.0, 0.4472135954999579, -0.8944271909999159], [1.0, 0.0, 0.0]] }
-pivot = { type = "revolute", between = ["ground", "rocker"], point = [0.4, 0.8, 0.0], axis = [1.0, 0.0, 0.0] }
-[forces]
-motor = { type = "torque", on = "crank", torque = { type = "harmonic", amplitude = 0.4, angular_frequency = 5.0 }, axis = [0.0, 0.0, 1.0] }
-[initial.bodies]
-crank = { angular_velocity = [0.0, 0.0, 2.0] }
-"#;
-
 /// A point mass on a rod that turns over and over: either of its coordinates is independent in turn.
 const WHIRLING: &str = r#"
 holonom = 1
@@ -136,9 +116,8 @@ fn steps_of(info: &CodeInfo, steps: u32) -> u32 {
 }
 
 /// Independent truth: the explicit Adams code at tolerance 1e-13.
-fn assert_orders(name: &str, text: &str, end: f64, steps: u32) {
-    let model = model_of(text);
-    let truth = solution(&model, options(Code::Deabm, 1e-13, end));
+fn assert_orders(name: &str, model: &Model, end: f64, steps: u32) {
+    let truth = solution(model, options(Code::Deabm, 1e-13, end));
     let mut faults = String::new();
     for info in implicit() {
         let order = order_of(info);
@@ -146,7 +125,7 @@ fn assert_orders(name: &str, text: &str, end: f64, steps: u32) {
         let error = |steps: u32| {
             let fixed = Some(end / f64::from(steps));
             let found =
-                solution(&model, Options { fixed_step: fixed, ..options(info.code, 1e-6, end) });
+                solution(model, Options { fixed_step: fixed, ..options(info.code, 1e-6, end) });
             [0, 1, 2].map(|k| distance(&found[k], &truth[k]))
         };
         let (coarse, fine) = (error(steps), error(2 * steps));
@@ -166,22 +145,22 @@ fn assert_orders(name: &str, text: &str, end: f64, steps: u32) {
 
 #[test]
 fn orders_on_a_constrained_pendulum() {
-    assert_orders("pendulum", PENDULUM, 1.0, 64);
+    assert_orders("pendulum", &model_of(PENDULUM), 1.0, 64);
 }
 
 #[test]
 fn orders_on_a_mildly_stiff_double_pendulum() {
-    assert_orders("double pendulum", DOUBLE_PENDULUM, 1.0, 320);
+    assert_orders("double pendulum", &model_of(DOUBLE_PENDULUM), 1.0, 320);
 }
 
 #[test]
 fn orders_on_a_slider_crank_on_a_driven_foundation() {
-    assert_orders("driven slider-crank", DRIVEN_SLIDER_CRANK, 0.5, 320);
+    assert_orders("driven slider-crank", &model_of(DRIVEN_SLIDER_CRANK), 0.5, 320);
 }
 
 #[test]
 fn orders_on_a_spatial_four_bar() {
-    assert_orders("spatial four-bar", SPATIAL_FOUR_BAR, 1.0, 320);
+    assert_orders("spatial four-bar", &model("spatial_four_bar"), 1.0, 320);
 }
 
 #[test] // truth: the explicit Adams code at tolerance 1e-13

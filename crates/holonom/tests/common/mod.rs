@@ -19,6 +19,7 @@ pub(crate) const LIBRARY: &[&str] = &[
     "chain50",
     "chain50_free",
     "slider_crank",
+    "spatial_four_bar",
     "hmmwv14",
     "hmmwv14_bushing",
 ];
