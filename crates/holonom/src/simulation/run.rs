@@ -11,7 +11,7 @@ use super::trajectory::{EventKind, EventRecord, Flow, Sink, StepOutcome, StepRec
 use crate::error::EvaluationFailure;
 use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
 use crate::method::{StateSpace, build_state_space, build_stepper};
-use crate::reduction::assembly::AssemblyError;
+use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::{Chart, Choice, Manifold, Parametrization, choose};
 use crate::system::{State, System};
 use std::sync::Arc;
@@ -115,6 +115,7 @@ pub fn run(
     let mut run = Run {
         options,
         condition_reference: 0.0,
+        start_residuals: (0.0, 0.0),
         energy: EnergySummary { start: energy, ..EnergySummary::default() },
         kinetic_range: (energy.kinetic, energy.kinetic),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
@@ -166,6 +167,8 @@ struct Run<'a> {
     g_end: Vec<f64>,
     scratch: [Vec<f64>; 2],
     condition_reference: f64,
+    /// Residuals at the start, position and velocity: redundant rows may contradict each other a little.
+    start_residuals: (f64, f64),
     statistics: Statistics,
     energy: EnergySummary,
     kinetic_range: (f64, f64),
@@ -187,6 +190,7 @@ impl Run<'_> {
         self.form.pack(&self.state, &mut self.w);
         self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
         self.condition_reference = self.form.manifold_mut().chart_mut().condition();
+        self.start_residuals = self.form.manifold_mut().residuals(&self.state);
         self.form.manifold_mut().minimum_norm_multipliers(&mut self.state.lambda);
         while self.output.time() <= self.state.t {
             self.output.push(self.system.as_ref(), &self.state);
@@ -310,23 +314,36 @@ impl Run<'_> {
             self.stepper.discard();
             return Err(failure);
         }
-        self.check_residuals();
-        Ok(())
+        self.check_residuals().inspect_err(|_| self.stepper.discard())
     }
 
     /// Residuals of the state just evaluated, whose Jacobian is at hand.
-    fn check_residuals(&mut self) {
+    ///
+    /// Redundant rows are left out of all solves: a row that is no longer redundant, as when a linkage
+    /// leaves a flat position, shows by its residual only.
+    fn check_residuals(&mut self) -> Result<(), EvaluationFailure> {
         self.row.copy_from(self.form.state());
         let (position, velocity) = self.form.manifold_mut().residuals(&self.row);
         let speed = self.row.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
-        let s = &mut self.statistics;
         let length = self.system.characteristic_length().max(1.0);
+        let allowed = [
+            10.0 * self.start_residuals.0 + PROJECTED * length,
+            10.0 * self.start_residuals.1 + PROJECTED * speed,
+        ];
+        if position > allowed[0] || velocity > allowed[1] {
+            let dropped = &self.form.manifold().chart().parametrization().dropped;
+            if let Some(failure) = no_longer_redundant(self.system.as_ref(), dropped, &self.row) {
+                return Err(failure);
+            }
+        }
+        let s = &mut self.statistics;
         s.position_residual = s.position_residual.max(position);
         s.velocity_residual = s.velocity_residual.max(velocity);
         s.residual_ratio = s
             .residual_ratio
             .max(position / (POSITION_RESIDUAL_BOUND * length))
             .max(velocity / (VELOCITY_RESIDUAL_BOUND * speed));
+        Ok(())
     }
 
     /// Output rows inside the step, then the new state.
@@ -646,6 +663,33 @@ fn new_chart(
 
 fn failed(failure: EvaluationFailure, step_size: f64) -> Stop {
     Stop::Failed { cause: Some(Rejection::Evaluation(failure)), step_size }
+}
+
+/// Names the dropped row with the largest residual, m, rad, m/s or rad/s.
+fn no_longer_redundant(
+    system: &dyn System,
+    dropped: &[usize],
+    state: &State,
+) -> Option<EvaluationFailure> {
+    let rows = system.structure().sizes.rows;
+    let (mut phi, mut rate) = (vec![0.0; rows], vec![0.0; rows]);
+    system.position_constraints(state.t, &state.q, &mut phi);
+    system.velocity_rhs(state.t, &mut rate);
+    rate.iter_mut().for_each(|x| *x = -*x);
+    let mut g = system.structure().constraint_pattern.clone();
+    system.constraint_jacobian(&state.q, &mut g);
+    g.multiply_add(1.0, &state.v, &mut rate);
+    let size = |row: usize| phi[row].abs().max(rate[row].abs());
+    let &worst = dropped.iter().max_by(|&&a, &&b| size(a).total_cmp(&size(b)))?;
+    Some(EvaluationFailure {
+        code: "simulation/singular-configuration",
+        message: format!(
+            "{} was redundant and is not any more at t = {:.6} s: residual {:.2e}",
+            system.row_name(worst),
+            state.t,
+            size(worst)
+        ),
+    })
 }
 
 fn rank_change(
