@@ -229,7 +229,7 @@ pub fn build_stepper(
             let filter_error = matches!(code, Code::ForSdirk | Code::ForSdirk16);
             StepperOptions { filter_error, ..StepperOptions::thesis() }
         }
-        Profile::Improved => StepperOptions::improved(tolerance.largest()),
+        Profile::Improved => StepperOptions::improved(tolerance.relative),
     };
     (options.fixed_step, options.max_step) = (fixed_step, max_step);
     // A dense matrix of order ndof costs less to factor than a step that is shorter than it need be.

@@ -168,7 +168,8 @@ impl StepperOptions {
     /// linearization at four evaluations.
     ///
     /// What the iterations leave adds up over the steps, of which there are more at a tighter
-    /// `tolerance`: the share of it that each may leave falls with it.
+    /// `tolerance`: the share of it that each may leave falls with it. It is the relative part,
+    /// because that has no unit.
     pub fn improved(tolerance: f64) -> Self {
         let kappa = (0.1 * tolerance.sqrt()).clamp(1e-4, 0.01);
         Self {
