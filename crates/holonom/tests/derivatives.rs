@@ -9,6 +9,7 @@ use common::{
 use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{Code, FirstOrder, Weights};
 use holonom::model::{Model, Tolerance};
+use holonom::reduction::{Choice, choose};
 use holonom::simulation::Problem;
 
 /// The reduced equations at time `t` of a run.
@@ -20,10 +21,18 @@ struct Reduced {
 }
 
 impl Reduced {
-    fn at(model: &Model, t: f64) -> Self {
+    /// With coordinates only, or with displacements among the independent variables.
+    fn at(model: &Model, t: f64, displacements: bool) -> Self {
         let problem = Problem::new(model.clone());
         let end = run_model(model, &options(Code::ForSdirk, 1e-6, t)).summary.end;
-        let (manifold, state) = problem.start_from(&end).expect("a consistent state");
+        let (mut manifold, state) = problem.start_from(&end).expect("a consistent state");
+        let chart =
+            choose(Choice::Partitioning, displacements, &manifold, &state, manifold.jacobian())
+                .and_then(|p| {
+                    let (system, g) = (problem.system().as_ref(), manifold.jacobian());
+                    manifold.chart().with_parametrization(system, p, &state.q, g)
+                });
+        manifold.set_chart(chart.expect("a chart"));
         let system = problem.system().clone();
         let weights = Weights::new(Tolerance::uniform(1e-6), system.as_ref(), &state);
         let mut form = FirstOrder::new(manifold, weights, &state);
@@ -107,8 +116,8 @@ fn norm(x: impl Iterator<Item = f64>) -> f64 {
 /// stiff system carry round-off of its stiffest part: 1e-11 of all columns together is allowed.
 #[track_caller]
 fn assert_derivatives(model: &Model, times: &[f64], step: f64) {
-    for &t in times {
-        let mut reduced = Reduced::at(model, t);
+    for (&t, displacements) in times.iter().flat_map(|t| [(t, false), (t, true)]) {
+        let mut reduced = Reduced::at(model, t, displacements);
         let n = reduced.w.len() / 2;
         let (by_position, by_velocity) = reduced.jacobian();
         let all = norm(by_position.iter().chain(&by_velocity).copied());
@@ -198,4 +207,54 @@ fn spatial_closed_loop() {
 #[test]
 fn vehicle_in_equilibrium_and_on_the_bump() {
     assert_derivatives(&model("hmmwv14"), &[0.0, 0.55], 1e-4);
+    assert_derivatives(&model("hmmwv14_bushing"), &[0.55], 1e-4);
+}
+
+/// Bodies on stiff springs along axes that turn, one of them driven.
+const TURNING_SPRINGS: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+arm = { mass = 1.0, inertia = [[0.02, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.0, 0.04]], position = [0.1, 0.0, 0.0] }
+sleeve = { mass = 0.7, inertia = [[0.02, 0.001, 0.0], [0.001, 0.01, 0.0], [0.0, 0.0, 0.02]], position = [0.8, 0.1, 0.0] }
+bob = { mass = 0.5, inertia = [[0.01, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.01]], position = [0.8, 0.1, -0.6] }
+[joints]
+pivot = { type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.6, 0.8] }
+slide = { type = "cylindrical", between = ["arm", "sleeve"], point = [0.5, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
+[drivers]
+motor = { joint = "pivot", coordinate = "rotation", motion = { type = "harmonic", amplitude = 0.8, angular_frequency = 3.0 } }
+[forces]
+radial = { type = "tsda", between = ["arm", "sleeve"], points = [[0.0, 0.0, 0.0], [0.8, 0.1, 0.0]], stiffness = 2.0e3, damping = 30.0, free_length = 0.8 }
+rope = { type = "tsda", between = ["sleeve", "bob"], points = [[0.8, 0.1, 0.0], [0.8, 0.12, -0.55]], stiffness = 2.0e4, damping = 5.0, free_length = 0.55 }
+creep = { type = "maxwell", between = ["sleeve", "bob"], points = [[0.7, 0.1, 0.0], [0.8, 0.1, -0.6]], stiffness = 50.0, damping = 10.0, free_length = 0.6 }
+[initial.bodies]
+bob = { angular_velocity = [1.0, 0.4, -2.0] }
+"#;
+
+#[test]
+fn springs_that_turn() {
+    let without_creep = TURNING_SPRINGS.lines().filter(|line| !line.starts_with("creep"));
+    let model = model_of(&without_creep.collect::<Vec<_>>().join("\n"));
+    assert_derivatives(&model, &[0.0, 0.4], 1e-3);
+    let mut reduced = Reduced::at(&model, 0.4, true);
+    let chosen = &reduced.form.manifold().chart().parametrization().displacements;
+    assert_eq!(chosen.len(), 2, "the slider and the rope are independent variables");
+    reduced.form.factor(1e-3).expect("a factor");
+}
+
+#[test] // independent truth: differences of the whole slope
+fn an_extra_state_on_springs_that_turn() {
+    let mut reduced = Reduced::at(&model_of(TURNING_SPRINGS), 0.4, true);
+    let jacobian = reduced.form.jacobian().expect("a regular mass matrix");
+    let n = reduced.w.len();
+    let size = norm(jacobian.iter().copied());
+    for j in 0..n {
+        let expected = reduced.difference(Some(j), 1e-3);
+        let error = norm((0..n).map(|i| jacobian[i * n + j] - expected[i]));
+        assert!(
+            error < 1e-6 * norm(expected.iter().copied()) + 1e-11 * size,
+            "column {j}: {error:.1e}"
+        );
+    }
 }

@@ -155,6 +155,12 @@ impl Code {
         CODES.iter().find(|i| i.code == self).expect("every code is listed")
     }
 
+    /// Whether displacements may be independent variables: in implicit codes, but for the profile of
+    /// the thesis, which partitions coordinates.
+    pub fn takes_displacements(self, profile: Profile) -> bool {
+        profile == Profile::Improved && self.info().family != "explicit"
+    }
+
     /// A code by its name, or by family with an optional formula.
     ///
     /// # Errors

@@ -1,10 +1,11 @@
 //! The descriptor form: Newton's iteration on q̈ and λ of the inflated index-1 system.
 //!
 //! ```text
-//! M q̈ + Gᵀλ − Q = 0        G q̈ − τ = 0        unknown x = (q̈, λ)
+//! M q̈ + Gᵀλ − Q = 0        G q̈ − τ = 0        P q̈ + curvature − v̈ = 0        unknown x = (q̈, λ, v̈)
 //! ```
 //!
-//! Only v̈ = P q̈ is integrated, q and q̇ are recovered from the joints: a true state-space method.
+//! Only v̈ is integrated, q and q̇ are recovered from the joints: a true state-space method. The
+//! curvature (P q̇)_q q̇ is that of displacements among the independent variables.
 //!
 //! With [`Iterate::Consistent`] the dependent accelerations and the multipliers of an iterate are
 //! recovered as well, q̈ = D v̈ + S τ and λ = Sᵀ(Q − M q̈), which leaves the residual (Pᵀψ, 0). In the
@@ -40,8 +41,8 @@ pub struct Descriptor {
     rows: Vec<f64>,
     rate: Vec<f64>,
     psi: Vec<f64>,
-    /// x at the start of the step and at its end.
-    ends: [Vec<f64>; 2],
+    /// x at the start of the step and at its end, with q and q̇ there.
+    ends: [[Vec<f64>; 3]; 2],
 }
 
 impl Descriptor {
@@ -50,6 +51,8 @@ impl Descriptor {
         let (n, m) = (state.q.len(), state.lambda.len());
         let matrix = DescriptorMatrix::new(&manifold, &state.q, false);
         let rate = vec![0.0; manifold.chart().ndof()];
+        let unknowns = n + m + rate.len();
+        let end = || [vec![0.0; unknowns], vec![0.0; n], vec![0.0; n]];
         Self {
             base: FirstOrder::new(manifold, weights, state),
             matrix,
@@ -58,7 +61,7 @@ impl Descriptor {
             rows: vec![0.0; m],
             psi: rate.clone(),
             rate,
-            ends: [vec![0.0; n + m], vec![0.0; n + m]],
+            ends: [end(), end()],
         }
     }
 
@@ -68,11 +71,9 @@ impl Descriptor {
         self.matrix = DescriptorMatrix::new(manifold, q, self.base.uses_differences());
     }
 
-    /// v̈ effect of the correction in `force`: βh² δv̈ and γh δv̈, and the rest of δz.
+    /// Effect of the correction δv̈ in `rate`: βh² δv̈ and γh δv̈, and the rest of δz.
     fn spread(&mut self, gamma_h: f64, beta_h2: f64, x: &mut [f64], add: bool) {
         let ndof = self.rate.len();
-        let parametrization = self.base.manifold.chart().parametrization();
-        parametrization.project(&self.force, &mut self.rate);
         let (head, z) = x.split_at_mut(2 * ndof);
         let (p, v) = head.split_at_mut(ndof);
         for ((p, v), a) in p.iter_mut().zip(&mut *v).zip(&self.rate) {
@@ -90,7 +91,7 @@ impl Descriptor {
 
 impl SecondOrder for Descriptor {
     fn unknowns(&self) -> usize {
-        self.force.len() + self.rows.len()
+        self.force.len() + self.rows.len() + self.rate.len()
     }
 
     fn factor_stage(&mut self, gamma_h: f64, beta_h2: f64) -> Result<(), EvaluationFailure> {
@@ -116,31 +117,38 @@ impl SecondOrder for Descriptor {
     ) -> Result<(), EvaluationFailure> {
         let (n, ndof) = (self.force.len(), self.rate.len());
         let base = &mut self.base;
-        base.manifold.chart().parametrization().project(&x[..n], &mut self.rate);
-        base.evaluate_stage(stage, &self.rate, z)?;
+        let (head, rate) = x.split_at_mut(n + self.rows.len());
+        let (a, lambda) = head.split_at_mut(n);
+        base.evaluate_stage(stage, rate, z)?;
+        self.rate.fill(0.0);
         let (state, z_rate) = (&mut base.state, &mut base.z_rate);
         match (self.iterate, stage.residual) {
             (Iterate::Plain, _) => {
-                state.a.copy_from_slice(&x[..n]);
-                state.lambda.copy_from_slice(&x[n..]);
+                state.a.copy_from_slice(a);
+                state.lambda.copy_from_slice(lambda);
                 let (force, rows) = (&mut self.force, &mut self.rows);
                 base.manifold.descriptor_residual(state, z_rate, force, rows);
+                base.manifold.independent_acceleration(state, &mut self.rate);
+                for (out, rate) in self.rate.iter_mut().zip(&*rate) {
+                    *out -= rate;
+                }
             }
             (Iterate::Consistent, Residual::Forces) => {
-                base.manifold.reduced_residual(state, &self.rate, z_rate, &mut self.psi);
-                base.manifold.chart().parametrization().extend(&self.psi, &mut self.force);
+                base.manifold.reduced_residual(state, rate, z_rate, &mut self.psi);
+                // With P of the matrix, for which DᵀPᵀ = 1.
+                base.start.extend(&self.psi, &mut self.force);
                 self.rows.fill(0.0);
-                x[..n].copy_from_slice(&state.a);
-                x[n..].copy_from_slice(&state.lambda);
+                a.copy_from_slice(&state.a);
+                lambda.copy_from_slice(&state.lambda);
             }
             (Iterate::Consistent, Residual::Accelerations) => {
                 base.manifold.accelerate(state, z_rate)?;
-                base.manifold.chart().parametrization().project(&state.a, &mut self.psi);
-                for (f, a) in self.psi.iter_mut().zip(&self.rate) {
-                    *f = a - *f;
+                base.manifold.independent_acceleration(state, &mut self.psi);
+                for (f, rate) in self.psi.iter_mut().zip(&*rate) {
+                    *f = rate - *f;
                 }
-                base.manifold.extend_acceleration(&self.rate, &mut x[..n]);
-                x[n..].copy_from_slice(&state.lambda);
+                base.manifold.extend_acceleration(rate, a);
+                lambda.copy_from_slice(&state.lambda);
                 self.matrix.inertia_force(&base.blocks.d, &self.psi, &mut self.force);
                 self.rows.fill(0.0);
             }
@@ -153,8 +161,8 @@ impl SecondOrder for Descriptor {
         let scale = |e: usize| dz[e];
         let (manifold, blocks) = (&base.manifold, &base.blocks);
         self.matrix.add_extra_force(manifold, blocks, scale, &mut self.force, 1);
-        self.matrix.solve(&mut self.force, &mut self.rows);
-        for (x, delta) in x.iter_mut().zip(self.force.iter().chain(&self.rows)) {
+        self.matrix.solve(&base.manifold, &mut self.force, &mut self.rows, &mut self.rate);
+        for (x, delta) in x.iter_mut().zip(self.force.iter().chain(&self.rows).chain(&self.rate)) {
             *x += delta;
         }
         self.spread(stage.gamma_h, stage.beta_h2, change, false);
@@ -165,18 +173,30 @@ impl SecondOrder for Descriptor {
     }
 
     fn acceleration(&self, x: &[f64], v_rate: &mut [f64]) {
-        let parametrization = self.base.manifold.chart().parametrization();
-        parametrization.project(&x[..self.force.len()], v_rate);
+        v_rate.copy_from_slice(&x[x.len() - self.rate.len()..]);
     }
 
     fn linearized_unknown(&self, x: &mut [f64]) {
-        let (a, lambda) = x.split_at_mut(self.force.len());
+        let (a, rest) = x.split_at_mut(self.force.len());
+        let (lambda, rate) = rest.split_at_mut(self.rows.len());
         a.copy_from_slice(&self.base.state.a);
         lambda.copy_from_slice(&self.base.state.lambda);
+        self.base.manifold.independent_acceleration(&self.base.state, rate);
     }
 
     fn end_step(&mut self, x: &[f64]) {
-        self.ends[1].copy_from_slice(x);
+        let [end, q, v] = &mut self.ends[1];
+        end.copy_from_slice(x);
+        let manifold = &mut self.base.manifold;
+        if manifold.chart().moving().len() > 0 {
+            // q̈ that has v̈ in the state it belongs to: the corrections of q̈ have it only to first
+            // order, which would come back as an error of the next start.
+            let (head, rate) = x.split_at(self.force.len() + self.rows.len());
+            manifold.extend_acceleration(rate, &mut end[..self.force.len()]);
+            debug_assert_eq!(head.len() + rate.len(), end.len());
+        }
+        q.copy_from_slice(&self.base.state.q);
+        v.copy_from_slice(&self.base.state.v);
     }
 
     fn start_step(&mut self) {
@@ -184,7 +204,12 @@ impl SecondOrder for Descriptor {
     }
 
     fn start_unknown(&self, x: &mut [f64]) {
-        x.copy_from_slice(&self.ends[0]);
+        let ([end, q, v], manifold) = (&self.ends[0], &self.base.manifold);
+        x.copy_from_slice(end);
+        let (head, rate) = x.split_at_mut(self.force.len() + self.rows.len());
+        let parametrization = manifold.chart().parametrization();
+        let a = &head[..self.force.len()];
+        parametrization.accelerations(manifold.system().as_ref(), q, v, a, rate);
     }
 
     fn filter(&mut self, error: &mut [f64]) {
@@ -195,7 +220,7 @@ impl SecondOrder for Descriptor {
         for (p, v) in ep.iter_mut().zip(&*ev) {
             *p += bh2 / gh * v;
         }
-        self.matrix.respond(ep, ev, &mut self.force, &mut self.rows);
+        self.matrix.respond(ep, ev, &mut self.force, &mut self.rows, &mut self.rate);
         let (manifold, blocks) = (&self.base.manifold, &self.base.blocks);
         for (z, inverse_e) in ez.iter_mut().zip(&self.base.inverse_e) {
             *z *= inverse_e;
@@ -207,7 +232,7 @@ impl SecondOrder for Descriptor {
             ez[e] + self.base.inverse_e[e] * gh * by
         };
         self.matrix.add_extra_force(manifold, blocks, effect, &mut self.force, 1);
-        self.matrix.solve(&mut self.force, &mut self.rows);
+        self.matrix.solve(manifold, &mut self.force, &mut self.rows, &mut self.rate);
         self.spread(gh, bh2, error, true);
     }
 }

@@ -3,13 +3,13 @@
 use super::first_order::dot;
 use crate::error::EvaluationFailure;
 use crate::reduction::{
-    Manifold, Parametrization, Projection, ReducedBlocks, structural_nonzeros,
+    BodyRows, Manifold, Parametrization, Projection, ReducedBlocks, structural_nonzeros,
     structural_null_space,
 };
 use crate::system::{State, System};
 use holonom_linalg::{BlockMatrix, SingularMatrix, SparseLu, SparsePattern};
 
-/// Ψ = Ψ₀ + γh Ψ₁ + βh² Ψ₂ of the unknowns (q̈, λ), with D the null space of G, v̈ = P q̈:
+/// Ψ = Ψ₀ + γh Ψ₁ + βh² Ψ₂ of the unknowns (q̈, λ), with D the null space of G, δv̈ = P δq̈:
 ///
 /// ```text
 /// Ψ₀ = [M Gᵀ; G 0]   Ψ₁ = [C D; A₂ D] P   Ψ₂ = [K D + C 𝒥; A₁ D + A₂ 𝒥] P
@@ -17,7 +17,8 @@ use holonom_linalg::{BlockMatrix, SingularMatrix, SparseLu, SparsePattern};
 /// ```
 ///
 /// The corrections fill the columns of independent coordinates. Where P is not a selection, v̈ becomes
-/// an unknown of its own with the rows P q̈ − v̈ = 0, so that nothing fills n columns. Extra states are
+/// an unknown of its own with the rows P q̈ − v̈ = 0, so that nothing fills n columns; rows of
+/// displacements have parts of Ψ₁ and Ψ₂ too, with (P q̇)_q for A₀ and (v̈)_q for A₁. Extra states are
 /// eliminated: they add γh F_z E⁻¹ (βh² ż_v + γh ż_v̇).
 ///
 /// The parts do not depend on h and serve again after a rejection. From a Jacobian by differences
@@ -43,10 +44,15 @@ pub(super) struct DescriptorMatrix {
     part_slots: Vec<(u32, u32)>,
     /// Constant entries of P and −1: (slot, value).
     constants: Vec<(u32, f64)>,
-    /// M and G of the linearization.
+    /// (value of the rows of displacements, slot).
+    moving_slots: Vec<(u32, u32)>,
+    /// Unknowns before the entries of v̈ that are their own, and the first of these entries.
+    own: (usize, usize),
+    /// M, G and the rows of displacements of the linearization.
     mass: BlockMatrix,
     jacobian: Vec<f64>,
-    /// Parts of Ψ₁ and Ψ₂ before P: (n+m)×ndof by rows.
+    moving: BodyRows,
+    /// Parts of Ψ₁ and Ψ₂ before P: (n+m+displacements)×ndof by rows.
     by_rate: Vec<f64>,
     by_position: Vec<f64>,
     sum: Vec<f64>,
@@ -64,7 +70,8 @@ impl DescriptorMatrix {
         let (n, m) = (structure.sizes.coordinates, structure.sizes.rows);
         let parametrization = manifold.chart().parametrization();
         let (ndof, kept) = (parametrization.ndof, parametrization.kept.clone());
-        let rank = kept.len();
+        let (rank, linear) = (kept.len(), parametrization.linear());
+        let displacements = ndof - linear;
         let (g_nonzero, m_nonzero) = structural_nonzeros(system, q);
         let mut place: Vec<Option<usize>> = (0..n).map(Some).collect();
         place.resize(n + m, None);
@@ -87,21 +94,35 @@ impl DescriptorMatrix {
                 jacobian_sources.push(at as u32);
             }
         }
-        let mut size = n + rank;
+        let first_own = n + rank;
         let mut constants = Vec::new();
         let columns: Vec<usize> = match &parametrization.projection {
-            Projection::Selection(independent) => independent.clone(),
-            Projection::Basis(rows) => {
-                for (k, row) in rows.chunks_exact(n).enumerate() {
-                    entries.extend((0..n).map(|j| (size + k, j)));
-                    constants.extend_from_slice(row);
-                    entries.push((size + k, size + k));
+            Projection::Selection(independent) => {
+                for k in first_own..first_own + displacements {
+                    entries.push((k, k));
                     constants.push(-1.0);
                 }
-                size += ndof;
-                (size - ndof..size).collect()
+                independent.iter().copied().chain(first_own..first_own + displacements).collect()
+            }
+            Projection::Basis(rows) => {
+                for (k, row) in rows.chunks_exact(n).enumerate() {
+                    entries.extend((0..n).map(|j| (first_own + k, j)));
+                    constants.extend_from_slice(row);
+                    entries.push((first_own + k, first_own + k));
+                    constants.push(-1.0);
+                }
+                (first_own..first_own + ndof).collect()
             }
         };
+        let owned = columns.iter().filter(|c| **c >= first_own).count();
+        let size = first_own + owned;
+        let moving = manifold.chart().moving().clone();
+        let mut moving_sources = Vec::new();
+        for (at, row, column) in moving.entries() {
+            entries.push((size - displacements + row, column));
+            moving_sources.push(at as u32);
+        }
+        place.extend((size - displacements..size).map(Some));
         let part = if reduced {
             reduced_nonzeros(manifold, m)
         } else {
@@ -121,8 +142,9 @@ impl DescriptorMatrix {
         let mass_slots = mass_sources.into_iter().map(|at| (at, next())).collect();
         let jacobian_slots = jacobian_sources.into_iter().map(|at| (at, next(), next())).collect();
         let constants = constants.into_iter().map(|x| (next(), x)).collect();
+        let moving_slots = moving_sources.into_iter().map(|at| (at, next())).collect();
         let part_slots = part_sources.into_iter().map(|at| (at, next())).collect();
-        let dense = || vec![0.0; (n + m) * ndof];
+        let dense = || vec![0.0; (n + m + displacements) * ndof];
         Self {
             ndof,
             coordinates: n,
@@ -135,6 +157,9 @@ impl DescriptorMatrix {
             jacobian_slots,
             part_slots,
             constants,
+            moving_slots,
+            own: (first_own, ndof - owned),
+            moving,
             mass: structure.mass_pattern.clone(),
             jacobian: structure.constraint_pattern.values().to_vec(),
             by_rate: dense(),
@@ -156,23 +181,29 @@ impl DescriptorMatrix {
         let (n, k) = (self.coordinates, self.ndof);
         self.mass.values_mut().copy_from_slice(manifold.mass().values());
         self.jacobian.copy_from_slice(manifold.jacobian().values());
+        self.moving.copy_from(manifold.chart().moving());
         let system = manifold.system().clone();
-        system.derivative_blocks(state, &mut reduced.blocks);
-        manifold.chart_mut().null_space(&mut reduced.d);
+        reduced.evaluate_blocks(manifold, state);
+        let m = system.structure().sizes.rows;
         let (blocks, d) = (&reduced.blocks, &reduced.d);
         self.by_rate.fill(0.0);
         self.by_position.fill(0.0);
         let (rate_force, rate_rows) = self.by_rate.split_at_mut(n * k);
+        let (rate_rows, rate_own) = rate_rows.split_at_mut(m * k);
         let (force, rows) = self.by_position.split_at_mut(n * k);
+        let (rows, own) = rows.split_at_mut(m * k);
         blocks.a0.multiply_many_add(-1.0, d, k, rate_rows);
+        reduced.turning.multiply_many_add(-1.0, d, k, rate_own);
         let j = &mut self.rate_by_position;
-        manifold.chart_mut().solve_rows_many(rate_rows, k, j);
-        rate_rows.iter_mut().for_each(|x| *x *= -2.0);
+        manifold.chart_mut().solve_rows_many(rate_rows, rate_own, k, j);
+        rate_rows.iter_mut().chain(&mut *rate_own).for_each(|x| *x *= -2.0);
         blocks.damping.multiply_many_add(1.0, d, k, rate_force);
         blocks.stiffness.multiply_many_add(1.0, d, k, force);
         blocks.damping.multiply_many_add(1.0, j, k, force);
         blocks.a1.multiply_many_add(1.0, d, k, rows);
         blocks.a0.multiply_many_add(2.0, j, k, rows);
+        reduced.turning_rate.multiply_many_add(1.0, d, k, own);
+        reduced.turning.multiply_many_add(2.0, j, k, own);
         self.reduce_extra_states(system.as_ref(), reduced);
     }
 
@@ -180,15 +211,16 @@ impl DescriptorMatrix {
     pub(super) fn take_reduced(&mut self, manifold: &Manifold, reduced: &ReducedBlocks) {
         self.mass.values_mut().copy_from_slice(manifold.mass().values());
         self.jacobian.copy_from_slice(manifold.jacobian().values());
-        let k = self.ndof;
-        let parametrization = manifold.chart().parametrization();
+        self.moving.copy_from(manifold.chart().moving());
+        let (k, parametrization) = (self.ndof, manifold.chart().parametrization());
         for (source, target) in
             [(&reduced.damping, &mut self.by_rate), (&reduced.stiffness, &mut self.by_position)]
         {
             target.fill(0.0);
             for column in 0..k {
                 let entry = |row: usize| source[row * k + column];
-                add_extended(parametrization, entry, &mut target[column..], k, self.coordinates);
+                let out = &mut target[column..];
+                add_extended(parametrization, &self.moving, entry, out, k, self.coordinates);
             }
         }
     }
@@ -231,7 +263,8 @@ impl DescriptorMatrix {
         out: &mut [f64],
         stride: usize,
     ) {
-        add_extra_force(manifold, reduced, self.reduced, scale, out, stride);
+        let moving = self.reduced.then_some(&self.moving);
+        add_extra_force(manifold, reduced, moving, scale, out, stride);
     }
 
     /// Sums the parts and factors; `inverse_e` is E⁻¹. The second result tells whether pivots were
@@ -257,7 +290,8 @@ impl DescriptorMatrix {
                 gamma_h * inverse_e[e] * effect
             };
             let out = &mut self.sum[column..];
-            add_extra_force(manifold, reduced, self.reduced, scale, out, k);
+            let moving = self.reduced.then_some(&self.moving);
+            add_extra_force(manifold, reduced, moving, scale, out, k);
         }
         self.values.fill(0.0);
         for &(at, slot) in &self.mass_slots {
@@ -269,6 +303,9 @@ impl DescriptorMatrix {
         }
         for &(slot, x) in &self.constants {
             self.values[slot as usize] += x;
+        }
+        for &(at, slot) in &self.moving_slots {
+            self.values[slot as usize] += self.moving.value(at as usize);
         }
         for &(at, slot) in &self.part_slots {
             self.values[slot as usize] += self.sum[at as usize];
@@ -283,9 +320,16 @@ impl DescriptorMatrix {
         Ok(true)
     }
 
-    /// (δq̈, δλ) = −Ψ⁻¹ (force, rows); dropped rows are not read and get δλ = 0.
-    pub(super) fn solve(&mut self, force: &mut [f64], rows: &mut [f64]) {
+    /// (δq̈, δλ, δv̈) = −Ψ⁻¹ (force, rows, rate); dropped rows are not read and get δλ = 0.
+    pub(super) fn solve(
+        &mut self,
+        manifold: &Manifold,
+        force: &mut [f64],
+        rows: &mut [f64],
+        rate: &mut [f64],
+    ) {
         let n = self.coordinates;
+        let (first, from) = self.own;
         self.right.fill(0.0);
         for (out, x) in self.right.iter_mut().zip(&*force) {
             *out = -x;
@@ -293,12 +337,17 @@ impl DescriptorMatrix {
         for (out, &row) in self.right[n..].iter_mut().zip(&self.kept) {
             *out = -rows[row];
         }
+        for (out, x) in self.right[first..].iter_mut().zip(&rate[from..]) {
+            *out = -x;
+        }
         self.lu.as_mut().expect("factored before it is solved with").solve(&mut self.right);
         force.copy_from_slice(&self.right[..n]);
         rows.fill(0.0);
         for (x, &row) in self.right[n..].iter().zip(&self.kept) {
             rows[row] = *x;
         }
+        manifold.chart().parametrization().project(force, rate);
+        rate[from..].copy_from_slice(&self.right[first..]);
     }
 
     /// force = M D a with M and D of the linearization.
@@ -311,16 +360,19 @@ impl DescriptorMatrix {
         self.mass.multiply_add(1.0, &self.right[..n], force);
     }
 
-    /// (force, rows) = Ψ₁ δv̇ + Ψ₂ δv.
+    /// (force, rows, v_rate) = Ψ₁ δv̇ + Ψ₂ δv.
     pub(super) fn respond(
         &self,
         position: &[f64],
         rate: &[f64],
         force: &mut [f64],
         rows: &mut [f64],
+        v_rate: &mut [f64],
     ) {
         let k = self.ndof;
-        for (i, out) in force.iter_mut().chain(rows).enumerate() {
+        v_rate.fill(0.0);
+        let own = &mut v_rate[k - self.moving.len()..];
+        for (i, out) in force.iter_mut().chain(rows).chain(own).enumerate() {
             let range = i * k..(i + 1) * k;
             *out =
                 dot(&self.by_rate[range.clone()], rate) + dot(&self.by_position[range], position);
@@ -334,7 +386,13 @@ fn part_nonzeros(system: &dyn System, manifold: &Manifold, q: &[f64]) -> Vec<boo
     let structure = system.structure();
     let (n, m, k) = (structure.sizes.coordinates, structure.sizes.rows, manifold.chart().ndof());
     let d = structural_null_space(system, manifold.chart(), q);
-    let mut nonzero = vec![false; (n + m) * k];
+    let displacements = manifold.chart().moving();
+    let mut nonzero = vec![false; (n + m + displacements.len()) * k];
+    for (_, row, j) in displacements.entries() {
+        for column in 0..k {
+            nonzero[(n + m + row) * k + column] |= d[j * k + column];
+        }
+    }
     let mut propagate = |matrix: &BlockMatrix, first: usize| {
         for (i, j) in matrix.entries(first, 0) {
             for column in 0..k {
@@ -362,7 +420,11 @@ fn part_nonzeros(system: &dyn System, manifold: &Manifold, q: &[f64]) -> Vec<boo
 fn reduced_nonzeros(manifold: &Manifold, m: usize) -> Vec<bool> {
     let parametrization = manifold.chart().parametrization();
     let (n, k) = (manifold.system().structure().sizes.coordinates, parametrization.ndof);
-    let mut nonzero = vec![false; (n + m) * k];
+    let moving = manifold.chart().moving();
+    let mut nonzero = vec![false; (n + m + moving.len()) * k];
+    for (_, _, i) in moving.entries() {
+        nonzero[i * k..(i + 1) * k].fill(true);
+    }
     match &parametrization.projection {
         Projection::Selection(independent) => {
             for i in independent {
@@ -374,14 +436,18 @@ fn reduced_nonzeros(manifold: &Manifold, m: usize) -> Vec<bool> {
     nonzero
 }
 
-/// Adds Pᵀ p to the first n entries of `out`, `stride` apart.
+/// Adds Pᵀ p, with the rows `moving` of displacements, to the first n entries of `out`, `stride` apart.
 fn add_extended(
     parametrization: &Parametrization,
+    moving: &BodyRows,
     p: impl Fn(usize) -> f64,
     out: &mut [f64],
     stride: usize,
     n: usize,
 ) {
+    for (at, row, column) in moving.entries() {
+        out[column * stride] += moving.value(at) * p(parametrization.linear() + row);
+    }
     match &parametrization.projection {
         Projection::Selection(independent) => {
             for (k, i) in independent.iter().enumerate() {
@@ -401,7 +467,7 @@ fn add_extended(
 fn add_extra_force(
     manifold: &Manifold,
     reduced: &ReducedBlocks,
-    from_reduced: bool,
+    moving: Option<&BodyRows>,
     scale: impl Fn(usize) -> f64,
     out: &mut [f64],
     stride: usize,
@@ -410,10 +476,10 @@ fn add_extra_force(
     let sizes = structure.sizes;
     for (e, ends) in structure.extra_bodies.iter().enumerate() {
         let scale = scale(e);
-        if from_reduced {
+        if let Some(moving) = moving {
             let parametrization = manifold.chart().parametrization();
             let force = |k: usize| scale * reduced.force_extra[e * parametrization.ndof + k];
-            add_extended(parametrization, force, out, stride, sizes.coordinates);
+            add_extended(parametrization, moving, force, out, stride, sizes.coordinates);
             continue;
         }
         for (side, body) in ends.iter().enumerate() {

@@ -58,14 +58,15 @@ impl Differences {
         let structure = system.structure();
         let sizes = structure.sizes;
         let ndof = manifold.chart().ndof();
-        let scale = match &manifold.chart().parametrization().projection {
-            Projection::Selection(independent) => independent
-                .iter()
-                .map(|&i| match structure.coordinate_measure(i) {
-                    Measure::Length => system.characteristic_length(),
-                    Measure::Angle => 1.0,
-                })
-                .collect(),
+        let parametrization = manifold.chart().parametrization();
+        let scale = |k: usize| match structure
+            .coordinate_measure(parametrization.coordinate(system.as_ref(), k))
+        {
+            Measure::Length => system.characteristic_length(),
+            Measure::Angle => 1.0,
+        };
+        let scale = match &parametrization.projection {
+            Projection::Selection(_) => (0..ndof).map(scale).collect(),
             Projection::Basis(_) => vec![1.0; ndof],
         };
         Self {
@@ -138,7 +139,7 @@ impl Differences {
 
     fn project_acceleration(&mut self, form: &FirstOrder, base: bool) {
         let target = if base { &mut self.base } else { &mut self.slope };
-        form.manifold.chart().parametrization().project(&form.state.a, target);
+        form.manifold.independent_acceleration(&form.state, target);
     }
 
     /// dv += q̇_v δp.

@@ -50,7 +50,7 @@ pub struct FirstOrder {
     dq: Vec<f64>,
     dv: Vec<f64>,
     rows: Vec<f64>,
-    zero: Vec<f64>,
+    rates: Vec<f64>,
     pub(super) z_rate: Vec<f64>,
     /// For stages that are solved for accelerations.
     pub(super) stage: AccelerationBuffers,
@@ -84,7 +84,7 @@ impl FirstOrder {
             dq: vec![0.0; s.coordinates],
             dv: vec![0.0; s.coordinates],
             rows: vec![0.0; s.rows],
-            zero: vec![0.0; ndof],
+            rates: vec![0.0; ndof],
             z_rate: vec![0.0; s.extra_states],
             stage: AccelerationBuffers::new(ndof, &s),
             manifold,
@@ -133,11 +133,11 @@ impl FirstOrder {
     fn set_independent_weights(&mut self, state: &State) {
         let mut w = std::mem::take(&mut self.stage.trial);
         self.pack(state, &mut w);
-        let structure = self.manifold.system().structure();
+        let system = self.manifold.system();
+        let structure = system.structure();
         let parametrization = self.manifold.chart().parametrization();
-        let n = state.q.len();
-        // An entry of a tangent plane counts as the coordinate that it moves most.
-        let measure = |k: usize| structure.coordinate_measure(parametrization.coordinate(k, n));
+        let measure =
+            |k: usize| structure.coordinate_measure(parametrization.coordinate(system.as_ref(), k));
         self.weights.set_independent(&w, measure, parametrization.ndof);
         self.stage.trial = w;
     }
@@ -145,10 +145,10 @@ impl FirstOrder {
     /// w of a state.
     pub fn pack(&self, state: &State, w: &mut [f64]) {
         let ndof = self.manifold.chart().ndof();
-        let parametrization = self.manifold.chart().parametrization();
-        parametrization.project(&state.q, &mut w[..ndof]);
-        parametrization.project(&state.v, &mut w[ndof..2 * ndof]);
-        w[2 * ndof..].copy_from_slice(&state.z);
+        let (positions, rest) = w.split_at_mut(ndof);
+        let (rates, z) = rest.split_at_mut(ndof);
+        self.manifold.independent_state(state, positions, rates);
+        z.copy_from_slice(&state.z);
     }
 
     /// Recovers the state at (t, w) with accelerations and multipliers (`full`) or without, starting
@@ -220,7 +220,7 @@ impl FirstOrder {
         for matrix in [&mut self.pi, &mut self.m1, &mut self.m2] {
             matrix.resize(ndof * ndof, 0.0);
         }
-        for vector in [&mut self.b1, &mut self.b2, &mut self.zero] {
+        for vector in [&mut self.b1, &mut self.b2, &mut self.rates] {
             vector.resize(ndof, 0.0);
         }
         self.stage.resize(ndof);
@@ -334,8 +334,7 @@ impl Ode for FirstOrder {
         require_finite(t, w)?;
         self.evaluate(t, w, true)?;
         g[..ndof].copy_from_slice(&w[ndof..2 * ndof]);
-        let parametrization = self.manifold.chart().parametrization();
-        parametrization.project(&self.state.a, &mut g[ndof..2 * ndof]);
+        self.manifold.independent_acceleration(&self.state, &mut g[ndof..2 * ndof]);
         g[2 * ndof..].copy_from_slice(&self.z_rate);
         Ok(())
     }
@@ -348,10 +347,13 @@ impl Ode for FirstOrder {
         let ndof = self.manifold.chart().ndof();
         self.rows.fill(0.0);
         self.start.solve(&self.rows, &change[..ndof], &mut self.dq);
+        self.rates.copy_from_slice(&change[ndof..2 * ndof]);
         if self.linearized && self.differences.is_none() {
             self.blocks.blocks.a0.multiply_add(-1.0, &self.dq, &mut self.rows);
+            let moving = &mut self.rates[self.start.parametrization().linear()..];
+            self.blocks.turning.multiply_many_add(-1.0, &self.dq, 1, moving);
         }
-        self.start.solve(&self.rows, &change[ndof..2 * ndof], &mut self.dv);
+        self.start.solve(&self.rows, &self.rates, &mut self.dv);
         if let (true, Some(differences)) = (self.linearized, &self.differences) {
             differences.add_velocities(&change[..ndof], &mut self.dv);
         }

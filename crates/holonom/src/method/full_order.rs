@@ -98,11 +98,10 @@ impl FullOrder {
                 message: format!("the prediction ran away at t = {t:.6} s"),
             });
         }
-        let parametrization = self.manifold.chart().parametrization();
-        parametrization.project(q, &mut self.positions);
-        parametrization.project(v, &mut self.rates);
         self.state.t = t;
         self.state.q.copy_from_slice(q);
+        self.state.v.copy_from_slice(v);
+        self.manifold.independent_state(&self.state, &mut self.positions, &mut self.rates);
         self.state.z.copy_from_slice(z);
         self.state.ledger.dissipated = powers[0];
         self.state.ledger.supplied = powers[1];

@@ -23,19 +23,19 @@ pub(super) struct AccelerationBuffers {
     difference: Vec<f64>,
     /// βh² of the last factor.
     pub(super) beta_h2: f64,
-    /// q̈ at the start of the step and at its end.
-    accelerations: [Vec<f64>; 2],
+    /// q, q̇ and q̈ at the start of the step and at its end.
+    ends: [[Vec<f64>; 3]; 2],
 }
 
 impl AccelerationBuffers {
     pub(super) fn new(ndof: usize, sizes: &Sizes) -> Self {
-        let all = || vec![0.0; sizes.coordinates];
+        let all = || std::array::from_fn(|_| vec![0.0; sizes.coordinates]);
         Self {
             trial: vec![0.0; 2 * ndof + sizes.extra_states],
             correction: vec![0.0; ndof],
             difference: vec![0.0; ndof],
             beta_h2: 0.0,
-            accelerations: [all(), all()],
+            ends: [all(), all()],
         }
     }
 
@@ -88,7 +88,7 @@ impl FirstOrder {
             Residual::Accelerations => {
                 manifold.accelerate(state, &mut self.z_rate)?;
                 let difference = &mut self.stage.difference;
-                manifold.chart().parametrization().project(&state.a, difference);
+                manifold.independent_acceleration(state, difference);
                 for (f, a) in difference.iter_mut().zip(v_rate) {
                     *f -= a;
                 }
@@ -154,19 +154,23 @@ impl SecondOrder for FirstOrder {
     }
 
     fn linearized_unknown(&self, x: &mut [f64]) {
-        self.manifold.chart().parametrization().project(&self.state.a, x);
+        self.manifold.independent_acceleration(&self.state, x);
     }
 
     fn end_step(&mut self, x: &[f64]) {
-        self.manifold.extend_acceleration(x, &mut self.stage.accelerations[1]);
+        let [q, v, a] = &mut self.stage.ends[1];
+        q.copy_from_slice(&self.state.q);
+        v.copy_from_slice(&self.state.v);
+        self.manifold.extend_acceleration(x, a);
     }
 
     fn start_step(&mut self) {
-        self.stage.accelerations.swap(0, 1);
+        self.stage.ends.swap(0, 1);
     }
 
     fn start_unknown(&self, x: &mut [f64]) {
-        self.manifold.chart().parametrization().project(&self.stage.accelerations[0], x);
+        let ([q, v, a], system) = (&self.stage.ends[0], self.manifold.system().as_ref());
+        self.manifold.chart().parametrization().accelerations(system, q, v, a, x);
     }
 
     /// One solve: with ẽ_p = e_p + (β/γ)h e_v, Ψ a = −(M̂₁' e_v + M̂₂' ẽ_p + Ẑ E⁻¹ e_z), the result is

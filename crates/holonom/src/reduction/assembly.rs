@@ -254,7 +254,7 @@ pub fn start(
     system.constraint_jacobian(&state.q, &mut g);
     let parametrization = partition(system.as_ref(), &state.q, &g);
     let known = match template {
-        Some(m) => m.chart().with_values(system.as_ref(), &parametrization, &g)?,
+        Some(m) => m.chart().with_values(system.as_ref(), &parametrization, &state.q, &g)?,
         None => None,
     };
     let (chart, saddle) = if let (Some(chart), Some(m)) = (known, template) {
@@ -263,7 +263,7 @@ pub fn start(
         let (nonzero_g, nonzero_m) = structural_nonzeros(system.as_ref(), &state.q);
         let kept = parametrization.kept.clone();
         (
-            Chart::new(system.as_ref(), parametrization, &g, &nonzero_g)?,
+            Chart::new(system.as_ref(), parametrization, &state.q, &g, &nonzero_g)?,
             Saddle::new(system.as_ref(), &state.q, &kept, &nonzero_g, &nonzero_m),
         )
     };
@@ -273,8 +273,7 @@ pub fn start(
     let parametrization = manifold.chart().parametrization().clone();
     let mut p = vec![0.0; parametrization.ndof];
     let mut rates = p.clone();
-    parametrization.project(&state.q, &mut p);
-    parametrization.project(&state.v, &mut rates);
+    manifold.independent_state(&state, &mut p, &mut rates);
     manifold.recover_position(state.t, &p, &mut state.q)?;
     manifold.recover_velocity(state.t, &state.q, &rates, &mut state.v)?;
     let mut z_rate = vec![0.0; state.z.len()];
@@ -351,7 +350,7 @@ fn check_mass(
     }
     let tiny = 1e-15;
     let name =
-        |k: usize| system.coordinate_name(manifold.chart().parametrization().coordinate(k, n));
+        |k: usize| system.coordinate_name(manifold.chart().parametrization().coordinate(system, k));
     if let Some(k) = (0..ndof).find(|&k| reduced[k * ndof + k] <= tiny) {
         return Err(AssemblyError::SingularMass { coordinate: name(k) });
     }

@@ -1,5 +1,6 @@
 //! The factored matrix [G; P] of one parametrization, and the only solves made with it.
 
+use super::displacements::BodyRows;
 use super::manifold::largest_index;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, Structure, System};
@@ -8,6 +9,8 @@ use std::sync::Arc;
 
 /// Enough to tell the smallest singular value from the next where the matrix is nearly singular.
 const INVERSE_ITERATIONS: u32 = 4;
+/// Coordinates of two bodies in space.
+const WIDEST: usize = 14;
 
 /// P of v = P q: which combinations of the coordinates are independent.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,8 +28,10 @@ pub struct Parametrization {
     pub kept: Vec<usize>,
     /// Redundant rows, ascending.
     pub dropped: Vec<usize>,
-    /// P.
+    /// P, or with displacements its first rows.
     pub projection: Projection,
+    /// Displacements s(q) that follow in v = (q_selected, s(q)): the last rows of P are s_q.
+    pub displacements: Vec<usize>,
     /// Number of degrees of freedom.
     pub ndof: usize,
     /// Smallest accepted pivot over the first: small near a singular configuration.
@@ -34,34 +39,84 @@ pub struct Parametrization {
 }
 
 impl Parametrization {
-    /// The coordinate that independent variable `k` is, or moves most; `n` coordinates in all.
-    pub fn coordinate(&self, k: usize, n: usize) -> usize {
+    /// The coordinate that independent variable `k` is, or moves most; for a displacement the first
+    /// one of a body that it moves.
+    pub fn coordinate(&self, system: &dyn System, k: usize) -> usize {
+        let sizes = system.structure().sizes;
+        let n = sizes.coordinates;
+        if let Some(&displacement) = self.displacements.get(k.wrapping_sub(self.linear())) {
+            let ends = system.displacements()[displacement].bodies;
+            return ends[1].or(ends[0]).map_or(0, |body| body * sizes.per_body);
+        }
         match &self.projection {
             Projection::Selection(independent) => independent[k],
             Projection::Basis(rows) => largest_index(&rows[k * n..(k + 1) * n]),
         }
     }
 
-    /// x = Pᵀ p.
-    pub fn extend(&self, p: &[f64], x: &mut [f64]) {
-        x.fill(0.0);
-        match &self.projection {
-            Projection::Selection(independent) => {
-                for (p, &i) in p.iter().zip(independent) {
-                    x[i] = *p;
-                }
-            }
-            Projection::Basis(rows) => {
-                for (p, row) in p.iter().zip(rows.chunks_exact(x.len())) {
-                    for (out, a) in x.iter_mut().zip(row) {
-                        *out += a * p;
-                    }
-                }
+    /// Rows of P before those of displacements.
+    pub fn linear(&self) -> usize {
+        self.ndof - self.displacements.len()
+    }
+
+    /// Whether v = v(q) and the kept rows are the same.
+    pub fn same_as(&self, other: &Self) -> bool {
+        self.kept == other.kept
+            && self.projection == other.projection
+            && self.displacements == other.displacements
+    }
+
+    /// v = v(q).
+    pub fn positions(&self, system: &dyn System, q: &[f64], v: &mut [f64]) {
+        self.project(q, v);
+        for (out, &k) in v[self.linear()..].iter_mut().zip(&self.displacements) {
+            *out = system.displacement(k, q);
+        }
+    }
+
+    /// v̇ = P(q) q̇.
+    pub fn rates(&self, system: &dyn System, q: &[f64], v: &[f64], rates: &mut [f64]) {
+        self.project(v, rates);
+        let mut gradient = [0.0; WIDEST];
+        let per_body = system.structure().sizes.per_body;
+        let gradient = &mut gradient[..2 * per_body];
+        for (out, &k) in rates[self.linear()..].iter_mut().zip(&self.displacements) {
+            system.displacement_gradient(k, q, gradient);
+            *out = 0.0;
+            let ends = system.displacements()[k].bodies;
+            for (row, body) in gradient.chunks_exact(per_body).zip(ends) {
+                let Some(b) = body else { continue };
+                let v = &v[b * per_body..(b + 1) * per_body];
+                *out += row.iter().zip(v).map(|(a, x)| a * x).sum::<f64>();
             }
         }
     }
 
-    /// p = P x.
+    /// Curvature (P q̇)_q q̇ of v(q), so that v̈ = P q̈ + curvature.
+    pub fn curvature(&self, system: &dyn System, q: &[f64], rates: &[f64], out: &mut [f64]) {
+        let (linear, moving) = out.split_at_mut(self.linear());
+        linear.fill(0.0);
+        for (out, &k) in moving.iter_mut().zip(&self.displacements) {
+            *out = system.displacement_curvature(k, q, rates);
+        }
+    }
+
+    /// v̈ = P(q) q̈ + curvature.
+    pub fn accelerations(
+        &self,
+        system: &dyn System,
+        q: &[f64],
+        v: &[f64],
+        a: &[f64],
+        p_rate: &mut [f64],
+    ) {
+        self.rates(system, q, a, p_rate);
+        for (out, &k) in p_rate[self.linear()..].iter_mut().zip(&self.displacements) {
+            *out += system.displacement_curvature(k, q, v);
+        }
+    }
+
+    /// The rows of P that do not move, times x; the others are left alone.
     pub fn project(&self, x: &[f64], p: &mut [f64]) {
         match &self.projection {
             Projection::Selection(independent) => {
@@ -92,6 +147,9 @@ pub struct Chart {
     copies: Vec<(u32, u32, f64)>,
     row_scale: Vec<f64>,
     column_scale: Vec<f64>,
+    /// s_q of the displacements, and (its value, slot, scale) of every entry.
+    moving: BodyRows,
+    moving_copies: Vec<(u32, u32, f64)>,
     lu: SparseLu,
     work: Vec<f64>,
     nonzero: Arc<[bool]>,
@@ -107,7 +165,7 @@ fn scale_of(measure: Measure, length: f64) -> f64 {
 }
 
 impl Chart {
-    /// Analyses and factors [G; P] at a configuration with Jacobian `g`; `nonzero` tells which stored
+    /// Analyses and factors [G; P] at a configuration `q` with Jacobian `g`; `nonzero` tells which stored
     /// values of G can differ from zero.
     ///
     /// # Errors
@@ -115,6 +173,7 @@ impl Chart {
     pub fn new(
         system: &dyn System,
         parametrization: Parametrization,
+        q: &[f64],
         g: &BlockMatrix,
         nonzero: &Arc<[bool]>,
     ) -> Result<Self, EvaluationFailure> {
@@ -162,9 +221,18 @@ impl Chart {
                 }
             }
         }
+        let first_moving = entries.len();
+        let mut moving = BodyRows::new(system, &parametrization.displacements);
+        let mut moving_sources = Vec::new();
+        for (at, k, column) in moving.entries() {
+            let row = rank + parametrization.linear() + k;
+            entries.push((row, column));
+            moving_sources.push((at, column_scale[column] / length));
+        }
+        row_scale.resize(n, 1.0 / length);
         let (pattern, slots) = SparsePattern::new(n, n, &entries);
         let mut values = vec![0.0; pattern.len()];
-        for (slot, x) in slots[constraint_entries..].iter().zip(constants) {
+        for (slot, x) in slots[constraint_entries..first_moving].iter().zip(constants) {
             values[*slot] = x;
         }
         let copies: Vec<(u32, u32, f64)> = sources
@@ -172,11 +240,19 @@ impl Chart {
             .zip(&slots)
             .map(|((at, scale), &slot)| (at as u32, slot as u32, scale))
             .collect();
+        let moving_copies: Vec<(u32, u32, f64)> = moving_sources
+            .into_iter()
+            .zip(&slots[first_moving..])
+            .map(|((at, scale), &slot)| (at as u32, slot as u32, scale))
+            .collect();
         for &(at, slot, scale) in &copies {
             values[slot as usize] = g.values()[at as usize] * scale;
         }
+        moving.evaluate(system, &parametrization.displacements, q);
+        for &(at, slot, scale) in &moving_copies {
+            values[slot as usize] = moving.value(at as usize) * scale;
+        }
         let lu = SparseLu::analyze(&pattern, &values).map_err(|e| singular(system, e))?;
-        let work = vec![0.0; n];
         Ok(Self {
             parametrization,
             pattern,
@@ -184,14 +260,17 @@ impl Chart {
             copies,
             row_scale,
             column_scale,
+            moving,
+            moving_copies,
             lu,
-            work,
+            work: vec![0.0; n],
             nonzero: nonzero.clone(),
             analyses: 1,
         })
     }
 
-    /// The chart of another parametrization of the same system, at a configuration with Jacobian `g`.
+    /// The chart of another parametrization of the same system, at a configuration `q` with Jacobian
+    /// `g`.
     ///
     /// # Errors
     /// When the matrix is singular there.
@@ -199,9 +278,10 @@ impl Chart {
         &self,
         system: &dyn System,
         parametrization: Parametrization,
+        q: &[f64],
         g: &BlockMatrix,
     ) -> Result<Self, EvaluationFailure> {
-        Self::new(system, parametrization, g, &self.nonzero)
+        Self::new(system, parametrization, q, g, &self.nonzero)
     }
 
     /// A copy with this chart's pattern, scales and pivots for other numbers of the same structure;
@@ -213,17 +293,22 @@ impl Chart {
         &self,
         system: &dyn System,
         parametrization: &Parametrization,
+        q: &[f64],
         g: &BlockMatrix,
     ) -> Result<Option<Self>, EvaluationFailure> {
-        let mine = &self.parametrization;
-        if mine.kept != parametrization.kept || mine.projection != parametrization.projection {
+        if !self.parametrization.same_as(parametrization) {
             return Ok(None);
         }
         let mut chart = self.clone();
         chart.analyses = 0;
         chart.parametrization = parametrization.clone();
-        chart.refactor(system, g)?;
+        chart.refactor(system, q, g)?;
         Ok(Some(chart))
+    }
+
+    /// The rows of P of displacements, of the configuration last factored.
+    pub fn moving(&self) -> &BodyRows {
+        &self.moving
     }
 
     /// Symbolic analyses made for this chart.
@@ -241,17 +326,22 @@ impl Chart {
         self.parametrization.ndof
     }
 
-    /// Factors [G; P] for a new G with the frozen pivots; picks new ones when they no longer serve.
+    /// Factors [G; P] for a new configuration with the frozen pivots; picks new ones when they no longer serve.
     ///
     /// # Errors
     /// When the matrix is singular.
     pub fn refactor(
         &mut self,
         system: &dyn System,
+        q: &[f64],
         g: &BlockMatrix,
     ) -> Result<(), EvaluationFailure> {
         for &(at, slot, scale) in &self.copies {
             self.values[slot as usize] = g.values()[at as usize] * scale;
+        }
+        self.moving.evaluate(system, &self.parametrization.displacements, q);
+        for &(at, slot, scale) in &self.moving_copies {
+            self.values[slot as usize] = self.moving.value(at as usize) * scale;
         }
         if self.lu.refactor(&self.values).is_err() {
             self.lu =
@@ -260,8 +350,30 @@ impl Chart {
         Ok(())
     }
 
+    /// x = Pᵀ p, P of the configuration last factored.
+    pub fn extend(&self, p: &[f64], x: &mut [f64]) {
+        x.fill(0.0);
+        let (linear, moving) = p.split_at(self.parametrization.linear());
+        match &self.parametrization.projection {
+            Projection::Selection(independent) => {
+                for (p, &i) in linear.iter().zip(independent) {
+                    x[i] = *p;
+                }
+            }
+            Projection::Basis(rows) => {
+                for (p, row) in linear.iter().zip(rows.chunks_exact(x.len())) {
+                    for (out, a) in x.iter_mut().zip(row) {
+                        *out += a * p;
+                    }
+                }
+            }
+        }
+        self.moving.multiply_transposed_many_add(1.0, moving, 1, x);
+    }
+
     /// Takes over the numbers of another chart of the same parametrization.
     pub fn copy_from(&mut self, other: &Self) {
+        self.moving.copy_from(&other.moving);
         self.values.copy_from_slice(&other.values);
         // Factoring again allocates nothing; a copy of the factors would.
         if self.lu.refactor(&self.values).is_err() {
@@ -313,8 +425,9 @@ impl Chart {
         }
     }
 
-    /// X = S R for R (m×k, by rows) into `x` (n×k); dropped rows are not read.
-    pub fn solve_rows_many(&mut self, rows: &[f64], k: usize, x: &mut [f64]) {
+    /// X = S R + D [0; Q] for R (m×k, by rows) and Q (displacements×k) into `x` (n×k); dropped rows
+    /// are not read.
+    pub fn solve_rows_many(&mut self, rows: &[f64], moving: &[f64], k: usize, x: &mut [f64]) {
         if k == 0 {
             return;
         }
@@ -323,6 +436,15 @@ impl Chart {
             x.chunks_exact_mut(k).zip(&self.parametrization.kept).zip(&self.row_scale)
         {
             for (out, r) in out.iter_mut().zip(&rows[row * k..(row + 1) * k]) {
+                *out = r * scale;
+            }
+        }
+        let first = self.row_scale.len() - self.moving.len();
+        let scales = &self.row_scale[first..];
+        for ((out, row), scale) in
+            x[first * k..].chunks_exact_mut(k).zip(moving.chunks_exact(k)).zip(scales)
+        {
+            for (out, r) in out.iter_mut().zip(row) {
                 *out = r * scale;
             }
         }
@@ -413,7 +535,7 @@ pub fn structural_null_space(system: &dyn System, chart: &Chart, q: &[f64]) -> V
             disturb(q, round, &mut probe);
         }
         system.constraint_jacobian(&probe, &mut g);
-        if chart.refactor(system, &g).is_ok() {
+        if chart.refactor(system, &probe, &g).is_ok() {
             chart.null_space(&mut d);
             for (flag, x) in nonzero.iter_mut().zip(&d) {
                 *flag |= *x != 0.0;

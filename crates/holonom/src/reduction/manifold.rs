@@ -43,6 +43,8 @@ pub struct Manifold {
     correction: Vec<f64>,
     predictor: Vec<f64>,
     independent: Vec<f64>,
+    /// What v̈ has beside P q̈ at the last evaluation of accelerations.
+    curvature: Vec<f64>,
     force: Vec<f64>,
     tau: Vec<f64>,
     z_rate: Vec<f64>,
@@ -62,6 +64,7 @@ impl Manifold {
             correction: vec![0.0; sizes.coordinates],
             predictor: vec![0.0; sizes.coordinates],
             independent: vec![0.0; chart.ndof()],
+            curvature: vec![0.0; chart.ndof()],
             force: vec![0.0; sizes.coordinates],
             tau: vec![0.0; sizes.rows],
             z_rate: vec![0.0; sizes.extra_states],
@@ -104,6 +107,11 @@ impl Manifold {
         self.saddle.mass()
     }
 
+    /// Evaluates M at q.
+    pub fn evaluate_mass(&mut self, q: &[f64]) {
+        self.saddle.evaluate_mass(self.system.as_ref(), q);
+    }
+
     /// G where velocities were last recovered.
     pub fn jacobian(&self) -> &BlockMatrix {
         &self.g
@@ -112,6 +120,7 @@ impl Manifold {
     /// Changes the parametrization at the configuration where G was last evaluated.
     pub fn set_chart(&mut self, chart: Chart) {
         self.independent.resize(chart.ndof(), 0.0);
+        self.curvature.resize(chart.ndof(), 0.0);
         self.orientation = chart.determinant_sign();
         self.counters.analyses += self.chart.analyses();
         if chart.parametrization().kept != self.chart.parametrization().kept {
@@ -138,7 +147,7 @@ impl Manifold {
         if x.iter().sum::<f64>().is_finite() { largest } else { f64::INFINITY }
     }
 
-    /// Solves Φ(q, t) = 0, P q = p from the guess in `q`, which must be a point of the branch that is
+    /// Solves Φ(q, t) = 0, v(q) = p from the guess in `q`, which must be a point of the branch that is
     /// followed (the last accepted or evaluated one).
     ///
     /// The first correction is the tangent predictor. The result is accepted only if corrections
@@ -203,7 +212,8 @@ impl Manifold {
     /// One correction of the quasi-Newton iteration; returns its size.
     fn correct(&mut self, t: f64, p: &[f64], q: &mut [f64]) -> f64 {
         self.system.position_constraints(t, q, &mut self.phi);
-        self.chart.parametrization().project(q, &mut self.independent);
+        let system = self.system.as_ref();
+        self.chart.parametrization().positions(system, q, &mut self.independent);
         for (out, target) in self.independent.iter_mut().zip(p) {
             *out -= target;
         }
@@ -274,7 +284,7 @@ impl Manifold {
     fn factor_at(&mut self, q: &[f64]) -> Result<(), EvaluationFailure> {
         self.counters.factorizations += 1;
         self.system.constraint_jacobian(q, &mut self.g);
-        self.chart.refactor(self.system.as_ref(), &self.g)
+        self.chart.refactor(self.system.as_ref(), q, &self.g)
     }
 
     /// Factors [G; P] at q and solves G q̇ = ν, P q̇ = `p_rate`.
@@ -326,6 +336,7 @@ impl Manifold {
             &mut state.a,
             &mut state.lambda,
         )?;
+        self.set_curvature(state);
         if state.a.iter().sum::<f64>().is_finite() {
             return Ok(());
         }
@@ -350,16 +361,40 @@ impl Manifold {
         let system = self.system.as_ref();
         system.forces(state, &mut self.force, z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
-        self.chart.solve(&self.tau, p_rate, &mut state.a);
+        self.set_curvature(state);
+        self.extend_acceleration(p_rate, &mut state.a);
+        let system = self.system.as_ref();
         self.force.iter_mut().for_each(|x| *x = -*x);
         self.saddle.evaluate_mass(system, &state.q).multiply_add(1.0, &state.a, &mut self.force);
         self.chart.solve_transposed(&self.force, &mut state.lambda, psi);
         state.lambda.iter_mut().for_each(|x| *x = -*x);
     }
 
-    /// q̈ = D v̈ + S τ with τ and the factors of the last [`Manifold::reduced_residual`].
+    /// q̈ = D (v̈ − curvature) + S τ with τ and the factors of the last [`Manifold::reduced_residual`]
+    /// or [`Manifold::accelerate`].
     pub fn extend_acceleration(&mut self, p_rate: &[f64], a: &mut [f64]) {
-        self.chart.solve(&self.tau, p_rate, a);
+        for ((out, rate), bend) in self.independent.iter_mut().zip(p_rate).zip(&self.curvature) {
+            *out = rate - bend;
+        }
+        self.chart.solve(&self.tau, &self.independent, a);
+    }
+
+    fn set_curvature(&mut self, state: &State) {
+        let parametrization = self.chart.parametrization();
+        parametrization.curvature(self.system.as_ref(), &state.q, &state.v, &mut self.curvature);
+    }
+
+    /// (v, v̇) of a state.
+    pub fn independent_state(&self, state: &State, positions: &mut [f64], rates: &mut [f64]) {
+        let (system, parametrization) = (self.system.as_ref(), self.chart.parametrization());
+        parametrization.positions(system, &state.q, positions);
+        parametrization.rates(system, &state.q, &state.v, rates);
+    }
+
+    /// v̈ of a state with accelerations.
+    pub fn independent_acceleration(&self, state: &State, p_rate: &mut [f64]) {
+        let (system, parametrization) = (self.system.as_ref(), self.chart.parametrization());
+        parametrization.accelerations(system, &state.q, &state.v, &state.a, p_rate);
     }
 
     /// (M q̈ + Gᵀλ − Q, G q̈ − τ) at a state with accelerations, multipliers and consistent q and q̇

@@ -2,6 +2,7 @@
 
 pub mod assembly;
 mod chart;
+mod displacements;
 mod manifold;
 mod partitioning;
 mod reduced_blocks;
@@ -9,6 +10,7 @@ mod saddle;
 mod tangent_plane;
 
 pub use chart::{Chart, Parametrization, Projection, structural_nonzeros, structural_null_space};
+pub use displacements::BodyRows;
 pub use manifold::{Manifold, RecoveryCounters, largest_index};
 pub use partitioning::{RANK_TOLERANCE, partition, scaled_jacobian};
 pub use reduced_blocks::ReducedBlocks;

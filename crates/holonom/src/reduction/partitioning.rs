@@ -10,7 +10,7 @@ pub const RANK_TOLERANCE: f64 = 1e-9;
 /// that translations become dependent and rotations stay independent: stiff elements are nearly
 /// linear in rotations, and the stiff directions then stay put during a step. On a double pendulum
 /// with a stiff joint this saves nine tenths of the steps.
-const TRANSLATION_BIAS: f64 = 8.0;
+pub(super) const TRANSLATION_BIAS: f64 = 8.0;
 
 /// Partitions the coordinates at a configuration with Jacobian `g`, by elimination with full
 /// pivoting on the scaled Jacobian; the largest Euler parameter of each body is dependent.
@@ -44,7 +44,8 @@ pub fn partition(system: &dyn System, q: &[f64], g: &BlockMatrix) -> Parametriza
         _ => 1.0,
     };
     let projection = Projection::Selection(independent);
-    Parametrization { kept, dropped, projection, ndof: n - rank, pivot_ratio }
+    let displacements = Vec::new();
+    Parametrization { kept, dropped, projection, displacements, ndof: n - rank, pivot_ratio }
 }
 
 /// G with columns in metres multiplied by the characteristic length and a bias, then every row divided by its largest entry; m×n by rows.

@@ -1,6 +1,7 @@
 //! The reduced matrices of one state: M̂, M̂₁, M̂₂ by three solves with [G; P], and what extra states
 //! and explicit time add to them.
 
+use super::displacements::BodyRows;
 use super::manifold::Manifold;
 use crate::system::{DerivativeBlocks, State};
 use holonom_linalg::gram_add;
@@ -12,6 +13,9 @@ use holonom_linalg::gram_add;
 /// M̂ = DᵀMD    M̂₁ = DᵀCD − YᵀA₂D    M̂₂ = DᵀKD − YᵀA₁D − WᵀA₀D
 /// v̈_v̇ = −M̂⁻¹M̂₁   v̈_v = −M̂⁻¹M̂₂
 /// ```
+///
+/// Where P turns with the bodies, its rows count among those of G: [A₀; (P q̇)_q] stands for A₀,
+/// [A₁; (v̈)_q] for A₁ and [S D] for S; the products with D then stand below Y and W.
 ///
 /// Extra states z: Ẑ = DᵀF_z, v̈_z = −M̂⁻¹Ẑ, ż_v = g_q D + g_q̇ q̇_v, ż_v̇ = g_q̇ D, q̇_v = −S A₀ D.
 /// Matrices are square of order ndof, by rows.
@@ -35,6 +39,10 @@ pub struct ReducedBlocks {
     pub extra_extra: Vec<f64>,
     /// All blocks in the system's coordinates.
     pub blocks: DerivativeBlocks,
+    /// (P q̇)_q of the rows of displacements.
+    pub turning: BodyRows,
+    /// (v̈)_q of them at fixed q̈.
+    pub turning_rate: BodyRows,
     x: Vec<f64>,
     y: Vec<f64>,
     w: Vec<f64>,
@@ -44,7 +52,7 @@ pub struct ReducedBlocks {
     q_t: Vec<f64>,
     v_t: Vec<f64>,
     a_t: Vec<f64>,
-    zero: Vec<f64>,
+    independent: Vec<f64>,
 }
 
 impl ReducedBlocks {
@@ -54,6 +62,8 @@ impl ReducedBlocks {
         let s = structure.sizes;
         let ndof = manifold.chart().ndof();
         let nz = s.extra_states;
+        let displacements = &manifold.chart().parametrization().displacements;
+        let turning = BodyRows::new(manifold.system().as_ref(), displacements);
         Self {
             d: vec![0.0; s.coordinates * ndof],
             mass: vec![0.0; ndof * ndof],
@@ -64,6 +74,8 @@ impl ReducedBlocks {
             extra_velocity: vec![0.0; nz * ndof],
             extra_extra: vec![0.0; nz],
             blocks: structure.derivative_blocks(),
+            turning_rate: turning.clone(),
+            turning,
             x: vec![0.0; s.coordinates * ndof],
             y: vec![0.0; s.rows * ndof],
             w: vec![0.0; s.rows * ndof],
@@ -73,7 +85,7 @@ impl ReducedBlocks {
             q_t: vec![0.0; s.coordinates],
             v_t: vec![0.0; s.coordinates],
             a_t: vec![0.0; s.coordinates],
-            zero: vec![0.0; ndof],
+            independent: vec![0.0; ndof],
         }
     }
 
@@ -81,8 +93,7 @@ impl ReducedBlocks {
     /// factor of [G; P] and its M belong to the state).
     pub fn evaluate(&mut self, manifold: &mut Manifold, state: &State) {
         let ndof = manifold.chart().ndof();
-        manifold.system().clone().derivative_blocks(state, &mut self.blocks);
-        manifold.chart_mut().null_space(&mut self.d);
+        self.evaluate_blocks(manifold, state);
         if ndof == 0 {
             return;
         }
@@ -96,6 +107,10 @@ impl ReducedBlocks {
         self.x.fill(0.0);
         self.blocks.damping.multiply_transposed_many_add(1.0, &self.d, ndof, &mut self.x);
         self.blocks.a0.multiply_transposed_many_add(-2.0, &self.y, ndof, &mut self.x);
+        let moving = chart.parametrization().linear() * ndof..;
+        // M̂ is symmetric: its last rows are those below Y.
+        let mass = &self.mass[moving.clone()];
+        self.turning.multiply_transposed_many_add(-2.0, mass, ndof, &mut self.x);
         chart.solve_transposed_many(&mut self.x, &mut self.w, &mut self.transposed);
         transpose(ndof, &self.transposed, &mut self.damping);
         // M̂₂ᵀ = Dᵀ(KᵀD − A₁ᵀY − A₀ᵀW).
@@ -103,10 +118,24 @@ impl ReducedBlocks {
         self.blocks.stiffness.multiply_transposed_many_add(1.0, &self.d, ndof, &mut self.x);
         self.blocks.a1.multiply_transposed_many_add(-1.0, &self.y, ndof, &mut self.x);
         self.blocks.a0.multiply_transposed_many_add(-1.0, &self.w, ndof, &mut self.x);
+        self.turning_rate.multiply_transposed_many_add(-1.0, mass, ndof, &mut self.x);
+        let w = &self.transposed[moving];
+        self.turning.multiply_transposed_many_add(-1.0, w, ndof, &mut self.x);
         self.stiffness.fill(0.0);
         let n = self.d.len() / ndof;
         gram_add(n, ndof, &self.x, &self.d, &mut self.stiffness);
         self.evaluate_extra_states(manifold);
+    }
+
+    /// D and the blocks of the system alone, at a state as for [`ReducedBlocks::evaluate`].
+    pub fn evaluate_blocks(&mut self, manifold: &mut Manifold, state: &State) {
+        let system = manifold.system().clone();
+        system.derivative_blocks(state, &mut self.blocks);
+        manifold.chart_mut().null_space(&mut self.d);
+        for (row, &k) in manifold.chart().parametrization().displacements.iter().enumerate() {
+            let (a0, a1) = (self.turning.row_mut(row), self.turning_rate.row_mut(row));
+            system.displacement_blocks(k, state, a0, a1);
+        }
     }
 
     /// D and M̂ alone at `state`; the caller fills in the other reduced matrices.
@@ -126,6 +155,7 @@ impl ReducedBlocks {
         let (bodies, per_body) =
             (&system.structure().extra_bodies, system.structure().sizes.per_body);
         let ndof = manifold.chart().ndof();
+        let linear = manifold.chart().parametrization().linear();
         self.extra_extra.copy_from_slice(&self.blocks.extra_extra);
         for (k, ends) in bodies.iter().enumerate() {
             let range = k * ndof..(k + 1) * ndof;
@@ -151,6 +181,9 @@ impl ReducedBlocks {
             );
             place(&self.blocks.extra_position, &mut self.coordinates);
             self.blocks.a0.multiply_transposed_add(-1.0, &self.rows, &mut self.coordinates);
+            let moving = range.start + linear..range.end;
+            let s = &self.extra_velocity[moving];
+            self.turning.multiply_transposed_many_add(-1.0, s, 1, &mut self.coordinates);
             multiply_transposed(&self.d, &self.coordinates, &mut self.extra_position[range]);
         }
     }
@@ -172,14 +205,22 @@ impl ReducedBlocks {
         let system = manifold.system().clone();
         let structure = system.structure();
         system.velocity_rhs(state.t, &mut self.rows);
-        manifold.chart_mut().solve(&self.rows, &self.zero, &mut self.q_t);
+        let linear = manifold.chart().parametrization().linear();
+        self.independent.fill(0.0);
+        manifold.chart_mut().solve(&self.rows, &self.independent, &mut self.q_t);
         self.rows.copy_from_slice(&self.blocks.velocity_rhs_time);
         self.blocks.a0.multiply_add(-1.0, &self.q_t, &mut self.rows);
-        manifold.chart_mut().solve(&self.rows, &self.zero, &mut self.v_t);
+        let moving = &mut self.independent[linear..];
+        self.turning.multiply_many_add(-1.0, &self.q_t, 1, moving);
+        manifold.chart_mut().solve(&self.rows, &self.independent, &mut self.v_t);
         self.rows.copy_from_slice(&self.blocks.acceleration_rhs_time);
         self.blocks.a1.multiply_add(-1.0, &self.q_t, &mut self.rows);
         self.blocks.a0.multiply_add(-2.0, &self.v_t, &mut self.rows);
-        manifold.chart_mut().solve(&self.rows, &self.zero, &mut self.a_t);
+        let moving = &mut self.independent[linear..];
+        moving.fill(0.0);
+        self.turning_rate.multiply_many_add(-1.0, &self.q_t, 1, moving);
+        self.turning.multiply_many_add(-2.0, &self.v_t, 1, moving);
+        manifold.chart_mut().solve(&self.rows, &self.independent, &mut self.a_t);
         self.coordinates.copy_from_slice(&self.blocks.force_time);
         manifold.mass().multiply_add(1.0, &self.a_t, &mut self.coordinates);
         self.blocks.stiffness.multiply_add(1.0, &self.q_t, &mut self.coordinates);

@@ -1,9 +1,11 @@
 //! Choice of the parametrization: independent coordinates, or a basis of the tangent plane.
 
 use super::chart::{Parametrization, Projection};
+use super::displacements::take_displacements;
+use super::manifold::Manifold;
 use super::partitioning::partition;
 use crate::error::EvaluationFailure;
-use crate::system::{Measure, System};
+use crate::system::{Measure, State, System};
 use holonom_linalg::{
     BlockMatrix, DecompositionError, orthonormal_null_space, orthonormal_null_space_qr, thin_svd,
 };
@@ -46,7 +48,9 @@ const ROTATION_SHARE: f64 = 0.125;
 /// An entry of a unit vector below this is round-off.
 const NEGLIGIBLE: f64 = 1e-13;
 
-/// A parametrization at a configuration with Jacobian `g`. Rank, kept and redundant rows are those
+/// A parametrization at a state with Jacobian `g`; `displacements` tells whether independent
+/// coordinates may give way to displacements, see [`take_displacements`]. A tangent plane stays as it
+/// is: its rows are fixed directions in the space of all coordinates. Rank, kept and redundant rows are those
 /// of the partition, whichever is chosen.
 ///
 /// The tangent plane is an orthonormal basis N of null(G), with lengths measured against the
@@ -71,11 +75,13 @@ const NEGLIGIBLE: f64 = 1e-13;
 /// `simulation/singular-configuration` when G is not finite or the decomposition fails.
 pub fn choose(
     choice: Choice,
-    system: &dyn System,
-    q: &[f64],
+    displacements: bool,
+    manifold: &Manifold,
+    state: &State,
     g: &BlockMatrix,
 ) -> Result<Parametrization, EvaluationFailure> {
-    let mut parametrization = partition(system, q, g);
+    let system = manifold.system().as_ref();
+    let mut parametrization = partition(system, &state.q, g);
     if choice != Choice::Partitioning {
         let rows = tangent_plane(choice, system, &parametrization, g).map_err(|error| {
             EvaluationFailure {
@@ -84,6 +90,8 @@ pub fn choose(
             }
         })?;
         parametrization.projection = Projection::Basis(rows);
+    } else if displacements {
+        take_displacements(&mut parametrization, manifold, state, g)?;
     }
     Ok(parametrization)
 }

@@ -43,8 +43,9 @@ impl Suspects {
         let parametrization = form.manifold().chart().parametrization();
         // w holds positions, then their rates.
         let count = if form.full_order() { n } else { parametrization.ndof };
-        let coordinate =
-            |k: usize| if form.full_order() { k } else { parametrization.coordinate(k, n) };
+        let coordinate = |k: usize| {
+            if form.full_order() { k } else { parametrization.coordinate(system.as_ref(), k) }
+        };
         let change = stepper.last_change();
         let changed = [change.get(..count), change.get(count..2 * count)]
             .into_iter()

@@ -85,9 +85,9 @@ pub fn run(
         }
     };
 
-    if options.parametrization != Choice::Partitioning {
-        let chart = new_chart(options.parametrization, &mut manifold, &state)
-            .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?;
+    if let Some(chart) = new_chart(options, &manifold, &state)
+        .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?
+    {
         manifold.set_chart(chart);
     }
     let energy = system.energy(&state);
@@ -464,16 +464,19 @@ impl Run<'_> {
         let system = self.system.clone();
         let mut g = system.structure().constraint_pattern.clone();
         system.constraint_jacobian(&self.state.q, &mut g);
-        let new = choose(self.options.parametrization, system.as_ref(), &self.state.q, &g)?;
-        let old = self.form.manifold().chart().parametrization();
-        if new.kept == old.kept && new.projection == old.projection {
+        let displacements = self.options.code.takes_displacements(self.options.profile);
+        let manifold = self.form.manifold();
+        let new = choose(self.options.parametrization, displacements, manifold, &self.state, &g)?;
+        let old = manifold.chart().parametrization();
+        if new.same_as(old) {
             self.condition_reference = condition;
             return Ok(());
         }
         if new.ndof != old.ndof {
             return Err(rank_change(&system, old, &new));
         }
-        let chart = self.form.manifold().chart().with_parametrization(system.as_ref(), new, &g)?;
+        let chart =
+            manifold.chart().with_parametrization(system.as_ref(), new, &self.state.q, &g)?;
         self.set_chart(chart)
     }
 
@@ -649,16 +652,19 @@ fn redundancy(system: &dyn System, dropped: &[usize]) -> RunWarning {
     RunWarning { code: "simulation/redundant", message }
 }
 
-/// The chart of a chosen parametrization at a state.
+/// The chart of the chosen parametrization at the start, if it is another one than at assembly.
 fn new_chart(
-    choice: Choice,
-    manifold: &mut Manifold,
+    options: &Options,
+    manifold: &Manifold,
     state: &State,
-) -> Result<Chart, EvaluationFailure> {
-    let system = manifold.system().clone();
-    let g = manifold.jacobian();
-    let parametrization = choose(choice, system.as_ref(), &state.q, g)?;
-    manifold.chart().with_parametrization(system.as_ref(), parametrization, g)
+) -> Result<Option<Chart>, EvaluationFailure> {
+    let (chart, g) = (manifold.chart(), manifold.jacobian());
+    let displacements = options.code.takes_displacements(options.profile);
+    let new = choose(options.parametrization, displacements, manifold, state, g)?;
+    if new.same_as(chart.parametrization()) {
+        return Ok(None);
+    }
+    chart.with_parametrization(manifold.system().as_ref(), new, &state.q, g).map(Some)
 }
 
 fn failed(failure: EvaluationFailure, step_size: f64) -> Stop {

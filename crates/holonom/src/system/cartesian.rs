@@ -1,9 +1,13 @@
 //! Cartesian coordinates, planar or spatial: assembly of Φ, M, Q and all blocks from the elements.
 
 use super::compile::build;
+use super::displacements::Measured;
 use super::quantities::{Channel, evaluate_channel};
 use super::turns::Turns;
-use super::{BodyPose, DerivativeBlocks, EnergyBalance, State, Structure, System};
+use super::{
+    BodyPose, DerivativeBlocks, Displacement, EnergyBalance, State, Structure, System,
+    displacements,
+};
 use crate::elements::{
     ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
 };
@@ -129,6 +133,9 @@ pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
     pub(super) bodies: Vec<PlacedBody>,
     pub(super) constraints: Vec<PlacedConstraint<S::Constraint>>,
     pub(super) forces: Vec<PlacedForce<S::Force>>,
+    pub(super) displacements: Vec<Displacement>,
+    /// Their functions s(q) and what acts along them.
+    pub(super) measures: Vec<Measured<S::Constraint>>,
     pub(super) gravity: [f64; 3],
     pub(super) length: f64,
     pub(super) channels: Vec<Channel>,
@@ -151,11 +158,11 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         }
     }
 
-    fn pair(q: &[f64], bodies: [Option<usize>; 2]) -> [&[f64; N]; 2] {
+    pub(super) fn pair(q: &[f64], bodies: [Option<usize>; 2]) -> [&[f64; N]; 2] {
         [Self::pose(q, bodies[0]), Self::pose(q, bodies[1])]
     }
 
-    fn rates(v: &[f64], bodies: [Option<usize>; 2]) -> [&[f64; N]; 2] {
+    pub(super) fn rates(v: &[f64], bodies: [Option<usize>; 2]) -> [&[f64; N]; 2] {
         [Self::rate(v, bodies[0]), Self::rate(v, bodies[1])]
     }
 
@@ -589,6 +596,30 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         let at = self.constraints.partition_point(|c| c.row <= row) - 1;
         let c = &self.constraints[at];
         (&c.name, c.element.row_name(row - c.row))
+    }
+
+    fn displacements(&self) -> &[Displacement] {
+        &self.displacements
+    }
+
+    fn displacement(&self, k: usize, q: &[f64]) -> f64 {
+        displacements::value(self, k, q)
+    }
+
+    fn displacement_gradient(&self, k: usize, q: &[f64], gradient: &mut [f64]) {
+        displacements::gradient(self, k, q, gradient);
+    }
+
+    fn displacement_curvature(&self, k: usize, q: &[f64], v: &[f64]) -> f64 {
+        displacements::curvature(self, k, q, v)
+    }
+
+    fn displacement_blocks(&self, k: usize, state: &State, a0: &mut [f64], a1: &mut [f64]) {
+        displacements::blocks(self, k, state, a0, a1);
+    }
+
+    fn displacement_stiffness(&self, k: usize, q: &[f64]) -> Option<f64> {
+        displacements::stiffness(self, k, q)
     }
 
     fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]) {

@@ -5,7 +5,7 @@ use super::cartesian_planar::Planar;
 use super::cartesian_spatial::Spatial;
 use super::structure::{Sizes, Structure};
 use super::turns::Turns;
-use super::{Measure, System, quantities};
+use super::{Measure, System, displacements, quantities};
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use holonom_linalg::BlockMatrix;
@@ -103,12 +103,15 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     };
     let mut gravity = model.gravity;
     gravity[D..].fill(0.0);
+    let (displacements, measures) = displacements::find::<S, D, N>(model, center);
     let mut system = Cartesian {
         structure,
         slots,
         bodies,
         constraints,
         forces,
+        displacements,
+        measures,
         gravity,
         length: model.characteristic_length(),
         channels: Vec::new(),

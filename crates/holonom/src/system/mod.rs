@@ -8,6 +8,7 @@ mod cartesian;
 mod cartesian_planar;
 mod cartesian_spatial;
 mod compile;
+mod displacements;
 mod quantities;
 mod structure;
 mod turns;
@@ -175,12 +176,43 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// Name of the joint, driver or body that a row belongs to.
     fn row_item(&self, row: usize) -> (&str, &'static str);
 
+    /// Displacements that can be independent variables: those of joints that slide along an axis
+    /// that turns, the elongations of springs, and the translations of bushings.
+    fn displacements(&self) -> &[Displacement];
+
+    /// s(q) of displacement `k`, m.
+    fn displacement(&self, k: usize, q: &[f64]) -> f64;
+
+    /// s_q, over the coordinates of the first and the second body (2·per_body).
+    fn displacement_gradient(&self, k: usize, q: &[f64], gradient: &mut [f64]);
+
+    /// (s_q q̇)_q q̇: what s̈ has beside s_q q̈, m/s².
+    fn displacement_curvature(&self, k: usize, q: &[f64], v: &[f64]) -> f64;
+
+    /// (s_q q̇)_q and (s̈)_q, in the layout of the gradient.
+    fn displacement_blocks(&self, k: usize, state: &State, a0: &mut [f64], a1: &mut [f64]);
+
+    /// Stiffness of the force along displacement `k`, N/m; `None` for a joint.
+    fn displacement_stiffness(&self, k: usize, q: &[f64]) -> Option<f64>;
+
     /// State in the coordinates of this system of the model's stated poses and rates:
     /// the body's origin position, orientation, velocity, angular velocity in ground axes.
     fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]);
 
     /// The inverse of [`System::set_body`].
     fn body(&self, body: usize, q: &[f64], v: &[f64]) -> BodyPose;
+}
+
+/// A displacement between two bodies, a function s(q) of their coordinates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Displacement {
+    /// Name of the joint or spring.
+    pub name: String,
+    /// Its first and its second body.
+    pub bodies: [Option<usize>; 2],
+    /// Length against which it must be small for its direction to keep its meaning, m: the free
+    /// length of a spring, infinite for a displacement along axes of a body.
+    pub length: f64,
 }
 
 /// Position and motion of a body frame in ground axes.
