@@ -98,24 +98,22 @@ impl DescriptorMatrix {
         let mut constants = Vec::new();
         let columns: Vec<usize> = match &parametrization.projection {
             Projection::Selection(independent) => {
-                for k in first_own..first_own + displacements {
-                    entries.push((k, k));
-                    constants.push(-1.0);
-                }
                 independent.iter().copied().chain(first_own..first_own + displacements).collect()
             }
             Projection::Basis(rows) => {
                 for (k, row) in rows.chunks_exact(n).enumerate() {
                     entries.extend((0..n).map(|j| (first_own + k, j)));
                     constants.extend_from_slice(row);
-                    entries.push((first_own + k, first_own + k));
-                    constants.push(-1.0);
                 }
                 (first_own..first_own + ndof).collect()
             }
         };
         let owned = columns.iter().filter(|c| **c >= first_own).count();
         let size = first_own + owned;
+        for k in first_own..size {
+            entries.push((k, k));
+            constants.push(-1.0);
+        }
         let moving = manifold.chart().moving().clone();
         let mut moving_sources = Vec::new();
         for (at, row, column) in moving.entries() {

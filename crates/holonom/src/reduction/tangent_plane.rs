@@ -1,7 +1,7 @@
 //! Choice of the parametrization: independent coordinates, or a basis of the tangent plane.
 
 use super::chart::{Parametrization, Projection};
-use super::displacements::take_displacements;
+use super::displacements::{BodyRows, take_displacements};
 use super::manifold::Manifold;
 use super::partitioning::partition;
 use crate::error::EvaluationFailure;
@@ -49,8 +49,8 @@ const ROTATION_SHARE: f64 = 0.125;
 const NEGLIGIBLE: f64 = 1e-13;
 
 /// A parametrization at a state with Jacobian `g`; `displacements` tells whether independent
-/// coordinates may give way to displacements, see [`take_displacements`]. A tangent plane stays as it
-/// is: its rows are fixed directions in the space of all coordinates. Rank, kept and redundant rows are those
+/// coordinates may give way to displacements, see [`take_displacements`]; a tangent plane is then that
+/// of the configurations that leave them as they are. Rank, kept and redundant rows are those
 /// of the partition, whichever is chosen.
 ///
 /// The tangent plane is an orthonormal basis N of null(G), with lengths measured against the
@@ -82,35 +82,49 @@ pub fn choose(
 ) -> Result<Parametrization, EvaluationFailure> {
     let system = manifold.system().as_ref();
     let mut parametrization = partition(system, &state.q, g);
-    if choice != Choice::Partitioning {
-        let rows = tangent_plane(choice, system, &parametrization, g).map_err(|error| {
-            EvaluationFailure {
-                code: "simulation/singular-configuration",
-                message: format!("the tangent plane of the constraints was not found: {error}"),
-            }
-        })?;
-        parametrization.projection = Projection::Basis(rows);
-    } else if displacements {
+    if displacements {
         take_displacements(&mut parametrization, manifold, state, g)?;
+    }
+    if choice != Choice::Partitioning {
+        let rows =
+            tangent_plane(choice, system, &parametrization, &state.q, g).map_err(|error| {
+                EvaluationFailure {
+                    code: "simulation/singular-configuration",
+                    message: format!("the tangent plane of the constraints was not found: {error}"),
+                }
+            })?;
+        parametrization.projection = Projection::Basis(rows);
     }
     Ok(parametrization)
 }
 
-/// P, ndof×n by rows.
+/// P but for the rows of displacements, by rows.
 fn tangent_plane(
     choice: Choice,
     system: &dyn System,
     parametrization: &Parametrization,
+    q: &[f64],
     g: &BlockMatrix,
 ) -> Result<Vec<f64>, DecompositionError> {
     let structure = system.structure();
     let n = structure.sizes.coordinates;
-    let (rank, ndof) = (parametrization.kept.len(), parametrization.ndof);
+    let (rank, ndof) = (n - parametrization.linear(), parametrization.linear());
+    if ndof == 0 {
+        return Ok(Vec::new());
+    }
     let length = system.characteristic_length();
     let turns = |i: usize| structure.coordinate_measure(i) == Measure::Angle;
-    let dense = g.to_dense();
+    let mut dense = g.to_dense();
+    let taken = &parametrization.displacements;
+    let mut moving = BodyRows::new(system, taken);
+    moving.evaluate(system, taken, q);
+    let m = structure.sizes.rows;
+    dense.resize((m + taken.len()) * n, 0.0);
+    for (at, row, column) in moving.entries() {
+        dense[(m + row) * n + column] = moving.value(at);
+    }
     let mut a = Vec::with_capacity(rank * n);
-    for &row in &parametrization.kept {
+    for row in parametrization.kept.iter().copied().chain(m..m + taken.len()) {
         let row = &dense[row * n..(row + 1) * n];
         let scaled = |i: usize| if turns(i) { row[i] } else { row[i] * length };
         let largest = (0..n).fold(0.0f64, |m, i| m.max(scaled(i).abs()));
