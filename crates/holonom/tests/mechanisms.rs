@@ -55,6 +55,13 @@ fn andrews_has_its_reference_end_values() {
     }
 }
 
+#[test] // independent truth: two equations in elongation and angle, Radau IIA
+fn the_stiff_slider_follows_its_polar_coordinates() {
+    for code in [Code::ForSdirk, Code::ForRosen, Code::ForRadau, Code::SspSdirk15] {
+        assert_agrees("stiff_slider", code, 1e-8, |_| 1e-6);
+    }
+}
+
 #[test] // independent truth: one equation in the crank angle, DOP853
 fn the_slider_crank_follows_its_minimal_coordinate() {
     for code in common::ALL_CODES {

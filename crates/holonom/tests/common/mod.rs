@@ -20,6 +20,7 @@ pub(crate) const LIBRARY: &[&str] = &[
     "chain50_free",
     "slider_crank",
     "spatial_four_bar",
+    "stiff_slider",
     "hmmwv14",
     "hmmwv14_bushing",
 ];
