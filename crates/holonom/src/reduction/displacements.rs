@@ -160,8 +160,15 @@ pub(super) fn take_displacements(
         if !stiff[k] {
             continue;
         }
-        let largest = row.iter().zip(&scale).fold(0.0f64, |m, (x, s)| m.max((x * s).abs()));
-        if largest > LEAST_MOVEMENT {
+        let size = |(x, s): (&f64, &f64)| (x * s).abs();
+        let largest = row.iter().zip(&scale).map(size).fold(0.0, f64::max);
+        // In a loop a joint that slides has dead points, which rotations may be free of: it takes the
+        // place of translations.
+        let joint = system.displacement_stiffness(k, &state.q).is_none();
+        let is_length = |i: usize| system.structure().coordinate_measure(i) == Measure::Length;
+        let moved =
+            row.iter().zip(&scale).zip(independent).filter(|(_, i)| !joint || is_length(**i));
+        if moved.map(|(x, _)| size(x)).fold(0.0, f64::max) > LEAST_MOVEMENT {
             candidates.push(k);
             a.extend(row.iter().zip(&scale).map(|(x, s)| x * s / largest));
         }
