@@ -140,7 +140,6 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
         out: &mut RowBlocks<T, N>,
     ) {
         *out = RowBlocks::zero();
-        let link = self.link(q);
         let second = |x: &Vector<D>| x.second::<T, S, N, R>(&self.points, q, w);
         if self.coincide {
             let link = second(&Vector::Link);
@@ -148,6 +147,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
                 out.set(d, &link.row(d));
             }
         }
+        if self.dots.is_empty() {
+            return;
+        }
+        let link = self.link(q);
         for (row, d) in (self.first_dot()..).zip(&self.dots) {
             let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
             let scale = T::from(d.scale);
@@ -163,11 +166,14 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
     #[inline(always)]
     pub(super) fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]) {
         *out = [T::zero(); 6];
-        let link = self.link(q);
         let second = |x: &Vector<D>| x.second::<T, S, N, R>(&self.points, q, v).times(v);
         if self.coincide {
             out[..D].copy_from_slice(&second(&Vector::Link));
         }
+        if self.dots.is_empty() {
+            return;
+        }
+        let link = self.link(q);
         for (row, d) in (self.first_dot()..).zip(&self.dots) {
             let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
             let mixed = dot(&x.d.times(v), &y.d.times(v)) * 2.0;
@@ -183,7 +189,6 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
         out: &mut RowBlocks<T, N>,
     ) {
         *out = RowBlocks::zero();
-        let link = self.link(q);
         let second = |x: &Vector<D>| x.second::<T, S, N, R>(&self.points, q, v);
         let third = |x: &Vector<D>| x.third::<T, S, N, R>(&self.points, q, v);
         if self.coincide {
@@ -192,6 +197,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
                 out.set(d, &link.row(d));
             }
         }
+        if self.dots.is_empty() {
+            return;
+        }
+        let link = self.link(q);
         for (row, d) in (self.first_dot()..).zip(&self.dots) {
             let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
             let (xx, yy) = (second(&d.x), second(&d.y));

@@ -42,18 +42,21 @@ impl Space<2, 3, 1> for Planar {
 
     #[inline(always)]
     fn slope<T: Real>(q: &[T; 3], a: &[T; 2]) -> [[T; 1]; 2] {
-        planar::quarter_turn(&Self::rotate(q, a)).map(|x| [x])
+        let [x, y] = planar::quarter_turn(&Self::rotate(q, a));
+        [[x], [y]]
     }
 
     #[inline(always)]
     fn second<T: Real>(q: &[T; 3], w: &[T; 3], a: &[T; 2]) -> [[T; 1]; 2] {
-        Self::rotate(q, a).map(|x| [-w[2] * x])
+        let [x, y] = Self::rotate(q, a);
+        [[-w[2] * x], [-w[2] * y]]
     }
 
     #[inline(always)]
     fn third<T: Real>(q: &[T; 3], w: &[T; 3], a: &[T; 2]) -> Option<[[T; 1]; 2]> {
         let f = -w[2] * w[2];
-        Some(Self::slope(q, a).map(|x| [f * x[0]]))
+        let [[x], [y]] = Self::slope(q, a);
+        Some([[f * x], [f * y]])
     }
 
     #[inline(always)]

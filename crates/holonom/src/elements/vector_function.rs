@@ -4,7 +4,7 @@
 use super::PairBlocks;
 use super::space::Space;
 use crate::math::Real;
-use crate::math::vector::{difference, lift, sum};
+use crate::math::vector::lift;
 
 /// A vector function of two poses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -199,8 +199,28 @@ pub(super) struct Jet<T, const D: usize, const R: usize> {
     pub(super) d: Columns<T, D, R>,
 }
 
-fn negative<T: Real, const D: usize, const R: usize>(m: [[T; R]; D]) -> [[T; R]; D] {
-    m.map(|row| row.map(|x| -x))
+/// `sign` times the derivative of A a of the given order.
+#[inline(always)]
+fn turn<T: Real, S, const D: usize, const N: usize, const R: usize, const ORDER: u8>(
+    q: &[T; N],
+    w: &[T; N],
+    a: &[f64; D],
+    sign: T,
+) -> Option<[[T; R]; D]>
+where
+    S: Space<D, N, R>,
+{
+    let mut out = match ORDER {
+        1 => S::slope(q, &lift(a)),
+        2 => S::second(q, w, &lift(a)),
+        _ => S::third(q, w, &lift(a))?,
+    };
+    for row in &mut out {
+        for x in row {
+            *x *= sign;
+        }
+    }
+    Some(out)
 }
 
 impl<const D: usize> Vector<D> {
@@ -217,10 +237,14 @@ impl<const D: usize> Vector<D> {
             Self::First(a) => S::rotate(q[0], &lift(a)),
             Self::Second(a) => S::rotate(q[1], &lift(a)),
             Self::Link => {
-                let arms = [0, 1].map(|side| S::rotate(q[side], &lift(&points[side])));
+                let first = S::rotate(q[0], &lift(&points[0]));
+                let second = S::rotate(q[1], &lift(&points[1]));
                 // centres first: far from the origin their difference is exact where arms are not
-                let centers = std::array::from_fn(|d| q[1][d] - q[0][d]);
-                sum(&centers, &difference(&arms[1], &arms[0]))
+                let mut out = [T::zero(); D];
+                for d in 0..D {
+                    out[d] = (q[1][d] - q[0][d]) + (second[d] - first[d]);
+                }
+                out
             }
         }
     }
@@ -236,7 +260,7 @@ impl<const D: usize> Vector<D> {
         S: Space<D, N, R>,
     {
         let x = self.value::<T, S, N, R>(points, q);
-        Jet { x, d: self.columns(points, |side, a| Some(S::slope(q[side], a)), true) }
+        Jet { x, d: self.columns::<T, S, N, R, 1>(points, q, q) }
     }
 
     /// D²_x\[w].
@@ -250,7 +274,7 @@ impl<const D: usize> Vector<D> {
     where
         S: Space<D, N, R>,
     {
-        self.columns(points, |side, a| Some(S::second(q[side], w[side], a)), false)
+        self.columns::<T, S, N, R, 2>(points, q, w)
     }
 
     /// D³_x\[w].
@@ -264,22 +288,36 @@ impl<const D: usize> Vector<D> {
     where
         S: Space<D, N, R>,
     {
-        self.columns(points, |side, a| S::third(q[side], w[side], a), false)
+        self.columns::<T, S, N, R, 3>(points, q, w)
     }
 
+    /// The derivative of the given order; no closures, which would be compiled by themselves and
+    /// turn the same vectors again.
     #[inline(always)]
-    fn columns<T: Real, const R: usize>(
+    fn columns<T: Real, S, const N: usize, const R: usize, const ORDER: u8>(
         &self,
         points: &[[f64; D]; 2],
-        turn: impl Fn(usize, &[T; D]) -> Option<[[T; R]; D]>,
-        shift: bool,
-    ) -> Columns<T, D, R> {
+        q: [&[T; N]; 2],
+        w: [&[T; N]; 2],
+    ) -> Columns<T, D, R>
+    where
+        S: Space<D, N, R>,
+    {
         match self {
-            Self::First(a) => Columns { shift: false, turn: [turn(0, &lift(a)), None] },
-            Self::Second(a) => Columns { shift: false, turn: [None, turn(1, &lift(a))] },
+            Self::First(a) => Columns {
+                shift: false,
+                turn: [turn::<T, S, D, N, R, ORDER>(q[0], w[0], a, T::one()), None],
+            },
+            Self::Second(a) => Columns {
+                shift: false,
+                turn: [None, turn::<T, S, D, N, R, ORDER>(q[1], w[1], a, T::one())],
+            },
             Self::Link => Columns {
-                shift,
-                turn: [turn(0, &lift(&points[0])).map(negative), turn(1, &lift(&points[1]))],
+                shift: ORDER == 1,
+                turn: [
+                    turn::<T, S, D, N, R, ORDER>(q[0], w[0], &points[0], -T::one()),
+                    turn::<T, S, D, N, R, ORDER>(q[1], w[1], &points[1], T::one()),
+                ],
             },
         }
     }

@@ -6,6 +6,7 @@ pub mod planar;
 mod real;
 pub mod spatial;
 mod time_function;
+mod trigonometry;
 pub mod vector;
 
 pub use interpolation::{MonotoneCubic, Spline, TableError};

@@ -5,7 +5,7 @@ use super::Real;
 /// A(θ) a.
 #[inline(always)]
 pub fn rotate<T: Real>(angle: T, a: &[T; 2]) -> [T; 2] {
-    let (s, c) = angle.sin_cos();
+    let (s, c) = angle.sine_cosine();
     [c * a[0] - s * a[1], s * a[0] + c * a[1]]
 }
 

@@ -4,14 +4,15 @@ use super::BodyPose;
 use super::cartesian::Space;
 use crate::elements::Quantity;
 use crate::elements::planar::{Constraint, Force};
+use crate::math::planar::rotate;
 use crate::model;
 
 /// Marker of the planar space.
 pub(super) struct Planar;
 
 fn turn(angle: f64, s: &[f64; 3]) -> [f64; 3] {
-    let (sin, cos) = angle.sin_cos();
-    [cos * s[0] - sin * s[1], sin * s[0] + cos * s[1], 0.0]
+    let [x, y] = rotate(angle, &[s[0], s[1]]);
+    [x, y, 0.0]
 }
 
 impl Space<2, 3> for Planar {
