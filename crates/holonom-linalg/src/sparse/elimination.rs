@@ -1,16 +1,33 @@
-//! Numerical elimination with frozen pivots, row by row.
+//! Numerical elimination with frozen pivots, row by row, in the places where the factors stay.
 
 use crate::sparse::symbolic::FactorPattern;
 
-/// A pivot below this fraction of the largest number its row ever held is cancellation noise.
+/// A pivot below this fraction of the largest number its row holds is cancellation noise.
 pub(super) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
 
-/// One entry of the scaled and permuted matrix: its column, its slot among the values, its scale.
+/// One entry of the scaled and permuted matrix: its slot among the values, its place in the row of
+/// the factors, its scale.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Entry {
-    pub(super) column: u32,
-    pub(super) slot: u32,
-    pub(super) scale: f64,
+struct Load {
+    slot: u32,
+    place: u32,
+    scale: f64,
+}
+
+/// One row of the factors: L up to the pivot, then U.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    start: u32,
+    pivot: u32,
+    end: u32,
+}
+
+/// The numbers of L or U in a row that has some.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Side {
+    pub(super) row: u32,
+    pub(super) start: u32,
+    pub(super) end: u32,
 }
 
 /// Part of a row of L whose columns follow one another and whose rows of U agree beyond them.
@@ -19,27 +36,30 @@ struct Segment {
     /// First column, and how many.
     first: u32,
     count: u32,
-    /// Where the first of these rows of U begins, and where the columns they share.
-    block: u32,
-    shared_start: u32,
+    /// Place of the first multiple in the row.
+    place: u32,
+    /// Columns that the rows of U share beyond the segment.
     shared: u32,
 }
 
-/// What elimination does for each row: how many entries it reads, how many segments it subtracts.
+/// The factors of Â = P L U, with pivots P and unit diagonals of L and U, and what elimination does
+/// for each row.
 #[derive(Debug, Clone)]
-pub(super) struct Plan {
-    entries: Vec<Entry>,
-    segments: Vec<Segment>,
-    counts: Vec<(u32, u32)>,
-}
-
-/// The factors' numbers, and one row while it is eliminated (zero between calls).
-#[derive(Debug, Clone)]
-pub(super) struct Numbers {
-    pub(super) l: Vec<f64>,
-    pub(super) u: Vec<f64>,
+pub(super) struct Factors {
+    rows: Vec<Row>,
+    /// Column of every number.
+    pub(super) columns: Vec<u32>,
+    /// L, a place for the pivot, U, row by row.
+    pub(super) numbers: Vec<f64>,
     pub(super) inverse_pivot: Vec<f64>,
-    row: Vec<f64>,
+    pub(super) left: Vec<Side>,
+    pub(super) right: Vec<Side>,
+    loads: Vec<Load>,
+    segments: Vec<Segment>,
+    /// Places in the row of the columns that the rows of U of a segment share.
+    targets: Vec<u32>,
+    /// Entries of the matrix and segments of each row.
+    counts: Vec<(u32, u32)>,
 }
 
 /// A row that could not be eliminated.
@@ -48,108 +68,125 @@ pub(super) struct Stopped {
     pub(super) pivot: f64,
 }
 
-impl Numbers {
-    pub(super) fn new(pattern: &FactorPattern) -> Self {
-        let n = pattern.n();
-        Self {
-            l: vec![0.0; pattern.l_column.len()],
-            u: vec![0.0; pattern.u_column.len()],
-            inverse_pivot: vec![0.0; n],
-            row: vec![0.0; n],
-        }
-    }
-}
-
-impl Plan {
-    /// Cuts every row of L into segments.
+impl Factors {
+    /// Plans the elimination of a matrix whose scaled and permuted rows have the entries (column,
+    /// slot, scale).
     ///
     /// Rows p and p + 1 of U belong together when the pattern of p is p + 1 and the pattern of
     /// p + 1. A row of L that uses p then also uses p + 1, since elimination with p fills it.
-    pub(super) fn new(pattern: &FactorPattern, rows: &[Vec<Entry>]) -> Self {
-        let joined: Vec<bool> = (0..pattern.n())
+    pub(super) fn new(pattern: &FactorPattern, entries: &[Vec<(u32, usize, f64)>]) -> Self {
+        let n = pattern.n();
+        let right = |p: usize| &pattern.u_column[pattern.u_range(p)];
+        let joined: Vec<bool> = (0..n)
             .map(|p| {
-                p + 1 < pattern.n() && {
-                    let (this, next) = (pattern.u_range(p), pattern.u_range(p + 1));
-                    this.len() == next.len() + 1
-                        && pattern.u_column[this.start] as usize == p + 1
-                        && pattern.u_column[this.start + 1..this.end] == pattern.u_column[next]
-                }
+                p + 1 < n
+                    && right(p).first() == Some(&(p as u32 + 1))
+                    && right(p)[1..] == *right(p + 1)
             })
             .collect();
-        let mut plan = Self { entries: rows.concat(), segments: Vec::new(), counts: Vec::new() };
-        for (i, entries) in rows.iter().enumerate() {
-            let from = plan.segments.len();
-            for &j in &pattern.l_column[pattern.l_range(i)] {
-                let range = pattern.u_range(j as usize);
-                match plan.segments[from..].last_mut() {
-                    Some(s) if s.first + s.count == j && joined[j as usize - 1] => {
-                        s.count += 1;
-                        s.shared_start = range.start as u32;
-                        s.shared = range.len() as u32;
-                    }
-                    _ => plan.segments.push(Segment {
+        let mut out = Self {
+            rows: Vec::with_capacity(n),
+            columns: Vec::new(),
+            numbers: Vec::new(),
+            inverse_pivot: vec![0.0; n],
+            left: Vec::new(),
+            right: Vec::new(),
+            loads: Vec::new(),
+            segments: Vec::new(),
+            targets: Vec::new(),
+            counts: Vec::with_capacity(n),
+        };
+        let mut place = vec![u32::MAX; n];
+        for (i, entries) in entries.iter().enumerate() {
+            let left = &pattern.l_column[pattern.l_range(i)];
+            let start = out.columns.len();
+            out.columns.extend(left);
+            out.columns.push(i as u32);
+            out.columns.extend(right(i));
+            for (at, &column) in out.columns[start..].iter().enumerate() {
+                place[column as usize] = at as u32;
+            }
+            let row = Row {
+                start: start as u32,
+                pivot: (start + left.len()) as u32,
+                end: out.columns.len() as u32,
+            };
+            for (side, start, end) in
+                [(&mut out.left, row.start, row.pivot), (&mut out.right, row.pivot + 1, row.end)]
+            {
+                if start < end {
+                    side.push(Side { row: i as u32, start, end });
+                }
+            }
+            out.rows.push(row);
+            out.loads.extend(entries.iter().map(|&(column, slot, scale)| Load {
+                slot: slot as u32,
+                place: place[column as usize],
+                scale,
+            }));
+            let from = out.segments.len();
+            for (at, &j) in left.iter().enumerate() {
+                match out.segments[from..].last_mut() {
+                    Some(s) if s.first + s.count == j && joined[j as usize - 1] => s.count += 1,
+                    _ => out.segments.push(Segment {
                         first: j,
                         count: 1,
-                        block: range.start as u32,
-                        shared_start: range.start as u32,
-                        shared: range.len() as u32,
+                        place: at as u32,
+                        shared: 0,
                     }),
                 }
             }
-            plan.counts.push((entries.len() as u32, (plan.segments.len() - from) as u32));
+            for segment in &mut out.segments[from..] {
+                let columns = right((segment.first + segment.count - 1) as usize);
+                segment.shared = columns.len() as u32;
+                out.targets.extend(columns.iter().map(|&k| place[k as usize]));
+            }
+            out.counts.push((entries.len() as u32, (out.segments.len() - from) as u32));
         }
-        plan
+        out.numbers = vec![0.0; out.columns.len()];
+        out
     }
 
     /// Eliminates the matrix with these values; returns the largest growth of a number in its row.
     ///
-    /// Stops at a row whose pivot is negligible or not finite, or whose numbers grow beyond
-    /// `growth_limit`.
-    pub(super) fn eliminate(
-        &self,
-        pattern: &FactorPattern,
-        values: &[f64],
-        growth_limit: f64,
-        numbers: &mut Numbers,
-    ) -> Result<f64, Stopped> {
-        let row = &mut numbers.row[..];
-        let mut entries = &self.entries[..];
+    /// Stops at a row whose pivot is negligible or not finite.
+    pub(super) fn eliminate(&mut self, values: &[f64]) -> Result<f64, Stopped> {
+        let mut loads = &self.loads[..];
         let mut segments = &self.segments[..];
-        let mut l = &mut numbers.l[..];
+        let mut targets = &self.targets[..];
         let mut growth = 0.0f64;
-        for (i, &(n_entries, n_segments)) in self.counts.iter().enumerate() {
-            let mut peak = Peak(0);
-            for entry in split_off(&mut entries, n_entries) {
-                let a = values[entry.slot as usize] * entry.scale;
-                row[entry.column as usize] = a;
-                peak.see(a);
+        for (i, (row, &(n_loads, n_segments))) in self.rows.iter().zip(&self.counts).enumerate() {
+            let (above, rest) = self.numbers.split_at_mut(row.start as usize);
+            let here = &mut rest[..(row.end - row.start) as usize];
+            if here.len() > n_loads as usize {
+                here.fill(0.0);
             }
-            let size = peak.value();
+            let mut size = Peak(0);
+            for load in split_off(&mut loads, n_loads) {
+                let a = values[load.slot as usize] * load.scale;
+                here[load.place as usize] = a;
+                size.see(a);
+            }
             for segment in split_off(&mut segments, n_segments) {
-                let (here, rest) = std::mem::take(&mut l).split_at_mut(segment.count as usize);
-                l = rest;
-                let range = segment.first as usize..(segment.first + segment.count) as usize;
-                let inverse = &numbers.inverse_pivot[range];
-                segment.subtract(row, here, inverse, &numbers.u, &pattern.u_column, &mut peak);
+                let targets = split_off(&mut targets, segment.shared);
+                segment.subtract(here, targets, &self.rows, above);
             }
-            let u = pattern.u_range(i);
-            for (&k, u) in pattern.u_column[u.clone()].iter().zip(&mut numbers.u[u]) {
-                *u = std::mem::take(&mut row[k as usize]);
-                peak.see(*u);
+            let mut peak = Peak(size.0);
+            for &x in &*here {
+                peak.see(x);
             }
-            let pivot = std::mem::take(&mut row[i]);
-            peak.see(pivot);
-            let peak = peak.value();
-            numbers.inverse_pivot[i] = 1.0 / pivot;
+            let (peak, size) = (peak.value(), size.value());
+            let found = here[(row.pivot - row.start) as usize];
+            let inverse = 1.0 / found;
+            self.inverse_pivot[i] = inverse;
+            for x in here {
+                *x *= inverse;
+            }
             growth = growth.max(peak / size);
             // Written so that a NaN fails.
-            let good = pivot.abs() > NEGLIGIBLE * peak
-                && peak <= growth_limit * size
-                && numbers.inverse_pivot[i].is_finite()
-                && peak.is_finite();
+            let good = found.abs() > NEGLIGIBLE * peak && inverse.is_finite() && peak.is_finite();
             if !good {
-                row.fill(0.0);
-                return Err(Stopped { position: i, pivot });
+                return Err(Stopped { position: i, pivot: found });
             }
         }
         Ok(growth)
@@ -157,73 +194,49 @@ impl Plan {
 }
 
 impl Segment {
-    /// Subtracts from the row its multiples of the rows of U of this segment, and keeps these
-    /// multiples in `l`.
+    /// Subtracts from the row its multiples of the rows of U of this segment.
     #[inline(always)]
-    fn subtract(
-        &self,
-        row: &mut [f64],
-        l: &mut [f64],
-        inverse_pivot: &[f64],
-        u: &[f64],
-        u_column: &[u32],
-        peak: &mut Peak,
-    ) {
-        let (first, shared) = (self.first as usize, self.shared as usize);
-        let columns = &u_column[self.shared_start as usize..][..shared];
-        if let ([l], [inverse]) = (&mut *l, inverse_pivot) {
-            let numerator = std::mem::take(&mut row[first]);
-            peak.see(numerator);
-            *l = numerator * inverse;
-            let u = &u[self.shared_start as usize..][..shared];
-            for (&k, u) in columns.iter().zip(u) {
-                row[k as usize] -= *l * u;
+    fn subtract(&self, here: &mut [f64], targets: &[u32], rows: &[Row], above: &[f64]) {
+        let (place, count) = (self.place as usize, self.count as usize);
+        let rows = &rows[self.first as usize..][..count];
+        let right = |k: usize| &above[rows[k].pivot as usize + 1..rows[k].end as usize];
+        if count == 1 {
+            let multiple = here[place];
+            for (&t, u) in targets.iter().zip(right(0)) {
+                here[t as usize] -= multiple * u;
             }
             return;
         }
-        let count = l.len();
         // The triangle: columns of the segment itself.
-        let inside = &mut row[first..first + count];
-        let mut block = &u[self.block as usize..];
-        for a in 0..count {
-            let numerator = std::mem::take(&mut inside[a]);
-            peak.see(numerator);
-            let multiple = numerator * inverse_pivot[a];
-            l[a] = multiple;
-            let (triangle, rest) = block.split_at(count - 1 - a);
-            for (r, u) in inside[a + 1..].iter_mut().zip(triangle) {
+        for k in 0..count {
+            let multiple = here[place + k];
+            for (r, u) in here[place + k + 1..place + count].iter_mut().zip(right(k)) {
                 *r -= multiple * u;
             }
-            block = &rest[shared..];
         }
         // The columns that its rows share, four rows at a time.
-        let mut block = &u[self.block as usize..];
-        let mut triangle = count;
-        let mut next_row = || {
-            triangle -= 1;
-            let (this, rest) = block[triangle..].split_at(shared);
-            block = rest;
-            this
-        };
-        let (fours, mut l) = l.as_chunks::<4>();
-        for l in fours {
-            let (u0, u1, u2, u3) = (next_row(), next_row(), next_row(), next_row());
-            for t in 0..shared {
-                row[columns[t] as usize] -=
-                    (l[0] * u0[t] + l[1] * u1[t]) + (l[2] * u2[t] + l[3] * u3[t]);
+        let shared = |k: usize| &right(k)[count - 1 - k..][..targets.len()];
+        let mut k = 0;
+        while k + 4 <= count {
+            let l: [f64; 4] = std::array::from_fn(|s| here[place + k + s]);
+            let (u0, u1, u2, u3) = (shared(k), shared(k + 1), shared(k + 2), shared(k + 3));
+            for (t, &at) in targets.iter().enumerate() {
+                here[at as usize] -= (l[0] * u0[t] + l[1] * u1[t]) + (l[2] * u2[t] + l[3] * u3[t]);
             }
+            k += 4;
         }
-        if let [l0, l1, rest @ ..] = l {
-            l = rest;
-            let (u0, u1) = (next_row(), next_row());
-            for t in 0..shared {
-                row[columns[t] as usize] -= l0 * u0[t] + l1 * u1[t];
+        if k + 2 <= count {
+            let (l0, l1) = (here[place + k], here[place + k + 1]);
+            let (u0, u1) = (shared(k), shared(k + 1));
+            for (t, &at) in targets.iter().enumerate() {
+                here[at as usize] -= l0 * u0[t] + l1 * u1[t];
             }
+            k += 2;
         }
-        if let [l0] = l {
-            let u0 = next_row();
-            for t in 0..shared {
-                row[columns[t] as usize] -= l0 * u0[t];
+        if k < count {
+            let l = here[place + k];
+            for (&at, u) in targets.iter().zip(shared(k)) {
+                here[at as usize] -= l * u;
             }
         }
     }

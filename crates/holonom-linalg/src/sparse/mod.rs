@@ -7,15 +7,15 @@ mod substitution;
 mod symbolic;
 
 use crate::error::SingularMatrix;
-use crate::lanes::{MOST_LANES, run_lanes};
+use crate::lanes::{LaneKernel, MOST_LANES, run_lanes};
 
-use elimination::{Entry, Numbers, Plan};
+use elimination::Factors;
 pub use pattern::SparsePattern;
 use substitution::Substitution;
 use symbolic::FactorPattern;
 
-/// Growth of numbers during elimination beyond which frozen pivots are given up.
-const GROWTH_LIMIT: f64 = 1e6;
+/// Most corrections of an iterative refinement.
+const MAX_REFINEMENTS: u32 = 5;
 
 /// LU factors of a square sparse matrix whose pattern never changes.
 ///
@@ -30,9 +30,7 @@ const GROWTH_LIMIT: f64 = 1e6;
 pub struct SparseLu {
     n: usize,
     n_values: usize,
-    pattern: FactorPattern,
-    plan: Plan,
-    numbers: Numbers,
+    factors: Factors,
     /// Row and column of A at each position of Â, and their scales.
     row_at: Vec<usize>,
     column_at: Vec<usize>,
@@ -40,11 +38,11 @@ pub struct SparseLu {
     column_scale: Vec<f64>,
     permutation_sign: f64,
     growth: f64,
-    growth_limit: f64,
     operations: usize,
     /// Right-hand sides in the order of Â.
     work: Vec<f64>,
     residual: Vec<f64>,
+    right: Vec<f64>,
 }
 
 impl SparseLu {
@@ -74,49 +72,41 @@ impl SparseLu {
         for (p, &j) in order.columns.iter().enumerate() {
             position[j] = p as u32;
         }
-        let entry = |(slot, j): (usize, usize)| Entry {
-            column: position[j],
-            slot: slot as u32,
-            scale: a_scale[slot],
-        };
-        let entries: Vec<Vec<Entry>> =
-            order.rows.iter().map(|&i| pattern.row(i).map(entry).collect()).collect();
+        let entries: Vec<Vec<_>> = order
+            .rows
+            .iter()
+            .map(|&i| pattern.row(i).map(|(slot, j)| (position[j], slot, a_scale[slot])).collect())
+            .collect();
         let mut lu = Self {
             n,
             n_values: values.len(),
-            plan: Plan::new(&factors, &entries),
-            numbers: Numbers::new(&factors),
+            factors: Factors::new(&factors, &entries),
             operations: factors.operations(),
-            pattern: factors,
             row_scale: order.rows.iter().map(|&i| row_scale[i]).collect(),
             column_scale: order.columns.iter().map(|&j| column_scale[j]).collect(),
             permutation_sign: parity(&order.rows) * parity(&order.columns),
             row_at: order.rows,
             column_at: order.columns,
             growth: 1.0,
-            growth_limit: f64::INFINITY,
             work: vec![0.0; n * MOST_LANES],
             residual: vec![0.0; n],
+            right: vec![0.0; n],
         };
-        lu.eliminate(values)?;
-        lu.growth_limit = GROWTH_LIMIT.max(1e3 * lu.growth);
+        lu.refactor(values)?;
         Ok(lu)
     }
 
     /// Factors the matrix with new `values` by the pivots chosen in [`analyze`](Self::analyze).
     ///
+    /// Whether these pivots are still good for the matrix is told by [`growth`](Self::growth), or
+    /// by what [`solve_refined`](Self::solve_refined) leaves.
+    ///
     /// # Errors
-    /// [`SingularMatrix`] when a pivot vanishes or is not finite, or numbers grow so much that
-    /// these pivots are no longer good for the matrix; the caller then analyzes again. The factors
-    /// must not be used after an error.
+    /// [`SingularMatrix`] when a pivot vanishes or is not finite; the caller then analyzes again.
+    /// The factors must not be used after an error.
     pub fn refactor(&mut self, values: &[f64]) -> Result<(), SingularMatrix> {
-        self.eliminate(values)
-    }
-
-    fn eliminate(&mut self, values: &[f64]) -> Result<(), SingularMatrix> {
         assert_eq!(values.len(), self.n_values, "one value for each slot of the pattern");
-        let outcome =
-            self.plan.eliminate(&self.pattern, values, self.growth_limit, &mut self.numbers);
+        let outcome = self.factors.eliminate(values);
         self.growth = outcome.map_err(|stop| SingularMatrix {
             row: self.row_at[stop.position],
             column: self.column_at[stop.position],
@@ -156,37 +146,58 @@ impl SparseLu {
         let rows = (&self.row_at[..], &self.row_scale[..]);
         let columns = (&self.column_at[..], &self.column_scale[..]);
         let (source, target) = if transposed { (columns, rows) } else { (rows, columns) };
-        let (pattern, numbers, work) = (&self.pattern, &self.numbers, &mut self.work[..]);
-        run_lanes(
-            k,
-            &mut Substitution { pattern, numbers, source, target, transposed, b, k, work },
-        );
+        let (factors, work) = (&self.factors, &mut self.work[..]);
+        let mut kernel = Substitution { factors, source, target, transposed, b, k, work };
+        if k == 1 {
+            kernel.run::<1>(0);
+        } else {
+            run_lanes(k, &mut kernel);
+        }
     }
 
-    /// Solves A x = b in place with one step of iterative refinement.
+    /// Solves A x = b in place with iterative refinement.
     ///
-    /// `pattern` and `values` are those of the last factorisation. Returns the size of the
-    /// correction relative to the solution, ‖δx‖∞ / ‖x‖∞: far above 1e-10 it says that the pivots
-    /// are bad for this matrix or the matrix is nearly singular.
+    /// `pattern` and `values` are those of the last factorisation. Corrections go on while they fall
+    /// tenfold and the next one would be above round-off. Returns the size of the next correction as
+    /// forecast, ‖δx‖∞ / ‖x‖∞: far above that of fresh pivots it says that the pivots are bad for
+    /// this matrix.
     pub fn solve_refined(&mut self, pattern: &SparsePattern, values: &[f64], b: &mut [f64]) -> f64 {
+        let mut right = std::mem::take(&mut self.right);
         let mut r = std::mem::take(&mut self.residual);
-        r.copy_from_slice(b);
+        right.copy_from_slice(b);
         self.solve(b);
-        pattern.multiply_add(values, -1.0, b, &mut r);
-        self.solve(&mut r);
-        let (mut correction, mut size) = (0.0f64, 0.0f64);
-        for (x, d) in b.iter_mut().zip(&r) {
-            *x += d;
-            correction = correction.max(d.abs());
-            size = size.max(x.abs());
+        let mut before = 1.0;
+        let mut left = 0.0;
+        for _ in 0..MAX_REFINEMENTS {
+            r.copy_from_slice(&right);
+            pattern.multiply_add(values, -1.0, b, &mut r);
+            self.solve(&mut r);
+            let (mut correction, mut size) = (0.0f64, 0.0f64);
+            for (x, d) in b.iter_mut().zip(&r) {
+                *x += d;
+                correction = correction.max(d.abs());
+                size = size.max(x.abs());
+            }
+            if size == 0.0 {
+                break;
+            }
+            correction /= size;
+            let rate = correction / before;
+            left = correction * rate.min(1.0);
+            before = correction;
+            if left <= f64::EPSILON || rate > 0.1 {
+                break;
+            }
         }
+        self.right = right;
         self.residual = r;
-        if size > 0.0 { correction / size } else { 0.0 }
+        left
     }
 
     /// Sign of det A: 1 or −1.
     pub fn determinant_sign(&self) -> f64 {
-        self.numbers.inverse_pivot.iter().fold(self.permutation_sign, |s, p| s * p.signum())
+        let pivots = &self.factors.inverse_pivot;
+        pivots.iter().fold(self.permutation_sign, |sign, pivot| sign * pivot.signum())
     }
 
     /// Estimate of the condition number ‖A‖₁‖A⁻¹‖₁ of the matrix last factored: never above the
@@ -257,7 +268,7 @@ impl SparseLu {
 
     /// Entries stored in both factors, the diagonal counted once.
     pub fn fill(&self) -> usize {
-        self.pattern.l_column.len() + self.pattern.u_column.len() + self.n
+        self.factors.numbers.len()
     }
 }
 

@@ -143,6 +143,7 @@ impl SecondOrder for Descriptor {
             }
             (Iterate::Consistent, Residual::Accelerations) => {
                 base.manifold.accelerate(state, z_rate)?;
+                base.manifold.multipliers(state);
                 base.manifold.independent_acceleration(state, &mut self.psi);
                 for (f, rate) in self.psi.iter_mut().zip(&*rate) {
                     *f = rate - *f;
@@ -305,6 +306,10 @@ impl StateSpace for Descriptor {
 
     fn evaluate(&mut self, t: f64, w: &[f64], full: bool) -> Result<&State, EvaluationFailure> {
         self.base.evaluate(t, w, full)
+    }
+
+    fn complete(&mut self) {
+        self.base.complete();
     }
 
     fn state(&self) -> &State {

@@ -36,6 +36,8 @@ pub(super) struct DescriptorMatrix {
     pattern: SparsePattern,
     values: Vec<f64>,
     lu: Option<SparseLu>,
+    /// Relative error that the last refinement left.
+    left: f64,
     /// (value of M, slot).
     mass_slots: Vec<(u32, u32)>,
     /// (value of G, slot in G, slot in Gᵀ).
@@ -60,6 +62,12 @@ pub(super) struct DescriptorMatrix {
     rate_by_position: Vec<f64>,
     right: Vec<f64>,
 }
+
+/// Growth of numbers in the elimination from which solutions are refined; before, corrections keep half
+/// their digits and the iteration makes up for the rest.
+const HARMLESS_GROWTH: f64 = 1e8;
+/// What refinement may leave of the relative error before pivots are chosen anew.
+const ACCURACY: f64 = 1e-6;
 
 impl DescriptorMatrix {
     /// Finds the pattern for the manifold's present parametrization; `reduced` for parts made of M̂₁
@@ -151,6 +159,7 @@ impl DescriptorMatrix {
             values: vec![0.0; pattern.len()],
             pattern,
             lu: None,
+            left: 0.0,
             mass_slots,
             jacobian_slots,
             part_slots,
@@ -309,11 +318,12 @@ impl DescriptorMatrix {
             self.values[slot as usize] += self.sum[at as usize];
         }
         if let Some(lu) = &mut self.lu
+            && self.left <= ACCURACY
             && lu.refactor(&self.values).is_ok()
         {
             return Ok(false);
         }
-        self.lu = None;
+        (self.lu, self.left) = (None, 0.0);
         self.lu = Some(SparseLu::analyze(&self.pattern, &self.values)?);
         Ok(true)
     }
@@ -338,7 +348,12 @@ impl DescriptorMatrix {
         for (out, x) in self.right[first..].iter_mut().zip(&rate[from..]) {
             *out = -x;
         }
-        self.lu.as_mut().expect("factored before it is solved with").solve(&mut self.right);
+        let lu = self.lu.as_mut().expect("factored before it is solved with");
+        if lu.growth() <= HARMLESS_GROWTH {
+            lu.solve(&mut self.right);
+        } else {
+            self.left = lu.solve_refined(&self.pattern, &self.values, &mut self.right);
+        }
         force.copy_from_slice(&self.right[..n]);
         rows.fill(0.0);
         for (x, &row) in self.right[n..].iter().zip(&self.kept) {

@@ -48,8 +48,6 @@ pub(super) struct Differences {
     base_z_rate: Vec<f64>,
     base_v: Vec<f64>,
     slope: Vec<f64>,
-    /// q̇_v at fixed v̇: row i of column k at `k * n + i`.
-    velocities: Vec<f64>,
 }
 
 impl Differences {
@@ -76,7 +74,6 @@ impl Differences {
             base_z_rate: vec![0.0; sizes.extra_states],
             base_v: vec![0.0; sizes.coordinates],
             slope: vec![0.0; ndof],
-            velocities: vec![0.0; sizes.coordinates * ndof],
         }
     }
 
@@ -87,10 +84,9 @@ impl Differences {
         t: f64,
         w: &[f64],
     ) -> Result<(), EvaluationFailure> {
-        let (ndof, n) = (self.base.len(), self.base_v.len());
+        let ndof = self.base.len();
         form.return_to(t, w)?;
         form.blocks.evaluate_mass(&mut form.manifold);
-        form.start.copy_from(form.manifold.chart());
         self.project_acceleration(form, true);
         self.base_z_rate.copy_from_slice(&form.z_rate);
         self.base_v.copy_from_slice(&form.state.v);
@@ -125,29 +121,18 @@ impl Differences {
                 }
             }
             if k < ndof {
-                let column = &mut self.velocities[k * n..(k + 1) * n];
-                for (out, (v, base)) in column.iter_mut().zip(form.state.v.iter().zip(&self.base_v))
-                {
+                let column = form.rate_map[k..].iter_mut().step_by(ndof);
+                for (out, (v, base)) in column.zip(form.state.v.iter().zip(&self.base_v)) {
                     *out = inverse * (v - base);
                 }
             }
         }
         // The factors of the point itself are wanted by what follows.
-        form.state.q.copy_from_slice(&form.anchor);
-        form.evaluate(t, w, true).map(|_| ())
+        form.return_to(t, w)
     }
 
     fn project_acceleration(&mut self, form: &FirstOrder, base: bool) {
         let target = if base { &mut self.base } else { &mut self.slope };
         form.manifold.independent_acceleration(&form.state, target);
-    }
-
-    /// dv += q̇_v δp.
-    pub(super) fn add_velocities(&self, change: &[f64], dv: &mut [f64]) {
-        for (column, x) in self.velocities.chunks_exact(dv.len().max(1)).zip(change) {
-            for (out, c) in dv.iter_mut().zip(column) {
-                *out += c * x;
-            }
-        }
     }
 }

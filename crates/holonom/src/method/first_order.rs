@@ -33,6 +33,10 @@ pub struct FirstOrder {
     /// Configuration from which a step's recoveries start again after a failure.
     pub(super) anchor: Vec<f64>,
     pub(super) linearized: bool,
+    /// Norms use D and q̇_v at fixed v̇ of the linearization, where they are small enough.
+    maps: bool,
+    /// q̇_v at fixed v̇, n×ndof.
+    pub(super) rate_map: Vec<f64>,
     /// (t, w) of the last full evaluation; NaN if none is current.
     at: Vec<f64>,
     pub(super) at_time: f64,
@@ -69,6 +73,8 @@ impl FirstOrder {
             state: state.clone(),
             anchor: state.q.clone(),
             linearized: false,
+            maps: false,
+            rate_map: vec![0.0; s.coordinates * ndof],
             at: vec![f64::NAN; 2 * ndof + s.extra_states],
             at_time: f64::NAN,
             gamma_h: 0.0,
@@ -151,8 +157,13 @@ impl FirstOrder {
         z.copy_from_slice(&state.z);
     }
 
-    /// Recovers the state at (t, w) with accelerations and multipliers (`full`) or without, starting
-    /// from the configuration of the last evaluation.
+    /// Multipliers of the state of the last evaluation.
+    pub fn complete(&mut self) {
+        self.manifold.multipliers(&mut self.state);
+    }
+
+    /// Recovers the state at (t, w) with accelerations (`full`) or without, starting from the
+    /// configuration of the last evaluation.
     ///
     /// # Errors
     /// As [`Ode::derivative`].
@@ -167,7 +178,8 @@ impl FirstOrder {
             .manifold
             .recover_position(t, positions, &mut self.state.q)
             .and_then(|()| {
-                self.manifold.recover_velocity(t, &self.state.q, rates, &mut self.state.v)
+                let (q, v) = (&self.state.q, &mut self.state.v);
+                self.manifold.recover_velocity(t, q, rates, v, full)
             })
             .and_then(|()| {
                 if full {
@@ -200,6 +212,7 @@ impl FirstOrder {
             self.state.q.copy_from_slice(&self.anchor);
             self.evaluate(t, w, true)?;
         }
+        self.complete();
         Ok(())
     }
 
@@ -208,6 +221,7 @@ impl FirstOrder {
         let ndof = self.manifold.chart().ndof();
         self.start = self.manifold.chart().clone();
         self.blocks = ReducedBlocks::new(&self.manifold);
+        self.rate_map = self.blocks.d.clone();
         self.linearized = false;
         self.lu = DenseLu::new(ndof);
         self.mass_lu = DenseLu::new(ndof);
@@ -345,17 +359,24 @@ impl Ode for FirstOrder {
             return self.weights.independent_norm(change, None);
         }
         let ndof = self.manifold.chart().ndof();
-        self.rows.fill(0.0);
-        self.start.solve(&self.rows, &change[..ndof], &mut self.dq);
-        self.rates.copy_from_slice(&change[ndof..2 * ndof]);
-        if self.linearized && self.differences.is_none() {
-            self.blocks.blocks.a0.multiply_add(-1.0, &self.dq, &mut self.rows);
-            let moving = &mut self.rates[self.start.parametrization().linear()..];
-            self.blocks.turning.multiply_many_add(-1.0, &self.dq, 1, moving);
-        }
-        self.start.solve(&self.rows, &self.rates, &mut self.dv);
-        if let (true, Some(differences)) = (self.linearized, &self.differences) {
-            differences.add_velocities(&change[..ndof], &mut self.dv);
+        let (dp, rest) = change.split_at(ndof);
+        if self.linearized && self.maps {
+            let maps = self.blocks.d.chunks_exact(ndof.max(1));
+            let maps = maps.zip(self.rate_map.chunks_exact(ndof.max(1)));
+            for ((dq, dv), (d, j)) in self.dq.iter_mut().zip(&mut self.dv).zip(maps) {
+                *dq = dot(d, dp);
+                *dv = dot(d, &rest[..ndof]) + dot(j, dp);
+            }
+        } else {
+            self.rows.fill(0.0);
+            self.start.solve(&self.rows, dp, &mut self.dq);
+            self.rates.copy_from_slice(&rest[..ndof]);
+            if self.linearized {
+                self.blocks.blocks.a0.multiply_add(-1.0, &self.dq, &mut self.rows);
+                let moving = &mut self.rates[self.start.parametrization().linear()..];
+                self.blocks.turning.multiply_many_add(-1.0, &self.dq, 1, moving);
+            }
+            self.start.solve(&self.rows, &self.rates, &mut self.dv);
         }
         self.weights.norm(&self.dq, &self.dv, &change[2 * ndof..])
     }
@@ -374,12 +395,20 @@ impl LinearizedOde for FirstOrder {
             let outcome = differences.evaluate(self, t, w);
             self.differences = Some(differences);
             outcome?;
-            self.linearized = true;
+            (self.linearized, self.maps) = (true, true);
             return Ok(());
         }
         self.return_to(t, w)?;
         self.blocks.evaluate(&mut self.manifold, &self.state);
-        self.start.copy_from(self.manifold.chart());
+        let chart = self.manifold.chart_mut();
+        // Displacements as independent variables turn the rows of P as well.
+        let linear = chart.parametrization().displacements.is_empty();
+        self.maps = linear && 3 * self.blocks.d.len() <= 8 * chart.fill();
+        if self.maps {
+            self.blocks.rate_map(chart, &mut self.rate_map);
+        } else {
+            self.start.copy_from(chart);
+        }
         self.linearized = true;
         Ok(())
     }

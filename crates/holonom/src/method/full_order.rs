@@ -83,7 +83,12 @@ impl FullOrder {
         self.rates.resize(ndof, 0.0);
     }
 
-    /// Recovers the state at (t, W) with accelerations and multipliers (`full`) or without.
+    /// Multipliers of the state of the last evaluation.
+    pub fn complete(&mut self) {
+        self.manifold.multipliers(&mut self.state);
+    }
+
+    /// Recovers the state at (t, W) with accelerations (`full`) or without.
     ///
     /// # Errors
     /// As [`Ode::derivative`].
@@ -109,7 +114,8 @@ impl FullOrder {
             .manifold
             .recover_position(t, &self.positions, &mut self.state.q)
             .and_then(|()| {
-                self.manifold.recover_velocity(t, &self.state.q, &self.rates, &mut self.state.v)
+                let (q, v) = (&self.state.q, &mut self.state.v);
+                self.manifold.recover_velocity(t, q, &self.rates, v, full)
             })
             .and_then(|()| {
                 if full {
@@ -122,6 +128,9 @@ impl FullOrder {
             self.state.q.copy_from_slice(&self.anchor);
             self.manifold.go_back(&self.anchor);
             return Err(failure);
+        }
+        if full && self.manifold.system().has_drivers() {
+            self.complete(); // the power of drivers
         }
         Ok(&self.state)
     }

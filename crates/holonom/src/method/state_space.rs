@@ -13,11 +13,14 @@ pub trait StateSpace: LinearizedOde + Send {
     /// w of a state.
     fn pack(&self, state: &State, w: &mut [f64]);
 
-    /// Recovers the state at (t, w), with accelerations and multipliers if `full`.
+    /// Recovers the state at (t, w), with accelerations if `full`.
     ///
     /// # Errors
     /// As [`super::ode::Ode::derivative`].
     fn evaluate(&mut self, t: f64, w: &[f64], full: bool) -> Result<&State, EvaluationFailure>;
+
+    /// Multipliers of the state of the last evaluation, which was a full one or that of a slope.
+    fn complete(&mut self);
 
     /// State of the last successful evaluation.
     fn state(&self) -> &State;
@@ -55,6 +58,9 @@ macro_rules! state_space {
                 full: bool,
             ) -> Result<&State, EvaluationFailure> {
                 Self::evaluate(self, t, w, full)
+            }
+            fn complete(&mut self) {
+                Self::complete(self);
             }
             fn state(&self) -> &State {
                 Self::state(self)

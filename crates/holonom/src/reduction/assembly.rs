@@ -275,9 +275,10 @@ pub fn start(
     let mut rates = p.clone();
     manifold.independent_state(&state, &mut p, &mut rates);
     manifold.recover_position(state.t, &p, &mut state.q)?;
-    manifold.recover_velocity(state.t, &state.q, &rates, &mut state.v)?;
+    manifold.recover_velocity(state.t, &state.q, &rates, &mut state.v, true)?;
     let mut z_rate = vec![0.0; state.z.len()];
     manifold.accelerate(&mut state, &mut z_rate)?;
+    manifold.multipliers(&mut state);
     check_dropped(system.as_ref(), &mut manifold, &state, &parametrization)?;
     Ok((manifold, state))
 }

@@ -151,11 +151,20 @@ pub struct Chart {
     moving: BodyRows,
     moving_copies: Vec<(u32, u32, f64)>,
     lu: SparseLu,
+    /// Solutions need refinement: the frozen pivots let numbers grow.
+    refine: bool,
     work: Vec<f64>,
+    probe: Vec<f64>,
     nonzero: Arc<[bool]>,
     /// Symbolic analyses made for this chart.
     analyses: u64,
 }
+
+/// Growth of numbers in the elimination that costs no digit worth a look.
+const HARMLESS_GROWTH: f64 = 1e3;
+/// Relative errors of a solution that are let pass, and that one refinement takes to round-off.
+const HARMLESS_ERROR: f64 = 1e-13;
+const REFINED_ERROR: f64 = 1e-8;
 
 fn scale_of(measure: Measure, length: f64) -> f64 {
     match measure {
@@ -263,7 +272,9 @@ impl Chart {
             moving,
             moving_copies,
             lu,
+            refine: false,
             work: vec![0.0; n],
+            probe: vec![0.0; n],
             nonzero: nonzero.clone(),
             analyses: 1,
         })
@@ -343,7 +354,9 @@ impl Chart {
         for &(at, slot, scale) in &self.moving_copies {
             self.values[slot as usize] = self.moving.value(at as usize) * scale;
         }
-        if self.lu.refactor(&self.values).is_err() {
+        if self.lu.refactor(&self.values).is_err() || !self.pivots_serve() {
+            self.analyses += 1;
+            self.refine = false;
             self.lu =
                 SparseLu::analyze(&self.pattern, &self.values).map_err(|e| singular(system, e))?;
         }
@@ -371,6 +384,30 @@ impl Chart {
         self.moving.multiply_transposed_many_add(1.0, moving, 1, x);
     }
 
+    /// Whether the frozen pivots solve accurately, where they let numbers grow: tried on the
+    /// right-hand side whose solution is one everywhere.
+    fn pivots_serve(&mut self) -> bool {
+        self.refine = false;
+        if self.lu.growth() <= HARMLESS_GROWTH {
+            return true;
+        }
+        self.probe.fill(1.0);
+        self.work.fill(0.0);
+        self.pattern.multiply_add(&self.values, 1.0, &self.probe, &mut self.work);
+        self.lu.solve(&mut self.work);
+        let error = self.work.iter().fold(0.0f64, |m, x| m.max((x - 1.0).abs()));
+        self.refine = error > HARMLESS_ERROR;
+        error <= REFINED_ERROR
+    }
+
+    fn solve_work(&mut self) {
+        if self.refine {
+            self.lu.solve_refined(&self.pattern, &self.values, &mut self.work);
+        } else {
+            self.lu.solve(&mut self.work);
+        }
+    }
+
     /// Takes over the numbers of another chart of the same parametrization.
     pub fn copy_from(&mut self, other: &Self) {
         self.moving.copy_from(&other.moving);
@@ -379,6 +416,7 @@ impl Chart {
         if self.lu.refactor(&self.values).is_err() {
             self.lu = other.lu.clone();
         }
+        self.refine = other.refine;
     }
 
     /// x = S r + D p: solves [G; P] x = [r; p]. `rows` has all m rows; dropped ones are not read.
@@ -390,7 +428,7 @@ impl Chart {
         for (k, &value) in p.iter().enumerate() {
             self.work[rank + k] = value * self.row_scale[rank + k];
         }
-        self.lu.solve(&mut self.work);
+        self.solve_work();
         for ((out, y), scale) in x.iter_mut().zip(&self.work).zip(&self.column_scale) {
             *out = y * scale;
         }
@@ -415,6 +453,19 @@ impl Chart {
     /// D, n×ndof by rows, into `d`.
     pub fn null_space(&mut self, d: &mut [f64]) {
         let (rank, ndof) = (self.parametrization.kept.len(), self.ndof());
+        if self.refine {
+            for k in 0..ndof {
+                self.work.fill(0.0);
+                self.work[rank + k] = self.row_scale[rank + k];
+                self.solve_work();
+                for ((row, y), scale) in
+                    d.chunks_exact_mut(ndof).zip(&self.work).zip(&self.column_scale)
+                {
+                    row[k] = y * scale;
+                }
+            }
+            return;
+        }
         d.fill(0.0);
         for k in 0..ndof {
             d[(rank + k) * ndof + k] = self.row_scale[rank + k];
@@ -492,6 +543,11 @@ impl Chart {
             normalize(&mut self.work);
         }
         (row.and_then(|k| self.parametrization.kept.get(k).copied()), largest_index(&self.work))
+    }
+
+    /// Entries stored in the factors.
+    pub fn fill(&self) -> usize {
+        self.lu.fill()
     }
 
     /// Sign of det [G; P].

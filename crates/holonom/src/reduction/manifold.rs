@@ -1,10 +1,12 @@
 //! From independent to all coordinates: positions, velocities, accelerations and multipliers.
 
 use super::chart::Chart;
+use super::null_space::NullSpace;
+use super::redundant::Redundant;
 use super::saddle::Saddle;
 use crate::error::EvaluationFailure;
 use crate::system::{State, System};
-use holonom_linalg::{BlockMatrix, Cholesky};
+use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
 /// Corrections that contract more slowly than this are refused as a way to another branch.
@@ -12,6 +14,8 @@ const CONTRACTION_LIMIT: f64 = 0.5;
 /// The old factor is replaced when it would need more corrections than a new one costs.
 const WORTH_REFACTORING: f64 = 4.0;
 const MAX_CORRECTIONS: u32 = 40;
+/// A correction of this size changes nothing.
+const UNNOTICED: f64 = 0.1 * f64::EPSILON;
 /// Corrections of this size may be noise where the residual is.
 const NOISY_CORRECTION: f64 = 1e-9;
 
@@ -36,6 +40,13 @@ pub struct Manifold {
     system: Arc<dyn System>,
     chart: Chart,
     saddle: Saddle,
+    /// Where it needs fewer operations than the index-1 matrix.
+    null_space: Option<NullSpace>,
+    /// D belongs to the chart's factors.
+    null_space_current: bool,
+    /// Accelerations are known, their multipliers not yet.
+    multipliers_due: bool,
+    redundant: Redundant,
     /// G where it was last evaluated.
     g: BlockMatrix,
     phi: Vec<f64>,
@@ -68,6 +79,10 @@ impl Manifold {
             force: vec![0.0; sizes.coordinates],
             tau: vec![0.0; sizes.rows],
             z_rate: vec![0.0; sizes.extra_states],
+            null_space: null_space(&chart, &saddle, &g),
+            null_space_current: false,
+            multipliers_due: false,
+            redundant: Redundant::new(&sizes, &chart),
             system,
             chart,
             saddle,
@@ -126,25 +141,30 @@ impl Manifold {
         if chart.parametrization().kept != self.chart.parametrization().kept {
             self.saddle.set_rows(&chart.parametrization().kept);
         }
+        self.null_space = null_space(&chart, &self.saddle, &self.g);
+        (self.null_space_current, self.multipliers_due) = (false, false);
+        self.redundant = Redundant::new(&self.system.structure().sizes, &chart);
         self.chart = chart;
     }
 
     /// Largest entry of a vector over the coordinates, lengths divided by the characteristic length.
     fn size_of(&self, x: &[f64]) -> f64 {
-        let structure = self.system.structure();
-        let length = self.system.characteristic_length();
-        let (per_body, translations) = (structure.sizes.per_body, structure.sizes.translations);
-        let mut largest = 0.0f64;
-        for body in x.chunks_exact(per_body) {
-            for k in 0..translations {
-                largest = largest.max((body[k] / length).abs());
+        let sizes = &self.system.structure().sizes;
+        let inverse = 1.0 / self.system.characteristic_length();
+        // On bits, so that NaN is larger than every number.
+        let bits = |x: f64| x.to_bits() & !(1 << 63);
+        let mut largest = 0;
+        for body in x.chunks_exact(sizes.per_body) {
+            let (lengths, angles) = body.split_at(sizes.translations);
+            for x in lengths {
+                largest = largest.max(bits(x * inverse));
             }
-            for k in translations..per_body {
-                largest = largest.max(body[k].abs());
+            for x in angles {
+                largest = largest.max(bits(*x));
             }
         }
-        // `max` passes over NaN; a sum does not.
-        if x.iter().sum::<f64>().is_finite() { largest } else { f64::INFINITY }
+        let largest = f64::from_bits(largest);
+        if largest.is_finite() { largest } else { f64::INFINITY }
     }
 
     /// Solves Φ(q, t) = 0, v(q) = p from the guess in `q`, which must be a point of the branch that is
@@ -175,10 +195,11 @@ impl Manifold {
                 predicted = size;
                 self.predictor.copy_from_slice(q);
             }
-            if size <= noise {
+            let rate = size / before;
+            // Or the next one would be lost in the last place, even of a stiff element's length.
+            if size <= noise || (k > 0 && 4.0 * rate * size <= UNNOTICED) {
                 return self.check_branch(q, predicted, noise);
             }
-            let rate = size / before;
             if k > 0 && rate > CONTRACTION_LIMIT {
                 // Corrections that no longer fall have reached round-off, if they are that small.
                 if before <= 1e3 * noise || (size <= NOISY_CORRECTION && self.residual_is_noise(q))
@@ -283,11 +304,12 @@ impl Manifold {
 
     fn factor_at(&mut self, q: &[f64]) -> Result<(), EvaluationFailure> {
         self.counters.factorizations += 1;
+        (self.null_space_current, self.multipliers_due) = (false, false);
         self.system.constraint_jacobian(q, &mut self.g);
         self.chart.refactor(self.system.as_ref(), q, &self.g)
     }
 
-    /// Factors [G; P] at q and solves G q̇ = ν, P q̇ = `p_rate`.
+    /// Factors [G; P] at q and solves G q̇ = ν, P q̇ = `p_rate`; `full` if accelerations come next.
     ///
     /// # Errors
     /// `simulation/singular-configuration`, `simulation/branch` when det [G; P] changed its sign.
@@ -297,6 +319,7 @@ impl Manifold {
         q: &[f64],
         p_rate: &[f64],
         v: &mut [f64],
+        full: bool,
     ) -> Result<(), EvaluationFailure> {
         self.factor_at(q)?;
         if self.chart.determinant_sign() != self.orientation {
@@ -307,13 +330,23 @@ impl Manifold {
                     .into(),
             });
         }
+        if let (true, Some(form)) = (full, &mut self.null_space) {
+            form.update(&mut self.chart);
+            self.null_space_current = true;
+            if !self.system.has_drivers() {
+                v.fill(0.0);
+                form.add(p_rate, v);
+                return Ok(());
+            }
+        }
         self.system.velocity_rhs(t, &mut self.rows);
         self.chart.solve(&self.rows, p_rate, v);
         Ok(())
     }
 
-    /// Accelerations and multipliers at a state with consistent q and q̇ whose G was just evaluated
-    /// by [`Manifold::recover_velocity`]; ż into `z_rate`.
+    /// Accelerations at a state with consistent q and q̇ whose G was just evaluated by
+    /// [`Manifold::recover_velocity`]; ż into `z_rate`. The multipliers are those of the state after
+    /// [`Manifold::multipliers`] only.
     ///
     /// # Errors
     /// `simulation/singular-mass` when no acceleration is determined, `simulation/not-finite`.
@@ -327,15 +360,21 @@ impl Manifold {
         system.forces(state, &mut self.force, &mut self.z_rate);
         z_rate.copy_from_slice(&self.z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
-        self.saddle.solve(
-            system,
-            &state.q,
-            &self.g,
-            &self.force,
-            &self.tau,
-            &mut state.a,
-            &mut state.lambda,
-        )?;
+        let (force, tau) = (&self.force, &self.tau);
+        let mass = self.saddle.evaluate_mass(system, &state.q);
+        self.multipliers_due = match &mut self.null_space {
+            Some(form) => {
+                if !std::mem::replace(&mut self.null_space_current, true) {
+                    form.update(&mut self.chart);
+                }
+                form.accelerate(&mut self.chart, mass, force, tau, &mut state.a).is_ok()
+            }
+            None => false,
+        };
+        // The index-1 matrix also knows which coordinate has no mass.
+        if !self.multipliers_due {
+            self.saddle.solve(system, &self.g, force, tau, &mut state.a, &mut state.lambda)?;
+        }
         self.set_curvature(state);
         if state.a.iter().sum::<f64>().is_finite() {
             return Ok(());
@@ -344,6 +383,15 @@ impl Manifold {
             code: "simulation/not-finite",
             message: format!("an acceleration is not a finite number at t = {:.6} s", state.t),
         })
+    }
+
+    /// Multipliers of the state whose accelerations were the last to be computed.
+    pub fn multipliers(&mut self, state: &mut State) {
+        if let (true, Some(form)) = (self.multipliers_due, &mut self.null_space) {
+            let (mass, force) = (self.saddle.mass(), &self.force);
+            form.multipliers(&mut self.chart, mass, force, &state.a, &mut state.lambda);
+        }
+        self.multipliers_due = false;
     }
 
     /// ψ = Dᵀ(M q̈ − Q) for independent accelerations `p_rate` at a state with consistent q and q̇
@@ -359,6 +407,7 @@ impl Manifold {
         psi: &mut [f64],
     ) {
         let system = self.system.as_ref();
+        self.multipliers_due = false;
         system.forces(state, &mut self.force, z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
         self.set_curvature(state);
@@ -429,51 +478,18 @@ impl Manifold {
     }
 
     /// Replaces the multipliers of a redundant set, where dropped rows have none, by those of
-    /// minimum norm with the same generalized forces: λ = (Gᵀ)⁺(Q − M q̈), normalisation rows left
-    /// out of the norm. G must belong to the state. Without redundant rows nothing changes.
-    ///
-    /// With X the coefficients of the dropped rows in the kept ones, G_dᵀ = G_kᵀ X, all solutions are
-    /// (λ_k − X μ, μ); (1 + XᵀX) μ = Xᵀλ_k gives the shortest.
+    /// minimum norm with the same generalized forces. G must belong to the state. Without redundant
+    /// rows nothing changes.
     pub fn minimum_norm_multipliers(&mut self, lambda: &mut [f64]) {
-        let dropped = self.chart.parametrization().dropped.clone();
-        if dropped.is_empty() {
-            return;
-        }
-        let sizes = self.system.structure().sizes;
-        let (m, n, count) = (sizes.rows, sizes.coordinates, dropped.len());
-        let counted = ..sizes.joint_rows;
-        let mut x = vec![0.0; count * m];
-        let mut unit = vec![0.0; m];
-        let mut row = vec![0.0; n];
-        for (&d, x) in dropped.iter().zip(x.chunks_exact_mut(m)) {
-            unit.fill(0.0);
-            unit[d] = 1.0;
-            row.fill(0.0);
-            self.g.multiply_transposed_add(1.0, &unit, &mut row);
-            self.chart.solve_transposed(&row, x, &mut self.independent);
-        }
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(p, q)| p * q).sum::<f64>();
-        let mut normal = vec![0.0; count * count];
-        let mut mu = vec![0.0; count];
-        for i in 0..count {
-            let xi = &x[i * m..(i + 1) * m];
-            mu[i] = dot(&xi[counted], &lambda[counted]);
-            for j in 0..count {
-                let xj = &x[j * m..(j + 1) * m];
-                normal[i * count + j] = dot(&xi[counted], &xj[counted]) + f64::from(i == j);
-            }
-        }
-        let mut cholesky = Cholesky::new(count);
-        if cholesky.factor(&normal).is_ok() {
-            cholesky.solve(&mut mu);
-            for (i, (&d, mu)) in dropped.iter().zip(&mu).enumerate() {
-                for (l, x) in lambda.iter_mut().zip(&x[i * m..(i + 1) * m]) {
-                    *l -= mu * x;
-                }
-                lambda[d] = *mu;
-            }
-        }
+        let joint_rows = self.system.structure().sizes.joint_rows;
+        self.redundant.distribute(&mut self.chart, &self.g, joint_rows, lambda);
     }
+}
+
+fn null_space(chart: &Chart, saddle: &Saddle, g: &BlockMatrix) -> Option<NullSpace> {
+    let mass = saddle.mass();
+    let stored = mass.values().len() + 2 * g.values().len();
+    NullSpace::pays(chart, mass, stored).then(|| NullSpace::new(mass.n_rows(), chart.ndof()))
 }
 
 /// Index of the entry of largest magnitude.

@@ -4,8 +4,10 @@ pub mod assembly;
 mod chart;
 mod displacements;
 mod manifold;
+mod null_space;
 mod partitioning;
 mod reduced_blocks;
+mod redundant;
 mod saddle;
 mod tangent_plane;
 

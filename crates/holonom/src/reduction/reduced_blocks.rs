@@ -1,6 +1,7 @@
 //! The reduced matrices of one state: M̂, M̂₁, M̂₂ by three solves with [G; P], and what extra states
 //! and explicit time add to them.
 
+use super::chart::Chart;
 use super::displacements::BodyRows;
 use super::manifold::Manifold;
 use crate::system::{DerivativeBlocks, State};
@@ -136,6 +137,15 @@ impl ReducedBlocks {
             let (a0, a1) = (self.turning.row_mut(row), self.turning_rate.row_mut(row));
             system.displacement_blocks(k, state, a0, a1);
         }
+    }
+
+    /// q̇_v = −S A₀ D at fixed v̇ (n×ndof), at the state of the last [`ReducedBlocks::evaluate`], for a
+    /// parametrization without displacements.
+    pub fn rate_map(&mut self, chart: &mut Chart, out: &mut [f64]) {
+        let ndof = chart.ndof();
+        self.w.fill(0.0);
+        self.blocks.a0.multiply_many_add(-1.0, &self.d, ndof, &mut self.w);
+        chart.solve_rows_many(&self.w, &[], ndof, out);
     }
 
     /// D and M̂ alone at `state`; the caller fills in the other reduced matrices.

@@ -6,6 +6,10 @@ use crate::system::{Channel, State, System};
 
 /// An output time beyond an end of the run by this part of it is that end.
 pub(super) const OUTPUT_SLACK: f64 = 1e-12;
+/// Rows in a chunk.
+pub(super) const CHUNK_ROWS: usize = 256;
+/// Attempts in a chunk, so that a run without output rows reports its steps too.
+pub(super) const CHUNK_STEPS: usize = 1024;
 
 /// Output rows that are still to come.
 pub(super) struct Output {
@@ -21,12 +25,20 @@ pub(super) struct Output {
 }
 
 impl Output {
-    pub(super) fn new(options: &Options, start: f64, channels: Vec<Channel>) -> Self {
+    /// Output from a start state; the chunk gets room for all that comes before it is handed out.
+    pub(super) fn new(options: &Options, start: &State, channels: Vec<Channel>) -> Self {
         let largest = channels.iter().map(Channel::size).max().unwrap_or(0);
-        let chunk = Chunk { channels: vec![Vec::new(); channels.len()], ..Chunk::default() };
+        let start_time = start.t;
+        let expected = match &options.output {
+            OutputTimes::Interval(interval) => {
+                ((options.end_time - start_time) / interval).min(CHUNK_ROWS as f64) as usize + 2
+            }
+            OutputTimes::Listed(times) => times.len(),
+        };
+        let chunk = Chunk::with_room(start, &channels, expected.min(CHUNK_ROWS + 1));
         Self {
             times: options.output.clone(),
-            start,
+            start: start_time,
             end: options.end_time,
             next: 0,
             last: f64::NAN,

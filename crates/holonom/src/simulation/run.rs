@@ -4,7 +4,7 @@ use super::checks::{RunError, check_options, check_tables, find_channels};
 use super::diagnosis::{Stop, Suspects, diagnose};
 use super::ledger::{StepPowers, powers};
 use super::options::Options;
-use super::output::Output;
+use super::output::{CHUNK_ROWS, CHUNK_STEPS, Output};
 use super::problem::Problem;
 use super::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 use super::trajectory::{EventKind, EventRecord, Flow, Sink, StepOutcome, StepRecord};
@@ -13,7 +13,7 @@ use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
 use crate::method::{StateSpace, build_state_space, build_stepper};
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::{Chart, Choice, Manifold, Parametrization, choose};
-use crate::system::{State, System};
+use crate::system::{EnergyBalance, State, System};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -31,13 +31,9 @@ const KINEMATIC_TURN: f64 = 0.5;
 const TANGENT_GROWTH: f64 = 2.0;
 /// Pieces of a step in which a state inside it is approached when it cannot be recovered at once.
 const PIECES: u32 = 16;
-/// Rows in a chunk.
-const CHUNK_ROWS: usize = 256;
-/// Attempts in a chunk, so that a run without output rows reports its steps too.
-const CHUNK_STEPS: usize = 1024;
 /// Redundant constraints that a warning names.
 const REDUNDANT_SHOWN: usize = 8;
-const MAX_REJECTIONS: u32 = 60;
+pub(super) const MAX_REJECTIONS: u32 = 60;
 const POLL: Duration = Duration::from_millis(50);
 const FLUSH: Duration = Duration::from_millis(500);
 
@@ -119,7 +115,7 @@ pub fn run(
         energy: EnergySummary { start: energy, ..EnergySummary::default() },
         kinetic_range: (energy.kinetic, energy.kinetic),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
-        output: Output::new(options, state.t, channels),
+        output: Output::new(options, &state, channels),
         w: vec![0.0; dimension],
         g: vec![0.0; dimension],
         w_end: vec![0.0; dimension],
@@ -225,9 +221,9 @@ impl Run<'_> {
                 }
             }
             let (step, reaches) = clip(t, h, next, fixed);
-            let report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
+            let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let t_end = if reaches { next } else { t + step };
-            let mut rejection = report.cause.clone();
+            let mut rejection = report.cause.take();
             if report.accepted {
                 rejection = self.accept(t_end).err().map(Rejection::Evaluation);
             }
@@ -257,8 +253,8 @@ impl Run<'_> {
                 continue;
             }
             (rejections, repartitioned) = (0, false);
-            self.emit(t, step)?;
-            self.account(step);
+            let energy = self.emit(t, step)?;
+            self.account(step, &energy);
             h = self.options.fixed_step.unwrap_or(report.next_step);
             // What has just been refused is approached again by doubling.
             longest *= 2.0;
@@ -314,6 +310,7 @@ impl Run<'_> {
             self.stepper.discard();
             return Err(failure);
         }
+        self.form.complete();
         self.check_residuals().inspect_err(|_| self.stepper.discard())
     }
 
@@ -346,8 +343,8 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Output rows inside the step, then the new state.
-    fn emit(&mut self, t: f64, step: f64) -> Result<(), Stop> {
+    /// Output rows inside the step, then the new state. Returns the energy at its end.
+    fn emit(&mut self, t: f64, step: f64) -> Result<EnergyBalance, Stop> {
         let begun = Instant::now();
         // The end state is kept aside: interior rows use the form's evaluation state.
         self.row.copy_from(self.form.state());
@@ -365,13 +362,16 @@ impl Run<'_> {
         if !self.form.full_order() {
             self.stepper.interpolate(0.5, &mut self.scratch[0]);
             // Driver power needs multipliers; without drivers the recovery is enough.
-            let mid = self.form.evaluate(t + 0.5 * step, &self.scratch[0], true);
-            self.powers.at[1] = match mid {
-                Ok(state) => powers(&self.system.energy(state)),
-                // The middle of an accepted step failing is rare; the trapezoid serves.
-                Err(_) => {
-                    std::array::from_fn(|k| 0.5 * (self.powers.at[0][k] + self.powers.at[2][k]))
+            let full = self.system.has_drivers();
+            let mid = self.form.evaluate(t + 0.5 * step, &self.scratch[0], full).is_ok();
+            self.powers.at[1] = if mid {
+                if full {
+                    self.form.complete();
                 }
+                powers(&self.system.energy(self.form.state()))
+            } else {
+                // The middle of an accepted step failing is rare; the trapezoid serves.
+                std::array::from_fn(|k| 0.5 * (self.powers.at[0][k] + self.powers.at[2][k]))
             };
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);
         }
@@ -380,6 +380,7 @@ impl Run<'_> {
             let time = self.output.time();
             let theta = ((time - t) / step).clamp(0.0, 1.0);
             self.evaluate_inside(t, step, time).map_err(|f| failed(f, step))?;
+            self.form.complete();
             self.row.copy_from(self.form.state());
             self.form.manifold_mut().minimum_norm_multipliers(&mut self.row.lambda);
             self.system.update_windings(time, &self.row.q, &mut self.row.winding);
@@ -406,7 +407,7 @@ impl Run<'_> {
         }
         self.form.begin_step(&self.state);
         self.statistics.output_seconds += begun.elapsed().as_secs_f64();
-        Ok(())
+        Ok(energy)
     }
 
     /// State at a time inside the accepted step. Where it cannot be recovered at once, the motion is followed
@@ -427,11 +428,10 @@ impl Run<'_> {
     }
 
     /// Step sizes and energy of the new state.
-    fn account(&mut self, step: f64) {
+    fn account(&mut self, step: f64, energy: &EnergyBalance) {
         let s = &mut self.statistics;
         s.smallest_step = s.smallest_step.min(step);
         s.largest_step = s.largest_step.max(step);
-        let energy = self.system.energy(&self.state);
         let ledger = &self.state.ledger;
         let imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
             - ledger.supplied;

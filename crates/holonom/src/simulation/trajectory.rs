@@ -1,6 +1,11 @@
 //! What a run hands out: chunks of states and steps to a sink, and a summary at the end.
 
-use crate::system::State;
+use super::output::CHUNK_STEPS;
+use super::run::MAX_REJECTIONS;
+use crate::system::{Channel, State};
+
+/// Events that a chunk has room for from the start.
+const CHUNK_EVENTS: usize = 64;
 
 /// A piece of a trajectory: rows of states at output times, and the steps attempted meanwhile.
 #[derive(Debug, Clone, Default)]
@@ -30,6 +35,25 @@ pub struct Chunk {
 }
 
 impl Chunk {
+    /// An empty chunk with room for `rows` states like `state`, and for the attempts and events of a
+    /// chunk.
+    pub(super) fn with_room(state: &State, channels: &[Channel], rows: usize) -> Self {
+        let room = |width: usize| Vec::with_capacity(rows * width);
+        Self {
+            time: room(1),
+            q: room(state.q.len()),
+            v: room(state.v.len()),
+            a: room(state.a.len()),
+            lambda: room(state.lambda.len()),
+            z: room(state.z.len()),
+            winding: room(state.winding.len()),
+            ledger: room(3),
+            channels: channels.iter().map(|channel| room(channel.size())).collect(),
+            steps: Vec::with_capacity(CHUNK_STEPS + MAX_REJECTIONS as usize),
+            events: Vec::with_capacity(CHUNK_EVENTS),
+        }
+    }
+
     pub(super) fn push(&mut self, state: &State) {
         self.time.push(state.t);
         self.q.extend_from_slice(&state.q);

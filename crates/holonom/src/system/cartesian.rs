@@ -201,6 +201,63 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             && self.forces.iter().zip(forces).all(|(a, b)| same_force(a, b))
     }
 
+    /// ‖Φ‖∞, ‖G q̇ − ν‖∞ or ‖G q̈ − τ‖∞ (level 0, 1, 2) over all rows, redundant ones included.
+    pub(super) fn largest_residual(&self, state: &State, level: usize) -> f64 {
+        let mut largest = 0.0f64;
+        let mut u = [0.0; 6];
+        let mut g = RowBlocks([[[0.0; N]; 6]; 2]);
+        for c in &self.constraints {
+            let q = Self::pair(&state.q, c.bodies);
+            let v = Self::rates(&state.v, c.bodies);
+            match level {
+                0 => Self::constraint_value(c, state.t, q, &mut u),
+                1 => u = [0.0; 6],
+                _ => c.element.curvature(q, v, &mut u),
+            }
+            if level > 0 {
+                let rates = if level == 1 { v } else { Self::rates(&state.a, c.bodies) };
+                c.element.jacobian(q, &mut g);
+                for side in 0..2 {
+                    for (u, row) in u.iter_mut().zip(&g.0[side]).take(c.element.rows()) {
+                        *u += row.iter().zip(rates[side]).map(|(g, v)| g * v).sum::<f64>();
+                    }
+                }
+                u[0] -= c.element.drive(state.t).map_or(0.0, |s| s[level]);
+            }
+            largest = u[..c.element.rows()].iter().fold(largest, |m, x| m.max(x.abs()));
+        }
+        if S::NORMALIZED {
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
+            for b in 0..self.bodies.len() {
+                let (q, v) = (Self::pose(&state.q, Some(b)), Self::rate(&state.v, Some(b)));
+                let (e, rate) = (&q[D..], &v[D..]);
+                let u = match level {
+                    0 => dot(e, e) - 1.0,
+                    1 => 2.0 * dot(e, rate),
+                    _ => 2.0 * (dot(e, &Self::rate(&state.a, Some(b))[D..]) + dot(rate, rate)),
+                };
+                largest = largest.max(u.abs());
+            }
+        }
+        largest
+    }
+
+    /// Φ of one constraint.
+    fn constraint_value(
+        c: &PlacedConstraint<S::Constraint>,
+        t: f64,
+        q: [&[f64; N]; 2],
+        u: &mut [f64; 6],
+    ) {
+        c.element.value(q, u);
+        if let Some(s) = c.element.drive(t) {
+            u[0] -= s[0];
+            if S::wraps(&c.element) {
+                u[0] -= (u[0] / std::f64::consts::TAU).round() * std::f64::consts::TAU;
+            }
+        }
+    }
+
     /// Multipliers of one constraint's rows.
     fn multipliers(constraint: &PlacedConstraint<S::Constraint>, lambda: &[f64]) -> [f64; 6] {
         let mut out = [0.0; 6];
@@ -302,13 +359,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     fn position_constraints(&self, t: f64, q: &[f64], phi: &mut [f64]) {
         let mut u = [0.0; 6];
         for c in &self.constraints {
-            c.element.value(Self::pair(q, c.bodies), &mut u);
-            if let Some(s) = c.element.drive(t) {
-                u[0] -= s[0];
-                if S::wraps(&c.element) {
-                    u[0] -= (u[0] / std::f64::consts::TAU).round() * std::f64::consts::TAU;
-                }
-            }
+            Self::constraint_value(c, t, Self::pair(q, c.bodies), &mut u);
             let rows = c.element.rows();
             phi[c.row..c.row + rows].copy_from_slice(&u[..rows]);
         }
@@ -502,6 +553,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
             }
         }
         out
+    }
+
+    fn has_drivers(&self) -> bool {
+        self.constraints.iter().any(|c| c.element.drive(0.0).is_some())
     }
 
     fn update_windings(&self, t: f64, q: &[f64], winding: &mut [f64]) {

@@ -141,6 +141,9 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// Energies and powers; driver power uses the multipliers of `state`.
     fn energy(&self, state: &State) -> EnergyBalance;
 
+    /// Whether there are drivers, whose power takes multipliers.
+    fn has_drivers(&self) -> bool;
+
     /// Current angle of each joint and force that counts turns, into `winding`, whose old content is
     /// the branch to stay near; the angle of a driver follows its motion.
     fn update_windings(&self, t: f64, q: &[f64], winding: &mut [f64]);

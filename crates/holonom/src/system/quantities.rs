@@ -210,7 +210,7 @@ pub(super) fn evaluate_channel<S: Space<D, N>, const D: usize, const N: usize>(
                 }
             };
         }
-        ChannelSource::Residual(level) => out[0] = residual(system, state, level),
+        ChannelSource::Residual(level) => out[0] = system.largest_residual(state, level),
     }
 }
 
@@ -262,24 +262,4 @@ fn yaw_pitch_roll([w, x, y, z]: [f64; 4]) -> [f64; 3] {
         (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin(),
         (2.0 * (y * z + w * x)).atan2(w * w - x * x - y * y + z * z),
     ]
-}
-
-/// ‖Φ‖∞, ‖G q̇ − ν‖∞ or ‖G q̈ − τ‖∞ over all rows, redundant ones included.
-fn residual(system: &dyn System, state: &State, level: usize) -> f64 {
-    let rows = system.structure().sizes.rows;
-    let mut out = vec![0.0; rows];
-    if level == 0 {
-        system.position_constraints(state.t, &state.q, &mut out);
-    } else {
-        let mut g = system.structure().constraint_pattern.clone();
-        system.constraint_jacobian(&state.q, &mut g);
-        if level == 1 {
-            system.velocity_rhs(state.t, &mut out);
-        } else {
-            system.acceleration_rhs(state.t, &state.q, &state.v, &mut out);
-        }
-        out.iter_mut().for_each(|x| *x = -*x);
-        g.multiply_add(1.0, if level == 1 { &state.v } else { &state.a }, &mut out);
-    }
-    out.iter().fold(0.0, |m, x| x.abs().max(m))
 }

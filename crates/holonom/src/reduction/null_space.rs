@@ -1,0 +1,116 @@
+//! Accelerations and multipliers with the factors of [G; P] and a dense matrix of order ndof.
+
+use super::chart::Chart;
+use holonom_linalg::{BlockMatrix, Cholesky, NotPositiveDefinite, gram_add};
+
+/// Buffers of
+///
+/// ```text
+/// M̂ v̈ = Dᵀ(Q − M S τ)    M̂ = DᵀMD    q̈ = D v̈ + S τ    λ = Sᵀ(Q − M q̈)
+/// ```
+///
+/// Source: thesis (3.13), (3.14), (3.30). Matrices by rows.
+#[derive(Debug, Clone)]
+pub(super) struct NullSpace {
+    /// D, n×ndof.
+    pub(super) d: Vec<f64>,
+    /// M D.
+    inertia: Vec<f64>,
+    mass: Vec<f64>,
+    factor: Cholesky,
+    rate: Vec<f64>,
+    zero: Vec<f64>,
+    force: Vec<f64>,
+}
+
+/// A multiplication with several right-hand sides in vector registers costs about this part of one
+/// in the elimination of a sparse matrix.
+const LANE_COST: f64 = 0.25;
+/// Operations of a sparse elimination per stored entry, about, for matrices of mechanisms.
+const ELIMINATION: f64 = 6.0;
+
+impl NullSpace {
+    /// Whether this needs fewer operations than the index-1 matrix with `saddle` stored entries.
+    pub(super) fn pays(chart: &Chart, mass: &BlockMatrix, saddle: usize) -> bool {
+        let (n, ndof) = (mass.n_rows() as f64, chart.ndof() as f64);
+        let columns = ndof * (2.0 * chart.fill() as f64 + mass.values().len() as f64 + n * ndof);
+        LANE_COST * columns + ndof.powi(3) / 6.0 < ELIMINATION * saddle as f64
+    }
+
+    pub(super) fn new(n: usize, ndof: usize) -> Self {
+        Self {
+            d: vec![0.0; n * ndof],
+            inertia: vec![0.0; n * ndof],
+            mass: vec![0.0; ndof * ndof],
+            factor: Cholesky::new(ndof),
+            rate: vec![0.0; ndof],
+            zero: vec![0.0; ndof],
+            force: vec![0.0; n],
+        }
+    }
+
+    /// D at the chart's factors.
+    pub(super) fn update(&mut self, chart: &mut Chart) {
+        chart.null_space(&mut self.d);
+    }
+
+    /// x += D p.
+    pub(super) fn add(&self, p: &[f64], x: &mut [f64]) {
+        for (x, row) in x.iter_mut().zip(self.d.chunks_exact(p.len().max(1))) {
+            *x += row.iter().zip(p).map(|(d, p)| d * p).sum::<f64>();
+        }
+    }
+
+    /// Accelerations for the forces Q and right-hand sides τ at the configuration of the last
+    /// [`NullSpace::update`], the chart's factors and `mass`.
+    ///
+    /// # Errors
+    /// When M̂ is not positive definite.
+    pub(super) fn accelerate(
+        &mut self,
+        chart: &mut Chart,
+        mass: &BlockMatrix,
+        force: &[f64],
+        tau: &[f64],
+        a: &mut [f64],
+    ) -> Result<(), NotPositiveDefinite> {
+        let (n, ndof) = (force.len(), self.rate.len());
+        chart.solve(tau, &self.zero, a);
+        if ndof == 0 {
+            return Ok(());
+        }
+        self.inertia.fill(0.0);
+        mass.multiply_many_add(1.0, &self.d, ndof, &mut self.inertia);
+        self.mass.fill(0.0);
+        gram_add(n, ndof, &self.d, &self.inertia, &mut self.mass);
+        self.factor.factor(&self.mass)?;
+        self.rate.fill(0.0);
+        // Dᵀ(Q − M S τ) = DᵀQ − (M D)ᵀ S τ, as M is symmetric.
+        let rows = self.d.chunks_exact(ndof).zip(self.inertia.chunks_exact(ndof));
+        for ((d, inertia), (f, a)) in rows.zip(force.iter().zip(&*a)) {
+            for (rate, (d, m)) in self.rate.iter_mut().zip(d.iter().zip(inertia)) {
+                *rate += d * f - m * a;
+            }
+        }
+        self.factor.solve(&mut self.rate);
+        for (a, row) in a.iter_mut().zip(self.d.chunks_exact(ndof)) {
+            *a += row.iter().zip(&self.rate).map(|(d, v)| d * v).sum::<f64>();
+        }
+        Ok(())
+    }
+
+    /// Multipliers for the forces Q at accelerations that belong to them; dropped rows get λ = 0.
+    pub(super) fn multipliers(
+        &mut self,
+        chart: &mut Chart,
+        mass: &BlockMatrix,
+        force: &[f64],
+        a: &[f64],
+        lambda: &mut [f64],
+    ) {
+        self.force.copy_from_slice(force);
+        mass.multiply_add(-1.0, a, &mut self.force);
+        // What is left in the directions of D is round-off.
+        chart.solve_transposed(&self.force, lambda, &mut self.rate);
+    }
+}
