@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{model, model_of, options, run_model};
+use common::{LIBRARY, model, model_of, options, run_model};
 use holonom::formula::{Nystrom, SDIRK4_16};
 use holonom::method::nystrom::NystromStepper;
 use holonom::method::ode::{LinearizedOde, Ode};
@@ -285,8 +285,9 @@ fn jacobians_by_differences_filter_errors_almost_alike() {
 }
 
 /// Error over tolerance against a reference, largest over ten times: coordinates and velocities.
-fn measure(model: &Model, code: Code, tolerance: f64, truth: &[Vec<f64>; 2], end: f64) -> [f64; 2] {
-    let found = solution(model, options(code, tolerance, end));
+fn measure(model: &Model, options: Options, truth: &[Vec<f64>; 2]) -> [f64; 2] {
+    let tolerance = options.tolerance.relative;
+    let found = solution(model, options);
     [0, 1].map(|k| {
         assert_eq!(found[k].len(), truth[k].len());
         let error = |(a, b): (&f64, &f64)| (a - b).abs() / (tolerance * (1.0 + b.abs()));
@@ -306,10 +307,10 @@ fn solution(model: &Model, options: Options) -> [Vec<f64>; 2] {
 /// Truth: `reference` at a tolerance far below those tested.
 #[track_caller]
 fn assert_all_agree(name: &str, model: &Model, reference: Code, end: f64, bounds: [f64; 2]) {
-    let truth = solution(model, options(reference, 1e-10, end));
+    let truth = solution(model, options(reference, 1e-8, end));
     for info in implicit() {
         for tolerance in [1e-3, 1e-5] {
-            let found = measure(model, info.code, tolerance, &truth, end);
+            let found = measure(model, options(info.code, tolerance, end), &truth);
             assert!(
                 found[0] < bounds[0] && found[1] < bounds[1],
                 "{} on {name} at {tolerance:e}: {found:.1?} tolerances, allowed {bounds:?}",
@@ -319,30 +320,36 @@ fn assert_all_agree(name: &str, model: &Model, reference: Code, end: f64, bounds
     }
 }
 
-#[test]
-fn all_codes_agree_on_the_stiff_double_pendulum() {
-    assert_all_agree(
-        "double_pendulum",
-        &model("double_pendulum"),
-        Code::ForSdirk,
-        2.0,
-        [30.0, 60.0],
-    );
+/// For a model of the library: an end time, a code for the truth, and how many tolerances the codes
+/// may be off in coordinates and velocities.
+fn agreement(name: &str) -> (f64, Code, [f64; 2]) {
+    match name {
+        "simple_pendulum" => (3.0, Code::Deabm, [30.0, 60.0]),
+        // Accelerations of 1e6 rad/s²: velocities are sensitive.
+        "andrews" => (0.03, Code::Deabm, [30.0, f64::INFINITY]),
+        "slider_crank" => (1.0, Code::Deabm, [30.0, 60.0]),
+        "spatial_four_bar" => (2.0, Code::Deabm, [30.0, 60.0]),
+        "chain50" => (0.1, Code::ForRadau, [30.0, 60.0]),
+        "chain50_free" => (0.05, Code::Deabm, [30.0, 60.0]),
+        "hmmwv14" => (0.6, Code::ForRadau, [30.0, 60.0]),
+        "hmmwv14_bushing" => (0.03, Code::ForRadau, [30.0, 60.0]),
+        _ => (2.0, Code::ForSdirk, [30.0, 60.0]),
+    }
 }
 
-#[test] // accelerations of 1e6 rad/s²: velocities are sensitive
-fn all_codes_agree_on_andrews_mechanism() {
-    assert_all_agree("andrews", &model("andrews"), Code::Deabm, 0.03, [30.0, f64::INFINITY]);
-}
-
-#[test]
-fn all_codes_agree_on_the_slider_crank() {
-    assert_all_agree("slider_crank", &model("slider_crank"), Code::Deabm, 1.0, [30.0, 100.0]);
-}
-
-#[test]
-fn all_codes_agree_on_the_vehicle() {
-    assert_all_agree("hmmwv14", &model("hmmwv14"), Code::SspSdirk16, 0.8, [30.0, 100.0]);
+#[test] // truth: one code at 1e-8; partitioning and tangent plane against it too
+fn all_codes_agree_on_every_model_of_the_library() {
+    for name in LIBRARY {
+        let (end, reference, bounds) = agreement(name);
+        let model = model(name);
+        assert_all_agree(name, &model, reference, end, bounds);
+        let truth = solution(&model, options(reference, 1e-8, end));
+        for &(parametrization, choice) in Choice::ALL {
+            let run = Options { parametrization, ..options(Code::ForSdirk, 1e-4, end) };
+            let found = measure(&model, run, &truth);
+            assert!(found[0] < bounds[0] && found[1] < bounds[1], "{name}, {choice}: {found:.1?}");
+        }
+    }
 }
 
 #[test]
