@@ -330,3 +330,46 @@ fn a_tangent_plane_beside_displacements_serves_as_well() {
         assert_honest("tangent plane", code, &runs, 60.0);
     }
 }
+
+/// Inertia of the arm that carries the bushing, kg m².
+const ARM: f64 = 0.01;
+
+/// The body on a bushing at the end of an arm that turns.
+fn on_bushing(k: f64, c: f64) -> Model {
+    let [angle, w] = START;
+    let (sin, cos) = angle.sin_cos();
+    let (p, v) = ([cos, sin], [-w * sin, w * cos]);
+    let (half_sin, half_cos) = (0.5 * angle).sin_cos();
+    model_of(&format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, -{GRAVITY}, 0.0]
+[bodies]
+arm = {{ mass = 0.1, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, {ARM}]], position = [0.0, 0.0, 0.0] }}
+body = {{ mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.015]], position = [1.0, 0.0, 0.0] }}
+[joints]
+pivot = {{ type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }}
+[forces]
+bushing = {{ type = "bushing", between = ["arm", "body"], point = [1.0, 0.0, 0.0], stiffness = [{k:e}, {k:e}, {k:e}], damping = [{c:e}, {c:e}, {c:e}] }}
+[initial.bodies]
+arm = {{ euler_parameters = [{half_cos:e}, 0.0, 0.0, {half_sin:e}], angular_velocity = [0.0, 0.0, {w:e}] }}
+body = {{ position = [{:e}, {:e}, 0.0], velocity = [{:e}, {:e}, 0.0], angular_velocity = [1.0, 0.5, 2.0] }}
+"#,
+        p[0], p[1], v[0], v[1],
+    ))
+}
+
+#[test] // independent truth: the polar equations of motion with the arm
+fn a_body_on_a_damped_bushing_that_turns_is_right() {
+    for code in implicit() {
+        for k in [1e8, 1e10, 1e12] {
+            let truth = truth(k, 0.1 * k, ARM);
+            let options = Options { max_steps: 4000, ..with_rows(code) };
+            let outcome = try_run(&on_bushing(k, 0.1 * k), &options);
+            assert_eq!(outcome.summary.status, Status::Completed, "{code:?} at {k:e} N/m");
+            let error = error(&outcome, &truth);
+            assert!(error <= 30.0, "{code:?} at {k:e} N/m: {error:.1} tolerances");
+        }
+    }
+}

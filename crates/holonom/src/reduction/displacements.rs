@@ -95,6 +95,9 @@ impl BodyRows {
 /// A spring is followed by its elongation where its stiffness is more than this times what else acts
 /// along it.
 const STIFF: f64 = 100.0;
+/// The same for a bushing, which holds all directions of a point: short of this the iterations follow
+/// it as well in coordinates, with fewer rejections.
+const STIFF_BUSHING: f64 = 1e6;
 /// It must not be longer or shorter than its free length by more than this part of it, nor move as
 /// if it soon were: short springs turn fast and have no direction where their ends meet.
 const LARGEST_STRAIN: f64 = 0.05;
@@ -108,10 +111,11 @@ const LEAST_MOVEMENT: f64 = 1e-2;
 /// however far the bodies turn during a step; in coordinates of the ground their direction is off by
 /// the angle of the step, and what they do across it grows with the stiffness.
 ///
-/// With r = s_q D, u = M̂⁻¹rᵀ / √(r M̂⁻¹ rᵀ) and R = M̂₂ without the springs, a spring is stiff if
+/// With r = s_q D, u = M̂⁻¹rᵀ / √(r M̂⁻¹ rᵀ), R = M̂₂ at q̇ = 0 without the springs and Ω the turning of
+/// the spring, it is stiff if
 ///
 /// ```text
-/// uᵀ K̂_spring u > 100 |uᵀ R u|
+/// uᵀ K̂_spring u > 100 (|uᵀ R u| + Ω²)      (10⁶ and without Ω for a bushing)
 /// ```
 ///
 /// which compares squares of frequencies and so depends neither on units nor on a step.
@@ -197,7 +201,10 @@ fn stiff_springs(manifold: &mut Manifold, state: &State, rows: &[f64], rates: &[
     }
     manifold.evaluate_mass(&state.q);
     let mut reduced = ReducedBlocks::new(manifold);
-    reduced.evaluate(manifold, state);
+    // Without velocities the dampers of the springs themselves do not count as something else.
+    let mut at_rest = state.clone();
+    at_rest.v.fill(0.0);
+    reduced.evaluate(manifold, &at_rest);
     let mut cholesky = Cholesky::new(ndof);
     if cholesky.factor(&reduced.mass).is_err() {
         return stiff;
@@ -223,8 +230,11 @@ fn stiff_springs(manifold: &mut Manifold, state: &State, rows: &[f64], rates: &[
             rest -= constant * dot(&rows[j * ndof..(j + 1) * ndof], u).powi(2);
         }
         let elongation = system.displacement(*k, &state.q).abs();
-        let strain = (elongation + rates[*k].abs() / own.sqrt()) / displacements[*k].length;
-        stiff[*k] = *own > STIFF * rest.abs() && strain < LARGEST_STRAIN;
+        let length = displacements[*k].length;
+        let strain = (elongation + rates[*k].abs() / own.sqrt()) / length;
+        let turning = system.displacement_curvature(*k, &state.q, &state.v) / length;
+        let required = if length.is_finite() { STIFF } else { STIFF_BUSHING };
+        stiff[*k] = *own > required * (rest.abs() + turning.abs()) && strain < LARGEST_STRAIN;
     }
     stiff
 }
