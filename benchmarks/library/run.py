@@ -36,6 +36,7 @@ def measure(folder: Path) -> dict[str, object]:
     whole = model.simulate(channels=[])
     row: dict[str, object] = {
         "model": folder.name,
+        "code": whole.meta["method"],
         "end": float(whole.time[-1]),
         "tolerance": model.defaults["tolerance"]["relative"],
         "steps": whole.statistics.steps,
@@ -59,7 +60,7 @@ def measure(folder: Path) -> dict[str, object]:
 def sentences(row: dict[str, object]) -> str:
     """Return what a README says about a row."""
     text = (
-        f"**Measured**, `ForSDIRK` at the model's tolerance {row['tolerance']:g}: "
+        f"**Measured**, `{row['code']}` at the model's tolerance {row['tolerance']:g}: "
         f"{row['steps']} steps and {row['rejected']} rejected attempts, "
         f"{row['jacobians']} Jacobians to {row['end']:g} s."
     )

@@ -47,7 +47,7 @@ def test_run_says_how_it_went_in_about_15_lines(
     for wanted in (
         "Rod on a pin",
         "completed at 1 s",
-        "ForSDIRK",
+        "ForRadau",
         "1 body, 1 joint",
         "1 degree of freedom",
         "accepted",

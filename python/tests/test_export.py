@@ -48,7 +48,7 @@ def test_a_dataset_holds_values_units_and_names_of_components(spatial: Result) -
     assert data["energy.total"].attrs == {"units": "J"}
     assert data["time"].attrs["units"] == "s"
     np.testing.assert_array_equal(data["time"], spatial.time)
-    assert data.attrs["method"] == "ForSDIRK"
+    assert data.attrs["method"] == "ForRadau"
     assert data.attrs["model_hash"] == spatial.model.hash
     assert set(data.attrs) >= {"source", "title", "tolerance", "status"}
 

@@ -2,7 +2,7 @@
 
 use crate::options::DEFAULT_OUTPUTS;
 use holonom::error::{Diagnostic, ModelErrors};
-use holonom::method::{CODES, Code, JacobianSource, Profile};
+use holonom::method::{CODES, Code, DEFAULT_CODE, JacobianSource, Profile};
 use holonom::model::{Dimension, Model, Tolerance};
 use holonom::reduction::Choice;
 use holonom::reduction::assembly::{Assembled, AssemblyError};
@@ -77,7 +77,7 @@ pub(crate) fn defaults(model: &Model) -> String {
             "translation": tolerance.translation,
             "rotation": tolerance.rotation,
         },
-        "method": s.method.clone().unwrap_or_else(|| Code::ForSdirk.info().name.into()),
+        "method": s.method.clone().unwrap_or_else(|| DEFAULT_CODE.info().name.into()),
         "formula": s.formula,
         "parametrization": s.parametrization.unwrap_or(Choice::default().name()),
         "jacobian": s.jacobian.unwrap_or(JacobianSource::default().name()),

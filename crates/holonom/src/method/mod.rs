@@ -30,7 +30,8 @@ mod stiff_tests;
 mod test_systems;
 
 pub use codes::{
-    CODES, Code, CodeInfo, Newmark, Profile, UnknownMethod, build_state_space, build_stepper,
+    CODES, Code, CodeInfo, DEFAULT_CODE, Newmark, Profile, UnknownMethod, build_state_space,
+    build_stepper,
 };
 pub use descriptor::{Descriptor, Iterate};
 pub use differences::JacobianSource;

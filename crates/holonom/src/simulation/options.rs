@@ -1,6 +1,6 @@
 //! Choices for one run.
 
-use crate::method::{Code, JacobianSource, Newmark, Profile};
+use crate::method::{Code, DEFAULT_CODE, JacobianSource, Newmark, Profile};
 use crate::model::Tolerance;
 use crate::reduction::Choice;
 
@@ -56,12 +56,12 @@ pub const DEFAULT_MAX_STEPS: u64 = 10_000_000;
 pub const DEFAULT_REPARTITION_FACTOR: f64 = 1.25;
 
 impl Options {
-    /// Defaults up to `end_time`: ForSDIRK, tolerance 1e-4, 200 outputs.
+    /// Defaults up to `end_time`: [`DEFAULT_CODE`], tolerance 1e-4, 200 outputs.
     pub fn new(end_time: f64) -> Self {
         Self {
             end_time,
             tolerance: Tolerance::uniform(DEFAULT_TOLERANCE),
-            code: Code::ForSdirk,
+            code: DEFAULT_CODE,
             profile: Profile::Improved,
             output: OutputTimes::Interval(end_time / 200.0),
             channels: Vec::new(),

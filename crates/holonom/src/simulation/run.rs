@@ -605,7 +605,7 @@ impl Run<'_> {
         }
         if s.stiff_steps > s.steps / 10 && s.stiff_steps > 50 {
             let message = "the explicit code was limited by stability, not accuracy: an implicit \
-                           one (ForSDIRK) will be much faster"
+                           one (ForRadau) will be much faster"
                 .into();
             self.warnings.push(RunWarning { code: "simulation/stiff", message });
         }
