@@ -103,7 +103,7 @@ def main() -> None:
         print(f"{folder.name}: {sentences(rows[-1])}", flush=True)
         if "--write" in sys.argv:
             write(folder, rows[-1])
-    head = ["model", "end", "tolerance", "steps", "rejected", "jacobians", "until", *UNITS]
+    head = ["model", "code", "end", "tolerance", "steps", "rejected", "jacobians", "until", *UNITS]
     with (Path(__file__).parent / "results.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, head, restval="", lineterminator="\n")
         table.writeheader()
