@@ -49,7 +49,7 @@ const ROTATION_SHARE: f64 = 0.125;
 const NEGLIGIBLE: f64 = 1e-13;
 
 /// A parametrization at a state with Jacobian `g`; `displacements` tells whether independent
-/// coordinates may give way to displacements, see [`take_displacements`]; a tangent plane is then that
+/// coordinates may give way to displacements, see `take_displacements`; a tangent plane is then that
 /// of the configurations that leave them as they are. Rank, kept and redundant rows are those
 /// of the partition, whichever is chosen.
 ///
