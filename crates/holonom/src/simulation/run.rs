@@ -25,6 +25,10 @@ const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
 const CONDITION_FLOOR: f64 = 10.0;
 /// Smallest number of steps of a run without unknowns.
 const KINEMATIC_STEPS: f64 = 200.0;
+/// Share of the energy that may be missing without a warning.
+const LARGEST_IMBALANCE: f64 = 0.05;
+/// Largest rotation of a body in space in any step, rad: half of it is the angle of Euler parameters.
+const LARGEST_TURN: f64 = 0.8;
 /// Largest rotation of a body in a step of a run without unknowns, rad.
 const KINEMATIC_TURN: f64 = 0.5;
 /// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
@@ -215,9 +219,9 @@ impl Run<'_> {
                 .first()
                 .map_or(end, |&b| b.min(end));
             if !fixed {
-                h = h.min(self.system.longest_step(&self.state));
+                h = h.min(self.system.longest_step(&self.state)).min(self.turn_step());
                 if kinematic {
-                    h = h.min(span / KINEMATIC_STEPS).min(self.turning_step()).min(longest);
+                    h = h.min(span / KINEMATIC_STEPS).min(self.kinematic_step()).min(longest);
                 }
             }
             let (step, reaches) = clip(t, h, next, fixed);
@@ -288,19 +292,36 @@ impl Run<'_> {
         Ok(h.min(limit))
     }
 
-    /// Step in which no body turns by more than [`KINEMATIC_TURN`], as its rates and accelerations
-    /// foretell.
-    fn turning_step(&self) -> f64 {
-        let sizes = &self.system.structure().sizes;
-        let per_radian = if sizes.per_body - sizes.translations == 1 { 1.0 } else { 2.0 };
-        let turning = |x: &[f64]| {
-            let bodies = x.chunks_exact(sizes.per_body);
-            let rates =
-                bodies.map(|b| b[sizes.translations..].iter().map(|x| x * x).sum::<f64>().sqrt());
-            per_radian * rates.fold(0.0, f64::max)
-        };
-        let (rate, acceleration) = (turning(&self.state.v), turning(&self.state.a));
+    /// Step in which no body turns by more than its Euler parameters can tell apart, so that not every
+    /// other step is refused where a rotor's tolerance is loose; infinite in a plane.
+    fn turn_step(&self) -> f64 {
+        if self.per_radian() == 1.0 {
+            return f64::INFINITY;
+        }
+        LARGEST_TURN / self.turning(&self.state.v)
+    }
+
+    /// Step in which no body of a run without unknowns turns by more than [`KINEMATIC_TURN`], as its
+    /// rates and accelerations foretell.
+    fn kinematic_step(&self) -> f64 {
+        let rate = self.turning(&self.state.v);
+        let acceleration = self.turning(&self.state.a);
         (KINEMATIC_TURN / rate).min((2.0 * KINEMATIC_TURN / acceleration).sqrt())
+    }
+
+    /// Radians per unit of the coordinates of rotation.
+    fn per_radian(&self) -> f64 {
+        let sizes = &self.system.structure().sizes;
+        if sizes.per_body - sizes.translations == 1 { 1.0 } else { 2.0 }
+    }
+
+    /// Largest rotation among the bodies of a change of the coordinates, rad.
+    fn turning(&self, x: &[f64]) -> f64 {
+        let sizes = &self.system.structure().sizes;
+        let bodies = x.chunks_exact(sizes.per_body);
+        let turns =
+            bodies.map(|b| b[sizes.translations..].iter().map(|x| x * x).sum::<f64>().sqrt());
+        self.per_radian() * turns.fold(0.0, f64::max)
     }
 
     /// Takes over the end of an accepted attempt: state with accelerations at `t_end`.
@@ -603,18 +624,18 @@ impl Run<'_> {
         if !dropped.is_empty() {
             self.warnings.push(redundancy(self.system.as_ref(), dropped));
         }
-        if s.stiff_steps > s.steps / 10 && s.stiff_steps > 50 {
+        if s.stiff_steps > (s.steps / 10).max(s.rejected_evaluation) && s.stiff_steps > 50 {
             let message = "the explicit code was limited by stability, not accuracy: an implicit \
                            one (ForRadau) will be much faster"
                 .into();
             self.warnings.push(RunWarning { code: "simulation/stiff", message });
         }
-        let exchanged = e.range.max(e.dissipated.abs()).max(e.supplied.abs());
-        let allowed = (100.0 * self.options.tolerance.largest()).max(0.1);
-        if e.largest_imbalance > allowed * exchanged {
+        // The kinetic energy, not its range, which is mere error where it should be constant.
+        let scale = self.kinetic_range.1.max(e.dissipated.abs()).max(e.supplied.abs());
+        if e.largest_imbalance > LARGEST_IMBALANCE * scale {
             let message = format!(
-                "the energy balance does not close: {:.1e} J are missing of {exchanged:.1e} J \
-                 exchanged; forces of stiff elements may be wrong: tighten the tolerance, or \
+                "the energy balance does not close: {:.1e} J are missing of {scale:.1e} J; the \
+                 motion or forces of stiff elements may be wrong: tighten the tolerance, or \
                  compare with another code",
                 e.largest_imbalance
             );
