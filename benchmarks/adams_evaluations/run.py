@@ -54,7 +54,14 @@ class Andrews:
 
     def __init__(self) -> None:
         self.dependent = np.array(
-            [0.0, 0.45527981916307, 0.22266839016589, 0.48736497954384, -0.22266839016589, 1.2305474445498]
+            [
+                0.0,
+                0.45527981916307,
+                0.22266839016589,
+                0.48736497954384,
+                -0.22266839016589,
+                1.2305474445498,
+            ]
         )
 
     def loops(self, q: Vector) -> tuple[Vector, Vector]:
@@ -196,7 +203,9 @@ def main() -> None:
     rows = []
     for name, angle, end, rate, start in cases:
         model = holonom.Model.load(MODELS / name / "model.toml")
-        exact = solve_ivp(rate(), (0.0, end), start, method="DOP853", rtol=1e-13, atol=1e-13).y[0, -1]
+        exact = solve_ivp(rate(), (0.0, end), start, method="DOP853", rtol=1e-13, atol=1e-13).y[
+            0, -1
+        ]
         for tolerance in TOLERANCES:
             ours, our_end = deabm(model, angle, end, tolerance)
             theirs, their_end = vode(rate(), start, end, tolerance)
@@ -214,7 +223,9 @@ def main() -> None:
                 "error LSODA": abs(switching_end - exact),
             }
             rows.append(row)
-            print({k: f"{v:.3g}" if isinstance(v, float) else v for k, v in row.items()}, flush=True)
+            print(
+                {k: f"{v:.3g}" if isinstance(v, float) else v for k, v in row.items()}, flush=True
+            )
     with (HERE / "results.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()

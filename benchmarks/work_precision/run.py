@@ -77,7 +77,11 @@ def draw(table: list[dict[str, object]]) -> None:
         for code in CODES:
             rows = [r for r in table if (r["model"], r["code"]) == (name, code)]
             ax.loglog(
-                [r["error"] for r in rows], [r["milliseconds"] for r in rows], "o-", label=code, ms=3
+                [r["error"] for r in rows],
+                [r["milliseconds"] for r in rows],
+                "o-",
+                label=code,
+                ms=3,
             )
         ax.axvline(ERROR, color="0.7", lw=0.8)
         ax.set(title=name, xlabel="largest error, m or rad")
@@ -94,7 +98,9 @@ def main() -> None:
         rows = measure(name, end)
         table += rows
         times = {code: time_to(rows, code) for code in CODES}
-        print(name, {code: round(t, 2) for code, t in times.items()}, f"bound {bound} ms", flush=True)
+        print(
+            name, {code: round(t, 2) for code, t in times.items()}, f"bound {bound} ms", flush=True
+        )
     with (HERE / "results.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, table[0].keys(), lineterminator="\n")
         writer.writeheader()
