@@ -6,9 +6,12 @@ mod ledger;
 mod options;
 mod output;
 mod problem;
+mod reparametrization;
 mod run;
 mod statistics;
+mod step_length;
 mod trajectory;
+mod warnings;
 
 pub use checks::RunError;
 pub use options::{

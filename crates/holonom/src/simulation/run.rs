@@ -6,13 +6,16 @@ use super::ledger::{StepPowers, powers};
 use super::options::Options;
 use super::output::{CHUNK_ROWS, CHUNK_STEPS, Output};
 use super::problem::Problem;
+use super::reparametrization::{new_chart, no_longer_redundant};
 use super::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
+use super::step_length::{self, clip, smallest_step};
 use super::trajectory::{EventKind, EventRecord, Flow, Sink, StepOutcome, StepRecord};
+use super::warnings::warnings;
 use crate::error::EvaluationFailure;
 use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
 use crate::method::{StateSpace, build_state_space, build_stepper};
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
-use crate::reduction::{Chart, Choice, Manifold, Parametrization, choose};
+use crate::reduction::{Chart, Choice};
 use crate::system::{EnergyBalance, State, System};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -23,20 +26,10 @@ const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
 const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
 /// The partition is left alone while the condition of [G; P] is below this.
 const CONDITION_FLOOR: f64 = 10.0;
-/// Smallest number of steps of a run without unknowns.
-const KINEMATIC_STEPS: f64 = 200.0;
-/// Share of the energy that may be missing without a warning.
-const LARGEST_IMBALANCE: f64 = 0.05;
-/// Largest rotation of a body in space in any step, rad: half of it is the angle of Euler parameters.
-const LARGEST_TURN: f64 = 0.8;
-/// Largest rotation of a body in a step of a run without unknowns, rad.
-const KINEMATIC_TURN: f64 = 0.5;
 /// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
 const TANGENT_GROWTH: f64 = 2.0;
 /// Pieces of a step in which a state inside it is approached when it cannot be recovered at once.
 const PIECES: u32 = 16;
-/// Redundant constraints that a warning names.
-const REDUNDANT_SHOWN: usize = 8;
 pub(super) const MAX_REJECTIONS: u32 = 60;
 const POLL: Duration = Duration::from_millis(50);
 const FLUSH: Duration = Duration::from_millis(500);
@@ -196,7 +189,6 @@ impl Run<'_> {
             self.output.push(self.system.as_ref(), &self.state);
         }
         let breakpoints = self.system.breakpoints();
-        // Without unknowns no error limits the step; the energy ledger is still an integral.
         let span = end - self.state.t;
         let kinematic = self.form.manifold().chart().ndof() == 0;
         let fixed = self.options.fixed_step.is_some();
@@ -219,9 +211,10 @@ impl Run<'_> {
                 .first()
                 .map_or(end, |&b| b.min(end));
             if !fixed {
-                h = h.min(self.system.longest_step(&self.state)).min(self.turn_step());
+                h = h.min(step_length::longest(self.system.as_ref(), &self.state));
                 if kinematic {
-                    h = h.min(span / KINEMATIC_STEPS).min(self.kinematic_step()).min(longest);
+                    let most = step_length::kinematic(self.system.as_ref(), &self.state, span);
+                    h = h.min(most).min(longest);
                 }
             }
             let (step, reaches) = clip(t, h, next, fixed);
@@ -290,38 +283,6 @@ impl Run<'_> {
         let h =
             initial_step(self.form.as_mut(), order, t, &self.w, &self.g, limit, &mut self.scratch)?;
         Ok(h.min(limit))
-    }
-
-    /// Step in which no body turns by more than its Euler parameters can tell apart, so that not every
-    /// other step is refused where a rotor's tolerance is loose; infinite in a plane.
-    fn turn_step(&self) -> f64 {
-        if self.per_radian() == 1.0 {
-            return f64::INFINITY;
-        }
-        LARGEST_TURN / self.turning(&self.state.v)
-    }
-
-    /// Step in which no body of a run without unknowns turns by more than [`KINEMATIC_TURN`], as its
-    /// rates and accelerations foretell.
-    fn kinematic_step(&self) -> f64 {
-        let rate = self.turning(&self.state.v);
-        let acceleration = self.turning(&self.state.a);
-        (KINEMATIC_TURN / rate).min((2.0 * KINEMATIC_TURN / acceleration).sqrt())
-    }
-
-    /// Radians per unit of the coordinates of rotation.
-    fn per_radian(&self) -> f64 {
-        let sizes = &self.system.structure().sizes;
-        if sizes.per_body - sizes.translations == 1 { 1.0 } else { 2.0 }
-    }
-
-    /// Largest rotation among the bodies of a change of the coordinates, rad.
-    fn turning(&self, x: &[f64]) -> f64 {
-        let sizes = &self.system.structure().sizes;
-        let bodies = x.chunks_exact(sizes.per_body);
-        let turns =
-            bodies.map(|b| b[sizes.translations..].iter().map(|x| x * x).sum::<f64>().sqrt());
-        self.per_radian() * turns.fold(0.0, f64::max)
     }
 
     /// Takes over the end of an accepted attempt: state with accelerations at `t_end`.
@@ -482,23 +443,13 @@ impl Run<'_> {
 
     /// New partition at the present state.
     fn repartition(&mut self, condition: f64) -> Result<(), EvaluationFailure> {
-        let system = self.system.clone();
-        let mut g = system.structure().constraint_pattern.clone();
-        system.constraint_jacobian(&self.state.q, &mut g);
-        let displacements = self.options.code.takes_displacements(self.options.profile);
-        let manifold = self.form.manifold();
-        let new = choose(self.options.parametrization, displacements, manifold, &self.state, &g)?;
-        let old = manifold.chart().parametrization();
-        if new.same_as(old) {
-            self.condition_reference = condition;
-            return Ok(());
+        match new_chart(self.options, self.form.manifold(), &self.state)? {
+            Some(chart) => self.set_chart(chart),
+            None => {
+                self.condition_reference = condition;
+                Ok(())
+            }
         }
-        if new.ndof != old.ndof {
-            return Err(rank_change(&system, old, &new));
-        }
-        let chart =
-            manifold.chart().with_parametrization(system.as_ref(), new, &self.state.q, &g)?;
-        self.set_chart(chart)
     }
 
     fn set_chart(&mut self, chart: Chart) -> Result<(), EvaluationFailure> {
@@ -621,26 +572,7 @@ impl Run<'_> {
             - ledger.supplied;
         e.range = self.kinetic_range.1 - self.kinetic_range.0;
         let dropped = &self.form.manifold().chart().parametrization().dropped;
-        if !dropped.is_empty() {
-            self.warnings.push(redundancy(self.system.as_ref(), dropped));
-        }
-        if s.stiff_steps > (s.steps / 10).max(s.rejected_evaluation) && s.stiff_steps > 50 {
-            let message = "the explicit code was limited by stability, not accuracy: an implicit \
-                           one (ForRadau) will be much faster"
-                .into();
-            self.warnings.push(RunWarning { code: "simulation/stiff", message });
-        }
-        // The kinetic energy, not its range, which is mere error where it should be constant.
-        let scale = self.kinetic_range.1.max(e.dissipated.abs()).max(e.supplied.abs());
-        if e.largest_imbalance > LARGEST_IMBALANCE * scale {
-            let message = format!(
-                "the energy balance does not close: {:.1e} J are missing of {scale:.1e} J; the \
-                 motion or forces of stiff elements may be wrong: tighten the tolerance, or \
-                 compare with another code",
-                e.largest_imbalance
-            );
-            self.warnings.push(RunWarning { code: "simulation/energy-imbalance", message });
-        }
+        self.warnings = warnings(self.system.as_ref(), dropped, s, e, self.kinetic_range.1);
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
                 Err(Stop::Sink(message))
@@ -657,98 +589,6 @@ impl Run<'_> {
     }
 }
 
-/// Names redundant constraints and says what that means for reactions.
-fn redundancy(system: &dyn System, dropped: &[usize]) -> RunWarning {
-    let shown: Vec<String> =
-        dropped.iter().take(REDUNDANT_SHOWN).map(|&row| system.row_name(row)).collect();
-    let more = match dropped.len().saturating_sub(REDUNDANT_SHOWN) {
-        0 => String::new(),
-        more => format!("; and {more} more"),
-    };
-    let message = format!(
-        "constraints are redundant ({}{more}): reactions are not unique there, and those stored are \
-         the ones of minimum norm",
-        shown.join("; ")
-    );
-    RunWarning { code: "simulation/redundant", message }
-}
-
-/// The chart of the chosen parametrization at the start, if it is another one than at assembly.
-fn new_chart(
-    options: &Options,
-    manifold: &Manifold,
-    state: &State,
-) -> Result<Option<Chart>, EvaluationFailure> {
-    let (chart, g) = (manifold.chart(), manifold.jacobian());
-    let displacements = options.code.takes_displacements(options.profile);
-    let new = choose(options.parametrization, displacements, manifold, state, g)?;
-    if new.same_as(chart.parametrization()) {
-        return Ok(None);
-    }
-    chart.with_parametrization(manifold.system().as_ref(), new, &state.q, g).map(Some)
-}
-
 fn failed(failure: EvaluationFailure, step_size: f64) -> Stop {
     Stop::Failed { cause: Some(Rejection::Evaluation(failure)), step_size }
-}
-
-/// Names the dropped row with the largest residual, m, rad, m/s or rad/s.
-fn no_longer_redundant(
-    system: &dyn System,
-    dropped: &[usize],
-    state: &State,
-) -> Option<EvaluationFailure> {
-    let rows = system.structure().sizes.rows;
-    let (mut phi, mut rate) = (vec![0.0; rows], vec![0.0; rows]);
-    system.position_constraints(state.t, &state.q, &mut phi);
-    system.velocity_rhs(state.t, &mut rate);
-    rate.iter_mut().for_each(|x| *x = -*x);
-    let mut g = system.structure().constraint_pattern.clone();
-    system.constraint_jacobian(&state.q, &mut g);
-    g.multiply_add(1.0, &state.v, &mut rate);
-    let size = |row: usize| phi[row].abs().max(rate[row].abs());
-    let &worst = dropped.iter().max_by(|&&a, &&b| size(a).total_cmp(&size(b)))?;
-    Some(EvaluationFailure {
-        code: "simulation/singular-configuration",
-        message: format!(
-            "{} was redundant and is not any more at t = {:.6} s: residual {:.2e}",
-            system.row_name(worst),
-            state.t,
-            size(worst)
-        ),
-    })
-}
-
-fn rank_change(
-    system: &Arc<dyn System>,
-    old: &Parametrization,
-    new: &Parametrization,
-) -> EvaluationFailure {
-    let (more, fewer) = if new.ndof > old.ndof { (old, new) } else { (new, old) };
-    let row = more.kept.iter().find(|r| !fewer.kept.contains(r));
-    let name = row.map_or(String::new(), |&r| format!(" ({})", system.row_name(r)));
-    EvaluationFailure {
-        code: "simulation/singular-configuration",
-        message: format!(
-            "the number of independent constraints changes from {} to {}{name}",
-            old.kept.len(),
-            new.kept.len()
-        ),
-    }
-}
-
-/// Smallest step worth trying.
-fn smallest_step(t: f64, end: f64) -> f64 {
-    10.0 * f64::EPSILON * t.abs().max((end - t).abs() * 1e-3).max(1e-3)
-}
-
-/// Fits a step to the next time that must be hit: reaches it, or leaves room for two equal steps.
-fn clip(t: f64, h: f64, next: f64, fixed: bool) -> (f64, bool) {
-    if t + 1.01 * h >= next {
-        return (next - t, true);
-    }
-    if !fixed && t + 2.0 * h > next {
-        return (0.5 * (next - t), false);
-    }
-    (h, false)
 }

@@ -1,0 +1,76 @@
+//! The chart that a run goes on with, and why there may be none.
+
+use super::options::Options;
+use crate::error::EvaluationFailure;
+use crate::reduction::{Chart, Manifold, Parametrization, choose};
+use crate::system::{State, System};
+
+/// The chart of the chosen parametrization at a state; `None` if it is the one that
+/// the manifold has.
+///
+/// # Errors
+/// `simulation/singular-configuration`, also where the number of independent constraints changes.
+pub(super) fn new_chart(
+    options: &Options,
+    manifold: &Manifold,
+    state: &State,
+) -> Result<Option<Chart>, EvaluationFailure> {
+    let system = manifold.system().as_ref();
+    let mut g = system.structure().constraint_pattern.clone();
+    system.constraint_jacobian(&state.q, &mut g);
+    let displacements = options.code.takes_displacements(options.profile);
+    let new = choose(options.parametrization, displacements, manifold, state, &g)?;
+    let old = manifold.chart().parametrization();
+    if new.same_as(old) {
+        return Ok(None);
+    }
+    if new.ndof != old.ndof {
+        return Err(rank_change(system, old, &new));
+    }
+    manifold.chart().with_parametrization(system, new, &state.q, &g).map(Some)
+}
+
+/// Names the dropped row with the largest residual, m, rad, m/s or rad/s.
+pub(super) fn no_longer_redundant(
+    system: &dyn System,
+    dropped: &[usize],
+    state: &State,
+) -> Option<EvaluationFailure> {
+    let rows = system.structure().sizes.rows;
+    let (mut phi, mut rate) = (vec![0.0; rows], vec![0.0; rows]);
+    system.position_constraints(state.t, &state.q, &mut phi);
+    system.velocity_rhs(state.t, &mut rate);
+    rate.iter_mut().for_each(|x| *x = -*x);
+    let mut g = system.structure().constraint_pattern.clone();
+    system.constraint_jacobian(&state.q, &mut g);
+    g.multiply_add(1.0, &state.v, &mut rate);
+    let size = |row: usize| phi[row].abs().max(rate[row].abs());
+    let &worst = dropped.iter().max_by(|&&a, &&b| size(a).total_cmp(&size(b)))?;
+    Some(EvaluationFailure {
+        code: "simulation/singular-configuration",
+        message: format!(
+            "{} was redundant and is not any more at t = {:.6} s: residual {:.2e}",
+            system.row_name(worst),
+            state.t,
+            size(worst)
+        ),
+    })
+}
+
+fn rank_change(
+    system: &dyn System,
+    old: &Parametrization,
+    new: &Parametrization,
+) -> EvaluationFailure {
+    let (more, fewer) = if new.ndof > old.ndof { (old, new) } else { (new, old) };
+    let row = more.kept.iter().find(|r| !fewer.kept.contains(r));
+    let name = row.map_or(String::new(), |&r| format!(" ({})", system.row_name(r)));
+    EvaluationFailure {
+        code: "simulation/singular-configuration",
+        message: format!(
+            "the number of independent constraints changes from {} to {}{name}",
+            old.kept.len(),
+            new.kept.len()
+        ),
+    }
+}

@@ -1,0 +1,58 @@
+//! How long a step may be, whatever its error.
+
+use crate::system::{Sizes, State, System};
+
+/// Smallest number of steps of a run without unknowns.
+const KINEMATIC_STEPS: f64 = 200.0;
+/// Largest rotation of a body in space in any step, rad: half of it is the angle of Euler parameters.
+const LARGEST_TURN: f64 = 0.8;
+/// Largest rotation of a body in a step of a run without unknowns, rad.
+const KINEMATIC_TURN: f64 = 0.5;
+
+/// Longest step from a state, s: none of a force's local features is jumped over, and no body in space
+/// turns by more than its Euler parameters can tell apart, so that not every other step is refused
+/// where a rotor's tolerance is loose.
+pub(super) fn longest(system: &dyn System, state: &State) -> f64 {
+    let sizes = &system.structure().sizes;
+    let turn = if planar(sizes) { f64::INFINITY } else { LARGEST_TURN / turning(sizes, &state.v) };
+    system.longest_step(state).min(turn)
+}
+
+/// Longest step of a run without unknowns over `span` seconds, s: no error limits it, but the energy
+/// ledger is an integral, and bodies turn by [`KINEMATIC_TURN`] at most, as their rates and
+/// accelerations foretell.
+pub(super) fn kinematic(system: &dyn System, state: &State, span: f64) -> f64 {
+    let sizes = &system.structure().sizes;
+    let (rate, acceleration) = (turning(sizes, &state.v), turning(sizes, &state.a));
+    (KINEMATIC_TURN / rate)
+        .min((2.0 * KINEMATIC_TURN / acceleration).sqrt())
+        .min(span / KINEMATIC_STEPS)
+}
+
+fn planar(sizes: &Sizes) -> bool {
+    sizes.per_body - sizes.translations == 1
+}
+
+/// Largest rotation among the bodies of a change of the coordinates, rad.
+fn turning(sizes: &Sizes, x: &[f64]) -> f64 {
+    let bodies = x.chunks_exact(sizes.per_body);
+    let turns = bodies.map(|b| b[sizes.translations..].iter().map(|x| x * x).sum::<f64>().sqrt());
+    let per_unit = if planar(sizes) { 1.0 } else { 2.0 };
+    per_unit * turns.fold(0.0, f64::max)
+}
+
+/// Smallest step worth trying.
+pub(super) fn smallest_step(t: f64, end: f64) -> f64 {
+    10.0 * f64::EPSILON * t.abs().max((end - t).abs() * 1e-3).max(1e-3)
+}
+
+/// Fits a step to the next time that must be hit: reaches it, or leaves room for two equal steps.
+pub(super) fn clip(t: f64, h: f64, next: f64, fixed: bool) -> (f64, bool) {
+    if t + 1.01 * h >= next {
+        return (next - t, true);
+    }
+    if !fixed && t + 2.0 * h > next {
+        return (0.5 * (next - t), false);
+    }
+    (h, false)
+}
