@@ -9,20 +9,11 @@ use crate::formula::{Continuation, Nystrom};
 use crate::method::ode::{EvaluationFailure, LinearizedOde};
 use crate::method::second_order::{Residual, SecondOrder, Stage};
 use crate::method::stepper::{
-    Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
+    Linearization, Rejection, StageFailure, StepEnd, StepReport, Stepper, StepperOptions,
+    StepperStatistics, add_scaled,
 };
 
 const MAX_STAGES: usize = 5;
-
-/// Age of the linearization.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Linearization {
-    None,
-    /// Of the start of an earlier step.
-    Old,
-    /// Of the start of this step.
-    Current,
-}
 
 /// Solution over one step: w(θ) = start + Σⱼ θʲ powers[j−1].
 #[derive(Debug, Clone)]
@@ -62,9 +53,6 @@ enum Start {
     /// what is left of the iteration error by the stiffness.
     Continued,
 }
-
-/// Failure of the stages: cause and ratio for the step.
-type StageFailure = (Rejection, f64);
 
 /// Stepper of a diagonally implicit formula in second-order form, for systems with
 /// [`LinearizedOde::second_order`].

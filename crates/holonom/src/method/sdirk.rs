@@ -13,21 +13,11 @@ use crate::formula::Sdirk;
 use crate::method::ode::LinearizedOde;
 use crate::method::second_order::Residual;
 use crate::method::stepper::{
-    Rejection, StageQuadrature, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics,
-    add_scaled,
+    Linearization, Rejection, StageFailure, StageQuadrature, StepEnd, StepReport, Stepper,
+    StepperOptions, StepperStatistics, add_scaled, lost,
 };
 
 const STAGES: usize = 5;
-
-/// Age of the linearization.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Linearization {
-    None,
-    /// Of the start of an earlier step.
-    Old,
-    /// Of the start of this step.
-    Current,
-}
 
 /// Solution over one step: w(θ) = start + Σⱼ θʲ powers[j−1].
 #[derive(Debug, Clone)]
@@ -57,14 +47,6 @@ impl Default for Memory {
     fn default() -> Self {
         Self { history: StepHistory::default(), contraction: f64::INFINITY, eta: [1.0; STAGES] }
     }
-}
-
-/// Failure of the stages: cause and ratio for the step.
-type StageFailure = (Rejection, f64);
-
-/// Whether the iteration did not converge.
-fn lost(outcome: &Result<u32, StageFailure>) -> bool {
-    matches!(outcome, Err((Rejection::NewtonDivergence | Rejection::NewtonSlow, _)))
 }
 
 /// Stepper of an SDIRK formula.

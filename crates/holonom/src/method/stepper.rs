@@ -56,6 +56,25 @@ impl StepReport {
     }
 }
 
+/// Age of the linearization.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Linearization {
+    /// There is none.
+    None,
+    /// Of the start of an earlier step.
+    Old,
+    /// Of the start of this step.
+    Current,
+}
+
+/// Failure of the stages: cause and ratio for the step.
+pub(crate) type StageFailure = (Rejection, f64);
+
+/// Whether the iteration did not converge.
+pub(crate) fn lost(outcome: &Result<u32, StageFailure>) -> bool {
+    matches!(outcome, Err((Rejection::NewtonDivergence | Rejection::NewtonSlow, _)))
+}
+
 /// State and slope at the end of an accepted step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepEnd<'a> {
