@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::fmt::Debug;
 
 use super::measure::{Dot, Measure};
-use super::space::{Spatial, Triad};
+use super::space::{Planar, Space, Spatial, Triad};
 use super::{PairBlocks, RowBlocks};
 use crate::math::Real;
 
@@ -48,6 +48,11 @@ impl PlanarAngle {
         let [i, j] = frames.map(|frame| frame.axes[0][1].atan2(frame.axes[0][0]));
         Self { offset: j - i }
     }
+
+    /// The angle of the second body from the first.
+    pub(super) fn of_bodies() -> Self {
+        Self { offset: 0.0 }
+    }
 }
 
 impl Angle<3> for PlanarAngle {
@@ -77,7 +82,7 @@ impl Angle<3> for PlanarAngle {
     fn add_hessian<T: Real>(&self, _q: [&[T; 3]; 2], _c: T, _out: &mut PairBlocks<T, 3>) {}
 }
 
-/// Angle about h of the first frame: θ = atan2(s, c), c = f_iᵀf_j, s = g_iᵀf_j.
+/// θ = atan2(s, c) of two measures c and s.
 ///
 /// With z = c + i s this is Im log z, and its derivatives follow from those of log:
 ///
@@ -89,29 +94,57 @@ impl Angle<3> for PlanarAngle {
 /// θ_qq          = Im(z_qq / z − z_qᵀ z_q / z²)
 /// ```
 ///
-/// Undefined where f_j is parallel to h_i; on a revolute or cylindrical axis |z| = 1.
+/// Undefined where z = 0.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SpatialAngle {
+pub struct Argument<S, const D: usize, const N: usize, const R: usize> {
     /// Rows c, s.
-    z: Measure<Spatial, 3, 7, 4>,
+    z: Measure<S, D, N, R>,
 }
+
+/// Angle about h of the first frame: c = f_iᵀf_j, s = g_iᵀf_j. Undefined where f_j is parallel to h_i;
+/// on a revolute or cylindrical axis |z| = 1.
+pub type SpatialAngle = Argument<Spatial, 3, 7, 4>;
+
+/// Angle of the line between two points of the plane, from the ground's x axis: z = d. Undefined where
+/// the points coincide.
+pub type LineAngle = Argument<Planar, 2, 3, 1>;
 
 impl SpatialAngle {
     pub(super) fn new(frames: &[Triad<3>; 2]) -> Self {
-        let ([f, g, _], [along, _, _]) = (frames[0].axes, frames[1].axes);
+        Self::of_axis(frames, 0)
+    }
+
+    /// The angle about h of the first frame of axis `k` of the second.
+    pub(super) fn of_axis(frames: &[Triad<3>; 2], k: usize) -> Self {
+        let ([f, g, _], along) = (frames[0].axes, frames[1].axes[k]);
         let dots = vec![Dot::axes(f, along), Dot::axes(g, along)];
         Self { z: Measure::new([[0.0; 3]; 2], false, dots) }
     }
 
+    /// The angle about h of the second frame of h of the first.
+    pub(super) fn of_cross(frames: &[Triad<3>; 2]) -> Self {
+        let ([_, _, h], [f, g, _]) = (frames[0].axes, frames[1].axes);
+        let dots = vec![Dot::axes(h, f), Dot::axes(h, g)];
+        Self { z: Measure::new([[0.0; 3]; 2], false, dots) }
+    }
+}
+
+impl LineAngle {
+    pub(super) fn between(points: [[f64; 2]; 2]) -> Self {
+        Self { z: Measure::new(points, true, Vec::new()) }
+    }
+}
+
+impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Argument<S, D, N, R> {
     #[inline(always)]
-    fn z<T: Real>(&self, q: [&[T; 7]; 2]) -> Complex<T> {
+    fn z<T: Real>(&self, q: [&[T; N]; 2]) -> Complex<T> {
         let mut u = [T::zero(); 6];
         self.z.value(q, &mut u);
         Complex(u[0], u[1])
     }
 
     #[inline(always)]
-    fn z_q<T: Real>(&self, q: [&[T; 7]; 2]) -> Rows<T> {
+    fn z_q<T: Real>(&self, q: [&[T; N]; 2]) -> Rows<T, N> {
         let mut rows = RowBlocks::zero();
         self.z.jacobian(q, &mut rows);
         Rows(rows)
@@ -146,15 +179,15 @@ impl<T: Real> Complex<T> {
 }
 
 /// A complex row over both poses.
-struct Rows<T>(RowBlocks<T, 7>);
+struct Rows<T, const N: usize>(RowBlocks<T, N>);
 
-impl<T: Real> Rows<T> {
+impl<T: Real, const N: usize> Rows<T, N> {
     #[inline(always)]
-    fn times(&self, w: [&[T; 7]; 2]) -> Complex<T> {
+    fn times(&self, w: [&[T; N]; 2]) -> Complex<T> {
         let part = |row: usize| {
             let mut sum = T::zero();
             for side in 0..2 {
-                for k in 3..7 {
+                for k in 0..N {
                     sum += self.0.0[side][row][k] * w[side][k];
                 }
             }
@@ -165,42 +198,44 @@ impl<T: Real> Rows<T> {
 
     /// row += Im(factor · self).
     #[inline(always)]
-    fn add_imaginary(&self, factor: Complex<T>, row: &mut [[T; 7]; 2]) {
+    fn add_imaginary(&self, factor: Complex<T>, row: &mut [[T; N]; 2]) {
         for side in 0..2 {
-            for k in 3..7 {
+            for k in 0..N {
                 row[side][k] += factor.0 * self.0.0[side][1][k] + factor.1 * self.0.0[side][0][k];
             }
         }
     }
 }
 
-impl Angle<7> for SpatialAngle {
+impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
+    for Argument<S, D, N, R>
+ {
     const COUNTS_TURNS: bool = true;
 
-    fn value<T: Real>(&self, q: [&[T; 7]; 2]) -> T {
+    fn value<T: Real>(&self, q: [&[T; N]; 2]) -> T {
         let Complex(c, s) = self.z(q);
         s.atan2(c)
     }
 
-    fn gradient<T: Real>(&self, q: [&[T; 7]; 2]) -> [[T; 7]; 2] {
-        let mut row = [[T::zero(); 7]; 2];
+    fn gradient<T: Real>(&self, q: [&[T; N]; 2]) -> [[T; N]; 2] {
+        let mut row = [[T::zero(); N]; 2];
         self.z_q(q).add_imaginary(self.z(q).inverse(), &mut row);
         row
     }
 
-    fn directional<T: Real>(&self, q: [&[T; 7]; 2], w: [&[T; 7]; 2]) -> [[T; 7]; 2] {
+    fn directional<T: Real>(&self, q: [&[T; N]; 2], w: [&[T; N]; 2]) -> [[T; N]; 2] {
         let inverse = self.z(q).inverse();
         let z_q = self.z_q(q);
         let mut second = RowBlocks::zero();
         self.z.directional(q, w, &mut second);
-        let mut row = [[T::zero(); 7]; 2];
+        let mut row = [[T::zero(); N]; 2];
         Rows(second).add_imaginary(inverse, &mut row);
         let factor = z_q.times(w).times(inverse).times(inverse).scaled(-1.0);
         z_q.add_imaginary(factor, &mut row);
         row
     }
 
-    fn curvature<T: Real>(&self, q: [&[T; 7]; 2], v: [&[T; 7]; 2]) -> T {
+    fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2]) -> T {
         let inverse = self.z(q).inverse();
         let mut second = [T::zero(); 6];
         self.z.curvature(q, v, &mut second);
@@ -208,7 +243,7 @@ impl Angle<7> for SpatialAngle {
         Complex(second[0], second[1]).times(inverse).minus(ratio.times(ratio)).1
     }
 
-    fn curvature_gradient<T: Real>(&self, q: [&[T; 7]; 2], v: [&[T; 7]; 2]) -> [[T; 7]; 2] {
+    fn curvature_gradient<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2]) -> [[T; N]; 2] {
         let inverse = self.z(q).inverse();
         let z_q = self.z_q(q);
         let (mut change, mut gradient, mut second) =
@@ -218,7 +253,7 @@ impl Angle<7> for SpatialAngle {
         self.z.curvature(q, v, &mut second);
         let first = z_q.times(v).times(inverse); // z₁ / z
         let second = Complex(second[0], second[1]).times(inverse); // z₂ / z
-        let mut row = [[T::zero(); 7]; 2];
+        let mut row = [[T::zero(); N]; 2];
         Rows(gradient).add_imaginary(inverse, &mut row);
         Rows(change).add_imaginary(first.times(inverse).scaled(-2.0), &mut row);
         let factor = first.times(first).scaled(2.0).minus(second).times(inverse);
@@ -226,7 +261,7 @@ impl Angle<7> for SpatialAngle {
         row
     }
 
-    fn add_hessian<T: Real>(&self, q: [&[T; 7]; 2], c: T, out: &mut PairBlocks<T, 7>) {
+    fn add_hessian<T: Real>(&self, q: [&[T; N]; 2], c: T, out: &mut PairBlocks<T, N>) {
         let inverse = self.z(q).inverse();
         let RowBlocks(z_q) = self.z_q(q).0;
         let o = T::zero();
@@ -235,10 +270,10 @@ impl Angle<7> for SpatialAngle {
         // −Im(z_qᵀ z_q / z²)
         let square = inverse.times(inverse).scaled(-1.0);
         for s in 0..2 {
-            for i in 3..7 {
+            for i in 0..N {
                 let a = Complex(z_q[s][0][i], z_q[s][1][i]).times(square);
                 for t in 0..2 {
-                    for j in 3..7 {
+                    for j in 0..N {
                         out.0[s][t][i][j] += (a.0 * z_q[t][1][j] + a.1 * z_q[t][0][j]) * c;
                     }
                 }

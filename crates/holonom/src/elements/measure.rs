@@ -42,6 +42,11 @@ impl<const D: usize> Dot<D> {
         Self { x: Vector::First(first), y: Vector::Link, scale: 1.0, offset: 0.0 }
     }
 
+    /// dᵀd.
+    pub(super) fn square() -> Self {
+        Self { x: Vector::Link, y: Vector::Link, scale: 1.0, offset: 0.0 }
+    }
+
     /// (dᵀd − length²) / (2 length).
     pub(super) fn distance(length: f64) -> Self {
         let scale = 0.5 / length;
@@ -51,7 +56,7 @@ impl<const D: usize> Dot<D> {
 
 /// Rows between two bodies: first d = 0 (D rows) if the points coincide, then the dot products.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Measure<S, const D: usize, const N: usize, const R: usize> {
+pub struct Measure<S, const D: usize, const N: usize, const R: usize> {
     points: [[f64; D]; 2],
     coincide: bool,
     dots: Vec<Dot<D>>,

@@ -10,9 +10,11 @@ pub mod constraint;
 mod drivers;
 mod forces;
 mod joints;
+pub mod kinematics;
 mod measure;
 pub mod planar;
-mod space;
+pub mod relative;
+pub(crate) mod space;
 pub mod spatial;
 #[cfg(test)]
 mod tests;

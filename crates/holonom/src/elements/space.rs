@@ -3,7 +3,8 @@
 
 use std::fmt::Debug;
 
-use super::angle::{Angle, PlanarAngle, SpatialAngle};
+use super::angle::{Angle, LineAngle, PlanarAngle, SpatialAngle};
+use super::relative::{SpatialDirection, SpatialRotation, Turning};
 use crate::math::{Real, planar, spatial};
 use crate::model;
 
@@ -15,6 +16,10 @@ pub trait Space<const D: usize, const N: usize, const R: usize>:
 {
     /// The relative angle of two frames in this space.
     type Angle: Angle<N>;
+    /// The direction of the line between two points.
+    type Direction: Turning<N>;
+    /// The relative orientation of two bodies.
+    type Rotation: Turning<N>;
 
     /// A a.
     fn rotate<T: Real>(q: &[T; N], a: &[T; D]) -> [T; D];
@@ -34,6 +39,8 @@ pub struct Planar;
 
 impl Space<2, 3, 1> for Planar {
     type Angle = PlanarAngle;
+    type Direction = LineAngle;
+    type Rotation = PlanarAngle;
 
     #[inline(always)]
     fn rotate<T: Real>(q: &[T; 3], a: &[T; 2]) -> [T; 2] {
@@ -78,6 +85,8 @@ pub(super) fn euler<T: Real>(q: &[T; 7]) -> [T; 4] {
 
 impl Space<3, 7, 4> for Spatial {
     type Angle = SpatialAngle;
+    type Direction = SpatialDirection;
+    type Rotation = SpatialRotation;
 
     #[inline(always)]
     fn rotate<T: Real>(q: &[T; 7], a: &[T; 3]) -> [T; 3] {
@@ -108,9 +117,9 @@ impl Space<3, 7, 4> for Spatial {
 /// A frame of a joint in the kernels: point from the centre of mass, unit axes f, g, (h) in body
 /// axes, `axes[k]` the k-th.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Triad<const D: usize> {
-    pub(super) point: [f64; D],
-    pub(super) axes: [[f64; D]; D],
+pub struct Triad<const D: usize> {
+    pub(crate) point: [f64; D],
+    pub(crate) axes: [[f64; D]; D],
 }
 
 /// The first D components.
@@ -119,7 +128,7 @@ pub(super) fn leading<const D: usize>(a: &[f64; 3]) -> [f64; D] {
 }
 
 /// Both frames of a joint, with points from the centres of mass.
-pub(super) fn triads<const D: usize>(
+pub(crate) fn triads<const D: usize>(
     frames: &[model::Frame; 2],
     centers: &[[f64; 3]; 2],
 ) -> [Triad<D>; 2] {

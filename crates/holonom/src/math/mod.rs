@@ -7,6 +7,7 @@ mod real;
 pub mod spatial;
 mod time_function;
 mod trigonometry;
+pub mod turn;
 pub mod vector;
 
 pub use interpolation::{MonotoneCubic, Spline, TableError};

@@ -7,7 +7,7 @@ use super::radau::RadauStepper;
 use super::rosenbrock::RosenbrockStepper;
 use super::sdirk::SdirkStepper;
 use super::stepper::{Stepper, StepperOptions};
-use super::{Descriptor, FirstOrder, FullOrder, Iterate, StateSpace, Weights};
+use super::{Descriptor, ExplicitForm, FirstOrder, Iterate, StateSpace, Weights};
 use crate::control::NewtonControl;
 use crate::formula::{DOPRI5, Nystrom, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16};
 use crate::model::Tolerance;
@@ -159,12 +159,6 @@ impl Code {
         CODES.iter().find(|i| i.code == self).expect("every code is listed")
     }
 
-    /// Whether displacements may be independent variables: in implicit codes, but for the profile of
-    /// the thesis, which partitions coordinates.
-    pub fn takes_displacements(self, profile: Profile) -> bool {
-        profile == Profile::Improved && self.info().family != "explicit"
-    }
-
     /// A code by its name, or by family with an optional formula.
     ///
     /// # Errors
@@ -204,7 +198,7 @@ pub fn build_state_space(
         weights = weights.of_independent_coordinates();
     }
     match code {
-        Code::Deabm | Code::Dopri5 => Box::new(FullOrder::new(manifold, weights, state)),
+        Code::Deabm | Code::Dopri5 => Box::new(ExplicitForm::new(manifold, weights, state)),
         Code::InflSdirk | Code::InflSdirk15 | Code::InflTrap => {
             let iterate = match profile {
                 Profile::Thesis => Iterate::Plain,

@@ -18,7 +18,7 @@ use super::first_order::dot;
 use super::ode::{EvaluationFailure, LinearizedOde, Ode};
 use super::second_order::{Residual, SecondOrder, Stage};
 use super::{FirstOrder, JacobianSource, StateSpace, Weights};
-use crate::reduction::Manifold;
+use crate::reduction::{Manifold, Point};
 use crate::system::State;
 
 /// What an iterate is before it is corrected.
@@ -67,7 +67,7 @@ impl Descriptor {
 
     /// Finds the pattern of the matrix anew.
     fn place(&mut self) {
-        let (manifold, q) = (&self.base.manifold, &self.base.anchor);
+        let (manifold, q) = (&self.base.point.manifold, &self.base.point.anchor);
         self.matrix = DescriptorMatrix::new(manifold, q, self.base.uses_differences());
     }
 
@@ -102,9 +102,9 @@ impl SecondOrder for Descriptor {
         }
         let analysed = self
             .matrix
-            .factor(&base.manifold, &base.blocks, &base.inverse_e, gamma_h, beta_h2)
+            .factor(&base.point.manifold, &base.blocks, &base.inverse_e, gamma_h, beta_h2)
             .map_err(|e| singular(&e, gamma_h))?;
-        base.manifold.counters.analyses += u64::from(analysed);
+        base.point.manifold.counters.analyses += u64::from(analysed);
         Ok(())
     }
 
@@ -121,20 +121,20 @@ impl SecondOrder for Descriptor {
         let (a, lambda) = head.split_at_mut(n);
         base.evaluate_stage(stage, rate, z)?;
         self.rate.fill(0.0);
-        let (state, z_rate) = (&mut base.state, &mut base.z_rate);
+        let (state, z_rate) = (&mut base.point.state, &mut base.point.z_rate);
         match (self.iterate, stage.residual) {
             (Iterate::Plain, _) => {
                 state.a.copy_from_slice(a);
                 state.lambda.copy_from_slice(lambda);
                 let (force, rows) = (&mut self.force, &mut self.rows);
-                base.manifold.descriptor_residual(state, z_rate, force, rows);
-                base.manifold.independent_acceleration(state, &mut self.rate);
+                base.point.manifold.descriptor_residual(state, z_rate, force, rows);
+                base.point.manifold.independent_acceleration(state, &mut self.rate);
                 for (out, rate) in self.rate.iter_mut().zip(&*rate) {
                     *out -= rate;
                 }
             }
             (Iterate::Consistent, Residual::Forces) => {
-                base.manifold.reduced_residual(state, rate, z_rate, &mut self.psi);
+                base.point.manifold.reduced_residual(state, rate, z_rate, &mut self.psi);
                 // With P of the matrix, for which DᵀPᵀ = 1.
                 base.start.extend(&self.psi, &mut self.force);
                 self.rows.fill(0.0);
@@ -142,13 +142,13 @@ impl SecondOrder for Descriptor {
                 lambda.copy_from_slice(&state.lambda);
             }
             (Iterate::Consistent, Residual::Accelerations) => {
-                base.manifold.accelerate(state, z_rate)?;
-                base.manifold.multipliers(state);
-                base.manifold.independent_acceleration(state, &mut self.psi);
+                base.point.manifold.accelerate(state, z_rate)?;
+                base.point.manifold.multipliers(state);
+                base.point.manifold.independent_acceleration(state, &mut self.psi);
                 for (f, rate) in self.psi.iter_mut().zip(&*rate) {
                     *f = rate - *f;
                 }
-                base.manifold.extend_acceleration(rate, a);
+                base.point.manifold.extend_acceleration(rate, a);
                 lambda.copy_from_slice(&state.lambda);
                 self.matrix.inertia_force(&base.blocks.d, &self.psi, &mut self.force);
                 self.rows.fill(0.0);
@@ -157,12 +157,12 @@ impl SecondOrder for Descriptor {
         let dz = &mut change[2 * ndof..];
         for (k, dz) in dz.iter_mut().enumerate() {
             let past = stage.past[2 * ndof + k];
-            *dz = base.inverse_e[k] * (past + stage.gamma_h * base.z_rate[k] - z[k]);
+            *dz = base.inverse_e[k] * (past + stage.gamma_h * base.point.z_rate[k] - z[k]);
         }
         let scale = |e: usize| dz[e];
-        let (manifold, blocks) = (&base.manifold, &base.blocks);
+        let (manifold, blocks) = (&base.point.manifold, &base.blocks);
         self.matrix.add_extra_force(manifold, blocks, scale, &mut self.force, 1);
-        self.matrix.solve(&base.manifold, &mut self.force, &mut self.rows, &mut self.rate);
+        self.matrix.solve(&base.point.manifold, &mut self.force, &mut self.rows, &mut self.rate);
         for (x, delta) in x.iter_mut().zip(self.force.iter().chain(&self.rows).chain(&self.rate)) {
             *x += delta;
         }
@@ -180,15 +180,15 @@ impl SecondOrder for Descriptor {
     fn linearized_unknown(&self, x: &mut [f64]) {
         let (a, rest) = x.split_at_mut(self.force.len());
         let (lambda, rate) = rest.split_at_mut(self.rows.len());
-        a.copy_from_slice(&self.base.state.a);
-        lambda.copy_from_slice(&self.base.state.lambda);
-        self.base.manifold.independent_acceleration(&self.base.state, rate);
+        a.copy_from_slice(&self.base.point.state.a);
+        lambda.copy_from_slice(&self.base.point.state.lambda);
+        self.base.point.manifold.independent_acceleration(&self.base.point.state, rate);
     }
 
     fn end_step(&mut self, x: &[f64]) {
         let [end, q, v] = &mut self.ends[1];
         end.copy_from_slice(x);
-        let manifold = &mut self.base.manifold;
+        let manifold = &mut self.base.point.manifold;
         if manifold.chart().moving().len() > 0 {
             // q̈ that has v̈ in the state it belongs to: the corrections of q̈ have it only to first
             // order, which would come back as an error of the next start.
@@ -196,8 +196,8 @@ impl SecondOrder for Descriptor {
             manifold.extend_acceleration(rate, &mut end[..self.force.len()]);
             debug_assert_eq!(head.len() + rate.len(), end.len());
         }
-        q.copy_from_slice(&self.base.state.q);
-        v.copy_from_slice(&self.base.state.v);
+        q.copy_from_slice(&self.base.point.state.q);
+        v.copy_from_slice(&self.base.point.state.v);
     }
 
     fn start_step(&mut self) {
@@ -205,7 +205,7 @@ impl SecondOrder for Descriptor {
     }
 
     fn start_unknown(&self, x: &mut [f64]) {
-        let ([end, q, v], manifold) = (&self.ends[0], &self.base.manifold);
+        let ([end, q, v], manifold) = (&self.ends[0], &self.base.point.manifold);
         x.copy_from_slice(end);
         let (head, rate) = x.split_at_mut(self.force.len() + self.rows.len());
         let parametrization = manifold.chart().parametrization();
@@ -222,7 +222,7 @@ impl SecondOrder for Descriptor {
             *p += bh2 / gh * v;
         }
         self.matrix.respond(ep, ev, &mut self.force, &mut self.rows, &mut self.rate);
-        let (manifold, blocks) = (&self.base.manifold, &self.base.blocks);
+        let (manifold, blocks) = (&self.base.point.manifold, &self.base.blocks);
         for (z, inverse_e) in ez.iter_mut().zip(&self.base.inverse_e) {
             *z *= inverse_e;
         }
@@ -265,12 +265,12 @@ impl LinearizedOde for Descriptor {
         let base = &mut self.base;
         if base.uses_differences() {
             base.linearize(t, w, g)?;
-            self.matrix.take_reduced(&base.manifold, &base.blocks);
+            self.matrix.take_reduced(&base.point.manifold, &base.blocks);
             return Ok(());
         }
         base.return_to(t, w)?;
-        self.matrix.linearize(&mut base.manifold, &base.state, &mut base.blocks);
-        base.start.copy_from(base.manifold.chart());
+        self.matrix.linearize(&mut base.point.manifold, &base.point.state, &mut base.blocks);
+        base.start.copy_from(base.point.manifold.chart());
         base.linearized = true;
         Ok(())
     }
@@ -308,20 +308,16 @@ impl StateSpace for Descriptor {
         self.base.evaluate(t, w, full)
     }
 
-    fn complete(&mut self) {
-        self.base.complete();
+    fn point(&self) -> &Point {
+        self.base.point()
     }
 
-    fn state(&self) -> &State {
-        self.base.state()
+    fn point_mut(&mut self) -> &mut Point {
+        self.base.point_mut()
     }
 
-    fn manifold(&self) -> &Manifold {
-        self.base.manifold()
-    }
-
-    fn manifold_mut(&mut self) -> &mut Manifold {
-        self.base.manifold_mut()
+    fn references_moved(&mut self, w: &[f64]) {
+        self.base.references_moved(w);
     }
 
     fn reparametrized(&mut self) {
@@ -337,7 +333,7 @@ impl StateSpace for Descriptor {
         self.place();
     }
 
-    fn full_order(&self) -> bool {
+    fn integrates_powers(&self) -> bool {
         false
     }
 }

@@ -115,6 +115,7 @@ impl DescriptorMatrix {
                 }
                 (first_own..first_own + ndof).collect()
             }
+            Projection::Relative(_) => (first_own..first_own + ndof).collect(),
         };
         let owned = columns.iter().filter(|c| **c >= first_own).count();
         let size = first_own + owned;
@@ -445,6 +446,7 @@ fn reduced_nonzeros(manifold: &Manifold, m: usize) -> Vec<bool> {
             }
         }
         Projection::Basis(_) => nonzero[..n * k].fill(true),
+        Projection::Relative(_) => {}
     }
     nonzero
 }
@@ -474,6 +476,7 @@ fn add_extended(
                 }
             }
         }
+        Projection::Relative(_) => {}
     }
 }
 

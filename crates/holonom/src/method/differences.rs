@@ -53,19 +53,16 @@ pub(super) struct Differences {
 impl Differences {
     pub(super) fn new(manifold: &Manifold) -> Self {
         let system = manifold.system();
-        let structure = system.structure();
-        let sizes = structure.sizes;
+        let sizes = system.structure().sizes;
         let ndof = manifold.chart().ndof();
         let parametrization = manifold.chart().parametrization();
-        let scale = |k: usize| match structure
-            .coordinate_measure(parametrization.coordinate(system.as_ref(), k))
-        {
+        let scale = |k: usize| match parametrization.measure(system.as_ref(), k) {
             Measure::Length => system.characteristic_length(),
             Measure::Angle => 1.0,
         };
         let scale = match &parametrization.projection {
-            Projection::Selection(_) => (0..ndof).map(scale).collect(),
             Projection::Basis(_) => vec![1.0; ndof],
+            _ => (0..ndof).map(scale).collect(),
         };
         Self {
             scale,
@@ -86,10 +83,10 @@ impl Differences {
     ) -> Result<(), EvaluationFailure> {
         let ndof = self.base.len();
         form.return_to(t, w)?;
-        form.blocks.evaluate_mass(&mut form.manifold);
+        form.blocks.evaluate_mass(&mut form.point.manifold);
         self.project_acceleration(form, true);
-        self.base_z_rate.copy_from_slice(&form.z_rate);
-        self.base_v.copy_from_slice(&form.state.v);
+        self.base_z_rate.copy_from_slice(&form.point.z_rate);
+        self.base_v.copy_from_slice(&form.point.state.v);
         self.point.copy_from_slice(w);
         for k in 0..w.len() {
             let size = if k < 2 * ndof { self.scale[k % ndof] } else { 1.0 };
@@ -111,7 +108,7 @@ impl Differences {
                     k => b.force_extra[(k - 2 * ndof) * ndof + row] = x,
                 }
             }
-            for (j, (rate, base)) in form.z_rate.iter().zip(&self.base_z_rate).enumerate() {
+            for (j, (rate, base)) in form.point.z_rate.iter().zip(&self.base_z_rate).enumerate() {
                 let x = inverse * (rate - base);
                 match k {
                     k if k < ndof => b.extra_position[j * ndof + k] = x,
@@ -122,7 +119,7 @@ impl Differences {
             }
             if k < ndof {
                 let column = form.rate_map[k..].iter_mut().step_by(ndof);
-                for (out, (v, base)) in column.zip(form.state.v.iter().zip(&self.base_v)) {
+                for (out, (v, base)) in column.zip(form.point.state.v.iter().zip(&self.base_v)) {
                     *out = inverse * (v - base);
                 }
             }
@@ -133,6 +130,6 @@ impl Differences {
 
     fn project_acceleration(&mut self, form: &FirstOrder, base: bool) {
         let target = if base { &mut self.base } else { &mut self.slope };
-        form.manifold.independent_acceleration(&form.state, target);
+        form.point.manifold.independent_acceleration(&form.point.state, target);
     }
 }

@@ -6,7 +6,7 @@ use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode};
 use super::second_order::{Residual, SecondOrder};
 use super::state_space_method::AccelerationBuffers;
 use super::weights::Weights;
-use crate::reduction::{Chart, Manifold, ReducedBlocks};
+use crate::reduction::{Chart, Manifold, Point, ReducedBlocks};
 use crate::system::State;
 use holonom_linalg::{DenseLu, SingularMatrix};
 
@@ -21,17 +21,14 @@ use holonom_linalg::{DenseLu, SingularMatrix};
 /// Source: thesis (3.103)-(3.105); the extra states are eliminated first.
 #[derive(Debug, Clone)]
 pub struct FirstOrder {
-    pub(super) manifold: Manifold,
+    /// The stages' point.
+    pub(super) point: Point,
     /// [G; P] at the linearization point: weights and norms.
     pub(super) start: Chart,
     pub(super) blocks: ReducedBlocks,
     /// Buffers of a Jacobian by differences; none with the analytic one.
     differences: Option<Box<Differences>>,
     pub(super) weights: Weights,
-    /// State of the last evaluation.
-    pub(super) state: State,
-    /// Configuration from which a step's recoveries start again after a failure.
-    pub(super) anchor: Vec<f64>,
     pub(super) linearized: bool,
     /// Norms use D and q̇_v at fixed v̇ of the linearization, where they are small enough.
     maps: bool,
@@ -55,7 +52,6 @@ pub struct FirstOrder {
     dv: Vec<f64>,
     rows: Vec<f64>,
     rates: Vec<f64>,
-    pub(super) z_rate: Vec<f64>,
     /// For stages that are solved for accelerations.
     pub(super) stage: AccelerationBuffers,
 }
@@ -70,8 +66,6 @@ impl FirstOrder {
             blocks: ReducedBlocks::new(&manifold),
             differences: None,
             weights,
-            state: state.clone(),
-            anchor: state.q.clone(),
             linearized: false,
             maps: false,
             rate_map: vec![0.0; s.coordinates * ndof],
@@ -91,9 +85,8 @@ impl FirstOrder {
             dv: vec![0.0; s.coordinates],
             rows: vec![0.0; s.rows],
             rates: vec![0.0; ndof],
-            z_rate: vec![0.0; s.extra_states],
             stage: AccelerationBuffers::new(ndof, &s),
-            manifold,
+            point: Point::new(manifold, state),
         }
     }
 
@@ -101,65 +94,56 @@ impl FirstOrder {
     pub fn set_jacobian(&mut self, source: JacobianSource) {
         self.differences = match source {
             JacobianSource::Analytic => None,
-            JacobianSource::Differences => Some(Box::new(Differences::new(&self.manifold))),
+            JacobianSource::Differences => Some(Box::new(Differences::new(&self.point.manifold))),
         };
     }
 
-    /// The manifold with its factors at the last evaluation.
-    pub fn manifold(&self) -> &Manifold {
-        &self.manifold
+    /// The point of the last evaluation.
+    pub fn point(&self) -> &Point {
+        &self.point
     }
 
     /// The same, for changes of the parametrization.
-    pub fn manifold_mut(&mut self) -> &mut Manifold {
-        &mut self.manifold
+    pub fn point_mut(&mut self) -> &mut Point {
+        &mut self.point
     }
 
-    /// State of the last successful evaluation.
-    pub fn state(&self) -> &State {
-        &self.state
+    /// References have been moved at the state last evaluated: its independent variables are now `w`.
+    pub fn references_moved(&mut self, w: &[f64]) {
+        self.at_time = self.point.state.t;
+        self.at.copy_from_slice(w);
     }
 
     /// The state that the next step starts from: weights and windings follow it.
     pub fn begin_step(&mut self, state: &State) {
-        self.anchor.copy_from_slice(&state.q);
-        // Recoveries go on from here, not from an output row or a stage of the step before.
-        self.state.q.copy_from_slice(&state.q);
-        self.state.winding.copy_from_slice(&state.winding);
-        self.state.ledger = state.ledger;
+        // Recoveries go on from here, not from a stage of the step before.
+        self.point.begin_step(state);
         self.weights.set(state);
         if self.weights.are_independent() {
             self.set_independent_weights(state);
         }
         if !self.linearized {
-            self.start.copy_from(self.manifold.chart());
+            self.start.copy_from(self.point.manifold.chart());
         }
     }
 
     fn set_independent_weights(&mut self, state: &State) {
         let mut w = std::mem::take(&mut self.stage.trial);
         self.pack(state, &mut w);
-        let system = self.manifold.system();
-        let structure = system.structure();
-        let parametrization = self.manifold.chart().parametrization();
-        let measure =
-            |k: usize| structure.coordinate_measure(parametrization.coordinate(system.as_ref(), k));
+        let system = self.point.manifold.system();
+        let parametrization = self.point.manifold.chart().parametrization();
+        let measure = |k: usize| parametrization.measure(system.as_ref(), k);
         self.weights.set_independent(&w, measure, parametrization.ndof);
         self.stage.trial = w;
     }
 
     /// w of a state.
     pub fn pack(&self, state: &State, w: &mut [f64]) {
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         let (positions, rest) = w.split_at_mut(ndof);
         let (rates, z) = rest.split_at_mut(ndof);
-        self.manifold.independent_state(state, positions, rates);
+        self.point.manifold.independent_state(state, positions, rates);
         z.copy_from_slice(&state.z);
-    }
-
-    /// Multipliers of the state of the last evaluation.
-    pub fn complete(&mut self) {
-        self.manifold.multipliers(&mut self.state);
     }
 
     /// Recovers the state at (t, w) with accelerations (`full`) or without, starting from the
@@ -168,37 +152,16 @@ impl FirstOrder {
     /// # Errors
     /// As [`Ode::derivative`].
     pub fn evaluate(&mut self, t: f64, w: &[f64], full: bool) -> Result<&State, EvaluationFailure> {
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         let (positions, rest) = w.split_at(ndof);
         let (rates, z) = rest.split_at(ndof);
         self.at_time = f64::NAN;
-        self.state.t = t;
-        self.state.z.copy_from_slice(z);
-        let recovered = self
-            .manifold
-            .recover_position(t, positions, &mut self.state.q)
-            .and_then(|()| {
-                let (q, v) = (&self.state.q, &mut self.state.v);
-                self.manifold.recover_velocity(t, q, rates, v, full)
-            })
-            .and_then(|()| {
-                if full {
-                    self.manifold.accelerate(&mut self.state, &mut self.z_rate)
-                } else {
-                    Ok(())
-                }
-            });
-        if let Err(failure) = recovered {
-            // Do not carry a failed iterate into the next attempt.
-            self.state.q.copy_from_slice(&self.anchor);
-            self.manifold.go_back(&self.anchor);
-            return Err(failure);
-        }
+        self.point.evaluate(t, positions, rates, z, full)?;
         if full {
             self.at_time = t;
             self.at.copy_from_slice(w);
         }
-        Ok(&self.state)
+        Ok(&self.point.state)
     }
 
     /// Whether the integration Jacobian is one by differences.
@@ -209,27 +172,27 @@ impl FirstOrder {
     /// Makes factors, M, accelerations and multipliers those of (t, w), the start of the step.
     pub(super) fn return_to(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
         if t != self.at_time || w != self.at {
-            self.state.q.copy_from_slice(&self.anchor);
+            self.point.return_to_anchor();
             self.evaluate(t, w, true)?;
         }
-        self.complete();
+        self.point.complete();
         Ok(())
     }
 
     /// After a re-parametrization by [`Manifold::set_chart`]: sizes may differ.
     pub fn reparametrized(&mut self) {
-        let ndof = self.manifold.chart().ndof();
-        self.start = self.manifold.chart().clone();
-        self.blocks = ReducedBlocks::new(&self.manifold);
+        let ndof = self.point.manifold.chart().ndof();
+        self.start = self.point.manifold.chart().clone();
+        self.blocks = ReducedBlocks::new(&self.point.manifold);
         self.rate_map = self.blocks.d.clone();
         self.linearized = false;
         self.lu = DenseLu::new(ndof);
         self.mass_lu = DenseLu::new(ndof);
         self.complex = None;
         if let Some(differences) = &mut self.differences {
-            **differences = Differences::new(&self.manifold);
+            **differences = Differences::new(&self.point.manifold);
         }
-        self.at.resize(2 * ndof + self.state.z.len(), f64::NAN);
+        self.at.resize(2 * ndof + self.point.state.z.len(), f64::NAN);
         self.at.fill(f64::NAN);
         for matrix in [&mut self.pi, &mut self.m1, &mut self.m2] {
             matrix.resize(ndof * ndof, 0.0);
@@ -245,7 +208,7 @@ impl FirstOrder {
     /// # Errors
     /// When M̂ is singular.
     pub fn jacobian(&mut self) -> Result<Vec<f64>, EvaluationFailure> {
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         let (n, b) = (self.dimension(), &self.blocks);
         let mut j = vec![0.0; n * n];
         for k in 0..ndof {
@@ -285,7 +248,7 @@ impl FirstOrder {
 
     /// The velocity entries r_v of a change of w become M̂ r_v.
     fn weigh(&mut self, x: &mut [f64]) {
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         let v = &mut x[ndof..2 * ndof];
         self.b2.fill(0.0);
         multiply_add(&self.blocks.mass, 1.0, v, &mut self.b2);
@@ -299,7 +262,7 @@ impl FirstOrder {
         beta_h2: f64,
     ) -> Result<(), EvaluationFailure> {
         self.gamma_h = gamma_h;
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         let b = &self.blocks;
         self.m1.copy_from_slice(&b.damping);
         self.m2.copy_from_slice(&b.stiffness);
@@ -336,20 +299,20 @@ impl FirstOrder {
 
 impl Ode for FirstOrder {
     fn dimension(&self) -> usize {
-        2 * self.manifold.chart().ndof() + self.state.z.len()
+        2 * self.point.manifold.chart().ndof() + self.point.state.z.len()
     }
 
     fn second_order_split(&self) -> usize {
-        self.manifold.chart().ndof()
+        self.point.manifold.chart().ndof()
     }
 
     fn derivative(&mut self, t: f64, w: &[f64], g: &mut [f64]) -> Result<(), EvaluationFailure> {
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         require_finite(t, w)?;
         self.evaluate(t, w, true)?;
         g[..ndof].copy_from_slice(&w[ndof..2 * ndof]);
-        self.manifold.independent_acceleration(&self.state, &mut g[ndof..2 * ndof]);
-        g[2 * ndof..].copy_from_slice(&self.z_rate);
+        self.point.manifold.independent_acceleration(&self.point.state, &mut g[ndof..2 * ndof]);
+        g[2 * ndof..].copy_from_slice(&self.point.z_rate);
         Ok(())
     }
 
@@ -358,7 +321,7 @@ impl Ode for FirstOrder {
         if self.weights.are_independent() {
             return self.weights.independent_norm(change, None);
         }
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         let (dp, rest) = change.split_at(ndof);
         if self.linearized && self.maps {
             let maps = self.blocks.d.chunks_exact(ndof.max(1));
@@ -399,11 +362,9 @@ impl LinearizedOde for FirstOrder {
             return Ok(());
         }
         self.return_to(t, w)?;
-        self.blocks.evaluate(&mut self.manifold, &self.state);
-        let chart = self.manifold.chart_mut();
-        // Displacements as independent variables turn the rows of P as well.
-        let linear = chart.parametrization().displacements.is_empty();
-        self.maps = linear && 3 * self.blocks.d.len() <= 8 * chart.fill();
+        self.blocks.evaluate(&mut self.point.manifold, &self.point.state);
+        let chart = self.point.manifold.chart_mut();
+        self.maps = 3 * self.blocks.d.len() <= 8 * chart.fill();
         if self.maps {
             self.blocks.rate_map(chart, &mut self.rate_map);
         } else {
@@ -418,7 +379,7 @@ impl LinearizedOde for FirstOrder {
     }
 
     fn factor_complex(&mut self, gamma_h: Complex64) -> Result<(), EvaluationFailure> {
-        let (ndof, extra) = (self.manifold.chart().ndof(), self.state.z.len());
+        let (ndof, extra) = (self.point.manifold.chart().ndof(), self.point.state.z.len());
         let solver = self.complex.get_or_insert_with(|| Box::new(ComplexSolver::new(ndof, extra)));
         solver.factor(&self.blocks, gamma_h).map_err(|e| singular_jacobian(gamma_h.norm(), &e))
     }
@@ -432,7 +393,7 @@ impl LinearizedOde for FirstOrder {
         slope: &[f64],
         defect: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         match residual {
             Residual::Forces => {
                 require_finite(t, w)?;
@@ -443,10 +404,10 @@ impl LinearizedOde for FirstOrder {
                 for ((out, v), s) in positions.iter_mut().zip(&w[ndof..]).zip(slope) {
                     *out = v - s;
                 }
-                let (manifold, state) = (&mut self.manifold, &mut self.state);
-                manifold.reduced_residual(state, rates, &mut self.z_rate, forces);
+                let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
+                manifold.reduced_residual(state, rates, &mut self.point.z_rate, forces);
                 forces.iter_mut().for_each(|x| *x = -*x);
-                for ((out, rate), s) in z.iter_mut().zip(&self.z_rate).zip(rest) {
+                for ((out, rate), s) in z.iter_mut().zip(&self.point.z_rate).zip(rest) {
                     *out = rate - s;
                 }
             }
@@ -476,7 +437,7 @@ impl LinearizedOde for FirstOrder {
     }
 
     fn solve_defect(&mut self, x: &mut [f64]) {
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         let gh = self.gamma_h;
         let (p, rest) = x.split_at_mut(ndof);
         let (v, z) = rest.split_at_mut(ndof);
@@ -514,11 +475,11 @@ impl LinearizedOde for FirstOrder {
     }
 
     fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure> {
-        let ndof = self.manifold.chart().ndof();
+        let ndof = self.point.manifold.chart().ndof();
         g_t.fill(0.0);
         let (head, z) = g_t.split_at_mut(2 * ndof);
         let force = &mut head[ndof..];
-        self.blocks.time_derivative(&mut self.manifold, &self.state, force, z);
+        self.blocks.time_derivative(&mut self.point.manifold, &self.point.state, force, z);
         if ndof > 0 {
             self.mass_lu.factor(&self.blocks.mass).map_err(|e| singular_mass(&e))?;
             self.mass_lu.solve(force);

@@ -1,8 +1,8 @@
 //! What the run loop asks of a form of the equations, beyond what a formula asks.
 
 use super::ode::{EvaluationFailure, LinearizedOde};
-use super::{FirstOrder, FullOrder, JacobianSource};
-use crate::reduction::Manifold;
+use super::{ExplicitForm, FirstOrder, JacobianSource};
+use crate::reduction::Point;
 use crate::system::State;
 
 /// A form of the equations that formulas integrate, tied to states of the system.
@@ -19,31 +19,27 @@ pub trait StateSpace: LinearizedOde + Send {
     /// As [`super::ode::Ode::derivative`].
     fn evaluate(&mut self, t: f64, w: &[f64], full: bool) -> Result<&State, EvaluationFailure>;
 
-    /// Multipliers of the state of the last evaluation, which was a full one or that of a slope.
-    fn complete(&mut self);
-
-    /// State of the last successful evaluation.
-    fn state(&self) -> &State;
-
-    /// The manifold with its factors at the last evaluation.
-    fn manifold(&self) -> &Manifold;
+    /// The point of the last evaluation.
+    fn point(&self) -> &Point;
 
     /// The same, for changes of the parametrization.
-    fn manifold_mut(&mut self) -> &mut Manifold;
+    fn point_mut(&mut self) -> &mut Point;
 
-    /// The manifold has got another parametrization.
+    /// The point has got another parametrization.
     fn reparametrized(&mut self);
+
+    /// References have been moved at the state last evaluated: its independent variables are now `w`.
+    fn references_moved(&mut self, w: &[f64]);
 
     /// Where the integration Jacobian comes from.
     fn set_jacobian(&mut self, source: JacobianSource);
 
-    /// Whether w holds all coordinates and the energy ledger, so that histories outlive a
-    /// re-parametrization and no quadrature is needed.
-    fn full_order(&self) -> bool;
+    /// Whether w holds the energy ledger, so that no quadrature is needed.
+    fn integrates_powers(&self) -> bool;
 }
 
 macro_rules! state_space {
-    ($type:ty, $full:expr) => {
+    ($type:ty, $powers:expr) => {
         impl StateSpace for $type {
             fn begin_step(&mut self, state: &State) {
                 Self::begin_step(self, state);
@@ -59,30 +55,27 @@ macro_rules! state_space {
             ) -> Result<&State, EvaluationFailure> {
                 Self::evaluate(self, t, w, full)
             }
-            fn complete(&mut self) {
-                Self::complete(self);
+            fn point(&self) -> &Point {
+                Self::point(self)
             }
-            fn state(&self) -> &State {
-                Self::state(self)
-            }
-            fn manifold(&self) -> &Manifold {
-                Self::manifold(self)
-            }
-            fn manifold_mut(&mut self) -> &mut Manifold {
-                Self::manifold_mut(self)
+            fn point_mut(&mut self) -> &mut Point {
+                Self::point_mut(self)
             }
             fn reparametrized(&mut self) {
                 Self::reparametrized(self);
             }
+            fn references_moved(&mut self, w: &[f64]) {
+                Self::references_moved(self, w);
+            }
             fn set_jacobian(&mut self, source: JacobianSource) {
                 Self::set_jacobian(self, source);
             }
-            fn full_order(&self) -> bool {
-                $full
+            fn integrates_powers(&self) -> bool {
+                $powers
             }
         }
     };
 }
 
 state_space!(FirstOrder, false);
-state_space!(FullOrder, true);
+state_space!(ExplicitForm, true);

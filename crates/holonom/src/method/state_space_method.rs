@@ -76,17 +76,17 @@ impl FirstOrder {
         residual: Residual,
         v_rate: &[f64],
     ) -> Result<(), EvaluationFailure> {
-        let (manifold, state) = (&mut self.manifold, &mut self.state);
+        let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
         let delta = &mut self.stage.correction;
         match residual {
             Residual::Forces => {
-                manifold.reduced_residual(state, v_rate, &mut self.z_rate, delta);
+                manifold.reduced_residual(state, v_rate, &mut self.point.z_rate, delta);
                 for r in delta {
                     *r = -*r;
                 }
             }
             Residual::Accelerations => {
-                manifold.accelerate(state, &mut self.z_rate)?;
+                manifold.accelerate(state, &mut self.point.z_rate)?;
                 let difference = &mut self.stage.difference;
                 manifold.independent_acceleration(state, difference);
                 for (f, a) in difference.iter_mut().zip(v_rate) {
@@ -102,7 +102,7 @@ impl FirstOrder {
 
 impl SecondOrder for FirstOrder {
     fn unknowns(&self) -> usize {
-        self.manifold.chart().ndof()
+        self.point.manifold.chart().ndof()
     }
 
     fn factor_stage(&mut self, gamma_h: f64, beta_h2: f64) -> Result<(), EvaluationFailure> {
@@ -126,7 +126,7 @@ impl SecondOrder for FirstOrder {
         // ρ = z̃ + γh ż − z is carried into Ψ δv̈ = −ψ − Ẑ E⁻¹ ρ.
         for (k, dz) in dz.iter_mut().enumerate() {
             let past = stage.past[2 * ndof + k];
-            *dz = self.inverse_e[k] * (past + stage.gamma_h * self.z_rate[k] - z[k]);
+            *dz = self.inverse_e[k] * (past + stage.gamma_h * self.point.z_rate[k] - z[k]);
             for (r, zeta) in delta.iter_mut().zip(&self.blocks.force_extra[k * ndof..]) {
                 *r -= zeta * *dz;
             }
@@ -154,14 +154,14 @@ impl SecondOrder for FirstOrder {
     }
 
     fn linearized_unknown(&self, x: &mut [f64]) {
-        self.manifold.independent_acceleration(&self.state, x);
+        self.point.manifold.independent_acceleration(&self.point.state, x);
     }
 
     fn end_step(&mut self, x: &[f64]) {
         let [q, v, a] = &mut self.stage.ends[1];
-        q.copy_from_slice(&self.state.q);
-        v.copy_from_slice(&self.state.v);
-        self.manifold.extend_acceleration(x, a);
+        q.copy_from_slice(&self.point.state.q);
+        v.copy_from_slice(&self.point.state.v);
+        self.point.manifold.extend_acceleration(x, a);
     }
 
     fn start_step(&mut self) {
@@ -169,8 +169,8 @@ impl SecondOrder for FirstOrder {
     }
 
     fn start_unknown(&self, x: &mut [f64]) {
-        let ([q, v, a], system) = (&self.stage.ends[0], self.manifold.system().as_ref());
-        self.manifold.chart().parametrization().accelerations(system, q, v, a, x);
+        let ([q, v, a], system) = (&self.stage.ends[0], self.point.manifold.system().as_ref());
+        self.point.manifold.chart().parametrization().accelerations(system, q, v, a, x);
     }
 
     /// One solve: with ẽ_p = e_p + (β/γ)h e_v, Ψ a = −(M̂₁' e_v + M̂₂' ẽ_p + Ẑ E⁻¹ e_z), the result is

@@ -5,8 +5,8 @@
 
 use super::chart::{Chart, Parametrization, structural_nonzeros};
 use super::manifold::{Manifold, largest_index};
-use super::partitioning::partition;
 use super::saddle::Saddle;
+use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
 use crate::model::{Assembly, Body, InitialBody, Model, Orientation};
 use crate::system::{BodyPose, Measure, State, System};
@@ -252,7 +252,14 @@ pub fn start(
 ) -> Result<(Manifold, State), AssemblyError> {
     let mut g = system.structure().constraint_pattern.clone();
     system.constraint_jacobian(&state.q, &mut g);
-    let parametrization = partition(system.as_ref(), &state.q, &g);
+    let (nonzero_g, nonzero_m) = match template {
+        Some(m) => (m.chart().nonzero().clone(), None),
+        None => {
+            let (g, m) = structural_nonzeros(system.as_ref(), &state.q);
+            (g, Some(m))
+        }
+    };
+    let parametrization = choose_tree(system.as_ref(), &nonzero_g, &state, &g)?;
     let known = match template {
         Some(m) => m.chart().with_values(system.as_ref(), &parametrization, &state.q, &g)?,
         None => None,
@@ -260,7 +267,8 @@ pub fn start(
     let (chart, saddle) = if let (Some(chart), Some(m)) = (known, template) {
         (chart, m.saddle().with_values())
     } else {
-        let (nonzero_g, nonzero_m) = structural_nonzeros(system.as_ref(), &state.q);
+        let nonzero_m =
+            nonzero_m.unwrap_or_else(|| structural_nonzeros(system.as_ref(), &state.q).1);
         let kept = parametrization.kept.clone();
         (
             Chart::new(system.as_ref(), parametrization, &state.q, &g, &nonzero_g)?,

@@ -1,24 +1,24 @@
 //! The factored matrix [G; P] of one parametrization, and the only solves made with it.
 
-use super::displacements::BodyRows;
 use super::manifold::largest_index;
+use super::relatives::{BodyRows, Relatives};
 use crate::error::EvaluationFailure;
-use crate::system::{Measure, Structure, System};
+use crate::system::{Measure, State, Structure, System};
 use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
 use std::sync::Arc;
 
 /// Enough to tell the smallest singular value from the next where the matrix is nearly singular.
 const INVERSE_ITERATIONS: u32 = 4;
-/// Coordinates of two bodies in space.
-const WIDEST: usize = 14;
 
-/// P of v = P q: which combinations of the coordinates are independent.
+/// What the independent variables are.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Projection {
     /// Coordinate partitioning: the independent coordinates, ascending.
     Selection(Vec<usize>),
     /// Tangent plane: ndof×n by rows, orthonormal on scaled coordinates.
     Basis(Vec<f64>),
+    /// Relative coordinates of a spanning forest.
+    Relative(Box<Relatives>),
 }
 
 /// Which rows and coordinates a parametrization uses.
@@ -28,10 +28,8 @@ pub struct Parametrization {
     pub kept: Vec<usize>,
     /// Redundant rows, ascending.
     pub dropped: Vec<usize>,
-    /// P, or with displacements its first rows.
+    /// v(q).
     pub projection: Projection,
-    /// Displacements s(q) that follow in v = (q_selected, s(q)): the last rows of P are s_q.
-    pub displacements: Vec<usize>,
     /// Number of degrees of freedom.
     pub ndof: usize,
     /// Smallest accepted pivot over the first: small near a singular configuration.
@@ -39,65 +37,90 @@ pub struct Parametrization {
 }
 
 impl Parametrization {
-    /// The coordinate that independent variable `k` is, or moves most; for a displacement the first
+    /// The coordinate that independent variable `k` is, or moves most; for a relative coordinate the first
     /// one of a body that it moves.
     pub fn coordinate(&self, system: &dyn System, k: usize) -> usize {
         let sizes = system.structure().sizes;
         let n = sizes.coordinates;
-        if let Some(&displacement) = self.displacements.get(k.wrapping_sub(self.linear())) {
-            let ends = system.displacements()[displacement].bodies;
-            return ends[1].or(ends[0]).map_or(0, |body| body * sizes.per_body);
-        }
         match &self.projection {
             Projection::Selection(independent) => independent[k],
             Projection::Basis(rows) => largest_index(&rows[k * n..(k + 1) * n]),
+            Projection::Relative(relatives) => {
+                let group = &system.relative_groups()[relatives.rows[k].0];
+                let [first, second] = group.bodies;
+                let skipped = if group.kind.turns() { sizes.translations } else { 0 };
+                second.or(first).map_or(0, |body| body * sizes.per_body + skipped)
+            }
         }
     }
 
-    /// Rows of P before those of displacements.
-    pub fn linear(&self) -> usize {
-        self.ndof - self.displacements.len()
+    /// Name of independent variable `k`, for messages and reports.
+    pub fn name(&self, system: &dyn System, k: usize) -> String {
+        match &self.projection {
+            Projection::Relative(relatives) => relatives.name(system, k),
+            _ => system.coordinate_name(self.coordinate(system, k)),
+        }
     }
 
-    /// Whether v = v(q) and the kept rows are the same.
+    /// Whether independent variable `k` is a length or an angle.
+    pub fn measure(&self, system: &dyn System, k: usize) -> Measure {
+        match &self.projection {
+            Projection::Relative(relatives) => relatives.measure(system, k),
+            _ => system.structure().coordinate_measure(self.coordinate(system, k)),
+        }
+    }
+
+    /// Rows of P that do not move.
+    pub fn linear(&self) -> usize {
+        if let Projection::Relative(_) = self.projection { 0 } else { self.ndof }
+    }
+
+    /// The relative coordinates, if v is made of them.
+    pub fn relatives(&self) -> Option<&Relatives> {
+        match &self.projection {
+            Projection::Relative(relatives) => Some(relatives),
+            _ => None,
+        }
+    }
+
+    /// Whether v(q), up to references, and the kept rows are the same.
     pub fn same_as(&self, other: &Self) -> bool {
-        self.kept == other.kept
-            && self.projection == other.projection
-            && self.displacements == other.displacements
+        let same = match (&self.projection, &other.projection) {
+            (Projection::Relative(a), Projection::Relative(b)) => a.same_as(b),
+            (a, b) => a == b,
+        };
+        same && self.kept == other.kept
     }
 
     /// v = v(q).
     pub fn positions(&self, system: &dyn System, q: &[f64], v: &mut [f64]) {
-        self.project(q, v);
-        for (out, &k) in v[self.linear()..].iter_mut().zip(&self.displacements) {
-            *out = system.displacement(k, q);
+        match &self.projection {
+            Projection::Relative(relatives) => relatives.positions(system, q, v),
+            _ => self.project(q, v),
         }
     }
 
     /// v̇ = P(q) q̇.
     pub fn rates(&self, system: &dyn System, q: &[f64], v: &[f64], rates: &mut [f64]) {
-        self.project(v, rates);
-        let mut gradient = [0.0; WIDEST];
-        let per_body = system.structure().sizes.per_body;
-        let gradient = &mut gradient[..2 * per_body];
-        for (out, &k) in rates[self.linear()..].iter_mut().zip(&self.displacements) {
-            system.displacement_gradient(k, q, gradient);
-            *out = 0.0;
-            let ends = system.displacements()[k].bodies;
-            for (row, body) in gradient.chunks_exact(per_body).zip(ends) {
-                let Some(b) = body else { continue };
-                let v = &v[b * per_body..(b + 1) * per_body];
-                *out += row.iter().zip(v).map(|(a, x)| a * x).sum::<f64>();
-            }
+        match &self.projection {
+            Projection::Relative(relatives) => relatives.rates(system, q, v, rates),
+            _ => self.project(v, rates),
         }
     }
 
     /// Curvature (P q̇)_q q̇ of v(q), so that v̈ = P q̈ + curvature.
     pub fn curvature(&self, system: &dyn System, q: &[f64], rates: &[f64], out: &mut [f64]) {
-        let (linear, moving) = out.split_at_mut(self.linear());
-        linear.fill(0.0);
-        for (out, &k) in moving.iter_mut().zip(&self.displacements) {
-            *out = system.displacement_curvature(k, q, rates);
+        match &self.projection {
+            Projection::Relative(relatives) => relatives.curvature(system, q, rates, out),
+            _ => out.fill(0.0),
+        }
+    }
+
+    /// (P q̇)_q δq.
+    pub fn rate_change(&self, system: &dyn System, state: &State, dq: &[f64], out: &mut [f64]) {
+        match &self.projection {
+            Projection::Relative(relatives) => relatives.rate_change(system, state, dq, out),
+            _ => out.fill(0.0),
         }
     }
 
@@ -111,8 +134,8 @@ impl Parametrization {
         p_rate: &mut [f64],
     ) {
         self.rates(system, q, a, p_rate);
-        for (out, &k) in p_rate[self.linear()..].iter_mut().zip(&self.displacements) {
-            *out += system.displacement_curvature(k, q, v);
+        if let Projection::Relative(relatives) = &self.projection {
+            relatives.add_curvature(system, q, v, p_rate);
         }
     }
 
@@ -129,6 +152,7 @@ impl Parametrization {
                     *out = row.iter().zip(x).map(|(a, b)| a * b).sum();
                 }
             }
+            Projection::Relative(_) => {}
         }
     }
 }
@@ -147,7 +171,7 @@ pub struct Chart {
     copies: Vec<(u32, u32, f64)>,
     row_scale: Vec<f64>,
     column_scale: Vec<f64>,
-    /// s_q of the displacements, and (its value, slot, scale) of every entry.
+    /// Rows of P that move, and (value, slot, scale) of every entry.
     moving: BodyRows,
     moving_copies: Vec<(u32, u32, f64)>,
     lu: SparseLu,
@@ -229,16 +253,19 @@ impl Chart {
                     }
                 }
             }
+            Projection::Relative(_) => {}
         }
         let first_moving = entries.len();
-        let mut moving = BodyRows::new(system, &parametrization.displacements);
+        let mut moving = BodyRows::new(system, &parametrization);
+        let scales: Vec<f64> = (0..moving.len())
+            .map(|k| 1.0 / scale_of(parametrization.measure(system, k), length))
+            .collect();
         let mut moving_sources = Vec::new();
         for (at, k, column) in moving.entries() {
-            let row = rank + parametrization.linear() + k;
-            entries.push((row, column));
-            moving_sources.push((at, column_scale[column] / length));
+            entries.push((rank + k, column));
+            moving_sources.push((at, column_scale[column] * scales[k]));
         }
-        row_scale.resize(n, 1.0 / length);
+        row_scale.extend(scales);
         let (pattern, slots) = SparsePattern::new(n, n, &entries);
         let mut values = vec![0.0; pattern.len()];
         for (slot, x) in slots[constraint_entries..first_moving].iter().zip(constants) {
@@ -257,7 +284,7 @@ impl Chart {
         for &(at, slot, scale) in &copies {
             values[slot as usize] = g.values()[at as usize] * scale;
         }
-        moving.evaluate(system, &parametrization.displacements, q);
+        moving.evaluate(system, &parametrization, q);
         for &(at, slot, scale) in &moving_copies {
             values[slot as usize] = moving.value(at as usize) * scale;
         }
@@ -317,9 +344,14 @@ impl Chart {
         Ok(Some(chart))
     }
 
-    /// The rows of P of displacements, of the configuration last factored.
+    /// The rows of P that move, of the configuration last factored.
     pub fn moving(&self) -> &BodyRows {
         &self.moving
+    }
+
+    /// Which stored values of G can differ from zero.
+    pub(super) fn nonzero(&self) -> &Arc<[bool]> {
+        &self.nonzero
     }
 
     /// Symbolic analyses made for this chart.
@@ -337,6 +369,14 @@ impl Chart {
         self.parametrization.ndof
     }
 
+    /// The relative coordinates, if v is made of them.
+    pub(super) fn relatives_mut(&mut self) -> Option<&mut Relatives> {
+        match &mut self.parametrization.projection {
+            Projection::Relative(relatives) => Some(relatives),
+            _ => None,
+        }
+    }
+
     /// Factors [G; P] for a new configuration with the frozen pivots; picks new ones when they no longer serve.
     ///
     /// # Errors
@@ -350,7 +390,7 @@ impl Chart {
         for &(at, slot, scale) in &self.copies {
             self.values[slot as usize] = g.values()[at as usize] * scale;
         }
-        self.moving.evaluate(system, &self.parametrization.displacements, q);
+        self.moving.evaluate(system, &self.parametrization, q);
         for &(at, slot, scale) in &self.moving_copies {
             self.values[slot as usize] = self.moving.value(at as usize) * scale;
         }
@@ -380,6 +420,7 @@ impl Chart {
                     }
                 }
             }
+            Projection::Relative(_) => {}
         }
         self.moving.multiply_transposed_many_add(1.0, moving, 1, x);
     }

@@ -47,6 +47,8 @@ pub struct Manifold {
     /// Accelerations are known, their multipliers not yet.
     multipliers_due: bool,
     redundant: Redundant,
+    /// Coordinates of the edges of the forest at the last recovery.
+    edges: Vec<[f64; 6]>,
     /// G where it was last evaluated.
     g: BlockMatrix,
     phi: Vec<f64>,
@@ -83,6 +85,7 @@ impl Manifold {
             null_space_current: false,
             multipliers_due: false,
             redundant: Redundant::new(&sizes, &chart),
+            edges: anchored(&chart),
             system,
             chart,
             saddle,
@@ -144,6 +147,7 @@ impl Manifold {
         self.null_space = null_space(&chart, &self.saddle, &self.g);
         (self.null_space_current, self.multipliers_due) = (false, false);
         self.redundant = Redundant::new(&self.system.structure().sizes, &chart);
+        self.edges = anchored(&chart);
         self.chart = chart;
     }
 
@@ -186,12 +190,19 @@ impl Manifold {
         self.counters.recoveries += 1;
         let noise = 8.0 * f64::EPSILON * self.size_of(q).max(1.0);
         let mut predicted = 0.0;
+        let placed = self.chart.parametrization().relatives().map(|relatives| relatives.exact);
+        if let Some(exact) = placed {
+            predicted = self.place(t, p, q, exact)?;
+            if exact {
+                return Ok(());
+            }
+        }
         let mut before = f64::INFINITY;
         let mut fresh = false;
         for k in 0..MAX_CORRECTIONS {
             self.counters.corrections += 1;
             let size = self.correct(t, p, q);
-            if k == 0 {
+            if k == 0 && placed.is_none() {
                 predicted = size;
                 self.predictor.copy_from_slice(q);
             }
@@ -223,6 +234,91 @@ impl Manifold {
         Err(self.position_failure(t, q))
     }
 
+    /// Places the bodies along the forest, dependent coordinates by the tangent; returns how far they
+    /// moved and leaves their places as predictor.
+    fn place(
+        &mut self,
+        t: f64,
+        p: &[f64],
+        q: &mut [f64],
+        exact: bool,
+    ) -> Result<f64, EvaluationFailure> {
+        let system = self.system.clone();
+        let system = system.as_ref();
+        if !exact {
+            system.position_constraints(t, q, &mut self.phi);
+            let parametrization = self.chart.parametrization();
+            parametrization.positions(system, q, &mut self.independent);
+            for (out, target) in self.independent.iter_mut().zip(p) {
+                *out -= target;
+            }
+            if let Some(relatives) = parametrization.relatives() {
+                relatives.count_turns(system, &self.edges, p, &mut self.independent);
+            }
+            self.chart.solve(&self.phi, &self.independent, &mut self.correction);
+        }
+        let Some(relatives) = self.chart.parametrization().relatives() else { return Ok(0.0) };
+        if !exact {
+            relatives.predict_dependent(system, q, &self.correction, &mut self.edges);
+            self.predictor.copy_from_slice(q);
+        }
+        relatives.coordinates(system, t, p, &mut self.edges)?;
+        relatives.place(system, &self.edges, q);
+        if exact {
+            return Ok(0.0);
+        }
+        for (out, (x, y)) in self.correction.iter_mut().zip(q.iter().zip(&self.predictor)) {
+            *out = x - y;
+        }
+        self.predictor.copy_from_slice(q);
+        Ok(self.size_of(&self.correction))
+    }
+
+    /// Recoveries go on from the configuration that references were last moved to.
+    pub fn return_to_anchor(&mut self) {
+        if let Some(relatives) = self.chart.parametrization().relatives() {
+            for (x, anchor) in self.edges.iter_mut().zip(&relatives.anchors) {
+                *x = anchor.x;
+            }
+        }
+    }
+
+    /// Windings that follow the edges of the forest, at the last recovery.
+    pub fn tell_turns(&self, winding: &mut [f64]) {
+        if let Some(relatives) = self.chart.parametrization().relatives() {
+            relatives.tell_turns(self.system.as_ref(), &self.edges, winding);
+        }
+    }
+
+    /// Moves references to the configuration q last recovered, whose independent variables are `p`; returns
+    /// whether v has changed.
+    ///
+    /// # Errors
+    /// `simulation/singular-configuration`.
+    pub fn move_references(&mut self, q: &[f64], p: &[f64]) -> Result<bool, EvaluationFailure> {
+        let system = self.system.as_ref();
+        let Some(relatives) = self.chart.relatives_mut() else { return Ok(false) };
+        relatives.move_references(system, q, Some(p), &mut self.edges);
+        if !relatives.moves {
+            return Ok(false);
+        }
+        (self.null_space_current, self.multipliers_due) = (false, false);
+        self.chart.refactor(system, q, &self.g)?;
+        self.orientation = self.chart.determinant_sign();
+        Ok(true)
+    }
+
+    /// Takes over the references of another manifold in the same parametrization.
+    pub fn follow(&mut self, other: &Self) {
+        let Some(from) = other.chart.parametrization().relatives() else { return };
+        if let Some(to) = self.chart.relatives_mut() {
+            to.references.copy_from_slice(&from.references);
+            to.anchors.copy_from_slice(&from.anchors);
+        }
+        self.orientation = other.orientation;
+        self.return_to_anchor();
+    }
+
     /// Whether Φ, as the last correction found it, is rounding of the coordinates: an ill-conditioned
     /// [G; P] then turns it into corrections that do not fall.
     fn residual_is_noise(&self, q: &[f64]) -> bool {
@@ -237,6 +333,9 @@ impl Manifold {
         self.chart.parametrization().positions(system, q, &mut self.independent);
         for (out, target) in self.independent.iter_mut().zip(p) {
             *out -= target;
+        }
+        if let Some(relatives) = self.chart.parametrization().relatives() {
+            relatives.reduce_turns(system, &mut self.independent);
         }
         self.chart.solve(&self.phi, &self.independent, &mut self.correction);
         for (x, d) in q.iter_mut().zip(&self.correction) {
@@ -298,6 +397,7 @@ impl Manifold {
     /// Goes back to a configuration of the branch after a failure elsewhere, whose factors may be
     /// those of a nearly singular matrix.
     pub fn go_back(&mut self, q: &[f64]) {
+        self.return_to_anchor();
         // A start that cannot be factored is found out by the next recovery.
         let _ = self.factor_at(q);
     }
@@ -484,6 +584,12 @@ impl Manifold {
         let joint_rows = self.system.structure().sizes.joint_rows;
         self.redundant.distribute(&mut self.chart, &self.g, joint_rows, lambda);
     }
+}
+
+/// Coordinates of the edges where references were last moved.
+fn anchored(chart: &Chart) -> Vec<[f64; 6]> {
+    let relatives = chart.parametrization().relatives();
+    relatives.map_or(Vec::new(), |r| r.anchors.iter().map(|anchor| anchor.x).collect())
 }
 
 fn null_space(chart: &Chart, saddle: &Saddle, g: &BlockMatrix) -> Option<NullSpace> {

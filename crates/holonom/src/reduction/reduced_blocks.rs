@@ -2,7 +2,7 @@
 //! and explicit time add to them.
 
 use super::chart::Chart;
-use super::displacements::BodyRows;
+use super::relatives::BodyRows;
 use super::manifold::Manifold;
 use crate::system::{DerivativeBlocks, State};
 use holonom_linalg::gram_add;
@@ -15,7 +15,7 @@ use holonom_linalg::gram_add;
 /// v̈_v̇ = −M̂⁻¹M̂₁   v̈_v = −M̂⁻¹M̂₂
 /// ```
 ///
-/// Where P turns with the bodies, its rows count among those of G: [A₀; (P q̇)_q] stands for A₀,
+/// Where P moves with the bodies, its rows count among those of G: [A₀; (P q̇)_q] stands for A₀,
 /// [A₁; (v̈)_q] for A₁ and [S D] for S; the products with D then stand below Y and W.
 ///
 /// Extra states z: Ẑ = DᵀF_z, v̈_z = −M̂⁻¹Ẑ, ż_v = g_q D + g_q̇ q̇_v, ż_v̇ = g_q̇ D, q̇_v = −S A₀ D.
@@ -40,7 +40,7 @@ pub struct ReducedBlocks {
     pub extra_extra: Vec<f64>,
     /// All blocks in the system's coordinates.
     pub blocks: DerivativeBlocks,
-    /// (P q̇)_q of the rows of displacements.
+    /// (P q̇)_q of the rows of P that move.
     pub turning: BodyRows,
     /// (v̈)_q of them at fixed q̈.
     pub turning_rate: BodyRows,
@@ -63,8 +63,7 @@ impl ReducedBlocks {
         let s = structure.sizes;
         let ndof = manifold.chart().ndof();
         let nz = s.extra_states;
-        let displacements = &manifold.chart().parametrization().displacements;
-        let turning = BodyRows::new(manifold.system().as_ref(), displacements);
+        let turning = manifold.chart().moving().clone();
         Self {
             d: vec![0.0; s.coordinates * ndof],
             mass: vec![0.0; ndof * ndof],
@@ -133,19 +132,21 @@ impl ReducedBlocks {
         let system = manifold.system().clone();
         system.derivative_blocks(state, &mut self.blocks);
         manifold.chart_mut().null_space(&mut self.d);
-        for (row, &k) in manifold.chart().parametrization().displacements.iter().enumerate() {
-            let (a0, a1) = (self.turning.row_mut(row), self.turning_rate.row_mut(row));
-            system.displacement_blocks(k, state, a0, a1);
-        }
+        let parametrization = manifold.chart().parametrization();
+        let bend = &mut self.turning_rate;
+        self.turning.evaluate_blocks(bend, system.as_ref(), parametrization, state);
     }
 
-    /// q̇_v = −S A₀ D at fixed v̇ (n×ndof), at the state of the last [`ReducedBlocks::evaluate`], for a
-    /// parametrization without displacements.
+    /// q̇_v at fixed v̇ (n×ndof): −[S D] of the stacked A₀ D, at the state of the last
+    /// [`ReducedBlocks::evaluate`].
     pub fn rate_map(&mut self, chart: &mut Chart, out: &mut [f64]) {
         let ndof = chart.ndof();
         self.w.fill(0.0);
         self.blocks.a0.multiply_many_add(-1.0, &self.d, ndof, &mut self.w);
-        chart.solve_rows_many(&self.w, &[], ndof, out);
+        let moving = &mut self.transposed[..self.turning.len() * ndof];
+        moving.fill(0.0);
+        self.turning.multiply_many_add(-1.0, &self.d, ndof, moving);
+        chart.solve_rows_many(&self.w, moving, ndof, out);
     }
 
     /// D and M̂ alone at `state`; the caller fills in the other reduced matrices.

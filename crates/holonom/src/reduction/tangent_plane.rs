@@ -1,20 +1,22 @@
 //! Choice of the parametrization: independent coordinates, or a basis of the tangent plane.
 
 use super::chart::{Parametrization, Projection};
-use super::displacements::{BodyRows, take_displacements};
 use super::manifold::Manifold;
 use super::partitioning::partition;
+use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, State, System};
 use holonom_linalg::{
     BlockMatrix, DecompositionError, orthonormal_null_space, orthonormal_null_space_qr, thin_svd,
 };
 
-/// What the rows of P in v = P q are.
+/// What the independent variables are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Choice {
-    /// Independent coordinates.
+    /// Relative coordinates of a spanning forest.
     #[default]
+    Tree,
+    /// Independent coordinates.
     Partitioning,
     /// An orthonormal basis of null(G) at the last re-parametrization, by QR.
     TangentPlane,
@@ -25,6 +27,7 @@ pub enum Choice {
 impl Choice {
     /// All choices with their names in options.
     pub const ALL: &'static [(Self, &'static str)] = &[
+        (Self::Tree, "tree"),
         (Self::Partitioning, "partitioning"),
         (Self::TangentPlane, "tangent_plane"),
         (Self::TangentPlaneSvd, "tangent_plane_svd"),
@@ -48,10 +51,8 @@ const ROTATION_SHARE: f64 = 0.125;
 /// An entry of a unit vector below this is round-off.
 const NEGLIGIBLE: f64 = 1e-13;
 
-/// A parametrization at a state with Jacobian `g`; `displacements` tells whether independent
-/// coordinates may give way to displacements, see `take_displacements`; a tangent plane is then that
-/// of the configurations that leave them as they are. Rank, kept and redundant rows are those
-/// of the partition, whichever is chosen.
+/// A parametrization at a state with Jacobian `g`. Rank, kept and redundant rows of a tangent plane are
+/// those of the partition.
 ///
 /// The tangent plane is an orthonormal basis N of null(G), with lengths measured against the
 /// characteristic length. Its directions are followed by their rotations where they rotate, else by
@@ -75,19 +76,18 @@ const NEGLIGIBLE: f64 = 1e-13;
 /// `simulation/singular-configuration` when G is not finite or the decomposition fails.
 pub fn choose(
     choice: Choice,
-    displacements: bool,
     manifold: &Manifold,
     state: &State,
     g: &BlockMatrix,
 ) -> Result<Parametrization, EvaluationFailure> {
     let system = manifold.system().as_ref();
-    let mut parametrization = partition(system, &state.q, g);
-    if displacements {
-        take_displacements(&mut parametrization, manifold, state, g)?;
+    if choice == Choice::Tree {
+        return choose_tree(system, manifold.chart().nonzero(), state, g);
     }
+    let mut parametrization = partition(system, &state.q, g);
     if choice != Choice::Partitioning {
         let rows =
-            tangent_plane(choice, system, &parametrization, &state.q, g).map_err(|error| {
+            tangent_plane(choice, system, &parametrization, g).map_err(|error| {
                 EvaluationFailure {
                     code: "simulation/singular-configuration",
                     message: format!("the tangent plane of the constraints was not found: {error}"),
@@ -98,33 +98,24 @@ pub fn choose(
     Ok(parametrization)
 }
 
-/// P but for the rows of displacements, by rows.
+/// P by rows.
 fn tangent_plane(
     choice: Choice,
     system: &dyn System,
     parametrization: &Parametrization,
-    q: &[f64],
     g: &BlockMatrix,
 ) -> Result<Vec<f64>, DecompositionError> {
     let structure = system.structure();
     let n = structure.sizes.coordinates;
-    let (rank, ndof) = (n - parametrization.linear(), parametrization.linear());
+    let (rank, ndof) = (n - parametrization.ndof, parametrization.ndof);
     if ndof == 0 {
         return Ok(Vec::new());
     }
     let length = system.characteristic_length();
     let turns = |i: usize| structure.coordinate_measure(i) == Measure::Angle;
-    let mut dense = g.to_dense();
-    let taken = &parametrization.displacements;
-    let mut moving = BodyRows::new(system, taken);
-    moving.evaluate(system, taken, q);
-    let m = structure.sizes.rows;
-    dense.resize((m + taken.len()) * n, 0.0);
-    for (at, row, column) in moving.entries() {
-        dense[(m + row) * n + column] = moving.value(at);
-    }
+    let dense = g.to_dense();
     let mut a = Vec::with_capacity(rank * n);
-    for row in parametrization.kept.iter().copied().chain(m..m + taken.len()) {
+    for &row in &parametrization.kept {
         let row = &dense[row * n..(row + 1) * n];
         let scaled = |i: usize| if turns(i) { row[i] } else { row[i] * length };
         let largest = (0..n).fold(0.0f64, |m, i| m.max(scaled(i).abs()));

@@ -38,32 +38,28 @@ pub(super) struct Suspects {
 impl Suspects {
     /// Reads the last attempt of a stepper from `state`, the last good one.
     pub(super) fn find(form: &mut dyn StateSpace, stepper: &dyn Stepper, state: &State) -> Self {
-        let system = form.manifold().system().clone();
+        let system = form.point().manifold.system().clone();
         let n = system.structure().sizes.coordinates;
-        let parametrization = form.manifold().chart().parametrization();
+        let parametrization = form.point().manifold.chart().parametrization();
         // w holds positions, then their rates.
-        let count = if form.full_order() { n } else { parametrization.ndof };
-        let coordinate = |k: usize| {
-            if form.full_order() { k } else { parametrization.coordinate(system.as_ref(), k) }
-        };
+        let count = parametrization.ndof;
         let change = stepper.last_change();
         let changed = [change.get(..count), change.get(count..2 * count)]
             .into_iter()
             .flatten()
             .find(|part| part.iter().any(|x| *x != 0.0))
             .map(|part| {
-                let scale = |k: usize| match system.structure().coordinate_measure(coordinate(k)) {
+                let scale = |k: usize| match parametrization.measure(system.as_ref(), k) {
                     Measure::Length => system.characteristic_length(),
                     Measure::Angle => 1.0,
                 };
                 let size = |k: usize| {
                     if part[k].is_finite() { part[k].abs() / scale(k) } else { f64::INFINITY }
                 };
-                coordinate(
-                    (0..count).fold(0, |best, k| if size(k) > size(best) { k } else { best }),
-                )
+                let most = (0..count).fold(0, |best, k| if size(k) > size(best) { k } else { best });
+                (parametrization.coordinate(system.as_ref(), most), parametrization.name(system.as_ref(), most))
             });
-        let forces = changed.map_or(Vec::new(), |c| system.forces_on(c, state));
+        let forces = changed.as_ref().map_or(Vec::new(), |c| system.forces_on(c.0, state));
         // Factors are to belong to the last good state.
         form.begin_step(state);
         let mut w = vec![0.0; form.dimension()];
@@ -71,7 +67,7 @@ impl Suspects {
         let mut weakest = (None, None);
         let _ = form.evaluate(state.t, &w, false); // a failure leaves factors of a nearby point
         if n > 0 {
-            let (row, coordinate) = form.manifold_mut().chart_mut().weakest();
+            let (row, coordinate) = form.point_mut().manifold.chart_mut().weakest();
             weakest.0 = row.map(|row| system.row_item(row).0.to_owned());
             weakest.1 = Some(system.coordinate_name(coordinate));
         }
@@ -80,8 +76,8 @@ impl Suspects {
             (0..n).find(|&k| size(k) > RUNAWAY).map(|k| (system.coordinate_name(k), size(k)));
         let owned = |names: Vec<&str>| names.into_iter().map(str::to_owned).collect();
         Self {
-            changed: changed.map(|c| system.coordinate_name(c)),
             forces: owned(forces),
+            changed: changed.map(|c| c.1),
             runaway,
             kinks: owned(system.kinks_at(state.t)),
             weakest,

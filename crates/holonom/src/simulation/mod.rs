@@ -6,6 +6,7 @@ mod ledger;
 mod options;
 mod output;
 mod problem;
+mod recorder;
 mod reparametrization;
 mod run;
 mod statistics;

@@ -3,9 +3,9 @@
 use super::checks::{RunError, check_state};
 use crate::model::{Dimension, Model};
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
-use crate::reduction::{Manifold, Projection};
+use crate::reduction::Manifold;
 use crate::system::{Channel, State, System, compile};
-use crate::topology::Topology;
+use crate::topology::loops_and_floating;
 use std::sync::{Arc, OnceLock};
 
 /// A model with its system; assembled once, when first asked.
@@ -164,16 +164,13 @@ impl Problem {
                 RedundantRow { item: item.to_owned(), row: row.to_owned(), direction }
             })
             .collect();
-        let independent = match &parametrization.projection {
-            Projection::Selection(independent) => {
-                independent.iter().map(|&i| self.system.coordinate_name(i)).collect()
-            }
-            Projection::Basis(_) => Vec::new(),
-        };
-        let topology = Topology::new(&self.model);
+        let independent =
+            (0..parametrization.ndof).map(|k| parametrization.name(self.system.as_ref(), k)).collect();
+        let ends: Vec<_> = self.model.joints.iter().map(|j| j.frames.map(|f| f.body)).collect();
+        let (loops, floating) = loops_and_floating(sizes.bodies, &ends);
         ModelSummary {
-            loops: topology.loop_joints.len(),
-            floating: topology.components - 1,
+            loops,
+            floating,
             bodies: sizes.bodies,
             coordinates: sizes.coordinates,
             rows: sizes.rows,

@@ -18,8 +18,7 @@ pub(super) fn new_chart(
     let system = manifold.system().as_ref();
     let mut g = system.structure().constraint_pattern.clone();
     system.constraint_jacobian(&state.q, &mut g);
-    let displacements = options.code.takes_displacements(options.profile);
-    let new = choose(options.parametrization, displacements, manifold, state, &g)?;
+    let new = choose(options.parametrization, manifold, state, &g)?;
     let old = manifold.chart().parametrization();
     if new.same_as(old) {
         return Ok(None);

@@ -6,16 +6,39 @@ use crate::system::{Sizes, State, System};
 const KINEMATIC_STEPS: f64 = 200.0;
 /// Largest rotation of a body in space in any step, rad: half of it is the angle of Euler parameters.
 const LARGEST_TURN: f64 = 0.8;
+/// Largest relative rotation in any step where only the branch of an angle is known, rad.
+const UNTOLD_TURN: f64 = 2.0;
 /// Largest rotation of a body in a step of a run without unknowns, rad.
 const KINEMATIC_TURN: f64 = 0.5;
 
-/// Longest step from a state, s: none of a force's local features is jumped over, and no body in space
-/// turns by more than its Euler parameters can tell apart, so that not every other step is refused
-/// where a rotor's tolerance is loose.
-pub(super) fn longest(system: &dyn System, state: &State) -> f64 {
+/// Longest step from a state, s: none of a force's local features is jumped over. Turns are not limited
+/// where bodies are placed along the forest (`tree`), but for angles whose turns it does not tell; in the other
+/// charts no body in space turns by more than its Euler parameters can tell apart, so that not every other
+/// step is refused where a rotor's tolerance is loose.
+pub(super) fn longest(system: &dyn System, state: &State, tree: bool) -> f64 {
     let sizes = &system.structure().sizes;
-    let turn = if planar(sizes) { f64::INFINITY } else { LARGEST_TURN / turning(sizes, &state.v) };
+    let turn = if tree {
+        untold(system, state)
+    } else if planar(sizes) {
+        f64::INFINITY
+    } else {
+        LARGEST_TURN / turning(sizes, &state.v)
+    };
     system.longest_step(state).min(turn)
+}
+
+/// Time in which two bodies whose relative angle is told by its branch alone turn by [`UNTOLD_TURN`].
+fn untold(system: &dyn System, state: &State) -> f64 {
+    let rate = |body: Option<usize>| {
+        body.map_or([0.0; 3], |b| system.body(b, &state.q, &state.v).angular_velocity)
+    };
+    let mut longest = f64::INFINITY;
+    for [first, second] in &system.tree().untold_turns {
+        let (a, b) = (rate(*first), rate(*second));
+        let relative = (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt();
+        longest = longest.min(UNTOLD_TURN / relative);
+    }
+    longest
 }
 
 /// Longest step of a run without unknowns over `span` seconds, s: no error limits it, but the energy

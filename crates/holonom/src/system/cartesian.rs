@@ -1,17 +1,16 @@
 //! Cartesian coordinates, planar or spatial: assembly of Φ, M, Q and all blocks from the elements.
 
 use super::compile::build;
-use super::displacements::Measured;
+use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, Resistance, ResistanceLaw, Tree};
 use super::quantities::{Channel, evaluate_channel};
 use super::turns::Turns;
-use super::{
-    BodyPose, DerivativeBlocks, Displacement, EnergyBalance, State, Structure, System,
-    displacements,
-};
+use super::{BodyPose, DerivativeBlocks, EnergyBalance, State, Structure, System};
+use crate::elements::kinematics::{Anchor, Between, EdgeKinematics};
+use crate::elements::relative::{Reference, RelativeElement};
 use crate::elements::{
     ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
 };
-use crate::model::{BodyIndex, Dimension, Driver, Force, Joint, Model};
+use crate::model::{BodyIndex, Dimension, Driver, Force, Frame, Joint, Model};
 use holonom_linalg::{BlockId, BlockMatrix};
 use std::sync::Arc;
 
@@ -19,9 +18,11 @@ use std::sync::Arc;
 const PROBE: f64 = 1e-6;
 
 /// What distinguishes planar from spatial Cartesian coordinates: N per body, D of them translations.
-pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + 'static {
+pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + Sized + 'static {
     type Constraint: ConstraintElement<N> + Send + Sync;
     type Force: ForceElement<N> + Send + Sync;
+    type Relative: RelativeElement<N> + std::fmt::Debug + Clone + Send + Sync;
+    type Kinematics: EdgeKinematics<N> + std::fmt::Debug + Clone + Send + Sync;
     /// Pose of the ground.
     const GROUND: [f64; N];
     /// Whether each body has a normalisation row.
@@ -31,6 +32,12 @@ pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + 'static {
     fn driver(driver: &Driver, centers: [[f64; 3]; 2]) -> Self::Constraint;
     fn force(force: &Force, centers: [[f64; 3]; 2]) -> Self::Force;
     fn force_bodies(force: &Force) -> [BodyIndex; 2];
+    /// The relative coordinates of a joint, a line, a bushing, a free body, and the angle about h.
+    fn joint_form(joint: &Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
+    fn line_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
+    fn bushing_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
+    fn free_form() -> FormOf<Self, D, N>;
+    fn relative_angle(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative;
     fn wraps(constraint: &Self::Constraint) -> bool;
     fn joint_quantities(constraint: &Self::Constraint) -> &'static [crate::elements::Quantity];
     fn joint_quantity(
@@ -58,6 +65,8 @@ pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + 'static {
         k: &mut [f64],
         c: &mut [f64],
     );
+    /// A lower bound of the inertia about any axis.
+    fn least_inertia(inertia: &[[f64; 3]; 3]) -> f64;
     fn kinetic_rotation(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N]) -> f64;
     fn set_body(center: &[f64; 3], pose: &BodyPose, q: &mut [f64], v: &mut [f64]);
     fn body(center: &[f64; 3], q: &[f64; N], v: &[f64; N]) -> BodyPose;
@@ -74,6 +83,10 @@ pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + 'static {
     fn rotate(q: &[f64; N], s: &[f64; 3]) -> [f64; 3];
     fn coordinate_names() -> [&'static str; N];
 }
+
+/// Kinematics of an edge with its coordinates.
+pub(super) type FormOf<S, const D: usize, const N: usize> =
+    (<S as Space<D, N>>::Kinematics, Vec<(<S as Space<D, N>>::Relative, Between)>);
 
 /// A joint or driver between two bodies with its place in the equations.
 #[derive(Debug, Clone)]
@@ -133,9 +146,14 @@ pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
     pub(super) bodies: Vec<PlacedBody>,
     pub(super) constraints: Vec<PlacedConstraint<S::Constraint>>,
     pub(super) forces: Vec<PlacedForce<S::Force>>,
-    pub(super) displacements: Vec<Displacement>,
-    /// Their functions s(q) and what acts along them.
-    pub(super) measures: Vec<Measured<S::Constraint>>,
+    pub(super) tree: Arc<Tree>,
+    pub(super) groups: Vec<RelativeGroup>,
+    /// Their functions.
+    pub(super) relatives: Vec<PlacedRelative<S::Relative>>,
+    /// Kinematics of the edges of the tree.
+    pub(super) edges: Vec<PlacedEdge<S::Kinematics>>,
+    /// Laws of the force elements of the tree.
+    pub(super) resistances: Vec<ResistanceLaw>,
     pub(super) gravity: [f64; 3],
     pub(super) length: f64,
     pub(super) channels: Vec<Channel>,
@@ -653,28 +671,122 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         (&c.name, c.element.row_name(row - c.row))
     }
 
-    fn displacements(&self) -> &[Displacement] {
-        &self.displacements
+    fn tree(&self) -> &Tree {
+        &self.tree
     }
 
-    fn displacement(&self, k: usize, q: &[f64]) -> f64 {
-        displacements::value(self, k, q)
+    fn relative_groups(&self) -> &[RelativeGroup] {
+        &self.groups
     }
 
-    fn displacement_gradient(&self, k: usize, q: &[f64], gradient: &mut [f64]) {
-        displacements::gradient(self, k, q, gradient);
+    fn relative_value(&self, group: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
+        self.value_of(group, reference, q, out);
     }
 
-    fn displacement_curvature(&self, k: usize, q: &[f64], v: &[f64]) -> f64 {
-        displacements::curvature(self, k, q, v)
+    fn relative_gradient(&self, group: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
+        self.gradient_of(group, reference, q, out);
     }
 
-    fn displacement_blocks(&self, k: usize, state: &State, a0: &mut [f64], a1: &mut [f64]) {
-        displacements::blocks(self, k, state, a0, a1);
+    fn relative_curvature(
+        &self,
+        group: usize,
+        reference: &Reference,
+        q: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+    ) {
+        self.curvature_of(group, reference, q, v, out);
     }
 
-    fn displacement_stiffness(&self, k: usize, q: &[f64]) -> Option<f64> {
-        displacements::stiffness(self, k, q)
+    fn relative_rate_gradient(
+        &self,
+        group: usize,
+        reference: &Reference,
+        q: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+    ) {
+        self.rate_gradient_of(group, reference, q, v, out);
+    }
+
+    fn relative_blocks(
+        &self,
+        group: usize,
+        reference: &Reference,
+        state: &State,
+        a0: &mut [f64],
+        a1: &mut [f64],
+    ) {
+        self.blocks_of(group, reference, state, a0, a1);
+    }
+
+    fn moved_reference(&self, group: usize, q: &[f64], old: &Reference) -> Reference {
+        self.reference_of(group, q, old)
+    }
+
+    fn anchor_orientation(&self, edge: usize, form: usize, q: &[f64]) -> [f64; 4] {
+        self.anchor_of(edge, form, q)
+    }
+
+    fn place(
+        &self,
+        edge: usize,
+        form: usize,
+        x: &[f64],
+        references: &[Reference],
+        anchor: &Anchor,
+        q: &mut [f64],
+    ) {
+        self.place_child(edge, form, x, references, anchor, q);
+    }
+
+    fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance {
+        self.resistance_of(elastic, row, value)
+    }
+
+    fn free_length(&self, elastic: usize) -> f64 {
+        self.resistances[elastic].free_length()
+    }
+
+    fn mass(&self, body: usize) -> f64 {
+        self.bodies[body].mass
+    }
+
+    fn least_inertia(&self, body: usize) -> f64 {
+        S::least_inertia(&self.bodies[body].inertia)
+    }
+
+    fn gravity(&self) -> f64 {
+        self.gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
+    }
+
+    fn prescribed(&self, row: usize, t: f64) -> f64 {
+        let at = self.constraints.partition_point(|c| c.row <= row) - 1;
+        self.constraints[at].element.drive(t).map_or(0.0, |s| s[0])
+    }
+
+    fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]) {
+        let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);
+        for c in &self.constraints {
+            let (pair, rates) = (Self::pair(q, c.bodies), Self::rates(v, c.bodies));
+            c.element.directional(pair, rates, &mut rows);
+            let change = Self::rates(dq, c.bodies);
+            for (k, out) in out[c.row..c.row + c.element.rows()].iter_mut().enumerate() {
+                *out = (0..2)
+                    .map(|side| {
+                        let row = rows.0[side][k].iter().zip(change[side]);
+                        row.map(|(a, x)| a * x).sum::<f64>()
+                    })
+                    .sum();
+            }
+        }
+        if S::NORMALIZED {
+            let start = self.structure.normalization_start;
+            let bodies = v.chunks_exact(N).zip(dq.chunks_exact(N));
+            for (out, (v, dq)) in out[start..].iter_mut().zip(bodies) {
+                *out = 2.0 * v[D..].iter().zip(&dq[D..]).map(|(a, b)| a * b).sum::<f64>();
+            }
+        }
     }
 
     fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]) {

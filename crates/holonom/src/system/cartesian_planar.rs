@@ -1,8 +1,11 @@
 //! Planar Cartesian coordinates: (x, y, θ) of the centre of mass per body.
 
 use super::BodyPose;
-use super::cartesian::Space;
+use super::cartesian::{FormOf, Space};
 use crate::elements::Quantity;
+use crate::elements::kinematics::{self, Kinematics, Orientation};
+use crate::elements::relative;
+use crate::elements::space::{self, triads};
 use crate::elements::planar::{Constraint, Force};
 use crate::math::planar::rotate;
 use crate::model;
@@ -18,6 +21,8 @@ fn turn(angle: f64, s: &[f64; 3]) -> [f64; 3] {
 impl Space<2, 3> for Planar {
     type Constraint = Constraint;
     type Force = Force;
+    type Relative = relative::PlanarRelative;
+    type Kinematics = Kinematics<space::Planar, 2, 3, 1>;
     const GROUND: [f64; 3] = [0.0; 3];
     const NORMALIZED: bool = false;
 
@@ -35,6 +40,26 @@ impl Space<2, 3> for Planar {
 
     fn force_bodies(force: &model::Force) -> [model::BodyIndex; 2] {
         Force::bodies(force)
+    }
+
+    fn joint_form(joint: &model::Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, 2, 3> {
+        space::Planar::joint_form(&joint.kind, &triads(&joint.frames, &centers))
+    }
+
+    fn line_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 2, 3> {
+        kinematics::line_form(&triads(frames, &centers), None)
+    }
+
+    fn bushing_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 2, 3> {
+        kinematics::bushing_form(&triads(frames, &centers))
+    }
+
+    fn free_form() -> FormOf<Self, 2, 3> {
+        kinematics::free_form()
+    }
+
+    fn relative_angle(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative {
+        relative::PlanarRelative::angle(&triads(frames, &centers))
     }
 
     fn wraps(constraint: &Constraint) -> bool {
@@ -82,6 +107,10 @@ impl Space<2, 3> for Planar {
         _: &mut [f64],
         _: &mut [f64],
     ) {
+    }
+
+    fn least_inertia(inertia: &[[f64; 3]; 3]) -> f64 {
+        inertia[2][2]
     }
 
     fn kinetic_rotation(inertia: &[[f64; 3]; 3], _: &[f64; 3], v: &[f64; 3]) -> f64 {

@@ -5,8 +5,11 @@
 //! Mechanical Systems* (1989), chapter 9.
 
 use super::BodyPose;
-use super::cartesian::{Space, cross};
+use super::cartesian::{FormOf, Space, cross};
 use crate::elements::Quantity;
+use crate::elements::kinematics::{self, Kinematics, Orientation};
+use crate::elements::relative;
+use crate::elements::space::{self, triads};
 use crate::elements::spatial::{Constraint, Force};
 use crate::model;
 
@@ -94,6 +97,8 @@ fn t_matrix(y: V3) -> [[f64; 4]; 4] {
 impl Space<3, 7> for Spatial {
     type Constraint = Constraint;
     type Force = Force;
+    type Relative = relative::SpatialRelative;
+    type Kinematics = Kinematics<space::Spatial, 3, 7, 4>;
     const GROUND: [f64; 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
     const NORMALIZED: bool = true;
 
@@ -111,6 +116,26 @@ impl Space<3, 7> for Spatial {
 
     fn force_bodies(force: &model::Force) -> [model::BodyIndex; 2] {
         Force::bodies(force)
+    }
+
+    fn joint_form(joint: &model::Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7> {
+        space::Spatial::joint_form(&joint.kind, &triads(&joint.frames, &centers))
+    }
+
+    fn line_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7> {
+        kinematics::line_form(&triads(frames, &centers), None)
+    }
+
+    fn bushing_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7> {
+        kinematics::bushing_form(&triads(frames, &centers))
+    }
+
+    fn free_form() -> FormOf<Self, 3, 7> {
+        kinematics::free_form()
+    }
+
+    fn relative_angle(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative {
+        relative::SpatialRelative::angle(&triads(frames, &centers))
     }
 
     fn wraps(constraint: &Constraint) -> bool {
@@ -182,6 +207,15 @@ impl Space<3, 7> for Spatial {
                 c[at] -= 8.0 * t3[row][column] - 2.0 * m3[row][column];
             }
         }
+    }
+
+    /// det J / (½ tr J)² of a positive definite J: the other two eigenvalues are at most half their sum each
+    /// on average.
+    fn least_inertia(inertia: &[[f64; 3]; 3]) -> f64 {
+        let [a, b, c] = *inertia;
+        let determinant: f64 = cross(b, c).iter().zip(a).map(|(x, y)| x * y).sum();
+        let half_trace = 0.5 * (a[0] + b[1] + c[2]);
+        (determinant / (half_trace * half_trace)).max(0.0)
     }
 
     fn kinetic_rotation(inertia: &[[f64; 3]; 3], q: &[f64; 7], v: &[f64; 7]) -> f64 {

@@ -5,7 +5,8 @@ use super::cartesian_planar::Planar;
 use super::cartesian_spatial::Spatial;
 use super::structure::{Sizes, Structure};
 use super::turns::Turns;
-use super::{Measure, System, displacements, quantities};
+use super::forest::{self, ResistanceLaw};
+use super::{Measure, System, quantities};
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use holonom_linalg::BlockMatrix;
@@ -103,21 +104,67 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     };
     let mut gravity = model.gravity;
     gravity[D..].fill(0.0);
-    let (displacements, measures) = displacements::find::<S, D, N>(model, center);
+    let rows: Vec<(usize, usize)> = constraints.iter().map(|c| (c.row, c.element.rows())).collect();
+    let joint_windings: Vec<Option<usize>> =
+        constraints.iter().map(|c| c.turns.as_ref().map(|t| t.index)).collect();
+    let shared = base.filter(|b| Arc::ptr_eq(&b.structure, &structure)).map(|b| &b.tree.forest);
+    let mut built = forest::build::<S, D, N>(model, center, &rows, &joint_windings, shared);
+    let untold = tell_turns(model, &built.tree, &mut constraints, &mut forces);
+    built.tree.untold_turns.extend(untold);
+    let resistance = |e: &super::ElasticLoop| ResistanceLaw::of(&model.forces[e.force]);
+    let resistances = built.tree.elastic.iter().filter_map(resistance).collect();
     let mut system = Cartesian {
         structure,
         slots,
         bodies,
         constraints,
         forces,
-        displacements,
-        measures,
+        tree: Arc::new(built.tree),
+        groups: built.groups,
+        relatives: built.relatives,
+        edges: built.edges,
+        resistances,
         gravity,
         length: model.characteristic_length(),
         channels: Vec::new(),
     };
     system.channels = quantities::list(&system);
     system
+}
+
+/// Lets angles of forces follow the joints of the forest about the same axis; returns the bodies of
+/// the angles whose turns neither a driver nor the forest tells.
+fn tell_turns<C, F>(
+    model: &Model,
+    tree: &super::Tree,
+    constraints: &mut [PlacedConstraint<C>],
+    forces: &mut [PlacedForce<F>],
+) -> Vec<[BodyIndex; 2]> {
+    let leaders: Vec<(usize, usize)> = (tree.edges.iter())
+        .filter_map(|edge| match edge.source {
+            super::EdgeSource::Joint(joint) => edge.winding.map(|winding| (joint, winding)),
+            _ => None,
+        })
+        .collect();
+    let mut untold = Vec::new();
+    for (placed, force) in forces.iter_mut().zip(&model.forces) {
+        let (Some(turns), ForceKind::Rsda { frames, .. }) = (&mut placed.turns, &force.kind) else {
+            continue;
+        };
+        let mut follow = |&(joint, winding): &(usize, usize)| {
+            turns.follow(model, frames, &model.joints[joint].frames, winding)
+        };
+        if !leaders.iter().any(&mut follow) && !turns.is_driven() {
+            untold.push(placed.bodies);
+        }
+    }
+    for (joint, placed) in constraints.iter().enumerate() {
+        let Some(turns) = &placed.turns else { continue };
+        if !turns.is_driven() && !leaders.iter().any(|leader| leader.0 == joint) {
+            untold.push(placed.bodies);
+        }
+    }
+    untold
 }
 
 fn post_increment(counter: &mut usize) -> usize {

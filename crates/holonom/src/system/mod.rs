@@ -8,16 +8,22 @@ mod cartesian;
 mod cartesian_planar;
 mod cartesian_spatial;
 mod compile;
-mod displacements;
+mod forest;
 mod quantities;
 mod structure;
 mod turns;
 
 pub use compile::compile;
+pub use forest::{
+    Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge,
+};
 pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity};
 pub use structure::{DerivativeBlocks, Sizes, Structure};
 
 use crate::model::Model;
+
+pub use crate::elements::kinematics::Anchor;
+pub use crate::elements::relative::{Reference, RelativeKind};
 use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
@@ -179,24 +185,86 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// Name of the joint, driver or body that a row belongs to.
     fn row_item(&self, row: usize) -> (&str, &'static str);
 
-    /// Displacements that can be independent variables: those of joints that slide along an axis
-    /// that turns, the elongations of springs, and the translations of bushings.
-    fn displacements(&self) -> &[Displacement];
+    /// The spanning forest with the relative coordinates of its edges.
+    fn tree(&self) -> &Tree;
 
-    /// s(q) of displacement `k`, m.
-    fn displacement(&self, k: usize, q: &[f64]) -> f64;
+    /// Groups of relative coordinates: those of the edges and deformations of force elements.
+    fn relative_groups(&self) -> &[RelativeGroup];
 
-    /// s_q, over the coordinates of the first and the second body (2·per_body).
-    fn displacement_gradient(&self, k: usize, q: &[f64], gradient: &mut [f64]);
+    /// Values of the coordinates of a group, m or rad; angles on the branch of the reference.
+    fn relative_value(&self, group: usize, reference: &Reference, q: &[f64], out: &mut [f64]);
 
-    /// (s_q q̇)_q q̇: what s̈ has beside s_q q̈, m/s².
-    fn displacement_curvature(&self, k: usize, q: &[f64], v: &[f64]) -> f64;
+    /// Their gradients, row by row over the coordinates of the first and the second body (2·per_body).
+    fn relative_gradient(&self, group: usize, reference: &Reference, q: &[f64], out: &mut [f64]);
 
-    /// (s_q q̇)_q and (s̈)_q, in the layout of the gradient.
-    fn displacement_blocks(&self, k: usize, state: &State, a0: &mut [f64], a1: &mut [f64]);
+    /// (s_q q̇)_q q̇: what s̈ has beside s_q q̈, m/s² or rad/s².
+    fn relative_curvature(
+        &self,
+        group: usize,
+        reference: &Reference,
+        q: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+    );
 
-    /// Stiffness of the force along displacement `k`, N/m; `None` for a joint.
-    fn displacement_stiffness(&self, k: usize, q: &[f64]) -> Option<f64>;
+    /// (s_q q̇)_q, in the layout of the gradient.
+    fn relative_rate_gradient(
+        &self,
+        group: usize,
+        reference: &Reference,
+        q: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+    );
+
+    /// (s_q q̇)_q and (s̈)_q at fixed q̈, in the layout of the gradient.
+    fn relative_blocks(
+        &self,
+        group: usize,
+        reference: &Reference,
+        state: &State,
+        a0: &mut [f64],
+        a1: &mut [f64],
+    );
+
+    /// The reference of a group that suits a configuration.
+    fn moved_reference(&self, group: usize, q: &[f64], old: &Reference) -> Reference;
+
+    /// Orientation of an [`Anchor`] of an edge at a configuration.
+    fn anchor_orientation(&self, edge: usize, form: usize, q: &[f64]) -> [f64; 4];
+
+    /// Writes the pose of the outer body of an edge: from that of the inner one, the coordinates `x` and
+    /// the references of their groups.
+    fn place(
+        &self,
+        edge: usize,
+        form: usize,
+        x: &[f64],
+        references: &[Reference],
+        anchor: &Anchor,
+        q: &mut [f64],
+    );
+
+    /// What an elastic loop of the tree sets against its deformation `row`, whose value is given.
+    fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance;
+
+    /// Length (m) or angle (rad) at which an elastic loop of the tree is unloaded.
+    fn free_length(&self, elastic: usize) -> f64;
+
+    /// Mass of a body, kg.
+    fn mass(&self, body: usize) -> f64;
+
+    /// A lower bound of the inertia of a body about any axis through its centre of mass, kg m².
+    fn least_inertia(&self, body: usize) -> f64;
+
+    /// Size of the acceleration of gravity, m/s².
+    fn gravity(&self) -> f64;
+
+    /// s(t) of the driver with this row, m or rad.
+    fn prescribed(&self, row: usize, t: f64) -> f64;
+
+    /// A₀ δq = ((G q̇)_q δq).
+    fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]);
 
     /// State in the coordinates of this system of the model's stated poses and rates:
     /// the body's origin position, orientation, velocity, angular velocity in ground axes.
@@ -204,18 +272,6 @@ pub trait System: std::fmt::Debug + Send + Sync {
 
     /// The inverse of [`System::set_body`].
     fn body(&self, body: usize, q: &[f64], v: &[f64]) -> BodyPose;
-}
-
-/// A displacement between two bodies, a function s(q) of their coordinates.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Displacement {
-    /// Name of the joint or spring.
-    pub name: String,
-    /// Its first and its second body.
-    pub bodies: [Option<usize>; 2],
-    /// Length against which it must be small for its direction to keep its meaning, m: the free
-    /// length of a spring, infinite for a displacement along axes of a body.
-    pub length: f64,
 }
 
 /// Position and motion of a body frame in ground axes.

@@ -11,12 +11,20 @@ pub(super) struct Turns {
     guide: Option<Guide>,
 }
 
-/// A driver of the same angle: θ = sign · s(t) + offset, turns included.
+/// What tells the same angle, turns included: θ = sign · guide + offset.
 #[derive(Debug, Clone)]
 struct Guide {
-    motion: TimeFunction,
+    by: GuidedBy,
     sign: f64,
     offset: f64,
+}
+
+#[derive(Debug, Clone)]
+enum GuidedBy {
+    /// The motion of a driver.
+    Driver(TimeFunction),
+    /// The winding of a joint.
+    Joint(usize),
 }
 
 impl Turns {
@@ -24,31 +32,74 @@ impl Turns {
     pub(super) fn new(index: usize, frames: &[Frame; 2], model: &Model) -> Self {
         let rotations = model.drivers.iter().filter(|d| d.kind == DriverKind::Rotation);
         let guide = rotations.into_iter().find_map(|driver| {
-            let sign = same_angle(model, &driver.frames, frames)?;
-            let offset = design_angle(model, frames) - sign * design_angle(model, &driver.frames);
-            Some(Guide { motion: driver.motion.clone(), sign, offset })
+            let (sign, offset) = same_angle(model, &driver.frames, frames)?;
+            Some(Guide { by: GuidedBy::Driver(driver.motion.clone()), sign, offset })
         });
         Self { index, guide }
+    }
+
+    /// Lets the angle, whose frames these are, follow the winding of a joint about the same axis; returns
+    /// whether something tells its turns now.
+    pub(super) fn follow(
+        &mut self,
+        model: &Model,
+        frames: &[Frame; 2],
+        joint: &[Frame; 2],
+        winding: usize,
+    ) -> bool {
+        if self.guide.is_none()
+            && let Some((sign, offset)) = same_angle(model, joint, frames)
+        {
+            self.guide = Some(Guide { by: GuidedBy::Joint(winding), sign, offset });
+        }
+        self.guide.is_some()
+    }
+
+    /// Whether a driver tells its turns.
+    pub(super) fn is_driven(&self) -> bool {
+        matches!(self.guide, Some(Guide { by: GuidedBy::Driver(_), .. }))
     }
 
     /// A value near the angle at time t (s), rad: what its driver says, or the last winding.
     pub(super) fn near(&self, t: f64, winding: &[f64]) -> f64 {
         match &self.guide {
-            Some(guide) => guide.sign * guide.motion.derivatives(t)[0] + guide.offset,
+            Some(Guide { by: GuidedBy::Driver(motion), sign, offset }) => {
+                sign * motion.derivatives(t)[0] + offset
+            }
+            Some(Guide { by: GuidedBy::Joint(joint), sign, offset }) => {
+                sign * winding[*joint] + offset
+            }
             None => winding[self.index],
         }
     }
 }
 
-/// ±1 where both angles are between the same bodies about the same axis, up to a constant.
-fn same_angle(model: &Model, driven: &[Frame; 2], frames: &[Frame; 2]) -> Option<f64> {
-    let order = match (driven.map(|f| f.body), frames.map(|f| f.body)) {
+/// How an axis of frames lies to that of other frames between the same bodies.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Along {
+    /// −1 where first and second body change places.
+    pub(super) order: f64,
+    /// Cosine between the axes: ±1.
+    pub(super) cosine: f64,
+}
+
+/// Where axis `k` of both pairs of frames is parallel in the design configuration, and they are between
+/// the same bodies.
+pub(super) fn along(model: &Model, a: &[Frame; 2], b: &[Frame; 2], k: usize) -> Option<Along> {
+    let order = match (a.map(|f| f.body), b.map(|f| f.body)) {
         ([a, b], [c, d]) if (a, b) == (c, d) => 1.0,
         ([a, b], [c, d]) if (a, b) == (d, c) => -1.0,
         _ => return None,
     };
-    let cosine = dot(model.design_axis(&driven[0], 2), model.design_axis(&frames[0], 2));
-    (cosine.abs() > 1.0 - 1e-9).then(|| order * cosine.signum())
+    let cosine = dot(model.design_axis(&a[0], k), model.design_axis(&b[0], k));
+    (cosine.abs() > 1.0 - 1e-9).then_some(Along { order, cosine })
+}
+
+/// Sign and constant where the angle of `frames` is that of `leading` up to them.
+fn same_angle(model: &Model, leading: &[Frame; 2], frames: &[Frame; 2]) -> Option<(f64, f64)> {
+    let Along { order, cosine } = along(model, leading, frames, 2)?;
+    let sign = order * cosine.signum();
+    Some((sign, design_angle(model, frames) - sign * design_angle(model, leading)))
 }
 
 /// The angle in the design configuration, principal value, rad.

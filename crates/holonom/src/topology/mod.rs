@@ -1,88 +1,188 @@
-//! Graph of bodies and joints, without numbers: components, spanning forest, loops.
+//! Graph of bodies and what ties them, without numbers of its own: a spanning forest by the weights passed
+//! in, the edges it leaves out, components.
 
-use crate::model::{BodyIndex, Model};
-use std::collections::VecDeque;
+use crate::model::BodyIndex;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 
-/// The graph of a model: bodies and the ground are nodes, joints and drivers edges.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Topology {
-    /// Connected component of each body; 0 holds the ground.
-    pub component: Vec<usize>,
-    /// Number of components; those after the first have no connection to the ground.
-    pub components: usize,
-    /// Joint (index into [`Model::joints`]) that ties each body to its parent in a spanning forest,
-    /// breadth first from the ground; `None` at the root of a floating component.
-    pub parent_joint: Vec<Option<usize>>,
-    /// Joints outside the forest: each closes a loop.
-    pub loop_joints: Vec<usize>,
+/// What two bodies are tied by, in the order in which edges are taken into the forest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Edge {
+    /// First and second body.
+    pub ends: [BodyIndex; 2],
+    /// Smaller first: the number of relative coordinates of a joint, then distance joints, then forces.
+    pub class: u32,
+    /// Within a class larger first: for forces the square of a frequency, 1/s².
+    pub strength: f64,
 }
 
-impl Topology {
-    /// The graph of a model's joints. Drivers connect what their joints connect and are left out.
-    pub fn new(model: &Model) -> Self {
-        let ends: Vec<[BodyIndex; 2]> =
-            model.joints.iter().map(|j| j.frames.map(|f| f.body)).collect();
-        Self::of_joints(model.bodies.len(), &ends)
-    }
+/// A spanning forest, rooted at the ground.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Forest {
+    /// Edge that ties each body to its parent; `None` at the root of a component that nothing ties to
+    /// the ground.
+    pub edge: Vec<Option<usize>>,
+    /// Parent of each body.
+    pub parent: Vec<BodyIndex>,
+    /// Bodies, parents before children.
+    pub order: Vec<usize>,
+    /// Edges between each body and the ground on the way through the forest.
+    pub depth: Vec<usize>,
+    /// Edges outside the forest: each closes a loop.
+    pub cuts: Vec<usize>,
+}
 
-    /// The graph of `count` bodies and joints between the given pairs.
-    pub fn of_joints(count: usize, joints: &[[BodyIndex; 2]]) -> Self {
-        // Node 0 is the ground, node b + 1 body b.
-        let node = |body: BodyIndex| body.map_or(0, |b| b + 1);
-        let ends: Vec<[usize; 2]> = joints.iter().map(|j| j.map(node)).collect();
-        let mut at = vec![Vec::new(); count + 1];
-        for (joint, [i, j]) in ends.iter().enumerate() {
-            at[*i].push(joint);
-            at[*j].push(joint);
-        }
-        let mut component = vec![usize::MAX; count + 1];
-        let mut parent_joint = vec![None; count + 1];
-        let mut components = 0;
-        let mut queue = VecDeque::new();
-        for root in 0..=count {
-            if component[root] != usize::MAX {
-                continue;
-            }
-            component[root] = components;
-            queue.push_back(root);
-            while let Some(i) = queue.pop_front() {
-                for &joint in &at[i] {
-                    let [a, b] = ends[joint];
-                    let j = if a == i { b } else { a };
-                    if component[j] == usize::MAX {
-                        component[j] = components;
-                        parent_joint[j] = Some(joint);
-                        queue.push_back(j);
-                    }
+/// An edge that could be taken next; the greatest is.
+#[derive(PartialEq)]
+struct Candidate {
+    class: u32,
+    strength: f64,
+    depth: usize,
+    edge: usize,
+    body: usize,
+    parent: BodyIndex,
+}
+
+impl Eq for Candidate {}
+
+impl Ord for Candidate {
+    fn cmp(&self, other: &Self) -> Ordering {
+        (other.class.cmp(&self.class))
+            .then(self.strength.total_cmp(&other.strength))
+            .then(other.depth.cmp(&self.depth))
+            .then(other.edge.cmp(&self.edge))
+            .then(other.body.cmp(&self.body))
+    }
+}
+
+impl PartialOrd for Candidate {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Forest {
+    /// The forest of `weights.len()` bodies. A component that no edge ties to the ground has its heaviest
+    /// body as root. Among edges of the same class and strength the one nearer to the root is taken, then
+    /// the earlier one: Prim's algorithm, O(N log N).
+    pub fn new(weights: &[f64], edges: &[Edge]) -> Self {
+        let count = weights.len();
+        let mut at = vec![Vec::new(); count];
+        let mut from_ground = Vec::new();
+        for (k, edge) in edges.iter().enumerate() {
+            for end in edge.ends {
+                match end {
+                    Some(body) => at[body].push(k),
+                    None => from_ground.push(k),
                 }
             }
-            components += 1;
         }
-        let loop_joints =
-            (0..ends.len()).filter(|joint| !parent_joint.contains(&Some(*joint))).collect();
-        Self {
-            component: component.split_off(1),
-            components,
-            parent_joint: parent_joint.split_off(1),
-            loop_joints,
+        let mut out = Self {
+            edge: vec![None; count],
+            parent: vec![None; count],
+            order: Vec::with_capacity(count),
+            depth: vec![0; count],
+            cuts: Vec::new(),
+        };
+        let mut reached = vec![false; count];
+        let mut used = vec![false; edges.len()];
+        let mut heap = BinaryHeap::new();
+        let offer = |heap: &mut BinaryHeap<Candidate>, parent: BodyIndex, depth, list: &[usize]| {
+            for &k in list {
+                let Edge { ends, class, strength } = edges[k];
+                let other = if ends[0] == parent { ends[1] } else { ends[0] };
+                if let Some(body) = other.filter(|_| ends[0] != ends[1]) {
+                    heap.push(Candidate { class, strength, depth, edge: k, body, parent });
+                }
+            }
+        };
+        offer(&mut heap, None, 0, &from_ground);
+        let mut by_weight: Vec<usize> = (0..count).collect();
+        by_weight.sort_by(|&a, &b| weights[b].total_cmp(&weights[a]).then(a.cmp(&b)));
+        let mut roots = by_weight.into_iter();
+        loop {
+            while let Some(next) = heap.pop() {
+                if reached[next.body] {
+                    continue;
+                }
+                reached[next.body] = true;
+                used[next.edge] = true;
+                out.edge[next.body] = Some(next.edge);
+                out.parent[next.body] = next.parent;
+                out.depth[next.body] = next.depth + 1;
+                out.order.push(next.body);
+                offer(&mut heap, Some(next.body), next.depth + 1, &at[next.body]);
+            }
+            let Some(root) = roots.find(|&b| !reached[b]) else { break };
+            reached[root] = true;
+            out.depth[root] = 1;
+            out.order.push(root);
+            offer(&mut heap, Some(root), 1, &at[root]);
         }
+        out.cuts = (0..edges.len()).filter(|&k| !used[k]).collect();
+        out
     }
+
+    /// The edges of the forest between two bodies, each by the body at its outer end.
+    pub fn path(&self, ends: [BodyIndex; 2]) -> Vec<usize> {
+        let [mut a, mut b] = ends;
+        let depth = |body: BodyIndex| body.map_or(0, |b| self.depth[b]);
+        let mut path = Vec::new();
+        while a != b {
+            let deeper = if depth(a) >= depth(b) { &mut a } else { &mut b };
+            let Some(body) = *deeper else { break };
+            path.push(body);
+            *deeper = self.parent[body];
+        }
+        path
+    }
+}
+
+/// Number of independent loops of the graph of `count` bodies, and of its components that no edge ties to
+/// the ground.
+pub fn loops_and_floating(count: usize, ends: &[[BodyIndex; 2]]) -> (usize, usize) {
+    let edges: Vec<Edge> =
+        ends.iter().map(|ends| Edge { ends: *ends, class: 0, strength: 0.0 }).collect();
+    let forest = Forest::new(&vec![0.0; count], &edges);
+    (forest.cuts.len(), forest.edge.iter().filter(|edge| edge.is_none()).count())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn edge(ends: [BodyIndex; 2], class: u32, strength: f64) -> Edge {
+        Edge { ends, class, strength }
+    }
+
     #[test] // independent truth: Euler's count of independent cycles by hand
     fn a_four_bar_has_one_loop_and_a_free_body_is_a_component_of_its_own() {
         let (ground, a, b, c) = (None, Some(0), Some(1), Some(2));
-        let open = Topology::of_joints(3, &[[ground, a], [a, b]]);
-        assert_eq!((open.components, open.loop_joints.len()), (2, 0));
-        assert_eq!(open.component, [0, 0, 1]);
-        assert_eq!(open.parent_joint, [Some(0), Some(1), None]);
-        let closed = Topology::of_joints(3, &[[ground, a], [a, b], [b, c], [c, ground]]);
-        assert_eq!((closed.components, closed.loop_joints.len()), (1, 1));
+        assert_eq!(loops_and_floating(3, &[[ground, a], [a, b]]), (0, 1));
+        assert_eq!(loops_and_floating(3, &[[ground, a], [a, b], [b, c], [c, ground]]), (1, 0));
         // Two joints between the same bodies close a loop, too.
-        assert_eq!(Topology::of_joints(1, &[[ground, a], [ground, a]]).loop_joints, [1]);
+        assert_eq!(loops_and_floating(1, &[[ground, a], [ground, a]]), (1, 0));
+    }
+
+    #[test] // by hand: joints before springs, the stiffer spring first, the heavier body as root
+    fn edges_are_taken_by_class_strength_and_distance_from_the_root() {
+        let (a, b, c) = (Some(0), Some(1), Some(2));
+        let edges = [
+            edge([a, b], 9, 10.0),
+            edge([a, b], 9, 20.0),
+            edge([b, c], 1, 0.0),
+            edge([a, c], 3, 0.0),
+        ];
+        let forest = Forest::new(&[1.0, 5.0, 2.0], &edges);
+        assert_eq!(forest.edge, [Some(3), None, Some(2)]);
+        assert_eq!(forest.order, [1, 2, 0]);
+        assert_eq!(forest.cuts, [0, 1]);
+        assert_eq!(forest.path([a, b]), [0, 2]);
+        let tied = Forest::new(&[1.0, 5.0, 2.0], &[edge([None, a], 9, 0.0), edges[2], edges[3]]);
+        assert_eq!(tied.order, [0, 2, 1], "a tie to the ground is a root, however light");
+        // A chain closed at both ends is cut where both ways are equally long.
+        let ring = [[None, a], [a, b], [b, c], [c, None]].map(|ends| edge(ends, 1, 0.0));
+        let forest = Forest::new(&[1.0; 3], &ring);
+        assert_eq!((forest.depth, forest.cuts), (vec![1, 2, 1], vec![2]));
     }
 }

@@ -1,0 +1,278 @@
+//! One kernel for every angle: t(c, n) = 2 atan2(|n|, c) n/|n|, homogeneous of degree 0.
+//!
+//! The rotation vector of Euler parameters is t(e₀, ε), the turn from a unit vector u₀ to d is
+//! ½ t(u₀·d, u₀×d). With u = n·n/2 it is f(c, u) n; every partial of f with a c is rational, those in
+//! u follow
+//!
+//! ```text
+//! f⁽ᵏ⁺¹⁾ = (pₖ − (2k+1) f⁽ᵏ⁾)/|n|²     p = 2c/N², −4c/N⁴, 16c/N⁶     N² = c² + |n|²
+//! ```
+//!
+//! which loses digits like |n|⁻⁶: near n = 0 a series takes its place.
+
+use super::Real;
+use super::vector::dot;
+
+/// Below this |n|/c the series serves: the recursion would lose the third derivatives before.
+const SERIES_BELOW: f64 = 0.3;
+/// Terms of the series: 0.09¹⁸ is far below round-off.
+const TERMS: usize = 18;
+
+/// t and its partial derivatives at one point (c, n). Directions are (change of c, change of n).
+#[derive(Debug, Clone, Copy)]
+pub struct Turn<T> {
+    n: [T; 3],
+    f: T,
+    u: T,
+    uu: T,
+    uuu: T,
+    c: T,
+    cc: T,
+    cu: T,
+    ccc: T,
+    ccu: T,
+    cuu: T,
+}
+
+#[inline(always)]
+fn tail<T: Real>(a: &[T; 4]) -> [T; 3] {
+    [a[1], a[2], a[3]]
+}
+
+impl<T: Real> Turn<T> {
+    /// The kernel at x = (c, n).
+    pub fn new(x: &[T; 4]) -> Self {
+        let (c, n) = (x[0], tail(x));
+        let square = dot(&n, &n);
+        let total = c * c + square;
+        let inverse = total.recip();
+        let (inverse2, inverse3) = (inverse * inverse, inverse * inverse * inverse);
+        let near = c.value() > 0.0
+            && square.value() < SERIES_BELOW * SERIES_BELOW * c.value() * c.value();
+        let [f, u, uu, uuu] = if near {
+            let y = square / (c * c);
+            let (mut scale, step) = (c.recip() * 2.0, (c * c).recip() * 2.0);
+            let mut out = [T::zero(); 4];
+            for (k, out) in out.iter_mut().enumerate() {
+                // Horner's scheme of Σⱼ aⱼ j(j−1)…(j−k+1) yʲ⁻ᵏ, aⱼ = (−1)ʲ/(2j+1).
+                let mut sum = T::zero();
+                for j in (k..TERMS).rev() {
+                    let falling: f64 = (0..k).map(|i| (j - i) as f64).product();
+                    let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
+                    sum = sum * y + sign * falling / (2 * j + 1) as f64;
+                }
+                *out = sum * scale;
+                scale *= step;
+            }
+            out
+        } else {
+            let length = square.sqrt();
+            let over = square.recip();
+            let f = length.atan2(c) * 2.0 / length;
+            let u = (c * inverse * 2.0 - f) * over;
+            let uu = (c * inverse2 * -4.0 - u * 3.0) * over;
+            [f, u, uu, (c * inverse3 * 16.0 - uu * 5.0) * over]
+        };
+        Self {
+            n,
+            f,
+            u,
+            uu,
+            uuu,
+            c: inverse * -2.0,
+            cc: c * inverse2 * 4.0,
+            cu: inverse2 * 4.0,
+            ccc: inverse2 * 4.0 - c * c * inverse3 * 16.0,
+            ccu: c * inverse3 * -16.0,
+            cuu: inverse3 * -16.0,
+        }
+    }
+
+    /// t.
+    #[inline(always)]
+    pub fn value(&self) -> [T; 3] {
+        self.n.map(|n| n * self.f)
+    }
+
+    /// Change of f along a.
+    #[inline(always)]
+    fn slope(&self, a: &[T; 4]) -> T {
+        self.c * a[0] + self.u * dot(&self.n, &tail(a))
+    }
+
+    /// Second change of f along a and b.
+    #[inline(always)]
+    fn bend(&self, a: &[T; 4], b: &[T; 4]) -> T {
+        let (along_a, along_b) = (dot(&self.n, &tail(a)), dot(&self.n, &tail(b)));
+        self.cc * a[0] * b[0]
+            + self.cu * (a[0] * along_b + b[0] * along_a)
+            + self.uu * along_a * along_b
+            + self.u * dot(&tail(a), &tail(b))
+    }
+
+    /// t′ a.
+    #[inline(always)]
+    pub fn first(&self, a: &[T; 4]) -> [T; 3] {
+        let slope = self.slope(a);
+        std::array::from_fn(|k| self.f * a[k + 1] + slope * self.n[k])
+    }
+
+    /// t″ a b.
+    #[inline(always)]
+    pub fn second(&self, a: &[T; 4], b: &[T; 4]) -> [T; 3] {
+        let (by_a, by_b, bend) = (self.slope(a), self.slope(b), self.bend(a, b));
+        std::array::from_fn(|k| by_a * b[k + 1] + by_b * a[k + 1] + bend * self.n[k])
+    }
+
+    /// t‴ a a b.
+    #[inline(always)]
+    pub fn third(&self, a: &[T; 4], b: &[T; 4]) -> [T; 3] {
+        let (a0, b0) = (a[0], b[0]);
+        let (along_a, along_b) = (dot(&self.n, &tail(a)), dot(&self.n, &tail(b)));
+        let (aa, ab) = (dot(&tail(a), &tail(a)), dot(&tail(a), &tail(b)));
+        let third = self.ccc * a0 * a0 * b0
+            + self.ccu * (a0 * b0 * along_a * 2.0 + a0 * a0 * along_b)
+            + self.uuu * along_a * along_a * along_b
+            + self.cuu * (a0 * along_a * along_b * 2.0 + b0 * along_a * along_a)
+            + self.cu * (a0 * ab * 2.0 + b0 * aa)
+            + self.uu * (aa * along_b + along_a * ab * 2.0);
+        let (mixed, twice) = (self.bend(a, b) * 2.0, self.bend(a, a));
+        std::array::from_fn(|k| third * self.n[k] + mixed * a[k + 1] + twice * b[k + 1])
+    }
+
+    /// The matrix of a function that is linear in its argument, by columns of it: `[row][column]`.
+    #[inline(always)]
+    pub fn matrix(function: impl Fn(&[T; 4]) -> [T; 3]) -> [[T; 4]; 3] {
+        let mut out = [[T::zero(); 4]; 3];
+        for column in 0..4 {
+            let mut unit = [T::zero(); 4];
+            unit[column] = T::one();
+            for (row, x) in out.iter_mut().zip(function(&unit)) {
+                row[column] = x;
+            }
+        }
+        out
+    }
+}
+
+/// Euler parameters of a rotation vector, rad: t of them is the vector again, up to a whole turn.
+pub fn exponential(theta: &[f64; 3]) -> [f64; 4] {
+    let half = 0.5 * dot(theta, theta).sqrt();
+    let (sin, cos) = half.sin_cos();
+    let scale = if half > 1e-8 { 0.5 * sin / half } else { 0.5 * (1.0 - half * half / 6.0) };
+    [cos, scale * theta[0], scale * theta[1], scale * theta[2]]
+}
+
+/// J of ω = J(θ) θ̇, the angular velocity in the axes that θ is given in:
+/// I + (1 − cos|θ|)/|θ|² θ̃ + (|θ| − sin|θ|)/|θ|³ θ̃².
+pub fn rate_matrix(theta: &[f64; 3]) -> [[f64; 3]; 3] {
+    let square = dot(theta, theta);
+    let angle = square.sqrt();
+    let (first, second) = if angle < 1e-2 {
+        (
+            0.5 - square / 24.0 + square * square / 720.0,
+            1.0 / 6.0 - square / 120.0 + square * square / 5040.0,
+        )
+    } else {
+        ((1.0 - angle.cos()) / square, (angle - angle.sin()) / (square * angle))
+    };
+    let [x, y, z] = *theta;
+    let skew = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let unit = f64::from(u8::from(i == j));
+            let twice = theta[i] * theta[j] - unit * square; // θ̃²
+            unit + first * skew[i][j] + second * twice
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Random, richardson};
+    use num_dual::Dual64;
+
+    /// |n|/c that the checks go through; both sides of the series' end among them.
+    const RATIOS: [f64; 8] = [0.0, 1e-9, 1e-4, 0.29, 0.31, 1.0, 14.0, -3.0];
+
+    fn point(random: &mut Random, ratio: f64) -> [f64; 4] {
+        let (unit, size) = (random.unit::<3>(), random.range(0.5, 1.5));
+        let c = size / (1.0 + ratio * ratio).sqrt() * ratio.signum();
+        let n = unit.map(|x| x * c.abs() * ratio.abs());
+        [c, n[0], n[1], n[2]]
+    }
+
+    fn close(found: &[f64; 3], expected: &[f64; 3], tolerance: f64, what: &str) {
+        let size = expected.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+        for (a, b) in found.iter().zip(expected) {
+            assert!((a - b).abs() <= tolerance * size, "{what}: {a} {b}");
+        }
+    }
+
+    #[test] // independent truth: dual numbers through the derivative below, and atan2 itself
+    fn derivatives_agree_with_dual_numbers_on_both_sides_of_the_series() {
+        let mut random = Random::new(5);
+        for ratio in RATIOS {
+            for _ in 0..20 {
+                let x = point(&mut random, ratio);
+                let (a, b): ([f64; 4], [f64; 4]) = (random.array(1.0), random.array(1.0));
+                let turn = Turn::new(&x);
+                let length = (x[1] * x[1] + x[2] * x[2] + x[3] * x[3]).sqrt();
+                let angle = 2.0 * length.atan2(x[0]);
+                let found = turn.value();
+                let size = found.iter().map(|t| t * t).sum::<f64>().sqrt();
+                assert!((size - angle).abs() < 1e-14, "|t| at {ratio}");
+                // Derivatives of t at n = 0 by dual numbers need the series: both branches are used.
+                let at: [Dual64; 4] = std::array::from_fn(|k| Dual64::new(x[k], b[k]));
+                let lifted = a.map(Dual64::from);
+                let dual = Turn::new(&at);
+                let eps = |t: [Dual64; 3]| t.map(|x| x.eps);
+                close(&turn.first(&b), &eps(dual.value()), 1e-12, "first");
+                close(&turn.second(&a, &b), &eps(dual.first(&lifted)), 1e-11, "second");
+                let third = eps(dual.second(&lifted, &lifted));
+                close(&turn.third(&a, &b), &third, 1e-10, "third");
+            }
+        }
+    }
+
+    #[test] // independent truth: Richardson differences of atan2(|n|, c) n/|n|
+    fn the_first_derivative_is_that_of_the_angle() {
+        let mut random = Random::new(6);
+        for ratio in [0.05, 0.29, 0.31, 2.0, -3.0] {
+            let x = point(&mut random, ratio);
+            let b: [f64; 4] = random.array(1.0);
+            let plain = |s: f64| {
+                let y: [f64; 4] = std::array::from_fn(|k| x[k] + s * b[k]);
+                let length = (y[1] * y[1] + y[2] * y[2] + y[3] * y[3]).sqrt();
+                let angle = 2.0 * length.atan2(y[0]);
+                vec![angle * y[1] / length, angle * y[2] / length, angle * y[3] / length]
+            };
+            let expected = richardson(1e-4, plain);
+            let expected = [expected[0], expected[1], expected[2]];
+            close(&Turn::new(&x).first(&b), &expected, 1e-8, "first");
+        }
+    }
+
+    #[test] // independent truth: t(exp θ) = θ, and ω = 2 G ṗ of Euler parameters by differences
+    fn the_exponential_inverts_the_kernel_and_has_the_stated_rate() {
+        let mut random = Random::new(7);
+        for size in [0.0, 1e-9, 5e-3, 0.02, 1.0, 3.0, 3.2, 6.0] {
+            let unit = random.unit::<3>();
+            let theta = unit.map(|x| x * size);
+            let p = exponential(&theta);
+            close(&Turn::new(&p).value(), &theta, 1e-14, "inverse");
+            let rate: [f64; 3] = random.array(1.0);
+            let moved = |s: f64| {
+                exponential(&std::array::from_fn(|k| theta[k] + s * rate[k])).to_vec()
+            };
+            let slope = richardson(1e-4, moved);
+            let pd = [slope[0], slope[1], slope[2], slope[3]];
+            // exp θ turns the second frame against the first: ω in the first axes is 2 E ṗ.
+            let expected = crate::math::spatial::e_times(&p, &pd).map(|x| 2.0 * x);
+            let j = rate_matrix(&theta);
+            let found = j.map(|row| dot(&row, &rate));
+            close(&found, &expected, 1e-8, "rate");
+        }
+    }
+}

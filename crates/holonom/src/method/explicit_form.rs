@@ -1,0 +1,153 @@
+//! The equations for explicit formulas: w = (v, v̇, z, dissipated energy, supplied work).
+
+use super::JacobianSource;
+use super::first_order::require_finite;
+use super::ode::{EvaluationFailure, LinearizedOde, Ode};
+use super::weights::Weights;
+use crate::reduction::{Manifold, Point};
+use crate::system::State;
+
+/// ẇ = (v̇, v̈, ż, powers) on the constraint manifold.
+#[derive(Debug, Clone)]
+pub struct ExplicitForm {
+    point: Point,
+    weights: Weights,
+    dq: Vec<f64>,
+    dv: Vec<f64>,
+    rows: Vec<f64>,
+    rates: Vec<f64>,
+}
+
+/// Energy components at the end of w.
+const POWERS: usize = 2;
+
+impl ExplicitForm {
+    /// Starts at a consistent state whose factors the manifold holds.
+    pub fn new(manifold: Manifold, weights: Weights, state: &State) -> Self {
+        Self {
+            weights,
+            dq: vec![0.0; state.q.len()],
+            dv: vec![0.0; state.q.len()],
+            rows: vec![0.0; state.lambda.len()],
+            rates: vec![0.0; manifold.chart().ndof()],
+            point: Point::new(manifold, state),
+        }
+    }
+
+    /// Explicit formulas have no Jacobian: nothing changes.
+    pub fn set_jacobian(&mut self, _source: JacobianSource) {}
+
+    /// The point of the last evaluation.
+    pub fn point(&self) -> &Point {
+        &self.point
+    }
+
+    /// The same, for changes of the parametrization.
+    pub fn point_mut(&mut self) -> &mut Point {
+        &mut self.point
+    }
+
+    /// The state that the next step starts from.
+    pub fn begin_step(&mut self, state: &State) {
+        self.point.begin_step(state);
+        self.weights.set(state);
+    }
+
+    /// w of a state.
+    pub fn pack(&self, state: &State, w: &mut [f64]) {
+        let ndof = self.rates.len();
+        let (positions, rest) = w.split_at_mut(ndof);
+        let (rates, rest) = rest.split_at_mut(ndof);
+        let (z, powers) = rest.split_at_mut(state.z.len());
+        self.point.manifold.independent_state(state, positions, rates);
+        z.copy_from_slice(&state.z);
+        powers.copy_from_slice(&[state.ledger.dissipated, state.ledger.supplied]);
+    }
+
+    /// After a re-parametrization.
+    pub fn reparametrized(&mut self) {
+        self.rates.resize(self.point.manifold.chart().ndof(), 0.0);
+    }
+
+    /// The meaning of w has changed to `w` at the state last evaluated.
+    pub fn references_moved(&mut self, _w: &[f64]) {}
+
+    /// Recovers the state at (t, w) with accelerations (`full`) or without.
+    ///
+    /// # Errors
+    /// As [`Ode::derivative`].
+    pub fn evaluate(&mut self, t: f64, w: &[f64], full: bool) -> Result<&State, EvaluationFailure> {
+        require_finite(t, w)?;
+        let ndof = self.rates.len();
+        let (positions, rest) = w.split_at(ndof);
+        let (rates, rest) = rest.split_at(ndof);
+        let (z, powers) = rest.split_at(self.point.z_rate.len());
+        self.point.evaluate(t, positions, rates, z, full)?;
+        self.point.state.ledger.dissipated = powers[0];
+        self.point.state.ledger.supplied = powers[1];
+        if full && self.point.manifold.system().has_drivers() {
+            self.point.complete(); // the power of drivers
+        }
+        Ok(&self.point.state)
+    }
+}
+
+impl Ode for ExplicitForm {
+    fn dimension(&self) -> usize {
+        2 * self.rates.len() + self.point.z_rate.len() + POWERS
+    }
+
+    fn second_order_split(&self) -> usize {
+        self.rates.len()
+    }
+
+    fn derivative(&mut self, t: f64, w: &[f64], g: &mut [f64]) -> Result<(), EvaluationFailure> {
+        self.evaluate(t, w, true)?;
+        let ndof = self.rates.len();
+        let Point { manifold, state, z_rate, .. } = &self.point;
+        g[..ndof].copy_from_slice(&w[ndof..2 * ndof]);
+        manifold.independent_acceleration(state, &mut g[ndof..2 * ndof]);
+        let end = 2 * ndof + z_rate.len();
+        g[2 * ndof..end].copy_from_slice(z_rate);
+        let energy = manifold.system().energy(state);
+        g[end] = energy.dissipated;
+        g[end + 1] = energy.supplied;
+        Ok(())
+    }
+
+    /// On all coordinates, with the factors of the last evaluation; energies have no part in it.
+    fn norm(&mut self, change: &[f64]) -> f64 {
+        let ndof = self.rates.len();
+        let (dp, rest) = change.split_at(ndof);
+        let (dp_rate, rest) = rest.split_at(ndof);
+        let Self { point, dq, dv, rows, rates, weights } = self;
+        point.spread(dp, dp_rate, dq, dv, rows, rates);
+        weights.norm(dq, dv, &rest[..point.z_rate.len()])
+    }
+}
+
+/// Explicit formulas never linearize.
+impl LinearizedOde for ExplicitForm {
+    fn linearize(&mut self, _: f64, _: &[f64], _: &[f64]) -> Result<(), EvaluationFailure> {
+        Err(explicit_only())
+    }
+
+    fn factor(&mut self, _: f64) -> Result<(), EvaluationFailure> {
+        Err(explicit_only())
+    }
+
+    fn solve(&mut self, x: &mut [f64]) {
+        x.fill(f64::NAN);
+    }
+
+    fn time_derivative(&mut self, _: &mut [f64]) -> Result<(), EvaluationFailure> {
+        Err(explicit_only())
+    }
+}
+
+fn explicit_only() -> EvaluationFailure {
+    EvaluationFailure {
+        code: "simulation/explicit-only",
+        message: "this form of the equations serves explicit formulas only".into(),
+    }
+}

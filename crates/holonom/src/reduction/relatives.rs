@@ -1,0 +1,468 @@
+//! Relative coordinates of a spanning forest as independent variables: their rows of P, and the way from
+//! their values to a configuration.
+
+use super::chart::Parametrization;
+use crate::error::EvaluationFailure;
+use crate::system::{Anchor, Measure, Reference, RelativeKind, State, System};
+use std::f64::consts::TAU;
+
+/// Coordinates of two bodies in space, for three rows.
+const WIDEST: usize = 3 * 14;
+/// Most coordinates of an edge.
+const MOST: usize = 6;
+/// Part of the regular range of a direction or rotation that a stage may use.
+const REACH: f64 = 0.75;
+
+/// Where the value of an edge's coordinate comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Source {
+    /// An independent variable.
+    Independent(usize),
+    /// A driver: row, sign and constant.
+    Driven(usize, f64, f64),
+    /// The loops it is on.
+    Dependent,
+}
+
+/// The relative coordinates in use.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Relatives {
+    /// Form of each edge of the forest.
+    pub forms: Vec<usize>,
+    /// Group and place within it of each independent variable; those of a group are neighbours.
+    pub rows: Vec<(usize, usize)>,
+    /// Source of each coordinate of each edge.
+    pub sources: Vec<[Source; MOST]>,
+    /// What each group is measured from.
+    pub references: Vec<Reference>,
+    /// Where each edge stood when references were last moved.
+    pub anchors: Vec<Anchor>,
+    /// Whether every coordinate of the forest is independent or driven.
+    pub exact: bool,
+    /// Whether another choice could be better at another configuration.
+    pub has_alternatives: bool,
+    /// Whether there are groups whose references move.
+    pub moves: bool,
+}
+
+impl Relatives {
+    /// Whether the same coordinates are independent.
+    pub fn same_as(&self, other: &Self) -> bool {
+        self.forms == other.forms && self.rows == other.rows
+    }
+
+    /// Name of independent variable `k`.
+    pub fn name(&self, system: &dyn System, k: usize) -> String {
+        let (group, row) = self.rows[k];
+        let group = &system.relative_groups()[group];
+        let kind = match group.kind {
+            RelativeKind::Displacement => "displacement",
+            RelativeKind::Angle => "angle",
+            RelativeKind::Length => "length",
+            RelativeKind::Direction => "direction",
+            RelativeKind::Rotation => "rotation",
+        };
+        if group.rows > 1 {
+            format!("{}.{kind}[{row}]", group.name)
+        } else {
+            format!("{}.{kind}", group.name)
+        }
+    }
+
+    /// Whether independent variable `k` is a length or an angle.
+    pub fn measure(&self, system: &dyn System, k: usize) -> Measure {
+        if system.relative_groups()[self.rows[k].0].kind.turns() {
+            Measure::Angle
+        } else {
+            Measure::Length
+        }
+    }
+
+    /// Runs of independent variables that belong to one group: group and their range.
+    fn runs(&self) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> + '_ {
+        let mut at = 0;
+        std::iter::from_fn(move || {
+            let group = self.rows.get(at)?.0;
+            let end = self.rows[at..].iter().position(|r| r.0 != group);
+            let range = at..end.map_or(self.rows.len(), |k| at + k);
+            at = range.end;
+            Some((group, range))
+        })
+    }
+
+    /// Values of the independent variables; angles on the branch of their reference.
+    pub fn positions(&self, system: &dyn System, q: &[f64], v: &mut [f64]) {
+        let mut values = [0.0; 3];
+        for (group, range) in self.runs() {
+            let rows = system.relative_groups()[group].rows;
+            system.relative_value(group, &self.references[group], q, &mut values[..rows]);
+            for k in range {
+                v[k] = values[self.rows[k].1];
+            }
+        }
+    }
+
+    /// Their rates P q̇.
+    pub fn rates(&self, system: &dyn System, q: &[f64], v: &[f64], rates: &mut [f64]) {
+        let n = system.structure().sizes.per_body;
+        let mut gradient = [0.0; WIDEST];
+        for (group, range) in self.runs() {
+            let info = &system.relative_groups()[group];
+            let gradient = &mut gradient[..info.rows * 2 * n];
+            system.relative_gradient(group, &self.references[group], q, gradient);
+            for k in range {
+                let row = &gradient[self.rows[k].1 * 2 * n..][..2 * n];
+                rates[k] = times(row, info.bodies, v);
+            }
+        }
+    }
+
+    /// (P q̇)_q q̇.
+    pub fn curvature(&self, system: &dyn System, q: &[f64], v: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+        self.add_curvature(system, q, v, out);
+    }
+
+    /// out += (P q̇)_q q̇.
+    pub fn add_curvature(&self, system: &dyn System, q: &[f64], v: &[f64], out: &mut [f64]) {
+        let mut values = [0.0; 3];
+        for (group, range) in self.runs() {
+            let rows = system.relative_groups()[group].rows;
+            let values = &mut values[..rows];
+            system.relative_curvature(group, &self.references[group], q, v, values);
+            for k in range {
+                out[k] += values[self.rows[k].1];
+            }
+        }
+    }
+
+    /// (P q̇)_q δq.
+    pub fn rate_change(&self, system: &dyn System, state: &State, dq: &[f64], out: &mut [f64]) {
+        let n = system.structure().sizes.per_body;
+        let mut change = [0.0; WIDEST];
+        for (group, range) in self.runs() {
+            let info = &system.relative_groups()[group];
+            let change = &mut change[..info.rows * 2 * n];
+            let reference = &self.references[group];
+            system.relative_rate_gradient(group, reference, &state.q, &state.v, change);
+            for k in range {
+                let row = &change[self.rows[k].1 * 2 * n..][..2 * n];
+                out[k] = times(row, info.bodies, dq);
+            }
+        }
+    }
+
+    /// Takes differences of angles modulo a turn.
+    pub(super) fn reduce_turns(&self, system: &dyn System, difference: &mut [f64]) {
+        for ((group, _), x) in self.rows.iter().zip(difference) {
+            if system.relative_groups()[*group].kind.turns() {
+                *x -= TAU * (*x / TAU).round();
+            }
+        }
+    }
+
+    /// Differences of independent variables that are coordinates of edges, from the counted values of these.
+    pub(super) fn count_turns(
+        &self,
+        system: &dyn System,
+        x: &[[f64; MOST]],
+        p: &[f64],
+        difference: &mut [f64],
+    ) {
+        self.reduce_turns(system, difference);
+        for (sources, x) in self.sources.iter().zip(x) {
+            for (source, x) in sources.iter().zip(x) {
+                if let Source::Independent(k) = source {
+                    difference[*k] = x - p[*k];
+                }
+            }
+        }
+    }
+
+    /// Values of the coordinates of all edges for the independent variables `p` at time t; the dependent
+    /// ones stay at what `x` has.
+    ///
+    /// # Errors
+    /// `simulation/chart-reach` where a direction or rotation is farther from its reference than it is
+    /// regular.
+    pub(super) fn coordinates(
+        &self,
+        system: &dyn System,
+        t: f64,
+        p: &[f64],
+        x: &mut [[f64; MOST]],
+    ) -> Result<(), EvaluationFailure> {
+        let tree = system.tree();
+        for ((edge, form), (sources, x)) in
+            tree.edges.iter().zip(&self.forms).zip(self.sources.iter().zip(x))
+        {
+            let mut at = 0;
+            for &group in &edge.forms[*form] {
+                let info = &system.relative_groups()[group];
+                let values = &mut x[at..at + info.rows];
+                for (source, value) in sources[at..].iter().zip(&mut *values) {
+                    match *source {
+                        Source::Independent(k) => *value = p[k],
+                        Source::Driven(row, sign, constant) => {
+                            *value = sign * system.prescribed(row, t) + constant;
+                        }
+                        Source::Dependent => {}
+                    }
+                }
+                at += info.rows;
+                if info.reach.is_finite() {
+                    let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
+                    // Not a number is out of reach, too.
+                    if !(size <= REACH * info.reach) {
+                        return Err(EvaluationFailure {
+                            code: "simulation/chart-reach",
+                            message: format!(
+                                "`{}` would turn by {size:.2} rad within one step",
+                                info.name
+                            ),
+                        });
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Present values of the dependent coordinates plus their predicted changes −s_q δq, into `x`.
+    pub(super) fn predict_dependent(
+        &self,
+        system: &dyn System,
+        q: &[f64],
+        correction: &[f64],
+        x: &mut [[f64; MOST]],
+    ) {
+        let n = system.structure().sizes.per_body;
+        let mut gradient = [0.0; WIDEST];
+        let tree = system.tree();
+        for ((edge, form), (sources, x)) in
+            tree.edges.iter().zip(&self.forms).zip(self.sources.iter().zip(x))
+        {
+            let mut at = 0;
+            for &group in &edge.forms[*form] {
+                let info = &system.relative_groups()[group];
+                if sources[at..at + info.rows].contains(&Source::Dependent) {
+                    let reference = &self.references[group];
+                    system.relative_value(group, reference, q, &mut x[at..at + info.rows]);
+                    let gradient = &mut gradient[..info.rows * 2 * n];
+                    system.relative_gradient(group, reference, q, gradient);
+                    for (x, row) in x[at..].iter_mut().zip(gradient.chunks_exact(2 * n)) {
+                        *x -= times(row, info.bodies, correction);
+                    }
+                }
+                at += info.rows;
+            }
+        }
+    }
+
+    /// Places all bodies, edge by edge.
+    pub(super) fn place(&self, system: &dyn System, x: &[[f64; MOST]], q: &mut [f64]) {
+        let mut references = [[0.0; 6]; 3];
+        for (at, (edge, form)) in system.tree().edges.iter().zip(&self.forms).enumerate() {
+            let groups = &edge.forms[*form];
+            for (reference, &group) in references.iter_mut().zip(groups) {
+                *reference = self.references[group];
+            }
+            let used: usize = groups.iter().map(|&g| system.relative_groups()[g].rows).sum();
+            system.place(
+                at,
+                *form,
+                &x[at][..used],
+                &references[..groups.len()],
+                &self.anchors[at],
+                q,
+            );
+        }
+    }
+
+    /// Windings that follow the edges, from the coordinates of [`Relatives::coordinates`].
+    pub(super) fn tell_turns(&self, system: &dyn System, x: &[[f64; MOST]], winding: &mut [f64]) {
+        for ((edge, form), x) in system.tree().edges.iter().zip(&self.forms).zip(x) {
+            let Some(index) = edge.winding else { continue };
+            let mut at = 0;
+            for &group in &edge.forms[*form] {
+                let info = &system.relative_groups()[group];
+                if info.kind == RelativeKind::Angle {
+                    winding[index] = x[at];
+                }
+                at += info.rows;
+            }
+        }
+    }
+
+    /// Moves all references and anchors to a configuration whose independent variables are `p`, if known,
+    /// and whose coordinates of edges are near `x`, which name the branches of angles.
+    pub(super) fn move_references(
+        &mut self,
+        system: &dyn System,
+        q: &[f64],
+        p: Option<&[f64]>,
+        x: &mut [[f64; MOST]],
+    ) {
+        let groups = system.relative_groups();
+        if let Some(p) = p {
+            for (k, (group, _)) in self.rows.iter().enumerate() {
+                if groups[*group].reach.is_infinite() {
+                    self.references[*group][0] = p[k];
+                }
+            }
+        }
+        let tree = system.tree();
+        for (at, (edge, form)) in tree.edges.iter().zip(&self.forms).enumerate() {
+            let mut first = 0;
+            for &group in &edge.forms[*form] {
+                let info = &groups[group];
+                if info.reach.is_infinite() {
+                    self.references[group][0] = x[at][first];
+                }
+                self.references[group] =
+                    system.moved_reference(group, q, &self.references[group]);
+                let values = &mut x[at][first..first + info.rows];
+                system.relative_value(group, &self.references[group], q, values);
+                first += info.rows;
+            }
+            self.anchors[at] =
+                Anchor { orientation: system.anchor_orientation(at, *form, q), x: x[at] };
+        }
+        for (group, _) in &self.rows {
+            self.references[*group] = system.moved_reference(*group, q, &self.references[*group]);
+        }
+    }
+}
+
+/// row · x over the coordinates of two bodies.
+fn times(row: &[f64], bodies: [Option<usize>; 2], x: &[f64]) -> f64 {
+    let n = row.len() / 2;
+    let mut sum = 0.0;
+    for (row, body) in row.chunks_exact(n).zip(bodies) {
+        if let Some(b) = body {
+            sum += row.iter().zip(&x[b * n..(b + 1) * n]).map(|(a, x)| a * x).sum::<f64>();
+        }
+    }
+    sum
+}
+
+/// Rows of an n-column matrix with entries in the columns of two bodies each.
+#[derive(Debug, Clone)]
+pub struct BodyRows {
+    rows: usize,
+    per_body: usize,
+    /// 2·per_body per row.
+    values: Vec<f64>,
+    /// Entries that can differ from zero: place in the values, row, column.
+    entries: Vec<(usize, usize, usize)>,
+}
+
+impl BodyRows {
+    /// Zero rows for the relative coordinates of a parametrization; none for another one.
+    pub fn new(system: &dyn System, parametrization: &Parametrization) -> Self {
+        let sizes = system.structure().sizes;
+        let n = sizes.per_body;
+        let rows = parametrization.relatives().map_or(0, |r| r.rows.len());
+        let mut out =
+            Self { rows, per_body: n, values: vec![0.0; rows * 2 * n], entries: Vec::new() };
+        let Some(relatives) = parametrization.relatives() else { return out };
+        // What vanishes at a generic configuration vanishes everywhere.
+        let generic: Vec<f64> =
+            (0..sizes.coordinates).map(|i| 0.2 + (0.618_033_988_749_895 * (i + 1) as f64).fract()).collect();
+        out.evaluate(system, parametrization, &generic);
+        for (row, (group, _)) in relatives.rows.iter().enumerate() {
+            for (side, body) in system.relative_groups()[*group].bodies.into_iter().enumerate() {
+                let Some(body) = body else { continue };
+                for i in 0..n {
+                    let at = (2 * row + side) * n + i;
+                    if out.values[at] != 0.0 {
+                        out.entries.push((at, row, body * n + i));
+                    }
+                }
+            }
+        }
+        out.values.fill(0.0);
+        out
+    }
+
+    /// Number of rows.
+    #[allow(clippy::len_without_is_empty, reason = "a matrix")]
+    pub fn len(&self) -> usize {
+        self.rows
+    }
+
+    /// All entries that can differ from zero: place in the values, row, column.
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+        self.entries.iter().copied()
+    }
+
+    /// Takes over the values of rows for the same coordinates.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.values.copy_from_slice(&other.values);
+    }
+
+    /// The value at a place of [`BodyRows::entries`].
+    pub fn value(&self, at: usize) -> f64 {
+        self.values[at]
+    }
+
+    /// Makes the rows those of P.
+    pub fn evaluate(&mut self, system: &dyn System, parametrization: &Parametrization, q: &[f64]) {
+        let Some(relatives) = parametrization.relatives() else { return };
+        let n = self.per_body;
+        let mut gradient = [0.0; WIDEST];
+        for (group, range) in relatives.runs() {
+            let gradient = &mut gradient[..system.relative_groups()[group].rows * 2 * n];
+            system.relative_gradient(group, &relatives.references[group], q, gradient);
+            for k in range {
+                let row = &gradient[relatives.rows[k].1 * 2 * n..][..2 * n];
+                self.values[k * 2 * n..(k + 1) * 2 * n].copy_from_slice(row);
+            }
+        }
+    }
+
+    /// Makes the rows (P q̇)_q and those of `bend` (v̈)_q at fixed q̈.
+    pub fn evaluate_blocks(
+        &mut self,
+        bend: &mut Self,
+        system: &dyn System,
+        parametrization: &Parametrization,
+        state: &State,
+    ) {
+        let Some(relatives) = parametrization.relatives() else { return };
+        let n = self.per_body;
+        let (mut a0, mut a1) = ([0.0; WIDEST], [0.0; WIDEST]);
+        for (group, range) in relatives.runs() {
+            let size = system.relative_groups()[group].rows * 2 * n;
+            let (a0, a1) = (&mut a0[..size], &mut a1[..size]);
+            system.relative_blocks(group, &relatives.references[group], state, a0, a1);
+            for k in range {
+                let (row, out) = (relatives.rows[k].1 * 2 * n, k * 2 * n);
+                self.values[out..out + 2 * n].copy_from_slice(&a0[row..row + 2 * n]);
+                bend.values[out..out + 2 * n].copy_from_slice(&a1[row..row + 2 * n]);
+            }
+        }
+    }
+
+    /// Y += α A X, X with k columns, both by rows.
+    pub fn multiply_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
+        for (at, row, column) in self.entries() {
+            let scale = alpha * self.values[at];
+            let source = &x[column * k..(column + 1) * k];
+            for (out, x) in y[row * k..(row + 1) * k].iter_mut().zip(source) {
+                *out += scale * x;
+            }
+        }
+    }
+
+    /// X += α Aᵀ Y, Y with k columns, both by rows.
+    pub fn multiply_transposed_many_add(&self, alpha: f64, y: &[f64], k: usize, x: &mut [f64]) {
+        for (at, row, column) in self.entries() {
+            let scale = alpha * self.values[at];
+            let source = &y[row * k..(row + 1) * k];
+            for (out, y) in x[column * k..(column + 1) * k].iter_mut().zip(source) {
+                *out += scale * y;
+            }
+        }
+    }
+}

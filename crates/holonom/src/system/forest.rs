@@ -1,0 +1,557 @@
+//! The relative coordinates of a system: those of the edges of its spanning forest, and the deformations
+//! of its force elements.
+
+use super::State;
+use super::cartesian::{Cartesian, Space};
+use super::turns::{Along, along};
+use crate::elements::RowBlocks;
+use crate::elements::kinematics::{Anchor, Between, EdgeKinematics};
+use crate::elements::relative::{Reference, RelativeElement, RelativeKind};
+use crate::model::{
+    BodyIndex, Dimension, DriverKind, ElasticLaw, Force, ForceKind, JointKind, Model,
+};
+use crate::topology::{Edge, Forest};
+
+/// One to three relative coordinates of two bodies.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RelativeGroup {
+    /// Name of the joint, force or body they belong to.
+    pub name: String,
+    /// First and second body.
+    pub bodies: [Option<usize>; 2],
+    /// What they are.
+    pub kind: RelativeKind,
+    /// Number of coordinates.
+    pub rows: usize,
+    /// Largest turn from the reference at which they are regular, rad.
+    pub reach: f64,
+}
+
+/// What an edge of the forest is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EdgeSource {
+    /// A joint, by its place in the model.
+    Joint(usize),
+    /// A force element, by its place in the model.
+    Force(usize),
+    /// Nothing: the root of a component that is not tied to the ground.
+    Free,
+}
+
+/// An edge of the spanning forest: how a body is placed against its parent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TreeEdge {
+    /// The body at its outer end.
+    pub body: usize,
+    /// The body at its inner end.
+    pub parent: Option<usize>,
+    /// What it is.
+    pub source: EdgeSource,
+    /// Name of the joint or force, or of a free body.
+    pub name: String,
+    /// Sets of groups that can serve as its coordinates. A spring has two: length, direction and rotation
+    /// where it is stiff, else those of a free body.
+    pub forms: Vec<Vec<usize>>,
+    /// Winding that follows its angle.
+    pub winding: Option<usize>,
+    /// A driver that prescribes one of its coordinates: row of the driver, coordinate within the form and
+    /// sign of the coordinate against the driven one.
+    pub driver: Option<(usize, usize, f64)>,
+}
+
+/// A row or rows that close loops of the forest.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Closure {
+    /// First constraint row.
+    pub row: usize,
+    /// Number of rows.
+    pub rows: usize,
+    /// Outer bodies of the edges on the loop.
+    pub path: Vec<usize>,
+}
+
+/// A force element with the deformations that it resists.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ElasticLoop {
+    /// Place of the force in the model.
+    pub force: usize,
+    /// Groups of its deformations.
+    pub groups: Vec<usize>,
+    /// Outer bodies of the edges between its bodies.
+    pub path: Vec<usize>,
+    /// Whether it is an edge of the forest itself.
+    pub is_edge: bool,
+}
+
+/// What resists a deformation: N/m and N s/m, or N m/rad and N m s/rad.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resistance {
+    /// Stiffness.
+    pub stiffness: f64,
+    /// Damping.
+    pub damping: f64,
+    /// Whether spring and damper act in series.
+    pub in_series: bool,
+}
+
+/// Everything about the forest that parameter values leave alone.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tree {
+    /// The forest; edges by their place in [`Tree::edges`] are those of `forest.order`.
+    pub forest: Forest,
+    /// Edges, parents before children.
+    pub edges: Vec<TreeEdge>,
+    /// Joints and drivers that close loops.
+    pub closures: Vec<Closure>,
+    /// Force elements.
+    pub elastic: Vec<ElasticLoop>,
+    /// Bodies of angles whose turns no edge of the forest tells.
+    pub untold_turns: Vec<[Option<usize>; 2]>,
+}
+
+/// A group with its functions.
+#[derive(Debug, Clone)]
+pub(super) struct PlacedRelative<E> {
+    pub(super) bodies: [Option<usize>; 2],
+    pub(super) element: E,
+}
+
+/// Kinematics of an edge, one per form, with which body is first.
+#[derive(Debug, Clone)]
+pub(super) struct PlacedEdge<K> {
+    pub(super) kinematics: Vec<K>,
+    pub(super) bodies: [Option<usize>; 2],
+}
+
+/// What [`build`] finds.
+pub(super) struct Built<R, K> {
+    pub(super) tree: Tree,
+    pub(super) groups: Vec<RelativeGroup>,
+    pub(super) relatives: Vec<PlacedRelative<R>>,
+    pub(super) edges: Vec<PlacedEdge<K>>,
+}
+
+/// Distance joints come after all others, forces after all joints.
+const DISTANCE_CLASS: u32 = 100;
+const FORCE_CLASS: u32 = 200;
+
+fn class_of(kind: &JointKind, planar: bool) -> u32 {
+    match kind {
+        JointKind::Fixed => 0,
+        JointKind::Revolute | JointKind::Translational => 1,
+        JointKind::Cylindrical | JointKind::Universal => 2,
+        JointKind::Spherical => 3,
+        JointKind::Distance { .. } => DISTANCE_CLASS + u32::from(planar),
+    }
+}
+
+/// Stiffness of a force element that can be an edge, N/m.
+fn edge_stiffness(force: &Force) -> Option<f64> {
+    let initial = |law: &ElasticLaw| match law {
+        ElasticLaw::Linear(stiffness) => *stiffness,
+        ElasticLaw::Table(table) => table.value_and_slope(0.0).1,
+    };
+    match &force.kind {
+        ForceKind::Tsda { law, free_length, .. } if *free_length > 0.0 => Some(initial(law)),
+        ForceKind::Maxwell { stiffness, free_length, .. } if *free_length > 0.0 => Some(*stiffness),
+        ForceKind::Bushing { stiffness, .. } => {
+            Some((0..3).map(|k| stiffness[k][k]).fold(0.0, f64::max))
+        }
+        _ => None,
+    }
+}
+
+/// Edges of the graph: joints in file order, then forces that can be edges, with their places.
+fn graph(model: &Model) -> (Vec<Edge>, Vec<EdgeSource>) {
+    let planar = model.dimension == Dimension::Planar;
+    let mass = |body: BodyIndex| body.map(|b| model.bodies[b].mass);
+    let mut edges = Vec::new();
+    let mut sources = Vec::new();
+    for (k, joint) in model.joints.iter().enumerate() {
+        let ends = joint.frames.map(|f| f.body);
+        edges.push(Edge { ends, class: class_of(&joint.kind, planar), strength: 0.0 });
+        sources.push(EdgeSource::Joint(k));
+    }
+    for (k, force) in model.forces.iter().enumerate() {
+        let (Some(stiffness), Some(frames)) = (edge_stiffness(force), frames_of(force)) else {
+            continue;
+        };
+        let ends = frames.map(|f| f.body);
+        let inverse: f64 = ends.into_iter().filter_map(mass).map(|m| 1.0 / m.max(1e-300)).sum();
+        edges.push(Edge { ends, class: FORCE_CLASS, strength: stiffness * inverse });
+        sources.push(EdgeSource::Force(k));
+    }
+    (edges, sources)
+}
+
+/// Frames of a force element between two bodies.
+fn frames_of(force: &Force) -> Option<[crate::model::Frame; 2]> {
+    match &force.kind {
+        ForceKind::Tsda { frames, .. }
+        | ForceKind::Rsda { frames, .. }
+        | ForceKind::Maxwell { frames, .. }
+        | ForceKind::Bushing { frames, .. } => Some(*frames),
+        _ => None,
+    }
+}
+
+/// Groups and edges of a model; the forest of `base`, whose model differs in numbers only, serves again.
+/// `rows` are the first rows of joints and drivers, `windings` those of the joints.
+pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
+    model: &Model,
+    center: impl Fn(BodyIndex) -> [f64; 3],
+    rows: &[(usize, usize)],
+    windings: &[Option<usize>],
+    base: Option<&Forest>,
+) -> Built<S::Relative, S::Kinematics> {
+    let (graph_edges, sources) = graph(model);
+    let forest = base.cloned().unwrap_or_else(|| {
+        let masses: Vec<f64> = model.bodies.iter().map(|b| b.mass).collect();
+        Forest::new(&masses, &graph_edges)
+    });
+    let mut groups = Vec::new();
+    let mut relatives = Vec::new();
+    let mut add = |name: &str, bodies: [Option<usize>; 2], element: S::Relative| {
+        groups.push(RelativeGroup {
+            name: name.to_owned(),
+            bodies,
+            kind: element.kind(),
+            rows: element.rows(),
+            reach: element.reach(),
+        });
+        relatives.push(PlacedRelative { bodies, element });
+        groups.len() - 1
+    };
+    let mut edges = Vec::new();
+    let mut placed = Vec::new();
+    let mut edge_of_force = vec![None; model.forces.len()];
+    let mut edge_of_joint = vec![None; model.joints.len()];
+    for &body in &forest.order {
+        let source = forest.edge[body].map_or(EdgeSource::Free, |k| sources[k]);
+        let (name, ends, forms) = match source {
+            EdgeSource::Joint(k) => {
+                let joint = &model.joints[k];
+                let ends = joint.frames.map(|f| f.body);
+                (&joint.name, ends, vec![S::joint_form(joint, ends.map(&center))])
+            }
+            EdgeSource::Force(k) => {
+                let force = &model.forces[k];
+                let frames = frames_of(force).expect("an edge has frames");
+                let ends = frames.map(|f| f.body);
+                let centers = ends.map(&center);
+                let forms = if let ForceKind::Bushing { .. } = force.kind {
+                    vec![S::bushing_form(&frames, centers)]
+                } else {
+                    vec![S::line_form(&frames, centers), S::free_form()]
+                };
+                (&force.name, ends, forms)
+            }
+            EdgeSource::Free => (&model.bodies[body].name, [None, Some(body)], vec![S::free_form()]),
+        };
+        let mut kinematics = Vec::new();
+        let mut form_groups = Vec::new();
+        for (kind, coordinates) in forms {
+            let place = |(element, between): (S::Relative, Between)| {
+                let bodies = match between {
+                    Between::Both => ends,
+                    Between::GroundAndChild => [None, Some(body)],
+                };
+                add(name, bodies, element)
+            };
+            form_groups.push(coordinates.into_iter().map(place).collect());
+            kinematics.push(kind);
+        }
+        let at = edges.len();
+        let winding = match source {
+            EdgeSource::Joint(k) => {
+                edge_of_joint[k] = Some(at);
+                windings[k]
+            }
+            EdgeSource::Force(k) => {
+                edge_of_force[k] = Some(at);
+                None
+            }
+            EdgeSource::Free => None,
+        };
+        edges.push(TreeEdge {
+            body,
+            parent: forest.parent[body],
+            source,
+            name: name.clone(),
+            forms: form_groups,
+            winding,
+            driver: None,
+        });
+        placed.push(PlacedEdge { kinematics, bodies: ends });
+    }
+
+    let mut closures = Vec::new();
+    let mut untold_turns = Vec::new();
+    for (k, joint) in model.joints.iter().enumerate() {
+        if edge_of_joint[k].is_none() {
+            let path = forest.path(joint.frames.map(|f| f.body));
+            closures.push(Closure { row: rows[k].0, rows: rows[k].1, path });
+        }
+    }
+    for (k, driver) in model.drivers.iter().enumerate() {
+        let path = forest.path(driver.frames.map(|f| f.body));
+        let (row, count) = rows[model.joints.len() + k];
+        if let [body] = path[..] {
+            let edge = edges.iter_mut().find(|e| e.body == body).expect("an edge per body");
+            if edge.driver.is_none()
+                && let EdgeSource::Joint(j) = edge.source
+            {
+                let joint = &model.joints[j];
+                edge.driver = prescribed(model, &joint.kind, &joint.frames, driver.kind, &driver.frames)
+                    .map(|(coordinate, sign)| (row, coordinate, sign));
+                if edge.driver.is_some() {
+                    continue;
+                }
+            }
+        }
+        if driver.kind == DriverKind::Rotation {
+            untold_turns.push(driver.frames.map(|f| f.body));
+        }
+        closures.push(Closure { row, rows: count, path });
+    }
+
+    let mut elastic = Vec::new();
+    for (k, force) in model.forces.iter().enumerate() {
+        let Some(frames) = frames_of(force) else { continue };
+        let ends = frames.map(|f| f.body);
+        let centers = ends.map(&center);
+        let edge = edge_of_force[k].map(|at: usize| &edges[at]);
+        let own = match (&force.kind, edge) {
+            (ForceKind::Bushing { .. }, Some(edge)) => edge.forms[0].clone(),
+            (ForceKind::Bushing { .. }, None) => {
+                let (_, coordinates) = S::bushing_form(&frames, centers);
+                coordinates.into_iter().map(|(element, _)| add(&force.name, ends, element)).collect()
+            }
+            (ForceKind::Rsda { .. }, _) => {
+                // On a joint about the same axis it is the joint's own coordinate.
+                let on_joint = edges.iter().find_map(|edge: &TreeEdge| {
+                    let EdgeSource::Joint(j) = edge.source else { return None };
+                    let (kind, joint) = (&model.joints[j].kind, &model.joints[j].frames);
+                    let rotation = DriverKind::Rotation;
+                    let (at, _) = prescribed(model, kind, joint, rotation, &frames)?;
+                    Some(edge.forms[0][at])
+                });
+                match on_joint {
+                    Some(group) => {
+                        elastic.push(ElasticLoop {
+                            force: k,
+                            groups: vec![group],
+                            path: forest.path(ends),
+                            is_edge: true,
+                        });
+                        continue;
+                    }
+                    None => vec![add(&force.name, ends, S::relative_angle(&frames, centers))],
+                }
+            }
+            (_, Some(edge)) => edge.forms[0][..1].to_vec(),
+            (ForceKind::Tsda { free_length, .. } | ForceKind::Maxwell { free_length, .. }, None)
+                if *free_length > 0.0 =>
+            {
+                let (_, mut coordinates) = S::line_form(&frames, centers);
+                vec![add(&force.name, ends, coordinates.swap_remove(0).0)]
+            }
+            _ => continue,
+        };
+        let path = forest.path(ends);
+        elastic.push(ElasticLoop { force: k, groups: own, path, is_edge: edge.is_some() });
+    }
+    let tree = Tree { forest, edges, closures, elastic, untold_turns };
+    Built { tree, groups, relatives, edges: placed }
+}
+
+/// The coordinate of a joint that a driver prescribes and its sign, if it is one up to a constant.
+fn prescribed(
+    model: &Model,
+    joint: &JointKind,
+    joint_frames: &[crate::model::Frame; 2],
+    driver: DriverKind,
+    driver_frames: &[crate::model::Frame; 2],
+) -> Option<(usize, f64)> {
+    let planar = model.dimension == Dimension::Planar;
+    let axis = if planar && driver == DriverKind::Translation { 0 } else { 2 };
+    let Along { order, cosine } = along(model, driver_frames, joint_frames, axis)?;
+    let coordinate = match (joint, driver) {
+        (JointKind::Revolute, DriverKind::Rotation)
+        | (JointKind::Translational | JointKind::Cylindrical, DriverKind::Translation) => 0,
+        (JointKind::Cylindrical, DriverKind::Rotation) => 1,
+        _ => return None,
+    };
+    // A displacement along an axis of the first body is not one along that of the second, which may
+    // turn against it; signs of rotations change with the order of the bodies.
+    if driver == DriverKind::Translation && order < 0.0 && matches!(joint, JointKind::Cylindrical) {
+        return None;
+    }
+    Some((coordinate, order * cosine.signum()))
+}
+
+impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
+    fn relative_pair<'a>(&self, k: usize, q: &'a [f64]) -> [&'a [f64; N]; 2] {
+        Self::pair(q, self.relatives[k].bodies)
+    }
+
+    fn relative_rates<'a>(&self, k: usize, v: &'a [f64]) -> [&'a [f64; N]; 2] {
+        Self::rates(v, self.relatives[k].bodies)
+    }
+
+    pub(super) fn value_of(&self, k: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
+        let mut u = [0.0; 6];
+        self.relatives[k].element.value(self.relative_pair(k, q), reference, &mut u);
+        out.copy_from_slice(&u[..out.len()]);
+    }
+
+    pub(super) fn gradient_of(&self, k: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
+        let mut rows = RowBlocks::zero();
+        self.relatives[k].element.jacobian(self.relative_pair(k, q), reference, &mut rows);
+        place(&rows, out, false);
+    }
+
+    pub(super) fn curvature_of(
+        &self,
+        k: usize,
+        reference: &Reference,
+        q: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+    ) {
+        let mut u = [0.0; 6];
+        let (q, v) = (self.relative_pair(k, q), self.relative_rates(k, v));
+        self.relatives[k].element.curvature(q, v, reference, &mut u);
+        out.copy_from_slice(&u[..out.len()]);
+    }
+
+    pub(super) fn rate_gradient_of(
+        &self,
+        k: usize,
+        reference: &Reference,
+        q: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+    ) {
+        let mut rows = RowBlocks::zero();
+        let (q, v) = (self.relative_pair(k, q), self.relative_rates(k, v));
+        self.relatives[k].element.directional(q, v, reference, &mut rows);
+        place(&rows, out, false);
+    }
+
+    pub(super) fn blocks_of(
+        &self,
+        k: usize,
+        reference: &Reference,
+        state: &State,
+        a0: &mut [f64],
+        a1: &mut [f64],
+    ) {
+        let element = &self.relatives[k].element;
+        let q = self.relative_pair(k, &state.q);
+        let (v, a) = (self.relative_rates(k, &state.v), self.relative_rates(k, &state.a));
+        let mut rows = RowBlocks::zero();
+        element.directional(q, v, reference, &mut rows);
+        place(&rows, a0, false);
+        element.directional(q, a, reference, &mut rows);
+        place(&rows, a1, false);
+        element.curvature_gradient(q, v, reference, &mut rows);
+        place(&rows, a1, true);
+    }
+
+    pub(super) fn reference_of(&self, k: usize, q: &[f64], old: &Reference) -> Reference {
+        self.relatives[k].element.reference(self.relative_pair(k, q), old)
+    }
+
+    pub(super) fn anchor_of(&self, edge: usize, form: usize, q: &[f64]) -> [f64; 4] {
+        let placed = &self.edges[edge];
+        let child = Self::pose(q, Some(self.tree.edges[edge].body));
+        placed.kinematics[form].orientation(Self::pair(q, placed.bodies), child)
+    }
+
+    pub(super) fn place_child(
+        &self,
+        edge: usize,
+        form: usize,
+        x: &[f64],
+        references: &[Reference],
+        anchor: &Anchor,
+        q: &mut [f64],
+    ) {
+        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
+        let first = placed.bodies[0] == tree.parent;
+        let parent = Self::pose(q, tree.parent);
+        let child = placed.kinematics[form].place(x, references, anchor, parent, first);
+        q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);
+    }
+
+    /// Resistance of the force of an elastic loop against its coordinate `row`.
+    pub(super) fn resistance_of(&self, elastic: usize, row: usize, value: f64) -> Resistance {
+        self.resistances[elastic].at(row, value)
+    }
+}
+
+/// Entries of rows over the coordinates of two bodies, row by row.
+fn place<const N: usize>(rows: &RowBlocks<f64, N>, out: &mut [f64], add: bool) {
+    for (k, out) in out.chunks_exact_mut(2 * N).enumerate() {
+        for (side, out) in out.chunks_exact_mut(N).enumerate() {
+            for (out, x) in out.iter_mut().zip(&rows.0[side][k]) {
+                *out = if add { *out + x } else { *x };
+            }
+        }
+    }
+}
+
+/// The law of a force element along its deformations.
+#[derive(Debug, Clone)]
+pub(super) enum ResistanceLaw {
+    Line(ElasticLaw, f64, f64),
+    Angle(ElasticLaw, f64, f64),
+    Series(f64, f64, f64),
+    Bushing([f64; 6], [f64; 6]),
+}
+
+impl ResistanceLaw {
+    pub(super) fn of(force: &Force) -> Option<Self> {
+        match &force.kind {
+            ForceKind::Tsda { law, damping, free_length, .. } => {
+                Some(Self::Line(law.clone(), *damping, *free_length))
+            }
+            ForceKind::Rsda { law, damping, free_angle, .. } => {
+                Some(Self::Angle(law.clone(), *damping, *free_angle))
+            }
+            ForceKind::Maxwell { stiffness, damping, free_length, .. } => {
+                Some(Self::Series(*stiffness, *damping, *free_length))
+            }
+            ForceKind::Bushing { stiffness, damping, .. } => Some(Self::Bushing(
+                std::array::from_fn(|k| stiffness[k][k]),
+                std::array::from_fn(|k| damping[k][k]),
+            )),
+            _ => None,
+        }
+    }
+
+    pub(super) fn free_length(&self) -> f64 {
+        match self {
+            Self::Line(_, _, free) | Self::Angle(_, _, free) | Self::Series(_, _, free) => *free,
+            Self::Bushing(..) => 0.0,
+        }
+    }
+
+    fn at(&self, row: usize, value: f64) -> Resistance {
+        let slope = |law: &ElasticLaw, x: f64| match law {
+            ElasticLaw::Linear(stiffness) => *stiffness,
+            ElasticLaw::Table(table) => table.value_and_slope(x).1,
+        };
+        let parallel = |stiffness, damping| Resistance { stiffness, damping, in_series: false };
+        match self {
+            Self::Line(law, damping, free) | Self::Angle(law, damping, free) => {
+                parallel(slope(law, value - free), *damping)
+            }
+            Self::Series(stiffness, damping, _) => {
+                Resistance { stiffness: *stiffness, damping: *damping, in_series: true }
+            }
+            Self::Bushing(stiffness, damping) => parallel(stiffness[row], damping[row]),
+        }
+    }
+}
