@@ -188,7 +188,7 @@ fn one_trapezoidal_step_is_the_same_by_all_three_methods() {
 fn the_matrix_of_the_state_space_method_is_that_of_the_first_order_reduction() {
     for (name, case) in cases().into_iter().filter(|(_, c)| c.state.z.is_empty()) {
         let mut form = case.first_order;
-        let ndof = form.manifold().chart().ndof();
+        let ndof = form.point().manifold.chart().ndof();
         let (t, (gamma, h)) = (case.state.t, (0.3, 2e-3));
         form.linearize(t, &case.w, &case.g).unwrap();
         let b = form.blocks();
@@ -204,7 +204,7 @@ fn the_matrix_of_the_state_space_method_is_that_of_the_first_order_reduction() {
             rate[column] += change;
             let mut state = form.evaluate(t, &w, false).unwrap().clone();
             let mut psi = vec![0.0; ndof];
-            form.manifold_mut().reduced_residual(&mut state, &rate, &mut [], &mut psi);
+            form.point_mut().manifold.reduced_residual(&mut state, &rate, &mut [], &mut psi);
             psi
         };
         for column in 0..ndof {
@@ -232,7 +232,7 @@ fn the_matrix_of_the_state_space_method_is_that_of_the_first_order_reduction() {
 fn all_methods_filter_errors_alike() {
     for (name, mut case) in cases() {
         let (t, h) = (case.state.t, 5e-3);
-        let ndof = case.first_order.manifold().chart().ndof();
+        let ndof = case.first_order.point().manifold.chart().ndof();
         let error: Vec<f64> = (0..case.w.len())
             .map(|i| (1.0 + (i as f64 * 1.7).sin()) * if i < ndof { 1e-6 } else { 1e-4 })
             .collect();
@@ -262,7 +262,7 @@ fn all_methods_filter_errors_alike() {
 fn jacobians_by_differences_filter_errors_almost_alike() {
     for (name, mut case) in cases() {
         let (t, h) = (case.state.t, 1e-3);
-        let ndof = case.first_order.manifold().chart().ndof();
+        let ndof = case.first_order.point().manifold.chart().ndof();
         let error: Vec<f64> = (0..case.w.len())
             .map(|i| (1.0 + (i as f64 * 1.7).sin()) * if i < ndof { 1e-6 } else { 1e-4 })
             .collect();
@@ -454,7 +454,7 @@ fn prescribed(model: &Model, code: Code, steps: &[f64], detour: Option<f64>) -> 
         assert!(report.accepted, "{code:?}: {:?}", report.cause);
         w.copy_from_slice(stepper.end().w);
         form.derivative(state.t + h, &w, &mut g).unwrap();
-        state = form.state().clone();
+        state = form.point().state.clone();
         form.begin_step(&state);
     }
     (w, rejected)

@@ -103,11 +103,11 @@ pub struct Argument<S, const D: usize, const N: usize, const R: usize> {
 
 /// Angle about h of the first frame: c = f_iᵀf_j, s = g_iᵀf_j. Undefined where f_j is parallel to h_i;
 /// on a revolute or cylindrical axis |z| = 1.
-pub type SpatialAngle = Argument<Spatial, 3, 7, 4>;
+pub(super) type SpatialAngle = Argument<Spatial, 3, 7, 4>;
 
 /// Angle of the line between two points of the plane, from the ground's x axis: z = d. Undefined where
 /// the points coincide.
-pub type LineAngle = Argument<Planar, 2, 3, 1>;
+pub(super) type LineAngle = Argument<Planar, 2, 3, 1>;
 
 impl SpatialAngle {
     pub(super) fn new(frames: &[Triad<3>; 2]) -> Self {

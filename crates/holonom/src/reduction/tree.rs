@@ -47,7 +47,7 @@ struct Coordinate {
 ///
 /// # Errors
 /// `simulation/singular-configuration`.
-pub fn choose_tree(
+pub(super) fn choose_tree(
     system: &dyn System,
     nonzero: &Arc<[bool]>,
     state: &State,
