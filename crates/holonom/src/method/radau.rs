@@ -310,12 +310,14 @@ impl RadauStepper {
         };
         let [work, slope, _] = &mut self.residual;
         estimate(g, &self.z, &self.formula.e, work);
+        self.end.copy_from_slice(w);
+        add_scaled(&mut self.end, 1.0, &self.z[STAGES - 1]);
         if !self.options.filter_error {
-            return ode.norm(work);
+            return ode.error_norm(work, &self.end);
         }
         self.statistics.solves += 1;
         ode.solve(work);
-        let error = ode.norm(work);
+        let error = ode.error_norm(work, &self.end);
         let fragile = self.memory.history.accepted.is_none() || self.memory.history.rejected;
         if !(error > 1.0 && fragile && !self.options.fixed_step) {
             return error;
@@ -330,14 +332,11 @@ impl RadauStepper {
         estimate(slope, &self.z, &self.formula.e, work);
         self.statistics.solves += 1;
         ode.solve(work);
-        ode.norm(work)
+        ode.error_norm(work, &self.end)
     }
 
     /// Stores the end of the step and its dense output.
     fn finish(&mut self, h: f64, w: &[f64]) {
-        for i in 0..w.len() {
-            self.end[i] = w[i] + self.z[STAGES - 1][i];
-        }
         // From the formula and not by a new evaluation: that would multiply what is left of the
         // iteration error by the stiffness.
         self.end_slope.fill(0.0);

@@ -172,6 +172,11 @@ impl RosenbrockStepper {
         for (u, &m) in self.u.iter().zip(&self.formula.m) {
             add_scaled(end, m, u);
         }
+        // Dense output needs this slope, and it is the first stage of the next step. The error of a step
+        // whose end cannot be evaluated is worth nothing.
+        self.statistics.derivatives += 1;
+        let Segment { w: ends, slope, .. } = &mut self.current;
+        ode.derivative(t + h, &ends[1], &mut slope[1]).map_err(Rejection::Evaluation)?;
         let error = self.error(ode);
         let verdict = if self.options.fixed_step && error.is_finite() {
             StepVerdict::Accept { next: h }
@@ -183,9 +188,6 @@ impl RosenbrockStepper {
             *step = h;
             ends[0].copy_from_slice(w);
             slope[0].copy_from_slice(g);
-            // Dense output needs this slope, and it is the first stage of the next step.
-            self.statistics.derivatives += 1;
-            ode.derivative(t + h, &ends[1], &mut slope[1]).map_err(Rejection::Evaluation)?;
             for (slope, smooth) in slope.iter().zip(smooth) {
                 self.state.copy_from_slice(slope);
                 for _ in 0..SMOOTHING {
