@@ -15,6 +15,7 @@ pub mod radau;
 pub mod rosenbrock;
 pub mod sdirk;
 pub mod second_order;
+mod segment;
 mod state_space;
 mod state_space_method;
 pub mod stepper;

@@ -8,25 +8,13 @@ use crate::control::{
 use crate::formula::{Continuation, Nystrom};
 use crate::method::ode::{EvaluationFailure, LinearizedOde};
 use crate::method::second_order::{Residual, SecondOrder, Stage};
+use crate::method::segment::Segment;
 use crate::method::stepper::{
     Linearization, Rejection, StageFailure, StepEnd, StepReport, Stepper, StepperOptions,
     StepperStatistics, add_scaled,
 };
 
 const MAX_STAGES: usize = 5;
-
-/// Solution over one step: w(θ) = start + Σⱼ θʲ powers[j−1].
-#[derive(Debug, Clone)]
-struct Segment {
-    start: Vec<f64>,
-    powers: [Vec<f64>; 4],
-}
-
-impl Segment {
-    fn new(n: usize) -> Self {
-        Self { start: vec![0.0; n], powers: std::array::from_fn(|_| vec![0.0; n]) }
-    }
-}
 
 /// What attempts leave behind for the judgement of later ones.
 #[derive(Debug, Clone, Copy)]
@@ -133,8 +121,8 @@ impl NystromStepper {
             extra: vector(),
             work: vector(),
             end: vector(),
-            current: Segment::new(dimension),
-            previous: Segment::new(dimension),
+            current: Segment::new(dimension, 4),
+            previous: Segment::new(dimension, 4),
             statistics: StepperStatistics::default(),
             formula,
         }
@@ -399,28 +387,22 @@ impl NystromStepper {
     /// Stores the dense output of an accepted step.
     fn finish(&mut self, system: &mut dyn SecondOrder, h: f64, w: &[f64]) {
         system.end_step(&self.x[self.formula.stages]);
-        self.current.start.copy_from_slice(w);
-        let powers = &mut self.current.powers;
-        powers.iter_mut().for_each(|p| p.fill(0.0));
+        self.current.begin(h, w);
         match &self.formula.continuation {
             Continuation::Stages(dense) => {
                 for (slope, weights) in self.slopes[1..].iter().zip(dense) {
-                    for (power, weight) in powers.iter_mut().zip(weights) {
-                        add_scaled(power, h * weight, slope);
-                    }
+                    self.current.add(h, weights, slope);
                 }
             }
             Continuation::Hermite => {
                 let ndof = system.second_order_split();
                 for k in 0..w.len() {
                     let change = self.end[k] - w[k];
-                    powers[0][k] = change;
                     if k < ndof {
-                        let slope = h * w[ndof + k];
-                        let last = h * self.end[ndof + k];
-                        powers[0][k] = slope;
-                        powers[1][k] = 3.0 * change - 2.0 * slope - last;
-                        powers[2][k] = slope + last - 2.0 * change;
+                        let slopes = [h * w[ndof + k], h * self.end[ndof + k]];
+                        self.current.set_cubic(k, change, slopes);
+                    } else {
+                        self.current.set_linear(k, change);
                     }
                 }
             }
@@ -543,13 +525,7 @@ impl Stepper for NystromStepper {
     }
 
     fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
-        let segment = self.last();
-        w.copy_from_slice(&segment.start);
-        let mut power = 1.0;
-        for coefficient in &segment.powers {
-            power *= theta;
-            add_scaled(w, power, coefficient);
-        }
+        self.last().interpolate(theta, w);
     }
 
     fn last_change(&self) -> &[f64] {

@@ -14,26 +14,13 @@ use crate::control::{
 use crate::formula::Radau;
 use crate::method::ode::{Complex64, LinearizedOde};
 use crate::method::second_order::Residual;
+use crate::method::segment::Segment;
 use crate::method::stepper::{
     Linearization, Rejection, StageFailure, StageQuadrature, StepEnd, StepReport, Stepper,
     StepperOptions, StepperStatistics, add_scaled, lost,
 };
 
 const STAGES: usize = 3;
-
-/// Solution over one step: w(θ) = start + Σⱼ θʲ powers[j−1].
-#[derive(Debug, Clone)]
-struct Segment {
-    start: Vec<f64>,
-    powers: [Vec<f64>; STAGES],
-    step: f64,
-}
-
-impl Segment {
-    fn new(n: usize) -> Self {
-        Self { start: vec![0.0; n], powers: std::array::from_fn(|_| vec![0.0; n]), step: 0.0 }
-    }
-}
 
 /// What attempts leave behind for the judgement of later ones.
 #[derive(Debug, Clone, Copy)]
@@ -107,8 +94,8 @@ impl RadauStepper {
             state: vector(),
             end: vector(),
             end_slope: vector(),
-            current: Segment::new(dimension),
-            previous: Segment::new(dimension),
+            current: Segment::new(dimension, STAGES),
+            previous: Segment::new(dimension, STAGES),
             statistics: StepperStatistics::default(),
         }
     }
@@ -163,12 +150,7 @@ impl RadauStepper {
         for (i, z) in self.z.iter_mut().enumerate() {
             z.fill(0.0);
             if self.predict {
-                let theta = 1.0 + self.formula.c[i] * h / self.previous.step;
-                let mut power = 1.0;
-                for coefficient in &self.previous.powers {
-                    power *= theta;
-                    add_scaled(z, power - 1.0, coefficient);
-                }
+                self.previous.continue_by(self.formula.c[i] * h, z);
             }
         }
         transform(&self.formula.t_inverse, &self.z, &mut self.y);
@@ -343,13 +325,9 @@ impl RadauStepper {
         for (z, &a) in self.z.iter().zip(&self.formula.a_inverse[STAGES - 1]) {
             add_scaled(&mut self.end_slope, a / h, z);
         }
-        self.current.start.copy_from_slice(w);
-        self.current.step = h;
-        for (j, power) in self.current.powers.iter_mut().enumerate() {
-            power.fill(0.0);
-            for (z, dense) in self.z.iter().zip(&self.formula.dense) {
-                add_scaled(power, dense[j], z);
-            }
+        self.current.begin(h, w);
+        for (z, weights) in self.z.iter().zip(&self.formula.dense) {
+            self.current.add(1.0, weights, z);
         }
         self.pending = true;
     }
@@ -465,13 +443,7 @@ impl Stepper for RadauStepper {
     }
 
     fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
-        let segment = self.last();
-        w.copy_from_slice(&segment.start);
-        let mut power = 1.0;
-        for coefficient in &segment.powers {
-            power *= theta;
-            add_scaled(w, power, coefficient);
-        }
+        self.last().interpolate(theta, w);
     }
 
     fn quadrature(&self) -> Option<StageQuadrature<'_>> {
@@ -479,7 +451,7 @@ impl Stepper for RadauStepper {
     }
 
     fn stage(&self, i: usize, w: &mut [f64]) {
-        w.copy_from_slice(&self.last().start);
+        self.last().interpolate(0.0, w);
         add_scaled(w, 1.0, &self.z[i]);
     }
 

@@ -12,26 +12,13 @@ use crate::control::{
 use crate::formula::Sdirk;
 use crate::method::ode::LinearizedOde;
 use crate::method::second_order::Residual;
+use crate::method::segment::Segment;
 use crate::method::stepper::{
     Linearization, Rejection, StageFailure, StageQuadrature, StepEnd, StepReport, Stepper,
     StepperOptions, StepperStatistics, add_scaled, lost,
 };
 
 const STAGES: usize = 5;
-
-/// Solution over one step: w(θ) = start + Σⱼ θʲ powers[j−1].
-#[derive(Debug, Clone)]
-struct Segment {
-    start: Vec<f64>,
-    powers: [Vec<f64>; 4],
-    step: f64,
-}
-
-impl Segment {
-    fn new(n: usize) -> Self {
-        Self { start: vec![0.0; n], powers: std::array::from_fn(|_| vec![0.0; n]), step: 0.0 }
-    }
-}
 
 /// What attempts leave behind for the judgement of later ones.
 #[derive(Debug, Clone, Copy)]
@@ -101,8 +88,8 @@ impl SdirkStepper {
             work: vector(),
             end: vector(),
             slope: vector(),
-            current: Segment::new(dimension),
-            previous: Segment::new(dimension),
+            current: Segment::new(dimension, 4),
+            previous: Segment::new(dimension, 4),
             statistics: StepperStatistics::default(),
         }
     }
@@ -157,12 +144,7 @@ impl SdirkStepper {
         self.past.fill(0.0);
         if i == 0 {
             if self.predict {
-                let theta = 1.0 + self.formula.c[0] * h / self.previous.step;
-                let mut power = 1.0;
-                for coefficient in &self.previous.powers {
-                    power *= theta;
-                    add_scaled(z, power - 1.0, coefficient);
-                }
+                self.previous.continue_by(self.formula.c[0] * h, z);
             }
             return;
         }
@@ -302,13 +284,9 @@ impl SdirkStepper {
             // iteration error by the stiffness, this divides it by γh. It costs nothing, either.
             self.slope[i] = (last[i] - self.past[i]) / gamma_h;
         }
-        self.current.start.copy_from_slice(w);
-        self.current.step = h;
-        for (j, power) in self.current.powers.iter_mut().enumerate() {
-            power.fill(0.0);
-            for (z, dense) in self.z.iter().zip(&self.formula.dense) {
-                add_scaled(power, dense[j], z);
-            }
+        self.current.begin(h, w);
+        for (z, weights) in self.z.iter().zip(&self.formula.dense) {
+            self.current.add(1.0, weights, z);
         }
         self.pending = true;
     }
@@ -415,13 +393,7 @@ impl Stepper for SdirkStepper {
     }
 
     fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
-        let segment = self.last();
-        w.copy_from_slice(&segment.start);
-        let mut power = 1.0;
-        for coefficient in &segment.powers {
-            power *= theta;
-            add_scaled(w, power, coefficient);
-        }
+        self.last().interpolate(theta, w);
     }
 
     fn quadrature(&self) -> Option<StageQuadrature<'_>> {
@@ -429,7 +401,7 @@ impl Stepper for SdirkStepper {
     }
 
     fn stage(&self, i: usize, w: &mut [f64]) {
-        w.copy_from_slice(&self.last().start);
+        self.last().interpolate(0.0, w);
         add_scaled(w, 1.0, &self.z[i]);
     }
 
