@@ -399,7 +399,7 @@ impl Stepper for AdamsStepper {
     }
 
     fn end(&self) -> StepEnd<'_> {
-        StepEnd { w: &self.last().end, slope: &self.slope, evaluated: true }
+        StepEnd { w: &self.last().end, slope: &self.slope }
     }
 
     fn interpolate(&mut self, theta: f64, w: &mut [f64]) {

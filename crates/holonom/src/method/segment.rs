@@ -4,7 +4,7 @@ use super::stepper::add_scaled;
 
 /// Solution over one step: w(θ) = start + Σⱼ θʲ powers[j−1], 0 ≤ θ ≤ 1.
 #[derive(Debug, Clone)]
-pub(super) struct Segment {
+pub struct Segment {
     /// Length of the step, s.
     pub(super) step: f64,
     start: Vec<f64>,
