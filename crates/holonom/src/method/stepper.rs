@@ -208,13 +208,6 @@ pub trait Stepper: Send {
     /// `keep_history` predictors and multistep histories are dropped too, but not step control.
     fn invalidate(&mut self, keep_history: bool);
 
-    /// The meaning of w has changed, and `map` makes slopes of the new w out of the further slopes
-    /// ([`Ode::further_slopes`]); it must be linear. Multistep formulas built for further slopes
-    /// go on at their order; the others do as for `invalidate(false)`.
-    fn reparametrize(&mut self, _map: &mut dyn FnMut(&[f64], &mut [f64])) {
-        self.invalidate(false);
-    }
-
     /// Takes back the accepted step: the next attempt starts where it started (event location,
     /// refusal of the end state by the caller).
     fn discard(&mut self);

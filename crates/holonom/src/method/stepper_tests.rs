@@ -63,7 +63,7 @@ const ADAMS: Member = Member {
     embedded: f64::NAN,
     dense: f64::NAN,
     steps: 0,
-    build: |n, o| Box::new(AdamsStepper::new(n, 0, o)),
+    build: |n, o| Box::new(AdamsStepper::new(n, o)),
 };
 const ONE_STEP: [&Member; 5] = [&SDIRK15, &SDIRK16, &ROSENBROCK, &RADAU, &EXPLICIT];
 const ALL: [&Member; 6] = [&SDIRK15, &SDIRK16, &ROSENBROCK, &RADAU, &EXPLICIT, &ADAMS];
