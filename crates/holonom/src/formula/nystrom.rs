@@ -114,6 +114,12 @@ impl Nystrom {
         }
     }
 
+    /// How many times as large as at stage `i` iteration errors reach the end of the step: |bᵢ|/γ, up
+    /// to 31 for SDIRK4/16, but not less than at the stage.
+    pub fn effect(&self, i: usize) -> f64 {
+        (self.a[self.stages - 1][i] / self.gamma).abs().max(1.0)
+    }
+
     /// Stages that are solved for.
     pub fn implicit_stages(&self) -> std::ops::Range<usize> {
         usize::from(self.explicit_first)..self.stages

@@ -33,7 +33,7 @@ struct History {
     starting: bool,
     /// ψᵢ of the last step.
     psi: [f64; ADAMS_MAX_ORDER + 1],
-    /// Modified divided differences φ₁ … φ_{k+2} of the slopes, further slopes behind them.
+    /// Modified divided differences φ₁ … φ_{k+2} of the slopes.
     phi: [Vec<f64>; COLUMNS],
     /// State at the end of the last step.
     end: Vec<f64>,
@@ -42,7 +42,7 @@ struct History {
 }
 
 impl History {
-    fn new(n: usize, further: usize) -> Self {
+    fn new(n: usize) -> Self {
         Self {
             order: 0,
             last_order: 0,
@@ -50,7 +50,7 @@ impl History {
             same_steps: 0,
             starting: true,
             psi: [0.0; ADAMS_MAX_ORDER + 1],
-            phi: std::array::from_fn(|_| vec![0.0; n + further]),
+            phi: std::array::from_fn(|_| vec![0.0; n]),
             end: vec![0.0; n],
             low_orders: 0,
         }
@@ -88,7 +88,6 @@ struct Judgement {
 #[derive(Debug, Clone)]
 pub struct AdamsStepper {
     options: StepperOptions,
-    n: usize,
     /// Up to the start of the step.
     history: History,
     /// Up to its end.
@@ -99,27 +98,23 @@ pub struct AdamsStepper {
     predicted: Vec<f64>,
     difference: Vec<f64>,
     work: Vec<f64>,
-    further: Vec<f64>,
     slope: Vec<f64>,
     statistics: StepperStatistics,
 }
 
 impl AdamsStepper {
-    /// A stepper for systems of `dimension` unknowns which carry the history of
-    /// `further_slopes` more ([`crate::method::ode::Ode::further_slopes`]).
-    pub fn new(dimension: usize, further_slopes: usize, options: StepperOptions) -> Self {
+    /// A stepper for systems of `dimension` unknowns.
+    pub fn new(dimension: usize, options: StepperOptions) -> Self {
         let vector = || vec![0.0; dimension];
         Self {
             options,
-            n: dimension,
-            history: History::new(dimension, further_slopes),
-            trial: History::new(dimension, further_slopes),
+            history: History::new(dimension),
+            trial: History::new(dimension),
             pending: false,
             failures: 0,
             predicted: vector(),
             difference: vector(),
             work: vector(),
-            further: vec![0.0; further_slopes],
             slope: vector(),
             statistics: StepperStatistics::default(),
         }
@@ -140,26 +135,16 @@ impl AdamsStepper {
     /// Makes the history end at slope `g`. All differences contain the newest slope with
     /// coefficient 1, so a slope that the caller has changed (a projected state) is exchanged
     /// exactly, the slopes before it staying as they are.
-    fn take_slope(
-        &mut self,
-        ode: &mut dyn LinearizedOde,
-        t: f64,
-        w: &[f64],
-        g: &[f64],
-    ) -> Result<(), Rejection> {
+    fn take_slope(&mut self, g: &[f64]) {
         let history = &mut self.history;
         if history.order == 0 {
-            if !self.further.is_empty() {
-                ode.further_slopes(t, w, &mut self.further).map_err(Rejection::Evaluation)?;
-            }
-            history.phi[0][..self.n].copy_from_slice(g);
-            history.phi[0][self.n..].copy_from_slice(&self.further);
+            history.phi[0].copy_from_slice(g);
             history.phi[1].fill(0.0);
             (history.order, history.last_order, history.last_step) = (1, 0, 0.0);
             (history.same_steps, history.starting, history.low_orders) = (0, true, 0);
         } else {
             let columns = history.columns();
-            for i in 0..self.n {
+            for i in 0..g.len() {
                 let change = g[i] - history.phi[0][i];
                 if change != 0.0 {
                     for column in history.phi.iter_mut().take(columns) {
@@ -168,7 +153,6 @@ impl AdamsStepper {
                 }
             }
         }
-        Ok(())
     }
 
     /// Norm of the difference d plus a column of φ.
@@ -246,12 +230,8 @@ impl AdamsStepper {
         add_scaled(&mut trial.end, h * c.g[k], &self.difference);
         self.statistics.derivatives += 1;
         ode.derivative(t + h, &trial.end, &mut self.slope).map_err(Rejection::Evaluation)?;
-        if !self.further.is_empty() {
-            ode.further_slopes(t + h, &trial.end, &mut self.further)
-                .map_err(Rejection::Evaluation)?;
-        }
         // Differences of the slopes up to the new one.
-        for (i, &slope) in self.slope.iter().chain(&self.further).enumerate() {
+        for (i, &slope) in self.slope.iter().enumerate() {
             let new = slope - trial.phi[0][i];
             trial.phi[k + 1][i] = new - trial.phi[k + 1][i];
             trial.phi[k][i] = new;
@@ -299,7 +279,7 @@ impl AdamsStepper {
             order = k + 1; // its error is not known; the step doubles anyway
         } else if order == k && k < trial.same_steps {
             // The last k + 1 steps were equal: the difference of order k + 2 can be trusted.
-            self.work.copy_from_slice(&trial.phi[k + 1][..self.n]);
+            self.work.copy_from_slice(&trial.phi[k + 1]);
             let above = h * ADAMS_GAMMA_STAR[k + 1].abs() * ode.norm(&self.work);
             if k > 1 && below <= at_k.min(above) {
                 (order, estimate) = (k - 1, below);
@@ -345,19 +325,6 @@ impl Stepper for AdamsStepper {
         }
     }
 
-    fn reparametrize(&mut self, map: &mut dyn FnMut(&[f64], &mut [f64])) {
-        self.commit();
-        if self.further.is_empty() {
-            self.history.order = 0;
-            return;
-        }
-        let columns = self.history.columns();
-        for column in self.history.phi.iter_mut().take(columns) {
-            let (slopes, further) = column.split_at_mut(self.n);
-            map(further, slopes);
-        }
-    }
-
     fn discard(&mut self) {
         self.pending = false;
     }
@@ -371,9 +338,9 @@ impl Stepper for AdamsStepper {
         g: &[f64],
     ) -> StepReport {
         self.commit();
-        let outcome = self.take_slope(ode, t, w, g).and_then(|()| self.advance(ode, t, h, w));
+        self.take_slope(g);
         let mut report = StepReport::rejected(0.5 * h);
-        match outcome {
+        match self.advance(ode, t, h, w) {
             Ok(judgement) if judgement.accepted => {
                 self.pending = true;
                 let next = if self.options.fixed_step { h } else { judgement.step };
@@ -399,7 +366,7 @@ impl Stepper for AdamsStepper {
     }
 
     fn end(&self) -> StepEnd<'_> {
-        StepEnd { w: &self.last().end, slope: &self.slope, evaluated: true }
+        StepEnd { w: &self.last().end, slope: &self.slope }
     }
 
     fn interpolate(&mut self, theta: f64, w: &mut [f64]) {

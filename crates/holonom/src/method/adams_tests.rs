@@ -4,10 +4,8 @@ use crate::method::adams::AdamsStepper;
 use crate::method::ode::Ode;
 use crate::method::stepper::{Stepper, StepperOptions};
 use crate::method::test_systems::{
-    DenseOde, Run, distance, kepler, kepler_solution, pendulum, run, run_with, van_der_pol,
+    DenseOde, distance, kepler, kepler_solution, pendulum, run, run_with, van_der_pol,
 };
-use std::cell::Cell;
-use std::rc::Rc;
 
 /// The restricted three-body problem of Arenstorf: one closed orbit.
 fn arenstorf() -> (DenseOde, [f64; 4], f64) {
@@ -26,7 +24,7 @@ fn arenstorf() -> (DenseOde, [f64; 4], f64) {
 }
 
 fn stepper(n: usize) -> AdamsStepper {
-    AdamsStepper::new(n, 0, StepperOptions::default())
+    AdamsStepper::new(n, StepperOptions::default())
 }
 
 /// Evaluations and error of SciPy's VODE (method "adams", order 12, both tolerances equal) at
@@ -169,71 +167,6 @@ fn a_caller_may_project_accepted_states() {
         assert!(error < 1e-6, "evaluated again: {evaluate}, error {error:e}");
         assert!(attempts * 10 < plain * 12, "{attempts} attempts instead of {plain}");
     }
-}
-
-#[test] // truth: the same run without a change of variables
-fn history_survives_a_change_of_variables() {
-    // Kepler's problem in axes turned by an angle that the caller changes on the way.
-    let angle = Rc::new(Cell::new(0.0_f64));
-    let turn = |angle: f64, from: &[f64], to: &mut [f64]| {
-        let (s, c) = angle.sin_cos();
-        for k in [0, 2] {
-            (to[k], to[k + 1]) = (c * from[k] - s * from[k + 1], s * from[k] + c * from[k + 1]);
-        }
-    };
-    let slopes = Rc::clone(&angle);
-    let solve = |turns: bool, keep: bool| -> (Run, u64) {
-        angle.set(0.0);
-        let now = Rc::clone(&slopes);
-        // Isotropic: the equations are the same in all axes; further slopes are in fixed ones.
-        let mut ode = kepler().with_tolerance(1e-8, 1e-8).with_further_slopes(move |w, out| {
-            let cube = w[0].hypot(w[1]).powi(3);
-            let g = [w[2], w[3], -w[0] / cube, -w[1] / cube];
-            turn(-now.get(), &g, out);
-        });
-        ode.set_weights(&[1.0; 4]);
-        let mut stepper = AdamsStepper::new(4, 4, StepperOptions::default());
-        let (mut t, mut h) = (0.0, 1e-4);
-        let (mut w, mut g) = (kepler_solution(0.0), [0.0; 4]);
-        ode.derivative(t, &w, &mut g).unwrap();
-        stepper.restart();
-        let mut run = Run::default();
-        while t < 6.0 {
-            let step = f64::min(h, 6.0 - t);
-            let report = stepper.attempt(&mut ode, t, step, &w, &g);
-            h = report.next_step;
-            if !report.accepted {
-                continue;
-            }
-            t += step;
-            run.accepted += 1;
-            w.copy_from_slice(stepper.end().w);
-            g.copy_from_slice(stepper.end().slope);
-            if turns && run.accepted % 10 == 0 {
-                let (old, new) = (angle.get(), angle.get() + 1.1);
-                angle.set(new);
-                let (w_old, g_old) = (w, g);
-                turn(new - old, &w_old, &mut w);
-                turn(new - old, &g_old, &mut g);
-                if keep {
-                    stepper.reparametrize(&mut |fixed, slopes| turn(new, fixed, slopes));
-                } else {
-                    stepper.invalidate(false);
-                    h *= 0.01;
-                }
-            }
-        }
-        let w_end = w;
-        turn(-angle.get(), &w_end, &mut w);
-        run.w = w.to_vec();
-        (run, ode.derivatives)
-    };
-    let (plain, evaluations) = solve(false, true);
-    let (kept, with_history) = solve(true, true);
-    let (_, without) = solve(true, false);
-    assert_eq!(with_history, evaluations);
-    assert!(distance(&kept.w, &plain.w) < 1e-12, "{:?} {:?}", kept.w, plain.w);
-    assert!(without > 2 * evaluations, "{without} and {evaluations}");
 }
 
 #[test]

@@ -257,7 +257,7 @@ pub fn build_stepper(
         ),
         Code::SspSdirk15 | Code::InflSdirk15 => nystrom(Nystrom::sdirk(&SDIRK4_15)),
         Code::SspSdirk16 | Code::InflSdirk => nystrom(Nystrom::sdirk(&SDIRK4_16)),
-        Code::Deabm => Box::new(AdamsStepper::new(dimension, 0, options)),
+        Code::Deabm => Box::new(AdamsStepper::new(dimension, options)),
         Code::Dopri5 => Box::new(ExplicitRungeKuttaStepper::new(&DOPRI5, dimension, options)),
     }
 }

@@ -192,7 +192,7 @@ impl Stepper for ExplicitRungeKuttaStepper {
 
     fn end(&self) -> StepEnd<'_> {
         let last = self.last();
-        StepEnd { w: &last.end, slope: &last.slope, evaluated: true }
+        StepEnd { w: &last.end, slope: &last.slope }
     }
 
     fn interpolate(&mut self, theta: f64, w: &mut [f64]) {

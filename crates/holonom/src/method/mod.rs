@@ -1,20 +1,28 @@
 //! One step: a method with a formula.
 
 pub mod adams;
+pub mod attempt;
 mod codes;
 mod complex_solver;
+mod counted;
 mod descriptor;
 mod descriptor_matrix;
 mod differences;
 mod explicit_form;
 pub mod explicit_rk;
 mod first_order;
+mod iteration;
+mod matrices;
+mod memory;
 pub mod nystrom;
+mod nystrom_start;
 pub mod ode;
 pub mod radau;
 pub mod rosenbrock;
 pub mod sdirk;
 pub mod second_order;
+mod segment;
+mod stages;
 mod state_space;
 mod state_space_method;
 pub mod stepper;

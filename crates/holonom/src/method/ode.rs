@@ -29,21 +29,6 @@ pub trait Ode {
     fn second_order_split(&self) -> usize {
         0
     }
-
-    /// Slopes of further quantities along the solution, here at the state (t, w), whose history a
-    /// multistep formula keeps beside that of w: a re-parametrization then makes the history of
-    /// the new w out of them. Writes nothing unless the stepper was built for some.
-    ///
-    /// # Errors
-    /// As [`Ode::derivative`].
-    fn further_slopes(
-        &mut self,
-        _t: f64,
-        _w: &[f64],
-        _slopes: &mut [f64],
-    ) -> Result<(), EvaluationFailure> {
-        Ok(())
-    }
 }
 
 /// A system that can solve with I − γh J, J = g_w at the point last given to `linearize`.

@@ -8,242 +8,113 @@
 //!
 //! Source: Hairer & Wanner, *Solving ODEs II*, section IV.8.
 
-use crate::control::{
-    IterationVerdict, NewtonMonitor, StepControl, StepHistory, StepLaw, StepVerdict,
-};
+use super::attempt::ImplicitStepper;
+use super::counted::Counted;
+use super::iteration::{Failure, Iteration};
+use super::ode::{Complex64, EvaluationFailure};
+use super::second_order::Residual;
+use super::segment::Segment;
+use super::stages::{Stages, Step};
+use super::stepper::{StepEnd, StepperOptions, add_scaled};
 use crate::formula::Radau;
-use crate::method::ode::{Complex64, LinearizedOde};
-use crate::method::second_order::Residual;
-use crate::method::stepper::{
-    Linearization, Rejection, StageFailure, StageQuadrature, StepEnd, StepReport, Stepper,
-    StepperOptions, StepperStatistics, add_scaled, lost,
-};
 
 const STAGES: usize = 3;
 
-/// Solution over one step: w(θ) = start + Σⱼ θʲ powers[j−1].
-#[derive(Debug, Clone)]
-struct Segment {
-    start: Vec<f64>,
-    powers: [Vec<f64>; STAGES],
-    step: f64,
-}
-
-impl Segment {
-    fn new(n: usize) -> Self {
-        Self { start: vec![0.0; n], powers: std::array::from_fn(|_| vec![0.0; n]), step: 0.0 }
-    }
-}
-
-/// What attempts leave behind for the judgement of later ones.
-#[derive(Debug, Clone, Copy)]
-struct Memory {
-    history: StepHistory,
-    /// Last known contraction θ.
-    contraction: f64,
-    eta: f64,
-}
-
-impl Default for Memory {
-    fn default() -> Self {
-        Self { history: StepHistory::default(), contraction: f64::INFINITY, eta: 1.0 }
-    }
-}
-
 /// Stepper of the three-stage Radau IIA formula.
-#[derive(Debug, Clone)]
-pub struct RadauStepper {
-    formula: &'static Radau,
-    options: StepperOptions,
-    control: StepControl,
-    memory: Memory,
-    /// The memory before the last attempt, for [`Stepper::discard`].
-    before: Memory,
-    /// The last attempt was accepted and nothing has been built on it yet.
-    pending: bool,
-    linearization: Linearization,
-    factored: Option<f64>,
-    defect: Residual,
-    /// The segment before this step predicts the stages.
-    predict: bool,
-    /// Weighted norm of round-off in w₀.
-    floor: f64,
-    z: [Vec<f64>; STAGES],
-    y: [Vec<f64>; STAGES],
-    slopes: [Vec<f64>; STAGES],
-    defects: [Vec<f64>; STAGES],
-    residual: [Vec<f64>; STAGES],
-    state: Vec<f64>,
-    end: Vec<f64>,
-    end_slope: Vec<f64>,
-    current: Segment,
-    previous: Segment,
-    statistics: StepperStatistics,
-}
+pub type RadauStepper = ImplicitStepper<RadauStages>;
 
 impl RadauStepper {
     /// A stepper for systems of `dimension` unknowns.
     pub fn new(formula: &'static Radau, dimension: usize, options: StepperOptions) -> Self {
-        let law = if options.predictive { StepLaw::Predictive } else { StepLaw::Standard };
         let vector = || vec![0.0; dimension];
         let stages = || std::array::from_fn(|_| vector());
-        Self {
+        let stages = RadauStages {
             formula,
-            options,
-            control: StepControl { law, ..StepControl::implicit(formula.embedded_order) },
-            memory: Memory::default(),
-            before: Memory::default(),
-            pending: false,
-            linearization: Linearization::None,
-            factored: None,
-            defect: options.residual,
-            predict: false,
-            floor: 0.0,
             z: stages(),
             y: stages(),
             slopes: stages(),
             defects: stages(),
-            residual: stages(),
+            corrections: stages(),
             state: vector(),
             end: vector(),
             end_slope: vector(),
-            current: Segment::new(dimension),
-            previous: Segment::new(dimension),
-            statistics: StepperStatistics::default(),
-        }
+        };
+        Self::of(stages, dimension, options)
     }
+}
 
-    /// Makes the accepted step the past.
-    fn commit(&mut self) {
-        if std::mem::take(&mut self.pending) {
-            std::mem::swap(&mut self.current, &mut self.previous);
-            self.predict = true;
-            if self.linearization == Linearization::Current {
-                self.linearization = Linearization::Old;
-            }
-        }
-    }
+/// The three stages, z, and their transforms y.
+#[derive(Debug, Clone)]
+pub struct RadauStages {
+    formula: &'static Radau,
+    z: [Vec<f64>; STAGES],
+    y: [Vec<f64>; STAGES],
+    slopes: [Vec<f64>; STAGES],
+    defects: [Vec<f64>; STAGES],
+    /// δ.
+    corrections: [Vec<f64>; STAGES],
+    state: Vec<f64>,
+    end: Vec<f64>,
+    end_slope: Vec<f64>,
+}
 
-    /// The last accepted step.
-    fn last(&self) -> &Segment {
-        if self.pending { &self.current } else { &self.previous }
-    }
-
-    fn linearize(
-        &mut self,
-        ode: &mut dyn LinearizedOde,
-        t: f64,
-        w: &[f64],
-        g: &[f64],
-    ) -> Result<(), StageFailure> {
-        self.statistics.linearizations += 1;
-        self.factored = None;
-        self.linearization = Linearization::None;
-        ode.linearize(t, w, g).map_err(|failure| (Rejection::Evaluation(failure), 0.5))?;
-        self.linearization = Linearization::Current;
-        Ok(())
-    }
-
-    fn factor(&mut self, ode: &mut dyn LinearizedOde, h: f64) -> Result<(), StageFailure> {
-        if self.factored == Some(h) {
-            return Ok(());
-        }
-        self.statistics.factorizations += 2;
-        self.factored = None;
-        let eigenvalue = Complex64::new(self.formula.complex.0, self.formula.complex.1);
-        ode.factor(h / self.formula.real)
-            .and_then(|()| ode.factor_complex(h / eigenvalue))
-            .map_err(|failure| (Rejection::SingularMatrix(failure), 0.5))?;
-        self.factored = Some(h);
-        Ok(())
-    }
-
+impl RadauStages {
     /// Start values: the polynomial of the step before, continued.
-    fn predict(&mut self, h: f64) {
-        for (i, z) in self.z.iter_mut().enumerate() {
-            z.fill(0.0);
-            if self.predict {
-                let theta = 1.0 + self.formula.c[i] * h / self.previous.step;
-                let mut power = 1.0;
-                for coefficient in &self.previous.powers {
-                    power *= theta;
-                    add_scaled(z, power - 1.0, coefficient);
-                }
+    fn predict(&mut self, h: f64, before: Option<&Segment>) {
+        for (z, c) in self.z.iter_mut().zip(&self.formula.c) {
+            match before {
+                Some(before) => before.continue_by(c * h, z),
+                None => z.fill(0.0),
             }
         }
         transform(&self.formula.t_inverse, &self.z, &mut self.y);
     }
 
-    /// Newton iteration. Returns the number of iterations.
-    fn iterate(
+    /// One correction of all stages. Returns its norm.
+    fn correct(
         &mut self,
-        ode: &mut dyn LinearizedOde,
-        t: f64,
-        h: f64,
-        w: &[f64],
-        report: &mut StepReport,
-    ) -> Result<u32, StageFailure> {
-        self.predict(h);
-        let mut monitor =
-            NewtonMonitor::start(self.options.iteration(), self.memory.eta, self.floor);
-        let verdict = loop {
-            self.implied_slopes(h);
-            for i in 0..STAGES {
-                for ((state, &w), &z) in self.state.iter_mut().zip(w).zip(&self.z[i]) {
-                    *state = w + z;
-                }
-                self.statistics.derivatives += 1;
-                let at = t + self.formula.c[i] * h;
-                let (slope, defect) = (&self.slopes[i], &mut self.defects[i]);
-                if let Err(failure) = ode.defect(self.defect, at, &self.state, slope, defect) {
-                    self.memory.eta = 1.0;
-                    return Err((Rejection::Evaluation(failure), 0.5));
-                }
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        residual: Residual,
+        change: &mut [f64],
+    ) -> Result<f64, EvaluationFailure> {
+        self.implied_slopes(step.h);
+        for i in 0..STAGES {
+            for ((state, &w), &z) in self.state.iter_mut().zip(step.w).zip(&self.z[i]) {
+                *state = w + z;
             }
-            self.correct(ode, h);
-            self.statistics.iterations += 1;
-            report.iterations += 1;
-            let square: f64 = self.residual.iter().map(|r| ode.norm(r).powi(2)).sum();
-            let verdict = monitor.observe((square / STAGES as f64).sqrt());
-            for (y, delta) in self.y.iter_mut().zip(&self.residual) {
-                add_scaled(y, 1.0, delta);
-            }
-            transform(&self.formula.t, &self.y, &mut self.z);
-            if verdict != IterationVerdict::Continue {
-                break verdict;
-            }
-        };
-        self.memory.eta = monitor.eta();
-        report.contraction = report.contraction.max(monitor.contraction().unwrap_or(0.0));
-        match verdict {
-            IterationVerdict::Slow { ratio } => Err((Rejection::NewtonSlow, ratio)),
-            IterationVerdict::Diverged => {
-                self.memory.eta = 1.0;
-                Err((Rejection::NewtonDivergence, 0.5))
-            }
-            IterationVerdict::Converged | IterationVerdict::Continue => Ok(monitor.iterations()),
+            let at = step.t + self.formula.c[i] * step.h;
+            ode.defect(residual, at, &self.state, &self.slopes[i], &mut self.defects[i])?;
         }
+        self.solve(ode, step.h);
+        let square: f64 = self.corrections.iter().map(|delta| ode.norm(delta).powi(2)).sum();
+        for (y, delta) in self.y.iter_mut().zip(&self.corrections) {
+            add_scaled(y, 1.0, delta);
+        }
+        transform(&self.formula.t, &self.y, &mut self.z);
+        change.copy_from_slice(&self.corrections[0]);
+        Ok((square / STAGES as f64).sqrt())
     }
 
     /// The slopes A⁻¹z / h = T Λy / h that the iterate ascribes to its stages.
     fn implied_slopes(&mut self, h: f64) {
         let f = self.formula;
         let (re, im) = f.complex;
-        let [s1, s2, s3] = &mut self.residual;
+        let [s1, s2, s3] = &mut self.corrections;
         let [y1, y2, y3] = &self.y;
         for i in 0..s1.len() {
             s1[i] = f.real * y1[i] / h;
             s2[i] = (re * y2[i] - im * y3[i]) / h;
             s3[i] = (im * y2[i] + re * y3[i]) / h;
         }
-        transform(&f.t, &self.residual, &mut self.slopes);
+        transform(&f.t, &self.corrections, &mut self.slopes);
     }
 
-    /// Correction of y from the defects at the stages, into `residual`.
-    fn correct(&mut self, ode: &mut dyn LinearizedOde, h: f64) {
+    /// Corrections of y from the defects at the stages.
+    fn solve(&mut self, ode: &mut Counted<'_>, h: f64) {
         let f = self.formula;
-        transform(&f.t_inverse, &self.defects, &mut self.residual);
-        let [r1, r2, r3] = &mut self.residual;
+        transform(&f.t_inverse, &self.defects, &mut self.corrections);
+        let [r1, r2, r3] = &mut self.corrections;
         let (re, im) = f.complex;
         let scale = h / (re * re + im * im);
         for i in 0..r1.len() {
@@ -252,120 +123,17 @@ impl RadauStepper {
             r2[i] = scale * (re * a + im * b);
             r3[i] = scale * (re * b - im * a);
         }
-        self.statistics.solves += 2;
         ode.solve_defect(r1);
         ode.solve_complex_defect(r2, r3);
     }
 
-    /// Linearization, factorization and iteration. An iteration that fails is repeated with a fresh
-    /// linearization, then with the other residual, before the step is made shorter.
-    fn stages(
-        &mut self,
-        ode: &mut dyn LinearizedOde,
-        t: f64,
-        h: f64,
-        w: &[f64],
-        g: &[f64],
-        report: &mut StepReport,
-    ) -> Result<u32, StageFailure> {
-        let stale = match self.linearization {
-            Linearization::Current => false,
-            Linearization::None => true,
-            Linearization::Old => self.memory.contraction > self.options.reuse_contraction,
-        };
-        if stale {
-            self.linearize(ode, t, w, g)?;
+    /// γ₀h g + Σ eᵢ zᵢ.
+    fn combine(&self, h: f64, slope: &[f64], error: &mut [f64]) {
+        error.fill(0.0);
+        add_scaled(error, h / self.formula.real, slope);
+        for (z, &e) in self.z.iter().zip(&self.formula.e) {
+            add_scaled(error, e, z);
         }
-        self.factor(ode, h)?;
-        let mut outcome = self.iterate(ode, t, h, w, report);
-        if lost(&outcome) && self.linearization == Linearization::Old {
-            self.linearize(ode, t, w, g)?;
-            self.factor(ode, h)?;
-            report.contraction = 0.0;
-            outcome = self.iterate(ode, t, h, w, report);
-        }
-        if lost(&outcome) && self.options.adapt_iteration {
-            let before = self.defect;
-            self.defect = before.other();
-            let other = self.iterate(ode, t, h, w, report);
-            if other.is_ok() {
-                return other;
-            }
-            self.defect = before;
-        }
-        outcome
-    }
-
-    /// Scaled error (I − γ₀hJ)⁻¹ (γ₀h g₀ + Σ eᵢ zᵢ). Where a first or repeated attempt would fail,
-    /// g is taken at w₀ + error instead, because transients there are not what the step has to
-    /// follow.
-    fn error(&mut self, ode: &mut dyn LinearizedOde, t: f64, h: f64, w: &[f64], g: &[f64]) -> f64 {
-        let gamma_h = h / self.formula.real;
-        let estimate = |slope: &[f64], z: &[Vec<f64>; STAGES], e: &[f64; 3], out: &mut [f64]| {
-            out.fill(0.0);
-            add_scaled(out, gamma_h, slope);
-            for (z, &e) in z.iter().zip(e) {
-                add_scaled(out, e, z);
-            }
-        };
-        let [work, slope, _] = &mut self.residual;
-        estimate(g, &self.z, &self.formula.e, work);
-        if !self.options.filter_error {
-            return ode.norm(work);
-        }
-        self.statistics.solves += 1;
-        ode.solve(work);
-        let error = ode.norm(work);
-        let fragile = self.memory.history.accepted.is_none() || self.memory.history.rejected;
-        if !(error > 1.0 && fragile && !self.options.fixed_step) {
-            return error;
-        }
-        for ((state, &w), &e) in self.state.iter_mut().zip(w).zip(&*work) {
-            *state = w + e;
-        }
-        self.statistics.derivatives += 1;
-        if ode.derivative(t, &self.state, slope).is_err() {
-            return error;
-        }
-        estimate(slope, &self.z, &self.formula.e, work);
-        self.statistics.solves += 1;
-        ode.solve(work);
-        ode.norm(work)
-    }
-
-    /// Stores the end of the step and its dense output.
-    fn finish(&mut self, h: f64, w: &[f64]) {
-        for i in 0..w.len() {
-            self.end[i] = w[i] + self.z[STAGES - 1][i];
-        }
-        // From the formula and not by a new evaluation: that would multiply what is left of the
-        // iteration error by the stiffness.
-        self.end_slope.fill(0.0);
-        for (z, &a) in self.z.iter().zip(&self.formula.a_inverse[STAGES - 1]) {
-            add_scaled(&mut self.end_slope, a / h, z);
-        }
-        self.current.start.copy_from_slice(w);
-        self.current.step = h;
-        for (j, power) in self.current.powers.iter_mut().enumerate() {
-            power.fill(0.0);
-            for (z, dense) in self.z.iter().zip(&self.formula.dense) {
-                add_scaled(power, dense[j], z);
-            }
-        }
-        self.pending = true;
-    }
-
-    /// Judges the attempt: whether it is accepted, and the next step.
-    fn judge(&mut self, h: f64, error: f64, iterations: u32) -> StepVerdict {
-        if self.options.fixed_step && error.is_finite() {
-            return StepVerdict::Accept { next: h };
-        }
-        // More iterations than the shortest possible: be more careful.
-        let limit = 2.0 * f64::from(self.options.newton.max_iterations);
-        let safety = self.control.safety * (1.0 + limit) / (f64::from(iterations) + limit);
-        let reuse = self.memory.contraction <= self.options.reuse_contraction;
-        let dead_band = if reuse { self.options.dead_band } else { 1.0 };
-        StepControl { safety, dead_band, ..self.control }.judge(h, error, &self.memory.history)
     }
 }
 
@@ -378,117 +146,78 @@ fn transform(m: &[[f64; STAGES]; STAGES], x: &[Vec<f64>; STAGES], out: &mut [Vec
     }
 }
 
-impl Stepper for RadauStepper {
+impl Stages for RadauStages {
+    const DEGREE: usize = STAGES;
+
     fn order(&self) -> u32 {
         self.formula.order
     }
 
-    fn starting_order(&self) -> u32 {
+    fn embedded_order(&self) -> u32 {
         self.formula.embedded_order
     }
 
-    fn explicit(&self) -> bool {
-        false
+    fn factor(&mut self, ode: &mut Counted<'_>, h: f64) -> Result<(), EvaluationFailure> {
+        let eigenvalue = Complex64::new(self.formula.complex.0, self.formula.complex.1);
+        ode.factor(h / self.formula.real)?;
+        ode.factor_complex(h / eigenvalue)
     }
 
-    fn restart(&mut self) {
-        self.invalidate(false);
-        self.memory = Memory::default();
-    }
-
-    fn invalidate(&mut self, keep_history: bool) {
-        self.commit();
-        if !keep_history {
-            self.predict = false;
-            self.memory.eta = 1.0;
-        }
-        self.linearization = Linearization::None;
-        self.factored = None;
-        self.memory.contraction = f64::INFINITY;
-    }
-
-    fn discard(&mut self) {
-        if std::mem::take(&mut self.pending) {
-            self.memory = self.before;
-        }
-    }
-
-    fn attempt(
+    fn iterate(
         &mut self,
-        ode: &mut dyn LinearizedOde,
-        t: f64,
-        h: f64,
-        w: &[f64],
-        g: &[f64],
-    ) -> StepReport {
-        self.commit();
-        // A step without error control may start at w = 0; elsewhere |w| alone is the safe scale.
-        let movement = if self.options.fixed_step { h } else { 0.0 };
-        for ((scale, &w), &g) in self.state.iter_mut().zip(w).zip(g) {
-            *scale = w.abs() + movement * g.abs();
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        iteration: &mut Iteration<'_>,
+    ) -> Result<u32, Failure> {
+        self.predict(step.h, iteration.before);
+        let residual = iteration.residual;
+        iteration.converge(0, 1.0, |change| self.correct(ode, step, residual, change))
+    }
+
+    /// γ₀h g₀ + Σ eᵢ zᵢ, to be multiplied by (I − γ₀hJ)⁻¹.
+    fn estimate(
+        &mut self,
+        _ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        error: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.combine(step.h, step.g, error);
+        self.end.copy_from_slice(step.w);
+        add_scaled(&mut self.end, 1.0, &self.z[STAGES - 1]);
+        Ok(())
+    }
+
+    /// With g at w₀ + error in place of g₀.
+    fn estimate_again(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        error: &mut [f64],
+    ) -> bool {
+        for ((state, &w), &e) in self.state.iter_mut().zip(step.w).zip(&*error) {
+            *state = w + e;
         }
-        self.floor = f64::EPSILON * ode.norm(&self.state);
-        let mut report = StepReport::rejected(h);
-        self.before = self.memory;
-        match self.stages(ode, t, h, w, g, &mut report) {
-            Err((cause, ratio)) => {
-                self.predict = false;
-                self.memory.history.reject();
-                self.memory.contraction = f64::INFINITY;
-                report.next_step = h * ratio;
-                report.cause = Some(cause);
-            }
-            Ok(iterations) => {
-                if report.contraction > 0.0 {
-                    self.memory.contraction = report.contraction;
-                }
-                let error = self.error(ode, t, h, w, g);
-                match self.judge(h, error, iterations) {
-                    StepVerdict::Accept { next } => {
-                        self.finish(h, w);
-                        self.memory.history.accept(h, error);
-                        report.accept(error, next.min(self.options.max_step));
-                    }
-                    StepVerdict::Reject { retry } => {
-                        self.memory.history.reject();
-                        (report.error, report.next_step) = (error, retry);
-                        report.cause = Some(Rejection::ErrorTooLarge);
-                    }
-                }
-            }
+        let evaluated = ode.derivative(step.t, &self.state, &mut self.end_slope).is_ok();
+        if evaluated {
+            self.combine(step.h, &self.end_slope, error);
         }
-        self.statistics.count(report.cause.as_ref());
-        report
+        evaluated
     }
 
     fn end(&self) -> StepEnd<'_> {
-        StepEnd { w: &self.end, slope: &self.end_slope, evaluated: false }
+        StepEnd { w: &self.end, slope: &self.end_slope }
     }
 
-    fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
-        let segment = self.last();
-        w.copy_from_slice(&segment.start);
-        let mut power = 1.0;
-        for coefficient in &segment.powers {
-            power *= theta;
-            add_scaled(w, power, coefficient);
+    fn finish(&mut self, _ode: &mut Counted<'_>, step: &Step<'_>, segment: &mut Segment) {
+        // From the formula and not by a new evaluation: that would multiply what is left of the
+        // iteration error by the stiffness.
+        self.end_slope.fill(0.0);
+        for (z, &a) in self.z.iter().zip(&self.formula.a_inverse[STAGES - 1]) {
+            add_scaled(&mut self.end_slope, a / step.h, z);
         }
-    }
-
-    fn quadrature(&self) -> Option<StageQuadrature<'_>> {
-        Some(StageQuadrature { abscissas: &self.formula.c, weights: self.formula.b() })
-    }
-
-    fn stage(&self, i: usize, w: &mut [f64]) {
-        w.copy_from_slice(&self.last().start);
-        add_scaled(w, 1.0, &self.z[i]);
-    }
-
-    fn last_change(&self) -> &[f64] {
-        &self.residual[0]
-    }
-
-    fn statistics(&self) -> &StepperStatistics {
-        &self.statistics
+        segment.begin(step.h, step.w);
+        for (z, weights) in self.z.iter().zip(&self.formula.dense) {
+            segment.add(1.0, weights, z);
+        }
     }
 }

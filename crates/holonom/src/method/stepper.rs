@@ -56,45 +56,14 @@ impl StepReport {
     }
 }
 
-/// Age of the linearization.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Linearization {
-    /// There is none.
-    None,
-    /// Of the start of an earlier step.
-    Old,
-    /// Of the start of this step.
-    Current,
-}
-
-/// Failure of the stages: cause and ratio for the step.
-pub(crate) type StageFailure = (Rejection, f64);
-
-/// Whether the iteration did not converge.
-pub(crate) fn lost(outcome: &Result<u32, StageFailure>) -> bool {
-    matches!(outcome, Err((Rejection::NewtonDivergence | Rejection::NewtonSlow, _)))
-}
-
 /// State and slope at the end of an accepted step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepEnd<'a> {
     /// w₁.
     pub w: &'a [f64],
-    /// Slope at the end, to be passed as `g` to the next attempt.
+    /// Slope at the end: g there, or what follows from the formula, which agrees with g to the accuracy
+    /// of the step.
     pub slope: &'a [f64],
-    /// Whether `slope` is g(t₁, w₁), evaluated by the last call of [`Ode::derivative`]. If not, it
-    /// follows from the formula and agrees with g to the accuracy of the step.
-    pub evaluated: bool,
-}
-
-/// Nodes and weights with which ∫ f dt over the last step is h Σ bᵢ f(t₀ + cᵢh, wᵢ), of the order of
-/// the formula, wᵢ from [`Stepper::stage`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StageQuadrature<'a> {
-    /// Abscissas cᵢ.
-    pub abscissas: &'a [f64],
-    /// Weights bᵢ.
-    pub weights: &'a [f64],
 }
 
 /// Work counters since construction.
@@ -239,13 +208,6 @@ pub trait Stepper: Send {
     /// `keep_history` predictors and multistep histories are dropped too, but not step control.
     fn invalidate(&mut self, keep_history: bool);
 
-    /// The meaning of w has changed, and `map` makes slopes of the new w out of the further slopes
-    /// ([`Ode::further_slopes`]); it must be linear. Multistep formulas built for further slopes
-    /// go on at their order; the others do as for `invalidate(false)`.
-    fn reparametrize(&mut self, _map: &mut dyn FnMut(&[f64], &mut [f64])) {
-        self.invalidate(false);
-    }
-
     /// Takes back the accepted step: the next attempt starts where it started (event location,
     /// refusal of the end state by the caller).
     fn discard(&mut self);
@@ -267,15 +229,6 @@ pub trait Stepper: Send {
 
     /// State at t₀ + θh of the last accepted step, 0 ≤ θ ≤ 1.
     fn interpolate(&mut self, theta: f64, w: &mut [f64]);
-
-    /// Quadrature along the last accepted step, if stage values approximate the solution.
-    fn quadrature(&self) -> Option<StageQuadrature<'_>> {
-        None
-    }
-
-    /// Stage value i of the last accepted step, before the next attempt; formulas with
-    /// [`Stepper::quadrature`] only.
-    fn stage(&self, _i: usize, _w: &mut [f64]) {}
 
     /// What the last attempt was rejected for, in w: the last correction of an iteration that failed,
     /// or the estimated error; empty where neither is kept.

@@ -14,7 +14,6 @@ pub(crate) struct DenseOde {
     slope: Slope,
     jacobian: Jacobian,
     time_slope: TimeSlope,
-    further: Option<Box<dyn Fn(&[f64], &mut [f64])>>,
     pub(crate) atol: f64,
     pub(crate) rtol: f64,
     pub(crate) split: usize,
@@ -41,7 +40,6 @@ impl DenseOde {
             slope: Box::new(slope),
             jacobian: Box::new(jacobian),
             time_slope: Box::new(|_, _, g_t| g_t.fill(0.0)),
-            further: None,
             atol: 1e-6,
             rtol: 1e-6,
             split: 0,
@@ -72,11 +70,6 @@ impl DenseOde {
 
     pub(crate) fn with_time_slope(mut self, f: impl Fn(f64, &[f64], &mut [f64]) + 'static) -> Self {
         self.time_slope = Box::new(f);
-        self
-    }
-
-    pub(crate) fn with_further_slopes(mut self, f: impl Fn(&[f64], &mut [f64]) + 'static) -> Self {
-        self.further = Some(Box::new(f));
         self
     }
 
@@ -115,18 +108,6 @@ impl Ode for DenseOde {
 
     fn second_order_split(&self) -> usize {
         self.split
-    }
-
-    fn further_slopes(
-        &mut self,
-        _t: f64,
-        w: &[f64],
-        slopes: &mut [f64],
-    ) -> Result<(), EvaluationFailure> {
-        if let Some(further) = &self.further {
-            further(w, slopes);
-        }
-        Ok(())
     }
 }
 

@@ -1,0 +1,270 @@
+//! One attempt of an implicit formula, as far as it is the same for all of them: the age of the
+//! linearization, what is tried when an iteration fails, the judgement of the error, and what attempts
+//! leave behind.
+
+use super::counted::Counted;
+use super::iteration::{Failure, Iteration, MAX_SYSTEMS};
+use super::matrices::Matrices;
+use super::memory::Memory;
+use super::ode::{EvaluationFailure, LinearizedOde};
+use super::second_order::Residual;
+use super::segment::Segment;
+use super::stages::{Stages, Step};
+use super::stepper::{Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics};
+use crate::control::{StepControl, StepLaw, StepVerdict};
+
+/// Stepper of an implicit formula with the stages `S`.
+#[derive(Debug, Clone)]
+pub struct ImplicitStepper<S> {
+    stages: S,
+    options: StepperOptions,
+    control: StepControl,
+    memory: Memory,
+    /// The memory before the last attempt, for [`Stepper::discard`].
+    before: Memory,
+    /// The last attempt was accepted and nothing has been built on it yet.
+    pending: bool,
+    matrices: Matrices,
+    residual: Residual,
+    /// The step before may predict this one.
+    predicts: bool,
+    /// Weighted norm of round-off in w₀.
+    floor: f64,
+    /// The last correction of an iteration, or the estimated error.
+    change: Vec<f64>,
+    current: Segment,
+    previous: Segment,
+    statistics: StepperStatistics,
+}
+
+impl<S: Stages> ImplicitStepper<S> {
+    /// A stepper for systems of `dimension` unknowns.
+    pub(super) fn of(stages: S, dimension: usize, options: StepperOptions) -> Self {
+        let law = if options.predictive { StepLaw::Predictive } else { StepLaw::Standard };
+        Self {
+            options,
+            control: StepControl { law, ..StepControl::implicit(stages.embedded_order()) },
+            memory: Memory::default(),
+            before: Memory::default(),
+            pending: false,
+            matrices: Matrices::NONE,
+            residual: options.residual,
+            predicts: false,
+            floor: 0.0,
+            change: vec![0.0; dimension],
+            current: Segment::new(dimension, S::DEGREE),
+            previous: Segment::new(dimension, S::DEGREE),
+            statistics: StepperStatistics::default(),
+            stages,
+        }
+    }
+
+    /// Makes the accepted step the past.
+    fn commit(&mut self) {
+        if std::mem::take(&mut self.pending) {
+            std::mem::swap(&mut self.current, &mut self.previous);
+            self.predicts = true;
+            self.stages.commit();
+            self.matrices.grow_old();
+        }
+    }
+
+    /// One try of all stages with the matrices at hand.
+    fn iterate(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        report: &mut StepReport,
+    ) -> Result<u32, Failure> {
+        let mut iteration = Iteration {
+            before: self.predicts.then_some(&self.previous),
+            residual: self.residual,
+            control: self.options.iteration(),
+            floor: self.floor,
+            eta: &mut self.memory.eta,
+            change: &mut self.change,
+            report,
+        };
+        self.stages.iterate(ode, step, &mut iteration)
+    }
+
+    /// Linearization, factorization and stages. An iteration that fails is repeated with a fresh
+    /// linearization, then with the other residual, before the step is made shorter.
+    fn solve(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        report: &mut StepReport,
+    ) -> Result<u32, Failure> {
+        let reuse = self.memory.reuses(&self.options);
+        self.matrices.prepare(&mut self.stages, ode, step, reuse)?;
+        let repeats = |failure: &Failure| S::REPEATS_EVALUATIONS || failure.is_of_newton();
+        let mut outcome = self.iterate(ode, step, report);
+        if self.matrices.are_old() && outcome.as_ref().is_err_and(repeats) {
+            self.matrices.prepare(&mut self.stages, ode, step, false)?;
+            report.contraction = 0.0;
+            outcome = self.iterate(ode, step, report);
+        }
+        match outcome {
+            Err(failure) if self.options.adapt_iteration && repeats(&failure) => {
+                self.iterate_on_other_residual(ode, step, report).ok_or(failure)
+            }
+            outcome => outcome,
+        }
+    }
+
+    /// Goes over to the other residual, for good if the iteration converges on it.
+    fn iterate_on_other_residual(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        report: &mut StepReport,
+    ) -> Option<u32> {
+        self.residual = self.residual.other();
+        let iterations = self.iterate(ode, step, report).ok();
+        if iterations.is_none() {
+            self.residual = self.residual.other();
+        }
+        iterations
+    }
+
+    /// Scaled error, filtered; estimated again where a first or repeated attempt would fail, because
+    /// transients there are not what the step has to follow.
+    fn error(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> Result<f64, EvaluationFailure> {
+        let (stages, error) = (&mut self.stages, &mut self.change);
+        stages.estimate(ode, step, error)?;
+        if !self.options.filter_error {
+            return Ok(ode.error_norm(error, stages.end().w));
+        }
+        let least = S::LEAST_FILTERED.map(|part| part * ode.error_norm(error, stages.end().w));
+        stages.filter(ode, error);
+        let filtered = ode.error_norm(error, stages.end().w);
+        let found = least.map_or(filtered, |least| filtered.max(least));
+        let again = found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
+        if !(again && stages.estimate_again(ode, step, error)) {
+            return Ok(found);
+        }
+        stages.filter(ode, error);
+        Ok(ode.error_norm(error, stages.end().w))
+    }
+
+    /// The attempt up to its judgement: error, and what follows from it.
+    fn advance(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        report: &mut StepReport,
+    ) -> Result<(f64, StepVerdict), Failure> {
+        let last_stage = self.solve(ode, step, report)?;
+        if report.contraction > 0.0 {
+            self.memory.contraction = report.contraction;
+        }
+        let error = self.error(ode, step)?;
+        let verdict = self.memory.judge(self.control, &self.options, step.h, error, last_stage);
+        Ok((error, verdict))
+    }
+
+    /// Weighted norm of round-off at the start of the step.
+    fn find_floor(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) {
+        // A step without error control may start at w = 0; elsewhere |w| alone is the safe scale.
+        let movement = if self.options.fixed_step { step.h } else { 0.0 };
+        for ((scale, &w), &g) in self.change.iter_mut().zip(step.w).zip(step.g) {
+            *scale = w.abs() + movement * g.abs();
+        }
+        self.floor = f64::EPSILON * ode.norm(&self.change);
+    }
+}
+
+impl<S: Stages> Stepper for ImplicitStepper<S> {
+    fn order(&self) -> u32 {
+        self.stages.order()
+    }
+
+    fn starting_order(&self) -> u32 {
+        self.stages.embedded_order()
+    }
+
+    fn explicit(&self) -> bool {
+        false
+    }
+
+    fn restart(&mut self) {
+        self.invalidate(false);
+        self.memory = Memory::default();
+        self.stages.restart();
+    }
+
+    fn invalidate(&mut self, keep_history: bool) {
+        self.commit();
+        if !keep_history {
+            self.predicts = false;
+            self.memory.eta = [1.0; MAX_SYSTEMS];
+        }
+        self.stages.invalidate();
+        self.matrices = Matrices::NONE;
+        self.memory.contraction = f64::INFINITY;
+    }
+
+    fn discard(&mut self) {
+        if std::mem::take(&mut self.pending) {
+            self.memory = self.before;
+        }
+    }
+
+    fn attempt(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        h: f64,
+        w: &[f64],
+        g: &[f64],
+    ) -> StepReport {
+        self.commit();
+        let step = Step { t, h, w, g };
+        let mut ode = Counted::new(ode, self.statistics);
+        let mut report = StepReport::rejected(h);
+        self.before = self.memory;
+        self.find_floor(&mut ode, &step);
+        match self.advance(&mut ode, &step, &mut report) {
+            Ok((error, StepVerdict::Accept { next })) => {
+                self.stages.finish(&mut ode, &step, &mut self.current);
+                self.pending = true;
+                self.memory.history.accept(h, error);
+                report.accept(error, next.min(self.options.max_step));
+            }
+            Ok((error, StepVerdict::Reject { retry })) => {
+                self.memory.history.reject();
+                (report.error, report.next_step) = (error, retry);
+                report.cause = Some(Rejection::ErrorTooLarge);
+            }
+            Err(failure) => {
+                self.predicts = false;
+                self.memory.history.reject();
+                self.memory.contraction = f64::INFINITY;
+                report.next_step = h * failure.ratio;
+                report.cause = Some(failure.cause);
+            }
+        }
+        ode.statistics.iterations += u64::from(report.iterations);
+        ode.statistics.count(report.cause.as_ref());
+        self.statistics = ode.statistics;
+        report
+    }
+
+    fn end(&self) -> StepEnd<'_> {
+        self.stages.end()
+    }
+
+    fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
+        let last = if self.pending { &self.current } else { &self.previous };
+        last.interpolate(theta, w);
+    }
+
+    fn last_change(&self) -> &[f64] {
+        &self.change
+    }
+
+    fn statistics(&self) -> &StepperStatistics {
+        &self.statistics
+    }
+}

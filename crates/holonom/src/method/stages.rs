@@ -1,0 +1,109 @@
+//! What a family of implicit formulas is to the shell that all of them share.
+
+use super::counted::Counted;
+use super::iteration::{Failure, Iteration};
+use super::ode::EvaluationFailure;
+use super::segment::Segment;
+use super::stepper::StepEnd;
+use std::fmt::Debug;
+
+/// A step to be tried: from (t, w) with slope g over h.
+#[derive(Debug, Clone, Copy)]
+pub struct Step<'a> {
+    pub(super) t: f64,
+    pub(super) h: f64,
+    pub(super) w: &'a [f64],
+    pub(super) g: &'a [f64],
+}
+
+/// The stages of an implicit formula and its buffers.
+///
+/// The shell, [`super::attempt::ImplicitStepper`], calls `linearize`, `factor`, `iterate`, `estimate` and, for
+/// an accepted step, `finish`, each when those before have succeeded.
+pub trait Stages: Debug + Send {
+    /// Degree of the dense output.
+    const DEGREE: usize;
+    /// The part of an error that its filter leaves at least, for formulas whose errors on stiff
+    /// components do not vanish as the filtered estimate does.
+    const LEAST_FILTERED: Option<f64> = None;
+    /// Whether stages that cannot be evaluated are tried again as those that do not converge are:
+    /// with a fresh linearization, then with the other residual.
+    const REPEATS_EVALUATIONS: bool = false;
+
+    /// Order of the formula.
+    fn order(&self) -> u32;
+
+    /// Order of the embedded solution.
+    fn embedded_order(&self) -> u32;
+
+    /// Linearizes at the start of the step.
+    ///
+    /// # Errors
+    /// When the system cannot be evaluated there.
+    fn linearize(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> Result<(), EvaluationFailure> {
+        ode.linearize(step.t, step.w, step.g)
+    }
+
+    /// Factors the matrices of a step of length h.
+    ///
+    /// # Errors
+    /// When one is singular.
+    fn factor(&mut self, ode: &mut Counted<'_>, h: f64) -> Result<(), EvaluationFailure>;
+
+    /// Predicts and solves all stages. Returns the iterations of the last one; 1 where none are made.
+    ///
+    /// # Errors
+    /// When an iteration fails or the system cannot be evaluated.
+    fn iterate(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        iteration: &mut Iteration<'_>,
+    ) -> Result<u32, Failure>;
+
+    /// Finds the end of the step and estimates its error, not yet filtered.
+    ///
+    /// # Errors
+    /// When the system cannot be evaluated at the end, where that is tried.
+    fn estimate(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        error: &mut [f64],
+    ) -> Result<(), EvaluationFailure>;
+
+    /// Multiplies an error by (I − γhJ)⁻¹.
+    fn filter(&mut self, ode: &mut Counted<'_>, error: &mut [f64]) {
+        ode.solve(error);
+    }
+
+    /// Turns the filtered `error` into an estimate in which transients of the step's start count for
+    /// less, to be filtered once more; false if there is none. As it stands it is one.
+    fn estimate_again(
+        &mut self,
+        _ode: &mut Counted<'_>,
+        _step: &Step<'_>,
+        _error: &mut [f64],
+    ) -> bool {
+        true
+    }
+
+    /// The end of the step, after `estimate`; its slope after `finish`.
+    fn end(&self) -> StepEnd<'_>;
+
+    /// Makes the slope at the end and the dense output of an accepted step.
+    fn finish(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, segment: &mut Segment);
+
+    /// The end of the accepted step becomes the start of the next one.
+    fn commit(&mut self) {}
+
+    /// The meaning of w has changed.
+    fn invalidate(&mut self) {}
+
+    /// What came before does not continue.
+    fn restart(&mut self) {}
+}
