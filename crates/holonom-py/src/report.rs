@@ -183,6 +183,7 @@ pub(crate) fn summary(summary: &Summary, code: Code, cpu_seconds: f64, simulated
             "imbalance": e.imbalance,
             "largest_imbalance": e.largest_imbalance,
             "range": e.range,
+            "moved": e.moved,
         },
         "warnings": summary.warnings.iter()
             .map(|w| json!({"code": w.code, "message": w.message, "path": ""}))

@@ -2,6 +2,7 @@
 
 mod checks;
 mod diagnosis;
+mod energy_scale;
 mod ledger;
 mod options;
 mod output;

@@ -2,6 +2,7 @@
 
 use super::checks::{RunError, check_options, check_tables, find_channels};
 use super::diagnosis::{Stop, Suspects, diagnose};
+use super::energy_scale::EnergyScale;
 use super::ledger::{StepPowers, powers};
 use super::options::Options;
 use super::output::{CHUNK_ROWS, CHUNK_STEPS, Output};
@@ -111,6 +112,7 @@ pub fn run(
         start_residuals: (0.0, 0.0),
         energy: EnergySummary { start: energy, ..EnergySummary::default() },
         kinetic_range: (energy.kinetic, energy.kinetic),
+        energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
         output: Output::new(options, &state, channels),
         w: vec![0.0; dimension],
@@ -165,6 +167,7 @@ struct Run<'a> {
     statistics: Statistics,
     energy: EnergySummary,
     kinetic_range: (f64, f64),
+    energy_scale: EnergyScale,
     powers: StepPowers,
     output: Output,
     warnings: Vec<RunWarning>,
@@ -421,6 +424,7 @@ impl Run<'_> {
         e.largest_imbalance = e.largest_imbalance.max(imbalance.abs());
         let (low, high) = self.kinetic_range;
         self.kinetic_range = (low.min(energy.kinetic), high.max(energy.kinetic));
+        self.energy_scale.take(self.system.as_ref(), &self.state, energy);
     }
 
     /// Chooses another partition when the present one has become ill-conditioned.
@@ -571,8 +575,11 @@ impl Run<'_> {
         e.imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
             - ledger.supplied;
         e.range = self.kinetic_range.1 - self.kinetic_range.0;
+        e.moved = self.energy_scale.moved();
         let dropped = &self.form.manifold().chart().parametrization().dropped;
-        self.warnings = warnings(self.system.as_ref(), dropped, s, e, self.kinetic_range.1);
+        let relative = self.options.tolerance.relative;
+        let round_off = self.energy_scale.round_off();
+        self.warnings = warnings(self.system.as_ref(), dropped, s, e, relative, round_off);
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
                 Err(Stop::Sink(message))

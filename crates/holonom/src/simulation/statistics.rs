@@ -123,6 +123,10 @@ pub struct EnergySummary {
     pub imbalance: f64,
     /// Largest |imbalance| at accepted steps, J.
     pub largest_imbalance: f64,
-    /// Largest minus smallest kinetic energy seen: the scale of the imbalance, J.
+    /// Largest minus smallest kinetic energy seen, J.
     pub range: f64,
+    /// What the imbalance is measured against: the largest of the kinetic energy, the dissipation, the
+    /// supply and the range of the potential, J. Bodies that no joint ties to the ground are seen from
+    /// the frame of their centre of mass at the start.
+    pub moved: f64,
 }
