@@ -1,6 +1,7 @@
 //! The run: loop, output, energy, statistics, diagnosis.
 
 mod checks;
+mod clock;
 mod diagnosis;
 mod energy_scale;
 mod ledger;

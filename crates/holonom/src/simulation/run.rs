@@ -1,6 +1,7 @@
 //! The run loop: steps, output, limits, re-parametrization, diagnosis.
 
 use super::checks::{RunError, check_options, check_tables, find_channels};
+use super::clock::{Elapsed, Stopwatch};
 use super::diagnosis::{Stop, Suspects, diagnose};
 use super::energy_scale::EnergyScale;
 use super::ledger::{StepPowers, powers};
@@ -65,7 +66,7 @@ pub fn run(
     from: Option<&State>,
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
-    let begun = Instant::now();
+    let begun = Stopwatch::start();
     let system = problem.system().clone();
     let given = from.map(|state| problem.start_from(state)).transpose()?;
     let start = from.map_or(problem.model().simulation.start_time.unwrap_or(0.0), |state| state.t);
@@ -103,9 +104,13 @@ pub fn run(
         fixed,
         options.max_step,
     );
-    let assembly_seconds = begun.elapsed().as_secs_f64();
-    let statistics =
-        Statistics { assembly_seconds, smallest_step: f64::INFINITY, ..Statistics::default() };
+    let assembly = begun.elapsed();
+    let statistics = Statistics {
+        assembly_seconds: assembly.wall.as_secs_f64(),
+        assembly_cpu_seconds: assembly.processor.as_secs_f64(),
+        smallest_step: f64::INFINITY,
+        ..Statistics::default()
+    };
     let mut run = Run {
         options,
         condition_reference: 0.0,
@@ -130,13 +135,15 @@ pub fn run(
         started: Instant::now(),
         last_poll: Instant::now(),
         last_flush: Instant::now(),
-        sink_time: Duration::ZERO,
+        sink_time: Elapsed::default(),
         system,
     };
-    let looped = Instant::now();
+    let looped = Stopwatch::start();
     let stop = run.advance();
     let (status, stop) = run.finish(stop);
-    run.statistics.run_seconds = (looped.elapsed().saturating_sub(run.sink_time)).as_secs_f64();
+    let took = looped.elapsed() - run.sink_time;
+    run.statistics.run_seconds = took.wall.as_secs_f64();
+    run.statistics.run_cpu_seconds = took.processor.as_secs_f64();
     Ok(Summary {
         status,
         stop,
@@ -175,7 +182,7 @@ struct Run<'a> {
     started: Instant,
     last_poll: Instant,
     last_flush: Instant,
-    sink_time: Duration,
+    sink_time: Elapsed,
 }
 
 impl Run<'_> {
@@ -512,7 +519,7 @@ impl Run<'_> {
         if self.last_poll.elapsed() < POLL {
             return Ok(());
         }
-        let begun = Instant::now();
+        let begun = Stopwatch::start();
         let flow = self.sink.progress(self.state.t, h, self.statistics.steps);
         self.last_poll = Instant::now();
         self.sink_time += begun.elapsed();
@@ -535,7 +542,7 @@ impl Run<'_> {
     }
 
     fn flush(&mut self) -> Result<(), Stop> {
-        let begun = Instant::now();
+        let begun = Stopwatch::start();
         self.statistics.outputs += self.output.chunk.time.len() as u64;
         let result = self.sink.chunk(&self.output.chunk).map_err(Stop::Sink);
         self.output.chunk.clear();

@@ -102,9 +102,13 @@ pub struct Statistics {
     pub largest_step: f64,
     /// Wall time of assembly, s.
     pub assembly_seconds: f64,
+    /// Processor time of assembly, s.
+    pub assembly_cpu_seconds: f64,
     /// Wall time of the run without its sink, s.
     pub run_seconds: f64,
-    /// Part of it spent on output rows, s.
+    /// Processor time of the run's thread without its sink, s; 0 where the system does not tell.
+    pub run_cpu_seconds: f64,
+    /// Part of the wall time spent on output rows, s.
     pub output_seconds: f64,
 }
 
