@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from holonom._core import version as _version
+from holonom.certification import Certification, ChannelError
 from holonom.check import CheckReport
 from holonom.compare import compare
 from holonom.comparison import Comparison, ComparisonInterrupted
@@ -32,6 +33,8 @@ from holonom.result import Result
 __version__ = _version()
 
 __all__ = [
+    "Certification",
+    "ChannelError",
     "CheckReport",
     "Comparison",
     "ComparisonInterrupted",

@@ -99,6 +99,13 @@ def run(
         float | None, typer.Option(help="γ of Newmark's formula, for SspTrap and InflTrap.")
     ] = None,
     newmark_beta: Annotated[float | None, typer.Option(help="β of the same.")] = None,
+    certify: Annotated[
+        bool,
+        typer.Option(
+            "--certify",
+            help="Repeat at a tenth of the tolerance; report the error of every channel.",
+        ),
+    ] = False,
     values: Values = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
     json_: Json = False,
@@ -128,12 +135,13 @@ def run(
         raise UsageError("`--at` needs `--start RESULT`")
     state = None if start is None else Result.load(start).state(at)
     failure: SimulationError | None = None
-    with _Progress(loaded, end_time, shown=not (quiet or json_)) as progress:
+    with _Progress(loaded, end_time, certify=certify, shown=not (quiet or json_)) as progress:
         try:
             result = loaded.simulate(
                 start=state,
                 output=target,
                 progress=progress,
+                certify=certify,
                 **{key: value for key, value in choices.items() if value is not None},
             )
         except SimulationError as error:
@@ -416,7 +424,12 @@ def invoke(arguments: Sequence[str]) -> int:
 class _Progress:
     """A bar on a terminal; nothing elsewhere."""
 
-    def __init__(self, model: Model, end_time: float | None, *, shown: bool) -> None:
+    def __init__(
+        self, model: Model, end_time: float | None, *, certify: bool = False, shown: bool
+    ) -> None:
+        self._certify = certify
+        self._steps = 0
+        self._runs = 0
         self._end = end_time or model.defaults.get("end_time") or 0.0
         self._start: float | None = None
         self._name = model.name
@@ -439,8 +452,12 @@ class _Progress:
     def _update(self, time: float, step_size: float, steps: int) -> None:
         if self._start is None:
             self._start = time
+        self._runs += self._runs == 0 or (steps == 0 and self._steps > 0)
+        self._steps = steps
+        name = f"{self._name}, run {self._runs} of 2" if self._certify else self._name
         self._bar.update(
             self._task,
+            description=name,
             completed=time - self._start,
             total=max(self._end - self._start, 0.0) or None,
             text=f"t {time:.4f} / {self._end:g} s, h {step_size:.1e} s, {steps} steps",

@@ -156,6 +156,7 @@ class Model:
         output: str | Path | None = None,
         on_failure: Literal["raise", "return"] = "raise",
         progress: Progress | None = None,
+        certify: bool = False,
         **choices: Any,
     ) -> Result:
         """Run the model.
@@ -170,7 +171,11 @@ class Model:
         on_failure : {"raise", "return"}
             What to do when the run ends early: raise, or return what there is with its `status`.
         progress : callable, optional
-            Called with time (s), step size (s) and number of steps, about ten times a second.
+            Called with time (s), step size (s) and number of steps, about ten times a second; with
+            `certify` for both runs, at the beginning of the second one with zero steps.
+        certify : bool
+            Whether to repeat the run at a tenth of the tolerance and to measure the error of every
+            channel: see `Result.certification`. The result is that of the first run, unchanged.
         **choices
             Those of `Options`: ``end_time``, ``tolerance``, ``method``, ``interval``,
             ``channels``, …; what is not stated comes from the model.
@@ -184,7 +189,8 @@ class Model:
         SimulationError
             If the run ends before its end time; its ``result`` holds what was computed.
         Interrupted
-            If Ctrl-C ended the run; likewise.
+            If Ctrl-C ended the run; likewise. In the second run of `certify` the ``result`` is
+            whole, and not certified.
         """
         from holonom.simulation import run  # here, because it needs `Model` itself
 
@@ -192,7 +198,7 @@ class Model:
             raise UsageError(f"`on_failure` is {on_failure!r}; it must be 'raise' or 'return'")
         options = Options.of(choices)
         target = None if output is None else Path(output)
-        return run(self, options, start, target, on_failure == "raise", progress)
+        return run(self, options, start, target, on_failure == "raise", progress, certify)
 
     @property
     def title(self) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from holonom import plotting
 from holonom.check import plain
 from holonom.errors import FileError
-from holonom.summary import STATUS, summarize
+from holonom.summary import STATUS, certified, summarize, with_unit
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -91,6 +91,7 @@ def render(result: Result) -> str:
         _tiles(result),
         _card(_table(summarize(result))),
     ]
+    sections += [_certification(result)]
     if result.time.size:
         sections += [_channels(result), _residuals(result), _energy(result)]
     else:
@@ -133,8 +134,36 @@ def _tiles(result: Result) -> str:
     if "energy.imbalance" in result.channels and result.time.size:
         worst = np.abs(result["energy.imbalance"]).max()
         tiles.append((f"{worst:.1e} J", "largest energy imbalance"))
+    if (found := result.certification) is not None and found.worst is not None:
+        tiles.append((f"{found.worst.tolerances:.3g} tolerances", "largest measured error"))
     cells = "".join(f"<div><b>{escape(v)}</b><span>{escape(k)}</span></div>" for v, k in tiles)
     return f'<div class="tiles">{cells}</div>' if tiles else ""
+
+
+def _certification(result: Result) -> str:
+    found = result.certification
+    if found is None:
+        return ""
+    said = f'<p class="note">Certified: {escape(certified(found))}.</p>'
+    if not found.channels:
+        return f"<h2>Measured error</h2>{said}"
+    rows = [
+        (
+            c.name,
+            f"{c.tolerances:.3g}",
+            with_unit(c.error, c.unit),
+            with_unit(c.tolerance, c.unit),
+            f"{c.time:.6g} s",
+        )
+        for c in found.ranked
+    ]
+    head = ("channel", "error in tolerances", "error", "tolerance there", "time")
+    until = "" if found.until is None else f" up to {found.until:.6g} s"
+    note = (
+        f'<p class="note">The run was repeated at a tenth of its tolerance and compared{until}. '
+        "Each line is where the channel is furthest off; 1 is on tolerance.</p>"
+    )
+    return f"<h2>Measured error</h2>{said}" + _card(_grid(head, rows) + note)
 
 
 def _channels(result: Result) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from holonom.certification import Certification
 from holonom.errors import UsageError
 from holonom.model import Model, expand, split_component
 from holonom.store import STATE, Quantity, Reader
@@ -223,6 +224,12 @@ class Result:
     def warnings(self) -> list[dict[str, str]]:
         """Warnings of the model and of the run."""
         return list(self.meta.get("warnings") or [])
+
+    @property
+    def certification(self) -> Certification | None:
+        """Measured error of every channel, if the run was made with ``certify=True``."""
+        data = self.meta.get("certification")
+        return None if data is None else Certification.from_json(data)
 
     @property
     def options(self) -> dict[str, Any]:

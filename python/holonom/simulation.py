@@ -16,10 +16,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom import _core
-from holonom.errors import Interrupted, SimulationError, UsageError, translated
+from holonom.certification import (
+    NO_SECOND_RUN,
+    Certification,
+    Measurement,
+    certified_channels,
+    tightened,
+    unfinished,
+)
+from holonom.errors import HolonomError, Interrupted, SimulationError, UsageError, translated
 from holonom.model import split_component
 from holonom.result import Result
-from holonom.store import STATE, Writer, require_replaceable
+from holonom.store import STATE, Reader, Writer, require_replaceable
 
 if TYPE_CHECKING:
     from holonom.model import Model, Progress
@@ -36,6 +44,7 @@ def run(
     output: Path | None,
     raise_failure: bool,
     progress: Progress | None,
+    certify: bool,
 ) -> Result:
     """Run a model; see `Model.simulate`."""
     asked = options.to_dict()
@@ -66,11 +75,13 @@ def run(
             )
     if output is not None:
         require_replaceable(output)
+    if certify:
+        _require_error_control(model, chosen)
 
-    recorder = _Recorder(model, chosen, requested, output)
+    recorder = _Recorder(model, chosen, requested, output, certify)
     try:
         with _deferred_interrupts() as heed:
-            summary = _simulate(model, chosen, state, recorder, progress, heed)
+            summary = _simulate(model, chosen, state, recorder.append, progress, heed)
             recorder.finish(summary)
     except KeyboardInterrupt:  # after the end: everything is stored
         reason = {"code": "simulation/interrupted", "message": "interrupted after the run"}
@@ -85,7 +96,75 @@ def run(
             raise Interrupted({"code": "simulation/interrupted", **reason}, result)
         if raise_failure:
             raise SimulationError(reason, result)
+    elif certify and _certify(model, chosen, state, recorder.reader, progress):
+        message = "interrupted in the second run, which certifies; the result of the first is whole"
+        raise Interrupted({"code": "simulation/interrupted", "message": message}, result)
     return result
+
+
+def _require_error_control(model: Model, chosen: Mapping[str, Any]) -> None:
+    """Refuse to certify steps that no tolerance controls."""
+    stated = json.loads(model.to_json()).get("simulation") or {}
+    step = chosen.get("fixed_step", stated.get("fixed_step"))
+    if step is not None:
+        raise UsageError(
+            "`certify` repeats the run at a tenth of the tolerance, and a fixed step follows none"
+            "\n  help: leave `fixed_step` out, or run twice with different steps and compare"
+        )
+
+
+def _certify(
+    model: Model,
+    chosen: dict[str, Any],
+    state: dict[str, NDArray[np.float64]] | None,
+    reader: Reader,
+    progress: Progress | None,
+) -> bool:
+    """Run a second time at a tenth of the tolerance and add what it says to the first run's store.
+
+    Returns
+    -------
+    bool
+        Whether Ctrl-C was pressed.
+    """
+    start = float(state["time"][0]) if state else float(chosen["start_time"])
+    second = chosen | {"tolerance": tightened(chosen["tolerance"])}
+    times: list[float] = chosen.get("output_times") or [start]
+    # Positions are measured by their movement since the start, which is then an output, too.
+    ahead = int(times[0] > start)
+    if ahead:
+        second["output_times"] = [start, *times]
+    names = certified_channels(model, reader.meta["requested"])
+    measurement = Measurement(model, names, reader, chosen["tolerance"], ahead)
+    summary: dict[str, Any] = {}
+    failure: dict[str, Any] | None = None
+    interrupted = False
+    try:
+        if progress is not None:
+            progress(start, 0.0, 0)
+        with _deferred_interrupts() as heed:
+            summary = _simulate(model, second, state, measurement.append, progress, heed)
+    except KeyboardInterrupt:
+        interrupted = True
+    except HolonomError as error:
+        failure = error.to_json()
+    if summary and summary["status"] != "completed":
+        failure = summary["stop_reason"]
+        interrupted = interrupted or summary["status"] == "interrupted"
+    elif interrupted and not measurement.complete:
+        failure = {"code": "simulation/interrupted", "message": "interrupted"}
+    certification = Certification(
+        tolerance=second["tolerance"],
+        channels=measurement.errors(),
+        until=measurement.until,
+        reason=unfinished(failure) if failure else {},
+        statistics=summary.get("statistics") or {},
+    )
+    warnings = [*reader.meta["warnings"]]
+    if warning := certification.warning():
+        warnings.append(warning)
+    reader.amend({"certification": certification.to_json(), "warnings": warnings})
+    return interrupted
 
 
 def start_state(start: object) -> dict[str, NDArray[np.float64]]:
@@ -127,7 +206,7 @@ def _simulate(
     model: Model,
     chosen: dict[str, Any],
     state: dict[str, NDArray[np.float64]] | None,
-    recorder: _Recorder,
+    on_chunk: Callable[[dict[str, Any]], None],
     progress: Progress | None,
     heed: Callable[[], None],
 ) -> dict[str, Any]:
@@ -137,7 +216,7 @@ def _simulate(
             progress(time, step_size, steps)
 
     with translated():
-        text = model._core.simulate(json.dumps(chosen), state, recorder.append, on_progress)
+        text = model._core.simulate(json.dumps(chosen), state, on_chunk, on_progress)
     summary: dict[str, Any] = json.loads(text)
     return summary
 
@@ -146,13 +225,20 @@ class _Recorder:
     """Opens the store with the first chunk, so that a run that never starts replaces nothing."""
 
     def __init__(
-        self, model: Model, chosen: dict[str, Any], requested: list[str], output: Path | None
+        self,
+        model: Model,
+        chosen: dict[str, Any],
+        requested: list[str],
+        output: Path | None,
+        certified: bool,
     ) -> None:
         self._model = model
         self._chosen = chosen
         self._requested = requested
         self._output = output
+        self._certified = certified
         self._writer: Writer | None = None
+        self._reader: Reader | None = None
 
     def append(self, chunk: dict[str, Any]) -> None:
         """Store a chunk of the core."""
@@ -163,14 +249,24 @@ class _Recorder:
         summary = dict(summary)
         warnings = [*self._model.warnings]
         warnings += [w for w in summary.pop("warnings", None) or [] if w not in warnings]
+        if self._certified:
+            none = Certification(tightened(self._chosen["tolerance"]), reason=NO_SECOND_RUN)
+            summary["certification"] = none.to_json()
         self._open().finish(summary | {"warnings": warnings, "finished": _now()})
 
     def close(self) -> None:
         if self._writer is not None:
             self._writer.close()
 
+    @property
+    def reader(self) -> Reader:
+        """What was written; nothing is appended after it was first asked for."""
+        if self._reader is None:
+            self._reader = self._open().into_reader()
+        return self._reader
+
     def result(self) -> Result:
-        return Result(self._open().into_reader())
+        return Result(self.reader)
 
     def _open(self) -> Writer:
         if self._writer is None:

@@ -310,6 +310,34 @@ class Reader:
         values = np.frombuffer(joined, dtype="<f8").astype(np.float64, copy=False)
         return values.reshape(self.count, *quantity.shape)
 
+    def rows(self, name: str, first: int, count: int) -> NDArray[np.float64]:
+        r"""Return a part of a stored quantity, without reading the rest.
+
+        Parameters
+        ----------
+        name : str
+        first, count : int
+            The first output time and how many; what lies beyond the last is left out.
+
+        Returns
+        -------
+        ndarray, shape (at most count, \*shape)
+        """
+        quantity = self.quantities[name]
+        with _as_file_errors(self.path):
+            found = self._db.execute(
+                "SELECT chunk.first, chunk.count, blob "
+                "FROM data JOIN chunk ON chunk.id = data.chunk "
+                "WHERE quantity = ? AND chunk.id <= ? AND chunk.first < ? "
+                "AND chunk.first + chunk.count > ? ORDER BY chunk.id",
+                (self._ids[name], self._last, first + count, first),
+            ).fetchall()
+        values = np.frombuffer(b"".join(blob for *_, blob in found), dtype="<f8")
+        there = sum(rows for _, rows, _ in found)
+        values = values.astype(np.float64, copy=False).reshape(there, *quantity.shape)
+        skipped = first - found[0][0] if found else 0
+        return values[skipped : skipped + count]
+
     def row(self, index: int) -> dict[str, NDArray[np.float64]]:
         """Return the state at one output time, each part as a vector."""
         with _as_file_errors(self.path):
@@ -363,6 +391,13 @@ class Reader:
         """Return the events in the order in which they happened."""
         with _as_file_errors(self.path):
             return [json.loads(data) for (data,) in self._db.execute("SELECT data FROM event")]
+
+    def amend(self, meta: Mapping[str, Any]) -> None:
+        """Store more entries of ``meta``, what is learnt about a run after its end."""
+        with _as_file_errors(self.path):
+            _put_meta(self._db, meta)
+            self._db.commit()
+        self.meta |= json.loads(json.dumps(meta))
 
     def save(self, path: Path) -> None:
         """Write a copy as one file, in one move."""

@@ -7,7 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
+    from holonom.certification import Certification
     from holonom.result import Result
+
+#: Channels whose measured error is listed; the others are in the report and in the result.
+CHANNELS_SHOWN = 12
 
 #: Entries of the statistics in the order of reading, those that a summary names.
 COUNTS = (
@@ -39,6 +43,7 @@ def summarize(result: Result) -> list[tuple[str, str]]:
     facts += _work(result)
     facts += _residuals(result)
     facts += _energy(result)
+    facts += _certification(result)
     if result.warnings:
         facts.append(("warnings", str(len(result.warnings))))
     return facts
@@ -155,10 +160,42 @@ def _energy(result: Result) -> list[tuple[str, str]]:
         worst = max(worst, float(result.energy.get("largest_imbalance") or 0.0))
         text = f"{worst:.2e} J at most"
         span = max((float(np.ptp(values)) for values in stored.values()), default=0.0)
-        if span > 0.0:
-            text += f", {worst / span:.1e} of the energy exchanged"
+        if moved := float(result.energy.get("moved") or span):
+            text += f", {worst / moved:.1e} of the energy that moved"
         facts.append(("energy imbalance", text))
     return facts
+
+
+def _certification(result: Result) -> list[tuple[str, str]]:
+    found = result.certification
+    if found is None:
+        return []
+    facts = [("certified", certified(found))]
+    for index, channel in enumerate(found.ranked[:CHANNELS_SHOWN]):
+        text = f"{channel.tolerances:8.3g} tolerances  {channel.name}"
+        text += f": {with_unit(channel.error, channel.unit)} at {channel.time:.6g} s"
+        facts.append(("" if index else "measured errors", text))
+    if more := found.ranked[CHANNELS_SHOWN:]:
+        text = f"{more[0].tolerances:8.3g} tolerances  {len(more)} more channels, at most"
+        facts.append(("", text))
+    return facts
+
+
+def certified(found: Certification) -> str:
+    """Return in one line whether a result is certified."""
+    if found.reason:
+        return f"no: {found.reason['message']}"
+    count, beyond = len(found.channels), len(found.exceeding)
+    what = f"within {found.bound:g} tolerances of a run at a tenth of the tolerance"
+    channels = "channel" if count == 1 else "channels"
+    if beyond:
+        return f"no: {beyond} of {count} {channels} not {what}"
+    return f"yes: {count} {channels} {what}"
+
+
+def with_unit(value: float, unit: str) -> str:
+    """Return a small number with its unit."""
+    return f"{value:.2e} {unit}".rstrip()
 
 
 def _is_number(value: object) -> bool:

@@ -49,6 +49,14 @@ def test_arrays_have_units_frames_and_shapes(model: holonom.Model) -> None:
     assert result.statistics.steps > 0
 
 
+def test_processor_time_is_that_of_assembly_and_run(model: holonom.Model) -> None:
+    result = model.simulate(tolerance=1e-10)
+    spent = result.statistics
+    assert spent.run_cpu_seconds > 0.0
+    assert spent.cpu_seconds == spent.assembly_cpu_seconds + spent.run_cpu_seconds
+    assert result.meta["cpu_seconds"] == spent.cpu_seconds
+
+
 def test_channels_that_were_not_stored_are_computed_the_same(model: holonom.Model) -> None:
     stored = model.simulate(channels=["rod.velocity", "rod.position", "pin.force"])
     computed = model.simulate(channels=[])

@@ -1,7 +1,7 @@
 //! `CoreModel`: a document with the problem compiled from it.
 
 use crate::options::Choices;
-use crate::sink::{Callbacks, thread_time};
+use crate::sink::Callbacks;
 use crate::state::{Rows, foreign, rows};
 use crate::{ModelError, SimulationError, report};
 use holonom::analysis::spectrum;
@@ -154,24 +154,15 @@ impl CoreModel {
             .iter()
             .filter_map(|name| problem.channels().iter().find(|c| c.name == *name).cloned())
             .collect();
-        let mut sink = Callbacks {
-            on_chunk,
-            on_progress,
-            sizes,
-            channels,
-            error: None,
-            callback_seconds: 0.0,
-        };
-        let begun = thread_time(py);
+        let mut sink = Callbacks { on_chunk, on_progress, sizes, channels, error: None };
         let outcome = py.detach(|| run(&problem, &options, from.as_ref(), &mut sink));
-        let cpu_seconds = thread_time(py) - begun - sink.callback_seconds;
         if let Some(error) = sink.error {
             return Err(error);
         }
         match outcome {
             Ok(summary) => {
                 let simulated = summary.end.t - first;
-                Ok(report::summary(&summary, options.code, cpu_seconds, simulated))
+                Ok(report::summary(&summary, options.code, simulated))
             }
             Err(RunError::Assembly(error)) => {
                 Err(ModelError::new_err(report::assembly_error(&error)))

@@ -131,8 +131,9 @@ pub(crate) fn check(
     .to_string()
 }
 
-pub(crate) fn summary(summary: &Summary, code: Code, cpu_seconds: f64, simulated: f64) -> String {
+pub(crate) fn summary(summary: &Summary, code: Code, simulated: f64) -> String {
     let (s, e) = (&summary.statistics, &summary.energy);
+    let cpu_seconds = s.assembly_cpu_seconds + s.run_cpu_seconds;
     let per_second = if simulated > 0.0 { cpu_seconds / simulated } else { 0.0 };
     json!({
         "status": summary.status.name(),
@@ -163,7 +164,9 @@ pub(crate) fn summary(summary: &Summary, code: Code, cpu_seconds: f64, simulated
             "smallest_step": s.smallest_step,
             "largest_step": s.largest_step,
             "assembly_seconds": s.assembly_seconds,
+            "assembly_cpu_seconds": s.assembly_cpu_seconds,
             "run_seconds": s.run_seconds,
+            "run_cpu_seconds": s.run_cpu_seconds,
             "output_seconds": s.output_seconds,
             "cpu_seconds": cpu_seconds,
             "cpu_seconds_per_simulated_second": per_second,
@@ -183,6 +186,7 @@ pub(crate) fn summary(summary: &Summary, code: Code, cpu_seconds: f64, simulated
             "imbalance": e.imbalance,
             "largest_imbalance": e.largest_imbalance,
             "range": e.range,
+            "moved": e.moved,
         },
         "warnings": summary.warnings.iter()
             .map(|w| json!({"code": w.code, "message": w.message, "path": ""}))

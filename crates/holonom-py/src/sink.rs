@@ -15,16 +15,6 @@ pub(crate) struct Callbacks {
     pub(crate) sizes: Sizes,
     pub(crate) channels: Vec<Channel>,
     pub(crate) error: Option<PyErr>,
-    /// Processor time of this thread spent in callbacks, s.
-    pub(crate) callback_seconds: f64,
-}
-
-/// Processor time of this thread, s.
-pub(crate) fn thread_time(py: Python<'_>) -> f64 {
-    py.import("time")
-        .and_then(|time| time.call_method0("thread_time"))
-        .and_then(|t| t.extract())
-        .unwrap_or(0.0)
 }
 
 impl Callbacks {
@@ -90,20 +80,16 @@ impl Callbacks {
 impl Sink for Callbacks {
     fn chunk(&mut self, chunk: &Chunk) -> Result<(), String> {
         Python::attach(|py| {
-            let begun = thread_time(py);
             let result = self.chunk_dict(py, chunk).and_then(|d| self.on_chunk.call1(py, (d,)));
-            self.callback_seconds += thread_time(py) - begun;
             result.map(drop).map_err(|e| self.keep(e))
         })
     }
 
     fn progress(&mut self, t: f64, step_size: f64, steps: u64) -> Flow {
         Python::attach(|py| {
-            let begun = thread_time(py);
             let result = py
                 .check_signals()
                 .and_then(|()| self.on_progress.call1(py, (t, step_size, steps)).map(drop));
-            self.callback_seconds += thread_time(py) - begun;
             match result {
                 Ok(()) => Flow::Continue,
                 Err(error) => {

@@ -1,7 +1,9 @@
 //! The run: loop, output, energy, statistics, diagnosis.
 
 mod checks;
+mod clock;
 mod diagnosis;
+mod energy_scale;
 mod ledger;
 mod options;
 mod output;

@@ -5,7 +5,7 @@ use crate::model::{Dimension, Model};
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::Manifold;
 use crate::system::{Channel, State, System, compile};
-use crate::topology::loops_and_floating;
+use crate::topology::Shape;
 use std::sync::{Arc, OnceLock};
 
 /// A model with its system; assembled once, when first asked.
@@ -167,10 +167,10 @@ impl Problem {
         let independent =
             (0..parametrization.ndof).map(|k| parametrization.name(self.system.as_ref(), k)).collect();
         let ends: Vec<_> = self.model.joints.iter().map(|j| j.frames.map(|f| f.body)).collect();
-        let (loops, floating) = loops_and_floating(sizes.bodies, &ends);
+        let shape = Shape::new(sizes.bodies, &ends);
         ModelSummary {
-            loops,
-            floating,
+            loops: shape.loops,
+            floating: shape.floating.len(),
             bodies: sizes.bodies,
             coordinates: sizes.coordinates,
             rows: sizes.rows,

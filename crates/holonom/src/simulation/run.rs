@@ -1,7 +1,9 @@
 //! The run loop: steps, output, limits, re-parametrization, diagnosis.
 
 use super::checks::{RunError, check_options, check_tables, find_channels};
+use super::clock::{Elapsed, Stopwatch};
 use super::diagnosis::{Stop, Suspects, diagnose};
+use super::energy_scale::EnergyScale;
 use super::ledger::{StepPowers, powers};
 use super::options::Options;
 use super::output::{CHUNK_ROWS, CHUNK_STEPS, Output};
@@ -66,7 +68,7 @@ pub fn run(
     from: Option<&State>,
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
-    let begun = Instant::now();
+    let begun = Stopwatch::start();
     let system = problem.system().clone();
     let given = from.map(|state| problem.start_from(state)).transpose()?;
     let start = from.map_or(problem.model().simulation.start_time.unwrap_or(0.0), |state| state.t);
@@ -104,15 +106,20 @@ pub fn run(
         fixed,
         options.max_step,
     );
-    let assembly_seconds = begun.elapsed().as_secs_f64();
-    let statistics =
-        Statistics { assembly_seconds, smallest_step: f64::INFINITY, ..Statistics::default() };
+    let assembly = begun.elapsed();
+    let statistics = Statistics {
+        assembly_seconds: assembly.wall.as_secs_f64(),
+        assembly_cpu_seconds: assembly.processor.as_secs_f64(),
+        smallest_step: f64::INFINITY,
+        ..Statistics::default()
+    };
     let mut run = Run {
         options,
         condition_reference: 0.0,
         start_residuals: (0.0, 0.0),
         energy: EnergySummary { start: energy, ..EnergySummary::default() },
         kinetic_range: (energy.kinetic, energy.kinetic),
+        energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
         output: Output::new(options, &state, channels),
         recorder: Recorder::new(form.point(), dimension, form.integrates_powers()),
@@ -131,13 +138,15 @@ pub fn run(
         started: Instant::now(),
         last_poll: Instant::now(),
         last_flush: Instant::now(),
-        sink_time: Duration::ZERO,
+        sink_time: Elapsed::default(),
         system,
     };
-    let looped = Instant::now();
+    let looped = Stopwatch::start();
     let stop = run.advance();
     let (status, stop) = run.finish(stop);
-    run.statistics.run_seconds = (looped.elapsed().saturating_sub(run.sink_time)).as_secs_f64();
+    let took = looped.elapsed() - run.sink_time;
+    run.statistics.run_seconds = took.wall.as_secs_f64();
+    run.statistics.run_cpu_seconds = took.processor.as_secs_f64();
     Ok(Summary {
         status,
         stop,
@@ -169,6 +178,7 @@ struct Run<'a> {
     statistics: Statistics,
     energy: EnergySummary,
     kinetic_range: (f64, f64),
+    energy_scale: EnergyScale,
     powers: StepPowers,
     output: Output,
     warnings: Vec<RunWarning>,
@@ -176,7 +186,7 @@ struct Run<'a> {
     started: Instant,
     last_poll: Instant,
     last_flush: Instant,
-    sink_time: Duration,
+    sink_time: Elapsed,
 }
 
 impl Run<'_> {
@@ -416,6 +426,7 @@ impl Run<'_> {
         e.largest_imbalance = e.largest_imbalance.max(imbalance.abs());
         let (low, high) = self.kinetic_range;
         self.kinetic_range = (low.min(energy.kinetic), high.max(energy.kinetic));
+        self.energy_scale.take(self.system.as_ref(), &self.state, energy);
     }
 
     /// Chooses another partition when the present one has become ill-conditioned.
@@ -514,7 +525,7 @@ impl Run<'_> {
         if self.last_poll.elapsed() < POLL {
             return Ok(());
         }
-        let begun = Instant::now();
+        let begun = Stopwatch::start();
         let flow = self.sink.progress(self.state.t, h, self.statistics.steps);
         self.last_poll = Instant::now();
         self.sink_time += begun.elapsed();
@@ -537,7 +548,7 @@ impl Run<'_> {
     }
 
     fn flush(&mut self) -> Result<(), Stop> {
-        let begun = Instant::now();
+        let begun = Stopwatch::start();
         self.statistics.outputs += self.output.chunk.time.len() as u64;
         let result = self.sink.chunk(&self.output.chunk).map_err(Stop::Sink);
         self.output.chunk.clear();
@@ -577,8 +588,11 @@ impl Run<'_> {
         e.imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
             - ledger.supplied;
         e.range = self.kinetic_range.1 - self.kinetic_range.0;
+        e.moved = self.energy_scale.moved();
         let dropped = &self.form.point().manifold.chart().parametrization().dropped;
-        self.warnings = warnings(self.system.as_ref(), dropped, s, e, self.kinetic_range.1);
+        let relative = self.options.tolerance.relative;
+        let round_off = self.energy_scale.round_off();
+        self.warnings = warnings(self.system.as_ref(), dropped, s, e, relative, round_off);
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
                 Err(Stop::Sink(message))

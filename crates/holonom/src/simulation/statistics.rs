@@ -102,9 +102,13 @@ pub struct Statistics {
     pub largest_step: f64,
     /// Wall time of assembly, s.
     pub assembly_seconds: f64,
+    /// Processor time of assembly, s.
+    pub assembly_cpu_seconds: f64,
     /// Wall time of the run without its sink, s.
     pub run_seconds: f64,
-    /// Part of it spent on output rows, s.
+    /// Processor time of the run's thread without its sink, s; 0 where the system does not tell.
+    pub run_cpu_seconds: f64,
+    /// Part of the wall time spent on output rows, s.
     pub output_seconds: f64,
 }
 
@@ -123,6 +127,10 @@ pub struct EnergySummary {
     pub imbalance: f64,
     /// Largest |imbalance| at accepted steps, J.
     pub largest_imbalance: f64,
-    /// Largest minus smallest kinetic energy seen: the scale of the imbalance, J.
+    /// Largest minus smallest kinetic energy seen, J.
     pub range: f64,
+    /// What the imbalance is measured against: the largest of the kinetic energy, the dissipation, the
+    /// supply and the range of the potential, J. Bodies that no joint ties to the ground are seen from
+    /// the frame of their centre of mass at the start.
+    pub moved: f64,
 }

@@ -3,19 +3,22 @@
 use super::statistics::{EnergySummary, RunWarning, Statistics};
 use crate::system::System;
 
-/// Share of the energy that may be missing without a warning.
-const LARGEST_IMBALANCE: f64 = 0.05;
+/// Share of the energy moved that may be missing without a warning, however tight the tolerance.
+const LARGEST_IMBALANCE: f64 = 0.005;
+/// The same in relative tolerances: a run within its tolerance may be several of them off.
+const TOLERANCES: f64 = 10.0;
 /// Redundant constraints that a warning names.
 const REDUNDANT_SHOWN: usize = 8;
 
-/// Warnings of a run with the redundant rows `dropped` and at most `most_kinetic` joules of kinetic
-/// energy.
+/// Warnings of a run with the redundant rows `dropped`, at a relative tolerance, whose energies sum up
+/// to within `round_off` joules.
 pub(super) fn warnings(
     system: &dyn System,
     dropped: &[usize],
     s: &Statistics,
     e: &EnergySummary,
-    most_kinetic: f64,
+    relative: f64,
+    round_off: f64,
 ) -> Vec<RunWarning> {
     let mut out = Vec::new();
     if !dropped.is_empty() {
@@ -27,14 +30,15 @@ pub(super) fn warnings(
             .into();
         out.push(RunWarning { code: "simulation/stiff", message });
     }
-    // The kinetic energy, not its range, which is mere error where it should be constant.
-    let scale = most_kinetic.max(e.dissipated.abs()).max(e.supplied.abs());
-    if e.largest_imbalance > LARGEST_IMBALANCE * scale {
+    let share = LARGEST_IMBALANCE.max(TOLERANCES * relative);
+    if e.largest_imbalance > (share * e.moved).max(round_off) {
         let message = format!(
-            "the energy balance does not close: {:.1e} J are missing of {scale:.1e} J; the \
-                 motion or forces of stiff elements may be wrong: tighten the tolerance, or \
-                 compare with another code",
-            e.largest_imbalance
+            "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved, more \
+                 than {:.2} %; the motion or forces of stiff elements may be wrong: tighten the \
+                 tolerance, compare with another code, or measure the error with `certify`",
+            e.largest_imbalance,
+            e.moved,
+            100.0 * share
         );
         out.push(RunWarning { code: "simulation/energy-imbalance", message });
     }

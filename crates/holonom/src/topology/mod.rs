@@ -138,13 +138,37 @@ impl Forest {
     }
 }
 
-/// Number of independent loops of the graph of `count` bodies, and of its components that no edge ties to
-/// the ground.
-pub fn loops_and_floating(count: usize, ends: &[[BodyIndex; 2]]) -> (usize, usize) {
-    let edges: Vec<Edge> =
-        ends.iter().map(|ends| Edge { ends: *ends, class: 0, strength: 0.0 }).collect();
-    let forest = Forest::new(&vec![0.0; count], &edges);
-    (forest.cuts.len(), forest.edge.iter().filter(|edge| edge.is_none()).count())
+/// What a graph is like, whatever its weights.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Shape {
+    /// Number of independent loops.
+    pub loops: usize,
+    /// Groups of bodies that no edge ties to the ground.
+    pub floating: Vec<Vec<usize>>,
+}
+
+impl Shape {
+    /// The shape of the graph of `count` bodies with edges between these ends.
+    pub fn new(count: usize, ends: &[[BodyIndex; 2]]) -> Self {
+        let edges: Vec<Edge> =
+            ends.iter().map(|ends| Edge { ends: *ends, class: 0, strength: 0.0 }).collect();
+        let forest = Forest::new(&vec![0.0; count], &edges);
+        let mut group = vec![None; count];
+        let mut floating: Vec<Vec<usize>> = Vec::new();
+        for &body in &forest.order {
+            group[body] = match (forest.edge[body], forest.parent[body]) {
+                (None, _) => {
+                    floating.push(Vec::new());
+                    Some(floating.len() - 1)
+                }
+                (Some(_), parent) => parent.and_then(|p| group[p]),
+            };
+            if let Some(k) = group[body] {
+                floating[k].push(body);
+            }
+        }
+        Self { loops: forest.cuts.len(), floating }
+    }
 }
 
 #[cfg(test)]
@@ -158,10 +182,12 @@ mod tests {
     #[test] // independent truth: Euler's count of independent cycles by hand
     fn a_four_bar_has_one_loop_and_a_free_body_is_a_component_of_its_own() {
         let (ground, a, b, c) = (None, Some(0), Some(1), Some(2));
-        assert_eq!(loops_and_floating(3, &[[ground, a], [a, b]]), (0, 1));
-        assert_eq!(loops_and_floating(3, &[[ground, a], [a, b], [b, c], [c, ground]]), (1, 0));
+        let shape = |loops, floating| Shape { loops, floating };
+        assert_eq!(Shape::new(3, &[[ground, a], [a, b]]), shape(0, vec![vec![2]]));
+        assert_eq!(Shape::new(3, &[[a, b]]), shape(0, vec![vec![0, 1], vec![2]]));
+        assert_eq!(Shape::new(3, &[[ground, a], [a, b], [b, c], [c, ground]]), shape(1, vec![]));
         // Two joints between the same bodies close a loop, too.
-        assert_eq!(loops_and_floating(1, &[[ground, a], [ground, a]]), (1, 0));
+        assert_eq!(Shape::new(1, &[[ground, a], [ground, a]]), shape(1, vec![]));
     }
 
     #[test] // by hand: joints before springs, the stiffer spring first, the heavier body as root

@@ -1,0 +1,411 @@
+"""How far a run is off: the same run at a tenth of its tolerance, compared row by row.
+
+The tolerance of a channel is that of the run, as `docs/conventions.md` defines it: for positions,
+velocities and angles an absolute part and a relative one, which multiplies the movement since the
+start or the velocity; for anything else the relative part times the largest value in the run.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom.accuracy import SETS
+from holonom.model import split_component
+from holonom.options import Tolerance
+from holonom.store import STATE, Quantity, Reader
+
+if TYPE_CHECKING:
+    from holonom.model import Model
+
+Series = NDArray[np.float64]
+
+#: The tolerance of the second run is this part of the first one's.
+PART = 0.1
+#: What is further off, in tolerances, is not certified: the digit by which the two runs' tolerances
+#: differ is lost, and how far it is off is then known to an order of magnitude only.
+BOUND = 10.0
+#: A force or an acceleration below this part of the largest of its kind in the model is round-off.
+NEGLIGIBLE = 1e-6
+#: Of a result that was to be certified, until the second run says something.
+NO_SECOND_RUN = {
+    "code": "simulation/not-certified",
+    "message": "there was no second run, or it was cut off",
+}
+#: Channels that are errors themselves: there is no true value to compare them with.
+_RESIDUALS = "constraint."
+#: Parts of a tolerance by unit; positions count from the start, velocities by their value.
+_POSITIONS = {"m": "translation", "rad": "rotation"}
+_VELOCITIES = {"m/s": "translation", "rad/s": "rotation"}
+#: What else the store keeps of the kind of a unit.
+_KINDS = {"N": "lambda", "N m": "lambda", "m/s^2": "qdd", "rad/s^2": "qdd", "J": "energy"}
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelError:
+    """Measured error of one channel, where it is largest in tolerances.
+
+    Attributes
+    ----------
+    name, unit : str
+        The channel or component; ``rad`` for an orientation by Euler parameters.
+    time : float
+        Where it is largest, s.
+    error : float
+        The distance between the two runs there, in `unit`; of a vector its length.
+    tolerance : float
+        The tolerance there, in `unit`.
+    tolerances : float
+        The error in tolerances: 1 is on tolerance.
+    """
+
+    name: str
+    unit: str
+    time: float
+    error: float
+    tolerance: float
+    tolerances: float
+
+
+@dataclass(frozen=True, slots=True)
+class Certification:
+    """What a second run at a tenth of the tolerance says about a result.
+
+    Attributes
+    ----------
+    tolerance : dict of str to float
+        Of the second run: ``relative``, ``translation`` (m; m/s), ``rotation`` (rad; rad/s).
+    bound : float
+        A result is certified when every channel is at most so many tolerances off.
+    channels : tuple of ChannelError
+        The channels that the run was asked for; without any, the positions, orientations,
+        velocities and angular velocities of all bodies.
+    until : float or None
+        Time up to which the runs were compared, s; None when the second run did not begin.
+    reason : dict
+        Why there is no second run that reached its end: ``code``, ``message`` and, where known,
+        ``time``, ``help``, …; empty when there is.
+    statistics : dict
+        Counts and times of the second run.
+    """
+
+    tolerance: dict[str, float]
+    bound: float = BOUND
+    channels: tuple[ChannelError, ...] = ()
+    until: float | None = None
+    reason: dict[str, Any] = field(default_factory=dict)
+    statistics: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def certified(self) -> bool:
+        """Whether the second run reached its end and every channel is within the bound."""
+        return not self.reason and not self.exceeding
+
+    @property
+    def exceeding(self) -> tuple[ChannelError, ...]:
+        """The channels beyond the bound, the worst first."""
+        return tuple(c for c in self.ranked if c.tolerances > self.bound)
+
+    @property
+    def ranked(self) -> tuple[ChannelError, ...]:
+        """The channels by their error in tolerances, the worst first."""
+        return tuple(sorted(self.channels, key=lambda c: -c.tolerances))
+
+    @property
+    def worst(self) -> ChannelError | None:
+        """The channel that is furthest off, in tolerances."""
+        return max(self.channels, key=lambda c: c.tolerances, default=None)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain data, as a result file stores it."""
+        channels = [{f: getattr(c, f) for f in ChannelError.__slots__} for c in self.channels]
+        data = {f: getattr(self, f) for f in Certification.__slots__}
+        return {"certified": self.certified, **data, "channels": channels}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Certification:
+        """Read what `to_json` returns."""
+        known = {f: data[f] for f in cls.__slots__ if f in data}
+        return cls(**known | {"channels": tuple(ChannelError(**c) for c in data["channels"])})
+
+    def warning(self) -> dict[str, str] | None:
+        """Return the warning of a result that is not certified: ``code``, ``message``, ``path``."""
+        if self.certified:
+            return None
+        return {"code": "simulation/not-certified", "message": self._said(), "path": ""}
+
+    def _said(self) -> str:
+        if self.reason:
+            text = f"not certified, but kept: {self.reason['message']} ({self.reason['code']})"
+            if self.until is not None and (worst := self.worst) is not None:
+                text += f"; up to {self.until:.6g} s `{worst.name}` is furthest off"
+                text += f", {worst.tolerances:.3g} tolerances"
+            return f"{text}: certify at a looser tolerance, with other limits or another code"
+        worst, others = self.exceeding[0], len(self.exceeding) - 1
+        text = (
+            f"not certified: `{worst.name}` is {worst.tolerances:.3g} tolerances off the run at "
+            f"a tenth of the tolerance, {f'{worst.error:.1e} {worst.unit}'.rstrip()} at "
+            f"{worst.time:.6g} s"
+        )
+        if others:
+            text += f"; {others} more of {len(self.channels)} channels " + (
+                "is" if others == 1 else "are"
+            )
+            text += f" more than {self.bound:g} off"
+        return (
+            f"{text}: tighten the tolerance to {self.tolerance['relative']:g} or further and "
+            "certify that, or compare with another code"
+        )
+
+
+def tightened(tolerance: Mapping[str, float]) -> dict[str, float]:
+    """Return the tolerance of the second run; each part in full."""
+    parts = Tolerance(**tolerance)
+    # Two decimal numbers: 1e-4 becomes 1e-5 and not 1.0000000000000001e-05.
+    return {name: float(f"{PART * getattr(parts, name):.15g}") for name in Tolerance.__slots__}
+
+
+def unfinished(failure: Mapping[str, Any]) -> dict[str, Any]:
+    """Return why there is no second run that reached its end, from what is said of that run."""
+    code = str(failure.get("code", "simulation/failed"))
+    said = str(failure.get("message") or "ended early").splitlines()[0].removesuffix(f" [{code}]")
+    message = f"the second run, at a tenth of the tolerance, did not reach its end: {said}"
+    return {**failure, "code": code, "message": message}
+
+
+def certified_channels(model: Model, requested: Sequence[str]) -> list[str]:
+    """Return what is compared: the channels asked for, or else the motion of all bodies."""
+    names = [name for name in requested if not name.startswith(_RESIDUALS)]
+    if names:
+        return names
+    bodies = json.loads(model.to_json()).get("bodies") or {}
+    motion = [quantity for kind in SETS.values() for quantity in kind]
+    wanted = (f"{body}.{quantity}" for body in bodies for quantity in motion)
+    return [name for name in wanted if name in model.channels]
+
+
+class Measurement:
+    """Compares the rows of a second run, as they come, with a stored first one.
+
+    Neither run is held in memory: each chunk meets the rows of the same times in the store.
+
+    Parameters
+    ----------
+    model : Model
+    names : sequence of str
+        Channels and components.
+    first : Reader
+        The first run.
+    tolerance : mapping of str to float
+        Of the first run, each part.
+    ahead : int
+        Rows of the second run before the first one's: 1 when only the second stores the start.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        names: Sequence[str],
+        first: Reader,
+        tolerance: Mapping[str, float],
+        ahead: int = 0,
+    ) -> None:
+        self._model = model
+        self._first = first
+        self._relative = tolerance["relative"]
+        self._gauges = [_Gauge(name, model.channels, tolerance) for name in names]
+        whole = dict.fromkeys(gauge.channel for gauge in self._gauges)
+        self._stored = [name for name in whole if name in first.quantities]
+        self._computed = [name for name in whole if name not in first.quantities]
+        self._energies = [n for n in first.quantities if n.startswith("energy.")]
+        self._peaks = dict.fromkeys(_KINDS.values(), 0.0)
+        self._ahead = ahead
+        self._row = -ahead
+        self.until: float | None = None
+
+    @property
+    def complete(self) -> bool:
+        """Whether every row of the first run has been compared."""
+        return bool(self._row == self._first.count)
+
+    def append(self, chunk: Mapping[str, Any]) -> None:
+        """Compare a chunk of the core with the rows of the first run."""
+        ours = self._values(chunk, chunk["channels"]) if len(chunk["time"]) else {}
+        if not ours:
+            return
+        for gauge in self._gauges:
+            gauge.begin(ours[gauge.channel])
+        skipped = min(max(-self._row, 0), len(chunk["time"]))
+        self._row += skipped
+        at, count = self._row, len(chunk["time"]) - skipped
+        times = self._first.rows("time", at, count)
+        # A run that ends early has a last row of its own.
+        count = int(np.sum(np.cumprod(times == chunk["time"][skipped:][: times.size])))
+        if not count:
+            return
+        states = {part: self._first.rows(part, at, count) for part in STATE if part in chunk}
+        stored = {name: self._first.rows(name, at, count) for name in self._stored}
+        theirs = self._values(states, stored)
+        for gauge in self._gauges:
+            mine = ours[gauge.channel][skipped : skipped + count]
+            gauge.take(times[:count], theirs[gauge.channel], mine)
+        for part in ("lambda", "qdd"):
+            self._peaks[part] = max(self._peaks[part], _peak(states[part]))
+        for name in self._energies:
+            energy = _peak(self._first.rows(name, at, count))
+            self._peaks["energy"] = max(self._peaks["energy"], energy)
+        self._row += count
+        self.until = float(times[count - 1])
+
+    def errors(self) -> tuple[ChannelError, ...]:
+        """Return the error of every channel over the rows compared so far."""
+        if self.until is None:
+            return ()
+        return tuple(gauge.error(self._relative, self._peaks) for gauge in self._gauges)
+
+    def _values(
+        self, states: Mapping[str, Series], stored: Mapping[str, Series]
+    ) -> dict[str, Series]:
+        """Return whole channels, shape (n, size): the stored ones, the others from the states."""
+        parts = {part: states[part] for part in STATE if part in states}
+        computed = self._model.evaluate(self._computed, parts) if self._computed else {}
+        rows = len(parts["time"])
+        values = computed | {name: stored[name] for name in self._stored}
+        return {name: np.asarray(array).reshape(rows, -1) for name, array in values.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """Components of a channel that share a tolerance, and what kind of number they are."""
+
+    columns: slice
+    kind: Literal["position", "velocity", "orientation", "other"]
+    absolute: str = ""
+    principal: bool = False  # known up to whole turns
+
+    def measure(self, first: Series, second: Series, start: Series) -> tuple[Series, Series]:
+        """Return the difference of the runs by component, and what the relative part multiplies."""
+        if self.kind == "orientation":
+            opposite = np.sum(first * second, axis=1) < 0.0
+            difference = first - np.where(opposite[:, None], -second, second)
+            cosine = np.minimum(np.abs(second @ start), 1.0)
+            return 2.0 * difference, 2.0 * np.arccos(cosine)
+        difference = first - second
+        if self.principal:
+            difference = _principal(difference)
+        if self.kind == "velocity":
+            return difference, _length(second)
+        moved = second - start
+        # Whole turns do not count as movement.
+        return difference, _length(_principal(moved) if self.absolute == "rotation" else moved)
+
+
+class _Gauge:
+    """The largest difference of one channel or component so far."""
+
+    def __init__(
+        self, name: str, known: Mapping[str, Quantity], tolerance: Mapping[str, float]
+    ) -> None:
+        self.name = name
+        self.channel, self.index = split_component(name)
+        quantity = known[self.channel]
+        self._quantity = quantity
+        self._tolerance = tolerance
+        self._parts = _parts(quantity)
+        if self.index is not None:
+            self._parts = [p for p in self._parts if self.index in range(quantity.size)[p.columns]]
+        self._start: Series | None = None
+        self._peak = 0.0
+        self._found = ChannelError(name, quantity.unit, 0.0, 0.0, 0.0, -1.0)
+
+    def begin(self, values: Series) -> None:
+        """Take the values at the start of the run from its first rows."""
+        if self._start is None:
+            self._start = values[0].copy()
+
+    def take(self, times: Series, first: Series, second: Series) -> None:
+        """Compare rows, shape (n, size)."""
+        assert self._start is not None
+        for part in self._parts:
+            columns = part.columns
+            difference, size = part.measure(
+                first[:, columns], second[:, columns], self._start[columns]
+            )
+            if self.index is None:
+                error, half = _length(difference), 1.0
+            else:
+                # Euler parameters count as half an angle each.
+                half = 0.5 if part.kind == "orientation" else 1.0
+                error = half * np.abs(difference[:, self.index - columns.start])
+            if part.kind == "other":
+                bound = np.ones_like(error)  # the scale is known at the end
+                peaks = (_length(first[:, columns]), _length(second[:, columns]))
+                self._peak = max(self._peak, *map(_peak, peaks))
+            else:
+                absolute = self._tolerance[part.absolute]
+                bound = half * (absolute + self._tolerance["relative"] * size)
+            at = int(np.argmax(error / bound))
+            found = float(error[at] / bound[at])
+            if found > self._found.tolerances:
+                self._found = ChannelError(
+                    name=self.name,
+                    unit=self._unit(part),
+                    time=float(times[at]),
+                    error=float(error[at]),
+                    tolerance=float(bound[at]),
+                    tolerances=found,
+                )
+
+    def error(self, relative: float, peaks: Mapping[str, float]) -> ChannelError:
+        """Return the largest error; `peaks` are the largest values by kind."""
+        found = self._found
+        if self._parts[0].kind != "other":
+            return found
+        kind = _KINDS.get(self._quantity.unit, "")
+        # Only differences of energies mean anything: one scale serves all of them.
+        floor = peaks.get(kind, 0.0) * (1.0 if kind == "energy" else NEGLIGIBLE)
+        tolerance = relative * max(self._peak, floor)
+        tolerances = found.error / tolerance if found.error > 0.0 else 0.0
+        return ChannelError(found.name, found.unit, found.time, found.error, tolerance, tolerances)
+
+    def _unit(self, part: _Part) -> str:
+        if part.kind == "orientation":
+            return "rad" if self.index is None else self._quantity.unit
+        shared = self._quantity.unit.split(", ")  # of a deformation: m, rad
+        return shared[-1 if part.absolute == "rotation" else 0]
+
+
+def _parts(quantity: Quantity) -> list[_Part]:
+    whole = slice(0, quantity.size)
+    if quantity.name.endswith(".euler_parameters"):
+        return [_Part(whole, "orientation", "rotation")]
+    if quantity.unit == "m, rad":  # a deformation: three translations, three rotations
+        middle = quantity.size // 2
+        return [
+            _Part(slice(0, middle), "position", "translation"),
+            _Part(slice(middle, quantity.size), "position", "rotation"),
+        ]
+    if quantity.unit in _POSITIONS:
+        principal = quantity.name.endswith(".yaw_pitch_roll")
+        return [_Part(whole, "position", _POSITIONS[quantity.unit], principal)]
+    if quantity.unit in _VELOCITIES:
+        return [_Part(whole, "velocity", _VELOCITIES[quantity.unit])]
+    return [_Part(whole, "other")]
+
+
+def _length(rows: Series) -> Series:
+    return np.asarray(np.linalg.norm(rows, axis=1))
+
+
+def _peak(values: Series) -> float:
+    return float(np.abs(values).max(initial=0.0))
+
+
+def _principal(angle: Series) -> Series:
+    """Return angles without whole turns, from −π to π."""
+    return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))
