@@ -21,6 +21,7 @@ use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 
 const TOLERANCE: f64 = 1e-4;
 /// Tolerances by which a run may be off without a warning.
@@ -88,6 +89,8 @@ struct Finding {
     /// Codes of the tight runs and how they ended.
     truths: Vec<String>,
     panics: usize,
+    /// Of all its runs, s.
+    seconds: f64,
 }
 
 impl Finding {
@@ -207,6 +210,7 @@ fn examine(seed: u64) -> Finding {
         trials: Vec::new(),
         truths: Vec::new(),
         panics: 0,
+        seconds: 0.0,
     };
     let model = match model_of(&mechanism) {
         Ok(model) => model,
@@ -326,7 +330,9 @@ fn all(seeds: std::ops::Range<u64>) -> Vec<Finding> {
             if seed >= seeds.end {
                 return;
             }
-            let finding = examine(seed);
+            let begun = Instant::now();
+            let mut finding = examine(seed);
+            finding.seconds = begun.elapsed().as_secs_f64();
             found.lock().expect("no panic").push(finding);
         }
     };
@@ -422,8 +428,9 @@ fn print_kinds(findings: &[Finding]) {
 
 fn print_table(findings: &[Finding]) {
     for finding in findings {
-        let Finding { seed, freedom, verdict, truths, traits, .. } = finding;
-        let suspicious = finding.trials.iter().any(|t| !t.completed || t.warned || t.error > RIGHT);
+        let Finding { seed, freedom, verdict, truths, traits, seconds, .. } = finding;
+        let suspicious = finding.trials.iter().any(|t| !t.completed || t.warned || t.error > RIGHT)
+            || *seconds > 0.5;
         if *verdict == Verdict::Decided && !suspicious {
             continue;
         }
@@ -433,7 +440,7 @@ fn print_table(findings: &[Finding]) {
             .map(|t| format!("{} {:.1} {}", t.code, t.error, t.ending))
             .collect();
         println!(
-            "seed {seed}: {verdict:?}, ndof {freedom}; {}; truths {}; {}",
+            "seed {seed}: {seconds:.2} s, {verdict:?}, ndof {freedom}; {}; truths {}; {}",
             trials.join(", "),
             truths.join(", "),
             traits.join(", ")

@@ -4,7 +4,7 @@ use super::numbers::{
     IDENTITY, M3, Random, V3, add, apply, dot, norm, product, rank, scale, sine_vector, solve, sub,
     transpose, turn,
 };
-use super::{Between, Element, Joint, Kind, Law, Mechanism};
+use super::{Between, Element, Joint, Kind, LONGEST, Law, Mechanism};
 
 /// Where the points of a body went: x → R x + t.
 #[derive(Debug, Clone, Copy)]
@@ -179,12 +179,19 @@ impl Mechanism {
         rank(&self.slopes(|q| self.hard(q)), 1e-6)
     }
 
+    /// Whether something can move while settled elements keep their shape.
+    pub(super) fn can_move(&self) -> bool {
+        let mut rows = self.slopes(|q| self.hard(q));
+        rows.extend(self.slopes(|q| self.deformations(q, true)));
+        rank(&rows, 1e-6).0 < self.coordinates()
+    }
+
     /// Draws speeds, finds preloads, and writes the consequences into the bodies and elements.
     pub(super) fn set_in_motion(&mut self, r: &mut Random, nudge: f64) {
         let n = self.coordinates();
         self.freedom = n - self.hard_rank().0;
         let fastest = if self.road.is_some() { 8.0 } else { 50.0 };
-        let size = if r.chance(0.1) { 0.0 } else { r.logarithmic(0.5, fastest) };
+        let size = if r.chance(0.1) { 0.0 } else { r.logarithmic(1.0, fastest) };
         let mut u: Vec<f64> = (0..n).map(|_| size * r.range(-1.0, 1.0)).collect();
         for joint in &self.joints {
             let Some((first, _)) = joint.coordinates else { continue };
@@ -199,36 +206,80 @@ impl Mechanism {
         for u in &mut u {
             *u += nudge * r.range(-1.0, 1.0);
         }
+        self.drop_driven_elements();
         let hard = self.slopes(|q| self.hard(q));
         let soft = self.slopes(|q| self.deformations(q, true));
         let rates: Vec<f64> = self.drivers.iter().map(|d| d.motion.start()[1]).collect();
         let mut aims = vec![0.0; hard.len() + soft.len()];
         aims[hard.len() - rates.len()..hard.len()].copy_from_slice(&rates);
         let rows: Vec<Vec<f64>> = hard.iter().chain(&soft).cloned().collect();
-        let project = |u: &mut Vec<f64>| {
-            for _ in 0..4 {
+        let unit: Vec<Vec<f64>> =
+            (0..n).map(|i| (0..n).map(|j| f64::from(i == j)).collect()).collect();
+        let project = |u: &mut Vec<f64>, count: usize| {
+            for _ in 0..3 {
                 let give: Vec<f64> =
-                    (0..rows.len()).map(|i| if i < hard.len() { 1e-9 } else { 1e-5 }).collect();
+                    (0..count).map(|i| if i < hard.len() { 1e-9 } else { 1e-6 }).collect();
+                let rows = &rows[..count];
                 let residual: Vec<f64> =
                     rows.iter().zip(&aims).map(|(row, aim)| aim - along(row, u)).collect();
-                let unit: Vec<Vec<f64>> =
-                    (0..n).map(|i| (0..n).map(|j| f64::from(i == j)).collect()).collect();
-                let (change, _) = saddle(&unit, &rows, &give, &vec![0.0; n], &residual);
+                let (change, _) = saddle(&unit, rows, &give, &vec![0.0; n], &residual);
                 u.iter_mut().zip(&change).for_each(|(u, c)| *u += c);
             }
         };
-        project(&mut u);
-        self.take_speeds(&u);
-        let speed = self.speed();
-        if speed > fastest {
-            u.iter_mut().for_each(|x| *x *= fastest / speed);
-            project(&mut u);
+        // What stays free of settled elements moves at the drawn speed.
+        for _ in 0..2 {
+            project(&mut u, rows.len());
             self.take_speeds(&u);
+            let speed = self.speed().max(self.sliding());
+            let factor = (size / speed).min(if speed > 0.02 * size { 50.0 } else { 0.0 });
+            if factor > 0.0 {
+                u.iter_mut().for_each(|x| *x *= factor);
+            }
         }
+        project(&mut u, rows.len());
+        project(&mut u, hard.len());
+        self.take_speeds(&u);
         let frequencies = self.drivers.iter().map(|d| d.motion.start()[1].abs());
         let turning = frequencies.fold(self.speed(), f64::max);
-        self.span = ((20.0 / turning).clamp(0.3, 1.0) * 100.0).round() / 100.0;
+        let small = self.bodies.len() <= 2 && r.chance(0.3);
+        let span = if small {
+            (100.0 / turning).clamp(1.0, LONGEST)
+        } else {
+            (25.0 / turning).clamp(0.4, 1.5)
+        };
+        self.span = (span * 100.0).round() / 100.0;
         self.preload(&u, &rows, hard.len());
+    }
+
+    /// Removes the stiff elements that drivers deform, whatever the motion.
+    fn drop_driven_elements(&mut self) {
+        if self.drivers.is_empty() {
+            return;
+        }
+        let n = self.coordinates();
+        let mut rows = self.slopes(|q| self.hard(q));
+        let mut known = rank(&rows, 1e-6).0;
+        let mut kept = Vec::new();
+        for element in &self.elements {
+            let parts = self.slopes(|q| self.deformation(element, &self.maps(q)));
+            let free = parts.iter().filter(|row| along(row, row) > 1e-12).count();
+            let mut with = rows.clone();
+            with.extend(parts);
+            let rank = rank(&with, 1e-4).0;
+            if element.stiffness < 1e3 || rank == known + free {
+                kept.push(element.clone());
+                if element.stiffness >= 1e3 {
+                    (rows, known) = (with, rank);
+                }
+            }
+        }
+        debug_assert!(known <= n);
+        self.elements = kept;
+    }
+
+    /// Largest speed of a body origin over 0.2 m, 1/s.
+    fn sliding(&self) -> f64 {
+        self.bodies.iter().map(|b| norm(&b.velocity) / 0.2).fold(0.0, f64::max)
     }
 
     fn take_speeds(&mut self, u: &[f64]) {

@@ -165,10 +165,16 @@ fn motion(random: &mut Random, most: f64, offset: f64, mild: bool) -> Motion {
         0 => Motion::Harmonic(size, random.logarithmic(1.0, 15.0), offset),
         1 => Motion::Polynomial(vec![offset, size, random.range(-1.0, 1.0) * size]),
         2 => Motion::Step(offset, offset + size, 0.1, random.range(0.5, 1.2)),
-        _ => Motion::Table(0.6, [offset, offset + size, offset + size * random.range(-1.0, 1.0)]),
+        _ => {
+            // Longer than any run.
+            let [a, b] = [random.range(1.0, 2.0), random.range(-2.0, 2.0)].map(|x| x * size);
+            Motion::Table(LONGEST / 2.0, [offset, offset + a, offset + b])
+        }
     }
 }
 
+/// Longest span, s.
+const LONGEST: f64 = 5.0;
 /// Stiffness of an element that is not soft, N/m.
 const STIFF: f64 = 1e4;
 
@@ -209,7 +215,15 @@ impl Mechanism {
             out.add_driver(r);
         }
         for _ in 0..r.one_of(&[0, 1, 1, 1, 2, 2, 3, 4]) {
-            out.add_element(r);
+            // Most leave the mechanism something to move by.
+            let stiffness = r.logarithmic(1.0, 1e10);
+            for attempt in 0..5 {
+                out.add_element(r, stiffness);
+                if out.can_move() || (attempt == 4 && r.chance(0.3)) {
+                    break;
+                }
+                out.elements.pop();
+            }
         }
         if tyre {
             out.add_tyre(r);
@@ -373,7 +387,7 @@ impl Mechanism {
         let rows = self.hard_rows();
         let redundant = { self.drivers.pop().map(|d| (d, self.hard_rank().0)) };
         if let Some((driver, before)) = redundant {
-            if rank == before + 1 && ratio > 3e-2 && rows >= rank {
+            if rank == before + 1 && ratio > if mild { 0.1 } else { 3e-2 } && rows >= rank {
                 self.drivers.push(driver);
             }
         }
@@ -384,7 +398,7 @@ impl Mechanism {
         angle(between[1]) - angle(between[0])
     }
 
-    fn add_element(&mut self, r: &mut Random) {
+    fn add_element(&mut self, r: &mut Random, stiffness: f64) {
         let planar = self.planar;
         let mut between = self.pair(r);
         let law = match r.below(if planar { 7 } else { 9 }) {
@@ -393,7 +407,6 @@ impl Mechanism {
             5 | 6 => Law::Rsda,
             _ => Law::Bushing(r.chance(0.5)),
         };
-        let stiffness = r.logarithmic(1.0, 1e10);
         let mut damping = if r.chance(0.3) { 0.0 } else { r.logarithmic(1e-6, 0.1) };
         let mut law = law;
         let near = self.at(between[1]);
@@ -437,7 +450,7 @@ impl Mechanism {
             }
         }
         let lever = r.logarithmic(0.03, 0.3).powi(2);
-        let settled = stiffness > STIFF && (damping < 1e-4 || r.chance(0.7));
+        let settled = stiffness > STIFF && (damping < 1e-4 || r.chance(0.6));
         let settled = settled || law == Law::Bushing(true);
         let scaled = if law == Law::Rsda { stiffness * lever } else { stiffness };
         let rows = if matches!(law, Law::Bushing(_)) { 3 } else { 1 };
