@@ -35,9 +35,10 @@ const NUDGE: f64 = 1e-7;
 const CHAOTIC: f64 = 1e4;
 /// Rate of decay or vibration times span up to which an explicit code is asked.
 const EXPLICIT: f64 = 2e3;
-const EXPLICIT_TRUTH: f64 = 2e4;
-const MAX_STEPS: u64 = 20_000;
-const MAX_STEPS_OF_TRUTH: u64 = 60_000;
+const EXPLICIT_TRUTH: f64 = 5e3;
+const MAX_STEPS: u64 = 10_000;
+/// Of all tight runs of a mechanism together.
+const MAX_STEPS_OF_TRUTH: u64 = 20_000;
 /// Far more than any of the runs needs: a guard against an endless one.
 const MAX_SECONDS: f64 = 60.0;
 const ROWS: f64 = 20.0;
@@ -53,8 +54,8 @@ type Rows = Vec<f64>;
 /// How a run came out.
 #[derive(Debug, Clone)]
 enum Ending {
-    /// Coordinates, and the codes of warnings about accuracy.
-    Completed(Rows, Vec<&'static str>),
+    /// Coordinates, the codes of warnings about accuracy, and steps.
+    Completed(Rows, Vec<&'static str>, u64),
     Ended(String),
     Panicked,
 }
@@ -121,8 +122,9 @@ fn attempt(problem: &Problem, options: &Options) -> Result<Ending, RunError> {
     // Redundant rows and the cost of an explicit code say nothing about accuracy.
     let about_accuracy =
         |code: &&str| !matches!(*code, "simulation/redundant" | "simulation/stiff");
+    let steps = summary.statistics.steps;
     let warnings = summary.warnings.iter().map(|w| w.code).filter(about_accuracy).collect();
-    Ok(Ending::Completed(rows.all.q, warnings))
+    Ok(Ending::Completed(rows.all.q, warnings, steps))
 }
 
 /// Largest distance of two runs in tolerances: per body |δr| over tol (1 + movement) and the angle
@@ -193,7 +195,6 @@ fn truths(seed: u64, nonstiff: bool, used: &[&CodeInfo; 2], span: f64) -> Vec<Op
         .map(|(k, &(code, tolerance))| Options {
             parametrization: other(k as u64),
             output: OutputTimes::Interval(span / ROWS),
-            max_steps: MAX_STEPS_OF_TRUTH,
             max_seconds: MAX_SECONDS,
             ..options(code, tolerance, span)
         })
@@ -242,7 +243,7 @@ fn examine(seed: u64) -> Finding {
     // One tight run decides where all agree with it; otherwise two must confirm each other.
     let against = |truth: &Rows| -> f64 {
         let completed = results.iter().filter_map(|(_, ending)| match ending {
-            Ending::Completed(rows, _) => Some(distance(rows, truth, bodies, planar)),
+            Ending::Completed(rows, ..) => Some(distance(rows, truth, bodies, planar)),
             _ => None,
         });
         completed.fold(0.0, f64::max)
@@ -250,16 +251,19 @@ fn examine(seed: u64) -> Finding {
     let any = results.iter().any(|(_, ending)| matches!(ending, Ending::Completed(..)));
     let mut tight: Vec<(Options, Rows)> = Vec::new();
     let mut truth = None;
+    let mut left = MAX_STEPS_OF_TRUTH;
     for options in truths(seed, stiffness < EXPLICIT_TRUTH, &pair, span) {
-        if !any {
+        if !any || left == 0 {
             break;
         }
+        let options = Options { max_steps: left, ..options };
         let name = options.code.info().name;
         let ending = attempt(&problem, &options).unwrap_or_else(|e| Ending::Ended(e.to_string()));
         match ending {
-            Ending::Completed(rows, _) => {
+            Ending::Completed(rows, _, steps) => {
+                left = left.saturating_sub(steps);
                 out.truths.push(format!("{name} {}", options.parametrization.name()));
-                if tight.is_empty() && against(&rows) <= TRUSTED {
+                if tight.is_empty() && against(&rows) <= RIGHT {
                     truth = Some((options, rows));
                     break;
                 }
@@ -272,7 +276,10 @@ fn examine(seed: u64) -> Finding {
                 }
                 tight.push((options, rows));
             }
-            Ending::Ended(code) => out.truths.push(format!("{name} {code}")),
+            Ending::Ended(code) => {
+                left /= 2;
+                out.truths.push(format!("{name} {code}"));
+            }
             Ending::Panicked => {
                 out.panics += 1;
                 out.truths.push(format!("{name} panicked"));
@@ -286,7 +293,7 @@ fn examine(seed: u64) -> Finding {
         let asked = truth.clone().or_else(|| tight.first().cloned());
         if let Some((options, rows)) = asked {
             let nudged = model_of(&Mechanism::new(seed, NUDGE)).expect("the same model");
-            if let Ok(Ending::Completed(other, _)) = attempt(&Problem::new(nudged), &options) {
+            if let Ok(Ending::Completed(other, ..)) = attempt(&Problem::new(nudged), &options) {
                 let growth = distance(&other, &rows, bodies, planar) * TOLERANCE / NUDGE;
                 if growth > CHAOTIC {
                     out.verdict = Verdict::Chaotic;
@@ -296,7 +303,7 @@ fn examine(seed: u64) -> Finding {
     }
     for (info, ending) in results {
         let (ending, completed, warned, error) = match ending {
-            Ending::Completed(rows, warnings) => {
+            Ending::Completed(rows, warnings, _) => {
                 let error = truth.as_ref().map(|(_, t)| distance(&rows, t, bodies, planar));
                 let warned = !warnings.is_empty();
                 (warnings.join(" "), true, warned, error.unwrap_or(f64::NAN))

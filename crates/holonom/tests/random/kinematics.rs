@@ -4,7 +4,7 @@ use super::numbers::{
     IDENTITY, M3, Random, V3, add, apply, dot, norm, product, rank, scale, sine_vector, solve, sub,
     transpose, turn,
 };
-use super::{Between, Element, Joint, Kind, LONGEST, Law, Mechanism};
+use super::{Between, Element, Joint, Kind, LONGEST, Law, Mechanism, STIFF};
 
 /// Where the points of a body went: x → R x + t.
 #[derive(Debug, Clone, Copy)]
@@ -334,6 +334,8 @@ impl Mechanism {
                 row += 1;
                 let damping = match element.law {
                     Law::Maxwell => 0.0,
+                    // A transient is over at once.
+                    _ if element.stiffness > STIFF => 0.0,
                     _ => element.damping * element.stiffness * along(slope, u),
                 };
                 let elastic = element.preload.get(part).copied().unwrap_or(0.0);

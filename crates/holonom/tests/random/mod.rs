@@ -225,6 +225,7 @@ impl Mechanism {
                 out.elements.pop();
             }
         }
+        out.settle();
         if tyre {
             out.add_tyre(r);
         }
@@ -470,6 +471,15 @@ impl Mechanism {
                 })
                 .collect(),
         });
+    }
+
+    /// What rings for long starts at rest: next to it all stiff elements do.
+    fn settle(&mut self) {
+        let rings =
+            |e: &Element| e.stiffness > STIFF && (e.damping < 1e-3 || e.law == Law::Maxwell);
+        if self.elements.iter().any(rings) {
+            self.elements.iter_mut().filter(|e| e.stiffness > STIFF).for_each(|e| e.settled = true);
+        }
     }
 
     fn add_tyre(&mut self, r: &mut Random) {
