@@ -99,7 +99,7 @@ impl Mechanism {
     }
 
     /// Deformation of an element: one number, or three and three.
-    fn deformation(&self, element: &Element, maps: &[Map]) -> Vec<f64> {
+    fn deformation(element: &Element, maps: &[Map]) -> Vec<f64> {
         let [first, second] = ends(maps, element.between);
         let relative = sine_vector(&product(&transpose(&first.r), &second.r));
         let [x, y] = [first.of(&element.points[0]), second.of(&element.points[1])];
@@ -122,7 +122,7 @@ impl Mechanism {
     fn deformations(&self, q: &[f64], settled: bool) -> Vec<f64> {
         let maps = self.maps(q);
         let elements = self.elements.iter().filter(|e| e.settled == settled);
-        elements.flat_map(|e| self.deformation(e, &maps)).collect()
+        elements.flat_map(|e| Self::deformation(e, &maps)).collect()
     }
 
     /// Mass points with the inertia of the bodies.
@@ -162,16 +162,12 @@ impl Mechanism {
     }
 
     /// d²f/dt² along constant rates.
-    fn curvature(&self, u: &[f64], f: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
+    fn curvature(u: &[f64], f: impl Fn(&[f64]) -> Vec<f64>) -> Vec<f64> {
         let largest = u.iter().fold(1.0f64, |m, x| m.max(x.abs()));
         let dt = 3e-4 / largest;
         let at = |s: f64| f(&u.iter().map(|x| s * dt * x).collect::<Vec<_>>());
         let (a, b, c) = (at(-1.0), at(0.0), at(1.0));
         (0..a.len()).map(|i| (a[i] - 2.0 * b[i] + c[i]) / (dt * dt)).collect()
-    }
-
-    pub(super) fn hard_rows(&self) -> usize {
-        self.hard(&vec![0.0; self.coordinates()]).len()
     }
 
     /// Rank of what loops and drivers prescribe and its smallest pivot over the first.
@@ -261,7 +257,7 @@ impl Mechanism {
         let mut known = rank(&rows, 1e-6).0;
         let mut kept = Vec::new();
         for element in &self.elements {
-            let parts = self.slopes(|q| self.deformation(element, &self.maps(q)));
+            let parts = self.slopes(|q| Self::deformation(element, &self.maps(q)));
             let free = parts.iter().filter(|row| along(row, row) > 1e-12).count();
             let mut with = rows.clone();
             with.extend(parts);
@@ -308,7 +304,7 @@ impl Mechanism {
         let flat =
             |q: &[f64]| -> Vec<f64> { self.mass_points(q).iter().flat_map(|(_, x)| *x).collect() };
         let slopes = self.slopes(flat);
-        let bias = self.curvature(u, flat);
+        let bias = Self::curvature(u, flat);
         let masses: Vec<f64> = self.mass_points(&vec![0.0; n]).iter().map(|(m, _)| *m).collect();
         let mut mass = vec![vec![0.0; n]; n];
         let mut push = vec![0.0; n];
@@ -328,7 +324,7 @@ impl Mechanism {
         let loose = self.slopes(|q| self.deformations(q, false));
         let mut row = 0;
         for element in self.elements.iter().filter(|e| !e.settled) {
-            let parts = self.deformation(element, &self.maps(&vec![0.0; n])).len();
+            let parts = Self::deformation(element, &self.maps(&vec![0.0; n])).len();
             for part in 0..parts {
                 let slope = &loose[row];
                 row += 1;
@@ -342,8 +338,8 @@ impl Mechanism {
                 push.iter_mut().zip(slope).for_each(|(p, s)| *p -= s * (elastic + damping));
             }
         }
-        let mut aims = self.curvature(u, |q| self.hard(q));
-        aims.extend(self.curvature(u, |q| self.deformations(q, true)));
+        let mut aims = Self::curvature(u, |q| self.hard(q));
+        aims.extend(Self::curvature(u, |q| self.deformations(q, true)));
         aims.iter_mut().for_each(|x| *x = -*x);
         let first = hard - self.drivers.len();
         for (k, driver) in self.drivers.iter().enumerate() {
@@ -354,7 +350,7 @@ impl Mechanism {
         let mut next = hard;
         let mut sums = [0.0f64; 2];
         for element in self.elements.iter().filter(|e| e.settled) {
-            let parts = self.deformation(element, &self.maps(&vec![0.0; n])).len();
+            let parts = Self::deformation(element, &self.maps(&vec![0.0; n])).len();
             for part in 0..parts {
                 let turning = if part < 3 { 1.0 } else { element.lever };
                 add_rates(&mut sums, element, turning, &mass, &rows[next + part]);
@@ -365,11 +361,11 @@ impl Mechanism {
         row = 0;
         let design = self.maps(&vec![0.0; n]);
         for i in 0..self.elements.len() {
-            let parts = self.deformation(&self.elements[i], &design).len();
+            let parts = Self::deformation(&self.elements[i], &design).len();
             if self.elements[i].settled {
-                for part in 0..self.elements[i].preload.len() {
-                    self.elements[i].preload[part] = forces[next + part];
-                }
+                let preload = &mut self.elements[i].preload;
+                let count = preload.len();
+                preload.copy_from_slice(&forces[next..next + count]);
                 next += parts;
             } else {
                 for slope in &loose[row..row + parts] {

@@ -207,7 +207,7 @@ impl Mechanism {
             out.add_body(r, parallel);
         }
         if r.chance(0.5) {
-            for _ in 0..1 + r.below(2) {
+            for _ in 0..=r.below(2) {
                 out.add_loop(r, parallel);
             }
         }
@@ -245,7 +245,6 @@ impl Mechanism {
         let index = self.bodies.len();
         let parent = if index == 0 || r.chance(0.25) { None } else { Some(r.below(index)) };
         let kind = match r.below(if planar { 12 } else { 16 }) {
-            0..=5 => Kind::Revolute,
             6..=7 => Kind::Translational,
             8 | 9 => Kind::Floating,
             10 if index > 0 => Kind::Fixed,
@@ -384,13 +383,12 @@ impl Mechanism {
         let motion = motion(r, most, offset, mild);
         let explicit = r.chance(0.3);
         self.drivers.push(Driver { joint, coordinate, rotation, explicit, motion });
+        // It is neither implied nor nearly contradicted by loops.
         let (rank, ratio) = self.hard_rank();
-        let rows = self.hard_rows();
-        let redundant = { self.drivers.pop().map(|d| (d, self.hard_rank().0)) };
-        if let Some((driver, before)) = redundant {
-            if rank == before + 1 && ratio > if mild { 0.1 } else { 3e-2 } && rows >= rank {
-                self.drivers.push(driver);
-            }
+        let driver = self.drivers.pop();
+        let most = if mild { 0.1 } else { 3e-2 };
+        if rank == self.hard_rank().0 + 1 && ratio > most {
+            self.drivers.extend(driver);
         }
     }
 
