@@ -199,9 +199,7 @@ impl Mechanism {
             };
             u[slides].iter_mut().for_each(|u| *u = (0.2 * *u).clamp(-2.0, 2.0));
         }
-        for u in &mut u {
-            *u += nudge * r.range(-1.0, 1.0);
-        }
+        let nudges: Vec<f64> = (0..n).map(|_| nudge * r.range(-1.0, 1.0)).collect();
         self.drop_driven_elements();
         let hard = self.slopes(|q| self.hard(q));
         let soft = self.slopes(|q| self.deformations(q, true));
@@ -232,6 +230,7 @@ impl Mechanism {
                 u.iter_mut().for_each(|x| *x *= factor);
             }
         }
+        u.iter_mut().zip(&nudges).for_each(|(u, nudge)| *u += nudge);
         project(&mut u, rows.len());
         project(&mut u, hard.len());
         self.take_speeds(&u);
