@@ -1,0 +1,612 @@
+//! Seeded random mechanisms as model text: planar and spatial, trees and loops, every joint, force
+//! and driver of the model file, stiffnesses log-uniform in 1 … 1e10 N/m.
+//!
+//! The configuration is drawn first and joints are placed on it, so every loop is closed. Speeds are
+//! those of the tree of joints, moved by least change onto what loops, drivers and settled force
+//! elements allow; settled elements carry the force that leaves their ends without relative
+//! acceleration, so that a stiff one starts on its slow manifold.
+
+#![allow(dead_code, reason = "each binary uses a part of it")]
+
+mod kinematics;
+pub(crate) mod numbers;
+mod text;
+
+use numbers::{IDENTITY, M3, Random, V3, add, norm, perpendicular, scale, sub, unit};
+
+/// A random mechanism.
+#[derive(Debug, Clone)]
+pub(crate) struct Mechanism {
+    pub(crate) seed: u64,
+    pub(crate) planar: bool,
+    gravity: V3,
+    bodies: Vec<Body>,
+    joints: Vec<Joint>,
+    elements: Vec<Element>,
+    loads: Vec<Load>,
+    drivers: Vec<Driver>,
+    /// Height of the road under tyres.
+    road: Option<f64>,
+    /// A run worth looking at, s.
+    pub(crate) span: f64,
+    /// Estimate of its fastest vibration and decay, 1/s.
+    pub(crate) fastest: f64,
+    /// Degrees of freedom.
+    pub(crate) freedom: usize,
+}
+
+/// A rigid body in the design configuration; also its mass points, which have its inertia.
+#[derive(Debug, Clone)]
+struct Body {
+    mass: f64,
+    center: V3,
+    /// Columns: principal axes.
+    principal: M3,
+    /// ∫ x² dm along them, kg m².
+    moments: V3,
+    /// Columns: body axes.
+    axes: M3,
+    /// From the centre of mass to the body origin, ground axes.
+    origin: V3,
+    /// Turn of a planar body, rad.
+    angle: f64,
+    velocity: V3,
+    angular_velocity: V3,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Floating,
+    Fixed,
+    Revolute,
+    Translational,
+    Cylindrical,
+    Universal,
+    Spherical,
+    Distance,
+}
+
+/// First and second body; none is the ground.
+type Between = [Option<usize>; 2];
+
+#[derive(Debug, Clone)]
+struct Joint {
+    kind: Kind,
+    between: Between,
+    /// Points on the first and on the second body: the same but for a distance joint.
+    points: [V3; 2],
+    /// Axes on the first and on the second body: the same but for a universal joint.
+    axes: [V3; 2],
+    /// Its place among the coordinates of the tree; none closes a loop.
+    coordinates: Option<(usize, usize)>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Law {
+    Tsda,
+    Maxwell,
+    Rsda,
+    /// Whether it resists turning, too.
+    Bushing(bool),
+}
+
+/// A spring with a damper.
+#[derive(Debug, Clone)]
+struct Element {
+    law: Law,
+    between: Between,
+    points: [V3; 2],
+    /// Columns: bushing axes; the third is the axis of an rsda.
+    axes: M3,
+    /// N/m, N m/rad for an rsda.
+    stiffness: f64,
+    /// Rotational stiffness of a bushing over its stiffness, m².
+    lever: f64,
+    /// Damping over stiffness, s.
+    damping: f64,
+    rotational_damping: f64,
+    settled: bool,
+    /// Elastic forces at the start.
+    preload: Vec<f64>,
+}
+
+#[derive(Debug, Clone)]
+enum Load {
+    Force { on: usize, point: V3, axes: &'static str, motions: Vec<Motion> },
+    Torque { between: Between, axis: V3, axes: &'static str, motion: Motion },
+    Tyre { on: usize, point: V3, radius: f64, stiffness: f64, damping: f64, lateral: Option<V3> },
+}
+
+#[derive(Debug, Clone)]
+struct Driver {
+    joint: usize,
+    /// The driven coordinate of the tree.
+    coordinate: usize,
+    rotation: bool,
+    /// Stated by its own geometry in place of the joint.
+    explicit: bool,
+    motion: Motion,
+}
+
+#[derive(Debug, Clone)]
+enum Motion {
+    Constant(f64),
+    /// Coefficients.
+    Polynomial(Vec<f64>),
+    /// Amplitude, angular frequency, offset.
+    Harmonic(f64, f64, f64),
+    /// From, to, start, end.
+    Step(f64, f64, f64, f64),
+    /// Spacing of the times and three values.
+    Table(f64, [f64; 3]),
+}
+
+impl Motion {
+    /// Value, rate and second derivative at t = 0.
+    fn start(&self) -> [f64; 3] {
+        match self {
+            Self::Constant(value) => [*value, 0.0, 0.0],
+            Self::Polynomial(c) => {
+                let c = |k: usize| c.get(k).copied().unwrap_or(0.0);
+                [c(0), c(1), 2.0 * c(2)]
+            }
+            Self::Harmonic(amplitude, w, offset) => [*offset, amplitude * w, 0.0],
+            Self::Step(from, ..) => [*from, 0.0, 0.0],
+            // The natural spline through three values.
+            Self::Table(h, [a, b, c]) => [*a, (b - a) / h - (a - 2.0 * b + c) / (4.0 * h), 0.0],
+        }
+    }
+}
+
+/// A motion of a size `most` that starts at `offset`.
+fn motion(random: &mut Random, most: f64, offset: f64, mild: bool) -> Motion {
+    let size = random.range(0.2, 1.0) * most * random.one_of(&[-1.0, 1.0]);
+    match if mild { 0 } else { random.below(4) } {
+        0 => Motion::Harmonic(size, random.logarithmic(1.0, 15.0), offset),
+        1 => Motion::Polynomial(vec![offset, size, random.range(-1.0, 1.0) * size]),
+        2 => Motion::Step(offset, offset + size, 0.1, random.range(0.5, 1.2)),
+        _ => {
+            // Longer than any run.
+            let [a, b] = [random.range(1.0, 2.0), random.range(-2.0, 2.0)].map(|x| x * size);
+            Motion::Table(LONGEST / 2.0, [offset, offset + a, offset + b])
+        }
+    }
+}
+
+/// Longest span, s.
+const LONGEST: f64 = 5.0;
+/// Stiffness of an element that is not soft, N/m.
+const STIFF: f64 = 1e4;
+
+impl Mechanism {
+    /// The mechanism of a seed. `nudge` changes each independent speed by up to so many rad/s or m/s.
+    pub(crate) fn new(seed: u64, nudge: f64) -> Self {
+        let mut random = Random::new(seed);
+        let r = &mut random;
+        let planar = r.chance(0.4);
+        let down = if planar { [0.0, -9.81, 0.0] } else { [0.0, 0.0, -9.81] };
+        let tyre = !planar && r.chance(0.15);
+        let mut out = Self {
+            seed,
+            planar,
+            gravity: if tyre || r.chance(0.8) { down } else { [0.0; 3] },
+            bodies: Vec::new(),
+            joints: Vec::new(),
+            elements: Vec::new(),
+            loads: Vec::new(),
+            drivers: Vec::new(),
+            road: None,
+            span: 1.0,
+            fastest: 0.0,
+            freedom: 0,
+        };
+        let bodies = 1 + r.below(3) + r.below(2) * r.below(4);
+        // Parallel axes in space: the loops are then redundant.
+        let parallel = !planar && r.chance(0.15);
+        for _ in 0..bodies {
+            out.add_body(r, parallel);
+        }
+        if r.chance(0.5) {
+            for _ in 0..=r.below(2) {
+                out.add_loop(r, parallel);
+            }
+        }
+        if r.chance(0.3) {
+            out.add_driver(r);
+        }
+        for _ in 0..r.one_of(&[0, 1, 1, 1, 2, 2, 3, 4]) {
+            // Most leave the mechanism something to move by.
+            let stiffness = r.logarithmic(1.0, 1e10);
+            for attempt in 0..5 {
+                out.add_element(r, stiffness);
+                if out.can_move() || (attempt == 4 && r.chance(0.3)) {
+                    break;
+                }
+                out.elements.pop();
+            }
+        }
+        out.settle();
+        if tyre {
+            out.add_tyre(r);
+        }
+        for _ in 0..r.one_of(&[0, 0, 1, 2]) {
+            out.add_load(r);
+        }
+        out.set_in_motion(r, nudge);
+        out
+    }
+
+    fn at(&self, body: Option<usize>) -> V3 {
+        body.map_or([0.0; 3], |b| self.bodies[b].center)
+    }
+
+    fn add_body(&mut self, r: &mut Random, parallel: bool) {
+        let planar = self.planar;
+        let index = self.bodies.len();
+        let parent = if index == 0 || r.chance(0.25) { None } else { Some(r.below(index)) };
+        let kind = match r.below(if planar { 12 } else { 16 }) {
+            6..=7 => Kind::Translational,
+            8 | 9 => Kind::Floating,
+            10 if index > 0 => Kind::Fixed,
+            12 if !parallel => Kind::Cylindrical,
+            13 if !parallel => Kind::Universal,
+            14 | 15 if !parallel => Kind::Spherical,
+            _ => Kind::Revolute,
+        };
+        let flat = planar || parallel;
+        let parent = if kind == Kind::Floating { None } else { parent };
+        let point = add(&self.at(parent), &r.vector(flat, 0.1, 0.6));
+        // Some bodies turn about their own centre.
+        let centered = r.chance(0.15);
+        let center = if centered { point } else { add(&point, &r.vector(flat, 0.1, 0.5)) };
+        let axis = match kind {
+            Kind::Translational => r.unit(flat),
+            _ if flat => [0.0, 0.0, 1.0],
+            _ => r.unit(false),
+        };
+        let mass = r.logarithmic(0.4, 2.5);
+        let angle = if r.chance(0.5) { r.range(-2.0, 2.0) } else { 0.0 };
+        let axes = match (planar, angle == 0.0) {
+            (_, true) => IDENTITY,
+            (true, _) => numbers::turn(&[0.0, 0.0, angle]),
+            (false, _) => r.rotation(false),
+        };
+        let mut moments = [0.0; 3];
+        for x in moments.iter_mut().take(if planar { 2 } else { 3 }) {
+            *x = mass * r.logarithmic(0.03, 0.3).powi(2);
+        }
+        let along = r.chance(0.5);
+        self.bodies.push(Body {
+            mass,
+            center,
+            principal: if along { axes } else { r.rotation(planar) },
+            moments,
+            axes,
+            origin: if r.chance(0.5) { [0.0; 3] } else { r.vector(planar, 0.0, 0.3) },
+            angle,
+            velocity: [0.0; 3],
+            angular_velocity: [0.0; 3],
+        });
+        let count = match (kind, planar) {
+            (Kind::Floating, true) | (Kind::Spherical, _) => 3,
+            (Kind::Floating, false) => 6,
+            (Kind::Revolute | Kind::Translational, _) => 1,
+            (Kind::Cylindrical | Kind::Universal, _) => 2,
+            (Kind::Fixed | Kind::Distance, _) => 0,
+        };
+        let second = if kind == Kind::Universal { perpendicular(&axis) } else { axis };
+        let first = self.coordinates();
+        let point = if kind == Kind::Floating { center } else { point };
+        self.joints.push(Joint {
+            kind,
+            between: [parent, Some(index)],
+            points: [point; 2],
+            axes: [axis, second],
+            coordinates: Some((first, count)),
+        });
+    }
+
+    /// Two different bodies, or the ground and a body.
+    fn pair(&self, r: &mut Random) -> Between {
+        let n = self.bodies.len();
+        let second = r.below(n);
+        let first = r.below(n + 1);
+        if first == n || first == second {
+            [None, Some(second)]
+        } else {
+            [Some(first), Some(second)]
+        }
+    }
+
+    fn add_loop(&mut self, r: &mut Random, parallel: bool) {
+        let flat = self.planar || parallel;
+        let between = self.pair(r);
+        let kind = match r.below(if self.planar { 6 } else { 8 }) {
+            0..=1 => Kind::Distance,
+            _ if flat => Kind::Revolute,
+            2..=4 => Kind::Spherical,
+            5 => Kind::Universal,
+            6 => Kind::Cylindrical,
+            _ => Kind::Revolute,
+        };
+        let near = self.at(between[1]);
+        let point = add(&near, &r.vector(flat, 0.1, 0.4));
+        let from = if between[0].is_none() { near } else { self.at(between[0]) };
+        let other = match kind {
+            Kind::Distance => add(&from, &r.vector(flat, 0.1, 0.6)),
+            _ => point,
+        };
+        let axis = if flat { [0.0, 0.0, 1.0] } else { r.unit(false) };
+        let second = if kind == Kind::Universal { perpendicular(&axis) } else { axis };
+        if kind == Kind::Distance && norm(&sub(&point, &other)) < 0.1 {
+            return;
+        }
+        let joint = Joint {
+            kind,
+            between,
+            points: [other, point],
+            axes: [axis, second],
+            coordinates: None,
+        };
+        self.joints.push(joint);
+        // At least one degree of freedom is left, and the loop is not nearly singular.
+        let (rank, ratio) = self.hard_rank();
+        if rank >= self.coordinates() || ratio < 3e-2 {
+            self.joints.pop();
+        }
+    }
+
+    fn has_loops(&self) -> bool {
+        self.joints.iter().any(|j| j.coordinates.is_none())
+    }
+
+    fn add_driver(&mut self, r: &mut Random) {
+        let joint = r.below(self.joints.len());
+        let Joint { kind, between, coordinates, .. } = self.joints[joint];
+        let rotation = match kind {
+            Kind::Revolute => true,
+            Kind::Translational => false,
+            Kind::Cylindrical => r.chance(0.5),
+            _ => return,
+        };
+        let Some((first, _)) = coordinates else { return };
+        // A cylindrical joint turns by its first coordinate and slides by its second.
+        let coordinate = first + usize::from(kind == Kind::Cylindrical && !rotation);
+        let offset = if self.planar && rotation { self.angle_between(between) } else { 0.0 };
+        let mild = self.has_loops();
+        let most = match (rotation, mild) {
+            (true, true) => 0.2,
+            (true, false) => 3.0,
+            (false, true) => 0.02,
+            (false, false) => 0.15,
+        };
+        let motion = motion(r, most, offset, mild);
+        let explicit = r.chance(0.3);
+        self.drivers.push(Driver { joint, coordinate, rotation, explicit, motion });
+        // It is neither implied nor nearly contradicted by loops.
+        let (rank, ratio) = self.hard_rank();
+        let driver = self.drivers.pop();
+        let most = if mild { 0.1 } else { 3e-2 };
+        if rank == self.hard_rank().0 + 1 && ratio > most {
+            self.drivers.extend(driver);
+        }
+    }
+
+    fn angle_between(&self, between: Between) -> f64 {
+        let angle = |b: Option<usize>| b.map_or(0.0, |b| self.bodies[b].angle);
+        angle(between[1]) - angle(between[0])
+    }
+
+    fn add_element(&mut self, r: &mut Random, stiffness: f64) {
+        let planar = self.planar;
+        let mut between = self.pair(r);
+        let law = match r.below(if planar { 7 } else { 9 }) {
+            0..=3 => Law::Tsda,
+            4 => Law::Maxwell,
+            5 | 6 => Law::Rsda,
+            _ => Law::Bushing(r.chance(0.5)),
+        };
+        let mut damping = if r.chance(0.3) { 0.0 } else { r.logarithmic(1e-6, 0.1) };
+        let mut law = law;
+        let near = self.at(between[1]);
+        let mut points = [near; 2];
+        let mut axes = if planar || r.chance(0.5) { IDENTITY } else { r.rotation(false) };
+        match law {
+            Law::Tsda | Law::Maxwell => {
+                let from = if between[0].is_none() { near } else { self.at(between[0]) };
+                points = [
+                    add(&from, &r.vector(planar, 0.1, 0.6)),
+                    add(&near, &r.vector(planar, 0.0, 0.3)),
+                ];
+                if norm(&sub(&points[0], &points[1])) < 0.1 {
+                    return;
+                }
+                if law == Law::Maxwell {
+                    damping = r.logarithmic(1e-4, 0.1);
+                }
+            }
+            Law::Rsda if !planar => {
+                // In space the angle of a joint's own axis.
+                let joints = self.joints.iter();
+                let turning: Vec<&Joint> = joints
+                    .filter(|j| matches!(j.kind, Kind::Revolute | Kind::Cylindrical))
+                    .collect();
+                if turning.is_empty() {
+                    return;
+                }
+                let joint = turning[r.below(turning.len())];
+                between = joint.between;
+                let h = joint.axes[0];
+                let f = perpendicular(&h);
+                let g = numbers::cross(&h, &f);
+                axes = numbers::transpose(&[f, g, h]);
+            }
+            Law::Rsda => {}
+            Law::Bushing(turning) => {
+                points = [add(&near, &r.vector(false, 0.0, 0.3)); 2];
+                // The bushing's angles are meant for less than half a turn.
+                law = Law::Bushing(turning && stiffness > 1e4);
+            }
+        }
+        let lever = r.logarithmic(0.03, 0.3).powi(2);
+        let settled = stiffness > STIFF && (damping < 1e-4 || r.chance(0.6));
+        let settled = settled || law == Law::Bushing(true);
+        let scaled = if law == Law::Rsda { stiffness * lever } else { stiffness };
+        let rows = if matches!(law, Law::Bushing(_)) { 3 } else { 1 };
+        self.elements.push(Element {
+            law,
+            between,
+            points,
+            axes,
+            stiffness: scaled,
+            lever,
+            damping,
+            rotational_damping: damping.max(1e-4),
+            settled,
+            preload: (0..rows)
+                .map(|_| {
+                    r.range(-1.0, 1.0) * (0.05 * scaled).min(if rows == 1 { 5.0 } else { 3.0 })
+                })
+                .collect(),
+        });
+    }
+
+    /// What rings for long starts at rest: next to it all stiff elements do.
+    fn settle(&mut self) {
+        let rings =
+            |e: &Element| e.stiffness > STIFF && (e.damping < 1e-3 || e.law == Law::Maxwell);
+        if self.elements.iter().any(rings) {
+            self.elements.iter_mut().filter(|e| e.stiffness > STIFF).for_each(|e| e.settled = true);
+        }
+    }
+
+    fn add_tyre(&mut self, r: &mut Random) {
+        let on = r.below(self.bodies.len());
+        let point = self.bodies[on].center;
+        let radius = r.range(0.1, 0.4);
+        self.road = Some(point[2] - radius * r.range(0.98, 1.1));
+        let stiffness = r.logarithmic(1e3, 1e5);
+        let damping = r.logarithmic(1e-4, 1e-2) * stiffness;
+        let lateral = r.chance(0.4).then(|| unit(&[r.range(-0.2, 0.2), 1.0, 0.0]));
+        self.loads.push(Load::Tyre { on, point, radius, stiffness, damping, lateral });
+    }
+
+    fn add_load(&mut self, r: &mut Random) {
+        let on = r.below(self.bodies.len());
+        let axes = r.one_of(&["ground", "body"]);
+        // What sets in at once would make an undamped stiff element ring.
+        let calm = self.elements.iter().any(|e| e.stiffness > STIFF);
+        let function = |r: &mut Random, most: f64| {
+            if !calm && r.chance(0.3) {
+                Motion::Constant(r.range(-most, most))
+            } else {
+                motion(r, most, 0.0, false)
+            }
+        };
+        if r.chance(0.5) {
+            let point = add(&self.bodies[on].center, &r.vector(self.planar, 0.0, 0.3));
+            let count = if self.planar { 2 } else { 3 };
+            let motions = (0..count).map(|_| function(r, 8.0)).collect();
+            self.loads.push(Load::Force { on, point, axes, motions });
+        } else {
+            let between = if r.chance(0.5) { self.pair(r) } else { [None, Some(on)] };
+            let axis = if self.planar { [0.0, 0.0, 1.0] } else { r.unit(false) };
+            let motion = function(r, 0.5);
+            self.loads.push(Load::Torque { between, axis, axes, motion });
+        }
+    }
+
+    /// What it is made of, for tables.
+    pub(crate) fn traits(&self) -> Vec<String> {
+        let mut out = vec![if self.planar { "planar" } else { "spatial" }.to_owned()];
+        out.push(if self.has_loops() { "loops" } else { "tree" }.to_owned());
+        for joint in &self.joints {
+            let name = format!("{:?}", joint.kind).to_lowercase();
+            out.push(if joint.coordinates.is_none() { format!("loop {name}") } else { name });
+        }
+        for element in &self.elements {
+            let law = match element.law {
+                Law::Bushing(true) => "turning bushing".to_owned(),
+                Law::Bushing(false) => "bushing".to_owned(),
+                law => format!("{law:?}").to_lowercase(),
+            };
+            let decade = (element.stiffness.log10() / 3.0).floor() * 3.0;
+            out.push(format!("{law} 1e{decade}"));
+            out.push(law);
+            let stiff = element.stiffness > 1e6;
+            out.push(if stiff { "stiffer than 1e6" } else { "softer than 1e6" }.to_owned());
+            out.push(
+                if element.damping == 0.0 { "an undamped element" } else { "a damped element" }
+                    .to_owned(),
+            );
+            out.push(
+                if element.settled { "a settled element" } else { "an unsettled element" }
+                    .to_owned(),
+            );
+        }
+        if self.elements.is_empty() {
+            out.push("no springs".to_owned());
+        }
+        for load in &self.loads {
+            out.push(
+                match load {
+                    Load::Force { .. } => "point force",
+                    Load::Torque { .. } => "torque",
+                    Load::Tyre { .. } => "tyre",
+                }
+                .to_owned(),
+            );
+        }
+        if !self.drivers.is_empty() {
+            out.push("driver".to_owned());
+        }
+        let fast = self.speed();
+        out.push(
+            match fast {
+                _ if fast > 20.0 => "above 20 rad/s",
+                _ if fast > 5.0 => "5 to 20 rad/s",
+                _ => "below 5 rad/s",
+            }
+            .to_owned(),
+        );
+        out.push(format!("{} bodies", self.bodies.len()));
+        out.sort();
+        out.dedup();
+        out
+    }
+
+    /// Largest angular velocity at the start, rad/s.
+    pub(crate) fn speed(&self) -> f64 {
+        self.bodies.iter().map(|b| norm(&b.angular_velocity)).fold(0.0, f64::max)
+    }
+
+    /// Inertia tensor of a body about its centre, body axes.
+    fn inertia(body: &Body) -> M3 {
+        let r = numbers::product(&numbers::transpose(&body.axes), &body.principal);
+        let [a, b, c] = body.moments;
+        let diagonal = [b + c, a + c, a + b];
+        let tensor: M3 = std::array::from_fn(|i| {
+            std::array::from_fn(|j| (0..3).map(|k| r[i][k] * diagonal[k] * r[j][k]).sum())
+        });
+        std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (tensor[i][j] + tensor[j][i])))
+    }
+
+    fn origin(body: &Body) -> V3 {
+        add(&body.center, &body.origin)
+    }
+
+    fn in_body(&self, body: Option<usize>, point: &V3) -> V3 {
+        match body {
+            None => *point,
+            Some(b) => {
+                let body = &self.bodies[b];
+                let from = sub(point, &Self::origin(body));
+                numbers::apply(&numbers::transpose(&body.axes), &from)
+            }
+        }
+    }
+
+    fn center_of_mass(body: &Body) -> V3 {
+        numbers::apply(&numbers::transpose(&body.axes), &scale(&body.origin, -1.0))
+    }
+}
