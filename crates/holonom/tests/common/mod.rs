@@ -2,6 +2,9 @@
 
 #![allow(dead_code, reason = "each test binary uses a part of it")]
 
+pub(crate) mod integrate;
+pub(crate) mod table;
+
 use holonom::io::{Document, Syntax};
 use holonom::method::Code;
 use holonom::model::{Model, Tolerance};
