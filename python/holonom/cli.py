@@ -91,7 +91,7 @@ def run(
     max_steps: Annotated[int | None, typer.Option(help="Largest number of steps.")] = None,
     max_seconds: Annotated[float | None, _seconds("--max-seconds", "Largest wall time.")] = None,
     parametrization: Annotated[
-        str | None, typer.Option(help="partitioning, tangent_plane or tangent_plane_svd.")
+        str | None, typer.Option(help="tree, partitioning, tangent_plane or tangent_plane_svd.")
     ] = None,
     jacobian: Annotated[str | None, typer.Option(help="analytic or differences.")] = None,
     profile: Annotated[str | None, typer.Option(help="improved or thesis.")] = None,

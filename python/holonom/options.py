@@ -61,7 +61,7 @@ class Tolerance:
 
 # Options that are one word out of few.
 _WORDS = {
-    "parametrization": ("partitioning", "tangent_plane", "tangent_plane_svd"),
+    "parametrization": ("tree", "partitioning", "tangent_plane", "tangent_plane_svd"),
     "jacobian": ("analytic", "differences"),
     "profile": ("improved", "thesis"),
 }

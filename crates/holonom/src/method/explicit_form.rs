@@ -69,6 +69,11 @@ impl ExplicitForm {
         self.rates.resize(self.point.manifold.chart().ndof(), 0.0);
     }
 
+    /// Whether the powers in w are integrated under error control: not where there is nothing else.
+    pub fn integrates_powers(&self) -> bool {
+        !self.rates.is_empty()
+    }
+
     /// The meaning of w has changed to `w` at the state last evaluated.
     pub fn references_moved(&mut self, _w: &[f64]) {}
 

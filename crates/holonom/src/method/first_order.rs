@@ -108,6 +108,11 @@ impl FirstOrder {
         &mut self.point
     }
 
+    /// The energy ledger is not part of w.
+    pub fn integrates_powers(&self) -> bool {
+        false
+    }
+
     /// References have been moved at the state last evaluated: its independent variables are now `w`.
     pub fn references_moved(&mut self, w: &[f64]) {
         self.at_time = self.point.state.t;

@@ -39,7 +39,7 @@ pub trait StateSpace: LinearizedOde + Send {
 }
 
 macro_rules! state_space {
-    ($type:ty, $powers:expr) => {
+    ($type:ty) => {
         impl StateSpace for $type {
             fn begin_step(&mut self, state: &State) {
                 Self::begin_step(self, state);
@@ -71,11 +71,11 @@ macro_rules! state_space {
                 Self::set_jacobian(self, source);
             }
             fn integrates_powers(&self) -> bool {
-                $powers
+                Self::integrates_powers(self)
             }
         }
     };
 }
 
-state_space!(FirstOrder, false);
-state_space!(ExplicitForm, true);
+state_space!(FirstOrder);
+state_space!(ExplicitForm);

@@ -202,8 +202,8 @@ impl Manifold {
         for k in 0..MAX_CORRECTIONS {
             self.counters.corrections += 1;
             let size = self.correct(t, p, q);
-            if k == 0 && placed.is_none() {
-                predicted = size;
+            if k == 0 {
+                predicted += size;
                 self.predictor.copy_from_slice(q);
             }
             let rate = size / before;
@@ -235,7 +235,7 @@ impl Manifold {
     }
 
     /// Places the bodies along the forest, dependent coordinates by the tangent; returns how far they
-    /// moved and leaves their places as predictor.
+    /// moved.
     fn place(
         &mut self,
         t: f64,
@@ -270,7 +270,6 @@ impl Manifold {
         for (out, (x, y)) in self.correction.iter_mut().zip(q.iter().zip(&self.predictor)) {
             *out = x - y;
         }
-        self.predictor.copy_from_slice(q);
         Ok(self.size_of(&self.correction))
     }
 

@@ -358,6 +358,8 @@ pub(crate) struct Simulation {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Parametrization {
+    /// Relative coordinates of a spanning forest of the bodies.
+    Tree,
     /// Some of the coordinates.
     Partitioning,
     /// Combinations of coordinates along the tangent plane of the constraints, by QR.
@@ -370,6 +372,7 @@ impl Parametrization {
     /// Name in files and options.
     pub(crate) fn name(self) -> &'static str {
         match self {
+            Self::Tree => "tree",
             Self::Partitioning => "partitioning",
             Self::TangentPlane => "tangent_plane",
             Self::TangentPlaneSvd => "tangent_plane_svd",
