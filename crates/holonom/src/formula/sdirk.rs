@@ -40,6 +40,14 @@ pub struct Sdirk {
 }
 
 impl Sdirk {
+    /// How many times as large iteration errors of stage `i` reach the end of the step, |bᵢ|/γ: up to 31.
+    /// Where that is above 1, corrections are judged by it.
+    pub fn effect(&self, i: usize) -> f64 {
+        (self.a[4][i] / self.gamma).abs().max(1.0)
+    }
+}
+
+impl Sdirk {
     /// Weights of the solution.
     pub fn b(&self) -> &[f64; 5] {
         &self.a[4]

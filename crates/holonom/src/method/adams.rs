@@ -313,6 +313,10 @@ impl Stepper for AdamsStepper {
         true
     }
 
+    fn multistep(&self) -> bool {
+        true
+    }
+
     fn restart(&mut self) {
         self.invalidate(false);
     }

@@ -7,7 +7,6 @@ use super::iteration::{Failure, Iteration, MAX_SYSTEMS};
 use super::matrices::Matrices;
 use super::memory::Memory;
 use super::ode::{EvaluationFailure, LinearizedOde};
-use super::second_order::Residual;
 use super::segment::Segment;
 use super::stages::{Stages, Step};
 use super::stepper::{Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics};
@@ -25,7 +24,6 @@ pub struct ImplicitStepper<S> {
     /// The last attempt was accepted and nothing has been built on it yet.
     pending: bool,
     matrices: Matrices,
-    residual: Residual,
     /// The step before may predict this one.
     predicts: bool,
     /// Weighted norm of round-off in w₀.
@@ -48,7 +46,6 @@ impl<S: Stages> ImplicitStepper<S> {
             before: Memory::default(),
             pending: false,
             matrices: Matrices::NONE,
-            residual: options.residual,
             predicts: false,
             floor: 0.0,
             change: vec![0.0; dimension],
@@ -78,7 +75,6 @@ impl<S: Stages> ImplicitStepper<S> {
     ) -> Result<u32, Failure> {
         let mut iteration = Iteration {
             before: self.predicts.then_some(&self.previous),
-            residual: self.residual,
             control: self.options.iteration(),
             floor: self.floor,
             eta: &mut self.memory.eta,
@@ -89,7 +85,7 @@ impl<S: Stages> ImplicitStepper<S> {
     }
 
     /// Linearization, factorization and stages. An iteration that fails is repeated with a fresh
-    /// linearization, then with the other residual, before the step is made shorter.
+    /// linearization before the step is made shorter.
     fn solve(
         &mut self,
         ode: &mut Counted<'_>,
@@ -105,27 +101,7 @@ impl<S: Stages> ImplicitStepper<S> {
             report.contraction = 0.0;
             outcome = self.iterate(ode, step, report);
         }
-        match outcome {
-            Err(failure) if self.options.adapt_iteration && repeats(&failure) => {
-                self.iterate_on_other_residual(ode, step, report).ok_or(failure)
-            }
-            outcome => outcome,
-        }
-    }
-
-    /// Goes over to the other residual, for good if the iteration converges on it.
-    fn iterate_on_other_residual(
-        &mut self,
-        ode: &mut Counted<'_>,
-        step: &Step<'_>,
-        report: &mut StepReport,
-    ) -> Option<u32> {
-        self.residual = self.residual.other();
-        let iterations = self.iterate(ode, step, report).ok();
-        if iterations.is_none() {
-            self.residual = self.residual.other();
-        }
-        iterations
+        outcome
     }
 
     /// Scaled error, filtered; estimated again where a first or repeated attempt would fail, because

@@ -1,7 +1,7 @@
 //! A system as implicit formulas use it: every call that costs something is counted.
 
 use super::ode::{Complex64, EvaluationFailure, LinearizedOde};
-use super::second_order::{Residual, SecondOrder, Stage};
+use super::second_order::{SecondOrder, Stage};
 use super::stepper::StepperStatistics;
 
 /// A system with the work done on it. Each method is that of [`LinearizedOde`] or [`SecondOrder`].
@@ -40,14 +40,13 @@ impl<'a> Counted<'a> {
 
     pub(super) fn defect(
         &mut self,
-        residual: Residual,
         t: f64,
         w: &[f64],
         slope: &[f64],
         defect: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
         self.statistics.derivatives += 1;
-        self.ode.defect(residual, t, w, slope, defect)
+        self.ode.defect(t, w, slope, defect)
     }
 
     pub(super) fn linearize(

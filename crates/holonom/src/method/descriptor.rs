@@ -16,7 +16,7 @@
 use super::descriptor_matrix::{DescriptorMatrix, singular};
 use super::first_order::dot;
 use super::ode::{EvaluationFailure, LinearizedOde, Ode};
-use super::second_order::{Residual, SecondOrder, Stage};
+use super::second_order::{SecondOrder, Stage};
 use super::{FirstOrder, JacobianSource, StateSpace, Weights};
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
@@ -122,8 +122,8 @@ impl SecondOrder for Descriptor {
         base.evaluate_stage(stage, rate, z)?;
         self.rate.fill(0.0);
         let (state, z_rate) = (&mut base.point.state, &mut base.point.z_rate);
-        match (self.iterate, stage.residual) {
-            (Iterate::Plain, _) => {
+        match self.iterate {
+            Iterate::Plain => {
                 state.a.copy_from_slice(a);
                 state.lambda.copy_from_slice(lambda);
                 let (force, rows) = (&mut self.force, &mut self.rows);
@@ -133,25 +133,13 @@ impl SecondOrder for Descriptor {
                     *out -= rate;
                 }
             }
-            (Iterate::Consistent, Residual::Forces) => {
+            Iterate::Consistent => {
                 base.point.manifold.reduced_residual(state, rate, z_rate, &mut self.psi);
                 // With P of the matrix, for which DᵀPᵀ = 1.
                 base.start.extend(&self.psi, &mut self.force);
                 self.rows.fill(0.0);
                 a.copy_from_slice(&state.a);
                 lambda.copy_from_slice(&state.lambda);
-            }
-            (Iterate::Consistent, Residual::Accelerations) => {
-                base.point.manifold.accelerate(state, z_rate)?;
-                base.point.manifold.multipliers(state);
-                base.point.manifold.independent_acceleration(state, &mut self.psi);
-                for (f, rate) in self.psi.iter_mut().zip(&*rate) {
-                    *f = rate - *f;
-                }
-                base.point.manifold.extend_acceleration(rate, a);
-                lambda.copy_from_slice(&state.lambda);
-                self.matrix.inertia_force(&base.blocks.d, &self.psi, &mut self.force);
-                self.rows.fill(0.0);
             }
         }
         let dz = &mut change[2 * ndof..];

@@ -364,16 +364,6 @@ impl DescriptorMatrix {
         rate[from..].copy_from_slice(&self.right[first..]);
     }
 
-    /// force = M D a with M and D of the linearization.
-    pub(super) fn inertia_force(&mut self, d: &[f64], a: &[f64], force: &mut [f64]) {
-        let n = self.coordinates;
-        for (i, out) in self.right[..n].iter_mut().enumerate() {
-            *out = dot(&d[i * a.len()..(i + 1) * a.len()], a);
-        }
-        force.fill(0.0);
-        self.mass.multiply_add(1.0, &self.right[..n], force);
-    }
-
     /// (force, rows, v_rate) = Ψ₁ δv̇ + Ψ₂ δv.
     pub(super) fn respond(
         &self,

@@ -3,7 +3,7 @@
 use super::complex_solver::ComplexSolver;
 use super::differences::{Differences, JacobianSource};
 use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode};
-use super::second_order::{Residual, SecondOrder};
+use super::second_order::SecondOrder;
 use super::state_space_method::AccelerationBuffers;
 use super::weights::Weights;
 use crate::reduction::{Chart, Manifold, Point, ReducedBlocks};
@@ -349,11 +349,18 @@ impl Ode for FirstOrder {
         self.weights.norm(&self.dq, &self.dv, &change[2 * ndof..])
     }
 
+    /// With the factors of the last evaluation, which was at the end of the step or next to it: those of
+    /// the start hide what a chart that degrades makes of an error.
     fn error_norm(&mut self, error: &[f64], w_end: &[f64]) -> f64 {
         if self.weights.are_independent() {
             return self.weights.independent_norm(error, Some(w_end));
         }
-        self.norm(error)
+        let ndof = self.point.manifold.chart().ndof();
+        let (dp, rest) = error.split_at(ndof);
+        let (rate, extra) = rest.split_at(ndof);
+        let Self { point, dq, dv, rows, rates, .. } = self;
+        point.spread(dp, rate, dq, dv, rows, rates);
+        self.weights.norm(&self.dq, &self.dv, extra)
     }
 }
 
@@ -389,38 +396,29 @@ impl LinearizedOde for FirstOrder {
         solver.factor(&self.blocks, gamma_h).map_err(|e| singular_jacobian(gamma_h.norm(), &e))
     }
 
-    /// Velocity entries are forces: −ψ with the slope's accelerations, or M̂₀ (v̈ − slope).
+    /// Velocity entries are forces, −ψ with the slope's accelerations: written as M̂ (v̈ − f) the change of M̂
+    /// within the step would multiply stiff forces.
     fn defect(
         &mut self,
-        residual: Residual,
         t: f64,
         w: &[f64],
         slope: &[f64],
         defect: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
         let ndof = self.point.manifold.chart().ndof();
-        match residual {
-            Residual::Forces => {
-                require_finite(t, w)?;
-                self.evaluate(t, w, false)?;
-                let (rates, rest) = slope[ndof..].split_at(ndof);
-                let (positions, forces) = defect.split_at_mut(ndof);
-                let (forces, z) = forces.split_at_mut(ndof);
-                for ((out, v), s) in positions.iter_mut().zip(&w[ndof..]).zip(slope) {
-                    *out = v - s;
-                }
-                let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
-                manifold.reduced_residual(state, rates, &mut self.point.z_rate, forces);
-                forces.iter_mut().for_each(|x| *x = -*x);
-                for ((out, rate), s) in z.iter_mut().zip(&self.point.z_rate).zip(rest) {
-                    *out = rate - s;
-                }
-            }
-            Residual::Accelerations => {
-                self.derivative(t, w, defect)?;
-                defect.iter_mut().zip(slope).for_each(|(g, s)| *g -= s);
-                self.weigh(defect);
-            }
+        require_finite(t, w)?;
+        self.evaluate(t, w, false)?;
+        let (rates, rest) = slope[ndof..].split_at(ndof);
+        let (positions, forces) = defect.split_at_mut(ndof);
+        let (forces, z) = forces.split_at_mut(ndof);
+        for ((out, v), s) in positions.iter_mut().zip(&w[ndof..]).zip(slope) {
+            *out = v - s;
+        }
+        let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
+        manifold.reduced_residual(state, rates, &mut self.point.z_rate, forces);
+        forces.iter_mut().for_each(|x| *x = -*x);
+        for ((out, rate), s) in z.iter_mut().zip(&self.point.z_rate).zip(rest) {
+            *out = rate - s;
         }
         Ok(())
     }

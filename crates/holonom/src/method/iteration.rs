@@ -1,7 +1,6 @@
 //! Newton iterations of one attempt: what they start from, their judgement and bookkeeping.
 
 use super::ode::EvaluationFailure;
-use super::second_order::Residual;
 use super::segment::Segment;
 use super::stepper::{Rejection, StepReport};
 use crate::control::{IterationVerdict, NewtonControl, NewtonMonitor};
@@ -38,8 +37,6 @@ impl From<EvaluationFailure> for Failure {
 pub struct Iteration<'a> {
     /// The step before, where it may predict this one.
     pub(super) before: Option<&'a Segment>,
-    /// What is driven to zero.
-    pub(super) residual: Residual,
     pub(super) control: NewtonControl,
     /// Weighted norm of round-off in w₀.
     pub(super) floor: f64,

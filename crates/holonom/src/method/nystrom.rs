@@ -7,7 +7,7 @@ use super::counted::Counted;
 use super::iteration::{Failure, Iteration, MAX_SYSTEMS};
 use super::nystrom_start::Start;
 use super::ode::EvaluationFailure;
-use super::second_order::{Residual, Stage};
+use super::second_order::Stage;
 use super::segment::Segment;
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
@@ -30,7 +30,7 @@ impl NystromStepper {
             predictors: std::array::from_fn(|i| {
                 if i > 0 { formula.predictor(i) } else { [0.0; MAX_SYSTEMS] }
             }),
-            continues: options.adapt_iteration,
+            continues: options.continue_accelerations,
             start: Start::FIRST,
             x: vec![vec![0.0; unknowns]; formula.stages + 1],
             slopes: vec![vector(); formula.stages + 1],
@@ -40,7 +40,6 @@ impl NystromStepper {
             end: vector(),
             formula,
         };
-        let options = StepperOptions { residual: Residual::Forces, ..options };
         Self::of(stages, dimension, options)
     }
 }
@@ -108,7 +107,6 @@ impl NystromStages {
         i: usize,
         ode: &mut Counted<'_>,
         step: &Step<'_>,
-        residual: Residual,
         change: &mut [f64],
     ) -> Result<f64, EvaluationFailure> {
         let f = &self.formula;
@@ -117,7 +115,6 @@ impl NystromStages {
             gamma_h: f.gamma * step.h,
             beta_h2: f.beta * step.h * step.h,
             past: &self.past,
-            residual,
         };
         let z = &mut self.extra[2 * ode.second_order_split()..];
         ode.correct(&stage, &mut self.x[i + 1], z, change)?;
@@ -172,7 +169,7 @@ impl Stages for NystromStages {
         iteration: &mut Iteration<'_>,
     ) -> Result<u32, Failure> {
         self.start.find(ode, step, &mut self.x[0], &mut self.slopes[0])?;
-        let (ndof, residual) = (ode.second_order_split(), iteration.residual);
+        let ndof = ode.second_order_split();
         if self.formula.explicit_first {
             for known in [&mut self.slopes, &mut self.x] {
                 let (start, stages) = known.split_at_mut(1);
@@ -184,7 +181,7 @@ impl Stages for NystromStages {
         for i in self.formula.implicit_stages() {
             self.predict(i, ndof, step, iteration.before);
             let effect = self.formula.effect(i);
-            let correct = |change: &mut [f64]| self.correct(i, ode, step, residual, change);
+            let correct = |change: &mut [f64]| self.correct(i, ode, step, change);
             last_stage = iteration.converge(i, effect, correct)?;
             self.finish_stage(i, ode, step.h)?;
         }

@@ -1,6 +1,6 @@
 //! The view of a system that integration formulas have: ẇ = g(t, w) with its linearization.
 
-use super::second_order::{Residual, SecondOrder};
+use super::second_order::SecondOrder;
 pub use crate::error::EvaluationFailure;
 pub use holonom_linalg::Complex64;
 
@@ -58,7 +58,6 @@ pub trait LinearizedOde: Ode {
     /// As [`Ode::derivative`].
     fn defect(
         &mut self,
-        _residual: Residual,
         t: f64,
         w: &[f64],
         slope: &[f64],

@@ -12,7 +12,6 @@ use super::attempt::ImplicitStepper;
 use super::counted::Counted;
 use super::iteration::{Failure, Iteration};
 use super::ode::{Complex64, EvaluationFailure};
-use super::second_order::Residual;
 use super::segment::Segment;
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
@@ -75,7 +74,6 @@ impl RadauStages {
         &mut self,
         ode: &mut Counted<'_>,
         step: &Step<'_>,
-        residual: Residual,
         change: &mut [f64],
     ) -> Result<f64, EvaluationFailure> {
         self.implied_slopes(step.h);
@@ -84,7 +82,7 @@ impl RadauStages {
                 *state = w + z;
             }
             let at = step.t + self.formula.c[i] * step.h;
-            ode.defect(residual, at, &self.state, &self.slopes[i], &mut self.defects[i])?;
+            ode.defect(at, &self.state, &self.slopes[i], &mut self.defects[i])?;
         }
         self.solve(ode, step.h);
         let square: f64 = self.corrections.iter().map(|delta| ode.norm(delta).powi(2)).sum();
@@ -170,8 +168,7 @@ impl Stages for RadauStages {
         iteration: &mut Iteration<'_>,
     ) -> Result<u32, Failure> {
         self.predict(step.h, iteration.before);
-        let residual = iteration.residual;
-        iteration.converge(0, 1.0, |change| self.correct(ode, step, residual, change))
+        iteration.converge(0, 1.0, |change| self.correct(ode, step, change))
     }
 
     /// γ₀h g₀ + Σ eᵢ zᵢ, to be multiplied by (I − γ₀hJ)⁻¹.

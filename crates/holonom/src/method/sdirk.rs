@@ -10,7 +10,6 @@ use super::attempt::ImplicitStepper;
 use super::counted::Counted;
 use super::iteration::{Failure, Iteration};
 use super::ode::EvaluationFailure;
-use super::second_order::Residual;
 use super::segment::Segment;
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
@@ -75,7 +74,6 @@ impl SdirkStages {
         i: usize,
         ode: &mut Counted<'_>,
         step: &Step<'_>,
-        residual: Residual,
         change: &mut [f64],
     ) -> Result<f64, EvaluationFailure> {
         let gamma_h = self.formula.gamma * step.h;
@@ -87,7 +85,7 @@ impl SdirkStages {
             *slope = (z - past) / gamma_h;
         }
         let at = step.t + self.formula.c[i] * step.h;
-        ode.defect(residual, at, &self.state, &self.slope, change)?;
+        ode.defect(at, &self.state, &self.slope, change)?;
         change.iter_mut().for_each(|r| *r *= gamma_h);
         ode.solve_defect(change);
         add_scaled(z, 1.0, change);
@@ -116,12 +114,12 @@ impl Stages for SdirkStages {
         step: &Step<'_>,
         iteration: &mut Iteration<'_>,
     ) -> Result<u32, Failure> {
-        let residual = iteration.residual;
         let mut last_stage = 0;
         for i in 0..STAGES {
             self.predict(i, step.h, iteration.before);
-            let correct = |change: &mut [f64]| self.correct(i, ode, step, residual, change);
-            last_stage = iteration.converge(i, 1.0, correct)?;
+            let effect = self.formula.effect(i);
+            let correct = |change: &mut [f64]| self.correct(i, ode, step, change);
+            last_stage = iteration.converge(i, effect, correct)?;
         }
         Ok(last_stage)
     }

@@ -13,33 +13,6 @@ pub struct Stage<'a> {
     pub beta_h2: f64,
     /// (ṽ, ṽ̇, z̃).
     pub past: &'a [f64],
-    /// What the iteration drives to zero.
-    pub residual: Residual,
-}
-
-/// How far an iterate is from satisfying the equations, in what.
-///
-/// Both have the same zero and are corrected with the same matrix, frozen over the step. The first
-/// converges where the directions of stiff forces turn little during a step, as in a vehicle on
-/// bushings; the second where those of the accelerations that they cause do, as for a stiff spring
-/// that turns with its body. Elsewhere the iteration diverges, however good its start, so that the
-/// other one is worth a try before the step is made shorter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Residual {
-    /// In forces: ψ = Dᵀ(M q̈ − Q).
-    Forces,
-    /// In accelerations: M̂₀ (v̈ − f), with M̂₀ of the linearization and f = M̂⁻¹ Q̂ of the iterate.
-    Accelerations,
-}
-
-impl Residual {
-    /// The other one.
-    pub fn other(self) -> Self {
-        match self {
-            Self::Forces => Self::Accelerations,
-            Self::Accelerations => Self::Forces,
-        }
-    }
 }
 
 /// A system M̂ v̈ = Q̂, ż = g whose stages are solved for accelerations.

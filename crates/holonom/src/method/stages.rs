@@ -27,7 +27,7 @@ pub trait Stages: Debug + Send {
     /// components do not vanish as the filtered estimate does.
     const LEAST_FILTERED: Option<f64> = None;
     /// Whether stages that cannot be evaluated are tried again as those that do not converge are:
-    /// with a fresh linearization, then with the other residual.
+    /// with a fresh linearization.
     const REPEATS_EVALUATIONS: bool = false;
 
     /// Order of the formula.

@@ -11,7 +11,7 @@
 use super::FirstOrder;
 use super::first_order::{dot, multiply_add, require_finite};
 use super::ode::EvaluationFailure;
-use super::second_order::{Residual, SecondOrder, Stage};
+use super::second_order::{SecondOrder, Stage};
 use crate::system::Sizes;
 
 /// What stages with accelerations as unknowns need beside the first-order form.
@@ -20,7 +20,6 @@ pub(super) struct AccelerationBuffers {
     /// Iterate w.
     pub(super) trial: Vec<f64>,
     correction: Vec<f64>,
-    difference: Vec<f64>,
     /// βh² of the last factor.
     pub(super) beta_h2: f64,
     /// q, q̇ and q̈ at the start of the step and at its end.
@@ -33,7 +32,6 @@ impl AccelerationBuffers {
         Self {
             trial: vec![0.0; 2 * ndof + sizes.extra_states],
             correction: vec![0.0; ndof],
-            difference: vec![0.0; ndof],
             beta_h2: 0.0,
             ends: [all(), all()],
         }
@@ -43,7 +41,6 @@ impl AccelerationBuffers {
         let extra = self.trial.len() - 2 * self.correction.len();
         self.trial.resize(2 * ndof + extra, 0.0);
         self.correction.resize(ndof, 0.0);
-        self.difference.resize(ndof, 0.0);
     }
 }
 
@@ -69,37 +66,6 @@ impl FirstOrder {
     }
 }
 
-impl FirstOrder {
-    /// −ψ or −M̂₀ (v̈ − f) at the iterate just recovered, into the buffer of the correction.
-    fn stage_residual(
-        &mut self,
-        residual: Residual,
-        v_rate: &[f64],
-    ) -> Result<(), EvaluationFailure> {
-        let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
-        let delta = &mut self.stage.correction;
-        match residual {
-            Residual::Forces => {
-                manifold.reduced_residual(state, v_rate, &mut self.point.z_rate, delta);
-                for r in delta {
-                    *r = -*r;
-                }
-            }
-            Residual::Accelerations => {
-                manifold.accelerate(state, &mut self.point.z_rate)?;
-                let difference = &mut self.stage.difference;
-                manifold.independent_acceleration(state, difference);
-                for (f, a) in difference.iter_mut().zip(v_rate) {
-                    *f -= a;
-                }
-                delta.fill(0.0);
-                multiply_add(&self.blocks.mass, 1.0, difference, delta);
-            }
-        }
-        Ok(())
-    }
-}
-
 impl SecondOrder for FirstOrder {
     fn unknowns(&self) -> usize {
         self.point.manifold.chart().ndof()
@@ -119,8 +85,10 @@ impl SecondOrder for FirstOrder {
     ) -> Result<(), EvaluationFailure> {
         let ndof = x.len();
         self.evaluate_stage(stage, x, z)?;
-        self.stage_residual(stage.residual, x)?;
         let delta = &mut self.stage.correction;
+        let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
+        manifold.reduced_residual(state, x, &mut self.point.z_rate, delta);
+        delta.iter_mut().for_each(|r| *r = -*r);
         let (head, dz) = change.split_at_mut(2 * ndof);
         let (dp, dv) = head.split_at_mut(ndof);
         // ρ = z̃ + γh ż − z is carried into Ψ δv̈ = −ψ − Ẑ E⁻¹ ρ.

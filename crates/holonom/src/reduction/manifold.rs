@@ -289,16 +289,22 @@ impl Manifold {
         }
     }
 
-    /// Moves references to the configuration q last recovered, whose independent variables are `p`; returns
-    /// whether v has changed.
+    /// Moves references to the configuration q last recovered, whose independent variables are `p`; those of
+    /// directions and rotations once one of them is `turn` (rad) away. Returns whether v has changed.
     ///
     /// # Errors
     /// `simulation/singular-configuration`.
-    pub fn move_references(&mut self, q: &[f64], p: &[f64]) -> Result<bool, EvaluationFailure> {
+    pub fn move_references(
+        &mut self,
+        q: &[f64],
+        p: &[f64],
+        turn: f64,
+    ) -> Result<bool, EvaluationFailure> {
         let system = self.system.as_ref();
         let Some(relatives) = self.chart.relatives_mut() else { return Ok(false) };
-        relatives.move_references(system, q, Some(p), &mut self.edges);
-        if !relatives.moves {
+        let turning = turn == 0.0 || relatives.turned_by(system, p, turn);
+        relatives.move_references(system, q, Some(p), &mut self.edges, turning);
+        if !(relatives.moves && turning) {
             return Ok(false);
         }
         (self.null_space_current, self.multipliers_due) = (false, false);

@@ -104,12 +104,13 @@ impl Point {
         self.manifold.multipliers(&mut self.state);
     }
 
-    /// Moves references to the state last evaluated, whose independent variables are `p`; returns whether
-    /// the meaning of the independent variables has changed.
+    /// Moves references to the state last evaluated, whose independent variables are `p`, those of directions
+    /// and rotations once one of them is `turn` (rad) away; returns whether the meaning of the independent
+    /// variables has changed.
     ///
     /// # Errors
     /// `simulation/singular-configuration`.
-    pub fn move_references(&mut self, p: &[f64]) -> Result<bool, EvaluationFailure> {
-        self.manifold.move_references(&self.state.q, p)
+    pub fn move_references(&mut self, p: &[f64], turn: f64) -> Result<bool, EvaluationFailure> {
+        self.manifold.move_references(&self.state.q, p, turn)
     }
 }

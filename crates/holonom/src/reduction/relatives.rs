@@ -294,14 +294,24 @@ impl Relatives {
         }
     }
 
-    /// Moves all references and anchors to a configuration whose independent variables are `p`, if known,
-    /// and whose coordinates of edges are near `x`, which name the branches of angles.
+    /// Whether a direction or rotation is farther from its reference than `turn`, rad.
+    pub(super) fn turned_by(&self, system: &dyn System, p: &[f64], turn: f64) -> bool {
+        self.runs().any(|(group, range)| {
+            let info = &system.relative_groups()[group];
+            info.reach.is_finite() && range.map(|k| p[k] * p[k]).sum::<f64>() > turn * turn
+        })
+    }
+
+    /// Moves references and anchors to a configuration whose independent variables are `p`, if known, and
+    /// whose coordinates of edges are near `x`, which name the branches of angles; those of directions and
+    /// rotations only if `turning`.
     pub(super) fn move_references(
         &mut self,
         system: &dyn System,
         q: &[f64],
         p: Option<&[f64]>,
         x: &mut [[f64; MOST]],
+        turning: bool,
     ) {
         let groups = system.relative_groups();
         if let Some(p) = p {
@@ -313,6 +323,10 @@ impl Relatives {
         }
         let tree = system.tree();
         for (at, (edge, form)) in tree.edges.iter().zip(&self.forms).enumerate() {
+            let stays = |&group: &usize| groups[group].reach.is_finite() && !turning;
+            if edge.forms[*form].iter().any(stays) {
+                continue;
+            }
             let mut first = 0;
             for &group in &edge.forms[*form] {
                 let info = &groups[group];
@@ -329,7 +343,10 @@ impl Relatives {
                 Anchor { orientation: system.anchor_orientation(at, *form, q), x: x[at] };
         }
         for (group, _) in &self.rows {
-            self.references[*group] = system.moved_reference(*group, q, &self.references[*group]);
+            if turning || groups[*group].reach.is_infinite() {
+                let reference = &mut self.references[*group];
+                *reference = system.moved_reference(*group, q, reference);
+            }
         }
     }
 }

@@ -245,7 +245,7 @@ fn at_state(
             x[c.edge][c.at] = state.winding[winding];
         }
     }
-    relatives.move_references(system, &state.q, None, &mut x);
+    relatives.move_references(system, &state.q, None, &mut x, true);
     for elastic in &tree.elastic {
         for &group in elastic.groups.iter().filter(|_| !elastic.is_edge) {
             let reference = &mut relatives.references[group];

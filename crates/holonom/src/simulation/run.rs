@@ -32,6 +32,9 @@ const CONDITION_FLOOR: f64 = 10.0;
 /// Relative coordinates are chosen anew when the condition of [G; P] has grown by this factor: on a circle
 /// limits of 2.5, 10 and 100 cost 178, 314 and 676 steps.
 const TREE_GROWTH: f64 = 2.5;
+/// References of directions and rotations move at every step; those of a multistep formula, whose history
+/// would have to move along, when they are this far, rad.
+const MULTISTEP_TURN: f64 = 1.5;
 /// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
 const TANGENT_GROWTH: f64 = 2.0;
 pub(super) const MAX_REJECTIONS: u32 = 60;
@@ -403,8 +406,12 @@ impl Run<'_> {
     fn move_references(&mut self) -> Result<(), EvaluationFailure> {
         let point = self.form.point_mut();
         let ndof = point.manifold.chart().ndof();
-        if !point.move_references(&self.w[..ndof])? {
+        let turn = if self.stepper.multistep() { MULTISTEP_TURN } else { 0.0 };
+        if !point.move_references(&self.w[..ndof], turn)? {
             return Ok(());
+        }
+        if self.stepper.multistep() {
+            self.stepper.restart();
         }
         self.form.pack(&self.state, &mut self.w);
         let (rates, rest) = self.g.split_at_mut(ndof);
