@@ -83,7 +83,7 @@ fn order_4_on_a_closed_loop() {
 #[test]
 fn order_4_on_a_spatial_closed_loop() {
     let channels = ["slider.position", "crank.angular_velocity"];
-    assert_order_4(&model_of(SPATIAL_SLIDER_CRANK), 1.0, 1024, &channels);
+    assert_order_4(&model_of(SPATIAL_SLIDER_CRANK), 1.0, 2048, &channels);
 }
 
 #[test]

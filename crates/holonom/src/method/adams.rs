@@ -161,7 +161,7 @@ impl AdamsStepper {
         for ((work, &d), &phi) in self.work.iter_mut().zip(&self.difference).zip(phi) {
             *work = d + phi;
         }
-        ode.norm(&self.work)
+        self.options.caution * ode.norm(&self.work)
     }
 
     /// Predicts, evaluates, estimates and, if the error allows, corrects and evaluates again.
@@ -203,7 +203,7 @@ impl AdamsStepper {
         add_scaled(&mut self.difference, -1.0, &trial.phi[0]);
 
         // Errors at orders k, k−1, k−2; lower orders must win clearly.
-        let size = h * ode.norm(&self.difference);
+        let size = self.options.caution * h * ode.norm(&self.difference);
         let error = size * (c.g[k - 1] - c.g[k]);
         let at_k = size * c.sigma[k] * ADAMS_GAMMA_STAR[k].abs();
         let scale = |m: usize| h * c.sigma[m] * ADAMS_GAMMA_STAR[m].abs();
@@ -280,7 +280,8 @@ impl AdamsStepper {
         } else if order == k && k < trial.same_steps {
             // The last k + 1 steps were equal: the difference of order k + 2 can be trusted.
             self.work.copy_from_slice(&trial.phi[k + 1]);
-            let above = h * ADAMS_GAMMA_STAR[k + 1].abs() * ode.norm(&self.work);
+            let size = self.options.caution * ode.norm(&self.work);
+            let above = h * ADAMS_GAMMA_STAR[k + 1].abs() * size;
             if k > 1 && below <= at_k.min(above) {
                 (order, estimate) = (k - 1, below);
             } else if k < ADAMS_MAX_ORDER && above < if k > 1 { at_k } else { 0.5 * at_k } {

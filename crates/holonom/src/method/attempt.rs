@@ -107,6 +107,15 @@ impl<S: Stages> ImplicitStepper<S> {
     /// Scaled error, filtered; estimated again where a first or repeated attempt would fail, because
     /// transients there are not what the step has to follow.
     fn error(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> Result<f64, EvaluationFailure> {
+        let found = self.estimated(ode, step)?;
+        Ok(self.options.caution * found)
+    }
+
+    fn estimated(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> Result<f64, EvaluationFailure> {
         let (stages, error) = (&mut self.stages, &mut self.change);
         stages.estimate(ode, step, error)?;
         if !self.options.filter_error {
@@ -116,7 +125,7 @@ impl<S: Stages> ImplicitStepper<S> {
         stages.filter(ode, error);
         let filtered = ode.error_norm(error, stages.end().w);
         let found = least.map_or(filtered, |least| filtered.max(least));
-        let again = found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
+        let again = self.options.caution * found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
         if !(again && stages.estimate_again(ode, step, error)) {
             return Ok(found);
         }

@@ -231,9 +231,18 @@ pub fn build_stepper(
     let mut options = match profile {
         Profile::Thesis => {
             let filter_error = matches!(code, Code::ForSdirk | Code::ForSdirk16);
-            StepperOptions { filter_error, ..StepperOptions::thesis() }
+            let newton = StepperOptions::improved(tolerance.relative).newton;
+            StepperOptions { filter_error, newton, ..StepperOptions::thesis() }
         }
-        Profile::Improved => StepperOptions::improved(tolerance.relative),
+        Profile::Improved => {
+            let caution = match code {
+                Code::ForRosen | Code::SspTrap | Code::InflTrap => 2.0,
+                Code::Deabm => 4.0,
+                Code::Dopri5 => 8.0,
+                _ => 1.0,
+            };
+            StepperOptions { caution, ..StepperOptions::improved(tolerance.relative) }
+        }
     };
     (options.fixed_step, options.max_step) = (fixed_step, max_step);
     // A dense matrix of order ndof costs less to factor than a step that is shorter than it need be.

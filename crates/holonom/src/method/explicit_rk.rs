@@ -101,7 +101,7 @@ impl ExplicitRungeKuttaStepper {
                 .map_err(Rejection::Evaluation)?;
         }
         Self::combine(&mut self.work, h, &self.formula.e, &self.k);
-        let error = ode.norm(&self.work);
+        let error = self.options.caution * ode.norm(&self.work);
         if self.options.fixed_step && error.is_finite() {
             return Ok((error, StepVerdict::Accept { next: h }));
         }

@@ -125,6 +125,9 @@ pub struct StepperOptions {
     /// Iterations of formulas in second-order form start from accelerations continued from the step
     /// before, not from those at the start of the step.
     pub continue_accelerations: bool,
+    /// Estimates count this many times. Errors of formulas that damp nothing add up to a drift of the
+    /// phase of what swings or turns, and explicit ones take so long steps that their estimates say less.
+    pub caution: f64,
     /// Error estimates are multiplied by (I − γh J)⁻¹, which bounds them on stiff components (by a
     /// tenth of their size at least where the formula is not stiffly accurate).
     pub filter_error: bool,
@@ -142,6 +145,7 @@ impl StepperOptions {
             dead_band: 1.0,
             predictive: false,
             continue_accelerations: false,
+            caution: 1.0,
             filter_error: true,
         }
     }

@@ -302,7 +302,7 @@ impl Manifold {
     ) -> Result<bool, EvaluationFailure> {
         let system = self.system.as_ref();
         let Some(relatives) = self.chart.relatives_mut() else { return Ok(false) };
-        let turning = turn == 0.0 || relatives.turned_by(system, p, turn);
+        let turning = turn == 0.0 || relatives.turning(system, p) > turn;
         relatives.move_references(system, q, Some(p), &mut self.edges, turning);
         if !(relatives.moves && turning) {
             return Ok(false);

@@ -294,12 +294,12 @@ impl Relatives {
         }
     }
 
-    /// Whether a direction or rotation is farther from its reference than `turn`, rad.
-    pub(super) fn turned_by(&self, system: &dyn System, p: &[f64], turn: f64) -> bool {
-        self.runs().any(|(group, range)| {
-            let info = &system.relative_groups()[group];
-            info.reach.is_finite() && range.map(|k| p[k] * p[k]).sum::<f64>() > turn * turn
-        })
+    /// Largest size of the entries of `p`, or of its rates, of a direction or rotation, rad or rad/s.
+    pub fn turning(&self, system: &dyn System, p: &[f64]) -> f64 {
+        let groups = system.relative_groups();
+        let finite = self.runs().filter(|(group, _)| groups[*group].reach.is_finite());
+        let squares = finite.map(|(_, range)| range.map(|k| p[k] * p[k]).sum::<f64>());
+        squares.fold(0.0, f64::max).sqrt()
     }
 
     /// Moves references and anchors to a configuration whose independent variables are `p`, if known, and

@@ -32,6 +32,8 @@ const CONDITION_FLOOR: f64 = 10.0;
 /// Relative coordinates are chosen anew when the condition of [G; P] has grown by this factor: on a circle
 /// limits of 2.5, 10 and 100 cost 178, 314 and 676 steps.
 const TREE_GROWTH: f64 = 2.5;
+/// Largest change of a direction or rotation in a step of an explicit formula, rad.
+const EXPLICIT_TURN: f64 = 0.9;
 /// References of directions and rotations move at every step; those of a multistep formula, whose history
 /// would have to move along, when they are this far, rad.
 const MULTISTEP_TURN: f64 = 1.5;
@@ -230,6 +232,9 @@ impl Run<'_> {
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree));
+                if self.stepper.explicit() {
+                    h = h.min(self.explicit_turn());
+                }
                 if kinematic {
                     let most = step_length::kinematic(self.system.as_ref(), &self.state, span);
                     h = h.min(most).min(longest);
@@ -419,6 +424,17 @@ impl Run<'_> {
         self.form.point().manifold.independent_acceleration(&self.state, &mut rest[..ndof]);
         self.form.references_moved(&self.w);
         Ok(())
+    }
+
+    /// Longest step of an explicit formula, s: what is about to tumble swings about a steady turn as fast as
+    /// it turns, which no error shows before it has grown.
+    fn explicit_turn(&self) -> f64 {
+        let manifold = &self.form.point().manifold;
+        let Some(relatives) = manifold.chart().parametrization().relatives() else {
+            return f64::INFINITY;
+        };
+        let ndof = manifold.chart().ndof();
+        EXPLICIT_TURN / relatives.turning(self.system.as_ref(), &self.w[ndof..2 * ndof])
     }
 
     /// Step sizes and energy of the new state.
