@@ -93,14 +93,16 @@ class Options:
     max_seconds : float, optional
         Largest wall time, s.
     parametrization : str, optional
-        What the independent variables are: ``partitioning`` (default) takes coordinates,
+        What the independent variables are: ``tree`` (default) takes relative coordinates of a
+        spanning forest of the bodies, ``partitioning`` some of the bodies' coordinates,
         ``tangent_plane`` a basis of the constraints' tangent plane by QR, ``tangent_plane_svd``
         the same by SVD.
     jacobian : str, optional
         Where the integration Jacobian comes from: ``analytic`` (default) or ``differences`` of
         accelerations; ForRosen needs the analytic one.
     repartition_factor : float, optional
-        Growth of the partition's condition that asks for a new partition; more than 1.
+        Growth of the condition at which a partition or a tangent plane is chosen anew; more
+        than 1. The tree has a factor of its own, 2.5.
     profile : str, optional
         ``improved`` or ``thesis``.
     newmark_gamma, newmark_beta : float, optional

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! E is made from the relative orientation of the last anchor, so that signs of Euler parameters and
-//! branches of joints that can be assembled in several ways stay what they were.
+//! branches of joints that can be assembled in several ways stay what they were (`docs/theory/elements.md` (21)).
 
 use super::angle::PlanarAngle;
 use super::measure::{Dot, Measure};

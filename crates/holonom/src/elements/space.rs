@@ -10,7 +10,7 @@ use crate::model;
 
 /// How a body vector a (body axes) follows from a pose, with derivatives.
 ///
-/// Source: equations of section 6 of the theory of constrained motion; B and K after Haug (1989).
+/// Source: `docs/theory/elements.md` (2)-(5) and `docs/theory/math.md` (4), (5); B and K after Haug (1989).
 pub trait Space<const D: usize, const N: usize, const R: usize>:
     Debug + Clone + Copy + PartialEq + 'static
 {

@@ -8,7 +8,7 @@
 //! f⁽ᵏ⁺¹⁾ = (pₖ − (2k+1) f⁽ᵏ⁾)/|n|²     p = 2c/N², −4c/N⁴, 16c/N⁶     N² = c² + |n|²
 //! ```
 //!
-//! which loses digits like |n|⁻⁶: near n = 0 a series takes its place.
+//! which loses digits like |n|⁻⁶: near n = 0 a series takes its place (`docs/theory/math.md` (7)-(14)).
 
 use super::Real;
 use super::vector::dot;

@@ -15,10 +15,10 @@ use holonom_linalg::{DenseLu, SingularMatrix};
 /// ```text
 /// Π = M̂ + γh M̂₁' + γ²h² M̂₂'      M̂₁' = M̂₁ + γh Ẑ E⁻¹ ż_v̇   M̂₂' = M̂₂ + γh Ẑ E⁻¹ ż_v
 /// E = I − γh ż_z                   b = M̂ r_v − γh Ẑ E⁻¹ r_z
-/// Π δv = M̂ r_v + γh M̂₁' r_v …     δz = E⁻¹(r_z + γh (ż_v δp + ż_v̇ δv))
+/// Π δp = M̂ r_p + γh (M̂₁' r_p + b)   Π δv = b − γh M̂₂' r_p   δz = E⁻¹(r_z + γh (ż_v δp + ż_v̇ δv))
 /// ```
 ///
-/// Source: thesis (3.103)-(3.105); the extra states are eliminated first.
+/// Source: `docs/theory/method.md` (1)-(6); thesis (3.103)-(3.105), with the extra states eliminated first.
 #[derive(Debug, Clone)]
 pub struct FirstOrder {
     /// The stages' point.

@@ -5,8 +5,8 @@
 //! Ψ = M̂ + γh M̂₁' + βh² M̂₂'      M̂₁', M̂₂' with the extra states eliminated, see `FirstOrder`
 //! ```
 //!
-//! Unknown x = v̈. Ψ is the matrix Π of the first-order reduction (proposition 1), so both methods are
-//! one form of the equations. Source: thesis section 3.2, (3.30), (3.46).
+//! Unknown x = v̈. Ψ is the matrix Π of the first-order reduction (proposition 1, `docs/theory/method.md`), so
+//! both methods are one form of the equations. Source: thesis section 3.2, (3.30), (3.46).
 
 use super::FirstOrder;
 use super::first_order::{dot, multiply_add, require_finite};

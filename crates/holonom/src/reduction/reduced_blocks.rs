@@ -18,6 +18,8 @@ use holonom_linalg::gram_add;
 /// Where P moves with the bodies, its rows count among those of G: [A₀; (P q̇)_q] stands for A₀,
 /// [A₁; (v̈)_q] for A₁ and [S D] for S; the products with D then stand below Y and W.
 ///
+/// Derivation: `docs/theory/reduction.md` (11)-(26).
+///
 /// Extra states z: Ẑ = DᵀF_z, v̈_z = −M̂⁻¹Ẑ, ż_v = g_q D + g_q̇ q̇_v, ż_v̇ = g_q̇ D, q̇_v = −S A₀ D.
 /// Matrices are square of order ndof, by rows.
 #[derive(Debug, Clone)]

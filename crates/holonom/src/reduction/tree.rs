@@ -9,6 +9,8 @@
 //!   mechanism, each if it is independent of those before;
 //! - coordinates of the forest fill up, the nearest to the root among those that are about as well
 //!   conditioned as the best.
+//!
+//! Equations: `docs/theory/reduction.md` (27)-(35).
 
 use super::chart::{Chart, Parametrization, Projection};
 use super::partitioning::RANK_TOLERANCE;

@@ -1,6 +1,6 @@
 //! The equations of motion in one choice of generalized coordinates.
 //!
-//! A [`System`] answers what every method asks, in the symbols of `docs/theory/equations.md`:
+//! A [`System`] answers what every method asks, in the symbols of `docs/theory/system.md` (1)-(12):
 //! Φ, G, ν, τ, M, Q and the derivative blocks of F = M q̈ + Gᵀλ − Q. It never changes while it
 //! runs; all buffers belong to the caller.
 

@@ -344,9 +344,9 @@ pub(crate) struct Simulation {
     /// Largest wall time, positive.
     #[schemars(extend("x-unit" = "s"))]
     pub(crate) max_seconds: Option<f64>,
-    /// Growth of the condition number at which the independent coordinates are chosen anew, above 1.
+    /// Growth of the condition number at which a partition or a tangent plane is chosen anew, above 1.
     pub(crate) repartition_factor: Option<f64>,
-    /// What the independent variables are; partitioning unless stated.
+    /// What the independent variables are; tree unless stated.
     pub(crate) parametrization: Option<Parametrization>,
     /// Where the integration Jacobian comes from; analytic unless stated.
     pub(crate) jacobian: Option<JacobianSource>,
