@@ -104,7 +104,7 @@ class Options:
         Growth of the condition at which a partition or a tangent plane is chosen anew; more
         than 1. The tree has a factor of its own, 2.5.
     profile : str, optional
-        ``improved`` or ``thesis``.
+        ``improved`` or ``thesis``, which partitions coordinates unless `parametrization` is stated.
     newmark_gamma, newmark_beta : float, optional
         Another member of Newmark's family in place of the trapezoidal rule of ``SspTrap`` and
         ``InflTrap``: γ from 0.5 (order 2) to 1, more damps high frequencies, at order 1 and with

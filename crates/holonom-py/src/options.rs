@@ -83,6 +83,7 @@ impl Choices {
                 ("simulation/option", message)
             })?;
         }
+        options.parametrization = options.profile.parametrization();
         if let Some(name) = self.parametrization.as_deref().or(file.parametrization) {
             options.parametrization = Choice::find(name).ok_or_else(|| {
                 unknown("parametrization", name, Choice::ALL.iter().map(|(_, n)| *n))

@@ -111,7 +111,7 @@ fn norm(x: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Columns of v̈_v and v̈_v̇ and v̈_t agree with differences to 1e-6 of their length. Differences of a
-/// stiff system carry round-off of its stiffest part: 1e-11 of all columns together is allowed.
+/// stiff system carry round-off of its stiffest part: 5e-11 of all columns together is allowed.
 #[track_caller]
 fn assert_derivatives(model: &Model, times: &[f64], step: f64) {
     for (&t, &(choice, name)) in times.iter().flat_map(|t| Choice::ALL.iter().map(move |c| (t, c))) {
@@ -122,7 +122,7 @@ fn assert_derivatives(model: &Model, times: &[f64], step: f64) {
         let check = |what: &str, column: &[f64], expected: &[f64]| {
             let error = norm(column.iter().zip(expected).map(|(a, b)| a - b));
             let length = norm(column.iter().copied());
-            let allowed = 1e-6 * length + 1e-11 * all;
+            let allowed = 1e-6 * length + 5e-11 * all;
             assert!(error <= allowed, "{name}, t = {t}, {what}: {error:.2e} of {length:.2e}");
         };
         for (what, matrix, offset) in [("v̈_v", &by_position, 0), ("v̈_v̇", &by_velocity, n)] {

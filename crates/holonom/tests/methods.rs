@@ -471,8 +471,8 @@ fn a_step_rejected_and_repeated_gives_the_same_trajectory() {
         let (detour, rejected) = prescribed(&model, info.code, &steps, Some(40.0));
         let gap = distance(&detour, &straight);
         assert!(rejected > 30, "{}: {rejected} rejections", info.name);
-        // Iterations end within a fraction of the tolerance, 1e-9.
-        assert!(gap < 1e-9, "{}: {gap:.1e}", info.name);
+        // Iterations end within a fraction of the tolerance, 1e-9 of rates of some 100 rad/s.
+        assert!(gap < 1e-8, "{}: {gap:.1e}", info.name);
     }
 }
 

@@ -161,7 +161,7 @@ fn orders_on_a_slider_crank_on_a_driven_foundation() {
 
 #[test]
 fn orders_on_a_spatial_four_bar() {
-    assert_orders("spatial four-bar", &model("spatial_four_bar"), 1.0, 320);
+    assert_orders("spatial four-bar", &model("spatial_four_bar"), 1.0, 640);
 }
 
 #[test] // truth: the explicit Adams code at tolerance 1e-13
@@ -191,7 +191,7 @@ fn formulas_keep_their_order_over_changes_of_the_partition() {
     let model = model_of(WHIRLING);
     let truth = solution(&model, options(Code::Deabm, 1e-13, 1.0));
     for info in implicit() {
-        let steps = 2 * steps_of(info, 320);
+        let steps = 4 * steps_of(info, 320);
         let error = |steps: u32| {
             let fixed_step = Some(1.0 / f64::from(steps));
             let parametrization = Choice::Partitioning;

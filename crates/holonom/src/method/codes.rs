@@ -11,7 +11,7 @@ use super::{Descriptor, ExplicitForm, FirstOrder, Iterate, StateSpace, Weights};
 use crate::control::NewtonControl;
 use crate::formula::{DOPRI5, Nystrom, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16};
 use crate::model::Tolerance;
-use crate::reduction::Manifold;
+use crate::reduction::{Choice, Manifold};
 use crate::system::State;
 
 /// A code: a method with a formula.
@@ -117,6 +117,14 @@ impl Profile {
     /// Both, by name.
     pub const NAMES: [(&'static str, Self); 2] =
         [("improved", Self::Improved), ("thesis", Self::Thesis)];
+
+    /// What the independent variables are unless stated: the thesis partitions coordinates.
+    pub fn parametrization(self) -> Choice {
+        match self {
+            Self::Thesis => Choice::Partitioning,
+            Self::Improved => Choice::Tree,
+        }
+    }
 
     /// Name in options.
     pub fn name(self) -> &'static str {
@@ -232,13 +240,16 @@ pub fn build_stepper(
         Profile::Thesis => {
             let filter_error = matches!(code, Code::ForSdirk | Code::ForSdirk16);
             let newton = StepperOptions::improved(tolerance.relative).newton;
-            StepperOptions { filter_error, newton, ..StepperOptions::thesis() }
+            // Not a code of the thesis: its estimates are of order 3 on partitions that change often.
+            let caution = if code == Code::ForRadau { 4.0 } else { 1.0 };
+            StepperOptions { filter_error, newton, caution, ..StepperOptions::thesis() }
         }
         Profile::Improved => {
             let caution = match code {
-                Code::ForRosen | Code::SspTrap | Code::InflTrap => 2.0,
+                Code::ForRosen => 2.0,
+                Code::SspTrap | Code::InflTrap => 1.5,
                 Code::Deabm => 4.0,
-                Code::Dopri5 => 8.0,
+                Code::Dopri5 => 32.0,
                 _ => 1.0,
             };
             StepperOptions { caution, ..StepperOptions::improved(tolerance.relative) }

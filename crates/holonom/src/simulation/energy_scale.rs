@@ -1,11 +1,13 @@
 //! What an imbalance of the energy ledger is measured against.
 
-use crate::model::Model;
+use crate::model::{Model, Tolerance};
 use crate::system::{EnergyBalance, State, System};
 use crate::topology::Shape;
 
 /// Part of the energies summed up that is round-off of their sum.
 const ROUND_OFF: f64 = 1e-12;
+/// Absolute tolerances that a run may be off without a word.
+const ALLOWED: f64 = 10.0;
 
 /// The energy that moves in a run: the largest kinetic energy, dissipation, supply and range of the
 /// potential.
@@ -98,8 +100,12 @@ impl EnergyScale {
         self.kinetic.max(high - low).max(self.dissipated).max(self.supplied)
     }
 
-    /// An imbalance that the sum of the terms cannot tell from none, J.
-    pub(super) fn round_off(&self) -> f64 {
-        ROUND_OFF * self.sum
+    /// An imbalance that says nothing, J: what the sum of the terms cannot tell from none, and what
+    /// bodies at rest have when they are [`ALLOWED`] absolute tolerances off in place and velocity.
+    pub(super) fn negligible(&self, system: &dyn System, tolerance: &Tolerance) -> f64 {
+        let off = ALLOWED * tolerance.translation;
+        let per_mass = system.gravity() * off + 0.5 * off * off;
+        let mass: f64 = (0..system.structure().sizes.bodies).map(|b| system.mass(b)).sum();
+        (ROUND_OFF * self.sum).max(mass * per_mass)
     }
 }

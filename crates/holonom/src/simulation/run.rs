@@ -614,8 +614,8 @@ impl Run<'_> {
         e.moved = self.energy_scale.moved();
         let dropped = &self.form.point().manifold.chart().parametrization().dropped;
         let relative = self.options.tolerance.relative;
-        let round_off = self.energy_scale.round_off();
-        self.warnings = warnings(self.system.as_ref(), dropped, s, e, relative, round_off);
+        let negligible = self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
+        self.warnings = warnings(self.system.as_ref(), dropped, s, e, relative, negligible);
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
                 Err(Stop::Sink(message))

@@ -10,15 +10,15 @@ const TOLERANCES: f64 = 10.0;
 /// Redundant constraints that a warning names.
 const REDUNDANT_SHOWN: usize = 8;
 
-/// Warnings of a run with the redundant rows `dropped`, at a relative tolerance, whose energies sum up
-/// to within `round_off` joules.
+/// Warnings of a run with the redundant rows `dropped`, at a relative tolerance; an imbalance of
+/// `negligible` joules says nothing.
 pub(super) fn warnings(
     system: &dyn System,
     dropped: &[usize],
     s: &Statistics,
     e: &EnergySummary,
     relative: f64,
-    round_off: f64,
+    negligible: f64,
 ) -> Vec<RunWarning> {
     let mut out = Vec::new();
     if !dropped.is_empty() {
@@ -31,7 +31,7 @@ pub(super) fn warnings(
         out.push(RunWarning { code: "simulation/stiff", message });
     }
     let share = LARGEST_IMBALANCE.max(TOLERANCES * relative);
-    if e.largest_imbalance > (share * e.moved).max(round_off) {
+    if e.largest_imbalance > (share * e.moved).max(negligible) {
         let message = format!(
             "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved, more \
                  than {:.2} %; the motion or forces of stiff elements may be wrong: tighten the \

@@ -305,13 +305,20 @@ pub(crate) fn line(name: &str, manner: Manner, code: Code) -> String {
     format!("{name}{with}, {}", code.info().name)
 }
 
+/// The codes that stand for a manner: with `long` all of them. The thesis has no Radau formula.
+pub(crate) fn codes_of(manner: Manner) -> Vec<Code> {
+    let thesis = manner.profile == Profile::Thesis;
+    if cfg!(feature = "long") {
+        return all_codes().into_iter().filter(|c| !thesis || *c != Code::ForRadau).collect();
+    }
+    vec![if thesis { Code::ForSdirk } else { holonom::method::DEFAULT_CODE }]
+}
+
 /// Runs a case that is not stiff: by default with every code; with `long` in every other manner too, otherwise in
 /// those with the default code only.
 pub(crate) fn run_everything(table: &mut Table, name: &str, case: &Case) {
     run_case(table, name, case, DEFAULT, &all_codes());
     for manner in OTHERS {
-        let codes =
-            if cfg!(feature = "long") { all_codes() } else { vec![holonom::method::DEFAULT_CODE] };
-        run_case(table, name, case, manner, &codes);
+        run_case(table, name, case, manner, &codes_of(manner));
     }
 }
