@@ -13,7 +13,7 @@ use holonom::method::{
     Weights, build_state_space, build_stepper,
 };
 use holonom::model::{Model, Tolerance};
-use holonom::reduction::Choice;
+use holonom::reduction::{Choice, choose};
 use holonom::simulation::{Options, OutputTimes, Problem};
 use holonom::system::State;
 
@@ -431,8 +431,12 @@ fn a_rejected_step_costs_no_jacobian() {
 fn prescribed(model: &Model, code: Code, steps: &[f64], detour: Option<f64>) -> (Vec<f64>, u32) {
     let problem = Problem::new(model.clone());
     let assembled = problem.assemble().unwrap();
-    let (manifold, mut state) = (assembled.manifold.clone(), assembled.state.clone());
+    let (mut manifold, mut state) = (assembled.manifold.clone(), assembled.state.clone());
     let (profile, tolerance) = (Profile::Thesis, Tolerance::uniform(1e-9));
+    let (system, g) = (problem.system().as_ref(), manifold.jacobian());
+    let chart = choose(profile.parametrization(), &manifold, &state, g)
+        .and_then(|p| manifold.chart().with_parametrization(system, p, &state.q, g));
+    manifold.set_chart(chart.unwrap());
     let mut form = build_state_space(code, profile, manifold, tolerance, &state);
     let mut stepper =
         build_stepper(code, profile, form.as_mut(), tolerance, None, false, f64::INFINITY);
