@@ -404,6 +404,7 @@ def test_ctrl_c_on_the_command_line_in_the_second_run_keeps_the_first(
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     _wait_for(path, "completed")
+    time.sleep(0.5)  # the second run is under way
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert process.returncode == INTERRUPTED

@@ -114,7 +114,8 @@ fn norm(x: impl Iterator<Item = f64>) -> f64 {
 /// stiff system carry round-off of its stiffest part: 5e-11 of all columns together is allowed.
 #[track_caller]
 fn assert_derivatives(model: &Model, times: &[f64], step: f64) {
-    for (&t, &(choice, name)) in times.iter().flat_map(|t| Choice::ALL.iter().map(move |c| (t, c))) {
+    for (&t, &(choice, name)) in times.iter().flat_map(|t| Choice::ALL.iter().map(move |c| (t, c)))
+    {
         let mut reduced = Reduced::at(model, t, choice);
         let n = reduced.w.len() / 2;
         let (by_position, by_velocity) = reduced.jacobian();

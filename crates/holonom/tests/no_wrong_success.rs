@@ -276,8 +276,8 @@ fn examine(seed: u64) -> Finding {
         }
         let options = Options { max_steps: left, ..options };
         let name = options.code.info().name;
-        let ending = attempt(&problem, &options, planar)
-            .unwrap_or_else(|e| Ending::Ended(e.to_string()));
+        let ending =
+            attempt(&problem, &options, planar).unwrap_or_else(|e| Ending::Ended(e.to_string()));
         match ending {
             Ending::Completed(rows, _, steps, _) => {
                 left = left.saturating_sub(steps);
@@ -312,7 +312,9 @@ fn examine(seed: u64) -> Finding {
         let asked = truth.clone().or_else(|| tight.first().cloned());
         if let Some((options, rows)) = asked {
             let nudged = model_of(&Mechanism::new(seed, NUDGE)).expect("the same model");
-            if let Ok(Ending::Completed(other, ..)) = attempt(&Problem::new(nudged), &options, planar) {
+            if let Ok(Ending::Completed(other, ..)) =
+                attempt(&Problem::new(nudged), &options, planar)
+            {
                 let growth = distance(&other, &rows, bodies, planar) * TOLERANCE / NUDGE;
                 out.growth = Some(growth);
                 if growth > CHAOTIC {

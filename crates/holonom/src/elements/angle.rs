@@ -209,7 +209,7 @@ impl<T: Real, const N: usize> Rows<T, N> {
 
 impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
     for Argument<S, D, N, R>
- {
+{
     const COUNTS_TURNS: bool = true;
 
     fn value<T: Real>(&self, q: [&[T; N]; 2]) -> T {

@@ -82,7 +82,6 @@ impl<S, const D: usize, const N: usize, const R: usize> Kinematics<S, D, N, R> {
         let points = [frames[0].point, frames[1].point];
         Self { points, link, turns, space: std::marker::PhantomData }
     }
-
 }
 
 /// Services of an edge of the forest.
@@ -240,9 +239,7 @@ impl Orientation<2, 3, 1> for Planar {
         let [along, _] = frames[0].axes;
         let new = |link, turns| Kinematics::new(frames, link, turns);
         match kind {
-            JointKind::Revolute => {
-                (new(Link::Coincides, Turns::About([0.0; 2])), vec![angle()])
-            }
+            JointKind::Revolute => (new(Link::Coincides, Turns::About([0.0; 2])), vec![angle()]),
             JointKind::Translational => {
                 let slide = Relative::link(points(frames), &[along]);
                 (new(Link::Slides(along), Turns::Rigid), vec![(slide, Between::Both)])
@@ -375,10 +372,8 @@ where
 {
     let axes = frames[0].axes;
     let link = Relative::link(points(frames), &axes);
-    let coordinates = vec![
-        (link, Between::Both),
-        (Relative::Rotation(S::rotation()), Between::Both),
-    ];
+    let coordinates =
+        vec![(link, Between::Both), (Relative::Rotation(S::rotation()), Between::Both)];
     (Kinematics::new(frames, Link::Components(axes), Turns::Any), coordinates)
 }
 

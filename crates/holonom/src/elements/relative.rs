@@ -215,12 +215,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
         }
     }
 
-    fn jacobian<T: Real>(
-        &self,
-        q: [&[T; N]; 2],
-        reference: &Reference,
-        out: &mut RowBlocks<T, N>,
-    ) {
+    fn jacobian<T: Real>(&self, q: [&[T; N]; 2], reference: &Reference, out: &mut RowBlocks<T, N>) {
         match self {
             Self::Displacement(measure) => measure.jacobian(q, out),
             Self::Length(measure) => {
@@ -592,11 +587,7 @@ impl SpatialDirection {
     }
 
     #[inline(always)]
-    fn add_rows<T: Real>(
-        c: &[[T; 3]; 2],
-        columns: &Columns<T, 3, 4>,
-        out: &mut RowBlocks<T, 7>,
-    ) {
+    fn add_rows<T: Real>(c: &[[T; 3]; 2], columns: &Columns<T, 3, 4>, out: &mut RowBlocks<T, 7>) {
         for (k, c) in c.iter().enumerate() {
             let mut row = [out.0[0][k], out.0[1][k]];
             columns.add_to(c, &mut row);

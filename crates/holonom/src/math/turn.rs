@@ -47,8 +47,8 @@ impl<T: Real> Turn<T> {
         let total = c * c + square;
         let inverse = total.recip();
         let (inverse2, inverse3) = (inverse * inverse, inverse * inverse * inverse);
-        let near = c.value() > 0.0
-            && square.value() < SERIES_BELOW * SERIES_BELOW * c.value() * c.value();
+        let near =
+            c.value() > 0.0 && square.value() < SERIES_BELOW * SERIES_BELOW * c.value() * c.value();
         let [f, u, uu, uuu] = if near {
             let y = square / (c * c);
             let (mut scale, step) = (c.recip() * 2.0, (c * c).recip() * 2.0);
@@ -263,9 +263,8 @@ mod tests {
             let p = exponential(&theta);
             close(&Turn::new(&p).value(), &theta, 1e-14, "inverse");
             let rate: [f64; 3] = random.array(1.0);
-            let moved = |s: f64| {
-                exponential(&std::array::from_fn(|k| theta[k] + s * rate[k])).to_vec()
-            };
+            let moved =
+                |s: f64| exponential(&std::array::from_fn(|k| theta[k] + s * rate[k])).to_vec();
             let slope = richardson(1e-4, moved);
             let pd = [slope[0], slope[1], slope[2], slope[3]];
             // exp θ turns the second frame against the first: ω in the first axes is 2 E ṗ.

@@ -125,7 +125,9 @@ impl<S: Stages> ImplicitStepper<S> {
         stages.filter(ode, error);
         let filtered = ode.error_norm(error, stages.end().w);
         let found = least.map_or(filtered, |least| filtered.max(least));
-        let again = self.options.caution * found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
+        let again = self.options.caution * found > 1.0
+            && self.memory.is_fragile()
+            && !self.options.fixed_step;
         if !(again && stages.estimate_again(ode, step, error)) {
             return Ok(found);
         }

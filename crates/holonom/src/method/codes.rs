@@ -242,7 +242,7 @@ pub fn build_stepper(
             let newton = StepperOptions::improved(tolerance.relative).newton;
             // Not a code of the thesis: its estimates are of order 3 on partitions that change often.
             let caution = if code == Code::ForRadau { 4.0 } else { 1.0 };
-            StepperOptions { filter_error, newton, caution, ..StepperOptions::thesis() }
+            StepperOptions { newton, caution, filter_error, ..StepperOptions::thesis() }
         }
         Profile::Improved => {
             let caution = match code {

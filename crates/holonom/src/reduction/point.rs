@@ -63,9 +63,11 @@ impl Point {
                 manifold.tell_turns(&mut state.winding);
                 manifold.recover_velocity(t, &state.q, rates, &mut state.v, full)
             })
-            .and_then(|()| {
-                if full { manifold.accelerate(state, &mut self.z_rate) } else { Ok(()) }
-            });
+            .and_then(
+                |()| {
+                    if full { manifold.accelerate(state, &mut self.z_rate) } else { Ok(()) }
+                },
+            );
         if recovered.is_err() {
             // Do not carry a failed iterate into the next attempt.
             state.q.copy_from_slice(&self.anchor);

@@ -2,8 +2,8 @@
 //! and explicit time add to them.
 
 use super::chart::Chart;
-use super::relatives::BodyRows;
 use super::manifold::Manifold;
+use super::relatives::BodyRows;
 use crate::system::{DerivativeBlocks, State};
 use holonom_linalg::gram_add;
 

@@ -212,8 +212,7 @@ impl Relatives {
                 at += info.rows;
                 if info.reach.is_finite() {
                     let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
-                    // Not a number is out of reach, too.
-                    if !(size <= REACH * info.reach) {
+                    if size.is_nan() || size > REACH * info.reach {
                         return Err(EvaluationFailure {
                             code: "simulation/chart-reach",
                             message: format!(
@@ -333,8 +332,7 @@ impl Relatives {
                 if info.reach.is_infinite() {
                     self.references[group][0] = x[at][first];
                 }
-                self.references[group] =
-                    system.moved_reference(group, q, &self.references[group]);
+                self.references[group] = system.moved_reference(group, q, &self.references[group]);
                 let values = &mut x[at][first..first + info.rows];
                 system.relative_value(group, &self.references[group], q, values);
                 first += info.rows;
@@ -384,8 +382,9 @@ impl BodyRows {
             Self { rows, per_body: n, values: vec![0.0; rows * 2 * n], entries: Vec::new() };
         let Some(relatives) = parametrization.relatives() else { return out };
         // What vanishes at a generic configuration vanishes everywhere.
-        let generic: Vec<f64> =
-            (0..sizes.coordinates).map(|i| 0.2 + (0.618_033_988_749_895 * (i + 1) as f64).fract()).collect();
+        let generic: Vec<f64> = (0..sizes.coordinates)
+            .map(|i| 0.2 + (0.618_033_988_749_895 * (i + 1) as f64).fract())
+            .collect();
         out.evaluate(system, parametrization, &generic);
         for (row, (group, _)) in relatives.rows.iter().enumerate() {
             for (side, body) in system.relative_groups()[*group].bodies.into_iter().enumerate() {

@@ -104,8 +104,17 @@ pub(super) fn choose_tree(
                 .collect();
             let edges: Vec<bool> = clusters.of_edge.iter().map(|c| *c == Some(cluster)).collect();
             let relatives = &relatives;
-            Cluster { system, state, g, pace, coordinates: &coordinates, relatives, columns, edges }
-                .select(&mut chart, &mut choice)?;
+            Cluster {
+                system,
+                state,
+                g,
+                pace,
+                coordinates: &coordinates,
+                relatives,
+                columns,
+                edges,
+            }
+            .select(&mut chart, &mut choice)?;
         }
     }
     choice.kept.sort_unstable();
@@ -325,8 +334,7 @@ fn could_be_stiff(system: &dyn System, state: &State, elastic: usize, pace: f64)
         let gradient = &mut gradient[..info.rows * 2 * n];
         system.relative_gradient(group, &reference, &state.q, gradient);
         for (row, gradient) in gradient.chunks_exact(2 * n).enumerate() {
-            let stiffness =
-                effective(&system.resistance(elastic, first + row, values[row]), pace);
+            let stiffness = effective(&system.resistance(elastic, first + row, values[row]), pace);
             let mut mobility = 0.0;
             for (side, body) in info.bodies.into_iter().enumerate() {
                 let Some(body) = body else { continue };
@@ -335,7 +343,8 @@ fn could_be_stiff(system: &dyn System, state: &State, elastic: usize, pace: f64)
                 mobility += norm(&part[..d]).powi(2) / system.mass(body)
                     + scale * norm(&part[d..]).powi(2) / system.least_inertia(body);
             }
-            if stiffness > 0.0 && !(stiffness * mobility <= STIFF * pace * pace) {
+            let strength = stiffness * mobility;
+            if stiffness > 0.0 && (strength.is_nan() || strength > STIFF * pace * pace) {
                 return true;
             }
         }
@@ -435,6 +444,9 @@ impl Cluster<'_> {
         let mut taken = Taken { basis: &basis, free, orthonormal: Vec::new() };
 
         let mut candidates = self.candidates(&d, &scales, &basis, free);
+        for candidate in &mut candidates {
+            self.simplify(candidate);
+        }
         candidates.sort_by(|a, b| b.strength.total_cmp(&a.strength).then(a.row.cmp(&b.row)));
         for candidate in &candidates {
             if taken.len() < free
@@ -460,12 +472,28 @@ impl Cluster<'_> {
             let independence: Vec<f64> =
                 order.iter().map(|&k| taken.independence(&unit(k))).collect();
             let best = independence.iter().copied().fold(0.0, f64::max);
-            let Some(at) = independence.iter().position(|x| *x >= NEARLY_BEST * best) else { break };
+            let Some(at) = independence.iter().position(|x| *x >= NEARLY_BEST * best) else {
+                break;
+            };
             let c = self.coordinates[self.columns[order[at]]];
             taken.add(&unit(order[at]));
             choice.rows.push((c.group, c.row));
         }
         Ok(())
+    }
+
+    /// A deformation that one coordinate of the forest makes alone has no direction that could turn: the
+    /// coordinate itself serves, which is regular where a length vanishes.
+    fn simplify(&self, candidate: &mut Candidate) {
+        let largest = candidate.gradient.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let mut made_by =
+            (0..self.columns.len()).filter(|&k| candidate.gradient[k].abs() > NEGLIGIBLE * largest);
+        if let (Some(only), None) = (made_by.next(), made_by.next()) {
+            let c = self.coordinates[self.columns[only]];
+            candidate.row = (c.group, c.row);
+            candidate.gradient.fill(0.0);
+            candidate.gradient[only] = 1.0;
+        }
     }
 
     /// Deformations of stiff force elements with their gradients, scaled, in the coordinates of the cluster.
@@ -538,9 +566,8 @@ impl Cluster<'_> {
                     let strength = if stiffness > 0.0 { stiffness * mobility } else { 0.0 };
                     if strength > STIFF * self.pace * self.pace {
                         let scale = self.scale(group);
-                        let gradient: Vec<f64> = (0..count)
-                            .map(|k| along(&d[k]) * scales[k] / scale)
-                            .collect();
+                        let gradient: Vec<f64> =
+                            (0..count).map(|k| along(&d[k]) * scales[k] / scale).collect();
                         out.push(Candidate { row: (group, row), strength, gradient });
                     }
                 }

@@ -56,8 +56,12 @@ impl Suspects {
                 let size = |k: usize| {
                     if part[k].is_finite() { part[k].abs() / scale(k) } else { f64::INFINITY }
                 };
-                let most = (0..count).fold(0, |best, k| if size(k) > size(best) { k } else { best });
-                (parametrization.coordinate(system.as_ref(), most), parametrization.name(system.as_ref(), most))
+                let most =
+                    (0..count).fold(0, |best, k| if size(k) > size(best) { k } else { best });
+                (
+                    parametrization.coordinate(system.as_ref(), most),
+                    parametrization.name(system.as_ref(), most),
+                )
             });
         let forces = changed.as_ref().map_or(Vec::new(), |c| system.forces_on(c.0, state));
         // Factors are to belong to the last good state.

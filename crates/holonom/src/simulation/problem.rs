@@ -2,8 +2,8 @@
 
 use super::checks::{RunError, check_state};
 use crate::model::{Dimension, Model};
-use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::Manifold;
+use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::system::{Channel, State, System, compile};
 use crate::topology::Shape;
 use std::sync::{Arc, OnceLock};
@@ -164,8 +164,9 @@ impl Problem {
                 RedundantRow { item: item.to_owned(), row: row.to_owned(), direction }
             })
             .collect();
-        let independent =
-            (0..parametrization.ndof).map(|k| parametrization.name(self.system.as_ref(), k)).collect();
+        let independent = (0..parametrization.ndof)
+            .map(|k| parametrization.name(self.system.as_ref(), k))
+            .collect();
         let ends: Vec<_> = self.model.joints.iter().map(|j| j.frames.map(|f| f.body)).collect();
         let shape = Shape::new(sizes.bodies, &ends);
         ModelSummary {

@@ -369,7 +369,9 @@ impl Run<'_> {
             self.powers.at[1] = match self.recorder.state(stepper, t, step, 0.5, full) {
                 Ok(middle) => powers(&self.system.energy(middle)),
                 // The middle of an accepted step failing is rare; the trapezoid serves.
-                Err(_) => std::array::from_fn(|k| 0.5 * (self.powers.at[0][k] + self.powers.at[2][k])),
+                Err(_) => {
+                    std::array::from_fn(|k| 0.5 * (self.powers.at[0][k] + self.powers.at[2][k]))
+                }
             };
             self.recorder.begin_step(self.form.point(), &self.row);
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);
@@ -614,7 +616,8 @@ impl Run<'_> {
         e.moved = self.energy_scale.moved();
         let dropped = &self.form.point().manifold.chart().parametrization().dropped;
         let relative = self.options.tolerance.relative;
-        let negligible = self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
+        let negligible =
+            self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
         self.warnings = warnings(self.system.as_ref(), dropped, s, e, relative, negligible);
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {

@@ -18,7 +18,9 @@ use std::sync::Arc;
 const PROBE: f64 = 1e-6;
 
 /// What distinguishes planar from spatial Cartesian coordinates: N per body, D of them translations.
-pub(super) trait Space<const D: usize, const N: usize>: Send + Sync + Sized + 'static {
+pub(super) trait Space<const D: usize, const N: usize>:
+    Send + Sync + Sized + 'static
+{
     type Constraint: ConstraintElement<N> + Send + Sync;
     type Force: ForceElement<N> + Send + Sync;
     type Relative: RelativeElement<N> + std::fmt::Debug + Clone + Send + Sync;

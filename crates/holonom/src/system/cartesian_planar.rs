@@ -4,9 +4,9 @@ use super::BodyPose;
 use super::cartesian::{FormOf, Space};
 use crate::elements::Quantity;
 use crate::elements::kinematics::{self, Kinematics, Orientation};
+use crate::elements::planar::{Constraint, Force};
 use crate::elements::relative;
 use crate::elements::space::{self, triads};
-use crate::elements::planar::{Constraint, Force};
 use crate::math::planar::rotate;
 use crate::model;
 

@@ -3,9 +3,9 @@
 use super::cartesian::{Cartesian, PlacedBody, PlacedConstraint, PlacedForce, Slots, Space};
 use super::cartesian_planar::Planar;
 use super::cartesian_spatial::Spatial;
+use super::forest::{self, ResistanceLaw};
 use super::structure::{Sizes, Structure};
 use super::turns::Turns;
-use super::forest::{self, ResistanceLaw};
 use super::{Measure, System, quantities};
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};

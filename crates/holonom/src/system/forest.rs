@@ -246,7 +246,9 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
                 };
                 (&force.name, ends, forms)
             }
-            EdgeSource::Free => (&model.bodies[body].name, [None, Some(body)], vec![S::free_form()]),
+            EdgeSource::Free => {
+                (&model.bodies[body].name, [None, Some(body)], vec![S::free_form()])
+            }
         };
         let mut kinematics = Vec::new();
         let mut form_groups = Vec::new();
@@ -302,8 +304,9 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
                 && let EdgeSource::Joint(j) = edge.source
             {
                 let joint = &model.joints[j];
-                edge.driver = prescribed(model, &joint.kind, &joint.frames, driver.kind, &driver.frames)
-                    .map(|(coordinate, sign)| (row, coordinate, sign));
+                edge.driver =
+                    prescribed(model, &joint.kind, &joint.frames, driver.kind, &driver.frames)
+                        .map(|(coordinate, sign)| (row, coordinate, sign));
                 if edge.driver.is_some() {
                     continue;
                 }
@@ -325,7 +328,10 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
             (ForceKind::Bushing { .. }, Some(edge)) => edge.forms[0].clone(),
             (ForceKind::Bushing { .. }, None) => {
                 let (_, coordinates) = S::bushing_form(&frames, centers);
-                coordinates.into_iter().map(|(element, _)| add(&force.name, ends, element)).collect()
+                coordinates
+                    .into_iter()
+                    .map(|(element, _)| add(&force.name, ends, element))
+                    .collect()
             }
             (ForceKind::Rsda { .. }, _) => {
                 // On a joint about the same axis it is the joint's own coordinate.
@@ -350,9 +356,10 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
                 }
             }
             (_, Some(edge)) => edge.forms[0][..1].to_vec(),
-            (ForceKind::Tsda { free_length, .. } | ForceKind::Maxwell { free_length, .. }, None)
-                if *free_length > 0.0 =>
-            {
+            (
+                ForceKind::Tsda { free_length, .. } | ForceKind::Maxwell { free_length, .. },
+                None,
+            ) if *free_length > 0.0 => {
                 let (_, mut coordinates) = S::line_form(&frames, centers);
                 vec![add(&force.name, ends, coordinates.swap_remove(0).0)]
             }

@@ -14,9 +14,7 @@ mod structure;
 mod turns;
 
 pub use compile::compile;
-pub use forest::{
-    Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge,
-};
+pub use forest::{Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge};
 pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity};
 pub use structure::{DerivativeBlocks, Sizes, Structure};
 
