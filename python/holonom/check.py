@@ -21,7 +21,8 @@ class CheckReport:
     data : dict
         ``bodies``, ``joints``, ``forces``, ``drivers``, ``coordinates``, ``constraint_rows``,
         ``redundant``, ``dof``, ``extra_states``, ``characteristic_length`` (m), ``adjustments``,
-        ``initial_residuals``, ``spectrum`` (1/s, real and imaginary parts).
+        ``initial_residuals``, ``spectrum`` (1/s, real and imaginary parts), ``tree`` (edges of the
+        spanning forest with their relative coordinates and the role of each).
     warnings : list of dict
         ``code``, ``message``, ``path``.
     """
@@ -54,6 +55,18 @@ class CheckReport:
         lines += _spectrum_lines(self.spectrum)
         lines += [warning_line(warning) for warning in self.warnings]
         return "\n".join(lines)
+
+    def tree_lines(self) -> list[str]:
+        """Return a line per edge of the spanning forest: what places a body against its parent."""
+        lines = ["", "spanning tree: what places each body, and its relative coordinates"]
+        for edge in self.data.get("tree", []):
+            by = "free" if edge["kind"] == "free" else f"{edge['kind']} {edge['item']}"
+            coordinates = ", ".join(
+                entry["name"] + ("" if entry["role"] == "independent" else f" ({entry['role']})")
+                for entry in edge["coordinates"]
+            )
+            lines.append(f"  {edge['parent']} → {edge['body']}: {by}; {coordinates or 'rigid'}")
+        return lines
 
     def _facts(self) -> list[tuple[str, str]]:
         data = self.data

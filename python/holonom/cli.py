@@ -279,13 +279,20 @@ def compare(
 
 
 @app.command()
-def check(model: ModelFile, values: Values = None, json_: Json = False) -> int:
+def check(
+    model: ModelFile,
+    values: Values = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="A line per edge of the spanning tree.")
+    ] = False,
+    json_: Json = False,
+) -> int:
     """Validate and assemble a model; print counts, redundancy and stiffness."""
     report = _load(model, values).check()
     if json_:
         _print_json(report.to_json())
     else:
-        typer.echo(str(report))
+        typer.echo("\n".join([str(report), *(report.tree_lines() if verbose else [])]))
     return Exit.OK
 
 

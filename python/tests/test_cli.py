@@ -140,6 +140,21 @@ def test_check_prints_counts_or_json(pendulum: Path, capsys: pytest.CaptureFixtu
     assert output_json(capsys)["dof"] == 1
 
 
+def test_check_explains_the_spanning_tree(capsys: pytest.CaptureFixture[str]) -> None:
+    # By hand: crank and slider are tied to the ground by one coordinate each, the rod to either; one
+    # joint closes the loop, and one coordinate is free.
+    model = str(Path(__file__).parents[2] / "models" / "slider_crank" / "model.toml")
+    assert invoke(["check", model, "--json"]) == 0
+    tree = output_json(capsys)["tree"]
+    assert {edge["body"] for edge in tree} == {"crank", "rod", "slider"}
+    roles = [entry["role"] for edge in tree for entry in edge["coordinates"]]
+    assert sorted(roles) == ["dependent", "dependent", "independent"]
+    assert invoke(["check", model, "--verbose"]) == 0
+    assert "ground → crank: joint" in capsys.readouterr().out
+    assert invoke(["check", model]) == 0
+    assert "spanning tree" not in capsys.readouterr().out
+
+
 def test_the_faces_of_a_result(
     result_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

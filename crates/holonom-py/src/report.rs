@@ -98,6 +98,17 @@ pub(crate) fn check(
     spectrum: Option<Vec<(f64, f64)>>,
 ) -> String {
     let model = problem.model();
+    let tree: Vec<Value> = (summary.tree.iter())
+        .map(|edge| {
+            let coordinates: Vec<Value> = (edge.coordinates.iter())
+                .map(|c| json!({ "name": c.name, "role": c.role }))
+                .collect();
+            json!({
+                "body": edge.body, "parent": edge.parent, "kind": edge.kind, "item": edge.item,
+                "coordinates": coordinates,
+            })
+        })
+        .collect();
     let redundant: Vec<Value> = summary
         .redundant
         .iter()
@@ -121,7 +132,7 @@ pub(crate) fn check(
         "loops": summary.loops, "floating": summary.floating,
         "characteristic_length": summary.characteristic_length,
         "pivot_ratio": summary.pivot_ratio,
-        "independent_coordinates": summary.independent,
+        "independent_coordinates": summary.independent, "tree": tree,
         "adjustments": adjustments,
         "initial_residuals": {
             "position": assembled.stated_residuals.0, "velocity": assembled.stated_residuals.1,

@@ -1,4 +1,4 @@
-//! Decisions of a run as pure functions: error norms, step size, iteration stopping.
+//! Decisions of a run as pure functions: step size, first step, iteration stopping.
 
 mod initial_step;
 mod newton;

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Only v̈ is integrated, q and q̇ are recovered from the joints: a true state-space method. The
-//! curvature (P q̇)_q q̇ is that of displacements among the independent variables.
+//! curvature (P q̇)_q q̇ is that of relative coordinates among the independent variables.
 //!
 //! With [`Iterate::Consistent`] the dependent accelerations and the multipliers of an iterate are
 //! recovered as well, q̈ = D v̈ + S τ and λ = Sᵀ(Q − M q̈), which leaves the residual (Pᵀψ, 0). In the

@@ -18,7 +18,7 @@ use holonom_linalg::{BlockMatrix, SingularMatrix, SparseLu, SparsePattern};
 ///
 /// The corrections fill the columns of independent coordinates. Where P is not a selection, v̈ becomes
 /// an unknown of its own with the rows P q̈ − v̈ = 0, so that nothing fills n columns; rows of
-/// displacements have parts of Ψ₁ and Ψ₂ too, with (P q̇)_q for A₀ and (v̈)_q for A₁. Extra states are
+/// moving rows of P have parts of Ψ₁ and Ψ₂ too, with (P q̇)_q for A₀ and (v̈)_q for A₁. Extra states are
 /// eliminated: they add γh F_z E⁻¹ (βh² ż_v + γh ż_v̇).
 ///
 /// The parts do not depend on h and serve again after a rejection. From a Jacobian by differences
@@ -46,15 +46,15 @@ pub(super) struct DescriptorMatrix {
     part_slots: Vec<(u32, u32)>,
     /// Constant entries of P and −1: (slot, value).
     constants: Vec<(u32, f64)>,
-    /// (value of the rows of displacements, slot).
+    /// (value of the moving rows of P, slot).
     moving_slots: Vec<(u32, u32)>,
     /// Unknowns before the entries of v̈ that are their own, and the first of these entries.
     own: (usize, usize),
-    /// M, G and the rows of displacements of the linearization.
+    /// M, G and the moving rows of P of the linearization.
     mass: BlockMatrix,
     jacobian: Vec<f64>,
     moving: BodyRows,
-    /// Parts of Ψ₁ and Ψ₂ before P: (n+m+displacements)×ndof by rows.
+    /// Parts of Ψ₁ and Ψ₂ before P: (n+m+moving rows)×ndof by rows.
     by_rate: Vec<f64>,
     by_position: Vec<f64>,
     sum: Vec<f64>,
@@ -79,7 +79,7 @@ impl DescriptorMatrix {
         let parametrization = manifold.chart().parametrization();
         let (ndof, kept) = (parametrization.ndof, parametrization.kept.clone());
         let (rank, linear) = (kept.len(), parametrization.linear());
-        let displacements = ndof - linear;
+        let moving_rows = ndof - linear;
         let (g_nonzero, m_nonzero) = structural_nonzeros(system, q);
         let mut place: Vec<Option<usize>> = (0..n).map(Some).collect();
         place.resize(n + m, None);
@@ -106,7 +106,7 @@ impl DescriptorMatrix {
         let mut constants = Vec::new();
         let columns: Vec<usize> = match &parametrization.projection {
             Projection::Selection(independent) => {
-                independent.iter().copied().chain(first_own..first_own + displacements).collect()
+                independent.iter().copied().chain(first_own..first_own + moving_rows).collect()
             }
             Projection::Basis(rows) => {
                 for (k, row) in rows.chunks_exact(n).enumerate() {
@@ -126,10 +126,10 @@ impl DescriptorMatrix {
         let moving = manifold.chart().moving().clone();
         let mut moving_sources = Vec::new();
         for (at, row, column) in moving.entries() {
-            entries.push((size - displacements + row, column));
+            entries.push((size - moving_rows + row, column));
             moving_sources.push(at as u32);
         }
-        place.extend((size - displacements..size).map(Some));
+        place.extend((size - moving_rows..size).map(Some));
         let part = if reduced {
             reduced_nonzeros(manifold, m)
         } else {
@@ -151,7 +151,7 @@ impl DescriptorMatrix {
         let constants = constants.into_iter().map(|x| (next(), x)).collect();
         let moving_slots = moving_sources.into_iter().map(|at| (at, next())).collect();
         let part_slots = part_sources.into_iter().map(|at| (at, next())).collect();
-        let dense = || vec![0.0; (n + m + displacements) * ndof];
+        let dense = || vec![0.0; (n + m + moving_rows) * ndof];
         Self {
             ndof,
             coordinates: n,
@@ -390,9 +390,9 @@ fn part_nonzeros(system: &dyn System, manifold: &Manifold, q: &[f64]) -> Vec<boo
     let structure = system.structure();
     let (n, m, k) = (structure.sizes.coordinates, structure.sizes.rows, manifold.chart().ndof());
     let d = structural_null_space(system, manifold.chart(), q);
-    let displacements = manifold.chart().moving();
-    let mut nonzero = vec![false; (n + m + displacements.len()) * k];
-    for (_, row, j) in displacements.entries() {
+    let moving = manifold.chart().moving();
+    let mut nonzero = vec![false; (n + m + moving.len()) * k];
+    for (_, row, j) in moving.entries() {
         for column in 0..k {
             nonzero[(n + m + row) * k + column] |= d[j * k + column];
         }
@@ -441,7 +441,7 @@ fn reduced_nonzeros(manifold: &Manifold, m: usize) -> Vec<bool> {
     nonzero
 }
 
-/// Adds Pᵀ p, with the rows `moving` of displacements, to the first n entries of `out`, `stride` apart.
+/// Adds Pᵀ p, with the moving rows, to the first n entries of `out`, `stride` apart.
 fn add_extended(
     parametrization: &Parametrization,
     moving: &BodyRows,

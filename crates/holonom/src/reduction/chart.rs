@@ -517,7 +517,7 @@ impl Chart {
         }
     }
 
-    /// X = S R + D [0; Q] for R (m×k, by rows) and Q (displacements×k) into `x` (n×k); dropped rows
+    /// X = S R + D [0; Q] for R (m×k, by rows) and Q (moving rows×k) into `x` (n×k); dropped rows
     /// are not read.
     pub fn solve_rows_many(&mut self, rows: &[f64], moving: &[f64], k: usize, x: &mut [f64]) {
         if k == 0 {

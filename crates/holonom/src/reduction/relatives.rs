@@ -54,6 +54,11 @@ impl Relatives {
     /// Name of independent variable `k`.
     pub fn name(&self, system: &dyn System, k: usize) -> String {
         let (group, row) = self.rows[k];
+        Self::name_of(system, group, row)
+    }
+
+    /// Name of a coordinate of a group.
+    pub fn name_of(system: &dyn System, group: usize, row: usize) -> String {
         let group = &system.relative_groups()[group];
         let kind = match group.kind {
             RelativeKind::Displacement => "displacement",
@@ -152,7 +157,7 @@ impl Relatives {
         }
     }
 
-    /// Takes differences of angles modulo a turn.
+    /// Takes differences of whatever turns modulo a turn.
     pub(super) fn reduce_turns(&self, system: &dyn System, difference: &mut [f64]) {
         for ((group, _), x) in self.rows.iter().zip(difference) {
             if system.relative_groups()[*group].kind.turns() {

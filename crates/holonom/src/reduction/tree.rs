@@ -6,7 +6,7 @@
 //! null(A),
 //!
 //! - deformations of stiff force elements come first, by their frequency² g M⁻¹gᵀ max(k, c/h) on the
-//!   mechanism, each if it is independent of those before;
+//!   mechanism, h a tenth of the time in which the motion changes, each if it is independent of those before;
 //! - coordinates of the forest fill up, the nearest to the root among those that are about as well
 //!   conditioned as the best.
 //!
@@ -155,7 +155,7 @@ struct Selection {
     pivot_ratio: f64,
 }
 
-/// The pace of the motion, 1/s: how fast bodies turn, move by the size of the model, or fall through it.
+/// The pace of the motion, 1/s: how fast bodies turn, or fall through the size of the model.
 fn pace(system: &dyn System, state: &State) -> f64 {
     let length = system.characteristic_length();
     let mut pace = (system.gravity() / length).sqrt();

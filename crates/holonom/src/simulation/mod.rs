@@ -20,7 +20,7 @@ pub use checks::RunError;
 pub use options::{
     DEFAULT_MAX_STEPS, DEFAULT_REPARTITION_FACTOR, DEFAULT_TOLERANCE, Options, OutputTimes,
 };
-pub use problem::{ModelSummary, Problem, RedundantRow};
+pub use problem::{EdgeCoordinate, EdgeSummary, ModelSummary, Problem, RedundantRow};
 pub use run::{Summary, run};
 pub use statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 pub use trajectory::{Chunk, EventKind, EventRecord, Flow, Memory, Sink, StepOutcome, StepRecord};

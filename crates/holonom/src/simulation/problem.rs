@@ -2,9 +2,9 @@
 
 use super::checks::{RunError, check_state};
 use crate::model::{Dimension, Model};
-use crate::reduction::Manifold;
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
-use crate::system::{Channel, State, System, compile};
+use crate::reduction::{Manifold, Parametrization, Relatives, Source};
+use crate::system::{Channel, EdgeSource, State, System, compile};
 use crate::topology::Shape;
 use std::sync::{Arc, OnceLock};
 
@@ -45,6 +45,32 @@ pub struct ModelSummary {
     pub pivot_ratio: f64,
     /// Names of the independent coordinates.
     pub independent: Vec<String>,
+    /// Edges of the spanning forest, parents before children.
+    pub tree: Vec<EdgeSummary>,
+}
+
+/// An edge of the spanning forest: what places a body against its parent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EdgeSummary {
+    /// The body.
+    pub body: String,
+    /// Its parent, `ground` for the ground.
+    pub parent: String,
+    /// `joint`, `force` or `free`.
+    pub kind: &'static str,
+    /// Name of the joint, the force, or the free body.
+    pub item: String,
+    /// Its relative coordinates.
+    pub coordinates: Vec<EdgeCoordinate>,
+}
+
+/// A relative coordinate of an edge.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EdgeCoordinate {
+    /// `name.quantity`.
+    pub name: String,
+    /// `independent`, `driven`, or `dependent` where loops determine it.
+    pub role: &'static str,
 }
 
 /// A constraint that others imply already.
@@ -151,6 +177,42 @@ impl Problem {
         }
     }
 
+    /// Edges of the forest with the part that each coordinate has.
+    fn edges(&self, parametrization: &Parametrization) -> Vec<EdgeSummary> {
+        let Some(relatives) = parametrization.relatives() else { return Vec::new() };
+        let system = self.system.as_ref();
+        let body = |b: usize| self.model.bodies[b].name.clone();
+        let mut out = Vec::new();
+        for (at, edge) in system.tree().edges.iter().enumerate() {
+            let rows = edge.forms[relatives.forms[at]].iter().flat_map(|&group| {
+                (0..system.relative_groups()[group].rows).map(move |row| (group, row))
+            });
+            let coordinates = rows
+                .zip(&relatives.sources[at])
+                .map(|((group, row), source)| EdgeCoordinate {
+                    name: Relatives::name_of(system, group, row),
+                    role: match source {
+                        Source::Independent(_) => "independent",
+                        Source::Driven(..) => "driven",
+                        Source::Dependent => "dependent",
+                    },
+                })
+                .collect();
+            out.push(EdgeSummary {
+                body: body(edge.body),
+                parent: edge.parent.map_or_else(|| "ground".to_owned(), body),
+                kind: match edge.source {
+                    EdgeSource::Joint(_) => "joint",
+                    EdgeSource::Force(_) => "force",
+                    EdgeSource::Free => "free",
+                },
+                item: edge.name.clone(),
+                coordinates,
+            });
+        }
+        out
+    }
+
     /// Counts of an assembled model.
     pub fn summary(&self, assembled: &Assembled) -> ModelSummary {
         let sizes = self.system.structure().sizes;
@@ -181,6 +243,7 @@ impl Problem {
             redundant,
             characteristic_length: self.system.characteristic_length(),
             pivot_ratio: parametrization.pivot_ratio,
+            tree: self.edges(parametrization),
             independent,
         }
     }
