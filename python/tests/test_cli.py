@@ -141,8 +141,8 @@ def test_check_prints_counts_or_json(pendulum: Path, capsys: pytest.CaptureFixtu
 
 
 def test_check_explains_the_spanning_tree(capsys: pytest.CaptureFixture[str]) -> None:
-    # By hand: crank and slider are tied to the ground by one coordinate each, the rod to either; one
-    # joint closes the loop, and one coordinate is free.
+    # By hand: crank and slider are tied to the ground by one coordinate each, the rod to either;
+    # one joint closes the loop, and one coordinate is free.
     model = str(Path(__file__).parents[2] / "models" / "slider_crank" / "model.toml")
     assert invoke(["check", model, "--json"]) == 0
     tree = output_json(capsys)["tree"]
