@@ -482,13 +482,14 @@ impl Cluster<'_> {
         Ok(())
     }
 
-    /// A deformation that one coordinate of the forest makes alone has no direction that could turn: the
-    /// coordinate itself serves, which is regular where a length vanishes.
+    /// A deformation that one coordinate of the forest makes alone, by structure, has no direction that
+    /// could turn: the coordinate itself serves, which is regular where a length vanishes.
     fn simplify(&self, candidate: &mut Candidate) {
-        let largest = candidate.gradient.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-        let mut made_by =
-            (0..self.columns.len()).filter(|&k| candidate.gradient[k].abs() > NEGLIGIBLE * largest);
-        if let (Some(only), None) = (made_by.next(), made_by.next()) {
+        let tree = self.system.tree();
+        let path = &tree.elastic[candidate.elastic].path;
+        let mut makers = (0..self.columns.len())
+            .filter(|&k| path.contains(&tree.edges[self.coordinates[self.columns[k]].edge].body));
+        if let (Some(only), None) = (makers.next(), makers.next()) {
             let c = self.coordinates[self.columns[only]];
             candidate.row = (c.group, c.row);
             candidate.gradient.fill(0.0);
@@ -568,7 +569,7 @@ impl Cluster<'_> {
                         let scale = self.scale(group);
                         let gradient: Vec<f64> =
                             (0..count).map(|k| along(&d[k]) * scales[k] / scale).collect();
-                        out.push(Candidate { row: (group, row), strength, gradient });
+                        out.push(Candidate { elastic, row: (group, row), strength, gradient });
                     }
                 }
                 first += info.rows;
@@ -579,6 +580,7 @@ impl Cluster<'_> {
 }
 
 struct Candidate {
+    elastic: usize,
     row: (usize, usize),
     strength: f64,
     gradient: Vec<f64>,
