@@ -255,6 +255,10 @@ pub fn build_stepper(
             StepperOptions { caution, ..StepperOptions::improved(tolerance.relative) }
         }
     };
+    if matches!(code, Code::SspTrap | Code::InflTrap) {
+        // So many steps are taken by order 2 that what each leaves must fall with their number.
+        options.newton.kappa = StepperOptions::share(tolerance.relative);
+    }
     (options.fixed_step, options.max_step) = (fixed_step, max_step);
     // A dense matrix of order ndof costs less to factor than a step that is shorter than it need be.
     if !matches!(code, Code::InflSdirk | Code::InflSdirk15 | Code::InflTrap) {

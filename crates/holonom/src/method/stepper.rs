@@ -159,7 +159,7 @@ impl StepperOptions {
     /// because that has no unit. It does so with the same sign at every turn of what turns: a share ten
     /// times as large saves a tenth of the iterations and makes a cardan shaft ten times as wrong.
     pub fn improved(tolerance: f64) -> Self {
-        let kappa = (0.01 * tolerance.sqrt()).clamp(1e-4, 1e-3);
+        let kappa = Self::share(tolerance).max(1e-4);
         Self {
             newton: NewtonControl { kappa, ..NewtonControl::default() },
             reuse_contraction: 0.02,
@@ -168,6 +168,11 @@ impl StepperOptions {
             continue_accelerations: true,
             ..Self::thesis()
         }
+    }
+
+    /// Share of the tolerance that an iteration may leave where steps grow in number like tolerance^(−1/2).
+    pub(crate) fn share(tolerance: f64) -> f64 {
+        (0.01 * tolerance.sqrt()).min(1e-3)
     }
 
     /// Iteration constants in force.

@@ -3,6 +3,7 @@
 use crate::model::{Model, Tolerance};
 use crate::system::{EnergyBalance, State, System};
 use crate::topology::Shape;
+use std::f64::consts::{PI, TAU};
 
 /// Part of the energies summed up that is round-off of their sum.
 const ROUND_OFF: f64 = 1e-12;
@@ -24,6 +25,10 @@ pub(super) struct EnergyScale {
     supplied: f64,
     /// Largest sum of all terms by their size, J.
     sum: f64,
+    /// Per body the angle turned and what of it missing energy makes, rad.
+    turned: Vec<[f64; 2]>,
+    /// Largest such error of an angle, in tolerances.
+    drift: f64,
 }
 
 /// A group of bodies that no joint ties to the ground.
@@ -73,7 +78,8 @@ impl EnergyScale {
                 travelling.push(group);
             }
         }
-        let mut scale = Self { travelling, ..Self::default() };
+        let turned = vec![[0.0; 2]; sizes.bodies];
+        let mut scale = Self { travelling, turned, ..Self::default() };
         scale.take(system, start, &system.energy(start));
         scale
     }
@@ -91,6 +97,38 @@ impl EnergyScale {
         let terms =
             [energy.kinetic, energy.potential, ledger.initial, ledger.dissipated, ledger.supplied];
         self.sum = self.sum.max(terms.iter().map(|term| term.abs()).sum());
+    }
+
+    /// Takes a step of length `h` that ends at `state` with this imbalance. An energy E that is off by δE
+    /// comes with velocities off by δE / 2E, and a body that turns with ω is behind by ∫ ω δE / 2E dt: far more
+    /// than its velocity when it turns many times. What swings to and fro cancels out.
+    pub(super) fn follow(
+        &mut self,
+        system: &dyn System,
+        state: &State,
+        h: f64,
+        imbalance: f64,
+        tolerance: &Tolerance,
+    ) {
+        let moved = self.moved();
+        let tells = moved > 0.0 && imbalance.abs() > ROUND_OFF * self.sum;
+        let part = if tells { imbalance / (2.0 * moved) } else { 0.0 };
+        for (body, [turned, behind]) in self.turned.iter_mut().enumerate() {
+            let rate = system.body(body, &state.q, &state.v).angular_velocity;
+            let angle = h * rate.iter().map(|w| w * w).sum::<f64>().sqrt();
+            *turned += angle;
+            *behind += angle * part;
+            // In less than a turn nothing adds up.
+            if *turned > TAU {
+                let allowed = tolerance.rotation + tolerance.relative * PI;
+                self.drift = self.drift.max(behind.abs() / allowed);
+            }
+        }
+    }
+
+    /// Largest error of an angle that the imbalance tells of, in tolerances of the angle.
+    pub(super) fn drift(&self) -> f64 {
+        self.drift
     }
 
     /// The energy that has moved, J.

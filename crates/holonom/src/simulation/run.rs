@@ -451,7 +451,9 @@ impl Run<'_> {
         e.largest_imbalance = e.largest_imbalance.max(imbalance.abs());
         let (low, high) = self.kinetic_range;
         self.kinetic_range = (low.min(energy.kinetic), high.max(energy.kinetic));
-        self.energy_scale.take(self.system.as_ref(), &self.state, energy);
+        let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
+        self.energy_scale.take(system, &self.state, energy);
+        self.energy_scale.follow(system, &self.state, step, imbalance, tolerance);
     }
 
     /// Chooses another partition when the present one has become ill-conditioned.
@@ -615,10 +617,8 @@ impl Run<'_> {
         e.range = self.kinetic_range.1 - self.kinetic_range.0;
         e.moved = self.energy_scale.moved();
         let dropped = &self.form.point().manifold.chart().parametrization().dropped;
-        let relative = self.options.tolerance.relative;
-        let negligible =
-            self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
-        self.warnings = warnings(self.system.as_ref(), dropped, s, e, relative, negligible);
+        let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
+        self.warnings = warnings(system, dropped, s, e, &self.energy_scale, tolerance);
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
                 Err(Stop::Sink(message))

@@ -1,24 +1,27 @@
 //! What a finished run warns of.
 
+use super::energy_scale::EnergyScale;
 use super::statistics::{EnergySummary, RunWarning, Statistics};
+use crate::model::Tolerance;
 use crate::system::System;
 
 /// Share of the energy moved that may be missing without a warning, however tight the tolerance.
 const LARGEST_IMBALANCE: f64 = 0.005;
 /// The same in relative tolerances: a run within its tolerance may be several of them off.
 const TOLERANCES: f64 = 10.0;
+/// Tolerances that bodies may be behind by the energy that is missing.
+const LARGEST_DRIFT: f64 = 30.0;
 /// Redundant constraints that a warning names.
 const REDUNDANT_SHOWN: usize = 8;
 
-/// Warnings of a run with the redundant rows `dropped`, at a relative tolerance; an imbalance of
-/// `negligible` joules says nothing.
+/// Warnings of a run with the redundant rows `dropped`.
 pub(super) fn warnings(
     system: &dyn System,
     dropped: &[usize],
     s: &Statistics,
     e: &EnergySummary,
-    relative: f64,
-    negligible: f64,
+    scale: &EnergyScale,
+    tolerance: &Tolerance,
 ) -> Vec<RunWarning> {
     let mut out = Vec::new();
     if !dropped.is_empty() {
@@ -30,7 +33,8 @@ pub(super) fn warnings(
             .into();
         out.push(RunWarning { code: "simulation/stiff", message });
     }
-    let share = LARGEST_IMBALANCE.max(TOLERANCES * relative);
+    let share = LARGEST_IMBALANCE.max(TOLERANCES * tolerance.relative);
+    let negligible = scale.negligible(system, tolerance);
     if e.largest_imbalance > (share * e.moved).max(negligible) {
         let message = format!(
             "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved, more \
@@ -39,6 +43,16 @@ pub(super) fn warnings(
             e.largest_imbalance,
             e.moved,
             100.0 * share
+        );
+        out.push(RunWarning { code: "simulation/energy-imbalance", message });
+    } else if scale.drift() > LARGEST_DRIFT {
+        let message = format!(
+            "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what \
+                 turns many times this adds up to about {:.0} tolerances of an angle: tighten the \
+                 tolerance, use tree coordinates, or measure the error with `certify`",
+            e.largest_imbalance,
+            e.moved,
+            scale.drift()
         );
         out.push(RunWarning { code: "simulation/energy-imbalance", message });
     }
