@@ -1,7 +1,8 @@
 //! Options of a run: those of the call, then those of the model file, then defaults.
 
-use holonom::method::{Code, JacobianSource, Newmark, Profile};
+use holonom::method::{Code, Newmark, Profile};
 use holonom::model::{Model, Tolerance};
+use holonom::newton::JacobianSource;
 use holonom::reduction::Choice;
 use holonom::simulation::{Options, OutputTimes};
 use serde::Deserialize;

@@ -2,8 +2,9 @@
 
 use crate::options::DEFAULT_OUTPUTS;
 use holonom::error::{Diagnostic, ModelErrors};
-use holonom::method::{CODES, Code, DEFAULT_CODE, JacobianSource, Profile};
+use holonom::method::{CODES, Code, DEFAULT_CODE, Profile};
 use holonom::model::{Dimension, Model, Tolerance};
+use holonom::newton::JacobianSource;
 use holonom::reduction::Choice;
 use holonom::reduction::assembly::{Assembled, AssemblyError};
 use holonom::simulation::{DEFAULT_TOLERANCE, ModelSummary, Problem, Status, Summary};

@@ -7,10 +7,10 @@ use std::path::PathBuf;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use holonom::io::{Document, Syntax};
-use holonom::method::ode::Ode;
-use holonom::method::second_order::SecondOrder;
-use holonom::method::{Descriptor, FirstOrder, Iterate, JacobianSource, StateSpace, Weights};
+use holonom::method::ode::{Ode, SecondOrder};
+use holonom::method::{Descriptor, FirstOrder, Iterate, StateSpace, Weights};
 use holonom::model::Tolerance;
+use holonom::newton::JacobianSource;
 use holonom::simulation::Problem;
 
 const MODELS: [&str; 3] = ["hmmwv14", "chain50", "andrews"];

@@ -14,7 +14,8 @@ use std::time::Instant;
 
 use criterion::Criterion;
 use holonom::io::{Document, Syntax};
-use holonom::reduction::{Manifold, ReducedBlocks};
+use holonom::newton::ReducedBlocks;
+use holonom::reduction::Manifold;
 use holonom::simulation::Problem;
 use holonom::system::State;
 use holonom_linalg::{BlockMatrix, DenseLu};

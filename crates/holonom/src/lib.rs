@@ -9,6 +9,7 @@ pub mod model;
 pub mod topology;
 
 pub mod elements;
+pub mod newton;
 pub mod reduction;
 pub mod system;
 

@@ -6,8 +6,9 @@ mod common;
 
 use allocation_counter::measure;
 use common::{model, model_of, options};
-use holonom::method::{CODES, Code, JacobianSource};
+use holonom::method::{CODES, Code};
 use holonom::model::Model;
+use holonom::newton::JacobianSource;
 use holonom::simulation::{
     Chunk, Flow, Options, OutputTimes, Problem, Sink, Statistics, Status, run,
 };

@@ -70,7 +70,7 @@ impl Reduced {
 
     /// v̈_v = −M̂⁻¹M̂₂ and v̈_v̇ = −M̂⁻¹M̂₁ by rows.
     fn jacobian(&self) -> (Vec<f64>, Vec<f64>) {
-        let blocks = self.form.blocks();
+        let blocks = self.form.newton().blocks();
         let n = self.w.len() / 2;
         let negative = |m: &[f64]| -> Vec<f64> { m.iter().map(|x| -x).collect() };
         let mut by_position = negative(&blocks.stiffness);
@@ -248,7 +248,7 @@ fn springs_that_turn() {
 #[test] // independent truth: differences of the whole slope
 fn an_extra_state_on_springs_that_turn() {
     let mut reduced = Reduced::at(&model_of(TURNING_SPRINGS), 0.4, Choice::Tree);
-    let jacobian = reduced.form.jacobian().expect("a regular mass matrix");
+    let jacobian = reduced.form.newton().blocks().jacobian().expect("a regular mass matrix");
     let n = reduced.w.len();
     let size = norm(jacobian.iter().copied());
     for j in 0..n {

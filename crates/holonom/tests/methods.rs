@@ -5,14 +5,14 @@ mod common;
 use common::{LIBRARY, model, model_of, options, run_model};
 use holonom::formula::{Nystrom, SDIRK4_16};
 use holonom::method::nystrom::NystromStepper;
-use holonom::method::ode::{LinearizedOde, Ode};
-use holonom::method::second_order::SecondOrder;
+use holonom::method::ode::{LinearizedOde, Ode, SecondOrder};
 use holonom::method::stepper::{Stepper, StepperOptions};
 use holonom::method::{
-    CODES, Code, CodeInfo, Descriptor, FirstOrder, Iterate, JacobianSource, Profile, StateSpace,
-    Weights, build_state_space, build_stepper,
+    CODES, Code, CodeInfo, Descriptor, FirstOrder, Iterate, Profile, StateSpace, Weights,
+    build_state_space, build_stepper,
 };
 use holonom::model::{Model, Tolerance};
+use holonom::newton::JacobianSource;
 use holonom::reduction::{Choice, choose};
 use holonom::simulation::{Options, OutputTimes, Problem};
 use holonom::system::State;
@@ -191,7 +191,7 @@ fn the_matrix_of_the_state_space_method_is_that_of_the_first_order_reduction() {
         let ndof = form.point().manifold.chart().ndof();
         let (t, (gamma, h)) = (case.state.t, (0.3, 2e-3));
         form.linearize(t, &case.w, &case.g).unwrap();
-        let b = form.blocks();
+        let b = form.newton().blocks();
         let matrix: Vec<f64> = (0..ndof * ndof)
             .map(|i| b.mass[i] + gamma * h * (b.damping[i] + gamma * h * b.stiffness[i]))
             .collect();

@@ -2,10 +2,11 @@
 
 use holonom::error::{Code, ModelErrors};
 use holonom::io::{Document, Syntax};
-use holonom::method::{JacobianSource, Profile};
+use holonom::method::Profile;
 use holonom::model::{
     DriverKind, ElasticLaw, ForceKind, Frame, JointKind, Model, Orientation, Road,
 };
+use holonom::newton::JacobianSource;
 use holonom::reduction::Choice;
 use serde_json::json;
 

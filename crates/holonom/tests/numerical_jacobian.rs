@@ -4,8 +4,9 @@ mod common;
 
 use common::{model, model_of, options, run_model};
 use holonom::method::ode::{LinearizedOde, Ode};
-use holonom::method::{Code, FirstOrder, JacobianSource, Weights};
+use holonom::method::{Code, FirstOrder, Weights};
 use holonom::model::{Model, Tolerance};
+use holonom::newton::JacobianSource;
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, run};
 
 /// A mass on a Maxwell element beside a spring: one extra state.
@@ -51,7 +52,7 @@ fn differences_agree_with_the_analytic_blocks() {
         };
         let mut analytic = form(JacobianSource::Analytic);
         let mut numeric = form(JacobianSource::Differences);
-        let (a, n) = (analytic.blocks().clone(), numeric.blocks().clone());
+        let (a, n) = (analytic.newton().blocks().clone(), numeric.newton().blocks().clone());
         for (what, a, n) in [
             ("M̂", &a.mass, &n.mass),
             ("M̂₁", &a.damping, &n.damping),

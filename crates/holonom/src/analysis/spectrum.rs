@@ -32,7 +32,7 @@ pub fn spectrum(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError>
     form.pack(&assembled.state, &mut w);
     form.derivative(assembled.state.t, &w, &mut g)?;
     form.linearize(assembled.state.t, &w, &g)?;
-    let mut values = eigenvalues(n, &form.jacobian()?)?;
+    let mut values = eigenvalues(n, &form.newton().blocks().jacobian()?)?;
     values.sort_by(|a, b| b.0.hypot(b.1).total_cmp(&a.0.hypot(a.1)).then(b.1.total_cmp(&a.1)));
     Ok(values)
 }

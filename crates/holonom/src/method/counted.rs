@@ -1,7 +1,6 @@
 //! A system as implicit formulas use it: every call that costs something is counted.
 
-use super::ode::{Complex64, EvaluationFailure, LinearizedOde};
-use super::second_order::{SecondOrder, Stage};
+use super::ode::{Complex64, EvaluationFailure, LinearizedOde, SecondOrder, Stage};
 use super::stepper::StepperStatistics;
 
 /// A system with the work done on it. Each method is that of [`LinearizedOde`] or [`SecondOrder`].

@@ -1,9 +1,8 @@
 //! The equations for explicit formulas: w = (v, v̇, z, dissipated energy, supplied work).
 
-use super::JacobianSource;
-use super::first_order::require_finite;
-use super::ode::{EvaluationFailure, LinearizedOde, Ode};
+use super::ode::{EvaluationFailure, LinearizedOde, Ode, require_finite};
 use super::weights::Weights;
+use crate::newton::JacobianSource;
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
 

@@ -1,13 +1,11 @@
 //! One step: a method with a formula.
 
+mod acceleration_buffers;
 pub mod adams;
 pub mod attempt;
 mod codes;
-mod complex_solver;
 mod counted;
 mod descriptor;
-mod descriptor_matrix;
-mod differences;
 mod explicit_form;
 pub mod explicit_rk;
 mod first_order;
@@ -20,7 +18,6 @@ pub mod ode;
 pub mod radau;
 pub mod rosenbrock;
 pub mod sdirk;
-pub mod second_order;
 mod segment;
 mod stages;
 mod state_space;
@@ -42,7 +39,6 @@ pub use codes::{
     build_stepper,
 };
 pub use descriptor::{Descriptor, Iterate};
-pub use differences::JacobianSource;
 pub use explicit_form::ExplicitForm;
 pub use first_order::FirstOrder;
 pub use state_space::StateSpace;

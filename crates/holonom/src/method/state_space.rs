@@ -1,7 +1,8 @@
 //! What the run loop asks of a form of the equations, beyond what a formula asks.
 
 use super::ode::{EvaluationFailure, LinearizedOde};
-use super::{ExplicitForm, FirstOrder, JacobianSource};
+use super::{ExplicitForm, FirstOrder};
+use crate::newton::{FirstOrderMatrix, JacobianSource};
 use crate::reduction::Point;
 use crate::system::State;
 
@@ -39,8 +40,8 @@ pub trait StateSpace: LinearizedOde + Send {
 }
 
 macro_rules! state_space {
-    ($type:ty) => {
-        impl StateSpace for $type {
+    ([$($parameters:tt)*] $type:ty) => {
+        impl<$($parameters)*> StateSpace for $type {
             fn begin_step(&mut self, state: &State) {
                 Self::begin_step(self, state);
             }
@@ -77,5 +78,5 @@ macro_rules! state_space {
     };
 }
 
-state_space!(FirstOrder);
-state_space!(ExplicitForm);
+state_space!([M: FirstOrderMatrix] FirstOrder<M>);
+state_space!([] ExplicitForm);

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 /// Scales of one body: translation, rotation, velocity, angular velocity.
 type BodyScales = [f64; 4];
 
-/// The norm of `docs/theory/method.md` (11)-(17): a change is measured on all coordinates of each body, so that neither the
+/// The norm of `docs/theory/method.md` (3)-(9): a change is measured on all coordinates of each body, so that neither the
 /// choice of independent coordinates nor the place of the model in space changes it.
 ///
 /// Positions are weighed against absolute + relative × movement since the start, velocities against

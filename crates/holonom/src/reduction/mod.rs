@@ -1,4 +1,4 @@
-//! From dependent to independent coordinates: parametrization, recovery, reduced blocks, assembly.
+//! From dependent to independent coordinates: parametrization, recovery, assembly.
 
 pub mod assembly;
 mod chart;
@@ -6,7 +6,6 @@ mod manifold;
 mod null_space;
 mod partitioning;
 mod point;
-mod reduced_blocks;
 mod redundant;
 mod relatives;
 mod saddle;
@@ -17,7 +16,6 @@ pub use chart::{Chart, Parametrization, Projection, structural_nonzeros, structu
 pub use manifold::{Manifold, RecoveryCounters, largest_index};
 pub use partitioning::{RANK_TOLERANCE, partition, scaled_jacobian};
 pub use point::Point;
-pub use reduced_blocks::ReducedBlocks;
 pub use relatives::{BodyRows, Relatives, Source};
 pub use saddle::Saddle;
 pub use tangent_plane::{Choice, choose};

@@ -2,8 +2,9 @@
 
 use super::options::{Options, OutputTimes};
 use super::output::OUTPUT_SLACK;
-use crate::method::{Code, JacobianSource, Newmark};
+use crate::method::{Code, Newmark};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
+use crate::newton::JacobianSource;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::largest_index;
 use crate::system::{Channel, State, System};

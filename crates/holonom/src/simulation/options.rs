@@ -1,7 +1,8 @@
 //! Choices for one run.
 
-use crate::method::{Code, DEFAULT_CODE, JacobianSource, Newmark, Profile};
+use crate::method::{Code, DEFAULT_CODE, Newmark, Profile};
 use crate::model::Tolerance;
+use crate::newton::JacobianSource;
 use crate::reduction::Choice;
 
 /// When states are stored.

@@ -1,11 +1,10 @@
 //! The reduced matrices of one state: M̂, M̂₁, M̂₂ by three solves with [G; P], and what extra states
 //! and explicit time add to them.
 
-use super::chart::Chart;
-use super::manifold::Manifold;
-use super::relatives::BodyRows;
+use crate::error::EvaluationFailure;
+use crate::reduction::{BodyRows, Chart, Manifold};
 use crate::system::{DerivativeBlocks, State};
-use holonom_linalg::gram_add;
+use holonom_linalg::{DenseLu, SingularMatrix, gram_add};
 
 /// D, M̂, M̂₁, M̂₂ and the blocks of extra states at one state.
 ///
@@ -163,6 +162,45 @@ impl ReducedBlocks {
         }
     }
 
+    /// J = g_w of ẇ = g(t, w), w = (v, v̇, z), by rows; for analysis, not for steps.
+    ///
+    /// # Errors
+    /// When M̂ is singular.
+    pub fn jacobian(&self) -> Result<Vec<f64>, EvaluationFailure> {
+        let ndof = self.independent.len();
+        let n = 2 * ndof + self.extra_extra.len();
+        let mut j = vec![0.0; n * n];
+        for k in 0..ndof {
+            j[k * n + ndof + k] = 1.0;
+        }
+        let mut mass = DenseLu::new(ndof);
+        if ndof > 0 {
+            mass.factor(&self.mass).map_err(|e| singular_mass(&e))?;
+        }
+        for column in 0..n {
+            let mut force: Vec<f64> = (0..ndof)
+                .map(|row| -match column {
+                    c if c < ndof => self.stiffness[row * ndof + c],
+                    c if c < 2 * ndof => self.damping[row * ndof + c - ndof],
+                    c => self.force_extra[(c - 2 * ndof) * ndof + row],
+                })
+                .collect();
+            if ndof > 0 {
+                mass.solve(&mut force);
+            }
+            for (row, x) in force.iter().enumerate() {
+                j[(ndof + row) * n + column] = *x;
+            }
+        }
+        for k in 0..self.extra_extra.len() {
+            let row = &mut j[(2 * ndof + k) * n..(2 * ndof + k + 1) * n];
+            row[..ndof].copy_from_slice(&self.extra_position[k * ndof..(k + 1) * ndof]);
+            row[ndof..2 * ndof].copy_from_slice(&self.extra_velocity[k * ndof..(k + 1) * ndof]);
+            row[2 * ndof + k] = self.extra_extra[k];
+        }
+        Ok(j)
+    }
+
     fn evaluate_extra_states(&mut self, manifold: &mut Manifold) {
         let system = manifold.system().clone();
         let (bodies, per_body) =
@@ -273,5 +311,16 @@ fn transpose(n: usize, a: &[f64], out: &mut [f64]) {
         for j in 0..n {
             out[j * n + i] = a[i * n + j];
         }
+    }
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+pub(super) fn singular_mass(e: &SingularMatrix) -> EvaluationFailure {
+    EvaluationFailure {
+        code: "simulation/singular-mass",
+        message: format!("the reduced mass matrix is singular: {e}"),
     }
 }

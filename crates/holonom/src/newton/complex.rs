@@ -1,10 +1,10 @@
-//! The solve with I − γh J for a complex γh, in the state-space form of [`super::FirstOrder`].
+//! The dense matrix with a complex γh.
 
-use crate::reduction::ReducedBlocks;
+use super::blocks::ReducedBlocks;
 use holonom_linalg::{Complex64, DenseComplexLu, SingularMatrix};
 
 /// Π = M̂ + γh M̂₁' + γ²h² M̂₂' with a complex γh, factored; the equations are those of
-/// [`super::FirstOrder`].
+/// [`super::ReducedMatrix`].
 #[derive(Debug, Clone)]
 pub(super) struct ComplexSolver {
     gamma_h: Complex64,

@@ -1,8 +1,8 @@
 //! The integration Jacobian by differences of accelerations.
 
-use super::FirstOrder;
+use super::blocks::ReducedBlocks;
 use crate::error::EvaluationFailure;
-use crate::reduction::{Manifold, Projection};
+use crate::reduction::{Manifold, Point, Projection};
 use crate::system::Measure;
 
 /// Where M̂₁, M̂₂ and the blocks of extra states come from.
@@ -74,32 +74,32 @@ impl Differences {
         }
     }
 
-    /// Fills `form.blocks` at (t, w) and leaves the form evaluated there.
+    /// Fills `blocks` and q̇_v at fixed v̇ at a complete point, whose independent variables, rates and
+    /// extra states are `w`, and leaves the point there.
     pub(super) fn evaluate(
         &mut self,
-        form: &mut FirstOrder,
-        t: f64,
+        b: &mut ReducedBlocks,
+        rate_map: &mut [f64],
+        point: &mut Point,
         w: &[f64],
     ) -> Result<(), EvaluationFailure> {
         let ndof = self.base.len();
-        form.return_to(t, w)?;
-        form.blocks.evaluate_mass(&mut form.point.manifold);
-        self.project_acceleration(form, true);
-        self.base_z_rate.copy_from_slice(&form.point.z_rate);
-        self.base_v.copy_from_slice(&form.point.state.v);
+        b.evaluate_mass(&mut point.manifold);
+        point.manifold.independent_acceleration(&point.state, &mut self.base);
+        self.base_z_rate.copy_from_slice(&point.z_rate);
+        self.base_v.copy_from_slice(&point.state.v);
         self.point.copy_from_slice(w);
         for k in 0..w.len() {
             let size = if k < 2 * ndof { self.scale[k % ndof] } else { 1.0 };
             let moved = w[k] + f64::EPSILON.sqrt() * w[k].abs().max(size);
             let inverse = 1.0 / (moved - w[k]);
             self.point[k] = moved;
-            form.evaluate(t, &self.point, true)?;
+            evaluate(point, &self.point, ndof)?;
             self.point[k] = w[k];
-            self.project_acceleration(form, false);
+            point.manifold.independent_acceleration(&point.state, &mut self.slope);
             for (slope, base) in self.slope.iter_mut().zip(&self.base) {
                 *slope = -inverse * (*slope - base);
             }
-            let b = &mut form.blocks;
             for (row, mass) in b.mass.chunks_exact(ndof.max(1)).enumerate() {
                 let x = mass.iter().zip(&self.slope).map(|(m, s)| m * s).sum();
                 match k {
@@ -108,7 +108,7 @@ impl Differences {
                     k => b.force_extra[(k - 2 * ndof) * ndof + row] = x,
                 }
             }
-            for (j, (rate, base)) in form.point.z_rate.iter().zip(&self.base_z_rate).enumerate() {
+            for (j, (rate, base)) in point.z_rate.iter().zip(&self.base_z_rate).enumerate() {
                 let x = inverse * (rate - base);
                 match k {
                     k if k < ndof => b.extra_position[j * ndof + k] = x,
@@ -118,18 +118,25 @@ impl Differences {
                 }
             }
             if k < ndof {
-                let column = form.rate_map[k..].iter_mut().step_by(ndof);
-                for (out, (v, base)) in column.zip(form.point.state.v.iter().zip(&self.base_v)) {
+                let column = rate_map[k..].iter_mut().step_by(ndof);
+                for (out, (v, base)) in column.zip(point.state.v.iter().zip(&self.base_v)) {
                     *out = inverse * (v - base);
                 }
             }
         }
-        // The factors of the point itself are wanted by what follows.
-        form.return_to(t, w)
+        if !w.is_empty() {
+            // The factors of the point itself are wanted by what follows.
+            point.return_to_anchor();
+            evaluate(point, w, ndof)?;
+            point.complete();
+        }
+        Ok(())
     }
+}
 
-    fn project_acceleration(&mut self, form: &FirstOrder, base: bool) {
-        let target = if base { &mut self.base } else { &mut self.slope };
-        form.point.manifold.independent_acceleration(&form.point.state, target);
-    }
+/// The point at the same time with independent variables, rates and extra states `w`.
+fn evaluate(point: &mut Point, w: &[f64], ndof: usize) -> Result<(), EvaluationFailure> {
+    let (positions, rest) = w.split_at(ndof);
+    let (rates, z) = rest.split_at(ndof);
+    point.evaluate(point.state.t, positions, rates, z, true)
 }

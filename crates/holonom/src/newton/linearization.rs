@@ -1,0 +1,137 @@
+//! What every representation starts from: blocks of the point, extra states, and the measure of changes.
+
+use super::blocks::{ReducedBlocks, dot};
+use super::differences::Differences;
+use crate::error::EvaluationFailure;
+use crate::reduction::{Chart, Manifold, Point};
+use crate::system::System;
+use std::sync::Arc;
+
+/// The blocks of the last linearization with the coefficients of the last factor.
+#[derive(Debug, Clone)]
+pub struct Linearization {
+    pub(super) system: Arc<dyn System>,
+    pub(super) blocks: ReducedBlocks,
+    /// [G; P] at the linearization; before the first one, at the start of the step.
+    pub(super) chart: Chart,
+    /// Whether there has been one.
+    pub(super) made: bool,
+    /// Changes are measured with D and q̇_v at fixed v̇, where these are small enough.
+    pub(super) maps: bool,
+    /// q̇_v at fixed v̇, n×ndof.
+    pub(super) rate_map: Vec<f64>,
+    pub(super) gamma_h: f64,
+    pub(super) beta_h2: f64,
+    /// E⁻¹ = (1 − γh ż_z)⁻¹, E being diagonal.
+    pub(super) inverse_e: Vec<f64>,
+    rows: Vec<f64>,
+    rates: Vec<f64>,
+}
+
+impl Linearization {
+    pub(super) fn new(manifold: &Manifold) -> Self {
+        let s = manifold.system().structure().sizes;
+        let ndof = manifold.chart().ndof();
+        Self {
+            system: manifold.system().clone(),
+            blocks: ReducedBlocks::new(manifold),
+            chart: manifold.chart().clone(),
+            made: false,
+            maps: false,
+            rate_map: vec![0.0; s.coordinates * ndof],
+            gamma_h: 0.0,
+            beta_h2: 0.0,
+            inverse_e: vec![0.0; s.extra_states],
+            rows: vec![0.0; s.rows],
+            rates: vec![0.0; ndof],
+        }
+    }
+
+    pub(super) fn begin_step(&mut self, chart: &Chart) {
+        if !self.made {
+            self.chart.copy_from(chart);
+        }
+    }
+
+    /// All reduced blocks and q̇_v by differences at a complete point.
+    pub(super) fn take_differences(
+        &mut self,
+        differences: &mut Differences,
+        point: &mut Point,
+        w: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        differences.evaluate(&mut self.blocks, &mut self.rate_map, point, w)?;
+        (self.made, self.maps) = (true, true);
+        Ok(())
+    }
+
+    pub(super) fn set_coefficients(&mut self, gamma_h: f64, beta_h2: f64) {
+        (self.gamma_h, self.beta_h2) = (gamma_h, beta_h2);
+        for (out, by_z) in self.inverse_e.iter_mut().zip(&self.blocks.extra_extra) {
+            *out = 1.0 / (1.0 - gamma_h * by_z);
+        }
+    }
+
+    /// ż_v δv + ż_v̇ δv̇ of extra state `k`.
+    pub(super) fn extra_rate(&self, k: usize, p: &[f64], v: &[f64]) -> f64 {
+        let range = k * p.len()..(k + 1) * p.len();
+        dot(&self.blocks.extra_position[range.clone()], p)
+            + dot(&self.blocks.extra_velocity[range], v)
+    }
+
+    /// z ← E⁻¹ z.
+    pub(super) fn reduce_extra_states(&self, z: &mut [f64]) {
+        for (z, inverse_e) in z.iter_mut().zip(&self.inverse_e) {
+            *z *= inverse_e;
+        }
+    }
+
+    /// z ← z + E⁻¹ γh (ż_v δv + ż_v̇ δv̇).
+    pub(super) fn add_effect_on_extra_states(&self, p: &[f64], v: &[f64], z: &mut [f64]) {
+        for (k, z) in z.iter_mut().enumerate() {
+            *z += self.inverse_e[k] * self.gamma_h * self.extra_rate(k, p, v);
+        }
+    }
+
+    /// z ← E⁻¹ (z + γh (ż_v δv + ż_v̇ δv̇)).
+    pub(super) fn solve_extra_states(&self, p: &[f64], v: &[f64], z: &mut [f64]) {
+        for (k, z) in z.iter_mut().enumerate() {
+            *z = self.inverse_e[k] * (*z + self.gamma_h * self.extra_rate(k, p, v));
+        }
+    }
+
+    /// What δv̈ does to w: βh² δv̈, γh δv̈, and the rest of δz.
+    pub(super) fn effect(&self, rate: &[f64], change: &mut [f64]) {
+        let (head, z) = change.split_at_mut(2 * rate.len());
+        let (p, v) = head.split_at_mut(rate.len());
+        for ((p, v), a) in p.iter_mut().zip(&mut *v).zip(rate) {
+            *p = self.beta_h2 * a;
+            *v = self.gamma_h * a;
+        }
+        self.add_effect_on_extra_states(p, v, z);
+    }
+
+    pub(super) fn spread(&mut self, change: &[f64], dq: &mut [f64], dv: &mut [f64]) {
+        let ndof = self.rates.len();
+        let (p, rest) = change.split_at(ndof);
+        let v = &rest[..ndof];
+        if self.made && self.maps {
+            let maps = self.blocks.d.chunks_exact(ndof.max(1));
+            let maps = maps.zip(self.rate_map.chunks_exact(ndof.max(1)));
+            for ((dq, dv), (d, j)) in dq.iter_mut().zip(dv).zip(maps) {
+                *dq = dot(d, p);
+                *dv = dot(d, v) + dot(j, p);
+            }
+            return;
+        }
+        self.rows.fill(0.0);
+        self.chart.solve(&self.rows, p, dq);
+        self.rates.copy_from_slice(v);
+        if self.made {
+            self.blocks.blocks.a0.multiply_add(-1.0, dq, &mut self.rows);
+            let moving = &mut self.rates[self.chart.parametrization().linear()..];
+            self.blocks.turning.multiply_many_add(-1.0, dq, 1, moving);
+        }
+        self.chart.solve(&self.rows, &self.rates, dv);
+    }
+}

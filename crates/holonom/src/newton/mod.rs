@@ -1,0 +1,20 @@
+//! Newton's matrix at one point: linearized, factored for a step and solved with.
+
+mod blocks;
+mod complex;
+mod descriptor;
+mod descriptor_pattern;
+mod differences;
+mod linearization;
+mod matrix;
+mod reduced;
+mod solver;
+
+pub use blocks::ReducedBlocks;
+pub use descriptor::{DescriptorMatrix, Unknowns};
+pub use differences::JacobianSource;
+pub use holonom_linalg::Complex64;
+pub use linearization::Linearization;
+pub use matrix::{FirstOrderMatrix, Matrix};
+pub use reduced::ReducedMatrix;
+pub use solver::Newton;

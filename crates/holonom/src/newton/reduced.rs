@@ -1,0 +1,195 @@
+//! The dense matrix of order ndof.
+
+use super::blocks::dot;
+use super::complex::ComplexSolver;
+use super::differences::JacobianSource;
+use super::linearization::Linearization;
+use super::matrix::{FirstOrderMatrix, Matrix};
+use crate::reduction::{Manifold, Point};
+use holonom_linalg::{Complex64, DenseLu, SingularMatrix};
+
+/// Π = M̂ + γh M̂₁' + βh² M̂₂' of the reduced equations, dense.
+///
+/// ```text
+/// M̂₁' = M̂₁ + γh Ẑ E⁻¹ ż_v̇   M̂₂' = M̂₂ + γh Ẑ E⁻¹ ż_v   E = I − γh ż_z   b = M̂ r_v − γh Ẑ E⁻¹ r_z
+/// Π δp = M̂ r_p + γh (M̂₁' r_p + b)   Π δv = b − γh M̂₂' r_p   δz = E⁻¹(r_z + γh (ż_v δp + ż_v̇ δv))
+/// ```
+///
+/// Source: `docs/theory/newton.md` (1)-(6); thesis (3.103)-(3.105), with the extra states eliminated first.
+#[derive(Debug, Clone)]
+pub struct ReducedMatrix {
+    lu: DenseLu,
+    mass_lu: DenseLu,
+    /// Allocated at the first complex factorization: most formulas need none.
+    complex: Option<Box<ComplexSolver>>,
+    pi: Vec<f64>,
+    m1: Vec<f64>,
+    m2: Vec<f64>,
+    b1: Vec<f64>,
+    b2: Vec<f64>,
+}
+
+impl Matrix for ReducedMatrix {
+    fn new(manifold: &Manifold, _q: &[f64], _source: JacobianSource) -> Self {
+        let ndof = manifold.chart().ndof();
+        Self {
+            lu: DenseLu::new(ndof),
+            mass_lu: DenseLu::new(ndof),
+            complex: None,
+            pi: vec![0.0; ndof * ndof],
+            m1: vec![0.0; ndof * ndof],
+            m2: vec![0.0; ndof * ndof],
+            b1: vec![0.0; ndof],
+            b2: vec![0.0; ndof],
+        }
+    }
+
+    fn linearize(&mut self, parts: &mut Linearization, point: &mut Point) {
+        parts.blocks.evaluate(&mut point.manifold, &point.state);
+        let chart = point.manifold.chart_mut();
+        parts.maps = 3 * parts.blocks.d.len() <= 8 * chart.fill();
+        if parts.maps {
+            parts.blocks.rate_map(chart, &mut parts.rate_map);
+        } else {
+            parts.chart.copy_from(chart);
+        }
+    }
+
+    fn take_blocks(&mut self, _parts: &Linearization, _manifold: &Manifold) {} // it has no others
+
+    fn factor(&mut self, parts: &Linearization) -> Result<u64, SingularMatrix> {
+        let (ndof, b) = (self.b1.len(), &parts.blocks);
+        let (gamma_h, beta_h2) = (parts.gamma_h, parts.beta_h2);
+        self.m1.copy_from_slice(&b.damping);
+        self.m2.copy_from_slice(&b.stiffness);
+        for (k, inverse_e) in parts.inverse_e.iter().enumerate() {
+            let range = k * ndof..(k + 1) * ndof;
+            let (zeta, by_p, by_v) = (
+                &b.force_extra[range.clone()],
+                &b.extra_position[range.clone()],
+                &b.extra_velocity[range],
+            );
+            for i in 0..ndof {
+                let scale = gamma_h * zeta[i] * inverse_e;
+                for j in 0..ndof {
+                    self.m1[i * ndof + j] += scale * by_v[j];
+                    self.m2[i * ndof + j] += scale * by_p[j];
+                }
+            }
+        }
+        for (((pi, m), m1), m2) in self.pi.iter_mut().zip(&b.mass).zip(&self.m1).zip(&self.m2) {
+            *pi = m + gamma_h * m1 + beta_h2 * m2;
+        }
+        if ndof > 0 {
+            self.lu.factor(&self.pi)?;
+        }
+        Ok(0)
+    }
+
+    fn respond(
+        &mut self,
+        parts: &Linearization,
+        p: &[f64],
+        v: &[f64],
+        z: &[f64],
+        rate: &mut [f64],
+    ) {
+        rate.fill(0.0);
+        multiply_add(&self.m1, -1.0, v, rate);
+        multiply_add(&self.m2, -1.0, p, rate);
+        for (k, z) in z.iter().enumerate() {
+            for (a, zeta) in rate.iter_mut().zip(&parts.blocks.force_extra[k * p.len()..]) {
+                *a -= zeta * *z;
+            }
+        }
+        if !rate.is_empty() {
+            self.lu.solve(rate);
+        }
+    }
+}
+
+impl FirstOrderMatrix for ReducedMatrix {
+    fn correct(&mut self, parts: &Linearization, z: &[f64], rate: &mut [f64]) {
+        let ndof = rate.len();
+        rate.iter_mut().for_each(|r| *r = -*r);
+        for (k, z) in z.iter().enumerate() {
+            for (r, zeta) in rate.iter_mut().zip(&parts.blocks.force_extra[k * ndof..]) {
+                *r -= zeta * *z;
+            }
+        }
+        if ndof > 0 {
+            self.lu.solve(rate);
+        }
+    }
+
+    fn solve(&mut self, parts: &Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]) {
+        let (ndof, gh, b) = (p.len(), parts.gamma_h, &parts.blocks);
+        // b₂ = M̂ r_v − γh Ẑ E⁻¹ r_z
+        self.b2.copy_from_slice(v);
+        for (k, z) in z.iter().enumerate() {
+            let scale = -gh * parts.inverse_e[k] * z;
+            for (out, zeta) in self.b2.iter_mut().zip(&b.force_extra[k * ndof..]) {
+                *out += scale * zeta;
+            }
+        }
+        // Π δp = M̂ r_p + γh (M̂₁' r_p + b₂)        Π δv = b₂ − γh M̂₂' r_p
+        for (out, b2) in self.b1.iter_mut().zip(&self.b2) {
+            *out = gh * b2;
+        }
+        multiply_add(&b.mass, 1.0, p, &mut self.b1);
+        multiply_add(&self.m1, gh, p, &mut self.b1);
+        multiply_add(&self.m2, -gh, p, &mut self.b2);
+        if ndof > 0 {
+            self.lu.solve(&mut self.b1);
+            self.lu.solve(&mut self.b2);
+        }
+        p.copy_from_slice(&self.b1);
+        v.copy_from_slice(&self.b2);
+    }
+
+    fn factor_complex(
+        &mut self,
+        parts: &Linearization,
+        gamma_h: Complex64,
+    ) -> Result<(), SingularMatrix> {
+        let (ndof, extra) = (self.b1.len(), parts.inverse_e.len());
+        let solver = self.complex.get_or_insert_with(|| Box::new(ComplexSolver::new(ndof, extra)));
+        solver.factor(&parts.blocks, gamma_h)
+    }
+
+    fn solve_complex(&mut self, parts: &Linearization, x: &mut [f64], y: &mut [f64]) {
+        let solver = self.complex.as_mut().expect("factored before");
+        solver.solve(&parts.blocks, x, y);
+    }
+
+    fn weigh(&mut self, parts: &Linearization, v: &mut [f64]) {
+        self.b2.fill(0.0);
+        multiply_add(&parts.blocks.mass, 1.0, v, &mut self.b2);
+        v.copy_from_slice(&self.b2);
+    }
+
+    fn time_derivative(
+        &mut self,
+        parts: &mut Linearization,
+        point: &mut Point,
+        v_rate: &mut [f64],
+        z_rate: &mut [f64],
+    ) -> Result<(), SingularMatrix> {
+        parts.blocks.time_derivative(&mut point.manifold, &point.state, v_rate, z_rate);
+        if !v_rate.is_empty() {
+            self.mass_lu.factor(&parts.blocks.mass)?;
+            self.mass_lu.solve(v_rate);
+        }
+        Ok(())
+    }
+}
+
+/// y += α A x for a square A by rows.
+fn multiply_add(a: &[f64], alpha: f64, x: &[f64], y: &mut [f64]) {
+    if x.is_empty() {
+        return;
+    }
+    for (row, y) in a.chunks_exact(x.len()).zip(y) {
+        *y += alpha * dot(row, x);
+    }
+}

@@ -1,0 +1,187 @@
+//! What methods use: linearize, factor, solve.
+
+use super::blocks::{ReducedBlocks, singular_mass};
+use super::descriptor::{DescriptorMatrix, Unknowns};
+use super::differences::{Differences, JacobianSource};
+use super::linearization::Linearization;
+use super::matrix::{FirstOrderMatrix, Matrix};
+use crate::error::EvaluationFailure;
+use crate::reduction::{Chart, Manifold, Point};
+use holonom_linalg::{Complex64, SingularMatrix};
+
+/// The integration Jacobian of a form of the equations, in the representation `M`.
+///
+/// Changes are those of w = (v, v̇, z). Equations: `docs/theory/newton.md`.
+#[derive(Debug, Clone)]
+pub struct Newton<M> {
+    parts: Linearization,
+    /// None where the derivatives of the equations are used.
+    differences: Option<Box<Differences>>,
+    matrix: M,
+    rate: Vec<f64>,
+}
+
+impl<M: Matrix> Newton<M> {
+    /// For the manifold's present parametrization, whose factors belong to the configuration `q`.
+    pub fn new(manifold: &Manifold, q: &[f64], source: JacobianSource) -> Self {
+        Self {
+            parts: Linearization::new(manifold),
+            differences: match source {
+                JacobianSource::Analytic => None,
+                JacobianSource::Differences => Some(Box::new(Differences::new(manifold))),
+            },
+            matrix: M::new(manifold, q, source),
+            rate: vec![0.0; manifold.chart().ndof()],
+        }
+    }
+
+    /// Where the parts come from.
+    pub fn source(&self) -> JacobianSource {
+        match self.differences {
+            None => JacobianSource::Analytic,
+            Some(_) => JacobianSource::Differences,
+        }
+    }
+
+    /// Reduced blocks of the last linearization, as far as the representation has them.
+    pub fn blocks(&self) -> &ReducedBlocks {
+        &self.parts.blocks
+    }
+
+    /// A step starts where this is the chart: changes are measured there until the first linearization.
+    pub fn begin_step(&mut self, chart: &Chart) {
+        self.parts.begin_step(chart);
+    }
+
+    /// Linearizes at a complete point, whose independent variables, rates and extra states are `w`, and
+    /// leaves it evaluated there.
+    ///
+    /// # Errors
+    /// Where a neighbouring point for differences cannot be evaluated; the point is then elsewhere.
+    pub fn linearize(&mut self, point: &mut Point, w: &[f64]) -> Result<(), EvaluationFailure> {
+        if let Some(differences) = &mut self.differences {
+            self.parts.take_differences(differences, point, w)?;
+            self.matrix.take_blocks(&self.parts, &point.manifold);
+        } else {
+            self.matrix.linearize(&mut self.parts, point);
+            self.parts.made = true;
+        }
+        Ok(())
+    }
+
+    /// Factors M̂ + γh M̂₁' + βh² M̂₂'; returns the number of symbolic analyses made.
+    ///
+    /// # Errors
+    /// When the matrix is singular.
+    pub fn factor(&mut self, gamma_h: f64, beta_h2: f64) -> Result<u64, EvaluationFailure> {
+        self.parts.set_coefficients(gamma_h, beta_h2);
+        self.matrix.factor(&self.parts).map_err(|e| singular_jacobian(gamma_h, &e))
+    }
+
+    /// Multiplies an error (e_p, e_v, e_z) by (I − γhJ)⁻¹ with one solve: with ẽ_p = e_p + (β/γ)h e_v,
+    /// Ψ a = −(M̂₁' e_v + M̂₂' ẽ_p + Ẑ E⁻¹ e_z), the result is ẽ_p + βh² a, e_v + γh a, and
+    /// E⁻¹(e_z + γh (ż_v · + ż_v̇ ·)).
+    pub fn filter(&mut self, error: &mut [f64]) {
+        let ndof = self.rate.len();
+        let (gh, bh2) = (self.parts.gamma_h, self.parts.beta_h2);
+        let (head, ez) = error.split_at_mut(2 * ndof);
+        let (ep, ev) = head.split_at_mut(ndof);
+        for (p, v) in ep.iter_mut().zip(&*ev) {
+            *p += bh2 / gh * v;
+        }
+        self.parts.reduce_extra_states(ez);
+        self.matrix.respond(&self.parts, ep, ev, ez, &mut self.rate);
+        for ((p, v), a) in ep.iter_mut().zip(&mut *ev).zip(&self.rate) {
+            *p += bh2 * a;
+            *v += gh * a;
+        }
+        self.parts.add_effect_on_extra_states(ep, ev, ez);
+    }
+
+    /// A change of w on all coordinates: δq = D δv, δq̇ = D δv̇ − S A₀ δq, at the linearization.
+    pub fn spread(&mut self, change: &[f64], dq: &mut [f64], dv: &mut [f64]) {
+        self.parts.spread(change, dq, dv);
+    }
+}
+
+impl<M: FirstOrderMatrix> Newton<M> {
+    /// One correction of a stage: from ψ in `rate` and z̃ + γh ż − z in the last entries of `change`, δv̈
+    /// and its effect (βh² δv̈, γh δv̈, δz).
+    pub fn correct(&mut self, rate: &mut [f64], change: &mut [f64]) {
+        let dz = &mut change[2 * rate.len()..];
+        self.parts.reduce_extra_states(dz);
+        self.matrix.correct(&self.parts, dz, rate);
+        self.parts.effect(rate, change);
+    }
+
+    /// x ← (I − γhJ)⁻¹ x, with M̂ r_v in the velocity entries.
+    pub fn solve(&mut self, x: &mut [f64]) {
+        let (p, rest) = x.split_at_mut(self.rate.len());
+        let (v, z) = rest.split_at_mut(self.rate.len());
+        self.matrix.solve(&self.parts, p, v, z);
+        self.parts.solve_extra_states(p, v, z);
+    }
+
+    /// Factors I − γhJ for a complex γh, beside the real factor.
+    ///
+    /// # Errors
+    /// When the matrix is singular.
+    pub fn factor_complex(&mut self, gamma_h: Complex64) -> Result<(), EvaluationFailure> {
+        let outcome = self.matrix.factor_complex(&self.parts, gamma_h);
+        outcome.map_err(|e| singular_jacobian(gamma_h.norm(), &e))
+    }
+
+    /// x + iy ← (I − γhJ)⁻¹ (x + iy), with M̂ r_v in the velocity entries.
+    pub fn solve_complex(&mut self, x: &mut [f64], y: &mut [f64]) {
+        self.matrix.solve_complex(&self.parts, x, y);
+    }
+
+    /// The velocity entries r_v of a change of w become M̂ r_v.
+    pub fn weigh(&mut self, x: &mut [f64]) {
+        let ndof = self.rate.len();
+        self.matrix.weigh(&self.parts, &mut x[ndof..2 * ndof]);
+    }
+
+    /// g_t of ẇ = g(t, w) at the point of the last linearization.
+    ///
+    /// # Errors
+    /// When M̂ is singular.
+    pub fn time_derivative(
+        &mut self,
+        point: &mut Point,
+        g_t: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        g_t.fill(0.0);
+        let (head, z) = g_t.split_at_mut(2 * self.rate.len());
+        let v_rate = &mut head[self.rate.len()..];
+        let outcome = self.matrix.time_derivative(&mut self.parts, point, v_rate, z);
+        outcome.map_err(|e| singular_mass(&e))
+    }
+}
+
+impl Newton<DescriptorMatrix> {
+    /// One correction of a stage with q̈ and λ as unknowns too: residuals in `x` and z̃ + γh ż − z in the
+    /// last entries of `change` become corrections.
+    pub fn correct_unknowns(&mut self, x: &mut Unknowns, change: &mut [f64]) {
+        let dz = &mut change[2 * x.rate.len()..];
+        self.parts.reduce_extra_states(dz);
+        self.matrix.correct(&self.parts, dz, x);
+        self.parts.effect(&x.rate, change);
+    }
+
+    /// The residuals that reduced forces ψ are: (Pᵀψ, 0, 0) with P of the matrix, for which DᵀPᵀ = 1.
+    pub fn extend(&self, psi: &[f64], x: &mut Unknowns) {
+        self.parts.chart.extend(psi, &mut x.force);
+        x.rows.fill(0.0);
+        x.rate.fill(0.0);
+    }
+}
+
+fn singular_jacobian(gamma_h: f64, e: &SingularMatrix) -> EvaluationFailure {
+    EvaluationFailure {
+        code: "simulation/singular-jacobian",
+        message: format!(
+            "the integration Jacobian is singular at step coefficient {gamma_h:.1e} s: {e}"
+        ),
+    }
+}
