@@ -3,9 +3,11 @@
 //! Stated values are kept: a residual below [`PROJECTED`] is projected away and reported, a larger
 //! one is refused. Unstated values are found from the joints with least change.
 
-use super::chart::{Chart, Parametrization, structural_nonzeros};
-use super::manifold::{Manifold, largest_index};
+use super::chart::Chart;
+use super::manifold::Manifold;
+use super::parametrization::{Parametrization, largest_index};
 use super::saddle::Saddle;
+use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
 use crate::model::{Assembly, Body, InitialBody, Model, Orientation};

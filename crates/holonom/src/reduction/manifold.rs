@@ -2,6 +2,7 @@
 
 use super::chart::Chart;
 use super::null_space::NullSpace;
+use super::parametrization::largest_index;
 use super::redundant::Redundant;
 use super::saddle::Saddle;
 use crate::error::EvaluationFailure;
@@ -601,9 +602,4 @@ fn null_space(chart: &Chart, saddle: &Saddle, g: &BlockMatrix) -> Option<NullSpa
     let mass = saddle.mass();
     let stored = mass.values().len() + 2 * g.values().len();
     NullSpace::pays(chart, mass, stored).then(|| NullSpace::new(mass.n_rows(), chart.ndof()))
-}
-
-/// Index of the entry of largest magnitude.
-pub fn largest_index(x: &[f64]) -> usize {
-    (0..x.len()).fold(0, |best, i| if x[i].abs() > x[best].abs() { i } else { best })
 }

@@ -1,21 +1,27 @@
 //! From dependent to independent coordinates: parametrization, recovery, assembly.
 
 pub mod assembly;
+mod body_rows;
 mod chart;
 mod manifold;
 mod null_space;
+mod parametrization;
 mod partitioning;
 mod point;
 mod redundant;
 mod relatives;
 mod saddle;
+mod structural;
 mod tangent_plane;
 mod tree;
 
-pub use chart::{Chart, Parametrization, Projection, structural_nonzeros, structural_null_space};
-pub use manifold::{Manifold, RecoveryCounters, largest_index};
+pub use body_rows::BodyRows;
+pub use chart::Chart;
+pub use manifold::{Manifold, RecoveryCounters};
+pub use parametrization::{Parametrization, Projection, largest_index};
 pub use partitioning::{RANK_TOLERANCE, partition, scaled_jacobian};
 pub use point::Point;
-pub use relatives::{BodyRows, Relatives, Source};
+pub use relatives::{Relatives, Source};
 pub use saddle::Saddle;
+pub use structural::{structural_nonzeros, structural_null_space};
 pub use tangent_plane::{Choice, choose};

@@ -1,6 +1,6 @@
 //! Choice of kept rows and independent coordinates.
 
-use super::chart::{Parametrization, Projection};
+use super::parametrization::{Parametrization, Projection};
 use crate::system::{Measure, System};
 use holonom_linalg::{BlockMatrix, full_pivot_elimination};
 

@@ -1,13 +1,12 @@
-//! Relative coordinates of a spanning forest as independent variables: their rows of P, and the way from
-//! their values to a configuration.
+//! Relative coordinates of a spanning forest as independent variables: their values, and the way from these to
+//! a configuration.
 
-use super::chart::Parametrization;
 use crate::error::EvaluationFailure;
 use crate::system::{Anchor, Measure, Reference, RelativeKind, State, System};
 use std::f64::consts::TAU;
 
 /// Coordinates of two bodies in space, for three rows.
-const WIDEST: usize = 3 * 14;
+pub(super) const WIDEST: usize = 3 * 14;
 /// Most coordinates of an edge.
 const MOST: usize = 6;
 /// Part of the regular range of a direction or rotation that a stage may use.
@@ -84,7 +83,7 @@ impl Relatives {
     }
 
     /// Runs of independent variables that belong to one group: group and their range.
-    fn runs(&self) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> + '_ {
+    pub(super) fn runs(&self) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> + '_ {
         let mut at = 0;
         std::iter::from_fn(move || {
             let group = self.rows.get(at)?.0;
@@ -364,126 +363,4 @@ fn times(row: &[f64], bodies: [Option<usize>; 2], x: &[f64]) -> f64 {
         }
     }
     sum
-}
-
-/// Rows of an n-column matrix with entries in the columns of two bodies each.
-#[derive(Debug, Clone)]
-pub struct BodyRows {
-    rows: usize,
-    per_body: usize,
-    /// 2·per_body per row.
-    values: Vec<f64>,
-    /// Entries that can differ from zero: place in the values, row, column.
-    entries: Vec<(usize, usize, usize)>,
-}
-
-impl BodyRows {
-    /// Zero rows for the relative coordinates of a parametrization; none for another one.
-    pub fn new(system: &dyn System, parametrization: &Parametrization) -> Self {
-        let sizes = system.structure().sizes;
-        let n = sizes.per_body;
-        let rows = parametrization.relatives().map_or(0, |r| r.rows.len());
-        let mut out =
-            Self { rows, per_body: n, values: vec![0.0; rows * 2 * n], entries: Vec::new() };
-        let Some(relatives) = parametrization.relatives() else { return out };
-        // What vanishes at a generic configuration vanishes everywhere.
-        let generic: Vec<f64> = (0..sizes.coordinates)
-            .map(|i| 0.2 + (0.618_033_988_749_895 * (i + 1) as f64).fract())
-            .collect();
-        out.evaluate(system, parametrization, &generic);
-        for (row, (group, _)) in relatives.rows.iter().enumerate() {
-            for (side, body) in system.relative_groups()[*group].bodies.into_iter().enumerate() {
-                let Some(body) = body else { continue };
-                for i in 0..n {
-                    let at = (2 * row + side) * n + i;
-                    if out.values[at] != 0.0 {
-                        out.entries.push((at, row, body * n + i));
-                    }
-                }
-            }
-        }
-        out.values.fill(0.0);
-        out
-    }
-
-    /// Number of rows.
-    #[allow(clippy::len_without_is_empty, reason = "a matrix")]
-    pub fn len(&self) -> usize {
-        self.rows
-    }
-
-    /// All entries that can differ from zero: place in the values, row, column.
-    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
-        self.entries.iter().copied()
-    }
-
-    /// Takes over the values of rows for the same coordinates.
-    pub fn copy_from(&mut self, other: &Self) {
-        self.values.copy_from_slice(&other.values);
-    }
-
-    /// The value at a place of [`BodyRows::entries`].
-    pub fn value(&self, at: usize) -> f64 {
-        self.values[at]
-    }
-
-    /// Makes the rows those of P.
-    pub fn evaluate(&mut self, system: &dyn System, parametrization: &Parametrization, q: &[f64]) {
-        let Some(relatives) = parametrization.relatives() else { return };
-        let n = self.per_body;
-        let mut gradient = [0.0; WIDEST];
-        for (group, range) in relatives.runs() {
-            let gradient = &mut gradient[..system.relative_groups()[group].rows * 2 * n];
-            system.relative_gradient(group, &relatives.references[group], q, gradient);
-            for k in range {
-                let row = &gradient[relatives.rows[k].1 * 2 * n..][..2 * n];
-                self.values[k * 2 * n..(k + 1) * 2 * n].copy_from_slice(row);
-            }
-        }
-    }
-
-    /// Makes the rows (P q̇)_q and those of `bend` (v̈)_q at fixed q̈.
-    pub fn evaluate_blocks(
-        &mut self,
-        bend: &mut Self,
-        system: &dyn System,
-        parametrization: &Parametrization,
-        state: &State,
-    ) {
-        let Some(relatives) = parametrization.relatives() else { return };
-        let n = self.per_body;
-        let (mut a0, mut a1) = ([0.0; WIDEST], [0.0; WIDEST]);
-        for (group, range) in relatives.runs() {
-            let size = system.relative_groups()[group].rows * 2 * n;
-            let (a0, a1) = (&mut a0[..size], &mut a1[..size]);
-            system.relative_blocks(group, &relatives.references[group], state, a0, a1);
-            for k in range {
-                let (row, out) = (relatives.rows[k].1 * 2 * n, k * 2 * n);
-                self.values[out..out + 2 * n].copy_from_slice(&a0[row..row + 2 * n]);
-                bend.values[out..out + 2 * n].copy_from_slice(&a1[row..row + 2 * n]);
-            }
-        }
-    }
-
-    /// Y += α A X, X with k columns, both by rows.
-    pub fn multiply_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
-        for (at, row, column) in self.entries() {
-            let scale = alpha * self.values[at];
-            let source = &x[column * k..(column + 1) * k];
-            for (out, x) in y[row * k..(row + 1) * k].iter_mut().zip(source) {
-                *out += scale * x;
-            }
-        }
-    }
-
-    /// X += α Aᵀ Y, Y with k columns, both by rows.
-    pub fn multiply_transposed_many_add(&self, alpha: f64, y: &[f64], k: usize, x: &mut [f64]) {
-        for (at, row, column) in self.entries() {
-            let scale = alpha * self.values[at];
-            let source = &y[row * k..(row + 1) * k];
-            for (out, y) in x[column * k..(column + 1) * k].iter_mut().zip(source) {
-                *out += scale * y;
-            }
-        }
-    }
 }

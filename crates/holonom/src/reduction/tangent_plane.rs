@@ -1,7 +1,7 @@
 //! Choice of the parametrization: independent coordinates, or a basis of the tangent plane.
 
-use super::chart::{Parametrization, Projection};
 use super::manifold::Manifold;
+use super::parametrization::{Parametrization, Projection};
 use super::partitioning::partition;
 use super::tree::choose_tree;
 use crate::error::EvaluationFailure;

@@ -12,7 +12,8 @@
 //!
 //! Equations: `docs/theory/reduction.md` (27)-(35).
 
-use super::chart::{Chart, Parametrization, Projection};
+use super::chart::Chart;
+use super::parametrization::{Parametrization, Projection};
 use super::partitioning::RANK_TOLERANCE;
 use super::relatives::{Relatives, Source};
 use crate::error::EvaluationFailure;
