@@ -4,7 +4,7 @@
 
 use super::counted::Counted;
 use super::iteration::{Failure, Iteration, MAX_SYSTEMS};
-use super::matrices::Matrices;
+use super::matrices::{Ahead, Matrices};
 use super::memory::Memory;
 use super::ode::{EvaluationFailure, LinearizedOde};
 use super::segment::Segment;
@@ -28,6 +28,7 @@ pub struct ImplicitStepper<S> {
     predicts: bool,
     /// Weighted norm of round-off in w₀.
     floor: f64,
+    ahead: Ahead,
     /// The last correction of an iteration, or the estimated error.
     change: Vec<f64>,
     current: Segment,
@@ -48,6 +49,7 @@ impl<S: Stages> ImplicitStepper<S> {
             matrices: Matrices::NONE,
             predicts: false,
             floor: 0.0,
+            ahead: Ahead::new(dimension),
             change: vec![0.0; dimension],
             current: Segment::new(dimension, S::DEGREE),
             previous: Segment::new(dimension, S::DEGREE),
@@ -93,11 +95,15 @@ impl<S: Stages> ImplicitStepper<S> {
         report: &mut StepReport,
     ) -> Result<u32, Failure> {
         let reuse = self.memory.reuses(&self.options);
-        self.matrices.prepare(&mut self.stages, ode, step, reuse)?;
+        let ahead = (S::ITERATES && self.options.linearize_ahead && self.predicts).then(|| {
+            self.ahead.predict(&self.previous, step);
+            &self.ahead
+        });
+        self.matrices.prepare(&mut self.stages, ode, step, reuse, ahead)?;
         let repeats = |failure: &Failure| S::REPEATS_EVALUATIONS || failure.is_of_newton();
         let mut outcome = self.iterate(ode, step, report);
-        if self.matrices.are_old() && outcome.as_ref().is_err_and(repeats) {
-            self.matrices.prepare(&mut self.stages, ode, step, false)?;
+        if self.matrices.may_be_renewed() && outcome.as_ref().is_err_and(repeats) {
+            self.matrices.prepare(&mut self.stages, ode, step, false, None)?;
             report.contraction = 0.0;
             outcome = self.iterate(ode, step, report);
         }

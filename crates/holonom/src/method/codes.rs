@@ -246,7 +246,7 @@ pub fn build_stepper(
         }
         Profile::Improved => {
             let caution = match code {
-                Code::ForRosen => 2.0,
+                Code::ForRosen | Code::SspSdirk15 | Code::InflSdirk15 => 2.0,
                 Code::SspTrap | Code::InflTrap => 1.5,
                 Code::Deabm => 4.0,
                 Code::Dopri5 => 32.0,

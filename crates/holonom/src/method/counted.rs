@@ -58,6 +58,16 @@ impl<'a> Counted<'a> {
         self.ode.linearize(t, w, g)
     }
 
+    pub(super) fn linearize_ahead(
+        &mut self,
+        t: f64,
+        w: &[f64],
+        slope: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.statistics.linearizations += 1;
+        self.ode.linearize_ahead(t, w, slope)
+    }
+
     pub(super) fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure> {
         self.ode.time_derivative(g_t)
     }

@@ -182,6 +182,15 @@ impl LinearizedOde for Descriptor {
         self.base.linearize_at(t, w)
     }
 
+    fn linearize_ahead(
+        &mut self,
+        t: f64,
+        w: &[f64],
+        slope: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.base.linearize_by(t, w, slope)
+    }
+
     fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure> {
         self.factor_stage(gamma_h, gamma_h * gamma_h)
     }

@@ -130,7 +130,7 @@ impl<M: Matrix> FirstOrder<M> {
         Ok(&self.point.state)
     }
 
-    /// Linearizes at (t, w), the start of the step.
+    /// Linearizes at (t, w).
     pub(super) fn linearize_at(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
         self.return_to(t, w)?;
         let outcome = self.newton.linearize(&mut self.point, w);
@@ -138,6 +138,26 @@ impl<M: Matrix> FirstOrder<M> {
             self.at_time = f64::NAN;
         }
         outcome
+    }
+
+    /// Linearizes at (t, w) with the accelerations of `slope` and the multipliers that belong to them; by
+    /// differences, with those that the equations give.
+    pub(super) fn linearize_by(
+        &mut self,
+        t: f64,
+        w: &[f64],
+        slope: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        if self.newton.source() == JacobianSource::Differences {
+            return self.linearize_at(t, w);
+        }
+        let ndof = self.point.manifold.chart().ndof();
+        require_finite(t, w)?;
+        self.evaluate(t, w, false)?;
+        let (state, z_rate) = (&mut self.point.state, &mut self.point.z_rate);
+        let rates = &slope[ndof..2 * ndof];
+        self.point.manifold.reduced_residual(state, rates, z_rate, &mut self.rates);
+        self.newton.linearize(&mut self.point, w)
     }
 
     /// Makes factors, M, accelerations and multipliers those of (t, w).
@@ -217,6 +237,15 @@ impl<M: Matrix> Ode for FirstOrder<M> {
 impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
     fn linearize(&mut self, t: f64, w: &[f64], _g: &[f64]) -> Result<(), EvaluationFailure> {
         self.linearize_at(t, w)
+    }
+
+    fn linearize_ahead(
+        &mut self,
+        t: f64,
+        w: &[f64],
+        slope: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.linearize_by(t, w, slope)
     }
 
     fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure> {

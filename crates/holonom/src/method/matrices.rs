@@ -2,7 +2,9 @@
 
 use super::counted::Counted;
 use super::iteration::Failure;
+use super::segment::Segment;
 use super::stages::{Stages, Step};
+use super::stepper::add_scaled;
 
 /// Age of the linearization.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -11,6 +13,8 @@ enum Linearization {
     None,
     /// Of the start of an earlier step.
     Old,
+    /// Of the predicted middle of this step, or of one that it takes the place of.
+    Predicted,
     /// Of the start of this step.
     Current,
 }
@@ -23,39 +27,72 @@ pub(super) struct Matrices {
     factored: Option<f64>,
 }
 
+/// The middle of a step as the step before predicts it.
+#[derive(Debug, Clone)]
+pub(super) struct Ahead {
+    w: Vec<f64>,
+    slope: Vec<f64>,
+}
+
+impl Ahead {
+    pub(super) fn new(dimension: usize) -> Self {
+        Self { w: vec![0.0; dimension], slope: vec![0.0; dimension] }
+    }
+
+    /// Continues the step before into `step`.
+    pub(super) fn predict(&mut self, before: &Segment, step: &Step<'_>) {
+        before.continue_by(0.5 * step.h, &mut self.w);
+        before.slope_beyond(0.5 * step.h, &mut self.slope);
+        add_scaled(&mut self.w, 1.0, step.w);
+    }
+
+    /// Whether the system could be linearized there.
+    fn linearize(&self, ode: &mut Counted<'_>, step: &Step<'_>) -> bool {
+        ode.linearize_ahead(step.t + 0.5 * step.h, &self.w, &self.slope).is_ok()
+    }
+}
+
 impl Matrices {
     /// None yet, or none that hold any longer.
     pub(super) const NONE: Self = Self { linearization: Linearization::None, factored: None };
 
     /// The start of the step that they belong to is past.
     pub(super) fn grow_old(&mut self) {
-        if self.linearization == Linearization::Current {
+        if self.linearization != Linearization::None {
             self.linearization = Linearization::Old;
         }
     }
 
-    /// Whether a fresh linearization would be another one.
-    pub(super) fn are_old(&self) -> bool {
-        self.linearization == Linearization::Old
+    /// Whether a linearization at the start of the step would be another one.
+    pub(super) fn may_be_renewed(&self) -> bool {
+        matches!(self.linearization, Linearization::Old | Linearization::Predicted)
     }
 
-    /// Makes what is missing for a step; with `reuse` an old linearization serves.
+    /// Makes what is missing for a step; with `reuse` an old linearization serves. A new one is made in the
+    /// middle of the step where `ahead` can be evaluated, otherwise at its start.
     pub(super) fn prepare<S: Stages>(
         &mut self,
         stages: &mut S,
         ode: &mut Counted<'_>,
         step: &Step<'_>,
         reuse: bool,
+        ahead: Option<&Ahead>,
     ) -> Result<(), Failure> {
         let fresh = match self.linearization {
             Linearization::Current => true,
+            // Of a rejected attempt, whose middle is not far from the one of this.
+            Linearization::Predicted => ahead.is_some() || reuse,
             Linearization::Old => reuse,
             Linearization::None => false,
         };
         if !fresh {
             *self = Self::NONE;
-            stages.linearize(ode, step)?;
-            self.linearization = Linearization::Current;
+            self.linearization = if ahead.is_some_and(|ahead| ahead.linearize(ode, step)) {
+                Linearization::Predicted
+            } else {
+                stages.linearize(ode, step)?;
+                Linearization::Current
+            };
         }
         if self.factored != Some(step.h) {
             self.factored = None;

@@ -42,6 +42,20 @@ pub trait LinearizedOde: Ode {
     /// As [`Ode::derivative`].
     fn linearize(&mut self, t: f64, w: &[f64], g: &[f64]) -> Result<(), EvaluationFailure>;
 
+    /// Linearizes at a predicted (t, w) on whose solution the slope is about `slope`, without evaluating g: on
+    /// stiff components that would multiply the error of the prediction.
+    ///
+    /// # Errors
+    /// As [`Ode::derivative`].
+    fn linearize_ahead(
+        &mut self,
+        t: f64,
+        w: &[f64],
+        slope: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.linearize(t, w, slope)
+    }
+
     /// Factors I − γh J from the parts of the last `linearize`.
     ///
     /// # Errors

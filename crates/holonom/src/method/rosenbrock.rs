@@ -59,6 +59,7 @@ pub struct RosenbrockStages {
 
 impl Stages for RosenbrockStages {
     const DEGREE: usize = 5;
+    const ITERATES: bool = false;
     // The formula is not stiffly accurate: on stiff components its error does not vanish with 1/λ
     // (Prothero and Robinson's problem) while the filtered estimate does.
     const LEAST_FILTERED: Option<f64> = Some(0.1);

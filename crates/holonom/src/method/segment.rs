@@ -76,6 +76,17 @@ impl Segment {
             add_scaled(change, power - 1.0, coefficient);
         }
     }
+
+    /// The slope ẇ by `s` beyond the end of the step.
+    pub(super) fn slope_beyond(&self, s: f64, slope: &mut [f64]) {
+        slope.fill(0.0);
+        let theta = 1.0 + s / self.step;
+        let mut weight = 1.0 / self.step;
+        for (j, coefficient) in self.powers.iter().enumerate() {
+            add_scaled(slope, (j + 1) as f64 * weight, coefficient);
+            weight *= theta;
+        }
+    }
 }
 
 #[cfg(test)]
@@ -107,7 +118,11 @@ mod tests {
             }
             // Beyond the end the terms of the quintic grow as 2⁵.
             segment.continue_by(theta * h, &mut change);
+            segment.slope_beyond(theta * h, &mut w);
             let t = t1 + theta * h;
+            for (slope, truth) in w.iter().zip([v(t), y_rate(t), -3.0]) {
+                assert!((slope - truth).abs() < 1e-11, "{slope} instead of {truth} at t = {t}");
+            }
             for (change, truth) in change.iter().zip([x(t) - x(t1), y(t) - y(t1), z(t) - z(t1)]) {
                 assert!((change - truth).abs() < 1e-12, "{change} instead of {truth} at t = {t}");
             }

@@ -30,13 +30,16 @@ pub trait Stages: Debug + Send {
     /// with a fresh linearization.
     const REPEATS_EVALUATIONS: bool = false;
 
+    /// Whether stages are iterated: the matrix decides how fast, not what is found.
+    const ITERATES: bool = true;
+
     /// Order of the formula.
     fn order(&self) -> u32;
 
     /// Order of the embedded solution.
     fn embedded_order(&self) -> u32;
 
-    /// Linearizes at the start of the step.
+    /// Linearizes at the start of the step, where nothing better is known.
     ///
     /// # Errors
     /// When the system cannot be evaluated there.

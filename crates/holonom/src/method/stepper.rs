@@ -117,6 +117,9 @@ pub struct StepperOptions {
     /// A linearization serves the next step too while the contraction θ stays at or below this; 0
     /// linearizes at every accepted step. Rosenbrock formulas always linearize.
     pub reuse_contraction: f64,
+    /// New linearizations are made in the predicted middle of the step, not at its start: stages are half as far
+    /// from it, and iterations that much faster. Rosenbrock formulas always linearize at the start.
+    pub linearize_ahead: bool,
     /// Ratio of steps up to which the step, and with it the factorization, is kept; 1 never. Only
     /// where a linearization is reused.
     pub dead_band: f64,
@@ -142,6 +145,7 @@ impl StepperOptions {
             max_step: f64::INFINITY,
             newton: NewtonControl::default(),
             reuse_contraction: 0.0,
+            linearize_ahead: false,
             dead_band: 1.0,
             predictive: false,
             continue_accelerations: false,
@@ -163,6 +167,7 @@ impl StepperOptions {
         Self {
             newton: NewtonControl { kappa, ..NewtonControl::default() },
             reuse_contraction: 0.02,
+            linearize_ahead: true,
             dead_band: 1.2,
             predictive: true,
             continue_accelerations: true,

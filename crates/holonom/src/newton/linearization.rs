@@ -61,6 +61,7 @@ impl Linearization {
         w: &[f64],
     ) -> Result<(), EvaluationFailure> {
         differences.evaluate(&mut self.blocks, &mut self.rate_map, point, w)?;
+        self.chart.copy_from(point.manifold.chart());
         (self.made, self.maps) = (true, true);
         Ok(())
     }
