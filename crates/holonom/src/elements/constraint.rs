@@ -1,7 +1,8 @@
-//! A joint or driver in either dimension: its rows, their names, its relative coordinates.
+//! A joint or driver in either dimension: its rows, what they prescribe, its relative coordinates.
 
 use super::angle::Angle;
 use super::measure::Measure;
+use super::row::RowKind;
 use super::space::{Space, Triad};
 use super::{ConstraintElement, PairBlocks, Quantity, RowBlocks, product};
 use crate::math::{Real, TimeFunction};
@@ -13,7 +14,7 @@ use crate::math::{Real, TimeFunction};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Constraint<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> {
     rows: Rows<S, D, N, R>,
-    names: &'static [&'static str],
+    kinds: &'static [RowKind],
     coordinates: Vec<Coordinate<S, D, N, R>>,
     quantities: &'static [Quantity],
     point_on_second: [f64; 3],
@@ -50,14 +51,14 @@ const SLIDES_AND_TURNS: &[Quantity] = &[
 ];
 
 impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constraint<S, D, N, R> {
-    /// A joint with one name per row of its measure.
+    /// A joint with one kind per row of its measure.
     pub(super) fn of_joint(
         frames: &[Triad<D>; 2],
         measure: Measure<S, D, N, R>,
-        names: &'static [&'static str],
+        kinds: &'static [RowKind],
         coordinates: Vec<Coordinate<S, D, N, R>>,
     ) -> Self {
-        debug_assert_eq!(measure.rows(), names.len());
+        debug_assert_eq!(measure.rows(), kinds.len());
         let quantities = match coordinates.as_slice() {
             [] => NONE,
             [Coordinate::Angle(_)] => TURNS,
@@ -65,14 +66,14 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
             _ => SLIDES_AND_TURNS,
         };
         let rows = Rows::Measure(measure);
-        Self { rows, names, coordinates, quantities, point_on_second: point(frames), motion: None }
+        Self { rows, kinds, coordinates, quantities, point_on_second: point(frames), motion: None }
     }
 
     /// A driver of the coordinate `driven`.
     pub(super) fn of_driver(
         frames: &[Triad<D>; 2],
         driven: Coordinate<S, D, N, R>,
-        names: &'static [&'static str],
+        kinds: &'static [RowKind],
         motion: TimeFunction,
     ) -> Self {
         let rows = match driven {
@@ -81,7 +82,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         };
         Self {
             rows,
-            names,
+            kinds,
             coordinates: Vec::new(),
             quantities: NONE,
             point_on_second: point(frames),
@@ -157,11 +158,11 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
     for Constraint<S, D, N, R>
 {
     fn rows(&self) -> usize {
-        self.names.len()
+        self.kinds.len()
     }
 
-    fn row_name(&self, row: usize) -> &'static str {
-        self.names[row]
+    fn row_kind(&self, row: usize) -> RowKind {
+        self.kinds[row]
     }
 
     fn value<T: Real>(&self, q: [&[T; N]; 2], u: &mut [T; 6]) {

@@ -14,6 +14,7 @@ pub mod kinematics;
 mod measure;
 pub mod planar;
 pub mod relative;
+pub mod row;
 pub(crate) mod space;
 pub mod spatial;
 #[cfg(test)]
@@ -21,6 +22,7 @@ mod tests;
 mod vector_function;
 
 use crate::math::Real;
+use row::RowKind;
 
 /// Rows of one constraint against the coordinates of its two bodies: `[side][row][coordinate]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,8 +40,8 @@ pub struct PairBlocks<T, const N: usize>(pub [[[[T; N]; N]; 2]; 2]);
 pub trait ConstraintElement<const N: usize> {
     /// Number of rows, 1 to 6.
     fn rows(&self) -> usize;
-    /// What row `row` prescribes, for messages ("translation along x", "rotation about g", …).
-    fn row_name(&self, row: usize) -> &'static str;
+    /// What row `row` prescribes.
+    fn row_kind(&self, row: usize) -> RowKind;
     /// u(q): metres, or direction cosines.
     fn value<T: Real>(&self, q: [&[T; N]; 2], u: &mut [T; 6]);
     /// G.

@@ -4,7 +4,7 @@ use super::checks::{RunError, check_state};
 use crate::model::{Dimension, Model};
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::{Manifold, Parametrization, Relatives, Source};
-use crate::system::{Channel, EdgeSource, State, System, compile};
+use crate::system::{Channel, EdgeSource, RowKind, State, System, compile};
 use crate::topology::Shape;
 use std::sync::{Arc, OnceLock};
 
@@ -153,28 +153,20 @@ impl Problem {
     }
 
     /// What a row of a joint or driver prescribes, in words.
-    fn direction(&self, item: &str, row: &str) -> String {
+    fn direction(&self, item: &str, row: RowKind) -> String {
+        let Some((motion, axis)) = row.motion() else { return row.to_string() };
+        let Some(k) = axis.of_frame() else { return format!("{motion} the ground's {axis} axis") };
         let joints = self.model.joints.iter().map(|j| (&j.name, &j.frames));
         let drivers = self.model.drivers.iter().map(|d| (&d.name, &d.frames));
         let frames =
             joints.chain(drivers).find(|(name, _)| *name == item).map(|(_, frames)| frames);
-        let axis = row.rsplit_once(' ');
-        match (frames, axis) {
-            (_, Some((motion, axis @ ("x" | "y" | "z")))) => {
-                format!("{motion} the ground's {axis} axis")
-            }
-            (Some(frames), Some((motion, axis @ ("f" | "g" | "h")))) => {
-                let k = usize::from(axis.as_bytes()[0] - b'f');
-                // Three digits, without a minus before a zero.
-                let round = |x: f64| (x * 1e3).round() / 1e3 + 0.0;
-                let [x, y, z] = self.model.design_axis(&frames[0], k).map(round);
-                let planar = self.model.dimension == Dimension::Planar;
-                let points =
-                    if planar { format!("[{x}, {y}]") } else { format!("[{x}, {y}, {z}]") };
-                format!("{motion} axis {axis} of its frame, {points} in the design configuration")
-            }
-            _ => row.to_owned(),
-        }
+        let Some(frames) = frames else { return row.to_string() };
+        // Three digits, without a minus before a zero.
+        let round = |x: f64| (x * 1e3).round() / 1e3 + 0.0;
+        let [x, y, z] = self.model.design_axis(&frames[0], k).map(round);
+        let planar = self.model.dimension == Dimension::Planar;
+        let points = if planar { format!("[{x}, {y}]") } else { format!("[{x}, {y}, {z}]") };
+        format!("{motion} axis {axis} of its frame, {points} in the design configuration")
     }
 
     /// Edges of the forest with the part that each coordinate has.
@@ -223,7 +215,7 @@ impl Problem {
             .map(|&row| {
                 let (item, row) = self.system.row_item(row);
                 let direction = self.direction(item, row);
-                RedundantRow { item: item.to_owned(), row: row.to_owned(), direction }
+                RedundantRow { item: item.to_owned(), row: row.to_string(), direction }
             })
             .collect();
         let independent = (0..parametrization.ndof)

@@ -7,6 +7,7 @@ use super::turns::Turns;
 use super::{BodyPose, DerivativeBlocks, EnergyBalance, State, Structure, System};
 use crate::elements::kinematics::{Anchor, Between, EdgeKinematics};
 use crate::elements::relative::{Reference, RelativeElement};
+use crate::elements::row::RowKind;
 use crate::elements::{
     ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
 };
@@ -621,8 +622,12 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     }
 
     fn coordinate_name(&self, coordinate: usize) -> String {
-        let body = &self.bodies[coordinate / N].name;
+        let body = self.coordinate_item(coordinate);
         format!("{body}.{}", S::coordinate_names()[coordinate % N])
+    }
+
+    fn coordinate_item(&self, coordinate: usize) -> &str {
+        &self.bodies[coordinate / N].name
     }
 
     fn forces_on(&self, coordinate: usize, state: &State) -> Vec<&str> {
@@ -660,17 +665,17 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         }
         let at = self.constraints.partition_point(|c| c.row <= row) - 1;
         let c = &self.constraints[at];
-        format!("{} `{}`, {}", c.kind, c.name, c.element.row_name(row - c.row))
+        format!("{} `{}`, {}", c.kind, c.name, c.element.row_kind(row - c.row))
     }
 
-    fn row_item(&self, row: usize) -> (&str, &'static str) {
+    fn row_item(&self, row: usize) -> (&str, RowKind) {
         let start = self.structure.normalization_start;
         if row >= start {
-            return (&self.bodies[row - start].name, "unit Euler parameters");
+            return (&self.bodies[row - start].name, RowKind::Normalization);
         }
         let at = self.constraints.partition_point(|c| c.row <= row) - 1;
         let c = &self.constraints[at];
-        (&c.name, c.element.row_name(row - c.row))
+        (&c.name, c.element.row_kind(row - c.row))
     }
 
     fn tree(&self) -> &Tree {

@@ -7,6 +7,7 @@ use super::forest::{self, ResistanceLaw};
 use super::structure::{Sizes, Structure};
 use super::turns::Turns;
 use super::{Measure, System, quantities};
+use crate::elements::row::RowKind;
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use holonom_linalg::BlockMatrix;
@@ -227,7 +228,7 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
     let mut row_measure = vec![Measure::Angle; sizes.rows];
     for c in constraints {
         for k in 0..c.element.rows() {
-            if c.element.row_name(k).starts_with("translation") {
+            if let RowKind::Translation(_) = c.element.row_kind(k) {
                 row_measure[c.row + k] = Measure::Length;
             }
         }

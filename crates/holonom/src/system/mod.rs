@@ -22,6 +22,7 @@ use crate::model::Model;
 
 pub use crate::elements::kinematics::Anchor;
 pub use crate::elements::relative::{Reference, RelativeKind};
+pub use crate::elements::row::RowKind;
 use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
@@ -171,6 +172,9 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// The mobile parts of a body's coordinates for messages: `name.x`, `name.e2`, …
     fn coordinate_name(&self, coordinate: usize) -> String;
 
+    /// Name of the body that a coordinate belongs to.
+    fn coordinate_item(&self, coordinate: usize) -> &str;
+
     /// Names of the forces on the body of a coordinate, the stiffest at `state` first; for messages.
     fn forces_on(&self, coordinate: usize, state: &State) -> Vec<&str>;
 
@@ -180,8 +184,8 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// The joint or driver and row, for messages: `joint `guide`, rotation about z`.
     fn row_name(&self, row: usize) -> String;
 
-    /// Name of the joint, driver or body that a row belongs to.
-    fn row_item(&self, row: usize) -> (&str, &'static str);
+    /// Name of the joint, driver or body that a row belongs to, and what the row prescribes.
+    fn row_item(&self, row: usize) -> (&str, RowKind);
 
     /// The spanning forest with the relative coordinates of its edges.
     fn tree(&self) -> &Tree;

@@ -1,4 +1,6 @@
 use crate::elements::joints::{planar_turn, spatial_turn};
+use crate::elements::row::Axis::H;
+use crate::elements::row::RowKind::{PlanarRotation, Rotation};
 use crate::elements::space::Triad;
 use crate::elements::{planar, spatial};
 use crate::math::TimeFunction;
@@ -8,7 +10,7 @@ pub(in crate::elements) fn planar(
     frames: &[Triad<2>; 2],
     motion: TimeFunction,
 ) -> planar::Constraint {
-    planar::Constraint::of_driver(frames, planar_turn(frames), &["rotation"], motion)
+    planar::Constraint::of_driver(frames, planar_turn(frames), &[PlanarRotation], motion)
 }
 
 /// Spatial prescribed angle about h_i, rad. Its value is the principal angle; whole turns of
@@ -17,5 +19,5 @@ pub(in crate::elements) fn spatial(
     frames: &[Triad<3>; 2],
     motion: TimeFunction,
 ) -> spatial::Constraint {
-    spatial::Constraint::of_driver(frames, spatial_turn(frames), &["rotation about h"], motion)
+    spatial::Constraint::of_driver(frames, spatial_turn(frames), &[Rotation(H)], motion)
 }

@@ -1,5 +1,7 @@
 use super::{SpatialMeasure, points, spatial_slide, spatial_turn};
 use crate::elements::measure::Dot;
+use crate::elements::row::Axis::{F, G};
+use crate::elements::row::RowKind::{Rotation, Translation};
 use crate::elements::space::Triad;
 use crate::elements::spatial;
 
@@ -15,8 +17,7 @@ pub(in crate::elements) fn spatial(frames: &[Triad<3>; 2]) -> spatial::Constrain
     let ([f, g, _], [_, _, h]) = (frames[0].axes, frames[1].axes);
     let dots = vec![Dot::along(f), Dot::along(g), Dot::axes(f, h), Dot::axes(g, h)];
     let measure = SpatialMeasure::new(points(frames), false, dots);
-    let names =
-        &["translation along f", "translation along g", "rotation about g", "rotation about f"];
+    let kinds = &[Translation(F), Translation(G), Rotation(G), Rotation(F)];
     let coordinates = vec![spatial_slide(frames), spatial_turn(frames)];
-    spatial::Constraint::of_joint(frames, measure, names, coordinates)
+    spatial::Constraint::of_joint(frames, measure, kinds, coordinates)
 }

@@ -1,6 +1,7 @@
 use super::points;
 use crate::elements::constraint::Constraint;
 use crate::elements::measure::{Dot, Measure};
+use crate::elements::row::RowKind::Distance;
 use crate::elements::space::{Space, Triad};
 
 /// Distance joint, planar or spatial: the points keep a distance C > 0.
@@ -18,5 +19,5 @@ where
     S: Space<D, N, R>,
 {
     let measure = Measure::new(points(frames), false, vec![Dot::distance(length)]);
-    Constraint::of_joint(frames, measure, &["distance"], Vec::new())
+    Constraint::of_joint(frames, measure, &[Distance], Vec::new())
 }

@@ -1,5 +1,7 @@
 use super::{PlanarMeasure, SpatialMeasure, points};
 use crate::elements::measure::Dot;
+use crate::elements::row::Axis::{F, G, H, X, Y, Z};
+use crate::elements::row::RowKind::{PlanarRotation, Rotation, Translation};
 use crate::elements::space::Triad;
 use crate::elements::{planar, spatial};
 
@@ -14,8 +16,8 @@ use crate::elements::{planar, spatial};
 pub(in crate::elements) fn planar(frames: &[Triad<2>; 2]) -> planar::Constraint {
     let dots = vec![Dot::axes(frames[0].axes[1], frames[1].axes[0])];
     let measure = PlanarMeasure::new(points(frames), true, dots);
-    let names = &["translation along x", "translation along y", "rotation"];
-    planar::Constraint::of_joint(frames, measure, names, Vec::new())
+    let kinds = &[Translation(X), Translation(Y), PlanarRotation];
+    planar::Constraint::of_joint(frames, measure, kinds, Vec::new())
 }
 
 /// Spatial fixed joint: the frames coincide.
@@ -30,13 +32,7 @@ pub(in crate::elements) fn spatial(frames: &[Triad<3>; 2]) -> spatial::Constrain
     let ([f, g, _], [along, _, h]) = (frames[0].axes, frames[1].axes);
     let dots = vec![Dot::axes(f, h), Dot::axes(g, h), Dot::axes(g, along)];
     let measure = SpatialMeasure::new(points(frames), true, dots);
-    let names = &[
-        "translation along x",
-        "translation along y",
-        "translation along z",
-        "rotation about g",
-        "rotation about f",
-        "rotation about h",
-    ];
-    spatial::Constraint::of_joint(frames, measure, names, Vec::new())
+    let kinds =
+        &[Translation(X), Translation(Y), Translation(Z), Rotation(G), Rotation(F), Rotation(H)];
+    spatial::Constraint::of_joint(frames, measure, kinds, Vec::new())
 }

@@ -1,4 +1,6 @@
 use super::{SpatialMeasure, points};
+use crate::elements::row::Axis::{X, Y, Z};
+use crate::elements::row::RowKind::Translation;
 use crate::elements::space::Triad;
 use crate::elements::spatial;
 
@@ -11,6 +13,6 @@ use crate::elements::spatial;
 /// Source: Haug (1989), 9.4.
 pub(in crate::elements) fn spatial(frames: &[Triad<3>; 2]) -> spatial::Constraint {
     let measure = SpatialMeasure::new(points(frames), true, Vec::new());
-    let names = &["translation along x", "translation along y", "translation along z"];
-    spatial::Constraint::of_joint(frames, measure, names, Vec::new())
+    let kinds = &[Translation(X), Translation(Y), Translation(Z)];
+    spatial::Constraint::of_joint(frames, measure, kinds, Vec::new())
 }

@@ -1,5 +1,7 @@
 use super::{PlanarMeasure, SpatialMeasure, planar_slide, points, spatial_slide};
 use crate::elements::measure::Dot;
+use crate::elements::row::Axis::{F, G, H};
+use crate::elements::row::RowKind::{PlanarRotation, Rotation, Translation};
 use crate::elements::space::Triad;
 use crate::elements::{planar, spatial};
 
@@ -15,8 +17,8 @@ pub(in crate::elements) fn planar(frames: &[Triad<2>; 2]) -> planar::Constraint 
     let g = frames[0].axes[1];
     let dots = vec![Dot::along(g), Dot::axes(g, frames[1].axes[0])];
     let measure = PlanarMeasure::new(points(frames), false, dots);
-    let names = &["translation along g", "rotation"];
-    planar::Constraint::of_joint(frames, measure, names, vec![planar_slide(frames)])
+    let kinds = &[Translation(G), PlanarRotation];
+    planar::Constraint::of_joint(frames, measure, kinds, vec![planar_slide(frames)])
 }
 
 /// Spatial translational joint: slides along h, no turning.
@@ -32,12 +34,6 @@ pub(in crate::elements) fn spatial(frames: &[Triad<3>; 2]) -> spatial::Constrain
     let dots =
         vec![Dot::along(f), Dot::along(g), Dot::axes(f, h), Dot::axes(g, h), Dot::axes(g, along)];
     let measure = SpatialMeasure::new(points(frames), false, dots);
-    let names = &[
-        "translation along f",
-        "translation along g",
-        "rotation about g",
-        "rotation about f",
-        "rotation about h",
-    ];
-    spatial::Constraint::of_joint(frames, measure, names, vec![spatial_slide(frames)])
+    let kinds = &[Translation(F), Translation(G), Rotation(G), Rotation(F), Rotation(H)];
+    spatial::Constraint::of_joint(frames, measure, kinds, vec![spatial_slide(frames)])
 }

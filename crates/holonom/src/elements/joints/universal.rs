@@ -1,5 +1,7 @@
 use super::{SpatialMeasure, points};
 use crate::elements::measure::Dot;
+use crate::elements::row::Axis::{X, Y, Z};
+use crate::elements::row::RowKind::{RotationAboutNormal, Translation};
 use crate::elements::space::Triad;
 use crate::elements::spatial;
 
@@ -14,11 +16,6 @@ use crate::elements::spatial;
 pub(in crate::elements) fn spatial(frames: &[Triad<3>; 2]) -> spatial::Constraint {
     let dots = vec![Dot::axes(frames[0].axes[2], frames[1].axes[2])];
     let measure = SpatialMeasure::new(points(frames), true, dots);
-    let names = &[
-        "translation along x",
-        "translation along y",
-        "translation along z",
-        "rotation about the common normal of both axes",
-    ];
-    spatial::Constraint::of_joint(frames, measure, names, Vec::new())
+    let kinds = &[Translation(X), Translation(Y), Translation(Z), RotationAboutNormal];
+    spatial::Constraint::of_joint(frames, measure, kinds, Vec::new())
 }

@@ -392,7 +392,7 @@ fn rows_are_satisfied_and_independent_where_a_joint_is_assembled() {
                     a.iter_mut().zip(b).for_each(|(x, y)| *x -= along * y);
                 }
                 let left = a.iter().map(|x| x * x).sum::<f64>().sqrt();
-                assert!(left > 0.1 * size, "{kind:?}, {}: {left}", e.row_name(row));
+                assert!(left > 0.1 * size, "{kind:?}, {}: {left}", e.row_kind(row));
                 basis.push(a.iter().map(|x| x / left).collect());
             }
         }
