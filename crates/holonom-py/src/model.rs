@@ -94,10 +94,10 @@ impl CoreModel {
                 Some(self::spectrum(assembled).map_err(|e| {
                     report::assembly_error(
                         &holonom::reduction::assembly::AssemblyError::Evaluation(
-                            holonom::error::EvaluationFailure {
-                                code: "simulation/spectrum",
-                                message: e.to_string(),
-                            },
+                            holonom::error::EvaluationFailure::new(
+                                "simulation/spectrum",
+                                e.to_string(),
+                            ),
                         ),
                     )
                 })?)

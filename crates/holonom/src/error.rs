@@ -316,4 +316,35 @@ pub struct EvaluationFailure {
     pub code: &'static str,
     /// What happened, with the item concerned.
     pub message: String,
+    /// Row of the constraints concerned.
+    pub row: Option<usize>,
+    /// Generalized coordinate concerned.
+    pub coordinate: Option<usize>,
+    /// Group of relative coordinates concerned.
+    pub group: Option<usize>,
+}
+
+impl EvaluationFailure {
+    /// A failure that concerns no item.
+    pub fn new(code: &'static str, message: impl Into<String>) -> Self {
+        Self { code, message: message.into(), row: None, coordinate: None, group: None }
+    }
+
+    /// The same, of a row of the constraints.
+    #[must_use]
+    pub fn of_row(self, row: Option<usize>) -> Self {
+        Self { row, ..self }
+    }
+
+    /// The same, of a generalized coordinate.
+    #[must_use]
+    pub fn of_coordinate(self, coordinate: usize) -> Self {
+        Self { coordinate: Some(coordinate), ..self }
+    }
+
+    /// The same, of a group of relative coordinates.
+    #[must_use]
+    pub fn of_group(self, group: usize) -> Self {
+        Self { group: Some(group), ..self }
+    }
 }

@@ -99,9 +99,11 @@ impl<'a> Counted<'a> {
 
     /// The same system with accelerations as unknowns; what is called on it is not counted.
     pub(super) fn second_order(&mut self) -> Result<&mut dyn SecondOrder, EvaluationFailure> {
-        self.ode.second_order().ok_or_else(|| EvaluationFailure {
-            code: "simulation/second-order-only",
-            message: "this form of the equations has no accelerations to solve for".into(),
+        self.ode.second_order().ok_or_else(|| {
+            EvaluationFailure::new(
+                "simulation/second-order-only",
+                "this form of the equations has no accelerations to solve for",
+            )
         })
     }
 

@@ -200,10 +200,10 @@ impl LinearizedOde for Descriptor {
     }
 
     fn time_derivative(&mut self, _g_t: &mut [f64]) -> Result<(), EvaluationFailure> {
-        Err(EvaluationFailure {
-            code: "simulation/second-order-only",
-            message: "the descriptor form serves formulas that solve for accelerations".into(),
-        })
+        Err(EvaluationFailure::new(
+            "simulation/second-order-only",
+            "the descriptor form serves formulas that solve for accelerations",
+        ))
     }
 
     fn second_order(&mut self) -> Option<&mut dyn SecondOrder> {

@@ -150,8 +150,8 @@ impl LinearizedOde for ExplicitForm {
 }
 
 fn explicit_only() -> EvaluationFailure {
-    EvaluationFailure {
-        code: "simulation/explicit-only",
-        message: "this form of the equations serves explicit formulas only".into(),
-    }
+    EvaluationFailure::new(
+        "simulation/explicit-only",
+        "this form of the equations serves explicit formulas only",
+    )
 }

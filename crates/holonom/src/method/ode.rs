@@ -98,10 +98,10 @@ pub trait LinearizedOde: Ode {
     /// # Errors
     /// When the matrix is singular, or the form has no complex solve.
     fn factor_complex(&mut self, _gamma_h: Complex64) -> Result<(), EvaluationFailure> {
-        Err(EvaluationFailure {
-            code: "simulation/no-complex-solve",
-            message: "this form of the equations has no complex solve".into(),
-        })
+        Err(EvaluationFailure::new(
+            "simulation/no-complex-solve",
+            "this form of the equations has no complex solve",
+        ))
     }
 
     /// x + iy ← (I − γh J)⁻¹ (x + iy) with the last complex factor.
@@ -182,8 +182,8 @@ pub(super) fn require_finite(t: f64, w: &[f64]) -> Result<(), EvaluationFailure>
     if w.iter().sum::<f64>().is_finite() {
         return Ok(());
     }
-    Err(EvaluationFailure {
-        code: "simulation/not-finite",
-        message: format!("the iteration ran away at t = {t:.6} s"),
-    })
+    Err(EvaluationFailure::new(
+        "simulation/not-finite",
+        format!("the iteration ran away at t = {t:.6} s"),
+    ))
 }

@@ -187,7 +187,7 @@ impl LinearizedOde for DenseOde {
 }
 
 pub(crate) fn failure(code: &'static str) -> EvaluationFailure {
-    EvaluationFailure { code, message: code.to_owned() }
+    EvaluationFailure::new(code, code)
 }
 
 /// What a run did.

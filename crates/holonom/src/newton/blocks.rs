@@ -319,8 +319,8 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 pub(super) fn singular_mass(e: &SingularMatrix) -> EvaluationFailure {
-    EvaluationFailure {
-        code: "simulation/singular-mass",
-        message: format!("the reduced mass matrix is singular: {e}"),
-    }
+    EvaluationFailure::new(
+        "simulation/singular-mass",
+        format!("the reduced mass matrix is singular: {e}"),
+    )
 }

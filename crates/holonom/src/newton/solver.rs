@@ -178,10 +178,8 @@ impl Newton<DescriptorMatrix> {
 }
 
 fn singular_jacobian(gamma_h: f64, e: &SingularMatrix) -> EvaluationFailure {
-    EvaluationFailure {
-        code: "simulation/singular-jacobian",
-        message: format!(
-            "the integration Jacobian is singular at step coefficient {gamma_h:.1e} s: {e}"
-        ),
-    }
+    EvaluationFailure::new(
+        "simulation/singular-jacobian",
+        format!("the integration Jacobian is singular at step coefficient {gamma_h:.1e} s: {e}"),
+    )
 }

@@ -65,6 +65,8 @@ pub enum AssemblyError {
     /// No mass behind a degree of freedom.
     #[error("the mass matrix is singular: no mass or inertia behind `{coordinate}`")]
     SingularMass {
+        /// Name of the body.
+        body: String,
         /// Body and direction.
         coordinate: String,
     },
@@ -90,8 +92,8 @@ impl AssemblyError {
         match self {
             Self::Inconsistent { item, .. }
             | Self::Unreachable { item, .. }
-            | Self::Contradiction { item, .. } => Some(item),
-            Self::SingularMass { coordinate } => coordinate.split('.').next(),
+            | Self::Contradiction { item, .. }
+            | Self::SingularMass { body: item, .. } => Some(item),
             Self::Evaluation(_) => None,
         }
     }
@@ -360,14 +362,17 @@ fn check_mass(
         }
     }
     let tiny = 1e-15;
-    let name =
-        |k: usize| system.coordinate_name(manifold.chart().parametrization().coordinate(system, k));
+    let singular = |k: usize| {
+        let coordinate = manifold.chart().parametrization().coordinate(system, k);
+        let body = system.coordinate_item(coordinate).to_owned();
+        AssemblyError::SingularMass { body, coordinate: system.coordinate_name(coordinate) }
+    };
     if let Some(k) = (0..ndof).find(|&k| reduced[k * ndof + k] <= tiny) {
-        return Err(AssemblyError::SingularMass { coordinate: name(k) });
+        return Err(singular(k));
     }
     let mut cholesky = Cholesky::new(ndof);
     match cholesky.factor(&reduced) {
-        Err(e) => Err(AssemblyError::SingularMass { coordinate: name(e.index) }),
+        Err(e) => Err(singular(e.index)),
         Ok(()) => Ok(()),
     }
 }

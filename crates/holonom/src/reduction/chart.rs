@@ -459,12 +459,13 @@ fn normalize(x: &mut [f64]) {
 }
 
 fn singular(system: &dyn System, e: holonom_linalg::SingularMatrix) -> EvaluationFailure {
-    EvaluationFailure {
-        code: "simulation/singular-configuration",
-        message: format!(
+    EvaluationFailure::new(
+        "simulation/singular-configuration",
+        format!(
             "the joints leave coordinate `{}` undetermined here (pivot {:.1e})",
             system.coordinate_name(e.column),
             e.pivot
         ),
-    }
+    )
+    .of_coordinate(e.column)
 }

@@ -362,14 +362,12 @@ impl Manifold {
         if self.size_of(&self.correction) <= 0.5 * predicted + 1e3 * noise {
             return Ok(());
         }
-        let moved = self.system.coordinate_name(largest_index(&self.correction));
-        Err(EvaluationFailure {
-            code: "simulation/branch",
-            message: format!(
-                "coordinate `{moved}` would leave the branch of the mechanism that was followed so \
-                 far"
-            ),
-        })
+        let moved = largest_index(&self.correction);
+        let message = format!(
+            "coordinate `{}` would leave the branch of the mechanism that was followed so far",
+            self.system.coordinate_name(moved)
+        );
+        Err(EvaluationFailure::new("simulation/branch", message).of_coordinate(moved))
     }
 
     fn position_failure(&mut self, t: f64, q: &[f64]) -> EvaluationFailure {
@@ -377,27 +375,21 @@ impl Manifold {
         let (worst, moved) = (largest_index(&self.phi), largest_index(&self.correction));
         let correction = self.correction.get(moved).map_or(0.0, |x| x.abs());
         if self.residual_is_noise(q) {
-            return EvaluationFailure {
-                code: "simulation/singular-configuration",
-                message: format!(
+            return EvaluationFailure::new("simulation/singular-configuration", format!(
                     "the joints are closed at t = {t:.6} s, but leave `{}` undetermined: corrections \
                      of {correction:.2e} do not fall",
                     self.system.coordinate_name(moved)
-                ),
-            };
+                )).of_coordinate(moved);
         }
         let residual = match self.phi.get(worst) {
             Some(size) => format!("{:.2e}, is in {}", size.abs(), self.system.row_name(worst)),
             None => "0, is in no joint".to_owned(),
         };
-        EvaluationFailure {
-            code: "simulation/position-recovery",
-            message: format!(
+        EvaluationFailure::new("simulation/position-recovery", format!(
                 "the joints could not be closed at t = {t:.6} s; the largest residual, {residual}; the \
                  last correction, {correction:.2e}, was of `{}`",
                 self.system.coordinate_name(moved)
-            ),
-        }
+            )).of_row(self.phi.get(worst).map(|_| worst)).of_coordinate(moved)
     }
 
     /// Goes back to a configuration of the branch after a failure elsewhere, whose factors may be
@@ -429,12 +421,11 @@ impl Manifold {
     ) -> Result<(), EvaluationFailure> {
         self.factor_at(q)?;
         if self.chart.determinant_sign() != self.orientation {
-            return Err(EvaluationFailure {
-                code: "simulation/branch",
-                message: "the mechanism would pass through a singular configuration onto another \
-                          branch"
-                    .into(),
-            });
+            return Err(EvaluationFailure::new(
+                "simulation/branch",
+                "the mechanism would pass through a singular configuration onto another \
+                          branch",
+            ));
         }
         if let (true, Some(form)) = (full, &mut self.null_space) {
             form.update(&mut self.chart);
@@ -485,10 +476,10 @@ impl Manifold {
         if state.a.iter().sum::<f64>().is_finite() {
             return Ok(());
         }
-        Err(EvaluationFailure {
-            code: "simulation/not-finite",
-            message: format!("an acceleration is not a finite number at t = {:.6} s", state.t),
-        })
+        Err(EvaluationFailure::new(
+            "simulation/not-finite",
+            format!("an acceleration is not a finite number at t = {:.6} s", state.t),
+        ))
     }
 
     /// Multipliers of the state whose accelerations were the last to be computed.

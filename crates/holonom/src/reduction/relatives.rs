@@ -217,13 +217,11 @@ impl Relatives {
                 if info.reach.is_finite() {
                     let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
                     if size.is_nan() || size > REACH * info.reach {
-                        return Err(EvaluationFailure {
-                            code: "simulation/chart-reach",
-                            message: format!(
-                                "`{}` would turn by {size:.2} rad within one step",
-                                info.name
-                            ),
-                        });
+                        return Err(EvaluationFailure::new(
+                            "simulation/chart-reach",
+                            format!("`{}` would turn by {size:.2} rad within one step", info.name),
+                        )
+                        .of_group(group));
                     }
                 }
             }

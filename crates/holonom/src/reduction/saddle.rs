@@ -224,16 +224,14 @@ fn singular(
     e: holonom_linalg::SingularMatrix,
     coordinates: usize,
 ) -> EvaluationFailure {
-    let what = if e.column < coordinates {
-        format!(
-            "coordinate `{}` has no mass or inertia behind it",
-            system.coordinate_name(e.column)
-        )
-    } else {
-        "the constraints are dependent".into()
+    let failure = |what: &str| {
+        let message = format!("the accelerations are not determined: {what}");
+        EvaluationFailure::new("simulation/singular-mass", message)
     };
-    EvaluationFailure {
-        code: "simulation/singular-mass",
-        message: format!("the accelerations are not determined: {what}"),
+    if e.column >= coordinates {
+        return failure("the constraints are dependent");
     }
+    let name = system.coordinate_name(e.column);
+    failure(&format!("coordinate `{name}` has no mass or inertia behind it"))
+        .of_coordinate(e.column)
 }

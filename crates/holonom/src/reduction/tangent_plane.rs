@@ -87,10 +87,10 @@ pub fn choose(
     let mut parametrization = partition(system, &state.q, g);
     if choice != Choice::Partitioning {
         let rows = tangent_plane(choice, system, &parametrization, g).map_err(|error| {
-            EvaluationFailure {
-                code: "simulation/singular-configuration",
-                message: format!("the tangent plane of the constraints was not found: {error}"),
-            }
+            EvaluationFailure::new(
+                "simulation/singular-configuration",
+                format!("the tangent plane of the constraints was not found: {error}"),
+            )
         })?;
         parametrization.projection = Projection::Basis(rows);
     }

@@ -437,9 +437,11 @@ impl Cluster<'_> {
         } else {
             let a: Vec<f64> =
                 kept.iter().flat_map(|&i| &a[i * count..(i + 1) * count]).copied().collect();
-            orthonormal_null_space_qr(rank, count, &a).map_err(|error| EvaluationFailure {
-                code: "simulation/singular-configuration",
-                message: format!("the free motions of a loop were not found: {error}"),
+            orthonormal_null_space_qr(rank, count, &a).map_err(|error| {
+                EvaluationFailure::new(
+                    "simulation/singular-configuration",
+                    format!("the free motions of a loop were not found: {error}"),
+                )
             })?
         };
         let mut taken = Taken { basis: &basis, free, orthonormal: Vec::new() };

@@ -4,7 +4,7 @@ use super::options::Options;
 use super::statistics::{Status, StopReason};
 use crate::method::StateSpace;
 use crate::method::stepper::{Rejection, Stepper};
-use crate::system::{Measure, State};
+use crate::system::{Measure, State, System};
 
 /// m, rad and their rates: no machine comes there, and squares are soon no numbers any more.
 const RUNAWAY: f64 = 1e100;
@@ -112,6 +112,7 @@ pub(super) fn diagnose(
     time: f64,
     options: &Options,
     suspects: &Suspects,
+    system: &dyn System,
 ) -> (Status, StopReason) {
     let reason = |code, message: String, step_size, help| StopReason {
         code,
@@ -149,12 +150,18 @@ pub(super) fn diagnose(
             (Status::Failed, reason("simulation/sink", message, 0.0, help))
         }
         Err(Stop::Failed { cause, step_size }) => {
-            (Status::Failed, failure(cause, time, step_size, suspects))
+            (Status::Failed, failure(cause, time, step_size, suspects, system))
         }
     }
 }
 
-fn failure(cause: Option<Rejection>, time: f64, step_size: f64, suspects: &Suspects) -> StopReason {
+fn failure(
+    cause: Option<Rejection>,
+    time: f64,
+    step_size: f64,
+    suspects: &Suspects,
+    system: &dyn System,
+) -> StopReason {
     let (weak_item, weak_coordinate) = suspects.weakest.clone();
     if let Some((coordinate, size)) = &suspects.runaway {
         return StopReason {
@@ -182,7 +189,12 @@ fn failure(cause: Option<Rejection>, time: f64, step_size: f64, suspects: &Suspe
                 }
                 _ => "look at the forces near this time; plot the last states",
             };
-            (f.code, f.message, help, weak_item, weak_coordinate)
+            // A failed evaluation knows what it met; the rest was found beside it.
+            let of_row = f.row.map(|row| system.row_item(row).0);
+            let of_group = f.group.map(|group| system.relative_groups()[group].name.as_str());
+            let item = of_row.or(of_group).map(str::to_owned).or(weak_item);
+            let coordinate = f.coordinate.map(|k| system.coordinate_name(k)).or(weak_coordinate);
+            (f.code, f.message, help, item, coordinate)
         }
         Some(Rejection::NewtonDivergence | Rejection::NewtonSlow) => (
             "simulation/newton-divergence",
@@ -205,19 +217,5 @@ fn failure(cause: Option<Rejection>, time: f64, step_size: f64, suspects: &Suspe
             suspects.changed.clone(),
         ),
     };
-    // A failed evaluation names what it met; the rest was found beside it.
-    let said = named(&message, |name| !name.contains('.'));
-    let item = if code.ends_with("divergence") || code.ends_with("underflow") {
-        item
-    } else {
-        said.or(item)
-    };
-    let coordinate = named(&message, |name| name.contains('.')).or(coordinate);
     StopReason { code, message, time, step_size, item, coordinate, help }
-}
-
-/// The first name of a kind in a message: names stand between backticks, coordinates hold a dot.
-fn named(message: &str, kind: impl Fn(&str) -> bool) -> Option<String> {
-    let names = message.split('`').skip(1).step_by(2);
-    names.into_iter().find(|name| !name.is_empty() && kind(name)).map(str::to_owned)
 }

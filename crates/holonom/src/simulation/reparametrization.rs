@@ -45,15 +45,18 @@ pub(super) fn no_longer_redundant(
     g.multiply_add(1.0, &state.v, &mut rate);
     let size = |row: usize| phi[row].abs().max(rate[row].abs());
     let &worst = dropped.iter().max_by(|&&a, &&b| size(a).total_cmp(&size(b)))?;
-    Some(EvaluationFailure {
-        code: "simulation/singular-configuration",
-        message: format!(
-            "{} was redundant and is not any more at t = {:.6} s: residual {:.2e}",
-            system.row_name(worst),
-            state.t,
-            size(worst)
-        ),
-    })
+    Some(
+        EvaluationFailure::new(
+            "simulation/singular-configuration",
+            format!(
+                "{} was redundant and is not any more at t = {:.6} s: residual {:.2e}",
+                system.row_name(worst),
+                state.t,
+                size(worst)
+            ),
+        )
+        .of_row(Some(worst)),
+    )
 }
 
 fn rank_change(
@@ -64,12 +67,13 @@ fn rank_change(
     let (more, fewer) = if new.ndof > old.ndof { (old, new) } else { (new, old) };
     let row = more.kept.iter().find(|r| !fewer.kept.contains(r));
     let name = row.map_or(String::new(), |&r| format!(" ({})", system.row_name(r)));
-    EvaluationFailure {
-        code: "simulation/singular-configuration",
-        message: format!(
+    EvaluationFailure::new(
+        "simulation/singular-configuration",
+        format!(
             "the number of independent constraints changes from {} to {}{name}",
             old.kept.len(),
             new.kept.len()
         ),
-    }
+    )
+    .of_row(row.copied())
 }

@@ -631,7 +631,7 @@ impl Run<'_> {
             }
             _ => Suspects::default(),
         };
-        diagnose(stop, self.state.t, self.options, &suspects)
+        diagnose(stop, self.state.t, self.options, &suspects, self.system.as_ref())
     }
 }
 
