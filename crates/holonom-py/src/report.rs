@@ -5,7 +5,6 @@ use holonom::error::{Diagnostic, ModelErrors};
 use holonom::method::{CODES, Code, DEFAULT_CODE, Profile};
 use holonom::model::{Dimension, Model, Tolerance};
 use holonom::newton::JacobianSource;
-use holonom::reduction::Choice;
 use holonom::reduction::assembly::{Assembled, AssemblyError};
 use holonom::simulation::{DEFAULT_TOLERANCE, ModelSummary, Problem, Status, Summary};
 use holonom::system::Channel;
@@ -80,7 +79,8 @@ pub(crate) fn defaults(model: &Model) -> String {
         },
         "method": s.method.clone().unwrap_or_else(|| DEFAULT_CODE.info().name.into()),
         "formula": s.formula,
-        "parametrization": s.parametrization.unwrap_or(Choice::default().name()),
+        // Unless stated it follows the profile, which a call may choose.
+        "parametrization": s.parametrization,
         "jacobian": s.jacobian.unwrap_or(JacobianSource::default().name()),
         "profile": s.profile.unwrap_or(Profile::default().name()),
         "interval": model.outputs.interval.or(s.end_time.map(|end| {
