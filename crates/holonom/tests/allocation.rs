@@ -15,11 +15,15 @@ use holonom::simulation::{
 
 /// Counts rows and keeps none.
 #[derive(Default)]
-struct Discard(u64);
+struct Discard {
+    rows: u64,
+    steps: u64,
+}
 
 impl Sink for Discard {
     fn chunk(&mut self, chunk: &Chunk) -> Result<(), String> {
-        self.0 += chunk.time.len() as u64;
+        self.rows += chunk.time.len() as u64;
+        self.steps += chunk.dense.len() as u64;
         Ok(())
     }
 
@@ -40,12 +44,12 @@ fn allocations(problem: &Problem, options: &Options) -> (u64, Statistics) {
     let stop = &summary.stop;
     assert_eq!(summary.status, Status::Completed, "{:?}: {}", options.code, stop.message);
     let s = summary.statistics;
-    assert_eq!(sink.0, s.outputs);
+    assert_eq!((sink.rows, sink.steps), (s.outputs, s.steps));
     assert_eq!(s.reparametrizations, 0, "{:?}: this test is about steps", options.code);
     (count, s)
 }
 
-/// Runs to `end` and to a quarter of it, with rows of all channels.
+/// Runs to `end` and to a quarter of it, with rows of all channels and dense output.
 #[track_caller]
 fn assert_steps_do_not_allocate(
     name: &str,
@@ -61,6 +65,7 @@ fn assert_steps_do_not_allocate(
             output: OutputTimes::Interval(0.01 * end),
             channels: problem.channels().iter().map(|channel| channel.name.clone()).collect(),
             jacobian,
+            dense_output: Some(true),
             // No change of the partition, which may allocate.
             repartition_factor: 1e12,
             ..options(code, tolerance, end_time)

@@ -1,5 +1,5 @@
-//! What is written out cannot change what is computed: whatever the output times and channels, steps and end are
-//! the same to the last bit.
+//! What is written out cannot change what is computed: whatever the output times and channels, with dense output
+//! and without, steps and end are the same to the last bit.
 
 mod common;
 
@@ -16,28 +16,39 @@ fn bits(steps: &[StepRecord]) -> Vec<(u64, u64, u64, &'static str)> {
     steps.iter().map(bits).collect()
 }
 
-/// Runs a model without outputs, with coarse and with fine ones, with no channels and with all.
+/// Runs a model without outputs, with coarse and with fine ones, with no channels and with all; with dense
+/// output where there are rows or nothing else is written, and without.
 fn compare(table: &mut Table, name: &str, model: &Model, code: Code, choice: Choice, end: f64) {
     let channels: Vec<String> =
         Problem::new(model.clone()).channels().iter().map(|c| c.name.clone()).collect();
     let some = channels.iter().step_by(5).cloned().collect();
     let fine = if cfg!(feature = "long") { 997.0 } else { 97.0 };
     let outputs = [
-        (OutputTimes::Listed(Vec::new()), Vec::new()),
-        (OutputTimes::Interval(end / 7.3), channels),
-        (OutputTimes::Interval(end / fine), some),
+        (OutputTimes::Listed(Vec::new()), Vec::new(), false),
+        (OutputTimes::Listed(Vec::new()), Vec::new(), true),
+        (OutputTimes::Interval(end / 7.3), channels, false),
+        (OutputTimes::Interval(end / fine), some, true),
     ];
-    let runs = outputs.map(|(output, channels)| {
+    let runs = outputs.map(|(output, channels, dense)| {
         let base = options(code, 1e-4, end);
-        let options =
-            Options { output, channels, parametrization: choice, max_steps: 20_000, ..base };
+        let options = Options {
+            output,
+            channels,
+            parametrization: choice,
+            dense_output: Some(dense),
+            max_steps: 20_000,
+            ..base
+        };
         let outcome = run_from(model, &options, None);
+        let stored = outcome.rows.all.dense.len() as u64;
+        let expected = if dense { outcome.summary.statistics.steps } else { 0 };
+        assert_eq!(stored, expected, "{name}, {code:?}: stored steps");
         let end = &outcome.summary.end;
         let state: Vec<u64> = end.q.iter().chain(&end.v).map(|x| x.to_bits()).collect();
         (bits(&outcome.rows.all.steps), state, outcome.summary.stop.code)
     });
     let line = format!("{name}, {choice:?}, {}", code.info().name);
-    for (run, what) in runs[1..].iter().zip(["coarse", "fine"]) {
+    for (run, what) in runs[1..].iter().zip(["dense", "coarse", "fine"]) {
         let apart = run.0.iter().zip(&runs[0].0).position(|(a, b)| a != b);
         table.note(&line, format!("{what}: {} attempts", run.0.len()));
         table.claim(run == &runs[0], || match apart {

@@ -92,6 +92,40 @@ pub fn adams_interpolation(k: usize, s: f64, psi: &[f64; LENGTH]) -> [f64; LENGT
     g
 }
 
+/// The same interpolant in powers of θ = 1 + s/h over a step of length `h` = ψ₁: row i holds the
+/// coefficients of s gᵢ, in s, from θ⁰ to θᵏ⁺¹.
+///
+/// ```text
+/// s gᵢ = h ∫ from 1 to θ of Π_{m<i} (h (η − 1) + ψ_{m−1})/ψ_m dη,   ψ₀ = 0
+/// ```
+///
+/// All factors but the first have coefficients that are not negative and add up to 1 at most, so that
+/// powers of θ cost no digits.
+pub fn adams_polynomials(k: usize, h: f64, psi: &[f64; LENGTH]) -> [[f64; LENGTH + 1]; LENGTH] {
+    let mut rows = [[0.0; LENGTH + 1]; LENGTH];
+    let mut product = [0.0; LENGTH + 1];
+    product[0] = 1.0;
+    let mut before = 0.0;
+    for i in 0..=k {
+        if i > 0 {
+            let (slope, constant) = (h / psi[i - 1], (before - h) / psi[i - 1]);
+            for j in (0..=i).rev() {
+                let lower = if j > 0 { product[j - 1] } else { 0.0 };
+                product[j] = constant * product[j] + slope * lower;
+            }
+            before = psi[i - 1];
+        }
+        let mut at_end = 0.0;
+        for j in 0..=i {
+            let coefficient = h * product[j] / (j + 1) as f64;
+            rows[i][j + 1] = coefficient;
+            at_end += coefficient;
+        }
+        rows[i][0] = -at_end;
+    }
+    rows
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -163,6 +197,29 @@ mod tests {
                 let g = adams_interpolation(k, s, &c.psi);
                 let found: f64 = (0..=k).map(|i| s * g[i] * phi[i]).sum();
                 assert!(close(found, integral(2.0 + h, 2.0 + h + s)), "θ = {theta}: {found}");
+            }
+        }
+    }
+
+    #[test] // independent truth: the recursion at a point
+    fn polynomials_are_the_interpolant() {
+        for k in [1, 2, 5, 12] {
+            let h = 0.3;
+            // Steps of all lengths, growing and falling.
+            let mut psi = [h; LENGTH];
+            for i in 1..LENGTH {
+                psi[i] = psi[i - 1] + h * [0.5, 1.0, 0.3, 0.8][i % 4];
+            }
+            let rows = adams_polynomials(k, h, &psi);
+            for theta in [0.0, 0.2, 0.7, 1.0] {
+                let s = (theta - 1.0) * h;
+                let g = adams_interpolation(k, s, &psi);
+                for i in 0..=k {
+                    let powers = (0..).map(|j| f64::powi(theta, j));
+                    let sum: f64 = rows[i].iter().zip(powers).map(|(c, x)| c * x).sum();
+                    let apart = (sum - s * g[i]).abs();
+                    assert!(apart < 1e-15, "k = {k}, i = {i}, θ = {theta}: {apart:.1e}");
+                }
             }
         }
     }

@@ -7,7 +7,9 @@ mod radau;
 mod rosenbrock;
 mod sdirk;
 
-pub use adams::{ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients, adams_interpolation};
+pub use adams::{
+    ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients, adams_interpolation, adams_polynomials,
+};
 pub use dopri5::{DOPRI5, ExplicitRungeKutta};
 pub use nystrom::{Continuation, Nystrom};
 pub use radau::{RADAU_IIA_5, Radau};

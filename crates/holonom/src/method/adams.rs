@@ -5,7 +5,9 @@
 //! the start, steps kept constant unless they can be doubled or must shrink. Two evaluations per
 //! step.
 
-use crate::formula::{ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients, adams_interpolation};
+use crate::formula::{
+    ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients, adams_interpolation, adams_polynomials,
+};
 use crate::method::ode::LinearizedOde;
 use crate::method::stepper::{
     Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
@@ -382,6 +384,28 @@ impl Stepper for AdamsStepper {
         for i in 0..=last.last_order {
             add_scaled(w, s * g[i], &last.phi[i]);
         }
+    }
+
+    fn largest_degree(&self) -> usize {
+        ADAMS_MAX_ORDER + 1
+    }
+
+    fn polynomial(&self, coefficients: &mut [f64]) -> usize {
+        let last = self.last();
+        let (n, degree) = (last.end.len(), last.last_order + 1);
+        let rows = adams_polynomials(last.last_order, last.last_step, &last.psi);
+        for j in 0..=degree {
+            let out = &mut coefficients[j * n..(j + 1) * n];
+            if j == 0 {
+                out.copy_from_slice(&last.end);
+            } else {
+                out.fill(0.0);
+            }
+            for (row, phi) in rows.iter().zip(&last.phi).take(degree) {
+                add_scaled(out, row[j], phi);
+            }
+        }
+        degree
     }
 
     fn last_change(&self) -> &[f64] {

@@ -253,6 +253,16 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         last.interpolate(theta, w);
     }
 
+    fn largest_degree(&self) -> usize {
+        S::DEGREE
+    }
+
+    fn polynomial(&self, coefficients: &mut [f64]) -> usize {
+        let last = if self.pending { &self.current } else { &self.previous };
+        last.write(coefficients);
+        last.degree()
+    }
+
     fn last_change(&self) -> &[f64] {
         &self.change
     }

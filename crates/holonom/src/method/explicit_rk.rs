@@ -203,6 +203,22 @@ impl Stepper for ExplicitRungeKuttaStepper {
         }
     }
 
+    fn largest_degree(&self) -> usize {
+        4
+    }
+
+    fn polynomial(&self, coefficients: &mut [f64]) -> usize {
+        let Segment { start, terms: [a, b, c, d], .. } = self.last();
+        let n = start.len();
+        for i in 0..n {
+            let powers = [start[i], a[i] + b[i], c[i] + d[i] - b[i], -(c[i] + 2.0 * d[i]), d[i]];
+            for (j, x) in powers.into_iter().enumerate() {
+                coefficients[j * n + i] = x;
+            }
+        }
+        4
+    }
+
     fn last_change(&self) -> &[f64] {
         &self.work
     }

@@ -41,5 +41,6 @@ pub use codes::{
 pub use descriptor::{Descriptor, Iterate};
 pub use explicit_form::ExplicitForm;
 pub use first_order::FirstOrder;
+pub use segment::interpolate;
 pub use state_space::StateSpace;
 pub use weights::Weights;

@@ -2,6 +2,26 @@
 
 use super::stepper::add_scaled;
 
+/// w(θ) of coefficients from θ⁰ on, one after the other; the same bits as those of the stepper that wrote
+/// them, if it is an implicit one.
+pub fn interpolate(coefficients: &[f64], theta: f64, w: &mut [f64]) {
+    if w.is_empty() {
+        return;
+    }
+    let (start, powers) = coefficients.split_at(w.len());
+    w.copy_from_slice(start);
+    add_powers(powers.chunks_exact(w.len()), theta, w);
+}
+
+/// w ← w + Σⱼ θʲ powers[j−1].
+fn add_powers<'a>(powers: impl Iterator<Item = &'a [f64]>, theta: f64, w: &mut [f64]) {
+    let mut power = 1.0;
+    for coefficient in powers {
+        power *= theta;
+        add_scaled(w, power, coefficient);
+    }
+}
+
 /// Solution over one step: w(θ) = start + Σⱼ θʲ powers[j−1], 0 ≤ θ ≤ 1.
 #[derive(Debug, Clone)]
 pub struct Segment {
@@ -59,10 +79,19 @@ impl Segment {
     /// w(θ).
     pub(super) fn interpolate(&self, theta: f64, w: &mut [f64]) {
         w.copy_from_slice(&self.start);
-        let mut power = 1.0;
-        for coefficient in &self.powers {
-            power *= theta;
-            add_scaled(w, power, coefficient);
+        add_powers(self.powers.iter().map(Vec::as_slice), theta, w);
+    }
+
+    /// Number of powers.
+    pub(super) fn degree(&self) -> usize {
+        self.powers.len()
+    }
+
+    /// The coefficients from θ⁰ on, one after the other.
+    pub(super) fn write(&self, coefficients: &mut [f64]) {
+        let all = std::iter::once(&self.start).chain(&self.powers);
+        for (out, coefficient) in coefficients.chunks_exact_mut(self.start.len().max(1)).zip(all) {
+            out.copy_from_slice(coefficient);
         }
     }
 

@@ -245,6 +245,13 @@ pub trait Stepper: Send {
     /// State at t₀ + θh of the last accepted step, 0 ≤ θ ≤ 1.
     fn interpolate(&mut self, theta: f64, w: &mut [f64]);
 
+    /// Largest degree of [`Stepper::polynomial`].
+    fn largest_degree(&self) -> usize;
+
+    /// [`Stepper::interpolate`] of the last accepted step as a polynomial in θ: coefficients from θ⁰ on, one
+    /// after the other, into `coefficients`, which has room for the largest degree. Returns the degree.
+    fn polynomial(&self, coefficients: &mut [f64]) -> usize;
+
     /// What the last attempt was rejected for, in w: the last correction of an iteration that failed,
     /// or the estimated error; empty where neither is kept.
     fn last_change(&self) -> &[f64] {

@@ -3,6 +3,7 @@
 use crate::formula::{DOPRI5, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16};
 use crate::method::adams::AdamsStepper;
 use crate::method::explicit_rk::ExplicitRungeKuttaStepper;
+use crate::method::interpolate;
 use crate::method::ode::Ode;
 use crate::method::radau::RadauStepper;
 use crate::method::rosenbrock::RosenbrockStepper;
@@ -167,6 +168,16 @@ fn dense_output_passes_through_both_ends() {
                     s.interpolate(1.0, &mut inside);
                     let end = s.end().w.to_vec();
                     assert!(distance(&inside, &end) < 1e-13, "{}", member.name);
+                    let mut coefficients = vec![0.0; 4 * (s.largest_degree() + 1)];
+                    let degree = s.polynomial(&mut coefficients);
+                    coefficients.truncate(4 * (degree + 1));
+                    for theta in [0.0, 0.3, 0.8, 1.0] {
+                        s.interpolate(theta, &mut inside);
+                        let mut same = [0.0; 4];
+                        interpolate(&coefficients, theta, &mut same);
+                        let apart = distance(&inside, &same);
+                        assert!(apart < 1e-14, "{}: polynomials are {apart:e} off", member.name);
+                    }
                     start = end;
                 }
             },

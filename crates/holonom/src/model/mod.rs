@@ -410,6 +410,8 @@ pub struct SimulationDefaults {
     pub max_seconds: Option<f64>,
     /// Re-partitioning factor α.
     pub repartition_factor: Option<f64>,
+    /// Whether dense output is stored.
+    pub dense_output: Option<bool>,
     /// Name of the parametrization.
     pub parametrization: Option<&'static str>,
     /// Name of the source of the integration Jacobian.

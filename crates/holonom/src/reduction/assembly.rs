@@ -295,6 +295,24 @@ pub fn start(
     Ok((manifold, state))
 }
 
+/// A manifold in a given parametrization, factored at a consistent configuration.
+///
+/// # Errors
+/// `simulation/singular-configuration`.
+pub fn manifold_of(
+    system: &Arc<dyn System>,
+    parametrization: &Parametrization,
+    q: &[f64],
+) -> Result<Manifold, EvaluationFailure> {
+    let mut g = system.structure().constraint_pattern.clone();
+    system.constraint_jacobian(q, &mut g);
+    let (nonzero_g, nonzero_m) = structural_nonzeros(system.as_ref(), q);
+    let chart = Chart::new(system.as_ref(), parametrization.clone(), q, &g, &nonzero_g)?;
+    let kept = &parametrization.kept;
+    let saddle = Saddle::new(system.as_ref(), q, kept, &nonzero_g, &nonzero_m);
+    Ok(Manifold::new(system.clone(), chart, saddle, g))
+}
+
 /// Redundant rows must agree with the kept ones at all three levels.
 fn check_dropped(
     system: &dyn System,

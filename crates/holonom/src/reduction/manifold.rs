@@ -325,6 +325,35 @@ impl Manifold {
         self.return_to_anchor();
     }
 
+    /// Stands where a step of another run began: at time t and the configuration q with its windings and
+    /// independent variables `p`. References move there, those of directions and rotations if `turning`:
+    /// directions then have these normals.
+    ///
+    /// # Errors
+    /// `simulation/chart-reach`, `simulation/singular-configuration`.
+    pub fn stand_at(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        p: &[f64],
+        winding: &[f64],
+        turning: bool,
+        normals: impl Iterator<Item = (usize, [f64; 3])>,
+    ) -> Result<(), EvaluationFailure> {
+        let system = self.system.as_ref();
+        if let Some(relatives) = self.chart.relatives_mut() {
+            relatives.tell_branches(system, t, p, winding, &mut self.edges)?;
+            relatives.move_references(system, q, Some(p), &mut self.edges, turning);
+            for (group, normal) in normals {
+                relatives.references[group][3..].copy_from_slice(&normal);
+            }
+        }
+        self.factor_at(q)?;
+        self.orientation = self.chart.determinant_sign();
+        self.return_to_anchor();
+        Ok(())
+    }
+
     /// Whether Φ, as the last correction found it, is rounding of the coordinates: an ill-conditioned
     /// [G; P] then turns it into corrections that do not fall.
     fn residual_is_noise(&self, q: &[f64]) -> bool {

@@ -2,7 +2,7 @@
 //! a configuration.
 
 use crate::error::EvaluationFailure;
-use crate::system::{Anchor, Measure, Reference, RelativeKind, State, System};
+use crate::system::{Anchor, Measure, Reference, RelativeGroup, RelativeKind, State, System, Tree};
 use std::f64::consts::TAU;
 
 /// Coordinates of two bodies in space, for three rows.
@@ -45,6 +45,24 @@ pub struct Relatives {
 }
 
 impl Relatives {
+    /// Whether all places are those of a system with this forest.
+    pub fn fits(&self, ndof: usize, rows: usize, tree: &Tree, groups: &[RelativeGroup]) -> bool {
+        let edges = tree.edges.len();
+        self.rows.len() == ndof
+            && [self.forms.len(), self.sources.len(), self.anchors.len()] == [edges; 3]
+            && self.references.len() == groups.len()
+            && tree.edges.iter().zip(&self.forms).all(|(edge, form)| *form < edge.forms.len())
+            && self
+                .rows
+                .iter()
+                .all(|(group, row)| groups.get(*group).is_some_and(|g| *row < g.rows))
+            && self.sources.iter().flatten().all(|source| match source {
+                Source::Independent(k) => *k < ndof,
+                Source::Driven(row, ..) => *row < rows,
+                Source::Dependent => true,
+            })
+    }
+
     /// Whether the same coordinates are independent.
     pub fn same_as(&self, other: &Self) -> bool {
         self.forms == other.forms && self.rows == other.rows
@@ -293,6 +311,48 @@ impl Relatives {
                 at += info.rows;
             }
         }
+    }
+
+    /// Groups in use whose references have a history: the normals of directions in space are carried along.
+    pub fn carried(&self, system: &dyn System) -> Vec<usize> {
+        let groups = system.relative_groups();
+        let edges = system.tree().edges.iter().zip(&self.forms);
+        let mut used: Vec<usize> = edges
+            .flat_map(|(edge, form)| edge.forms[*form].iter().copied())
+            .chain(self.rows.iter().map(|row| row.0))
+            .filter(|&k| groups[k].kind == RelativeKind::Direction && groups[k].reach.is_finite())
+            .collect();
+        used.sort_unstable();
+        used.dedup();
+        used
+    }
+
+    /// Coordinates of the edges at time t for the independent variables `p`; angles on no branch of `p` are
+    /// on those of the windings, all else is zero.
+    ///
+    /// # Errors
+    /// As [`Relatives::coordinates`].
+    pub(super) fn tell_branches(
+        &self,
+        system: &dyn System,
+        t: f64,
+        p: &[f64],
+        winding: &[f64],
+        x: &mut [[f64; MOST]],
+    ) -> Result<(), EvaluationFailure> {
+        for ((edge, form), x) in system.tree().edges.iter().zip(&self.forms).zip(&mut *x) {
+            x.fill(0.0);
+            let Some(index) = edge.winding else { continue };
+            let mut at = 0;
+            for &group in &edge.forms[*form] {
+                let info = &system.relative_groups()[group];
+                if info.kind == RelativeKind::Angle {
+                    x[at] = winding[index];
+                }
+                at += info.rows;
+            }
+        }
+        self.coordinates(system, t, p, x)
     }
 
     /// Largest size of the entries of `p`, or of its rates, of a direction or rotation, rad or rad/s.

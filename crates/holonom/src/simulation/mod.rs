@@ -2,6 +2,7 @@
 
 mod checks;
 mod clock;
+mod dense;
 mod diagnosis;
 mod energy_scale;
 mod ledger;
@@ -17,6 +18,7 @@ mod trajectory;
 mod warnings;
 
 pub use checks::RunError;
+pub use dense::{ChartRecord, DenseOutput, Segments};
 pub use options::{
     DEFAULT_MAX_STEPS, DEFAULT_REPARTITION_FACTOR, DEFAULT_TOLERANCE, Options, OutputTimes,
 };

@@ -47,6 +47,9 @@ pub struct Options {
     pub jacobian: JacobianSource,
     /// A new partition is tried when the condition of [G; P] has grown by this factor.
     pub repartition_factor: f64,
+    /// Whether steps are handed out with what the states inside them are made of; unless stated, those of
+    /// implicit codes are. Explicit ones may take millions of steps.
+    pub dense_output: Option<bool>,
 }
 
 /// Default tolerance.
@@ -75,6 +78,12 @@ impl Options {
             parametrization: Choice::default(),
             jacobian: JacobianSource::default(),
             repartition_factor: DEFAULT_REPARTITION_FACTOR,
+            dense_output: None,
         }
+    }
+
+    /// Whether steps are handed out with what the states inside them are made of.
+    pub fn stores_dense_output(&self) -> bool {
+        self.dense_output.unwrap_or(self.code.info().family != "explicit")
     }
 }

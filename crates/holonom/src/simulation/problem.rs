@@ -4,8 +4,8 @@ use super::checks::{RunError, check_state};
 use crate::model::{Dimension, Model};
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::{Manifold, Parametrization, Relatives, Source};
-use crate::system::{Channel, EdgeSource, RowKind, State, System, compile};
-use crate::topology::Shape;
+use crate::system::{Channel, EdgeSource, RowKind, State, System, compile, compile_along};
+use crate::topology::{Forest, Shape};
 use std::sync::{Arc, OnceLock};
 
 /// A model with its system; assembled once, when first asked.
@@ -108,6 +108,19 @@ impl Problem {
         let mut model = self.model.as_ref().clone();
         model.simulation.start_time = Some(t);
         Self { model: Arc::new(model), assembled: Arc::default(), ..self.clone() }
+    }
+
+    /// The same problem along the forest of another that differs in numbers only; `None` if it differs in more.
+    pub fn along(&self, forest: &Forest) -> Option<Self> {
+        let own = &self.system.tree().forest;
+        if own == forest {
+            return Some(self.clone());
+        }
+        if (own.edge.len(), own.edges()) != (forest.edge.len(), forest.edges()) {
+            return None;
+        }
+        let system = compile_along(&self.model, forest);
+        Some(Self { model: self.model.clone(), system, assembled: Arc::default(), base: None })
     }
 
     /// The model.

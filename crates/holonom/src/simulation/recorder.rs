@@ -1,15 +1,30 @@
 //! States inside accepted steps, for output rows and the energy ledger.
 
+use super::ledger::StepPowers;
 use crate::error::EvaluationFailure;
-use crate::method::stepper::Stepper;
 use crate::reduction::{Chart, Point};
-use crate::system::State;
+use crate::system::{Ledger, State};
 
 /// Pieces of a step in which a state inside it is approached when it cannot be recovered at once.
 const PIECES: u32 = 16;
 
-/// Evaluates states inside the last accepted step at a point of its own: what is written out cannot touch
+/// What a state inside an accepted step is made of, beside the chart at its start.
+pub(super) struct Inside<'a> {
+    /// Start of the step, s.
+    pub(super) t: f64,
+    /// Its length, s.
+    pub(super) step: f64,
+    /// Dense output w(θ).
+    pub(super) interpolate: &'a mut dyn FnMut(f64, &mut [f64]),
+    /// Ledger at the start.
+    pub(super) ledger: Ledger,
+    /// Powers along the step, where w does not end with their integrals.
+    pub(super) powers: StepPowers,
+}
+
+/// Evaluates states inside an accepted step at a point of its own: what is written out cannot touch
 /// the factors that steps are computed with.
+#[derive(Debug, Clone)]
 pub(super) struct Recorder {
     point: Point,
     w: Vec<f64>,
@@ -34,25 +49,69 @@ impl Recorder {
         self.point.manifold.set_chart(chart);
     }
 
-    /// State at t + θ step of the last accepted step of length `step` from t, with accelerations and
-    /// multipliers if `full`. Where it cannot be recovered at once, the motion is followed in small pieces.
+    /// The next step is a stored one: it starts at time t and the configuration q with its windings and
+    /// independent variables `p`; references of directions and rotations stand there if `turning`, those
+    /// of directions with these normals.
+    ///
+    /// # Errors
+    /// Where the parametrization does not serve.
+    pub(super) fn stand_at(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        p: &[f64],
+        winding: &[f64],
+        turning: bool,
+        normals: impl Iterator<Item = (usize, [f64; 3])>,
+    ) -> Result<(), EvaluationFailure> {
+        self.point.anchor.copy_from_slice(q);
+        self.point.state.q.copy_from_slice(q);
+        self.point.state.winding.copy_from_slice(winding);
+        self.point.manifold.stand_at(t, q, p, winding, turning, normals)
+    }
+
+    /// The row of a time inside a step: state with accelerations, multipliers, windings and ledger.
+    ///
+    /// # Errors
+    /// Where dependent coordinates are not found.
+    pub(super) fn row(
+        &mut self,
+        inside: &mut Inside<'_>,
+        time: f64,
+        row: &mut State,
+    ) -> Result<(), EvaluationFailure> {
+        let Inside { t, step, ledger, powers, .. } = *inside;
+        let theta = ((time - t) / step).clamp(0.0, 1.0);
+        row.copy_from(self.state(inside.interpolate, t, step, theta, true)?);
+        row.t = time;
+        self.point.manifold.minimum_norm_multipliers(&mut row.lambda);
+        self.point.manifold.system().update_windings(time, &row.q, &mut row.winding);
+        row.ledger.initial = ledger.initial;
+        if !self.integrates_powers {
+            row.ledger = powers.advance(&ledger, step, theta);
+        }
+        Ok(())
+    }
+
+    /// State at t + θ step of an accepted step of length `step` from t with dense output `interpolate`, with
+    /// accelerations and multipliers if `full`. Where it cannot be recovered at once, the motion is followed in small pieces.
     ///
     /// # Errors
     /// Where dependent coordinates are not found.
     pub(super) fn state(
         &mut self,
-        stepper: &mut dyn Stepper,
+        interpolate: &mut dyn FnMut(f64, &mut [f64]),
         t: f64,
         step: f64,
         theta: f64,
         full: bool,
     ) -> Result<&State, EvaluationFailure> {
-        if self.evaluate(stepper, t, step, theta, full).is_err() {
+        if self.evaluate(interpolate, t, step, theta, full).is_err() {
             for k in 1..PIECES {
                 let part = theta * f64::from(k) / f64::from(PIECES);
-                self.evaluate(stepper, t, step, part, false)?;
+                self.evaluate(interpolate, t, step, part, false)?;
             }
-            self.evaluate(stepper, t, step, theta, full)?;
+            self.evaluate(interpolate, t, step, theta, full)?;
         }
         if full {
             self.point.complete();
@@ -60,20 +119,15 @@ impl Recorder {
         Ok(&self.point.state)
     }
 
-    /// Replaces multipliers of redundant rows by those of minimum norm, at the state last evaluated.
-    pub(super) fn distribute(&mut self, lambda: &mut [f64]) {
-        self.point.manifold.minimum_norm_multipliers(lambda);
-    }
-
     fn evaluate(
         &mut self,
-        stepper: &mut dyn Stepper,
+        interpolate: &mut dyn FnMut(f64, &mut [f64]),
         t: f64,
         step: f64,
         theta: f64,
         full: bool,
     ) -> Result<(), EvaluationFailure> {
-        stepper.interpolate(theta, &mut self.w);
+        interpolate(theta, &mut self.w);
         let ndof = self.point.manifold.chart().ndof();
         let (p, rest) = self.w.split_at(ndof);
         let (rates, rest) = rest.split_at(ndof);

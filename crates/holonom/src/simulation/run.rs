@@ -2,13 +2,14 @@
 
 use super::checks::{RunError, check_options, check_tables, find_channels};
 use super::clock::{Elapsed, Stopwatch};
+use super::dense::{ChartRecord, STEP_POWERS, Segments};
 use super::diagnosis::{Stop, Suspects, diagnose};
 use super::energy_scale::EnergyScale;
 use super::ledger::{StepPowers, powers};
 use super::options::Options;
 use super::output::{CHUNK_ROWS, CHUNK_STEPS, Output};
 use super::problem::Problem;
-use super::recorder::Recorder;
+use super::recorder::{Inside, Recorder};
 use super::reparametrization::{new_chart, no_longer_redundant};
 use super::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 use super::step_length::{self, clip, smallest_step};
@@ -118,6 +119,17 @@ pub fn run(
         smallest_step: f64::INFINITY,
         ..Statistics::default()
     };
+    let mut output = Output::new(options, &state, channels);
+    if options.stores_dense_output() {
+        let powers = if form.integrates_powers() { 0 } else { STEP_POWERS };
+        output.chunk.dense = Segments::with_room(
+            system.as_ref(),
+            &state,
+            dimension,
+            stepper.largest_degree(),
+            powers,
+        );
+    }
     let mut run = Run {
         options,
         condition_reference: 0.0,
@@ -126,7 +138,7 @@ pub fn run(
         kinetic_range: (energy.kinetic, energy.kinetic),
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
-        output: Output::new(options, &state, channels),
+        output,
         recorder: Recorder::new(form.point(), dimension, form.integrates_powers()),
         w: vec![0.0; dimension],
         g: vec![0.0; dimension],
@@ -200,6 +212,7 @@ impl Run<'_> {
         let end = self.options.end_time;
         self.form.begin_step(&self.state);
         self.form.pack(&self.state, &mut self.w);
+        self.record_chart();
         self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
         self.condition_reference = self.form.point_mut().manifold.chart_mut().condition();
         self.start_residuals = self.form.point_mut().manifold.residuals(&self.state);
@@ -362,11 +375,12 @@ impl Run<'_> {
         let energy = self.system.energy(&self.state);
         self.powers.at[2] = powers(&energy);
         let ledger = self.row.ledger;
-        let stepper = self.stepper.as_mut();
+        let stepper = &mut self.stepper;
+        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         if !self.form.integrates_powers() {
             // Driver power needs multipliers; without drivers the recovery is enough.
             let full = self.system.has_drivers();
-            self.powers.at[1] = match self.recorder.state(stepper, t, step, 0.5, full) {
+            self.powers.at[1] = match self.recorder.state(interpolate, t, step, 0.5, full) {
                 Ok(middle) => powers(&self.system.energy(middle)),
                 // The middle of an accepted step failing is rare; the trapezoid serves.
                 Err(_) => {
@@ -377,18 +391,20 @@ impl Run<'_> {
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);
         }
         self.state.ledger.initial = ledger.initial;
+        if self.options.stores_dense_output() {
+            let powers = (!self.form.integrates_powers()).then_some(&self.powers);
+            let dense = &mut self.output.chunk.dense;
+            let chart = self.form.point().manifold.chart();
+            dense.push(&self.row, chart, step, t_end, powers, self.stepper.as_ref());
+        }
         while self.output.time() < t_end {
             let time = self.output.time();
-            let theta = ((time - t) / step).clamp(0.0, 1.0);
-            let inside = self.recorder.state(self.stepper.as_mut(), t, step, theta, true);
-            self.row.copy_from(inside.map_err(|f| failed(f, step))?);
-            self.row.t = time;
-            self.recorder.distribute(&mut self.row.lambda);
-            self.system.update_windings(time, &self.row.q, &mut self.row.winding);
-            self.row.ledger.initial = ledger.initial;
-            if !self.form.integrates_powers() {
-                self.row.ledger = self.powers.advance(&ledger, step, theta);
-            }
+            let powers = self.powers;
+            let stepper = &mut self.stepper;
+            let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+            let mut inside = Inside { t, step, interpolate, ledger, powers };
+            let found = self.recorder.row(&mut inside, time, &mut self.row);
+            found.map_err(|f| failed(f, step))?;
             self.output.push(self.system.as_ref(), &self.row);
             // A step may hold any number of rows: they go out in chunks, and the run can be stopped.
             if self.output.chunk.time.len() >= CHUNK_ROWS {
@@ -419,6 +435,7 @@ impl Run<'_> {
         }
         if self.stepper.multistep() {
             self.stepper.restart();
+            self.record_chart();
         }
         self.form.pack(&self.state, &mut self.w);
         let (rates, rest) = self.g.split_at_mut(ndof);
@@ -505,9 +522,25 @@ impl Run<'_> {
         self.form.begin_step(&self.state);
         self.recorder.begin_step(self.form.point(), &self.state);
         self.form.pack(&self.state, &mut self.w);
+        self.record_chart();
         self.evaluate_slope()?;
         self.condition_reference = self.form.point_mut().manifold.chart_mut().condition();
         Ok(())
+    }
+
+    /// Hands out the chart of the next steps, for dense output.
+    fn record_chart(&mut self) {
+        if self.options.stores_dense_output() {
+            let parametrization = self.form.point().manifold.chart().parametrization();
+            let chart = ChartRecord {
+                t: self.state.t,
+                q: self.state.q.clone(),
+                forest: self.system.tree().forest.clone(),
+                parametrization: parametrization.clone(),
+                follows: !self.stepper.multistep(),
+            };
+            self.output.chunk.dense.push_chart(self.system.as_ref(), chart);
+        }
     }
 
     /// After a failed recovery: another partition at the step's start, if there is a better one.
@@ -567,7 +600,9 @@ impl Run<'_> {
 
     fn flush_if_due(&mut self) -> Result<(), Stop> {
         let chunk = &self.output.chunk;
-        let full = chunk.time.len() >= CHUNK_ROWS || chunk.steps.len() >= CHUNK_STEPS;
+        let full = chunk.time.len() >= CHUNK_ROWS
+            || chunk.steps.len() >= CHUNK_STEPS
+            || chunk.dense.is_full();
         if full || self.last_flush.elapsed() >= FLUSH {
             self.flush()?;
         }

@@ -1,5 +1,6 @@
 //! What a run hands out: chunks of states and steps to a sink, and a summary at the end.
 
+use super::dense::Segments;
 use super::output::CHUNK_STEPS;
 use super::run::MAX_REJECTIONS;
 use crate::system::{Channel, State};
@@ -32,6 +33,8 @@ pub struct Chunk {
     pub steps: Vec<StepRecord>,
     /// What happened at single times.
     pub events: Vec<EventRecord>,
+    /// Accepted steps with what the states inside them are made of; empty without dense output.
+    pub dense: Segments,
 }
 
 impl Chunk {
@@ -51,6 +54,7 @@ impl Chunk {
             channels: channels.iter().map(|channel| room(channel.size())).collect(),
             steps: Vec::with_capacity(CHUNK_STEPS + MAX_REJECTIONS as usize),
             events: Vec::with_capacity(CHUNK_EVENTS),
+            dense: Segments::default(),
         }
     }
 
@@ -82,6 +86,7 @@ impl Chunk {
         self.channels.iter_mut().for_each(Vec::clear);
         self.steps.clear();
         self.events.clear();
+        self.dense.clear();
     }
 }
 
@@ -202,6 +207,7 @@ impl Sink for Memory {
         }
         all.steps.extend_from_slice(&chunk.steps);
         all.events.extend_from_slice(&chunk.events);
+        all.dense.extend(&chunk.dense);
         Ok(())
     }
 

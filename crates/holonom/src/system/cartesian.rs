@@ -369,7 +369,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         if (model.dimension == Dimension::Planar) != (D == 2) {
             return None;
         }
-        let system = build(model, Some(self));
+        let system = build(model, Some(self), None);
         Arc::ptr_eq(&system.structure, &self.structure).then(|| Arc::new(system) as Arc<dyn System>)
     }
 

@@ -10,22 +10,32 @@ use super::{Measure, System, quantities};
 use crate::elements::row::RowKind;
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
+use crate::topology::Forest;
 use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
 /// Compiles a model in Cartesian coordinates.
 pub fn compile(model: &Model) -> Arc<dyn System> {
     match model.dimension {
-        Dimension::Planar => Arc::new(build::<Planar, 2, 3>(model, None)),
-        Dimension::Spatial => Arc::new(build::<Spatial, 3, 7>(model, None)),
+        Dimension::Planar => Arc::new(build::<Planar, 2, 3>(model, None, None)),
+        Dimension::Spatial => Arc::new(build::<Spatial, 3, 7>(model, None, None)),
     }
 }
 
-/// Assembles numbers, places and patterns of a model; patterns of `base` are shared where the model
-/// has the same structure.
+/// Compiles a model along a forest that was found for one that differs in numbers only.
+pub fn compile_along(model: &Model, forest: &Forest) -> Arc<dyn System> {
+    match model.dimension {
+        Dimension::Planar => Arc::new(build::<Planar, 2, 3>(model, None, Some(forest))),
+        Dimension::Spatial => Arc::new(build::<Spatial, 3, 7>(model, None, Some(forest))),
+    }
+}
+
+/// Assembles numbers, places and patterns of a model; patterns and forest of `base` are shared where the
+/// model has the same structure.
 pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     model: &Model,
     base: Option<&Cartesian<S, D, N>>,
+    forest: Option<&Forest>,
 ) -> Cartesian<S, D, N> {
     let center = |body: BodyIndex| body.map_or([0.0; 3], |b| model.bodies[b].center_of_mass);
     let bodies: Vec<PlacedBody> = model
@@ -109,7 +119,8 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     let joint_windings: Vec<Option<usize>> =
         constraints.iter().map(|c| c.turns.as_ref().map(|t| t.index)).collect();
     let shared = base.filter(|b| Arc::ptr_eq(&b.structure, &structure)).map(|b| &b.tree.forest);
-    let mut built = forest::build::<S, D, N>(model, center, &rows, &joint_windings, shared);
+    let known = forest.or(shared);
+    let mut built = forest::build::<S, D, N>(model, center, &rows, &joint_windings, known);
     let untold = tell_turns(model, &built.tree, &mut constraints, &mut forces);
     built.tree.untold_turns.extend(untold);
     let resistance = |e: &super::ElasticLoop| ResistanceLaw::of(&model.forces[e.force]);

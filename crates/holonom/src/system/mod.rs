@@ -13,7 +13,7 @@ mod quantities;
 mod structure;
 mod turns;
 
-pub use compile::compile;
+pub use compile::{compile, compile_along};
 pub use forest::{Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge};
 pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity};
 pub use structure::{DerivativeBlocks, Sizes, Structure};

@@ -123,6 +123,41 @@ impl Forest {
         out
     }
 
+    /// The forest that was found before for the same graph of `edges` edges, from the edge and the parent of
+    /// each body and the order of the bodies; `None` if it is none.
+    pub fn known(
+        edge: Vec<Option<usize>>,
+        parent: Vec<BodyIndex>,
+        order: Vec<usize>,
+        edges: usize,
+    ) -> Option<Self> {
+        let count = edge.len();
+        let mut depth = vec![0; count];
+        let mut used = vec![false; edges];
+        for &body in &order {
+            if body >= count || depth[body] > 0 || parent.len() != count {
+                return None;
+            }
+            let above = match parent[body] {
+                Some(parent) => *depth.get(parent).filter(|depth| **depth > 0)?,
+                None => 0,
+            };
+            depth[body] = above + 1;
+            if let Some(edge) = edge[body]
+                && std::mem::replace(used.get_mut(edge)?, true)
+            {
+                return None;
+            }
+        }
+        let cuts = (0..edges).filter(|&k| !used[k]).collect();
+        (order.len() == count).then_some(Self { edge, parent, order, depth, cuts })
+    }
+
+    /// Number of edges of the graph.
+    pub fn edges(&self) -> usize {
+        self.cuts.len() + self.edge.iter().flatten().count()
+    }
+
     /// The edges of the forest between two bodies, each by the body at its outer end.
     pub fn path(&self, ends: [BodyIndex; 2]) -> Vec<usize> {
         let [mut a, mut b] = ends;

@@ -121,6 +121,7 @@ impl Context<'_> {
             max_steps: stated.max_steps,
             max_seconds: stated.max_seconds,
             repartition_factor: stated.repartition_factor,
+            dense_output: stated.dense_output,
             parametrization: stated.parametrization.map(schema::Parametrization::name),
             jacobian: stated.jacobian.map(schema::JacobianSource::name),
             profile: stated.profile.map(schema::Profile::name),

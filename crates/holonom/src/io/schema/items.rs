@@ -346,6 +346,9 @@ pub(crate) struct Simulation {
     pub(crate) max_seconds: Option<f64>,
     /// Growth of the condition number at which a partition or a tangent plane is chosen anew, above 1.
     pub(crate) repartition_factor: Option<f64>,
+    /// Whether all that states between output times are made of is stored; by default where the code is
+    /// implicit.
+    pub(crate) dense_output: Option<bool>,
     /// What the independent variables are; tree unless stated.
     pub(crate) parametrization: Option<Parametrization>,
     /// Where the integration Jacobian comes from; analytic unless stated.
