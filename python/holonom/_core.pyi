@@ -45,6 +45,11 @@ class CoreModel:
     ) -> str:
         """Run and return a JSON summary; chunks of results go to ``on_chunk``."""
 
+    def dense_states(
+        self, steps: dict[str, Any], times: list[float]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Compute states at times within the steps of a chunk's entry ``dense``."""
+
     def evaluate_channels(
         self, names: list[str], state: Mapping[str, NDArray[np.float64]]
     ) -> dict[str, NDArray[np.float64]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -95,6 +96,13 @@ def run(
     ] = None,
     jacobian: Annotated[str | None, typer.Option(help="analytic or differences.")] = None,
     profile: Annotated[str | None, typer.Option(help="improved or thesis.")] = None,
+    dense_output: Annotated[
+        bool | None,
+        typer.Option(
+            "--dense-output/--no-dense-output",
+            help="Store what states at any time are made of; by default with implicit codes.",
+        ),
+    ] = None,
     newmark_gamma: Annotated[
         float | None, typer.Option(help="γ of Newmark's formula, for SspTrap and InflTrap.")
     ] = None,
@@ -128,6 +136,7 @@ def run(
         "parametrization": parametrization,
         "jacobian": jacobian,
         "profile": profile,
+        "dense_output": dense_output,
         "newmark_gamma": newmark_gamma,
         "newmark_beta": newmark_beta,
     }
@@ -342,6 +351,12 @@ def export(
             "--format", help="csv, parquet or netcdf; by default that of the file's name."
         ),
     ] = None,
+    interval: Annotated[
+        float | None, _seconds("--interval", "Time between rows; the stored rows by default.")
+    ] = None,
+    times: Annotated[
+        str | None, typer.Option(help="Times of the rows, s, with commas: 0.1,0.25.")
+    ] = None,
     json_: Json = False,
 ) -> int:
     """Write channels as CSV, Parquet or NetCDF; without names those that are stored."""
@@ -354,9 +369,11 @@ def export(
         raise UsageError(f"there is no format `{format_}`; known are {', '.join(FORMATS)}")
     ending, write = FORMATS[format_]
     target = output or result.with_suffix(ending)
-    with Result.load(result) as loaded:
+    with Result.load(result) as stored:
         if target.resolve() == result.resolve():
             raise UsageError(f"{target} is the result itself; give another name")
+        rows = _row_times(stored, interval, times)
+        loaded = stored if rows is None else stored.at(rows, channels)
         if str(target) == "-":
             if format_ != "csv":
                 raise UsageError(f"`-o -` prints CSV; name a file for {format_}")
@@ -366,6 +383,24 @@ def export(
         if not loaded.time.size:
             _complain("the result has no rows; the table has a heading only", "warning")
     return _done("table", target, json_)
+
+
+def _row_times(result: Result, interval: float | None, times: str | None) -> list[float] | None:
+    """Return the times that rows are wanted at; None for those that are stored."""
+    if interval is not None and times is not None:
+        raise UsageError("give either `--interval` or `--times`, not both")
+    if times is not None:
+        try:
+            return [float(text) for text in times.split(",")]
+        except ValueError:
+            raise UsageError(f"`--times` is {times!r}; it must be numbers with commas") from None
+    if interval is None:
+        return None
+    if not interval > 0.0:
+        raise UsageError(f"`--interval` is {interval}; it must be positive")
+    first, last = result.span or (float(result.time[0]), float(result.time[-1]))
+    count = math.floor((last - first) / interval * (1.0 + 1e-12))
+    return [min(first + k * interval, last) for k in range(count + 1)]
 
 
 @app.command()

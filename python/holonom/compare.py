@@ -137,7 +137,8 @@ def compare(
         {**choices, "end_time": end_time, "interval": interval, "output_times": output_times}
     )
     times, end = _times(loaded, options, given)
-    common = {**choices, "end_time": end, "output_times": times, "channels": []}
+    common = {"dense_output": False, **choices, "end_time": end, "output_times": times}
+    common["channels"] = []
     pairs = [
         Task(label, {**common, **code, "tolerance": limit})
         for label, code in codes.items()

@@ -265,6 +265,19 @@ class Model:
         with translated():
             return self._core.evaluate_channels(names, state)
 
+    def dense_states(
+        self, steps: Mapping[str, Any], times: NDArray[np.float64]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Compute the states at times (s) within stored steps; see `Reader.dense_chunks`.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n_times, size)
+            As `evaluate` takes them.
+        """
+        with translated():
+            return self._core.dense_states(dict(steps), times.tolist())
+
     def to_json(self) -> str:
         """Return the merged model as JSON text, without ``extends``."""
         return self._core.to_json()

@@ -103,6 +103,10 @@ class Options:
     repartition_factor : float, optional
         Growth of the condition at which a partition or a tangent plane is chosen anew; more
         than 1. The tree has a factor of its own, 2.5.
+    dense_output : bool, optional
+        Whether all that states between output times are made of is stored, so that `Result.state`
+        and `Result.sample` know any time. By default where the code is implicit: explicit ones may
+        take millions of steps.
     profile : str, optional
         ``improved`` or ``thesis``, which partitions coordinates unless `parametrization` is stated.
     newmark_gamma, newmark_beta : float, optional
@@ -132,6 +136,7 @@ class Options:
     parametrization: str | None = None
     jacobian: str | None = None
     repartition_factor: float | None = None
+    dense_output: bool | None = None
     profile: str | None = None
     newmark_gamma: float | None = None
     newmark_beta: float | None = None
@@ -160,6 +165,8 @@ class Options:
         for name, known in _WORDS.items():
             if (value := getattr(self, name)) is not None and value not in known:
                 raise UsageError(f"`{name}` is {value!r}; it must be one of {_listed(known)}")
+        if self.dense_output is not None and not isinstance(self.dense_output, bool):
+            raise UsageError(f"`dense_output` is {self.dense_output!r}; it must be True or False")
         if self.repartition_factor is not None:
             factor = _require_finite("repartition_factor", self.repartition_factor)
             if factor <= 1.0:

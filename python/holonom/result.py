@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from holonom.certification import Certification
 from holonom.errors import UsageError
 from holonom.model import Model, expand, split_component
-from holonom.store import STATE, Quantity, Reader
+from holonom.store import STATE, Quantity, Reader, Writer
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
+
+
+#: Times that differ by this part of a second, or of themselves, are the same.
+_SLACK = 1e-9
+
+_NO_ROWS = "the result has no rows: nothing was stored before the run ended"
 
 
 class Record(Mapping[str, Any]):
@@ -144,12 +150,15 @@ class Result:
         return self._quantity(name).frame
 
     def state(self, time: float | None = None) -> dict[str, NDArray[np.float64]]:
-        """Return a stored state, to start another run from.
+        """Return the state at any time of the run, to start another run from.
+
+        At an output time it is the stored row. At others it is computed from the stored steps: the
+        joints hold to round-off, and it is as accurate as the step.
 
         Parameters
         ----------
         time : float, optional
-            One of the output times, s; the last one when not given.
+            s; the last output time when not given.
 
         Returns
         -------
@@ -160,17 +169,120 @@ class Result:
         Raises
         ------
         UsageError
-            If nothing is stored at that time.
+            If the run has no such time, or stored no steps and none of its output times is there.
         """
         times = self.time
         if not times.size:
-            raise UsageError("the result has no rows: nothing was stored before the run ended")
+            raise UsageError(_NO_ROWS)
         index = times.size - 1 if time is None else int(np.argmin(np.abs(times - time)))
-        if time is not None and abs(times[index] - time) > 1e-9 * max(1.0, abs(time)):
-            raise UsageError(
-                f"no state is stored at {time} s; the nearest one is at {times[index]} s"
-            )
-        return self._reader.row(index)
+        if time is None or times[index] == time:
+            return self._reader.row(index)
+        return {name: part[0] for name, part in self._states(np.array([float(time)])).items()}
+
+    def sample(
+        self, times: ArrayLike, channels: Sequence[str] | None = None
+    ) -> dict[str, NDArray[np.float64]]:
+        r"""Return channels at any times of the run, also such that were not asked for.
+
+        Parameters
+        ----------
+        times : array_like, shape (n_times,)
+            s, in any order.
+        channels : sequence of str, optional
+            Names, with a component or not, or patterns; also ``q``, ``qd``, …. The stored ones when
+            none are given.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n_times, \*shape)
+            ``time`` and the channels.
+
+        Raises
+        ------
+        UsageError
+            As `state`; if a channel is unknown.
+        """
+        wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        if wanted.ndim != 1:
+            raise UsageError(f"`times` has the shape {wanted.shape}; it must be a vector")
+        names = self.channels if channels is None else list(channels)
+        states = [name for name in names if name in STATE]
+        names = self.model.expand([name for name in names if name not in STATE])
+        parts = self._states(wanted)
+        whole = list(dict.fromkeys(split_component(name)[0] for name in names))
+        values = self.model.evaluate(whole, parts) if wanted.size else {}
+        found = {"time": wanted} | {name: parts[name] for name in states}
+        for name in names:
+            channel, index = split_component(name)
+            if not wanted.size:
+                values[channel] = np.zeros((0, *self._quantity(channel).shape))
+            found[name] = values[channel] if index is None else values[channel][:, index]
+        return found
+
+    def at(self, times: ArrayLike, channels: Sequence[str] | None = None) -> Result:
+        """Return this result with rows at other times, in memory: to plot or export it there.
+
+        Parameters
+        ----------
+        times : array_like, shape (n_times,)
+            s, rising.
+        channels : sequence of str, optional
+            What is stored; the channels stored here when none are given.
+
+        Raises
+        ------
+        UsageError
+            As `sample`.
+        """
+        wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        if wanted.ndim != 1 or not np.all(np.diff(wanted) > 0.0):
+            raise UsageError("`times` must be a vector of rising times")
+        names = self.channels if channels is None else self.model.expand(channels)
+        names = list(dict.fromkeys(split_component(name)[0] for name in names))
+        states = [name for name in STATE if name in self._reader.quantities and name != "time"]
+        parts = self.sample(wanted, [*states, *names])
+        writer = Writer(None, self.meta, self.model.channels)
+        if wanted.size:
+            rows = {name: parts[name] for name in ("time", *states)}
+            writer.append(rows | {"channels": {name: parts[name] for name in names}})
+        return Result(writer.into_reader())
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """First and last time (s) between which any state can be computed.
+
+        None where the run has no steps, or was made without ``dense_output``.
+        """
+        return self._reader.dense_span
+
+    def _states(self, times: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
+        """Return states at times: computed where steps are stored, else stored rows."""
+        rows = self.time
+        if not rows.size:
+            raise UsageError(_NO_ROWS)
+        slack = _SLACK * np.maximum(1.0, np.abs(times))
+        span = self.span
+        inside = np.zeros(times.size, dtype=bool)
+        if span is not None:
+            inside = (times >= span[0] - slack) & (times <= span[1] + slack)
+        stored = self._reader.quantities
+        found = {
+            name: np.empty((times.size, stored[name].size)) for name in STATE if name in stored
+        }
+        for k in np.nonzero(~inside)[0]:
+            nearest = int(np.argmin(np.abs(rows - times[k])))
+            if not abs(rows[nearest] - times[k]) <= slack[k]:
+                raise UsageError(_no_state(float(times[k]), rows, nearest, span))
+            for name, part in self._reader.row(nearest).items():
+                found[name][k] = part
+        if span is not None:
+            index = np.nonzero(inside)[0]
+            clipped = np.clip(times[index], *span)
+            for places, steps in self._reader.dense_chunks(clipped):
+                states = self.model.dense_states(steps, clipped[places])
+                for name, part in states.items():
+                    found[name][index[places]] = part.reshape(places.size, -1)
+        return found
 
     @property
     def meta(self) -> dict[str, Any]:
@@ -373,3 +485,18 @@ class Result:
         stored = self._reader.quantities
         known = stored if whole in stored else self.model.channels
         return known[split_component(expand([name], known)[0])[0]]
+
+
+def _no_state(
+    time: float, rows: NDArray[np.float64], nearest: int, span: tuple[float, float] | None
+) -> str:
+    """Say why there is no state at a time, and at which there are."""
+    first, last = float(rows[0]), float(rows[-1])
+    if span is not None:
+        first, last = min(first, span[0]), max(last, span[1])
+    if not first <= time <= last:
+        return f"there is no state at {time} s; the run covers {first} s to {last} s"
+    text = f"no state is stored at {time} s; the nearest one is at {rows[nearest]} s"
+    if span is None:
+        return f"{text}\n  help: run with `dense_output = true` to have states at any time"
+    return f"{text}, and steps are stored from {span[0]} s to {span[1]} s"

@@ -128,7 +128,7 @@ def _certify(
         Whether Ctrl-C was pressed.
     """
     start = float(state["time"][0]) if state else float(chosen["start_time"])
-    second = chosen | {"tolerance": tightened(chosen["tolerance"])}
+    second = chosen | {"tolerance": tightened(chosen["tolerance"]), "dense_output": False}
     times: list[float] = chosen.get("output_times") or [start]
     # Positions are measured by their movement since the start, which is then an output, too.
     ahead = int(times[0] > start)

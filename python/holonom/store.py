@@ -9,7 +9,20 @@ chunk    id, first, count: which output times stand in a chunk
 data     chunk, quantity, blob: little-endian f64, ``count`` × ``shape``, row by row
 step     one row per attempted step: ``t``, ``h``, ``error``, ``accepted``, ``cause``, …
 event    time, kind, data (JSON)
+dense    accepted steps in chunks, with what the states inside them are made of; see below
+chart    id, t, text (JSON), numbers: the independent variables of those steps
 ======== ===============================================================================
+
+A row of ``dense`` holds ``count`` steps from ``start`` to ``end`` (s). Its blobs are little-endian
+f64: ``t`` and ``h``, start and length of each step (s); the number of its ``chart``; the ``degree``
+of its polynomials; ``q`` and ``winding`` at its start; the energy ``ledger`` there, and ``powers``
+at start, middle and end (W; empty where w has their integrals); ``normals`` that directions in
+space are measured from; and in ``w`` the coefficients c₀, c₁, … of w(θ) = Σ cⱼ θʲ, each of
+``dimension`` numbers, θ = (time - t)/h: independent variables, their rates, extra states, for
+explicit codes also the energy dissipated and supplied. All coordinates follow from w, the joints
+and the chart, as `Result.state` computes them. The ``numbers`` of a chart are the coordinates at
+its time t, then the rows of a tangent plane, or references and anchors of relative coordinates. A
+file of format 1 has neither table.
 
 While a run writes, the file is in WAL mode and every chunk is one commit, so that a killed run is
 readable up to its last chunk. A finished file stands alone, without companions.
@@ -35,11 +48,16 @@ from numpy.typing import NDArray
 from holonom.errors import FileError
 
 APPLICATION_ID = 0x486F6C6F  # "Holo"
-FORMAT = 1
+FORMAT = 2
+#: Formats that can be read.
+READABLE = (1, 2)
 
 #: The state at an output time: coordinates with rates, multipliers, extra states, windings and
 #: the energy ledger.
 STATE = ("time", "q", "qd", "qdd", "lambda", "z", "winding", "ledger")
+
+#: Blobs of a row of the table `dense`.
+DENSE = ("t", "h", "chart", "degree", "q", "winding", "normals", "ledger", "powers", "w")
 
 #: Columns of the step log that every run has: start time and size of the attempted step (s), its
 #: error (1 is on tolerance), whether it was accepted, why not, and its Newton iterations.
@@ -60,6 +78,11 @@ CREATE TABLE step (
     id INTEGER PRIMARY KEY, t REAL NOT NULL, h REAL NOT NULL, error REAL,
     accepted INTEGER NOT NULL, cause TEXT, iterations INTEGER);
 CREATE TABLE event (id INTEGER PRIMARY KEY, time REAL, kind TEXT, data TEXT NOT NULL);
+CREATE TABLE dense (
+    id INTEGER PRIMARY KEY, count INTEGER NOT NULL, "start" REAL NOT NULL, "end" REAL NOT NULL,
+    dimension INTEGER NOT NULL, {", ".join(f"{name} BLOB NOT NULL" for name in DENSE)});
+CREATE TABLE chart (
+    id INTEGER PRIMARY KEY, t REAL NOT NULL, text TEXT NOT NULL, numbers BLOB NOT NULL);
 """
 
 
@@ -139,6 +162,8 @@ class Writer:
                 if count:
                     ids, sizes = self._append_outputs(chunk, count)
                 columns = self._append_steps(chunk.get("steps") or {})
+                if "dense" in chunk:
+                    self._append_dense(chunk["dense"])
                 self._db.executemany(
                     "INSERT INTO event (time, kind, data) VALUES (?, ?, ?)",
                     [(e.get("time"), e.get("kind"), json.dumps(e)) for e in json.loads(events)],
@@ -223,6 +248,31 @@ class Writer:
         self._db.executemany(f"INSERT INTO step ({columns}) VALUES ({marks})", rows)  # noqa: S608
         return self._step_columns | steps.keys()
 
+    def _append_dense(self, dense: Mapping[str, Any]) -> None:
+        first = dense["charts_before"]
+        self._db.executemany(
+            "INSERT INTO chart (id, t, text, numbers) VALUES (?, ?, ?, ?)",
+            [
+                (first + k, t, text, _bytes(numbers))
+                for k, (t, text, numbers) in enumerate(dense["charts"])
+            ],
+        )
+        count = len(dense["t"])
+        if count:
+            facts = {
+                "count": count,
+                "start": float(dense["t"][0]),
+                "end": dense["end"],
+                "dimension": dense["dimension"],
+            }
+            facts |= {name: _bytes(dense[name]) for name in DENSE}
+            columns = ", ".join(f'"{name}"' for name in facts)
+            marks = ", ".join("?" * len(facts))
+            self._db.execute(
+                f"INSERT INTO dense ({columns}) VALUES ({marks})",  # noqa: S608
+                tuple(facts.values()),
+            )
+
 
 class Reader:
     """Reads a store up to the last chunk that was there when it was opened.
@@ -246,6 +296,11 @@ class Reader:
             self._last, self.count = db.execute(
                 "SELECT coalesce(max(id), 0), coalesce(sum(count), 0) FROM chunk"
             ).fetchone()
+            (version,) = db.execute("PRAGMA user_version").fetchone()
+            found = []
+            if version > 1:
+                found = db.execute('SELECT id, "start", "end" FROM dense ORDER BY id').fetchall()
+            self._dense = np.array(found, dtype=np.float64).reshape(-1, 3)
             rows = db.execute("SELECT id, name, unit, frame, shape FROM quantity ORDER BY id")
             self._ids: dict[str, int] = {}
             self.quantities: dict[str, Quantity] = {}
@@ -358,6 +413,39 @@ class Reader:
                 )
                 state[name] = part.astype(np.float64)
         return state
+
+    @property
+    def dense_span(self) -> tuple[float, float] | None:
+        """First and last time (s) that states can be computed at; None without dense output."""
+        if not len(self._dense):
+            return None
+        return float(self._dense[0, 1]), float(self._dense[-1, 2])
+
+    def dense_chunks(
+        self, times: NDArray[np.float64]
+    ) -> Iterator[tuple[NDArray[np.intp], dict[str, Any]]]:
+        """Yield indices of times (s) within `dense_span` with the steps that hold them."""
+        places = np.searchsorted(self._dense[:, 1], times, side="right") - 1
+        for place in np.unique(places):
+            yield np.nonzero(places == place)[0], self._dense_steps(int(self._dense[place, 0]))
+
+    def _dense_steps(self, number: int) -> dict[str, Any]:
+        columns = ", ".join(f'"{name}"' for name in ("end", "dimension", *DENSE))
+        with _as_file_errors(self.path):
+            end, dimension, *blobs = self._db.execute(
+                f"SELECT {columns} FROM dense WHERE id = ?",  # noqa: S608
+                (number,),
+            ).fetchone()
+            steps: dict[str, Any] = {
+                name: _numbers(blob) for name, blob in zip(DENSE, blobs, strict=True)
+            }
+            first, last = int(steps["chart"].min()), int(steps["chart"].max())
+            charts = self._db.execute(
+                "SELECT t, text, numbers FROM chart WHERE id BETWEEN ? AND ? ORDER BY id",
+                (first, last),
+            ).fetchall()
+        steps["charts"] = [(t, text, _numbers(numbers)) for t, text, numbers in charts]
+        return steps | {"charts_before": first, "end": end, "dimension": dimension}
 
     def steps(self) -> dict[str, NDArray[Any]]:
         """Return the step log by column; texts are an object array."""
@@ -477,10 +565,19 @@ def _require_result(db: sqlite3.Connection, path: Path) -> None:
         raise FileError(f"{path} is not a Holonom result") from None
     if application != APPLICATION_ID:
         raise FileError(f"{path} is not a Holonom result")
-    if version != FORMAT:
+    if version not in READABLE:
+        known = " and ".join(map(str, READABLE))
         raise FileError(
-            f"{path} has result format {version}; this version of Holonom reads format {FORMAT}"
+            f"{path} has result format {version}; this version of Holonom reads formats {known}"
         )
+
+
+def _bytes(values: NDArray[np.float64]) -> bytes:
+    return np.ascontiguousarray(values, dtype="<f8").tobytes()
+
+
+def _numbers(blob: bytes) -> NDArray[np.float64]:
+    return np.frombuffer(blob, dtype="<f8").astype(np.float64)
 
 
 def _put_meta(db: sqlite3.Connection, meta: Mapping[str, Any]) -> None:

@@ -107,8 +107,10 @@ def test_a_run_starts_from_a_stored_state(
     assert invoke([*arguments, "--json"]) == 0
     facts = output_json(capsys)
     assert facts["n_times"] == 61
-    assert invoke([*arguments[:-1], "0.4001"]) == 1
-    assert "nearest one is at 0.4" in capsys.readouterr().err
+    assert invoke([*arguments[:-1], "0.4001", "--json"]) == 0  # no output time
+    assert output_json(capsys)["n_times"] == 61
+    assert invoke([*arguments[:-1], "1.4"]) == 1
+    assert "covers 0.0 s to 1.0 s" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("rows", [0, 1])

@@ -1,5 +1,6 @@
 //! Python binding of Holonom: conversions only. Text marked JSON in `_core.pyi` is made here.
 
+mod dense;
 mod model;
 mod options;
 mod report;

@@ -3,11 +3,11 @@
 use crate::options::Choices;
 use crate::sink::Callbacks;
 use crate::state::{Rows, foreign, rows};
-use crate::{ModelError, SimulationError, report};
+use crate::{ModelError, SimulationError, dense, report, state};
 use holonom::analysis::spectrum;
 use holonom::error::{Diagnostic, ModelErrors};
 use holonom::io::{Document, Syntax};
-use holonom::simulation::{Problem, RunError, run};
+use holonom::simulation::{DenseOutput, Problem, RunError, run};
 use holonom::system::Channel;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -169,6 +169,26 @@ impl CoreModel {
             }
             Err(error) => Err(refuse(error.code(), &error.to_string(), error.item(), error.help())),
         }
+    }
+
+    fn dense_states<'py>(
+        &self,
+        py: Python<'py>,
+        steps: &Bound<'py, PyDict>,
+        times: Vec<f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let segments = dense::from_python(steps)?;
+        let problem = &self.problem;
+        let states = py
+            .detach(|| {
+                let mut dense = DenseOutput::new(problem, segments)?;
+                times.into_iter().map(|t| dense.state(t)).collect::<Result<Vec<_>, _>>()
+            })
+            .map_err(|failure| {
+                let text = report::refusal(failure.code, &failure.message, None, "");
+                SimulationError::new_err(text)
+            })?;
+        state::to_python(py, &states, &problem.system().structure().sizes)
     }
 
     fn evaluate_channels<'py>(

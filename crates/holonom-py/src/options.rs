@@ -27,6 +27,7 @@ pub(crate) struct Choices {
     parametrization: Option<String>,
     jacobian: Option<String>,
     repartition_factor: Option<f64>,
+    dense_output: Option<bool>,
     profile: Option<String>,
     newmark_gamma: Option<f64>,
     newmark_beta: Option<f64>,
@@ -120,6 +121,7 @@ impl Choices {
             .repartition_factor
             .or(file.repartition_factor)
             .unwrap_or(options.repartition_factor);
+        options.dense_output = self.dense_output.or(file.dense_output);
         Ok(options)
     }
 }

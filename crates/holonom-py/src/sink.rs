@@ -1,5 +1,6 @@
 //! Hands chunks and progress to Python callbacks.
 
+use crate::dense;
 use crate::state::rows;
 use holonom::simulation::{Chunk, Flow, Sink, StepOutcome};
 use holonom::system::{Channel, Sizes};
@@ -66,6 +67,9 @@ impl Callbacks {
             .iter()
             .map(|e| serde_json::json!({"time": e.t, "kind": e.kind.name()}))
             .collect();
+        if !(chunk.dense.is_empty() && chunk.dense.charts.is_empty()) {
+            dict.set_item("dense", dense::to_python(py, &chunk.dense)?)?;
+        }
         dict.set_item("events", serde_json::Value::from(events).to_string())?;
         Ok(dict)
     }

@@ -89,6 +89,35 @@ impl Rows {
     }
 }
 
+/// States as arrays by name, as a result stores them.
+pub(crate) fn to_python<'py>(
+    py: Python<'py>,
+    states: &[State],
+    sizes: &Sizes,
+) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    let times: Vec<f64> = states.iter().map(|s| s.t).collect();
+    dict.set_item("time", PyArray1::from_slice(py, &times))?;
+    let n = sizes.coordinates;
+    type Part = fn(&State) -> &[f64];
+    let parts: [(&str, usize, Part); 6] = [
+        ("q", n, |s| &s.q),
+        ("qd", n, |s| &s.v),
+        ("qdd", n, |s| &s.a),
+        ("lambda", sizes.rows, |s| &s.lambda),
+        ("z", sizes.extra_states, |s| &s.z),
+        ("winding", sizes.windings, |s| &s.winding),
+    ];
+    for (name, size, part) in parts {
+        let values: Vec<f64> = states.iter().flat_map(part).copied().collect();
+        dict.set_item(name, rows(py, &values, states.len(), &[size])?)?;
+    }
+    let ledgers = states.iter().map(|s| &s.ledger);
+    let values: Vec<f64> = ledgers.flat_map(|l| [l.initial, l.dissipated, l.supplied]).collect();
+    dict.set_item("ledger", rows(py, &values, states.len(), &[3])?)?;
+    Ok(dict)
+}
+
 /// An array of rows with the given shape of one row.
 pub(crate) fn rows<'py>(
     py: Python<'py>,
