@@ -334,7 +334,7 @@ impl DenseOutput {
 const FOREIGN: &str = "the stored steps are not those of this model";
 
 fn foreign(message: String) -> EvaluationFailure {
-    EvaluationFailure { code: "simulation/dense-output", message }
+    EvaluationFailure::new("simulation/dense-output", message)
 }
 
 /// Whether steps and charts have the sizes of the system.
