@@ -385,6 +385,10 @@ def export(
     return _done("table", target, json_)
 
 
+#: Rows that an export makes at most, as a run.
+_MOST_ROWS = 1e7
+
+
 def _row_times(result: Result, interval: float | None, times: str | None) -> list[float] | None:
     """Return the times that rows are wanted at; None for those that are stored."""
     if interval is not None and times is not None:
@@ -396,9 +400,13 @@ def _row_times(result: Result, interval: float | None, times: str | None) -> lis
             raise UsageError(f"`--times` is {times!r}; it must be numbers with commas") from None
     if interval is None:
         return None
-    if not interval > 0.0:
-        raise UsageError(f"`--interval` is {interval}; it must be positive")
+    if not (interval > 0.0 and math.isfinite(interval)):
+        raise UsageError(f"`--interval` is {interval}; it must be positive and finite")
+    if result.span is None and not result.time.size:
+        raise UsageError("the result has no rows and no stored steps: nothing to export")
     first, last = result.span or (float(result.time[0]), float(result.time[-1]))
+    if (last - first) / interval > _MOST_ROWS:
+        raise UsageError(f"`--interval` is {interval}; more than {_MOST_ROWS:.0e} rows are refused")
     count = math.floor((last - first) / interval * (1.0 + 1e-12))
     return [min(first + k * interval, last) for k in range(count + 1)]
 

@@ -260,6 +260,8 @@ class Result:
         rows = self.time
         if not rows.size:
             raise UsageError(_NO_ROWS)
+        if not np.isfinite(times).all():
+            raise UsageError("times must be finite numbers")
         slack = _SLACK * np.maximum(1.0, np.abs(times))
         span = self.span
         inside = np.zeros(times.size, dtype=bool)

@@ -139,3 +139,32 @@ spring = { type = "tsda", between = ["ground", "weight"], points = [[0.3, 1001.0
     assert!(summary.energy.moved < 1e-7, "{:?}", summary.energy);
     assert_eq!(warning(&summary), None, "{:?}", summary.energy);
 }
+
+#[test] // truth: an undamped torsional oscillator of 1 rad; within 3 tolerances of 1 rad to either side
+fn what_swings_to_and_fro_is_not_taken_for_what_turns() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+disc = { mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }
+[joints]
+pin = { type = "revolute", between = ["ground", "disc"], point = [0.0, 0.0] }
+[forces]
+spring = { type = "rsda", between = ["ground", "disc"], stiffness = 10.0 }
+[initial.bodies]
+disc = { angle = 1.0 }
+"#,
+    );
+    let run = Options {
+        channels: vec!["disc.angle".into()],
+        output: holonom::simulation::OutputTimes::Interval(1.0),
+        ..options(Code::ForRadau, 1e-4, 60.0)
+    };
+    let outcome = run_model(&model, &run);
+    for (t, angle) in outcome.rows.all.time.iter().zip(&outcome.rows.all.channels[0]) {
+        assert!((angle - (10.0 * t).cos()).abs() < 3.0 * 3e-4, "{angle} at {t}");
+    }
+    assert!(outcome.summary.warnings.is_empty(), "{:?}", outcome.summary.warnings);
+}

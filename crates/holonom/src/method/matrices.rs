@@ -96,7 +96,13 @@ impl Matrices {
         }
         if self.factored != Some(step.h) {
             self.factored = None;
-            stages.factor(ode, step.h).map_err(Failure::singular)?;
+            let mut factored = stages.factor(ode, step.h);
+            if factored.is_err() && self.linearization == Linearization::Predicted {
+                stages.linearize(ode, step)?;
+                self.linearization = Linearization::Current;
+                factored = stages.factor(ode, step.h);
+            }
+            factored.map_err(Failure::singular)?;
             self.factored = Some(step.h);
         }
         Ok(())

@@ -19,7 +19,8 @@ pub struct Step<'a> {
 /// The stages of an implicit formula and its buffers.
 ///
 /// The shell, [`super::attempt::ImplicitStepper`], calls `linearize`, `factor`, `iterate`, `estimate` and, for
-/// an accepted step, `finish`, each when those before have succeeded.
+/// an accepted step, `finish`, each when those before have succeeded. In place of `linearize`, where stages are
+/// iterated, it may linearize the system itself in the middle of the step.
 pub trait Stages: Debug + Send {
     /// Degree of the dense output.
     const DEGREE: usize;

@@ -363,7 +363,7 @@ fn check(system: &dyn System, segments: &Segments) -> Result<(), EvaluationFailu
         };
         fits && record.q.len() == sizes.coordinates
             && p.kept.len() + p.ndof == sizes.coordinates
-            && p.kept.iter().all(|&row| row < sizes.rows)
+            && p.kept.iter().chain(&p.dropped).all(|&row| row < sizes.rows)
             && 2 * p.ndof + sizes.extra_states <= segments.dimension
     };
     if rows.iter().all(|(found, expected)| found == expected)

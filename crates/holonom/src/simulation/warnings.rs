@@ -48,7 +48,7 @@ pub(super) fn warnings(
     } else if scale.drift() > LARGEST_DRIFT {
         let message = format!(
             "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what \
-                 turns many times this adds up to about {:.0} tolerances of an angle: tighten the \
+                 turns many times this adds up to about {:.0} tolerances: tighten the \
                  tolerance, use tree coordinates, or measure the error with `certify`",
             e.largest_imbalance,
             e.moved,
