@@ -349,7 +349,7 @@ pub(crate) struct Simulation {
     /// Whether all that states between output times are made of is stored; by default where the code is
     /// implicit.
     pub(crate) dense_output: Option<bool>,
-    /// What the independent variables are; tree unless stated.
+    /// What the independent variables are; unless stated tree, with the profile `thesis` partitioning.
     pub(crate) parametrization: Option<Parametrization>,
     /// Where the integration Jacobian comes from; analytic unless stated.
     pub(crate) jacobian: Option<JacobianSource>,
