@@ -172,11 +172,12 @@ class Result:
             If the run has no such time, or stored no steps and none of its output times is there.
         """
         times = self.time
-        if not times.size:
-            raise UsageError(_NO_ROWS)
-        index = times.size - 1 if time is None else int(np.argmin(np.abs(times - time)))
-        if time is None or times[index] == time:
-            return self._reader.row(index)
+        if time is None:
+            if not times.size:
+                raise UsageError(_NO_ROWS)
+            return self._reader.row(times.size - 1)
+        for index in np.nonzero(times == time)[0][:1]:
+            return self._reader.row(int(index))
         return {name: part[0] for name, part in self._states(np.array([float(time)])).items()}
 
     def sample(
@@ -257,13 +258,12 @@ class Result:
 
     def _states(self, times: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
         """Return states at times: computed where steps are stored, else stored rows."""
-        rows = self.time
-        if not rows.size:
+        rows, span = self.time, self.span
+        if not rows.size and span is None:
             raise UsageError(_NO_ROWS)
         if not np.isfinite(times).all():
             raise UsageError("times must be finite numbers")
         slack = _SLACK * np.maximum(1.0, np.abs(times))
-        span = self.span
         inside = np.zeros(times.size, dtype=bool)
         if span is not None:
             inside = (times >= span[0] - slack) & (times <= span[1] + slack)
@@ -272,6 +272,9 @@ class Result:
             name: np.empty((times.size, stored[name].size)) for name in STATE if name in stored
         }
         for k in np.nonzero(~inside)[0]:
+            if not rows.size:
+                # A run that ended before its first output row.
+                raise UsageError(f"there is no state at {times[k]} s; the run covers {span} s")
             nearest = int(np.argmin(np.abs(rows - times[k])))
             if not abs(rows[nearest] - times[k]) <= slack[k]:
                 raise UsageError(_no_state(float(times[k]), rows, nearest, span))
@@ -283,7 +286,9 @@ class Result:
             for places, steps in self._reader.dense_chunks(clipped):
                 states = self.model.dense_states(steps, clipped[places])
                 for name, part in states.items():
-                    found[name][index[places]] = part.reshape(places.size, -1)
+                    values = part.reshape(places.size, -1)
+                    found.setdefault(name, np.empty((times.size, values.shape[1])))
+                    found[name][index[places]] = values
         return found
 
     @property

@@ -318,3 +318,22 @@ def test_rows_that_make_no_sense_are_refused(
     assert invoke(["export", str(path), *arguments]) == 1
     assert said in capsys.readouterr().err
     assert not path.with_suffix(".csv").exists()
+
+
+def test_a_run_that_was_killed_before_its_first_row_has_states(
+    wheel: holonom.Model, tmp_path: Path
+) -> None:
+    path = wheel.simulate().save(tmp_path / "whole.holonom")
+    with closing(sqlite3.connect(path)) as file, file:
+        for table in ("data", "chunk", "quantity"):
+            file.execute(f"DELETE FROM {table}")
+    result = holonom.Result.load(path)
+    assert result.time.size == 0
+    assert result.span == (0.0, 2.0)
+    with pytest.raises(UsageError, match="nothing was stored"):
+        result.state()
+    whole = wheel.simulate()
+    for name, values in result.state(1.234).items():
+        np.testing.assert_array_equal(values, whole.state(1.234)[name])
+    with pytest.raises(UsageError, match="the run covers"):
+        result.state(2.1)
