@@ -333,7 +333,7 @@ impl Orientation<3, 7, 4> for Spatial {
     }
 
     fn rotation() -> Self::Rotation {
-        super::relative::SpatialRotation
+        super::turning::SpatialRotation
     }
 }
 

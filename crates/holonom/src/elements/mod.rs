@@ -19,6 +19,7 @@ pub(crate) mod space;
 pub mod spatial;
 #[cfg(test)]
 mod tests;
+mod turning;
 mod vector_function;
 
 use crate::math::Real;

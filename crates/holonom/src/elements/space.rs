@@ -4,7 +4,7 @@
 use std::fmt::Debug;
 
 use super::angle::{Angle, LineAngle, PlanarAngle, SpatialAngle};
-use super::relative::{SpatialDirection, SpatialRotation, Turning};
+use super::turning::{SpatialDirection, SpatialRotation, Turning};
 use crate::math::{Real, planar, spatial};
 use crate::model;
 
