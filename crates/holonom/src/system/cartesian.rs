@@ -2,145 +2,23 @@
 
 use super::compile::build;
 use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, Resistance, ResistanceLaw, Tree};
+use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
 use super::quantities::{Channel, evaluate_channel};
+use super::space::Space;
 use super::turns::Turns;
 use super::{BodyPose, DerivativeBlocks, EnergyBalance, State, Structure, System};
-use crate::elements::kinematics::{Anchor, Between, EdgeKinematics};
-use crate::elements::relative::{Reference, RelativeElement};
+use crate::elements::kinematics::Anchor;
+use crate::elements::relative::Reference;
 use crate::elements::row::RowKind;
 use crate::elements::{
     ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
 };
-use crate::model::{BodyIndex, Dimension, Driver, Force, Frame, Joint, Model};
+use crate::model::{Dimension, Model};
 use holonom_linalg::{BlockId, BlockMatrix};
 use std::sync::Arc;
 
 /// Radians, or part of the characteristic length, over which stiff forces are told for messages.
 const PROBE: f64 = 1e-6;
-
-/// What distinguishes planar from spatial Cartesian coordinates: N per body, D of them translations.
-pub(super) trait Space<const D: usize, const N: usize>:
-    Send + Sync + Sized + 'static
-{
-    type Constraint: ConstraintElement<N> + Send + Sync;
-    type Force: ForceElement<N> + Send + Sync;
-    type Relative: RelativeElement<N> + std::fmt::Debug + Clone + Send + Sync;
-    type Kinematics: EdgeKinematics<N> + std::fmt::Debug + Clone + Send + Sync;
-    /// Pose of the ground.
-    const GROUND: [f64; N];
-    /// Whether each body has a normalisation row.
-    const NORMALIZED: bool;
-
-    fn joint(joint: &Joint, centers: [[f64; 3]; 2]) -> Self::Constraint;
-    fn driver(driver: &Driver, centers: [[f64; 3]; 2]) -> Self::Constraint;
-    fn force(force: &Force, centers: [[f64; 3]; 2]) -> Self::Force;
-    fn force_bodies(force: &Force) -> [BodyIndex; 2];
-    /// The relative coordinates of a joint, a line, a bushing, a free body, and the angle about h.
-    fn joint_form(joint: &Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
-    fn line_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
-    fn bushing_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
-    fn free_form() -> FormOf<Self, D, N>;
-    fn relative_angle(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative;
-    fn wraps(constraint: &Self::Constraint) -> bool;
-    fn joint_quantities(constraint: &Self::Constraint) -> &'static [crate::elements::Quantity];
-    fn joint_quantity(
-        constraint: &Self::Constraint,
-        index: usize,
-        q: [&[f64; N]; 2],
-        v: [&[f64; N]; 2],
-        winding: f64,
-        out: &mut [f64],
-    );
-    fn joint_counts_turns(constraint: &Self::Constraint) -> bool;
-    fn joint_angle(constraint: &Self::Constraint, q: [&[f64; N]; 2], winding: f64) -> f64;
-    /// Point of the joint on its second body, relative to the centre of mass, body axes.
-    fn point_on_second(constraint: &Self::Constraint) -> [f64; 3];
-    /// Rotational block of M, (N−D)×(N−D) row-major at the end of a body's coordinates.
-    fn rotational_mass(inertia: &[[f64; 3]; 3], q: &[f64; N], out: &mut [f64]);
-    /// Adds velocity-quadratic inertia terms to Q.
-    fn gyroscopic_force(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N], out: &mut [f64]);
-    /// Adds (M a)_q − (gyroscopic)_q to `k` and −(gyroscopic)_q̇ to `c`, both N×N row-major.
-    fn inertia_blocks(
-        inertia: &[[f64; 3]; 3],
-        q: &[f64; N],
-        v: &[f64; N],
-        a: &[f64; N],
-        k: &mut [f64],
-        c: &mut [f64],
-    );
-    /// A lower bound of the inertia about any axis.
-    fn least_inertia(inertia: &[[f64; 3]; 3]) -> f64;
-    fn kinetic_rotation(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N]) -> f64;
-    fn set_body(center: &[f64; 3], pose: &BodyPose, q: &mut [f64], v: &mut [f64]);
-    fn body(center: &[f64; 3], q: &[f64; N], v: &[f64; N]) -> BodyPose;
-    /// Velocity and angular velocity rates (ground axes) of the body origin for accelerations `a`.
-    fn body_acceleration(
-        center: &[f64; 3],
-        q: &[f64; N],
-        v: &[f64; N],
-        a: &[f64; N],
-    ) -> ([f64; 3], [f64; 3]);
-    /// Force and torque (ground axes, about the centre of mass) equivalent to a generalized force.
-    fn wrench(q: &[f64; N], generalized: &[f64; N]) -> ([f64; 3], [f64; 3]);
-    /// A point of a body, relative to its centre of mass, turned into ground axes.
-    fn rotate(q: &[f64; N], s: &[f64; 3]) -> [f64; 3];
-    fn coordinate_names() -> [&'static str; N];
-}
-
-/// Kinematics of an edge with its coordinates.
-pub(super) type FormOf<S, const D: usize, const N: usize> =
-    (<S as Space<D, N>>::Kinematics, Vec<(<S as Space<D, N>>::Relative, Between)>);
-
-/// A joint or driver between two bodies with its place in the equations.
-#[derive(Debug, Clone)]
-pub(super) struct PlacedConstraint<C> {
-    pub(super) name: String,
-    pub(super) kind: &'static str,
-    pub(super) element: C,
-    pub(super) bodies: [Option<usize>; 2],
-    pub(super) row: usize,
-    /// Kinks of a driver's motion, s.
-    pub(super) breakpoints: Vec<f64>,
-    /// Of a joint whose angle counts turns.
-    pub(super) turns: Option<Turns>,
-}
-
-/// A force between two bodies with its place in the equations.
-#[derive(Debug, Clone)]
-pub(super) struct PlacedForce<F> {
-    pub(super) name: String,
-    pub(super) element: F,
-    pub(super) bodies: [Option<usize>; 2],
-    pub(super) extra: Option<usize>,
-    pub(super) turns: Option<Turns>,
-}
-
-/// Numbers of one body.
-#[derive(Debug, Clone)]
-pub(super) struct PlacedBody {
-    pub(super) name: String,
-    pub(super) mass: f64,
-    pub(super) inertia: [[f64; 3]; 3],
-    pub(super) center: [f64; 3],
-    pub(super) markers: Vec<(String, [f64; 3])>,
-}
-
-/// Block numbers of the elements in the patterns of [`Structure`].
-#[derive(Debug, Clone, Default)]
-pub(super) struct Slots {
-    /// Per constraint and side: block of G.
-    pub(super) jacobian: Vec<[Option<BlockId>; 2]>,
-    /// Per constraint and pair of sides: block of K.
-    pub(super) constraint_pairs: Vec<[[Option<BlockId>; 2]; 2]>,
-    /// Per force and pair of sides: block of K and C.
-    pub(super) force_pairs: Vec<[[Option<BlockId>; 2]; 2]>,
-    /// Per body: diagonal block of K and C.
-    pub(super) diagonal: Vec<BlockId>,
-    /// Per body: translational and rotational block of M.
-    pub(super) mass: Vec<[BlockId; 2]>,
-    /// Per body: normalisation block of G.
-    pub(super) normalization: Vec<BlockId>,
-}
 
 /// The system.
 pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {

@@ -1,7 +1,7 @@
 //! Planar Cartesian coordinates: (x, y, θ) of the centre of mass per body.
 
 use super::BodyPose;
-use super::cartesian::{FormOf, Space};
+use super::space::{FormOf, Space};
 use crate::elements::Quantity;
 use crate::elements::kinematics::{self, Kinematics, Orientation};
 use crate::elements::planar::{Constraint, Force};

@@ -5,7 +5,8 @@
 //! Mechanical Systems* (1989), chapter 9.
 
 use super::BodyPose;
-use super::cartesian::{FormOf, Space, cross};
+use super::cartesian::cross;
+use super::space::{FormOf, Space};
 use crate::elements::Quantity;
 use crate::elements::kinematics::{self, Kinematics, Orientation};
 use crate::elements::relative;

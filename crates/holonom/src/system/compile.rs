@@ -1,9 +1,11 @@
 //! From a model to a system in Cartesian coordinates.
 
-use super::cartesian::{Cartesian, PlacedBody, PlacedConstraint, PlacedForce, Slots, Space};
+use super::cartesian::Cartesian;
 use super::cartesian_planar::Planar;
 use super::cartesian_spatial::Spatial;
 use super::forest::{self, ResistanceLaw};
+use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
+use super::space::Space;
 use super::structure::{Sizes, Structure};
 use super::turns::Turns;
 use super::{Measure, System, quantities};

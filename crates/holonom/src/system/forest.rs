@@ -2,7 +2,8 @@
 //! of its force elements.
 
 use super::State;
-use super::cartesian::{Cartesian, Space};
+use super::cartesian::Cartesian;
+use super::space::Space;
 use super::turns::{Along, along};
 use crate::elements::RowBlocks;
 use crate::elements::kinematics::{Anchor, Between, EdgeKinematics};

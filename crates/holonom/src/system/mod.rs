@@ -9,7 +9,9 @@ mod cartesian_planar;
 mod cartesian_spatial;
 mod compile;
 mod forest;
+mod placed;
 mod quantities;
+mod space;
 mod structure;
 mod turns;
 

@@ -1,6 +1,7 @@
 //! Channels: named outputs with unit, frame and shape, computed from a state on demand.
 
-use super::cartesian::{Cartesian, Space};
+use super::cartesian::Cartesian;
+use super::space::Space;
 use super::{State, System};
 use crate::elements::ForceElement;
 

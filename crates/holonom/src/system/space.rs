@@ -1,0 +1,80 @@
+//! What a dimension supplies to Cartesian coordinates.
+
+use super::BodyPose;
+use crate::elements::kinematics::{Between, EdgeKinematics};
+use crate::elements::relative::RelativeElement;
+use crate::elements::{ConstraintElement, ForceElement};
+use crate::model::{BodyIndex, Driver, Force, Frame, Joint};
+
+/// What distinguishes planar from spatial Cartesian coordinates: N per body, D of them translations.
+pub(super) trait Space<const D: usize, const N: usize>:
+    Send + Sync + Sized + 'static
+{
+    type Constraint: ConstraintElement<N> + Send + Sync;
+    type Force: ForceElement<N> + Send + Sync;
+    type Relative: RelativeElement<N> + std::fmt::Debug + Clone + Send + Sync;
+    type Kinematics: EdgeKinematics<N> + std::fmt::Debug + Clone + Send + Sync;
+    /// Pose of the ground.
+    const GROUND: [f64; N];
+    /// Whether each body has a normalisation row.
+    const NORMALIZED: bool;
+
+    fn joint(joint: &Joint, centers: [[f64; 3]; 2]) -> Self::Constraint;
+    fn driver(driver: &Driver, centers: [[f64; 3]; 2]) -> Self::Constraint;
+    fn force(force: &Force, centers: [[f64; 3]; 2]) -> Self::Force;
+    fn force_bodies(force: &Force) -> [BodyIndex; 2];
+    /// The relative coordinates of a joint, a line, a bushing, a free body, and the angle about h.
+    fn joint_form(joint: &Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
+    fn line_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
+    fn bushing_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
+    fn free_form() -> FormOf<Self, D, N>;
+    fn relative_angle(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative;
+    fn wraps(constraint: &Self::Constraint) -> bool;
+    fn joint_quantities(constraint: &Self::Constraint) -> &'static [crate::elements::Quantity];
+    fn joint_quantity(
+        constraint: &Self::Constraint,
+        index: usize,
+        q: [&[f64; N]; 2],
+        v: [&[f64; N]; 2],
+        winding: f64,
+        out: &mut [f64],
+    );
+    fn joint_counts_turns(constraint: &Self::Constraint) -> bool;
+    fn joint_angle(constraint: &Self::Constraint, q: [&[f64; N]; 2], winding: f64) -> f64;
+    /// Point of the joint on its second body, relative to the centre of mass, body axes.
+    fn point_on_second(constraint: &Self::Constraint) -> [f64; 3];
+    /// Rotational block of M, (N−D)×(N−D) row-major at the end of a body's coordinates.
+    fn rotational_mass(inertia: &[[f64; 3]; 3], q: &[f64; N], out: &mut [f64]);
+    /// Adds velocity-quadratic inertia terms to Q.
+    fn gyroscopic_force(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N], out: &mut [f64]);
+    /// Adds (M a)_q − (gyroscopic)_q to `k` and −(gyroscopic)_q̇ to `c`, both N×N row-major.
+    fn inertia_blocks(
+        inertia: &[[f64; 3]; 3],
+        q: &[f64; N],
+        v: &[f64; N],
+        a: &[f64; N],
+        k: &mut [f64],
+        c: &mut [f64],
+    );
+    /// A lower bound of the inertia about any axis.
+    fn least_inertia(inertia: &[[f64; 3]; 3]) -> f64;
+    fn kinetic_rotation(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N]) -> f64;
+    fn set_body(center: &[f64; 3], pose: &BodyPose, q: &mut [f64], v: &mut [f64]);
+    fn body(center: &[f64; 3], q: &[f64; N], v: &[f64; N]) -> BodyPose;
+    /// Velocity and angular velocity rates (ground axes) of the body origin for accelerations `a`.
+    fn body_acceleration(
+        center: &[f64; 3],
+        q: &[f64; N],
+        v: &[f64; N],
+        a: &[f64; N],
+    ) -> ([f64; 3], [f64; 3]);
+    /// Force and torque (ground axes, about the centre of mass) equivalent to a generalized force.
+    fn wrench(q: &[f64; N], generalized: &[f64; N]) -> ([f64; 3], [f64; 3]);
+    /// A point of a body, relative to its centre of mass, turned into ground axes.
+    fn rotate(q: &[f64; N], s: &[f64; 3]) -> [f64; 3];
+    fn coordinate_names() -> [&'static str; N];
+}
+
+/// Kinematics of an edge with its coordinates.
+pub(super) type FormOf<S, const D: usize, const N: usize> =
+    (<S as Space<D, N>>::Kinematics, Vec<(<S as Space<D, N>>::Relative, Between)>);
