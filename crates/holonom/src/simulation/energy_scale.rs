@@ -3,12 +3,9 @@
 use crate::model::{Model, Tolerance};
 use crate::system::{EnergyBalance, State, System};
 use crate::topology::Shape;
-use std::f64::consts::{PI, TAU};
 
 /// Part of the energies summed up that is round-off of their sum.
 const ROUND_OFF: f64 = 1e-12;
-/// Part of its largest speed from which a point has a direction.
-const SLOW: f64 = 1e-3;
 /// Absolute tolerances that a run may be off without a word.
 const ALLOWED: f64 = 10.0;
 
@@ -27,68 +24,6 @@ pub(super) struct EnergyScale {
     supplied: f64,
     /// Largest sum of all terms by their size, J.
     sum: f64,
-    /// Per body.
-    turning: Vec<Turning>,
-    /// Largest such error of an angle, in tolerances.
-    drift: f64,
-}
-
-/// An angle about an axis that moves little, rad, and what of it missing energy makes.
-#[derive(Debug, Clone, Copy, Default)]
-struct Angle {
-    turned: [f64; 3],
-    behind: [f64; 3],
-}
-
-impl Angle {
-    /// Adds a small turn of which a part is missing; returns how far the angle is behind, rad. In less than a
-    /// turn nothing adds up.
-    fn add(&mut self, turn: [f64; 3], part: f64) -> f64 {
-        for k in 0..3 {
-            self.turned[k] += turn[k];
-            self.behind[k] += part * turn[k];
-        }
-        if length(self.turned) > TAU { length(self.behind) } else { 0.0 }
-    }
-}
-
-/// How a body and the direction of its path turn.
-#[derive(Debug, Clone, Copy, Default)]
-struct Turning {
-    rotation: Angle,
-    path: Angle,
-    velocity: [f64; 3],
-    /// Largest speed so far, m/s.
-    fastest: f64,
-}
-
-impl Turning {
-    /// The same for the point that moves with `velocity`; returns how far it is behind, in tolerances of its
-    /// position: on a path of radius r by the angle times r, and its movement is 2r.
-    fn follow_path(&mut self, velocity: [f64; 3], h: f64, part: f64, tolerance: &Tolerance) -> f64 {
-        let (before, speed) = (std::mem::replace(&mut self.velocity, velocity), length(velocity));
-        self.fastest = self.fastest.max(speed);
-        let along: f64 = before.iter().zip(&velocity).map(|(a, b)| a * b).sum();
-        // What comes to rest or turns back has no direction in between.
-        if along <= 0.0 || speed < SLOW * self.fastest {
-            return 0.0;
-        }
-        let [a, b] = [before, velocity];
-        let normal =
-            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-        let across = length(normal);
-        if across == 0.0 {
-            return 0.0;
-        }
-        let angle = across.atan2(along);
-        let behind = self.path.add(normal.map(|x| x * angle / across), part);
-        let radius = speed * h / angle;
-        behind * radius / (tolerance.translation + 2.0 * tolerance.relative * radius)
-    }
-}
-
-fn length(x: [f64; 3]) -> f64 {
-    x.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// A group of bodies that no joint ties to the ground.
@@ -138,8 +73,7 @@ impl EnergyScale {
                 travelling.push(group);
             }
         }
-        let turning = vec![Turning::default(); sizes.bodies];
-        let mut scale = Self { travelling, turning, ..Self::default() };
+        let mut scale = Self { travelling, ..Self::default() };
         scale.take(system, start, &system.energy(start));
         scale
     }
@@ -159,33 +93,12 @@ impl EnergyScale {
         self.sum = self.sum.max(terms.iter().map(|term| term.abs()).sum());
     }
 
-    /// Takes a step of length `h` that ends at `state` with this imbalance. An energy E that is off by δE
-    /// comes with velocities off by δE / 2E, and what turns with ω is behind by ∫ ω δE / 2E dt: far more than its
-    /// velocity when it turns many times. What swings to and fro cancels out.
-    pub(super) fn follow(
-        &mut self,
-        system: &dyn System,
-        state: &State,
-        h: f64,
-        imbalance: f64,
-        tolerance: &Tolerance,
-    ) {
+    /// The part of the velocities that an imbalance tells of: an energy E that is off by δE comes with velocities
+    /// off by δE / 2E.
+    pub(super) fn part_of_velocities(&self, imbalance: f64) -> f64 {
         let moved = self.moved();
         let tells = moved > 0.0 && imbalance.abs() > ROUND_OFF * self.sum;
-        let part = if tells { imbalance / (2.0 * moved) } else { 0.0 };
-        for (body, turning) in self.turning.iter_mut().enumerate() {
-            let pose = system.body(body, &state.q, &state.v);
-            let rotation = turning.rotation.add(pose.angular_velocity.map(|w| w * h), part);
-            let allowed = tolerance.rotation + tolerance.relative * PI;
-            self.drift = self.drift.max(rotation / allowed);
-            let path = turning.follow_path(pose.velocity, h, part, tolerance);
-            self.drift = self.drift.max(path);
-        }
-    }
-
-    /// Largest error of an angle that the imbalance tells of, in tolerances of the angle.
-    pub(super) fn drift(&self) -> f64 {
-        self.drift
+        if tells { imbalance / (2.0 * moved) } else { 0.0 }
     }
 
     /// The energy that has moved, J.

@@ -4,6 +4,7 @@ mod checks;
 mod clock;
 mod dense;
 mod diagnosis;
+mod drift;
 mod energy_scale;
 mod ledger;
 mod options;

@@ -4,6 +4,7 @@ use super::checks::{RunError, check_options, check_tables, find_channels};
 use super::clock::{Elapsed, Stopwatch};
 use super::dense::{ChartRecord, STEP_POWERS, Segments};
 use super::diagnosis::{Stop, Suspects, diagnose};
+use super::drift::Drift;
 use super::energy_scale::EnergyScale;
 use super::ledger::{StepPowers, powers};
 use super::options::Options;
@@ -137,6 +138,7 @@ pub fn run(
         energy: EnergySummary { start: energy, ..EnergySummary::default() },
         kinetic_range: (energy.kinetic, energy.kinetic),
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
+        drift: Drift::new(system.structure().sizes.bodies),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
         output,
         recorder: Recorder::new(form.point(), dimension, form.integrates_powers()),
@@ -196,6 +198,7 @@ struct Run<'a> {
     energy: EnergySummary,
     kinetic_range: (f64, f64),
     energy_scale: EnergyScale,
+    drift: Drift,
     powers: StepPowers,
     output: Output,
     warnings: Vec<RunWarning>,
@@ -470,7 +473,8 @@ impl Run<'_> {
         self.kinetic_range = (low.min(energy.kinetic), high.max(energy.kinetic));
         let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
         self.energy_scale.take(system, &self.state, energy);
-        self.energy_scale.follow(system, &self.state, step, imbalance, tolerance);
+        let part = self.energy_scale.part_of_velocities(imbalance);
+        self.drift.follow(system, &self.state, step, part, tolerance);
     }
 
     /// Chooses another partition when the present one has become ill-conditioned.
@@ -653,7 +657,9 @@ impl Run<'_> {
         e.moved = self.energy_scale.moved();
         let dropped = &self.form.point().manifold.chart().parametrization().dropped;
         let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
-        self.warnings = warnings(system, dropped, s, e, &self.energy_scale, tolerance);
+        let negligible = self.energy_scale.negligible(system, tolerance);
+        self.warnings =
+            warnings(system, dropped, s, e, negligible, self.drift.largest(), tolerance);
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
                 Err(Stop::Sink(message))

@@ -1,6 +1,5 @@
 //! What a finished run warns of.
 
-use super::energy_scale::EnergyScale;
 use super::statistics::{EnergySummary, RunWarning, Statistics};
 use crate::model::Tolerance;
 use crate::system::System;
@@ -14,13 +13,15 @@ const LARGEST_DRIFT: f64 = 30.0;
 /// Redundant constraints that a warning names.
 const REDUNDANT_SHOWN: usize = 8;
 
-/// Warnings of a run with the redundant rows `dropped`.
+/// Warnings of a run with the redundant rows `dropped`; an imbalance of `negligible` joules says nothing, `drift` is
+/// that of [`super::drift`] in tolerances.
 pub(super) fn warnings(
     system: &dyn System,
     dropped: &[usize],
     s: &Statistics,
     e: &EnergySummary,
-    scale: &EnergyScale,
+    negligible: f64,
+    drift: f64,
     tolerance: &Tolerance,
 ) -> Vec<RunWarning> {
     let mut out = Vec::new();
@@ -34,7 +35,6 @@ pub(super) fn warnings(
         out.push(RunWarning { code: "simulation/stiff", message });
     }
     let share = LARGEST_IMBALANCE.max(TOLERANCES * tolerance.relative);
-    let negligible = scale.negligible(system, tolerance);
     if e.largest_imbalance > (share * e.moved).max(negligible) {
         let message = format!(
             "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved, more \
@@ -45,14 +45,12 @@ pub(super) fn warnings(
             100.0 * share
         );
         out.push(RunWarning { code: "simulation/energy-imbalance", message });
-    } else if scale.drift() > LARGEST_DRIFT {
+    } else if drift > LARGEST_DRIFT {
         let message = format!(
             "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what \
                  turns many times this adds up to about {:.0} tolerances: tighten the \
                  tolerance, use tree coordinates, or measure the error with `certify`",
-            e.largest_imbalance,
-            e.moved,
-            scale.drift()
+            e.largest_imbalance, e.moved, drift
         );
         out.push(RunWarning { code: "simulation/energy-imbalance", message });
     }
