@@ -95,10 +95,8 @@ impl<S: Stages> ImplicitStepper<S> {
         report: &mut StepReport,
     ) -> Result<u32, Failure> {
         let reuse = self.memory.reuses(&self.options);
-        let ahead = (S::ITERATES && self.options.linearize_ahead && self.predicts).then(|| {
-            self.ahead.predict(&self.previous, step);
-            &self.ahead
-        });
+        let ahead = (S::ITERATES && self.options.linearize_ahead && self.predicts)
+            .then_some((&mut self.ahead, &self.previous));
         self.matrices.prepare(&mut self.stages, ode, step, reuse, ahead)?;
         let repeats = |failure: &Failure| S::REPEATS_EVALUATIONS || failure.is_of_newton();
         let mut outcome = self.iterate(ode, step, report);

@@ -39,15 +39,11 @@ impl Ahead {
         Self { w: vec![0.0; dimension], slope: vec![0.0; dimension] }
     }
 
-    /// Continues the step before into `step`.
-    pub(super) fn predict(&mut self, before: &Segment, step: &Step<'_>) {
+    /// Continues the step before into `step`; whether the system could be linearized there.
+    fn linearize(&mut self, ode: &mut Counted<'_>, before: &Segment, step: &Step<'_>) -> bool {
         before.continue_by(0.5 * step.h, &mut self.w);
         before.slope_beyond(0.5 * step.h, &mut self.slope);
         add_scaled(&mut self.w, 1.0, step.w);
-    }
-
-    /// Whether the system could be linearized there.
-    fn linearize(&self, ode: &mut Counted<'_>, step: &Step<'_>) -> bool {
         ode.linearize_ahead(step.t + 0.5 * step.h, &self.w, &self.slope).is_ok()
     }
 }
@@ -76,7 +72,7 @@ impl Matrices {
         ode: &mut Counted<'_>,
         step: &Step<'_>,
         reuse: bool,
-        ahead: Option<&Ahead>,
+        ahead: Option<(&mut Ahead, &Segment)>,
     ) -> Result<(), Failure> {
         let fresh = match self.linearization {
             Linearization::Current => true,
@@ -87,7 +83,8 @@ impl Matrices {
         };
         if !fresh {
             *self = Self::NONE;
-            self.linearization = if ahead.is_some_and(|ahead| ahead.linearize(ode, step)) {
+            let made = ahead.is_some_and(|(ahead, before)| ahead.linearize(ode, before, step));
+            self.linearization = if made {
                 Linearization::Predicted
             } else {
                 stages.linearize(ode, step)?;
