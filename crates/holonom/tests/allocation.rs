@@ -5,7 +5,7 @@
 mod common;
 
 use allocation_counter::measure;
-use common::{model, model_of, options};
+use common::{PLATFORM, model, model_of, options};
 use holonom::method::{CODES, Code};
 use holonom::model::Model;
 use holonom::newton::JacobianSource;
@@ -107,32 +107,11 @@ fn planar_models() {
     }
 }
 
-/// A platform on three parallel cranks, one of them redundant, with a driver on the first.
-const REDUNDANT: &str = r#"
-holonom = 1
-dimension = "planar"
-gravity = [0.0, -9.81]
-[bodies]
-left = { mass = 1.0, inertia = 0.02, position = [0.0, 0.2] }
-middle = { mass = 1.0, inertia = 0.02, position = [0.5, 0.2] }
-right = { mass = 1.0, inertia = 0.02, position = [1.0, 0.2] }
-platform = { mass = 2.0, inertia = 0.2, position = [0.5, 0.4] }
-[joints]
-left_foot = { type = "revolute", between = ["ground", "left"], point = [0.0, 0.0] }
-middle_foot = { type = "revolute", between = ["ground", "middle"], point = [0.5, 0.0] }
-right_foot = { type = "revolute", between = ["ground", "right"], point = [1.0, 0.0] }
-left_head = { type = "revolute", between = ["left", "platform"], point = [0.0, 0.4] }
-middle_head = { type = "revolute", between = ["middle", "platform"], point = [0.5, 0.4] }
-right_head = { type = "revolute", between = ["right", "platform"], point = [1.0, 0.4] }
-[forces]
-spring = { type = "rsda", between = ["ground", "left"], stiffness = 60.0, damping = 0.3, free_angle = 0.2 }
-"#;
-
 #[test]
 fn redundant_joints_and_drivers() {
     for (code, source) in everything() {
         for (name, text, limits) in [
-            ("platform", REDUNDANT, (1e-6, 2.0)),
+            ("platform", PLATFORM, (1e-6, 2.0)),
             ("driven pendulum", common::DRIVEN_PENDULUM, (1e-6, 2.0)),
             ("driven telescope", common::DRIVEN_TELESCOPE, (1e-8, 1.0)),
         ] {

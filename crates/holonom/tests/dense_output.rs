@@ -3,7 +3,9 @@
 mod common;
 
 use common::table::{Table, all_codes};
-use common::{DRIVEN_TELESCOPE, SPATIAL_SLIDER_CRANK, model, model_of, options, run_from};
+use common::{
+    DRIVEN_TELESCOPE, PLATFORM, SPATIAL_SLIDER_CRANK, model, model_of, options, run_from,
+};
 use holonom::method::{Code, DEFAULT_CODE};
 use holonom::model::Model;
 use holonom::reduction::Choice;
@@ -34,28 +36,6 @@ wheel = { angular_velocity = [40.0, 0.0, 0.0] }
 top = { angular_velocity = [3.0, 0.1, 8.0] }
 bob = { velocity = [0.0, 1.5, 2.8] }
 hung = { velocity = [1.5, 0.6, 0.0] }
-"#;
-
-/// A platform on three parallel cranks, one of them redundant, with an extra state in a Maxwell element.
-const REDUNDANT: &str = r#"
-holonom = 1
-dimension = "planar"
-gravity = [0.0, -9.81]
-[bodies]
-left = { mass = 1.0, inertia = 0.02, position = [0.0, 0.2] }
-middle = { mass = 1.0, inertia = 0.02, position = [0.5, 0.2] }
-right = { mass = 1.0, inertia = 0.02, position = [1.0, 0.2] }
-platform = { mass = 2.0, inertia = 0.2, position = [0.5, 0.4] }
-[joints]
-left_foot = { type = "revolute", between = ["ground", "left"], point = [0.0, 0.0] }
-middle_foot = { type = "revolute", between = ["ground", "middle"], point = [0.5, 0.0] }
-right_foot = { type = "revolute", between = ["ground", "right"], point = [1.0, 0.0] }
-left_head = { type = "revolute", between = ["left", "platform"], point = [0.0, 0.4] }
-middle_head = { type = "revolute", between = ["middle", "platform"], point = [0.5, 0.4] }
-right_head = { type = "revolute", between = ["right", "platform"], point = [1.0, 0.4] }
-[forces]
-spring = { type = "rsda", between = ["ground", "left"], stiffness = 60.0, damping = 0.3, free_angle = 0.2 }
-creep = { type = "maxwell", between = ["ground", "platform"], points = [[-1.0, 0.4], [0.0, 0.4]], stiffness = 100.0, damping = 30.0, free_length = 1.0 }
 "#;
 
 /// A four-bar that a driver turns at 9 rad/s: nothing is independent.
@@ -205,7 +185,7 @@ fn states_at_any_time_are_the_rows_of_a_run_with_output_there() {
             }
         }
     }
-    for (name, text) in [("redundant", REDUNDANT), ("kinematic", KINEMATIC)] {
+    for (name, text) in [("redundant", PLATFORM), ("kinematic", KINEMATIC)] {
         for code in all_codes() {
             for &(choice, _) in Choice::ALL {
                 compare(&mut table, name, &model_of(text), code, choice, 1.0);

@@ -260,3 +260,25 @@ cable = { type = "tsda", between = ["ground", "boom"], points = [[0.0, 0.3, 1.0]
 [initial.bodies]
 boom = { angular_velocity = [0.0, 0.5, 1.2] }
 "#;
+
+/// A platform on three parallel cranks, one of them redundant, with an extra state in a Maxwell element.
+pub(crate) const PLATFORM: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+left = { mass = 1.0, inertia = 0.02, position = [0.0, 0.2] }
+middle = { mass = 1.0, inertia = 0.02, position = [0.5, 0.2] }
+right = { mass = 1.0, inertia = 0.02, position = [1.0, 0.2] }
+platform = { mass = 2.0, inertia = 0.2, position = [0.5, 0.4] }
+[joints]
+left_foot = { type = "revolute", between = ["ground", "left"], point = [0.0, 0.0] }
+middle_foot = { type = "revolute", between = ["ground", "middle"], point = [0.5, 0.0] }
+right_foot = { type = "revolute", between = ["ground", "right"], point = [1.0, 0.0] }
+left_head = { type = "revolute", between = ["left", "platform"], point = [0.0, 0.4] }
+middle_head = { type = "revolute", between = ["middle", "platform"], point = [0.5, 0.4] }
+right_head = { type = "revolute", between = ["right", "platform"], point = [1.0, 0.4] }
+[forces]
+spring = { type = "rsda", between = ["ground", "left"], stiffness = 60.0, damping = 0.3, free_angle = 0.2 }
+creep = { type = "maxwell", between = ["ground", "platform"], points = [[-1.0, 0.4], [0.0, 0.4]], stiffness = 100.0, damping = 30.0, free_length = 1.0 }
+"#;
