@@ -223,6 +223,8 @@ class Result:
     def at(self, times: ArrayLike, channels: Sequence[str] | None = None) -> Result:
         """Return this result with rows at other times, in memory: to plot or export it there.
 
+        It has no steps, so states at further times are those of this result, not of the new one.
+
         Parameters
         ----------
         times : array_like, shape (n_times,)
