@@ -1,4 +1,5 @@
 use crate::error::SingularMatrix;
+use crate::scalar::Scalar;
 
 pub use num_complex::Complex64;
 
@@ -15,23 +16,6 @@ pub struct DenseComplexLu {
     inverse_pivot: Vec<Complex64>,
     /// Row `exchange[i] ≥ i` took the place of row i at step i.
     exchange: Vec<usize>,
-}
-
-fn size(x: Complex64) -> f64 {
-    x.re.abs() + x.im.abs()
-}
-
-/// 1/x without the overflow and underflow of |x|² (Smith, *Algorithm 116*, CACM 5, 1962).
-fn reciprocal(x: Complex64) -> Complex64 {
-    if x.re.abs() >= x.im.abs() {
-        let ratio = x.im / x.re;
-        let denominator = x.re + x.im * ratio;
-        Complex64::new(1.0 / denominator, -ratio / denominator)
-    } else {
-        let ratio = x.re / x.im;
-        let denominator = x.re * ratio + x.im;
-        Complex64::new(ratio / denominator, -1.0 / denominator)
-    }
 }
 
 impl DenseComplexLu {
@@ -57,14 +41,14 @@ impl DenseComplexLu {
         for p in 0..n {
             let mut at = p;
             for i in p + 1..n {
-                if size(self.lu[i * n + p]) > size(self.lu[at * n + p]) {
+                if self.lu[i * n + p].size() > self.lu[at * n + p].size() {
                     at = i;
                 }
             }
-            let pivot = size(self.lu[at * n + p]);
+            let pivot = self.lu[at * n + p].size();
             self.exchange[p] = at;
             // What elimination has subtracted in this column tells the size of round-off.
-            let peak = (0..n).fold(0.0f64, |m, i| m.max(size(self.lu[i * n + p])));
+            let peak = (0..n).fold(0.0f64, |m, i| m.max(self.lu[i * n + p].size()));
             if !(pivot > NEGLIGIBLE * peak && (1.0 / pivot).is_finite()) {
                 return Err(SingularMatrix { row: p, column: p, pivot });
             }
@@ -72,7 +56,7 @@ impl DenseComplexLu {
                 let (upper, lower) = self.lu.split_at_mut(at * n);
                 upper[p * n..(p + 1) * n].swap_with_slice(&mut lower[..n]);
             }
-            let inverse = reciprocal(self.lu[p * n + p]);
+            let inverse = self.lu[p * n + p].reciprocal();
             self.inverse_pivot[p] = inverse;
             let (upper, lower) = self.lu.split_at_mut((p + 1) * n);
             let pivot_row = &upper[p * n + p + 1..];

@@ -63,18 +63,18 @@ impl<K: LaneKernel> Groups<'_, K> {
 
 /// Columns `from..from + W` of row `i` of a matrix with `k` columns.
 #[inline(always)]
-pub(crate) fn lanes<const W: usize>(x: &[f64], k: usize, i: usize, from: usize) -> &[f64; W] {
+pub(crate) fn lanes<T, const W: usize>(x: &[T], k: usize, i: usize, from: usize) -> &[T; W] {
     x[i * k + from..].first_chunk().expect("the matrix has this row")
 }
 
 /// Columns `from..from + W` of row `i` of a matrix with `k` columns.
 #[inline(always)]
-pub(crate) fn lanes_mut<const W: usize>(
-    x: &mut [f64],
+pub(crate) fn lanes_mut<T, const W: usize>(
+    x: &mut [T],
     k: usize,
     i: usize,
     from: usize,
-) -> &mut [f64; W] {
+) -> &mut [T; W] {
     x[i * k + from..].first_chunk_mut().expect("the matrix has this row")
 }
 

@@ -18,6 +18,7 @@ mod error;
 mod full_pivot;
 mod lanes;
 mod rank;
+mod scalar;
 mod sparse;
 
 pub use block::{BlockId, BlockMatrix};
@@ -29,4 +30,5 @@ pub use rank::{
     LeastNorm, ThinSvd, eigenvalues, least_norm, orthonormal_null_space, orthonormal_null_space_qr,
     singular_values, thin_svd,
 };
+pub use scalar::Scalar;
 pub use sparse::{SparseLu, SparsePattern};

@@ -10,7 +10,7 @@ use holonom::io::{Document, Syntax};
 use holonom::method::ode::{Ode, SecondOrder};
 use holonom::method::{Descriptor, FirstOrder, Iterate, StateSpace, Weights};
 use holonom::model::Tolerance;
-use holonom::newton::JacobianSource;
+use holonom::newton::{JacobianSource, MatrixOptions};
 use holonom::simulation::Problem;
 
 const MODELS: [&str; 3] = ["hmmwv14", "chain50", "andrews"];
@@ -54,8 +54,14 @@ fn jacobian(c: &mut Criterion) {
         };
         measure("reduced", &mut reduced);
         measure("descriptor form", &mut descriptor);
-        reduced.set_jacobian(JacobianSource::Differences);
-        descriptor.set_jacobian(JacobianSource::Differences);
+        reduced.set_matrix(MatrixOptions {
+            source: JacobianSource::Differences,
+            ..MatrixOptions::default()
+        });
+        descriptor.set_matrix(MatrixOptions {
+            source: JacobianSource::Differences,
+            ..MatrixOptions::default()
+        });
         measure("reduced by differences", &mut reduced);
         measure("descriptor form by differences", &mut descriptor);
         group.bench_function("accelerations", |b| {

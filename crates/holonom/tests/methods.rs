@@ -12,7 +12,7 @@ use holonom::method::{
     build_state_space, build_stepper,
 };
 use holonom::model::{Model, Tolerance};
-use holonom::newton::JacobianSource;
+use holonom::newton::{JacobianSource, MatrixOptions};
 use holonom::reduction::{Choice, choose};
 use holonom::simulation::{Options, OutputTimes, Problem};
 use holonom::system::State;
@@ -274,11 +274,17 @@ fn jacobians_by_differences_filter_errors_almost_alike() {
             x.iter().enumerate().map(|(i, x)| x * if i < ndof { 1e6 } else { 1e4 }).collect()
         };
         let truth = filtered(&mut case.first_order);
-        case.first_order.set_jacobian(JacobianSource::Differences);
+        case.first_order.set_matrix(MatrixOptions {
+            source: JacobianSource::Differences,
+            ..MatrixOptions::default()
+        });
         let state_space = filtered(&mut case.first_order);
         assert!(distance(&state_space, &truth) < 1e-4, "{name}: {state_space:?} ≠ {truth:?}");
         let form = &mut case.descriptors[1];
-        form.set_jacobian(JacobianSource::Differences);
+        form.set_matrix(MatrixOptions {
+            source: JacobianSource::Differences,
+            ..MatrixOptions::default()
+        });
         let descriptor = filtered(form);
         assert!(distance(&descriptor, &state_space) < 1e-9, "{name}: {descriptor:?}");
     }

@@ -6,7 +6,7 @@ use common::{model, model_of, options, run_model};
 use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{Code, FirstOrder, Weights};
 use holonom::model::{Model, Tolerance};
-use holonom::newton::JacobianSource;
+use holonom::newton::{JacobianSource, MatrixOptions};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, run};
 
 /// A mass on a Maxwell element beside a spring: one extra state.
@@ -41,7 +41,7 @@ fn differences_agree_with_the_analytic_blocks() {
         let form = |source| {
             let weights = Weights::new(Tolerance::uniform(1e-4), system.as_ref(), &assembled.state);
             let mut form = FirstOrder::new(assembled.manifold.clone(), weights, &assembled.state);
-            form.set_jacobian(source);
+            form.set_matrix(MatrixOptions { source, ..MatrixOptions::default() });
             form.begin_step(&assembled.state);
             let mut w = vec![0.0; form.dimension()];
             let mut g = w.clone();

@@ -1,6 +1,8 @@
 //! Numerical elimination with frozen pivots, row by row, in the places where the factors stay.
 
+use crate::scalar::Scalar;
 use crate::sparse::symbolic::FactorPattern;
+use std::sync::Arc;
 
 /// A pivot below this fraction of the largest number its row holds is cancellation noise.
 pub(super) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
@@ -42,16 +44,21 @@ struct Segment {
     shared: u32,
 }
 
-/// The factors of Â = P L U, with pivots P and unit diagonals of L and U, and what elimination does
-/// for each row.
+/// The factors of Â = P L U, with pivots P and unit diagonals of L and U.
 #[derive(Debug, Clone)]
-pub(super) struct Factors {
+pub(super) struct Factors<T> {
+    pub(super) plan: Arc<Plan>,
+    /// L, a place for the pivot, U, row by row.
+    pub(super) numbers: Vec<T>,
+    pub(super) inverse_pivot: Vec<T>,
+}
+
+/// Where the numbers of the factors stand, and what elimination does for each row.
+#[derive(Debug)]
+pub(super) struct Plan {
     rows: Vec<Row>,
     /// Column of every number.
     pub(super) columns: Vec<u32>,
-    /// L, a place for the pivot, U, row by row.
-    pub(super) numbers: Vec<f64>,
-    pub(super) inverse_pivot: Vec<f64>,
     pub(super) left: Vec<Side>,
     pub(super) right: Vec<Side>,
     loads: Vec<Load>,
@@ -68,7 +75,7 @@ pub(super) struct Stopped {
     pub(super) pivot: f64,
 }
 
-impl Factors {
+impl Plan {
     /// Plans the elimination of a matrix whose scaled and permuted rows have the entries (column,
     /// slot, scale).
     ///
@@ -87,8 +94,6 @@ impl Factors {
         let mut out = Self {
             rows: Vec::with_capacity(n),
             columns: Vec::new(),
-            numbers: Vec::new(),
-            inverse_pivot: vec![0.0; n],
             left: Vec::new(),
             right: Vec::new(),
             loads: Vec::new(),
@@ -143,33 +148,41 @@ impl Factors {
             }
             out.counts.push((entries.len() as u32, (out.segments.len() - from) as u32));
         }
-        out.numbers = vec![0.0; out.columns.len()];
         out
+    }
+}
+
+impl<T: Scalar> Factors<T> {
+    /// Room for the numbers of a plan.
+    pub(super) fn new(plan: Arc<Plan>) -> Self {
+        let (numbers, pivots) = (plan.columns.len(), plan.rows.len());
+        Self { plan, numbers: vec![T::ZERO; numbers], inverse_pivot: vec![T::ZERO; pivots] }
     }
 
     /// Eliminates the matrix with these values; returns the largest growth of a number in its row.
     ///
     /// Stops at a row whose pivot is negligible or not finite.
-    pub(super) fn eliminate(&mut self, values: &[f64]) -> Result<f64, Stopped> {
-        let mut loads = &self.loads[..];
-        let mut segments = &self.segments[..];
-        let mut targets = &self.targets[..];
+    pub(super) fn eliminate(&mut self, values: &[T]) -> Result<f64, Stopped> {
+        let plan = &*self.plan;
+        let mut loads = &plan.loads[..];
+        let mut segments = &plan.segments[..];
+        let mut targets = &plan.targets[..];
         let mut growth = 0.0f64;
-        for (i, (row, &(n_loads, n_segments))) in self.rows.iter().zip(&self.counts).enumerate() {
+        for (i, (row, &(n_loads, n_segments))) in plan.rows.iter().zip(&plan.counts).enumerate() {
             let (above, rest) = self.numbers.split_at_mut(row.start as usize);
             let here = &mut rest[..(row.end - row.start) as usize];
             if here.len() > n_loads as usize {
-                here.fill(0.0);
+                here.fill(T::ZERO);
             }
             let mut size = Peak(0);
             for load in split_off(&mut loads, n_loads) {
-                let a = values[load.slot as usize] * load.scale;
+                let a = values[load.slot as usize].scaled(load.scale);
                 here[load.place as usize] = a;
                 size.see(a);
             }
             for segment in split_off(&mut segments, n_segments) {
                 let targets = split_off(&mut targets, segment.shared);
-                segment.subtract(here, targets, &self.rows, above);
+                segment.subtract(here, targets, &plan.rows, above);
             }
             let mut peak = Peak(size.0);
             for &x in &*here {
@@ -177,16 +190,17 @@ impl Factors {
             }
             let (peak, size) = (peak.value(), size.value());
             let found = here[(row.pivot - row.start) as usize];
-            let inverse = 1.0 / found;
+            let inverse = found.reciprocal();
             self.inverse_pivot[i] = inverse;
             for x in here {
-                *x *= inverse;
+                *x = *x * inverse;
             }
             growth = growth.max(peak / size);
             // Written so that a NaN fails.
-            let good = found.abs() > NEGLIGIBLE * peak && inverse.is_finite() && peak.is_finite();
+            let good =
+                found.size() > NEGLIGIBLE * peak && inverse.size().is_finite() && peak.is_finite();
             if !good {
-                return Err(Stopped { position: i, pivot: found });
+                return Err(Stopped { position: i, pivot: found.signed_size() });
             }
         }
         Ok(growth)
@@ -196,14 +210,14 @@ impl Factors {
 impl Segment {
     /// Subtracts from the row its multiples of the rows of U of this segment.
     #[inline(always)]
-    fn subtract(&self, here: &mut [f64], targets: &[u32], rows: &[Row], above: &[f64]) {
+    fn subtract<T: Scalar>(&self, here: &mut [T], targets: &[u32], rows: &[Row], above: &[T]) {
         let (place, count) = (self.place as usize, self.count as usize);
         let rows = &rows[self.first as usize..][..count];
         let right = |k: usize| &above[rows[k].pivot as usize + 1..rows[k].end as usize];
         if count == 1 {
             let multiple = here[place];
             for (&t, u) in targets.iter().zip(right(0)) {
-                here[t as usize] -= multiple * u;
+                here[t as usize] = here[t as usize] - multiple * *u;
             }
             return;
         }
@@ -211,17 +225,18 @@ impl Segment {
         for k in 0..count {
             let multiple = here[place + k];
             for (r, u) in here[place + k + 1..place + count].iter_mut().zip(right(k)) {
-                *r -= multiple * u;
+                *r = *r - multiple * *u;
             }
         }
         // The columns that its rows share, four rows at a time.
         let shared = |k: usize| &right(k)[count - 1 - k..][..targets.len()];
         let mut k = 0;
         while k + 4 <= count {
-            let l: [f64; 4] = std::array::from_fn(|s| here[place + k + s]);
+            let l: [T; 4] = std::array::from_fn(|s| here[place + k + s]);
             let (u0, u1, u2, u3) = (shared(k), shared(k + 1), shared(k + 2), shared(k + 3));
             for (t, &at) in targets.iter().enumerate() {
-                here[at as usize] -= (l[0] * u0[t] + l[1] * u1[t]) + (l[2] * u2[t] + l[3] * u3[t]);
+                here[at as usize] = here[at as usize]
+                    - ((l[0] * u0[t] + l[1] * u1[t]) + (l[2] * u2[t] + l[3] * u3[t]));
             }
             k += 4;
         }
@@ -229,14 +244,14 @@ impl Segment {
             let (l0, l1) = (here[place + k], here[place + k + 1]);
             let (u0, u1) = (shared(k), shared(k + 1));
             for (t, &at) in targets.iter().enumerate() {
-                here[at as usize] -= l0 * u0[t] + l1 * u1[t];
+                here[at as usize] = here[at as usize] - (l0 * u0[t] + l1 * u1[t]);
             }
             k += 2;
         }
         if k < count {
             let l = here[place + k];
             for (&at, u) in targets.iter().zip(shared(k)) {
-                here[at as usize] -= l * u;
+                here[at as usize] = here[at as usize] - l * *u;
             }
         }
     }
@@ -256,8 +271,8 @@ struct Peak(u64);
 
 impl Peak {
     #[inline(always)]
-    fn see(&mut self, x: f64) {
-        self.0 = self.0.max(x.to_bits() & !(1 << 63));
+    fn see(&mut self, x: impl Scalar) {
+        self.0 = self.0.max(x.size().to_bits());
     }
 
     fn value(&self) -> f64 {

@@ -6,10 +6,13 @@ mod pattern;
 mod substitution;
 mod symbolic;
 
+use crate::complex::Complex64;
 use crate::error::SingularMatrix;
 use crate::lanes::{LaneKernel, MOST_LANES, run_lanes};
+use crate::scalar::Scalar;
+use std::sync::Arc;
 
-use elimination::Factors;
+use elimination::{Factors, Plan};
 pub use pattern::SparsePattern;
 use substitution::Substitution;
 use symbolic::FactorPattern;
@@ -27,22 +30,27 @@ const MAX_REFINEMENTS: u32 = 5;
 /// allocates everything; [`refactor`](Self::refactor) repeats the elimination with these pivots on
 /// new numbers, row by row. Rows and columns are numbered as in the original matrix everywhere.
 #[derive(Debug, Clone)]
-pub struct SparseLu {
+pub struct SparseLu<T = f64> {
     n: usize,
     n_values: usize,
-    factors: Factors,
-    /// Row and column of A at each position of Â, and their scales.
+    factors: Factors<T>,
+    order: Arc<Order>,
+    growth: f64,
+    operations: usize,
+    /// Right-hand sides in the order of Â.
+    work: Vec<T>,
+    residual: Vec<T>,
+    right: Vec<T>,
+}
+
+/// Row and column of A at each position of Â, and their scales.
+#[derive(Debug)]
+struct Order {
     row_at: Vec<usize>,
     column_at: Vec<usize>,
     row_scale: Vec<f64>,
     column_scale: Vec<f64>,
     permutation_sign: f64,
-    growth: f64,
-    operations: usize,
-    /// Right-hand sides in the order of Â.
-    work: Vec<f64>,
-    residual: Vec<f64>,
-    right: Vec<f64>,
 }
 
 impl SparseLu {
@@ -80,15 +88,17 @@ impl SparseLu {
         let mut lu = Self {
             n,
             n_values: values.len(),
-            factors: Factors::new(&factors, &entries),
+            factors: Factors::new(Arc::new(Plan::new(&factors, &entries))),
             operations: factors.operations(),
-            row_scale: order.rows.iter().map(|&i| row_scale[i]).collect(),
-            column_scale: order.columns.iter().map(|&j| column_scale[j]).collect(),
-            permutation_sign: parity(&order.rows) * parity(&order.columns),
-            row_at: order.rows,
-            column_at: order.columns,
+            order: Arc::new(Order {
+                row_scale: order.rows.iter().map(|&i| row_scale[i]).collect(),
+                column_scale: order.columns.iter().map(|&j| column_scale[j]).collect(),
+                permutation_sign: parity(&order.rows) * parity(&order.columns),
+                row_at: order.rows,
+                column_at: order.columns,
+            }),
             growth: 1.0,
-            work: vec![0.0; n * MOST_LANES],
+            work: vec![0.0; n],
             residual: vec![0.0; n],
             right: vec![0.0; n],
         };
@@ -96,108 +106,26 @@ impl SparseLu {
         Ok(lu)
     }
 
-    /// Factors the matrix with new `values` by the pivots chosen in [`analyze`](Self::analyze).
-    ///
-    /// Whether these pivots are still good for the matrix is told by [`growth`](Self::growth), or
-    /// by what [`solve_refined`](Self::solve_refined) leaves.
-    ///
-    /// # Errors
-    /// [`SingularMatrix`] when a pivot vanishes or is not finite; the caller then analyzes again.
-    /// The factors must not be used after an error.
-    pub fn refactor(&mut self, values: &[f64]) -> Result<(), SingularMatrix> {
-        assert_eq!(values.len(), self.n_values, "one value for each slot of the pattern");
-        let outcome = self.factors.eliminate(values);
-        self.growth = outcome.map_err(|stop| SingularMatrix {
-            row: self.row_at[stop.position],
-            column: self.column_at[stop.position],
-            pivot: stop.pivot / (self.row_scale[stop.position] * self.column_scale[stop.position]),
-        })?;
-        Ok(())
-    }
-
-    /// Solves A x = b in place.
-    pub fn solve(&mut self, b: &mut [f64]) {
-        self.solve_many(b, 1);
-    }
-
-    /// Solves Aᵀ x = b in place.
-    pub fn solve_transposed(&mut self, b: &mut [f64]) {
-        self.solve_transposed_many(b, 1);
-    }
-
-    /// Solves A X = B in place; `b` is n×k by rows: row i at `b[i * k..(i + 1) * k]`.
-    ///
-    /// # Panics
-    /// If `b` has not n·k entries.
-    pub fn solve_many(&mut self, b: &mut [f64], k: usize) {
-        self.substitute(b, k, false);
-    }
-
-    /// Solves Aᵀ X = B in place; `b` is n×k by rows.
-    ///
-    /// # Panics
-    /// If `b` has not n·k entries.
-    pub fn solve_transposed_many(&mut self, b: &mut [f64], k: usize) {
-        self.substitute(b, k, true);
-    }
-
-    fn substitute(&mut self, b: &mut [f64], k: usize, transposed: bool) {
-        assert_eq!(b.len(), self.n * k, "right-hand sides of a matrix of {} rows", self.n);
-        let rows = (&self.row_at[..], &self.row_scale[..]);
-        let columns = (&self.column_at[..], &self.column_scale[..]);
-        let (source, target) = if transposed { (columns, rows) } else { (rows, columns) };
-        let (factors, work) = (&self.factors, &mut self.work[..]);
-        let mut kernel = Substitution { factors, source, target, transposed, b, k, work };
-        if k == 1 {
-            kernel.run::<1>(0);
-        } else {
-            run_lanes(k, &mut kernel);
+    /// The same plan, pivots included, for complex values of this pattern; nothing is factored yet.
+    pub fn complex(&self) -> SparseLu<Complex64> {
+        let n = self.n;
+        SparseLu {
+            n,
+            n_values: self.n_values,
+            factors: Factors::new(self.factors.plan.clone()),
+            order: self.order.clone(),
+            growth: 1.0,
+            operations: self.operations,
+            work: vec![Complex64::ZERO; n],
+            residual: vec![Complex64::ZERO; n],
+            right: vec![Complex64::ZERO; n],
         }
-    }
-
-    /// Solves A x = b in place with iterative refinement.
-    ///
-    /// `pattern` and `values` are those of the last factorisation. Corrections go on while they fall
-    /// tenfold and the next one would be above round-off. Returns the size of the next correction as
-    /// forecast, ‖δx‖∞ / ‖x‖∞: far above that of fresh pivots it says that the pivots are bad for
-    /// this matrix.
-    pub fn solve_refined(&mut self, pattern: &SparsePattern, values: &[f64], b: &mut [f64]) -> f64 {
-        let mut right = std::mem::take(&mut self.right);
-        let mut r = std::mem::take(&mut self.residual);
-        right.copy_from_slice(b);
-        self.solve(b);
-        let mut before = 1.0;
-        let mut left = 0.0;
-        for _ in 0..MAX_REFINEMENTS {
-            r.copy_from_slice(&right);
-            pattern.multiply_add(values, -1.0, b, &mut r);
-            self.solve(&mut r);
-            let (mut correction, mut size) = (0.0f64, 0.0f64);
-            for (x, d) in b.iter_mut().zip(&r) {
-                *x += d;
-                correction = correction.max(d.abs());
-                size = size.max(x.abs());
-            }
-            if size == 0.0 {
-                break;
-            }
-            correction /= size;
-            let rate = correction / before;
-            left = correction * rate.min(1.0);
-            before = correction;
-            if left <= f64::EPSILON || rate > 0.1 {
-                break;
-            }
-        }
-        self.right = right;
-        self.residual = r;
-        left
     }
 
     /// Sign of det A: 1 or −1.
     pub fn determinant_sign(&self) -> f64 {
         let pivots = &self.factors.inverse_pivot;
-        pivots.iter().fold(self.permutation_sign, |sign, pivot| sign * pivot.signum())
+        pivots.iter().fold(self.order.permutation_sign, |sign, pivot| sign * pivot.signum())
     }
 
     /// Estimate of the condition number ‖A‖₁‖A⁻¹‖₁ of the matrix last factored: never above the
@@ -248,6 +176,112 @@ impl SparseLu {
         let size: f64 = x.iter().map(|v| v.abs()).sum();
         self.residual = x;
         norm * inverse_norm.max(2.0 * size / (3.0 * n as f64))
+    }
+}
+
+impl<T: Scalar> SparseLu<T> {
+    /// Factors the matrix with new `values` by the pivots chosen in [`analyze`](Self::analyze).
+    ///
+    /// Whether these pivots are still good for the matrix is told by [`growth`](Self::growth), or
+    /// by what [`solve_refined`](Self::solve_refined) leaves.
+    ///
+    /// # Errors
+    /// [`SingularMatrix`] when a pivot vanishes or is not finite; the caller then analyzes again.
+    /// The factors must not be used after an error.
+    pub fn refactor(&mut self, values: &[T]) -> Result<(), SingularMatrix> {
+        assert_eq!(values.len(), self.n_values, "one value for each slot of the pattern");
+        let outcome = self.factors.eliminate(values);
+        self.growth = outcome.map_err(|stop| SingularMatrix {
+            row: self.order.row_at[stop.position],
+            column: self.order.column_at[stop.position],
+            pivot: stop.pivot
+                / (self.order.row_scale[stop.position] * self.order.column_scale[stop.position]),
+        })?;
+        Ok(())
+    }
+
+    /// Solves A x = b in place.
+    pub fn solve(&mut self, b: &mut [T]) {
+        self.solve_many(b, 1);
+    }
+
+    /// Solves Aᵀ x = b in place.
+    pub fn solve_transposed(&mut self, b: &mut [T]) {
+        self.solve_transposed_many(b, 1);
+    }
+
+    /// Solves A X = B in place; `b` is n×k by rows: row i at `b[i * k..(i + 1) * k]`.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries.
+    pub fn solve_many(&mut self, b: &mut [T], k: usize) {
+        self.substitute(b, k, false);
+    }
+
+    /// Solves Aᵀ X = B in place; `b` is n×k by rows.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries.
+    pub fn solve_transposed_many(&mut self, b: &mut [T], k: usize) {
+        self.substitute(b, k, true);
+    }
+
+    fn substitute(&mut self, b: &mut [T], k: usize, transposed: bool) {
+        assert_eq!(b.len(), self.n * k, "right-hand sides of a matrix of {} rows", self.n);
+        // Many matrices never see more than one right-hand side.
+        let room = self.n * k.min(MOST_LANES);
+        if self.work.len() < room {
+            self.work.resize(room, T::ZERO);
+        }
+        let rows = (&self.order.row_at[..], &self.order.row_scale[..]);
+        let columns = (&self.order.column_at[..], &self.order.column_scale[..]);
+        let (source, target) = if transposed { (columns, rows) } else { (rows, columns) };
+        let (factors, work) = (&self.factors, &mut self.work[..]);
+        let mut kernel = Substitution { factors, source, target, transposed, b, k, work };
+        if k == 1 {
+            kernel.run::<1>(0);
+        } else {
+            run_lanes(k, &mut kernel);
+        }
+    }
+
+    /// Solves A x = b in place with iterative refinement.
+    ///
+    /// `pattern` and `values` are those of the last factorisation. Corrections go on while they fall
+    /// tenfold and the next one would be above round-off. Returns the size of the next correction as
+    /// forecast, ‖δx‖∞ / ‖x‖∞: far above that of fresh pivots it says that the pivots are bad for
+    /// this matrix.
+    pub fn solve_refined(&mut self, pattern: &SparsePattern, values: &[T], b: &mut [T]) -> f64 {
+        let mut right = std::mem::take(&mut self.right);
+        let mut r = std::mem::take(&mut self.residual);
+        right.copy_from_slice(b);
+        self.solve(b);
+        let mut before = 1.0;
+        let mut left = 0.0;
+        for _ in 0..MAX_REFINEMENTS {
+            r.copy_from_slice(&right);
+            pattern.multiply_add(values, -1.0, b, &mut r);
+            self.solve(&mut r);
+            let (mut correction, mut size) = (0.0f64, 0.0f64);
+            for (x, d) in b.iter_mut().zip(&r) {
+                *x = *x + *d;
+                correction = correction.max(d.size());
+                size = size.max(x.size());
+            }
+            if size == 0.0 {
+                break;
+            }
+            correction /= size;
+            let rate = correction / before;
+            left = correction * rate.min(1.0);
+            before = correction;
+            if left <= f64::EPSILON || rate > 0.1 {
+                break;
+            }
+        }
+        self.right = right;
+        self.residual = r;
+        left
     }
 
     /// Largest factor by which numbers of a row grew in the last factorisation: near 1 with fresh

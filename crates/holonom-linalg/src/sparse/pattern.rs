@@ -1,3 +1,5 @@
+use crate::scalar::Scalar;
+
 /// Which entries of a sparse matrix may differ from zero, in compressed rows.
 ///
 /// The values live in a slice of the caller, one per stored entry ("slot"), rows one after the
@@ -78,12 +80,12 @@ impl SparsePattern {
     }
 
     /// y += α A x, with x of `n_cols` and y of `n_rows`.
-    pub fn multiply_add(&self, values: &[f64], alpha: f64, x: &[f64], y: &mut [f64]) {
+    pub fn multiply_add<T: Scalar>(&self, values: &[T], alpha: f64, x: &[T], y: &mut [T]) {
         for (i, y) in y.iter_mut().enumerate() {
             let row = self.row_pointers[i]..self.row_pointers[i + 1];
-            let dot: f64 =
-                values[row.clone()].iter().zip(&self.columns[row]).map(|(a, &j)| a * x[j]).sum();
-            *y += alpha * dot;
+            let products = values[row.clone()].iter().zip(&self.columns[row]);
+            let dot = products.fold(T::ZERO, |sum, (a, &j)| sum + *a * x[j]);
+            *y = *y + dot.scaled(alpha);
         }
     }
 }

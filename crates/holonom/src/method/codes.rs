@@ -11,6 +11,7 @@ use super::{Descriptor, ExplicitForm, FirstOrder, Iterate, StateSpace, Weights};
 use crate::control::NewtonControl;
 use crate::formula::{DOPRI5, Nystrom, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16};
 use crate::model::Tolerance;
+use crate::newton::{Chosen, ReducedMatrix};
 use crate::reduction::{Choice, Manifold};
 use crate::system::State;
 
@@ -220,7 +221,10 @@ pub fn build_state_space(
         | Code::ForRadau
         | Code::SspTrap
         | Code::SspSdirk15
-        | Code::SspSdirk16 => Box::new(FirstOrder::new(manifold, weights, state)),
+        | Code::SspSdirk16 => {
+            type Form = FirstOrder<Chosen<ReducedMatrix>>;
+            Box::new(Form::with_matrix(manifold, weights, state))
+        }
     }
 }
 

@@ -16,7 +16,7 @@
 use super::ode::{EvaluationFailure, LinearizedOde, Ode, SecondOrder, Stage};
 use super::state_space_method::add;
 use super::{FirstOrder, StateSpace, Weights};
-use crate::newton::{DescriptorMatrix, JacobianSource, Unknowns};
+use crate::newton::{Chosen, DescriptorMatrix, MatrixOptions, Unknowns};
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
 
@@ -33,7 +33,7 @@ pub enum Iterate {
 #[derive(Debug, Clone)]
 pub struct Descriptor {
     /// Recovery, norm and slopes are those of the first-order form.
-    base: FirstOrder<DescriptorMatrix>,
+    base: FirstOrder<Chosen<DescriptorMatrix>>,
     iterate: Iterate,
     /// Residuals of an iterate, then its correction.
     correction: Unknowns,
@@ -242,8 +242,8 @@ impl StateSpace for Descriptor {
         self.psi.resize(self.correction.rate.len(), 0.0);
     }
 
-    fn set_jacobian(&mut self, source: JacobianSource) {
-        self.base.set_jacobian(source);
+    fn set_matrix(&mut self, options: MatrixOptions) {
+        self.base.set_matrix(options);
     }
 
     fn integrates_powers(&self) -> bool {

@@ -2,7 +2,7 @@
 
 use super::ode::{EvaluationFailure, LinearizedOde, Ode, require_finite};
 use super::weights::Weights;
-use crate::newton::JacobianSource;
+use crate::newton::MatrixOptions;
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
 
@@ -34,7 +34,7 @@ impl ExplicitForm {
     }
 
     /// Explicit formulas have no Jacobian: nothing changes.
-    pub fn set_jacobian(&mut self, _source: JacobianSource) {}
+    pub fn set_matrix(&mut self, _options: MatrixOptions) {}
 
     /// The point of the last evaluation.
     pub fn point(&self) -> &Point {

@@ -3,7 +3,9 @@
 use super::acceleration_buffers::AccelerationBuffers;
 use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode, SecondOrder, require_finite};
 use super::weights::Weights;
-use crate::newton::{FirstOrderMatrix, JacobianSource, Matrix, Newton, ReducedMatrix};
+use crate::newton::{
+    FirstOrderMatrix, JacobianSource, Matrix, MatrixOptions, Newton, ReducedMatrix,
+};
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
 
@@ -38,7 +40,7 @@ impl<M: Matrix> FirstOrder<M> {
         let s = manifold.system().structure().sizes;
         let ndof = manifold.chart().ndof();
         Self {
-            newton: Newton::new(&manifold, &state.q, JacobianSource::Analytic),
+            newton: Newton::new(&manifold, &state.q, MatrixOptions::default()),
             weights,
             at: vec![f64::NAN; 2 * ndof + s.extra_states],
             at_time: f64::NAN,
@@ -51,9 +53,9 @@ impl<M: Matrix> FirstOrder<M> {
         }
     }
 
-    /// Where the integration Jacobian comes from; analytic unless said otherwise.
-    pub fn set_jacobian(&mut self, source: JacobianSource) {
-        self.newton = Newton::new(&self.point.manifold, &self.point.anchor, source);
+    /// Which matrix is used; the default one unless said otherwise.
+    pub fn set_matrix(&mut self, options: MatrixOptions) {
+        self.newton = Newton::new(&self.point.manifold, &self.point.anchor, options);
     }
 
     /// The integration Jacobian.
@@ -173,7 +175,7 @@ impl<M: Matrix> FirstOrder<M> {
     /// After a re-parametrization by [`Manifold::set_chart`]: sizes may differ.
     pub fn reparametrized(&mut self) {
         let ndof = self.point.manifold.chart().ndof();
-        self.set_jacobian(self.newton.source());
+        self.set_matrix(self.newton.options());
         self.at.resize(2 * ndof + self.point.state.z.len(), f64::NAN);
         self.at.fill(f64::NAN);
         self.rates.resize(ndof, 0.0);

@@ -2,7 +2,7 @@
 
 use super::ode::{EvaluationFailure, LinearizedOde};
 use super::{ExplicitForm, FirstOrder};
-use crate::newton::{FirstOrderMatrix, JacobianSource};
+use crate::newton::{FirstOrderMatrix, MatrixOptions};
 use crate::reduction::Point;
 use crate::system::State;
 
@@ -33,7 +33,7 @@ pub trait StateSpace: LinearizedOde + Send {
     fn references_moved(&mut self, w: &[f64]);
 
     /// Where the integration Jacobian comes from.
-    fn set_jacobian(&mut self, source: JacobianSource);
+    fn set_matrix(&mut self, options: MatrixOptions);
 
     /// Whether w holds the energy ledger, so that no quadrature is needed.
     fn integrates_powers(&self) -> bool;
@@ -68,8 +68,8 @@ macro_rules! state_space {
             fn references_moved(&mut self, w: &[f64]) {
                 Self::references_moved(self, w);
             }
-            fn set_jacobian(&mut self, source: JacobianSource) {
-                Self::set_jacobian(self, source);
+            fn set_matrix(&mut self, options: MatrixOptions) {
+                Self::set_matrix(self, options);
             }
             fn integrates_powers(&self) -> bool {
                 Self::integrates_powers(self)

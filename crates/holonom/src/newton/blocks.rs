@@ -60,9 +60,18 @@ pub struct ReducedBlocks {
 impl ReducedBlocks {
     /// Buffers for a manifold's present parametrization.
     pub fn new(manifold: &Manifold) -> Self {
+        Self::sized(manifold, manifold.chart().ndof())
+    }
+
+    /// Without what is dense of order ndof: only the system's own blocks and the rows of P can be
+    /// evaluated, and explicit time.
+    pub fn of_system(manifold: &Manifold) -> Self {
+        Self::sized(manifold, 0)
+    }
+
+    fn sized(manifold: &Manifold, ndof: usize) -> Self {
         let structure = manifold.system().structure();
         let s = structure.sizes;
-        let ndof = manifold.chart().ndof();
         let nz = s.extra_states;
         let turning = manifold.chart().moving().clone();
         Self {
@@ -86,7 +95,7 @@ impl ReducedBlocks {
             q_t: vec![0.0; s.coordinates],
             v_t: vec![0.0; s.coordinates],
             a_t: vec![0.0; s.coordinates],
-            independent: vec![0.0; ndof],
+            independent: vec![0.0; manifold.chart().ndof()],
         }
     }
 
@@ -130,9 +139,14 @@ impl ReducedBlocks {
 
     /// D and the blocks of the system alone, at a state as for [`ReducedBlocks::evaluate`].
     pub fn evaluate_blocks(&mut self, manifold: &mut Manifold, state: &State) {
-        let system = manifold.system().clone();
-        system.derivative_blocks(state, &mut self.blocks);
         manifold.chart_mut().null_space(&mut self.d);
+        self.evaluate_system(manifold, state);
+    }
+
+    /// The blocks of the system and the rows of P alone.
+    pub fn evaluate_system(&mut self, manifold: &Manifold, state: &State) {
+        let system = manifold.system();
+        system.derivative_blocks(state, &mut self.blocks);
         let parametrization = manifold.chart().parametrization();
         let bend = &mut self.turning_rate;
         self.turning.evaluate_blocks(bend, system.as_ref(), parametrization, state);
@@ -276,19 +290,13 @@ impl ReducedBlocks {
         manifold.mass().multiply_add(1.0, &self.a_t, &mut self.coordinates);
         self.blocks.stiffness.multiply_add(1.0, &self.q_t, &mut self.coordinates);
         self.blocks.damping.multiply_add(1.0, &self.v_t, &mut self.coordinates);
-        multiply_transposed(&self.d, &self.coordinates, force);
+        manifold.chart_mut().solve_transposed(&self.coordinates, &mut self.rows, force);
         force.iter_mut().for_each(|x| *x = -*x);
-        let per_body = structure.sizes.per_body;
-        for (k, (out, ends)) in z_t.iter_mut().zip(&structure.extra_bodies).enumerate() {
-            *out = self.blocks.extra_time[k];
-            for (side, body) in ends.iter().enumerate() {
-                let Some(b) = body else { continue };
-                for i in 0..per_body {
-                    let at = (2 * k + side) * per_body + i;
-                    *out += self.blocks.extra_position[at] * self.q_t[b * per_body + i]
-                        + self.blocks.extra_velocity[at] * self.v_t[b * per_body + i];
-                }
-            }
+        for (k, out) in z_t.iter_mut().enumerate() {
+            let ends = &structure.extra_bodies[k];
+            let per_body = structure.sizes.per_body;
+            *out = self.blocks.extra_time[k]
+                + self.blocks.extra_rate(k, ends, per_body, &self.q_t, &self.v_t);
         }
     }
 }

@@ -4,7 +4,7 @@ use super::blocks::{ReducedBlocks, dot};
 use super::descriptor_pattern::DescriptorPattern;
 use super::differences::JacobianSource;
 use super::linearization::Linearization;
-use super::matrix::Matrix;
+use super::matrix::{DescriptorForm, Matrix, MatrixOptions};
 use crate::reduction::{BodyRows, Manifold, Point, Projection};
 use crate::system::System;
 use holonom_linalg::{BlockMatrix, SingularMatrix, SparseLu};
@@ -85,10 +85,10 @@ const HARMLESS_GROWTH: f64 = 1e8;
 const ACCURACY: f64 = 1e-6;
 
 impl Matrix for DescriptorMatrix {
-    fn new(manifold: &Manifold, q: &[f64], source: JacobianSource) -> Self {
+    fn new(manifold: &Manifold, q: &[f64], options: MatrixOptions) -> Self {
         let structure = manifold.system().structure();
         let (n, m) = (structure.sizes.coordinates, structure.sizes.rows);
-        let reduced = source == JacobianSource::Differences;
+        let reduced = options.source == JacobianSource::Differences;
         let pattern = DescriptorPattern::new(manifold, q, reduced);
         let moving = manifold.chart().moving().clone();
         let ndof = manifold.chart().ndof();
@@ -215,14 +215,15 @@ impl Matrix for DescriptorMatrix {
     }
 }
 
-impl DescriptorMatrix {
-    /// Residuals in `x` become corrections; `z` holds δz at fixed v and v̇.
-    pub(super) fn correct(&mut self, parts: &Linearization, z: &[f64], x: &mut Unknowns) {
+impl DescriptorForm for DescriptorMatrix {
+    fn correct_unknowns(&mut self, parts: &Linearization, z: &[f64], x: &mut Unknowns) {
         let moving = self.reduced.then_some(&self.moving);
         add_extra_force(parts, moving, |e| z[e], &mut x.force, 1);
         self.solve(parts, x);
     }
+}
 
+impl DescriptorMatrix {
     /// M, G and the moving rows of P where the manifold is.
     fn take_constants(&mut self, manifold: &Manifold) {
         self.mass.values_mut().copy_from_slice(manifold.mass().values());
@@ -322,7 +323,7 @@ fn add_extended(
 
 /// Adds Σ scale(e)·F_z of the extra states, or Pᵀ Ẑ where `moving` rows are given, to the first n entries of
 /// `out`, `stride` apart.
-fn add_extra_force(
+pub(super) fn add_extra_force(
     parts: &Linearization,
     moving: Option<&BodyRows>,
     scale: impl Fn(usize) -> f64,

@@ -24,26 +24,40 @@ pub struct Linearization {
     pub(super) beta_h2: f64,
     /// E⁻¹ = (1 − γh ż_z)⁻¹, E being diagonal.
     pub(super) inverse_e: Vec<f64>,
+    /// Whether the blocks are reduced ones; otherwise those of the system alone.
+    reduced: bool,
     rows: Vec<f64>,
     rates: Vec<f64>,
+    /// δq and δq̇ of a change, for extra states where the blocks are not reduced.
+    dq: Vec<f64>,
+    dv: Vec<f64>,
 }
 
 impl Linearization {
-    pub(super) fn new(manifold: &Manifold) -> Self {
+    /// `reduced` for dense blocks of order ndof.
+    pub(super) fn new(manifold: &Manifold, reduced: bool) -> Self {
         let s = manifold.system().structure().sizes;
         let ndof = manifold.chart().ndof();
+        let spread = if reduced || s.extra_states == 0 { 0 } else { s.coordinates };
         Self {
             system: manifold.system().clone(),
-            blocks: ReducedBlocks::new(manifold),
+            blocks: if reduced {
+                ReducedBlocks::new(manifold)
+            } else {
+                ReducedBlocks::of_system(manifold)
+            },
             chart: manifold.chart().clone(),
             made: false,
             maps: false,
-            rate_map: vec![0.0; s.coordinates * ndof],
+            rate_map: vec![0.0; if reduced { s.coordinates * ndof } else { 0 }],
             gamma_h: 0.0,
             beta_h2: 0.0,
             inverse_e: vec![0.0; s.extra_states],
+            reduced,
             rows: vec![0.0; s.rows],
             rates: vec![0.0; ndof],
+            dq: vec![0.0; spread],
+            dv: vec![0.0; spread],
         }
     }
 
@@ -73,7 +87,7 @@ impl Linearization {
         }
     }
 
-    /// ż_v δv + ż_v̇ δv̇ of extra state `k`.
+    /// ż_v δv + ż_v̇ δv̇ of extra state `k`, from reduced blocks.
     pub(super) fn extra_rate(&self, k: usize, p: &[f64], v: &[f64]) -> f64 {
         let range = k * p.len()..(k + 1) * p.len();
         dot(&self.blocks.extra_position[range.clone()], p)
@@ -88,21 +102,35 @@ impl Linearization {
     }
 
     /// z ← z + E⁻¹ γh (ż_v δv + ż_v̇ δv̇).
-    pub(super) fn add_effect_on_extra_states(&self, p: &[f64], v: &[f64], z: &mut [f64]) {
-        for (k, z) in z.iter_mut().enumerate() {
-            *z += self.inverse_e[k] * self.gamma_h * self.extra_rate(k, p, v);
+    pub(super) fn add_effect_on_extra_states(&mut self, p: &[f64], v: &[f64], z: &mut [f64]) {
+        if z.is_empty() {
+            return;
         }
+        if self.reduced {
+            for (k, z) in z.iter_mut().enumerate() {
+                *z += self.inverse_e[k] * self.gamma_h * self.extra_rate(k, p, v);
+            }
+            return;
+        }
+        let (mut dq, mut dv) = (std::mem::take(&mut self.dq), std::mem::take(&mut self.dv));
+        self.spread(p, v, &mut dq, &mut dv);
+        let structure = self.system.structure();
+        for (k, z) in z.iter_mut().enumerate() {
+            let (ends, per_body) = (&structure.extra_bodies[k], structure.sizes.per_body);
+            let rate = self.blocks.blocks.extra_rate(k, ends, per_body, &dq, &dv);
+            *z += self.inverse_e[k] * self.gamma_h * rate;
+        }
+        (self.dq, self.dv) = (dq, dv);
     }
 
     /// z ← E⁻¹ (z + γh (ż_v δv + ż_v̇ δv̇)).
-    pub(super) fn solve_extra_states(&self, p: &[f64], v: &[f64], z: &mut [f64]) {
-        for (k, z) in z.iter_mut().enumerate() {
-            *z = self.inverse_e[k] * (*z + self.gamma_h * self.extra_rate(k, p, v));
-        }
+    pub(super) fn solve_extra_states(&mut self, p: &[f64], v: &[f64], z: &mut [f64]) {
+        self.reduce_extra_states(z);
+        self.add_effect_on_extra_states(p, v, z);
     }
 
     /// What δv̈ does to w: βh² δv̈, γh δv̈, and the rest of δz.
-    pub(super) fn effect(&self, rate: &[f64], change: &mut [f64]) {
+    pub(super) fn effect(&mut self, rate: &[f64], change: &mut [f64]) {
         let (head, z) = change.split_at_mut(2 * rate.len());
         let (p, v) = head.split_at_mut(rate.len());
         for ((p, v), a) in p.iter_mut().zip(&mut *v).zip(rate) {
@@ -112,10 +140,9 @@ impl Linearization {
         self.add_effect_on_extra_states(p, v, z);
     }
 
-    pub(super) fn spread(&mut self, change: &[f64], dq: &mut [f64], dv: &mut [f64]) {
+    /// Changes of v and v̇ on all coordinates.
+    pub(super) fn spread(&mut self, p: &[f64], v: &[f64], dq: &mut [f64], dv: &mut [f64]) {
         let ndof = self.rates.len();
-        let (p, rest) = change.split_at(ndof);
-        let v = &rest[..ndof];
         if self.made && self.maps {
             let maps = self.blocks.d.chunks_exact(ndof.max(1));
             let maps = maps.zip(self.rate_map.chunks_exact(ndof.max(1)));

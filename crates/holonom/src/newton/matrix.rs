@@ -1,15 +1,59 @@
 //! What a representation of the matrix supplies.
 
+use super::descriptor::Unknowns;
 use super::differences::JacobianSource;
 use super::linearization::Linearization;
+use crate::error::EvaluationFailure;
 use crate::reduction::{Manifold, Point};
 use holonom_linalg::{Complex64, SingularMatrix};
+
+/// What is asked of a matrix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MatrixOptions {
+    /// Where the parts come from.
+    pub source: JacobianSource,
+    /// Where there is a choice of representations.
+    pub representation: Representation,
+}
+
+/// Representations of the integration Jacobian.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Representation {
+    /// By predicted cost.
+    #[default]
+    Auto,
+    /// Reduced blocks, dense of order ndof.
+    Dense,
+    /// Sparse, with the pattern of the mechanism.
+    Sparse,
+}
+
+impl Representation {
+    /// All representations with their names in options.
+    pub const ALL: &'static [(Self, &'static str)] =
+        &[(Self::Auto, "auto"), (Self::Dense, "dense"), (Self::Sparse, "sparse")];
+
+    /// The representation of this name.
+    pub fn find(name: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(_, n)| *n == name).map(|(choice, _)| *choice)
+    }
+
+    /// Name in options.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
+    }
+}
 
 /// A representation of the integration Jacobian: what it must supply for stages that have
 /// accelerations as unknowns.
 pub trait Matrix: std::fmt::Debug + Clone + Send + 'static {
     /// For the manifold's present parametrization; patterns are found at the configuration `q`.
-    fn new(manifold: &Manifold, q: &[f64], source: JacobianSource) -> Self;
+    fn new(manifold: &Manifold, q: &[f64], options: MatrixOptions) -> Self;
+
+    /// Whether it is made of reduced blocks, dense of order ndof.
+    fn is_reduced(&self) -> bool {
+        true
+    }
 
     /// Evaluates the parts that do not depend on the step at a complete point, and of the blocks what
     /// the solves need.
@@ -27,6 +71,12 @@ pub trait Matrix: std::fmt::Debug + Clone + Send + 'static {
 
     /// δv̈ = −Ψ⁻¹ (M̂₁' δv̇ + M̂₂' δv + Ẑ δz) into `rate`; `z` holds δz at fixed v and v̇.
     fn respond(&mut self, parts: &Linearization, p: &[f64], v: &[f64], z: &[f64], rate: &mut [f64]);
+}
+
+/// What it must supply beyond that for stages that have q̈ and λ as unknowns too.
+pub trait DescriptorForm: Matrix {
+    /// Residuals in `x` become corrections; `z` holds δz at fixed v and v̇.
+    fn correct_unknowns(&mut self, parts: &Linearization, z: &[f64], x: &mut Unknowns);
 }
 
 /// What it must supply beyond that for formulas of first-order equations.
@@ -51,7 +101,7 @@ pub trait FirstOrderMatrix: Matrix {
     fn solve_complex(&mut self, parts: &Linearization, x: &mut [f64], y: &mut [f64]);
 
     /// v ← M̂ v.
-    fn weigh(&mut self, parts: &Linearization, v: &mut [f64]);
+    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]);
 
     /// Explicit time dependence of v̈ and ż at the point.
     ///
@@ -63,5 +113,5 @@ pub trait FirstOrderMatrix: Matrix {
         point: &mut Point,
         v_rate: &mut [f64],
         z_rate: &mut [f64],
-    ) -> Result<(), SingularMatrix>;
+    ) -> Result<(), EvaluationFailure>;
 }

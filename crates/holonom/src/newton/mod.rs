@@ -1,6 +1,7 @@
 //! Newton's matrix at one point: linearized, factored for a step and solved with.
 
 mod blocks;
+mod chosen;
 mod complex;
 mod descriptor;
 mod descriptor_pattern;
@@ -9,12 +10,16 @@ mod linearization;
 mod matrix;
 mod reduced;
 mod solver;
+mod sparse;
+mod sparse_pattern;
 
 pub use blocks::ReducedBlocks;
+pub use chosen::Chosen;
 pub use descriptor::{DescriptorMatrix, Unknowns};
 pub use differences::JacobianSource;
 pub use holonom_linalg::Complex64;
 pub use linearization::Linearization;
-pub use matrix::{FirstOrderMatrix, Matrix};
+pub use matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Representation};
 pub use reduced::ReducedMatrix;
 pub use solver::Newton;
+pub use sparse::SparseMatrix;

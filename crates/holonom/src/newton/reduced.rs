@@ -1,10 +1,10 @@
 //! The dense matrix of order ndof.
 
-use super::blocks::dot;
+use super::blocks::{dot, singular_mass};
 use super::complex::ComplexSolver;
-use super::differences::JacobianSource;
 use super::linearization::Linearization;
-use super::matrix::{FirstOrderMatrix, Matrix};
+use super::matrix::{FirstOrderMatrix, Matrix, MatrixOptions};
+use crate::error::EvaluationFailure;
 use crate::reduction::{Manifold, Point};
 use holonom_linalg::{Complex64, DenseLu, SingularMatrix};
 
@@ -30,7 +30,7 @@ pub struct ReducedMatrix {
 }
 
 impl Matrix for ReducedMatrix {
-    fn new(manifold: &Manifold, _q: &[f64], _source: JacobianSource) -> Self {
+    fn new(manifold: &Manifold, _q: &[f64], _options: MatrixOptions) -> Self {
         let ndof = manifold.chart().ndof();
         Self {
             lu: DenseLu::new(ndof),
@@ -162,7 +162,7 @@ impl FirstOrderMatrix for ReducedMatrix {
         solver.solve(&parts.blocks, x, y);
     }
 
-    fn weigh(&mut self, parts: &Linearization, v: &mut [f64]) {
+    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
         self.b2.fill(0.0);
         multiply_add(&parts.blocks.mass, 1.0, v, &mut self.b2);
         v.copy_from_slice(&self.b2);
@@ -174,10 +174,10 @@ impl FirstOrderMatrix for ReducedMatrix {
         point: &mut Point,
         v_rate: &mut [f64],
         z_rate: &mut [f64],
-    ) -> Result<(), SingularMatrix> {
+    ) -> Result<(), EvaluationFailure> {
         parts.blocks.time_derivative(&mut point.manifold, &point.state, v_rate, z_rate);
         if !v_rate.is_empty() {
-            self.mass_lu.factor(&parts.blocks.mass)?;
+            self.mass_lu.factor(&parts.blocks.mass).map_err(|e| singular_mass(&e))?;
             self.mass_lu.solve(v_rate);
         }
         Ok(())

@@ -1,10 +1,10 @@
 //! What methods use: linearize, factor, solve.
 
-use super::blocks::{ReducedBlocks, singular_mass};
-use super::descriptor::{DescriptorMatrix, Unknowns};
+use super::blocks::ReducedBlocks;
+use super::descriptor::Unknowns;
 use super::differences::{Differences, JacobianSource};
 use super::linearization::Linearization;
-use super::matrix::{FirstOrderMatrix, Matrix};
+use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Representation};
 use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, Manifold, Point};
 use holonom_linalg::{Complex64, SingularMatrix};
@@ -14,6 +14,7 @@ use holonom_linalg::{Complex64, SingularMatrix};
 /// Changes are those of w = (v, v̇, z). Equations: `docs/theory/newton.md`.
 #[derive(Debug, Clone)]
 pub struct Newton<M> {
+    options: MatrixOptions,
     parts: Linearization,
     /// None where the derivatives of the equations are used.
     differences: Option<Box<Differences>>,
@@ -23,24 +24,33 @@ pub struct Newton<M> {
 
 impl<M: Matrix> Newton<M> {
     /// For the manifold's present parametrization, whose factors belong to the configuration `q`.
-    pub fn new(manifold: &Manifold, q: &[f64], source: JacobianSource) -> Self {
+    pub fn new(manifold: &Manifold, q: &[f64], options: MatrixOptions) -> Self {
+        let matrix = M::new(manifold, q, options);
         Self {
-            parts: Linearization::new(manifold),
-            differences: match source {
+            options,
+            parts: Linearization::new(manifold, matrix.is_reduced()),
+            differences: match options.source {
                 JacobianSource::Analytic => None,
                 JacobianSource::Differences => Some(Box::new(Differences::new(manifold))),
             },
-            matrix: M::new(manifold, q, source),
+            matrix,
             rate: vec![0.0; manifold.chart().ndof()],
         }
     }
 
     /// Where the parts come from.
     pub fn source(&self) -> JacobianSource {
-        match self.differences {
-            None => JacobianSource::Analytic,
-            Some(_) => JacobianSource::Differences,
-        }
+        self.options.source
+    }
+
+    /// What was asked for.
+    pub fn options(&self) -> MatrixOptions {
+        self.options
+    }
+
+    /// The representation in use.
+    pub fn representation(&self) -> Representation {
+        if self.matrix.is_reduced() { Representation::Dense } else { Representation::Sparse }
     }
 
     /// Reduced blocks of the last linearization, as far as the representation has them.
@@ -100,7 +110,8 @@ impl<M: Matrix> Newton<M> {
 
     /// A change of w on all coordinates: δq = D δv, δq̇ = D δv̇ − S A₀ δq, at the linearization.
     pub fn spread(&mut self, change: &[f64], dq: &mut [f64], dv: &mut [f64]) {
-        self.parts.spread(change, dq, dv);
+        let (p, rest) = change.split_at(self.rate.len());
+        self.parts.spread(p, &rest[..self.rate.len()], dq, dv);
     }
 }
 
@@ -139,7 +150,7 @@ impl<M: FirstOrderMatrix> Newton<M> {
     /// The velocity entries r_v of a change of w become M̂ r_v.
     pub fn weigh(&mut self, x: &mut [f64]) {
         let ndof = self.rate.len();
-        self.matrix.weigh(&self.parts, &mut x[ndof..2 * ndof]);
+        self.matrix.weigh(&mut self.parts, &mut x[ndof..2 * ndof]);
     }
 
     /// g_t of ẇ = g(t, w) at the point of the last linearization.
@@ -154,18 +165,17 @@ impl<M: FirstOrderMatrix> Newton<M> {
         g_t.fill(0.0);
         let (head, z) = g_t.split_at_mut(2 * self.rate.len());
         let v_rate = &mut head[self.rate.len()..];
-        let outcome = self.matrix.time_derivative(&mut self.parts, point, v_rate, z);
-        outcome.map_err(|e| singular_mass(&e))
+        self.matrix.time_derivative(&mut self.parts, point, v_rate, z)
     }
 }
 
-impl Newton<DescriptorMatrix> {
+impl<M: DescriptorForm> Newton<M> {
     /// One correction of a stage with q̈ and λ as unknowns too: residuals in `x` and z̃ + γh ż − z in the
     /// last entries of `change` become corrections.
     pub fn correct_unknowns(&mut self, x: &mut Unknowns, change: &mut [f64]) {
         let dz = &mut change[2 * x.rate.len()..];
         self.parts.reduce_extra_states(dz);
-        self.matrix.correct(&self.parts, dz, x);
+        self.matrix.correct_unknowns(&self.parts, dz, x);
         self.parts.effect(&x.rate, change);
     }
 

@@ -60,6 +60,11 @@ impl BodyRows {
         self.values.copy_from_slice(&other.values);
     }
 
+    /// All values.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
     /// The value at a place of [`BodyRows::entries`].
     pub fn value(&self, at: usize) -> f64 {
         self.values[at]

@@ -511,6 +511,24 @@ impl Manifold {
         ))
     }
 
+    /// What forces alone give: M̂⁻¹Dᵀ `force` at the configuration q last evaluated with accelerations.
+    ///
+    /// # Errors
+    /// `simulation/singular-mass`.
+    pub fn respond(
+        &mut self,
+        q: &[f64],
+        force: &[f64],
+        p_rate: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        let system = self.system.as_ref();
+        self.tau.fill(0.0);
+        let (a, lambda) = (&mut self.correction, &mut self.rows);
+        self.saddle.solve(system, &self.g, force, &self.tau, a, lambda)?;
+        self.chart.parametrization().rates(system, q, a, p_rate);
+        Ok(())
+    }
+
     /// Multipliers of the state whose accelerations were the last to be computed.
     pub fn multipliers(&mut self, state: &mut State) {
         if let (true, Some(form)) = (self.multipliers_due, &mut self.null_space) {

@@ -23,5 +23,5 @@ pub use partitioning::{RANK_TOLERANCE, partition, scaled_jacobian};
 pub use point::Point;
 pub use relatives::{Relatives, Source};
 pub use saddle::Saddle;
-pub use structural::{structural_nonzeros, structural_null_space};
+pub use structural::{disturb, structural_nonzeros, structural_null_space};
 pub use tangent_plane::{Choice, choose};

@@ -33,7 +33,7 @@ pub fn structural_null_space(system: &dyn System, chart: &Chart, q: &[f64]) -> V
 }
 
 /// A fixed irrational walk around q: what vanishes at three such places vanishes everywhere.
-fn disturb(q: &[f64], round: u32, probe: &mut [f64]) {
+pub fn disturb(q: &[f64], round: u32, probe: &mut [f64]) {
     for (i, (x, q)) in probe.iter_mut().zip(q).enumerate() {
         let phase = f64::from(round) * 0.618_033_988_749_895 * (i as f64 + 1.0);
         *x = q + 0.7 * (phase.fract() - 0.5) + 0.11;

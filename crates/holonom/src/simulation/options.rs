@@ -2,7 +2,7 @@
 
 use crate::method::{Code, DEFAULT_CODE, Newmark, Profile};
 use crate::model::Tolerance;
-use crate::newton::JacobianSource;
+use crate::newton::{JacobianSource, Representation};
 use crate::reduction::Choice;
 
 /// When states are stored.
@@ -45,6 +45,8 @@ pub struct Options {
     pub parametrization: Choice,
     /// Where the integration Jacobian comes from.
     pub jacobian: JacobianSource,
+    /// How the integration Jacobian is represented.
+    pub newton: Representation,
     /// A new partition is tried when the condition of [G; P] has grown by this factor.
     pub repartition_factor: f64,
     /// Whether steps are handed out with what the states inside them are made of; unless stated, those of
@@ -77,6 +79,7 @@ impl Options {
             newmark: None,
             parametrization: Choice::default(),
             jacobian: JacobianSource::default(),
+            newton: Representation::default(),
             repartition_factor: DEFAULT_REPARTITION_FACTOR,
             dense_output: None,
         }

@@ -19,6 +19,7 @@ use super::warnings::warnings;
 use crate::error::EvaluationFailure;
 use crate::method::stepper::{Rejection, StepReport, Stepper, initial_step};
 use crate::method::{StateSpace, build_state_space, build_stepper};
+use crate::newton::MatrixOptions;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::{Chart, Choice};
 use crate::system::{EnergyBalance, State, System};
@@ -101,7 +102,10 @@ pub fn run(
     let channels = find_channels(&system, &options.channels)?;
     let (code, profile, tolerance) = (options.code, options.profile, options.tolerance);
     let mut form = build_state_space(code, profile, manifold, tolerance, &state);
-    form.set_jacobian(options.jacobian);
+    let matrix = MatrixOptions { source: options.jacobian, representation: options.newton };
+    if matrix != MatrixOptions::default() {
+        form.set_matrix(matrix);
+    }
     let dimension = form.dimension();
     let fixed = options.fixed_step.is_some();
     let stepper = build_stepper(

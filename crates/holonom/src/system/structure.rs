@@ -1,7 +1,7 @@
 //! Sizes, numbering and sparsity patterns of a system: everything that parameter values leave alone.
 
 use super::Measure;
-use holonom_linalg::BlockMatrix;
+use holonom_linalg::{BlockMatrix, Scalar};
 
 /// Counts of a system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -100,4 +100,28 @@ pub struct DerivativeBlocks {
     pub extra_extra: Vec<f64>,
     /// g_t.
     pub extra_time: Vec<f64>,
+}
+
+impl DerivativeBlocks {
+    /// g_q δq + g_q̇ δq̇ of extra state `k` with the bodies `ends` of `per_body` coordinates each.
+    pub fn extra_rate<T: Scalar>(
+        &self,
+        k: usize,
+        ends: &[Option<usize>; 2],
+        per_body: usize,
+        dq: &[T],
+        dv: &[T],
+    ) -> T {
+        let mut sum = T::ZERO;
+        for (side, body) in ends.iter().enumerate() {
+            let Some(b) = body else { continue };
+            for i in 0..per_body {
+                let (at, j) = ((2 * k + side) * per_body + i, b * per_body + i);
+                sum = sum
+                    + dq[j].scaled(self.extra_position[at])
+                    + dv[j].scaled(self.extra_velocity[at]);
+            }
+        }
+        sum
+    }
 }

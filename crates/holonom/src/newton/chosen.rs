@@ -1,0 +1,165 @@
+//! Which representation a run uses.
+
+use super::descriptor::Unknowns;
+use super::differences::JacobianSource;
+use super::linearization::Linearization;
+use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Representation};
+use super::sparse::SparseMatrix;
+use crate::error::EvaluationFailure;
+use crate::reduction::{Manifold, Point};
+use holonom_linalg::{Complex64, SingularMatrix};
+
+/// A matrix with dense blocks of order ndof, or the sparse one, as asked for or by predicted cost.
+#[derive(Debug, Clone)]
+pub enum Chosen<D> {
+    /// Made of reduced blocks.
+    Dense(D),
+    /// With the graph of the mechanism.
+    Sparse(Box<SparseMatrix>),
+}
+
+/// Operations with vectors cost about this part of single ones.
+const LANE_COST: f64 = 0.25;
+/// Operations of a factorization of the inflated matrix per entry of its blocks, about.
+const ELIMINATION: f64 = 8.0;
+/// Factorizations to one linearization, and solves to one factorization, about.
+const FACTORIZATIONS: f64 = 5.0;
+const SOLVES: f64 = 6.0;
+
+/// The predicted cost of a linearization with what follows it: dense, sparse.
+fn costs(manifold: &Manifold) -> (f64, f64) {
+    let structure = manifold.system().structure();
+    let (chart, n) = (manifold.chart(), structure.sizes.coordinates as f64);
+    let ndof = chart.ndof() as f64;
+    let of_g = structure.constraint_pattern.values().len() as f64;
+    let of_k = structure.stiffness_pattern.values().len() as f64;
+    let blocks = 3.0 * (2.0 * of_k + 3.0 * of_g);
+    let reduction = ndof * (2.0 * 4.0 * chart.fill() as f64 + 2.0 * blocks + 2.0 * n * ndof);
+    let factor = ndof.powi(3) * 2.0 / 3.0;
+    let dense = LANE_COST * (reduction + FACTORIZATIONS * (factor + SOLVES * 2.0 * ndof * ndof));
+    let entries = 3.0 * chart.fill() as f64 + 3.0 * of_g + 2.0 * of_k + 3.0 * ndof;
+    (dense, FACTORIZATIONS * ELIMINATION * entries)
+}
+
+impl<D: Matrix> Matrix for Chosen<D> {
+    fn new(manifold: &Manifold, q: &[f64], options: MatrixOptions) -> Self {
+        let sparse = match options.representation {
+            Representation::Dense => false,
+            Representation::Sparse => true,
+            Representation::Auto => {
+                let (dense, sparse) = costs(manifold);
+                sparse < dense
+            }
+        };
+        if sparse && options.source == JacobianSource::Analytic {
+            Self::Sparse(Box::new(SparseMatrix::new(manifold, q, options)))
+        } else {
+            Self::Dense(D::new(manifold, q, options))
+        }
+    }
+
+    fn is_reduced(&self) -> bool {
+        match self {
+            Self::Dense(matrix) => matrix.is_reduced(),
+            Self::Sparse(matrix) => matrix.is_reduced(),
+        }
+    }
+
+    fn linearize(&mut self, parts: &mut Linearization, point: &mut Point) {
+        match self {
+            Self::Dense(matrix) => matrix.linearize(parts, point),
+            Self::Sparse(matrix) => matrix.linearize(parts, point),
+        }
+    }
+
+    fn take_blocks(&mut self, parts: &Linearization, manifold: &Manifold) {
+        match self {
+            Self::Dense(matrix) => matrix.take_blocks(parts, manifold),
+            Self::Sparse(matrix) => matrix.take_blocks(parts, manifold),
+        }
+    }
+
+    fn factor(&mut self, parts: &Linearization) -> Result<u64, SingularMatrix> {
+        match self {
+            Self::Dense(matrix) => matrix.factor(parts),
+            Self::Sparse(matrix) => matrix.factor(parts),
+        }
+    }
+
+    fn respond(
+        &mut self,
+        parts: &Linearization,
+        p: &[f64],
+        v: &[f64],
+        z: &[f64],
+        rate: &mut [f64],
+    ) {
+        match self {
+            Self::Dense(matrix) => matrix.respond(parts, p, v, z, rate),
+            Self::Sparse(matrix) => matrix.respond(parts, p, v, z, rate),
+        }
+    }
+}
+
+impl<D: FirstOrderMatrix> FirstOrderMatrix for Chosen<D> {
+    fn correct(&mut self, parts: &Linearization, z: &[f64], rate: &mut [f64]) {
+        match self {
+            Self::Dense(matrix) => matrix.correct(parts, z, rate),
+            Self::Sparse(matrix) => matrix.correct(parts, z, rate),
+        }
+    }
+
+    fn solve(&mut self, parts: &Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]) {
+        match self {
+            Self::Dense(matrix) => matrix.solve(parts, p, v, z),
+            Self::Sparse(matrix) => matrix.solve(parts, p, v, z),
+        }
+    }
+
+    fn factor_complex(
+        &mut self,
+        parts: &Linearization,
+        gamma_h: Complex64,
+    ) -> Result<(), SingularMatrix> {
+        match self {
+            Self::Dense(matrix) => matrix.factor_complex(parts, gamma_h),
+            Self::Sparse(matrix) => matrix.factor_complex(parts, gamma_h),
+        }
+    }
+
+    fn solve_complex(&mut self, parts: &Linearization, x: &mut [f64], y: &mut [f64]) {
+        match self {
+            Self::Dense(matrix) => matrix.solve_complex(parts, x, y),
+            Self::Sparse(matrix) => matrix.solve_complex(parts, x, y),
+        }
+    }
+
+    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
+        match self {
+            Self::Dense(matrix) => matrix.weigh(parts, v),
+            Self::Sparse(matrix) => matrix.weigh(parts, v),
+        }
+    }
+
+    fn time_derivative(
+        &mut self,
+        parts: &mut Linearization,
+        point: &mut Point,
+        v_rate: &mut [f64],
+        z_rate: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        match self {
+            Self::Dense(matrix) => matrix.time_derivative(parts, point, v_rate, z_rate),
+            Self::Sparse(matrix) => matrix.time_derivative(parts, point, v_rate, z_rate),
+        }
+    }
+}
+
+impl<D: DescriptorForm> DescriptorForm for Chosen<D> {
+    fn correct_unknowns(&mut self, parts: &Linearization, z: &[f64], x: &mut Unknowns) {
+        match self {
+            Self::Dense(matrix) => matrix.correct_unknowns(parts, z, x),
+            Self::Sparse(matrix) => matrix.correct_unknowns(parts, z, x),
+        }
+    }
+}

@@ -1,0 +1,315 @@
+//! Where the entries of the inflated matrix come from: its pattern, found once.
+
+use super::blocks::ReducedBlocks;
+use crate::reduction::{BodyRows, Manifold, Projection, structural_nonzeros};
+use holonom_linalg::{BlockMatrix, Scalar, SparsePattern};
+
+/// Matrices whose values stand in the inflated one.
+#[derive(Debug, Clone, Copy)]
+enum Source {
+    Constant,
+    Mass,
+    Jacobian,
+    Moving,
+    A0,
+    Turning,
+    A1,
+    TurningRate,
+    Damping,
+    Stiffness,
+}
+
+/// What a value is multiplied by.
+#[derive(Debug, Clone, Copy)]
+enum Coefficient {
+    One,
+    /// γh and 2γh.
+    GammaH,
+    TwiceGammaH,
+    /// βh² and βh²/γh.
+    BetaH2,
+    Ratio,
+}
+
+/// Entries with one source and one coefficient: (value of the source, slot).
+#[derive(Debug, Clone)]
+struct Term {
+    source: Source,
+    coefficient: Coefficient,
+    entries: Vec<(u32, u32)>,
+}
+
+/// One entry of F_z E⁻¹ g_q or F_z E⁻¹ g_q̇: the extra state, places in the system's blocks, slot.
+#[derive(Debug, Clone, Copy)]
+struct ExtraEntry {
+    state: u32,
+    force: u32,
+    rate: u32,
+    slot: u32,
+}
+
+/// Values that do not depend on the step, and the coefficients that do.
+pub(super) struct Sum<'a, T> {
+    pub(super) mass: &'a BlockMatrix,
+    pub(super) jacobian: &'a [f64],
+    pub(super) moving: &'a BodyRows,
+    pub(super) blocks: &'a ReducedBlocks,
+    pub(super) gamma_h: T,
+    pub(super) beta_h2: T,
+    /// βh²/γh.
+    pub(super) ratio: T,
+    pub(super) inverse_e: &'a [T],
+}
+
+/// Which stored values of K, C, A₀, A₁ have been different from zero.
+#[derive(Debug, Clone)]
+pub(super) struct Nonzeros {
+    stiffness: Vec<bool>,
+    damping: Vec<bool>,
+    a0: Vec<bool>,
+    a1: Vec<bool>,
+}
+
+impl Nonzeros {
+    /// None yet.
+    pub(super) fn new(blocks: &ReducedBlocks) -> Self {
+        let b = &blocks.blocks;
+        let none = |matrix: &BlockMatrix| vec![false; matrix.values().len()];
+        Self {
+            stiffness: none(&b.stiffness),
+            damping: none(&b.damping),
+            a0: none(&b.a0),
+            a1: none(&b.a1),
+        }
+    }
+
+    /// Marks what differs from zero; returns whether something new does.
+    pub(super) fn observe(&mut self, blocks: &ReducedBlocks) -> bool {
+        let b = &blocks.blocks;
+        let mut new = false;
+        for (flags, matrix) in [
+            (&mut self.stiffness, &b.stiffness),
+            (&mut self.damping, &b.damping),
+            (&mut self.a0, &b.a0),
+            (&mut self.a1, &b.a1),
+        ] {
+            for (flag, x) in flags.iter_mut().zip(matrix.values()) {
+                let differs = *x != 0.0 && !*flag;
+                *flag |= differs;
+                new |= differs;
+            }
+        }
+        new
+    }
+}
+
+/// The pattern with the source of every entry.
+#[derive(Debug, Clone)]
+pub(super) struct InflatedPattern {
+    pub(super) pattern: SparsePattern,
+    terms: Vec<Term>,
+    constants: Vec<f64>,
+    by_position: Vec<ExtraEntry>,
+    by_velocity: Vec<ExtraEntry>,
+}
+
+impl InflatedPattern {
+    /// For the manifold's present parametrization, with the entries of K, C, A₀, A₁ that are marked.
+    pub(super) fn new(manifold: &Manifold, q: &[f64], nonzeros: &Nonzeros) -> Self {
+        let system = manifold.system().as_ref();
+        let structure = system.structure();
+        let n = structure.sizes.coordinates;
+        let parametrization = manifold.chart().parametrization();
+        let rank = parametrization.kept.len();
+        let linear = parametrization.linear();
+        let own = 3 * n + rank;
+        let (g_nonzero, m_nonzero) = structural_nonzeros(system, q);
+        let mut kept = vec![None; structure.sizes.rows];
+        for (k, &row) in parametrization.kept.iter().enumerate() {
+            kept[row] = Some(k);
+        }
+        let mut list = List::default();
+        let force = |(i, j): (usize, usize)| Some((i, j));
+        let row_of = |(row, j): (usize, usize)| kept[row].map(|k: usize| (k, j));
+        let moving = manifold.chart().moving();
+        let moving_entries: Vec<_> =
+            moving.entries().map(|(at, row, j)| (at, (rank + linear + row, j))).collect();
+        let entries = |matrix: &BlockMatrix, nonzero: &[bool]| -> Vec<(usize, (usize, usize))> {
+            let all = matrix.entries(0, 0).into_iter().enumerate();
+            all.filter(|(at, _)| nonzero[*at]).collect()
+        };
+        let jacobian = entries(&structure.constraint_pattern, &g_nonzero);
+        let mut constants = Vec::new();
+        let mut constant_entries = Vec::new();
+        match &parametrization.projection {
+            Projection::Selection(independent) => {
+                for (k, &i) in independent.iter().enumerate() {
+                    constant_entries.push((constants.len(), (rank + k, i)));
+                    constants.push(1.0);
+                }
+            }
+            Projection::Basis(rows) => {
+                for (k, row) in rows.chunks_exact(n).enumerate() {
+                    for (i, &x) in row.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+                        constant_entries.push((constants.len(), (rank + k, i)));
+                        constants.push(x);
+                    }
+                }
+            }
+            Projection::Relative(_) => {}
+        }
+        let minus_one = constants.len();
+        constants.push(-1.0);
+        let minus: Vec<_> =
+            (0..parametrization.ndof).map(|k| (minus_one, (rank + k, own + k))).collect();
+        for level in 0..3 {
+            let place = |(i, j): (usize, usize)| Some((level * n + i, level * n + j));
+            let constraint = |e| row_of(e).and_then(place);
+            list.add(Source::Jacobian, Coefficient::One, &jacobian, constraint);
+            list.add(Source::Moving, Coefficient::One, &moving_entries, place);
+            list.add(Source::Constant, Coefficient::One, &constant_entries, place);
+            list.add(Source::Constant, Coefficient::One, &minus, |(i, j)| Some((level * n + i, j)));
+        }
+        let a0 = entries(&structure.constraint_pattern, &nonzeros.a0);
+        let a1 = entries(&structure.constraint_pattern, &nonzeros.a1);
+        for (level, column, source, turning, rows, coefficient) in [
+            (1, 0, Source::A0, Source::Turning, &a0, Coefficient::Ratio),
+            (2, 0, Source::A1, Source::TurningRate, &a1, Coefficient::BetaH2),
+            (2, 1, Source::A0, Source::Turning, &a0, Coefficient::TwiceGammaH),
+        ] {
+            let place = |(i, j): (usize, usize)| Some((level * n + i, column * n + j));
+            list.add(source, coefficient, rows, |e| row_of(e).and_then(place));
+            list.add(turning, coefficient, &moving_entries, place);
+        }
+        let at_force = |column: usize| {
+            move |e| force(e).map(|(i, j): (usize, usize)| (3 * n + i, column * n + j))
+        };
+        let mass = entries(&structure.mass_pattern, &m_nonzero);
+        let damping = entries(&structure.stiffness_pattern, &nonzeros.damping);
+        let stiffness = entries(&structure.stiffness_pattern, &nonzeros.stiffness);
+        list.add(Source::Stiffness, Coefficient::BetaH2, &stiffness, at_force(0));
+        list.add(Source::Damping, Coefficient::GammaH, &damping, at_force(1));
+        list.add(Source::Mass, Coefficient::One, &mass, at_force(2));
+        list.add(Source::Jacobian, Coefficient::One, &jacobian, |e| {
+            row_of(e).map(|(k, j)| (3 * n + j, 3 * n + k))
+        });
+        let mut extra = Vec::new();
+        let per_body = structure.sizes.per_body;
+        for (state, ends) in structure.extra_bodies.iter().enumerate() {
+            let places = || {
+                ends.iter().enumerate().filter_map(|(side, body)| body.map(|b| (side, b))).flat_map(
+                    move |(side, b)| {
+                        (0..per_body)
+                            .map(move |i| ((2 * state + side) * per_body + i, b * per_body + i))
+                    },
+                )
+            };
+            for (force, i) in places() {
+                for (rate, j) in places() {
+                    extra.push((state, force, rate, (3 * n + i, j)));
+                }
+            }
+        }
+        let positions = list.entries.len();
+        list.entries.extend(extra.iter().map(|(.., place)| *place));
+        list.entries.extend(extra.iter().map(|(.., (i, j))| (*i, n + j)));
+        let (pattern, slots) = SparsePattern::new(4 * n, 4 * n, &list.entries);
+        let entry = |(at, &(state, force, rate, _)): (usize, &(usize, usize, usize, _))| {
+            [state, force, rate, slots[at]].map(|x| x as u32)
+        };
+        let made = |from: usize| {
+            let entries = extra.iter().enumerate().map(move |(at, e)| (from + at, e)).map(entry);
+            entries
+                .map(|[state, force, rate, slot]| ExtraEntry { state, force, rate, slot })
+                .collect()
+        };
+        let (by_position, by_velocity) = (made(positions), made(positions + extra.len()));
+        Self { terms: list.terms(&slots), pattern, constants, by_position, by_velocity }
+    }
+
+    /// Sums the entries.
+    pub(super) fn fill<T: Scalar>(&self, sum: &Sum<'_, T>, values: &mut [T]) {
+        values.fill(T::ZERO);
+        let b = &sum.blocks.blocks;
+        for term in &self.terms {
+            let source = match term.source {
+                Source::Constant => &self.constants[..],
+                Source::Mass => sum.mass.values(),
+                Source::Jacobian => sum.jacobian,
+                Source::Moving => sum.moving.values(),
+                Source::A0 => b.a0.values(),
+                Source::Turning => sum.blocks.turning.values(),
+                Source::A1 => b.a1.values(),
+                Source::TurningRate => sum.blocks.turning_rate.values(),
+                Source::Damping => b.damping.values(),
+                Source::Stiffness => b.stiffness.values(),
+            };
+            let coefficient = match term.coefficient {
+                Coefficient::One => T::from(1.0),
+                Coefficient::GammaH => sum.gamma_h,
+                Coefficient::TwiceGammaH => sum.gamma_h.scaled(2.0),
+                Coefficient::BetaH2 => sum.beta_h2,
+                Coefficient::Ratio => sum.ratio,
+            };
+            for &(at, slot) in &term.entries {
+                let value = &mut values[slot as usize];
+                *value = *value + coefficient.scaled(source[at as usize]);
+            }
+        }
+        for (entries, rates, power) in [
+            (&self.by_position, &b.extra_position, sum.beta_h2),
+            (&self.by_velocity, &b.extra_velocity, sum.gamma_h),
+        ] {
+            for e in entries {
+                let scale = sum.gamma_h * sum.inverse_e[e.state as usize] * power;
+                let product = b.force_extra[e.force as usize] * rates[e.rate as usize];
+                let value = &mut values[e.slot as usize];
+                *value = *value + scale.scaled(product);
+            }
+        }
+    }
+}
+
+/// Entries listed term by term.
+#[derive(Default)]
+struct List {
+    entries: Vec<(usize, usize)>,
+    terms: Vec<(Source, Coefficient, Vec<u32>)>,
+}
+
+impl List {
+    fn add(
+        &mut self,
+        source: Source,
+        coefficient: Coefficient,
+        entries: &[(usize, (usize, usize))],
+        place: impl Fn((usize, usize)) -> Option<(usize, usize)>,
+    ) {
+        let mut values = Vec::new();
+        for &(at, entry) in entries {
+            if let Some(entry) = place(entry) {
+                self.entries.push(entry);
+                values.push(at as u32);
+            }
+        }
+        self.terms.push((source, coefficient, values));
+    }
+
+    fn terms(self, slots: &[usize]) -> Vec<Term> {
+        let mut slots = slots.iter().map(|slot| *slot as u32);
+        let mut placed = |values: Vec<u32>| {
+            values
+                .into_iter()
+                .map(|at| (at, slots.next().expect("a slot for every entry")))
+                .collect()
+        };
+        let terms = self.terms.into_iter();
+        terms
+            .map(|(source, coefficient, values)| Term {
+                source,
+                coefficient,
+                entries: placed(values),
+            })
+            .collect()
+    }
+}
