@@ -31,4 +31,4 @@ pub use rank::{
     singular_values, thin_svd,
 };
 pub use scalar::Scalar;
-pub use sparse::{SparseLu, SparsePattern};
+pub use sparse::{SparseLu, SparsePattern, sparse_least_norm};

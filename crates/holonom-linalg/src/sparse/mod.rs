@@ -1,6 +1,7 @@
 //! Sparse matrices with a fixed pattern and their LU factorisation.
 
 mod elimination;
+mod least_norm;
 mod ordering;
 mod pattern;
 mod substitution;
@@ -13,6 +14,7 @@ use crate::scalar::Scalar;
 use std::sync::Arc;
 
 use elimination::{Factors, Plan};
+pub use least_norm::sparse_least_norm;
 pub use pattern::SparsePattern;
 use substitution::Substitution;
 use symbolic::FactorPattern;

@@ -12,13 +12,16 @@ use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
 use crate::model::{Assembly, Body, InitialBody, Model, Orientation};
 use crate::system::{BodyPose, Measure, State, System};
-use holonom_linalg::{BlockMatrix, Cholesky, least_norm};
+use holonom_linalg::{BlockMatrix, Cholesky, least_norm, sparse_least_norm};
 use std::sync::Arc;
 
 /// Residuals of stated values up to this size are projected away (m, rad, m/s, rad/s).
 pub const PROJECTED: f64 = 1e-6;
 /// Relative rank tolerance of the least-change solves.
 const RANK: f64 = 1e-10;
+/// Beyond about as many operations corrections come from a sparse matrix, which knows no rank but damps what
+/// depends on other rows.
+const DENSE_OPERATIONS: f64 = 1e8;
 const MAX_ITERATIONS: usize = 60;
 
 /// Why no consistent start was found.
@@ -214,12 +217,12 @@ pub fn assemble(
     solver.close(&mut state, &everything, &mut g);
 
     // Velocities in the same way; the Euler-parameter rates follow the projected parameters.
+    let mut q = state.q.clone();
     for (b, body) in model.bodies.iter().enumerate() {
         let mut pose = system.body(b, &state.q, &state.v);
         let target = stated_pose(body, stated(b));
         pose.velocity = target.velocity;
         pose.angular_velocity = target.angular_velocity;
-        let mut q = state.q.clone();
         system.set_body(b, &pose, &mut q, &mut state.v);
     }
     let before = state.v.clone();
@@ -357,6 +360,19 @@ fn check_mass(
     let (n, ndof) = (structure.sizes.coordinates, manifold.chart().ndof());
     if ndof == 0 {
         return Ok(());
+    }
+    if !manifold.forms_mass() {
+        // M is positive semidefinite, so M̂ is positive definite where accelerations are determined.
+        let (force, mut rate) = (vec![0.0; n], vec![0.0; ndof]);
+        return manifold.respond(q, &force, &mut rate).map_err(|failure| {
+            match failure.coordinate {
+                Some(coordinate) => AssemblyError::SingularMass {
+                    body: system.coordinate_item(coordinate).to_owned(),
+                    coordinate: system.coordinate_name(coordinate),
+                },
+                None => AssemblyError::Evaluation(failure),
+            }
+        });
     }
     let mut mass = structure.mass_pattern.clone();
     system.mass_matrix(q, &mut mass);
@@ -569,30 +585,44 @@ impl Solver<'_> {
         let sizes = self.system.structure().sizes;
         let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
         let (per_body, d) = (sizes.per_body, sizes.translations);
-        let mut dense = g.to_dense();
         let couplings: Vec<(usize, Vec<f64>)> =
             unknowns.coupled.iter().map(|&b| (b, self.coupling(b, q))).collect();
-        for (b, w) in &couplings {
-            for row in dense.chunks_exact_mut(n) {
-                for c in 0..per_body - d {
-                    for i in 0..d {
-                        row[b * per_body + d + c] +=
-                            row[b * per_body + i] * w[i * (per_body - d) + c];
-                    }
-                }
-            }
+        let mut column = vec![None; n];
+        for (at, &i) in unknowns.free.iter().enumerate() {
+            column[i] = Some(at);
         }
         let weights: Vec<f64> =
             unknowns.free.iter().map(|&i| 1.0 / scale(self.system, i)).collect();
-        let mut a = vec![0.0; m * k];
-        for (source, target) in dense.chunks_exact(n).zip(a.chunks_exact_mut(k)) {
-            for ((out, &i), w) in target.iter_mut().zip(&unknowns.free).zip(&weights) {
-                *out = source[i] * w;
+        let mut coupled = vec![None; sizes.bodies];
+        for (b, w) in &couplings {
+            coupled[*b] = Some(w);
+        }
+        let mut entries = Vec::new();
+        for ((row, i), x) in g.entries(0, 0).into_iter().zip(g.values()) {
+            let mut add = |i: usize, x: f64| {
+                if let Some(at) = column[i] {
+                    entries.push((row, at, x * weights[at]));
+                }
+            };
+            add(i, *x);
+            if let (Some(w), true) = (coupled[i / per_body], i % per_body < d) {
+                for c in 0..per_body - d {
+                    let factor = w[i % per_body * (per_body - d) + c];
+                    add(i / per_body * per_body + d + c, x * factor);
+                }
             }
         }
-        let solution = least_norm(m, k, &a, r, RANK).ok()?;
+        let solution = if (m * m) as f64 * k as f64 <= DENSE_OPERATIONS {
+            let mut a = vec![0.0; m * k];
+            for (row, at, x) in entries {
+                a[row * k + at] += x;
+            }
+            least_norm(m, k, &a, r, RANK).ok()?.x
+        } else {
+            sparse_least_norm(m, k, &entries, r).ok()?
+        };
         let mut x = vec![0.0; n];
-        for ((&i, y), w) in unknowns.free.iter().zip(&solution.x).zip(&weights) {
+        for ((&i, y), w) in unknowns.free.iter().zip(&solution).zip(&weights) {
             x[i] = y * w;
         }
         for (b, w) in &couplings {

@@ -511,6 +511,11 @@ impl Manifold {
         ))
     }
 
+    /// Whether M̂ is formed, dense of order ndof; otherwise accelerations come from a sparse matrix.
+    pub fn forms_mass(&self) -> bool {
+        self.null_space.is_some()
+    }
+
     /// What forces alone give: M̂⁻¹Dᵀ `force` at the configuration q last evaluated with accelerations.
     ///
     /// # Errors
