@@ -25,7 +25,7 @@ class CoreModel:
         """Return the hash of the merged model text."""
 
     def defaults(self) -> str:
-        """Return JSON: title, dimension, and the defaults of a run."""
+        """Return JSON: title, dimension, span and tolerance of a run that states none."""
 
     def channels(self) -> str:
         """Return a JSON list of ``name``, ``unit``, ``frame``, ``shape``."""
@@ -35,6 +35,9 @@ class CoreModel:
 
     def check(self, spectrum: bool) -> str:
         """Return JSON: counts, degrees of freedom, redundancy, adjustments, spectrum."""
+
+    def options(self, choices_json: str, start_time: float | None) -> str:
+        """Return JSON: all options of a run with these choices, from a state at ``start_time``."""
 
     def simulate(
         self,

@@ -212,7 +212,7 @@ class Model:
 
     @property
     def defaults(self) -> dict[str, Any]:
-        """Title, dimension and the defaults of a run."""
+        """Title and dimension; start and end (s) and tolerance of a run that states none."""
         if self._defaults is None:
             self._defaults = json.loads(self._core.defaults())
         return self._defaults

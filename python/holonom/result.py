@@ -354,7 +354,7 @@ class Result:
 
     @property
     def options(self) -> dict[str, Any]:
-        """The choices the run was made with."""
+        """What the run used: the choices stated, the rest from the model or by default."""
         return dict(self.meta.get("options") or {})
 
     @property

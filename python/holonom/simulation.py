@@ -47,36 +47,17 @@ def run(
     certify: bool,
 ) -> Result:
     """Run a model; see `Model.simulate`."""
-    asked = options.to_dict()
-    chosen = {key: model.defaults.get(key) for key in type(options).__dataclass_fields__}
-    chosen = {key: value for key, value in (chosen | asked).items() if value is not None}
-    for stated, displaced in (("output_times", "interval"), ("method", "formula")):
-        if stated in asked and displaced not in asked:
-            chosen.pop(displaced, None)
-    if isinstance(asked.get("tolerance"), dict):  # what is not stated of it comes from the model
-        chosen["tolerance"] = {**model.defaults["tolerance"], **asked["tolerance"]}
-    if chosen.get("end_time") is None:
-        raise UsageError(
-            "there is no end time; give `end_time`, or state it in the model's [simulation]"
-        )
-    requested = model.expand(chosen.get("channels") or [])
+    state = None if start is None else start_state(start)
+    chosen = _resolved(model, options, state)
+    requested = model.expand(chosen["channels"])
     always = [name for name in model.channels if name.startswith(DIAGNOSTICS)]
     whole = [split_component(name)[0] for name in requested]
     chosen["channels"] = list(dict.fromkeys([*whole, *always]))
 
-    state = None
-    if start is not None:
-        state = start_state(start)
-        chosen["start_time"] = float(state["time"][0])
-        if options.start_time not in (None, chosen["start_time"]):
-            raise UsageError(
-                f"`start_time` is {options.start_time} s, but the state is at "
-                f"{chosen['start_time']} s"
-            )
     if output is not None:
         require_replaceable(output)
     if certify:
-        _require_error_control(model, chosen)
+        _require_error_control(chosen)
 
     recorder = _Recorder(model, chosen, requested, output, certify)
     try:
@@ -102,11 +83,19 @@ def run(
     return result
 
 
-def _require_error_control(model: Model, chosen: Mapping[str, Any]) -> None:
+def _resolved(
+    model: Model, options: Options, state: dict[str, NDArray[np.float64]] | None
+) -> dict[str, Any]:
+    """Return what the run uses: what is stated, the rest from the model or by default."""
+    start = None if state is None else float(state["time"][0])
+    with translated():
+        chosen = json.loads(model._core.options(json.dumps(options.to_dict()), start))
+    return {name: value for name, value in chosen.items() if value is not None}
+
+
+def _require_error_control(chosen: Mapping[str, Any]) -> None:
     """Refuse to certify steps that no tolerance controls."""
-    stated = json.loads(model.to_json()).get("simulation") or {}
-    step = chosen.get("fixed_step", stated.get("fixed_step"))
-    if step is not None:
+    if "fixed_step" in chosen:
         raise UsageError(
             "`certify` repeats the run at a tenth of the tolerance, and a fixed step follows none"
             "\n  help: leave `fixed_step` out, or run twice with different steps and compare"
@@ -127,7 +116,7 @@ def _certify(
     bool
         Whether Ctrl-C was pressed.
     """
-    start = float(state["time"][0]) if state else float(chosen["start_time"])
+    start = float(chosen["start_time"])
     second = chosen | {"tolerance": tightened(chosen["tolerance"]), "dense_output": False}
     times: list[float] = chosen.get("output_times") or [start]
     # Positions are measured by their movement since the start, which is then an output, too.

@@ -71,7 +71,6 @@ def _status(result: Result) -> str:
 def _method(result: Result) -> str:
     options = result.options
     parts = [str(result.meta.get("method") or options.get("method") or "default method")]
-    parts += [str(options["formula"])] if options.get("formula") else []
     if options.get("fixed_step"):
         return ", ".join([*parts, f"fixed step {options['fixed_step']:g} s"])
     tolerance = options.get("tolerance")

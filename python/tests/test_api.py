@@ -158,6 +158,36 @@ def test_a_stored_file_holds_the_same_run(model: holonom.Model, tmp_path: Path) 
         assert again.time[-1] == loaded.time[-1]
 
 
+def test_a_result_says_what_the_run_used_stated_or_not(
+    model: holonom.Model, tmp_path: Path
+) -> None:
+    path = tmp_path / "rod.holonom"
+    model.simulate(method="SspTrap", end_time=0.5, interval=0.25, output=path)
+    part = {"relative": 1e-6, "translation": 1e-6, "rotation": 1e-6}
+    with holonom.Result.load(path) as stored:
+        used = stored.options
+        assert used.pop("channels")[:2] == ["rod.position", "pin.force"]
+        assert used == {
+            "start_time": 0.0,
+            "end_time": 0.5,
+            "tolerance": part,
+            "method": "SspTrap",
+            "formula": "trapezoidal",
+            "interval": 0.25,
+            "max_steps": 10_000_000,
+            "parametrization": "tree",
+            "jacobian": "analytic",
+            "repartition_factor": 1.25,
+            "dense_output": True,
+            "profile": "improved",
+        }
+        again = model.simulate(**stored.options)
+        np.testing.assert_array_equal(again["rod.position"], stored["rod.position"])
+    thesis = model.simulate(profile="thesis", method="DEABM").options
+    assert (thesis["parametrization"], thesis["dense_output"]) == ("partitioning", False)
+    assert "output_times" not in thesis
+
+
 def test_values_are_changed_by_path_and_the_original_stays(model: holonom.Model) -> None:
     heavy = model.with_values({"bodies.rod.mass": np.float64(5.0)})
     assert json.loads(heavy.to_json())["bodies"]["rod"]["mass"] == 5.0

@@ -2,7 +2,6 @@
 
 mod dense;
 mod model;
-mod options;
 mod report;
 mod sink;
 mod state;

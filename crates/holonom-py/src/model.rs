@@ -1,13 +1,12 @@
 //! `CoreModel`: a document with the problem compiled from it.
 
-use crate::options::Choices;
 use crate::sink::Callbacks;
 use crate::state::{Rows, foreign, rows};
 use crate::{ModelError, SimulationError, dense, report, state};
 use holonom::analysis::spectrum;
 use holonom::error::{Diagnostic, ModelErrors};
 use holonom::io::{Document, Syntax};
-use holonom::simulation::{DenseOutput, Problem, RunError, run};
+use holonom::simulation::{Choices, DenseOutput, Options, Problem, RunError, run};
 use holonom::system::Channel;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -23,6 +22,30 @@ pub(crate) struct CoreModel {
 
 fn refused(errors: &ModelErrors) -> PyErr {
     ModelError::new_err(report::model_errors(errors))
+}
+
+fn not_run(error: RunError) -> PyErr {
+    match error {
+        RunError::Assembly(error) => ModelError::new_err(report::assembly_error(&error)),
+        error => {
+            let message = error.to_string();
+            let text = report::refusal(error.code(), &message, error.item(), error.help());
+            SimulationError::new_err(text)
+        }
+    }
+}
+
+impl CoreModel {
+    /// Start, s, and options of a run from the choices of a call, perhaps from a state at `from`, s.
+    fn resolve(&self, choices_json: &str, from: Option<f64>) -> PyResult<(f64, Options)> {
+        let choices: Choices = serde_json::from_str(choices_json).map_err(|e| {
+            let text = report::refusal("simulation/option", &e.to_string(), None, "");
+            SimulationError::new_err(text)
+        })?;
+        let model = self.problem.model();
+        let start = choices.start_time(model, from).map_err(not_run)?;
+        Ok((start, choices.resolve(model, start).map_err(not_run)?))
+    }
 }
 
 /// Reads a model; `syntax` is "toml" or "json", `read` returns the text of an `extends` target.
@@ -110,6 +133,11 @@ impl CoreModel {
         .map_err(ModelError::new_err::<String>)
     }
 
+    fn options(&self, choices_json: &str, start_time: Option<f64>) -> PyResult<String> {
+        let (start, options) = self.resolve(choices_json, start_time)?;
+        Ok(serde_json::json!(Choices::of(&options, start)).to_string())
+    }
+
     fn simulate(
         &self,
         py: Python<'_>,
@@ -118,13 +146,8 @@ impl CoreModel {
         on_chunk: Py<PyAny>,
         on_progress: Py<PyAny>,
     ) -> PyResult<String> {
-        let refuse = |code: &str, message: &str, item: Option<&str>, help: &str| {
-            SimulationError::new_err(report::refusal(code, message, item, help))
-        };
-        let choices: Choices = serde_json::from_str(options_json)
-            .map_err(|e| refuse("simulation/option", &e.to_string(), None, ""))?;
         let sizes = self.problem.system().structure().sizes;
-        let mut from = match start {
+        let from = match start {
             None => None,
             Some(data) => {
                 let mut states = Rows::read(data, &sizes)?.states;
@@ -136,19 +159,11 @@ impl CoreModel {
                 states.pop()
             }
         };
-        let mut problem = self.problem.clone();
-        if let Some(t) = choices.start_time() {
-            match &mut from {
-                Some(state) => state.t = t,
-                None => problem = problem.starting_at(t),
-            }
-        }
-        let first = from
-            .as_ref()
-            .map_or_else(|| problem.model().simulation.start_time.unwrap_or(0.0), |state| state.t);
-        let options = choices
-            .resolve(problem.model(), first)
-            .map_err(|(code, message)| refuse(code, &message, None, ""))?;
+        let (first, options) = self.resolve(options_json, from.as_ref().map(|state| state.t))?;
+        let problem = match &from {
+            None => self.problem.starting_at(first),
+            Some(_) => self.problem.clone(),
+        };
         let channels: Vec<Channel> = options
             .channels
             .iter()
@@ -159,16 +174,8 @@ impl CoreModel {
         if let Some(error) = sink.error {
             return Err(error);
         }
-        match outcome {
-            Ok(summary) => {
-                let simulated = summary.end.t - first;
-                Ok(report::summary(&summary, options.code, simulated))
-            }
-            Err(RunError::Assembly(error)) => {
-                Err(ModelError::new_err(report::assembly_error(&error)))
-            }
-            Err(error) => Err(refuse(error.code(), &error.to_string(), error.item(), error.help())),
-        }
+        let summary = outcome.map_err(not_run)?;
+        Ok(report::summary(&summary, options.code, summary.end.t - first))
     }
 
     fn dense_states<'py>(

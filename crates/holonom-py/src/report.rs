@@ -1,12 +1,10 @@
 //! Plain data of the core as JSON.
 
-use crate::options::DEFAULT_OUTPUTS;
 use holonom::error::{Diagnostic, ModelErrors};
-use holonom::method::{CODES, Code, DEFAULT_CODE, Profile};
-use holonom::model::{Dimension, Model, Tolerance};
-use holonom::newton::JacobianSource;
+use holonom::method::{CODES, Code};
+use holonom::model::{Dimension, Model};
 use holonom::reduction::assembly::{Assembled, AssemblyError};
-use holonom::simulation::{DEFAULT_TOLERANCE, ModelSummary, Problem, Status, Summary};
+use holonom::simulation::{Choices, ModelSummary, Problem, Status, Summary};
 use holonom::system::Channel;
 use serde_json::{Value, json};
 
@@ -62,32 +60,20 @@ pub(crate) fn channels(list: &[Channel]) -> String {
 }
 
 pub(crate) fn defaults(model: &Model) -> String {
-    let s = &model.simulation;
-    let tolerance = s.tolerance.unwrap_or(Tolerance::uniform(DEFAULT_TOLERANCE));
+    let (file, tolerance) = (&model.simulation, Choices::default().tolerance(model));
     json!({
         "title": model.title,
         "dimension": match model.dimension {
             Dimension::Planar => "planar",
             Dimension::Spatial => "spatial",
         },
-        "start_time": s.start_time.unwrap_or(0.0),
-        "end_time": s.end_time,
+        "start_time": file.start_time.unwrap_or(0.0),
+        "end_time": file.end_time,
         "tolerance": {
             "relative": tolerance.relative,
             "translation": tolerance.translation,
             "rotation": tolerance.rotation,
         },
-        "method": s.method.clone().unwrap_or_else(|| DEFAULT_CODE.info().name.into()),
-        "formula": s.formula,
-        // Unless stated it follows the profile, which a call may choose.
-        "parametrization": s.parametrization,
-        "jacobian": s.jacobian.unwrap_or(JacobianSource::default().name()),
-        "profile": s.profile.unwrap_or(Profile::default().name()),
-        "interval": model.outputs.interval.or(s.end_time.map(|end| {
-            (end - s.start_time.unwrap_or(0.0)) / DEFAULT_OUTPUTS
-        })),
-        "channels": model.outputs.channels,
-        "n_bodies": model.bodies.len(),
     })
     .to_string()
 }

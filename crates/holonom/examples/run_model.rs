@@ -6,7 +6,7 @@
 use holonom::io::{Document, Syntax};
 use holonom::method::Code;
 use holonom::model::Tolerance;
-use holonom::simulation::{Memory, Options, OutputTimes, Problem, run};
+use holonom::simulation::{Choices, Memory, Problem, ToleranceParts, run};
 use std::error::Error;
 use std::path::Path;
 
@@ -22,19 +22,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (model, warnings) = document.build().map_err(|errors| errors.render())?;
     warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));
 
-    let defaults = model.simulation.clone();
     let number = |at: usize| arguments.get(at).map(|text| text.parse::<f64>()).transpose();
-    let end_time = number(3)?.or(defaults.end_time).ok_or("the model states no `end_time`")?;
-    let mut options = Options::new(end_time);
-    if let Some(tolerance) = number(2)?.map(Tolerance::uniform).or(defaults.tolerance) {
-        options.tolerance = tolerance;
-    }
-    if let Some(method) = arguments.get(1).or(defaults.method.as_ref()) {
-        options.code = Code::find(method, None)?;
-    }
-    if let Some(interval) = model.outputs.interval {
-        options.output = OutputTimes::Interval(interval);
-    }
+    let part = number(2)?;
+    let choices = Choices {
+        method: arguments.get(1).cloned(),
+        tolerance: ToleranceParts { relative: part, translation: part, rotation: part },
+        end_time: number(3)?,
+        channels: Some(Vec::new()),
+        ..Choices::default()
+    };
+    let options = choices.resolve(&model, choices.start_time(&model, None)?)?;
 
     let problem = Problem::new(model);
     let mut rows = Memory::default();

@@ -382,7 +382,7 @@ fn parametrizations_jacobians_and_profiles_go_with_every_method() {
         for info in implicit() {
             for &(parametrization, choice) in Choice::ALL {
                 for &(jacobian, source) in JacobianSource::ALL {
-                    for (profile_name, profile) in Profile::NAMES {
+                    for (profile, profile_name) in Profile::ALL {
                         if info.code == Code::ForRosen && jacobian == JacobianSource::Differences {
                             continue;
                         }

@@ -358,7 +358,7 @@ fn choices_of_a_run_are_the_words_of_the_options() {
     for (_, word) in JacobianSource::ALL {
         assert_eq!(with("jacobian", word).unwrap().simulation.jacobian, Some(*word));
     }
-    for (word, _) in Profile::NAMES {
+    for (_, word) in Profile::ALL {
         assert_eq!(with("profile", word).unwrap().simulation.profile, Some(word));
     }
     for field in ["parametrization", "jacobian", "profile"] {

@@ -115,9 +115,9 @@ pub enum Profile {
 }
 
 impl Profile {
-    /// Both, by name.
-    pub const NAMES: [(&'static str, Self); 2] =
-        [("improved", Self::Improved), ("thesis", Self::Thesis)];
+    /// Both, with their names in options.
+    pub const ALL: [(Self, &'static str); 2] =
+        [(Self::Improved, "improved"), (Self::Thesis, "thesis")];
 
     /// What the independent variables are unless stated: the thesis partitions coordinates.
     pub fn parametrization(self) -> Choice {

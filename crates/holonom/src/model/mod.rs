@@ -420,7 +420,7 @@ pub struct SimulationDefaults {
     pub profile: Option<&'static str>,
 }
 
-/// Tolerances of a run.
+/// Tolerances of a run; 1e-4 unless stated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tolerance {
     /// Relative part: of the movement since the start (positions) or of the value (velocities).
@@ -429,6 +429,12 @@ pub struct Tolerance {
     pub translation: f64,
     /// Absolute part of rotations, rad and rad/s.
     pub rotation: f64,
+}
+
+impl Default for Tolerance {
+    fn default() -> Self {
+        Self::uniform(1e-4)
+    }
 }
 
 impl Tolerance {

@@ -269,7 +269,7 @@ impl Rules {
         {
             let path = "simulation.repartition_factor";
             let message = format!("`{path}` is {factor}; expected a number above 1");
-            self.refuse(Code::OutOfRange, path, message, "the default is 1.25");
+            self.refuse(Code::OutOfRange, path, message, "");
         }
     }
 }

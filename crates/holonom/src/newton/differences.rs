@@ -20,11 +20,6 @@ impl JacobianSource {
     pub const ALL: &'static [(Self, &'static str)] =
         &[(Self::Analytic, "analytic"), (Self::Differences, "differences")];
 
-    /// The source of this name.
-    pub fn find(name: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, n)| *n == name).map(|(source, _)| *source)
-    }
-
     /// Name in options.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(source, _)| *source == self).map_or("", |(_, name)| name)

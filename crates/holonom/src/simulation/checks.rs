@@ -2,7 +2,7 @@
 
 use super::options::{Options, OutputTimes};
 use super::output::OUTPUT_SLACK;
-use crate::method::{Code, Newmark};
+use crate::method::{Code, Newmark, UnknownMethod};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
 use crate::newton::JacobianSource;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
@@ -28,6 +28,30 @@ pub enum RunError {
         name: String,
         /// The channel nearest in name.
         nearest: Option<String>,
+    },
+    /// No such code.
+    #[error(transparent)]
+    UnknownMethod(#[from] UnknownMethod),
+    /// A word that an option does not know.
+    #[error("unknown {option} `{word}`; known are {known}")]
+    Word {
+        /// Name of the option.
+        option: &'static str,
+        /// What it was given.
+        word: String,
+        /// The words it knows.
+        known: String,
+    },
+    /// Nothing says when the run ends.
+    #[error("there is no end time; give `end_time`, or state it in the model's [simulation]")]
+    NoEndTime,
+    /// A start time that is not that of the state to start from.
+    #[error("`start_time` is {stated} s, but the state is at {from} s")]
+    StartTime {
+        /// s.
+        stated: f64,
+        /// s.
+        from: f64,
     },
     /// An option out of range.
     #[error("`{option}` is {value}; it must be {rule}")]
@@ -142,6 +166,7 @@ impl RunError {
         match self {
             Self::Assembly(error) => error.code(),
             Self::UnknownChannel { .. } => "simulation/unknown-channel",
+            Self::UnknownMethod(_) => "simulation/unknown-method",
             Self::StartState { .. }
             | Self::StateNotFinite { .. }
             | Self::InconsistentState { .. } => "simulation/start-state",

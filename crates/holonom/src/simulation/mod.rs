@@ -1,6 +1,7 @@
 //! The run: loop, output, energy, statistics, diagnosis.
 
 mod checks;
+mod choices;
 mod clock;
 mod dense;
 mod diagnosis;
@@ -19,10 +20,9 @@ mod trajectory;
 mod warnings;
 
 pub use checks::RunError;
+pub use choices::{Choices, ToleranceParts};
 pub use dense::{ChartRecord, DenseOutput, Segments};
-pub use options::{
-    DEFAULT_MAX_STEPS, DEFAULT_REPARTITION_FACTOR, DEFAULT_TOLERANCE, Options, OutputTimes,
-};
+pub use options::{Options, OutputTimes};
 pub use problem::{EdgeCoordinate, EdgeSummary, ModelSummary, Problem, RedundantRow};
 pub use run::{Summary, run};
 pub use statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};

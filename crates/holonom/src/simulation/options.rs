@@ -14,6 +14,13 @@ pub enum OutputTimes {
     Listed(Vec<f64>),
 }
 
+impl OutputTimes {
+    /// 200 intervals from `start` to `end`, s.
+    pub fn between(start: f64, end: f64) -> Self {
+        if end > start { Self::Interval((end - start) / 200.0) } else { Self::Listed(vec![start]) }
+    }
+}
+
 /// Choices for one run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Options {
@@ -54,33 +61,26 @@ pub struct Options {
     pub dense_output: Option<bool>,
 }
 
-/// Default tolerance.
-pub const DEFAULT_TOLERANCE: f64 = 1e-4;
-/// Default largest number of attempted steps.
-pub const DEFAULT_MAX_STEPS: u64 = 10_000_000;
-/// Default re-partitioning factor α.
-pub const DEFAULT_REPARTITION_FACTOR: f64 = 1.25;
-
 impl Options {
-    /// Defaults up to `end_time`: [`DEFAULT_CODE`], tolerance 1e-4, 200 outputs.
+    /// Defaults up to `end_time`: those that a run from 0 s takes unless told otherwise.
     pub fn new(end_time: f64) -> Self {
         Self {
             end_time,
-            tolerance: Tolerance::uniform(DEFAULT_TOLERANCE),
+            tolerance: Tolerance::default(),
             code: DEFAULT_CODE,
-            profile: Profile::Improved,
-            output: OutputTimes::Interval(end_time / 200.0),
+            profile: Profile::default(),
+            output: OutputTimes::between(0.0, end_time),
             channels: Vec::new(),
             fixed_step: None,
             max_step: f64::INFINITY,
             initial_step: None,
-            max_steps: DEFAULT_MAX_STEPS,
+            max_steps: 10_000_000,
             max_seconds: f64::INFINITY,
             newmark: None,
             parametrization: Choice::default(),
             jacobian: JacobianSource::default(),
             newton: Representation::default(),
-            repartition_factor: DEFAULT_REPARTITION_FACTOR,
+            repartition_factor: 1.25,
             dense_output: None,
         }
     }

@@ -1,0 +1,180 @@
+//! What is stated of a run, and what becomes of it: the call first, then the model file, then defaults.
+
+use super::checks::RunError;
+use super::options::{Options, OutputTimes};
+use crate::method::{Code, Newmark, Profile};
+use crate::model::{Model, Tolerance};
+use crate::newton::JacobianSource;
+use crate::reduction::Choice;
+use serde::{Deserialize, Serialize};
+
+/// Choices stated for a run, by the names of options; what is absent comes from the model, or is a default.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+#[expect(missing_docs, reason = "the fields are those of `Options` and of the model file")]
+pub struct Choices {
+    pub start_time: Option<f64>,
+    pub end_time: Option<f64>,
+    pub tolerance: ToleranceParts,
+    pub method: Option<String>,
+    pub formula: Option<String>,
+    pub interval: Option<f64>,
+    pub output_times: Option<Vec<f64>>,
+    pub channels: Option<Vec<String>>,
+    pub fixed_step: Option<f64>,
+    pub max_step: Option<f64>,
+    pub initial_step: Option<f64>,
+    pub max_steps: Option<u64>,
+    pub max_seconds: Option<f64>,
+    pub parametrization: Option<String>,
+    pub jacobian: Option<String>,
+    pub repartition_factor: Option<f64>,
+    pub dense_output: Option<bool>,
+    pub profile: Option<String>,
+    pub newmark_gamma: Option<f64>,
+    pub newmark_beta: Option<f64>,
+}
+
+/// Parts of a tolerance that are stated.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields, default)]
+#[expect(missing_docs, reason = "the fields are those of `Tolerance`")]
+pub struct ToleranceParts {
+    pub relative: Option<f64>,
+    pub translation: Option<f64>,
+    pub rotation: Option<f64>,
+}
+
+impl Choices {
+    /// First time of a run, s: that of the state it starts from, if it does.
+    ///
+    /// # Errors
+    /// [`RunError::StartTime`] when another one is stated.
+    pub fn start_time(&self, model: &Model, from: Option<f64>) -> Result<f64, RunError> {
+        match (self.start_time, from) {
+            (Some(stated), Some(from)) if stated != from => {
+                Err(RunError::StartTime { stated, from })
+            }
+            (stated, from) => {
+                Ok(from.or(stated).or(model.simulation.start_time).unwrap_or_default())
+            }
+        }
+    }
+
+    /// The tolerance of a run.
+    pub fn tolerance(&self, model: &Model) -> Tolerance {
+        let otherwise = model.simulation.tolerance.unwrap_or_default();
+        Tolerance {
+            relative: self.tolerance.relative.unwrap_or(otherwise.relative),
+            translation: self.tolerance.translation.unwrap_or(otherwise.translation),
+            rotation: self.tolerance.rotation.unwrap_or(otherwise.rotation),
+        }
+    }
+
+    /// Options of a run of `model` from `start`, s.
+    ///
+    /// # Errors
+    /// [`RunError`] when a word is not known, or nothing says when the run ends.
+    pub fn resolve(&self, model: &Model, start: f64) -> Result<Options, RunError> {
+        let file = &model.simulation;
+        let end_time = self.end_time.or(file.end_time).ok_or(RunError::NoEndTime)?;
+        let usual = Options::new(end_time);
+        // A method of the call replaces the file's pair, not half of it.
+        let (method, formula) = match &self.method {
+            Some(method) => (Some(method), self.formula.as_deref()),
+            None => (
+                file.method.as_ref(),
+                self.formula.as_ref().or(file.formula.as_ref()).map(|f| f.as_str()),
+            ),
+        };
+        let code = match (method, formula) {
+            (None, None) => usual.code,
+            _ => Code::find(method.map_or("first_order", String::as_str), formula)?,
+        };
+        let profile = self.profile.as_deref().or(file.profile);
+        let profile = word("profile", profile, &Profile::ALL)?.unwrap_or(usual.profile);
+        let parametrization = self.parametrization.as_deref().or(file.parametrization);
+        let jacobian = self.jacobian.as_deref().or(file.jacobian);
+        let newmark = self.newmark_gamma.or(self.newmark_beta).map(|_| {
+            let newmark = Newmark::damping(self.newmark_gamma.unwrap_or(0.5));
+            Newmark { beta: self.newmark_beta.unwrap_or(newmark.beta), ..newmark }
+        });
+        let interval = self.interval.or(model.outputs.interval);
+        let output = match (&self.output_times, interval) {
+            (Some(times), _) => OutputTimes::Listed(times.clone()),
+            (None, Some(interval)) => OutputTimes::Interval(interval),
+            (None, None) => OutputTimes::between(start, end_time),
+        };
+        Ok(Options {
+            end_time,
+            tolerance: self.tolerance(model),
+            code,
+            profile,
+            output,
+            channels: self.channels.as_ref().unwrap_or(&model.outputs.channels).clone(),
+            fixed_step: self.fixed_step.or(file.fixed_step),
+            max_step: self.max_step.or(file.max_step).unwrap_or(usual.max_step),
+            initial_step: self.initial_step.or(file.initial_step),
+            max_steps: self.max_steps.or(file.max_steps).unwrap_or(usual.max_steps),
+            max_seconds: self.max_seconds.or(file.max_seconds).unwrap_or(usual.max_seconds),
+            newmark,
+            parametrization: word("parametrization", parametrization, Choice::ALL)?
+                .unwrap_or(profile.parametrization()),
+            jacobian: word("jacobian", jacobian, JacobianSource::ALL)?.unwrap_or(usual.jacobian),
+            repartition_factor: (self.repartition_factor.or(file.repartition_factor))
+                .unwrap_or(usual.repartition_factor),
+            dense_output: self.dense_output.or(file.dense_output),
+        })
+    }
+
+    /// Options of a run from `start`, s, as choices that state all of them.
+    pub fn of(options: &Options, start: f64) -> Self {
+        let Tolerance { relative, translation, rotation } = options.tolerance;
+        let (interval, output_times) = match &options.output {
+            OutputTimes::Interval(interval) => (Some(*interval), None),
+            OutputTimes::Listed(times) => (None, Some(times.clone())),
+        };
+        let finite = |limit: f64| Some(limit).filter(|limit| limit.is_finite());
+        let info = options.code.info();
+        Self {
+            start_time: Some(start),
+            end_time: Some(options.end_time),
+            tolerance: ToleranceParts {
+                relative: Some(relative),
+                translation: Some(translation),
+                rotation: Some(rotation),
+            },
+            method: Some(info.name.into()),
+            formula: Some(info.formula.into()),
+            interval,
+            output_times,
+            channels: Some(options.channels.clone()),
+            fixed_step: options.fixed_step,
+            max_step: finite(options.max_step),
+            initial_step: options.initial_step,
+            max_steps: Some(options.max_steps),
+            max_seconds: finite(options.max_seconds),
+            parametrization: Some(options.parametrization.name().into()),
+            jacobian: Some(options.jacobian.name().into()),
+            repartition_factor: Some(options.repartition_factor),
+            dense_output: Some(options.stores_dense_output()),
+            profile: Some(options.profile.name().into()),
+            newmark_gamma: options.newmark.map(|newmark| newmark.gamma),
+            newmark_beta: options.newmark.map(|newmark| newmark.beta),
+        }
+    }
+}
+
+/// What a word stated for an option means.
+fn word<T: Copy>(
+    option: &'static str,
+    stated: Option<&str>,
+    all: &[(T, &'static str)],
+) -> Result<Option<T>, RunError> {
+    let meant = |word: &str| {
+        let known = || all.iter().map(|entry| entry.1).collect::<Vec<_>>().join(", ");
+        let found = all.iter().find(|entry| entry.1 == word).map(|entry| entry.0);
+        found.ok_or_else(|| RunError::Word { option, word: word.into(), known: known() })
+    };
+    stated.map(meant).transpose()
+}
