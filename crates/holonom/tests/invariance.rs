@@ -9,7 +9,8 @@ use holonom::model::{
     Dimension, DriverKind, ElasticLaw, ForceKind, Frame, JointKind, Model, Orientation, Road,
     TimeFunction, Tolerance,
 };
-use holonom::simulation::{Options, OutputTimes};
+use holonom::simulation::{Options, OutputTimes, Problem};
+use holonom::system::Measure;
 
 /// A rotation by Euler parameters, about z for planar models, and a translation.
 #[derive(Clone, Copy)]
@@ -395,6 +396,69 @@ impl Units {
             }
         }
         out
+    }
+}
+
+const PLANAR_JOINTS: &str = r#"
+holonom = 1
+dimension = "planar"
+[bodies]
+a = { mass = 1.0, inertia = 0.1, position = [0.5, 0.0] }
+b = { mass = 1.0, inertia = 0.1, position = [1.5, 0.0] }
+c = { mass = 1.0, inertia = 0.1, position = [3.0, 0.0] }
+[joints]
+pin = { type = "revolute", between = ["ground", "a"], point = [0.0, 0.0] }
+slide = { type = "translational", between = ["a", "b"], point = [1.0, 0.0], axis = [1.0, 0.0] }
+rod = { type = "distance", between = ["ground", "c"], points = [[3.0, 1.0], [3.2, 0.0]] }
+[drivers]
+push = { joint = "slide", coordinate = "translation", motion = 0.1 }
+turn = { joint = "pin", coordinate = "rotation", motion = 0.3 }
+"#;
+
+const SPATIAL_JOINTS: &str = r#"
+holonom = 1
+dimension = "spatial"
+[bodies]
+a = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.5, 0.0, 0.0] }
+b = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [1.5, 0.0, 0.0] }
+c = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [3.0, 0.0, 0.0] }
+[joints]
+cross = { type = "universal", between = ["ground", "a"], point = [0.0, 0.0, 0.0], axes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
+slide = { type = "cylindrical", between = ["a", "b"], point = [1.0, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
+rod = { type = "distance", between = ["b", "c"], points = [[1.5, 1.0, 0.0], [3.2, 0.0, 0.0]] }
+hinge = { type = "revolute", between = ["ground", "c"], point = [3.0, 0.0, 1.0], axis = [0.0, 1.0, 0.0] }
+"#;
+
+#[test] // independent truth: what is in metres has a thousand times the value in millimetres
+fn rows_say_whether_they_are_lengths() {
+    let millimetres = Units { length: 1e3, mass: 1.0, time: 1.0 };
+    for model in [model_of(PLANAR_JOINTS), model_of(SPATIAL_JOINTS)] {
+        let rows = |model: &Model, units: f64| {
+            let problem = Problem::new(model.clone());
+            let (system, mut q) = (problem.system(), vec![0.0; 0]);
+            let structure = system.structure();
+            for (b, body) in model.bodies.iter().enumerate() {
+                let turn = 0.1 * (b + 1) as f64;
+                let moved = body.position.map(|x| x + 0.03 * turn * units);
+                q.extend(&moved[..structure.sizes.translations]);
+                match body.orientation {
+                    Orientation::Angle(angle) => q.push(angle + turn),
+                    Orientation::EulerParameters(_) => q.extend([1.0, turn, -0.5 * turn, turn]),
+                }
+            }
+            let mut values = vec![0.0; structure.sizes.rows];
+            system.position_constraints(0.0, &q, &mut values);
+            let names: Vec<String> = (0..values.len()).map(|row| system.row_name(row)).collect();
+            (values, names, structure.row_measure.clone())
+        };
+        let (metres, names, measures) = rows(&model, 1.0);
+        let (there, ..) = rows(&millimetres.model(&model), 1e3);
+        for (row, measure) in measures.iter().enumerate() {
+            let factor = if *measure == Measure::Length { 1e3 } else { 1.0 };
+            let (a, b) = (metres[row], there[row]);
+            assert!(a.abs() > 1e-6, "{}: {a:e} says nothing", names[row]);
+            assert!((b - factor * a).abs() < 1e-9 * b.abs(), "{}: {a:e} m, {b:e} mm", names[row]);
+        }
     }
 }
 

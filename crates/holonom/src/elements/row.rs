@@ -62,6 +62,17 @@ pub enum RowKind {
 }
 
 impl RowKind {
+    /// Whether the row is in metres; else it is in radians, direction cosines or another pure number.
+    pub fn is_length(self) -> bool {
+        match self {
+            Self::Translation(_) | Self::Distance => true,
+            Self::Rotation(_)
+            | Self::PlanarRotation
+            | Self::RotationAboutNormal
+            | Self::Normalization => false,
+        }
+    }
+
     /// The motion that is prescribed and its axis, where there is one of the ground or of the frame.
     pub fn motion(self) -> Option<(&'static str, Axis)> {
         match self {

@@ -9,7 +9,6 @@ use super::space::Space;
 use super::structure::{Sizes, Structure};
 use super::turns::Turns;
 use super::{Measure, System, quantities};
-use crate::elements::row::RowKind;
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use crate::topology::Forest;
@@ -241,7 +240,7 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
     let mut row_measure = vec![Measure::Angle; sizes.rows];
     for c in constraints {
         for k in 0..c.element.rows() {
-            if let RowKind::Translation(_) = c.element.row_kind(k) {
+            if c.element.row_kind(k).is_length() {
                 row_measure[c.row + k] = Measure::Length;
             }
         }
