@@ -135,6 +135,25 @@ fn a_direction_without_mass_is_refused_and_a_held_one_is_not() {
     assert!(Problem::new(model_of(&text(1.0, swinging))).assemble().is_ok());
 }
 
+#[test] // independent truth: free fall; the block is the same a rounding further to the side
+fn a_joint_that_misses_a_centre_of_mass_by_round_off_changes_nothing() {
+    for missed in [0.0, 5.6e-17, 1e-13] {
+        let model = model_of(&format!(
+            "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n[bodies]\n\
+             block = {{ mass = 2.0, inertia = 0.5, position = [0.3, 0.0] }}\n[joints]\n\
+             guide = {{ type = \"translational\", between = [\"ground\", \"block\"], \
+             point = [{:?}, 0.0], axis = [0.0, 1.0] }}",
+            0.3 + missed
+        ));
+        assert_eq!(missed == 0.0, model.joints[0].frames[1].point == [0.0; 3]);
+        assert_eq!(model.characteristic_length(), 0.5, "the radius of gyration, m");
+        let problem = Problem::new(model);
+        let mut rows = Memory::default();
+        let summary = run(&problem, &Options::new(1.0), None, &mut rows).unwrap();
+        assert!((summary.end.q[1] + 0.5 * 9.81).abs() < 1e-9, "{missed:e}: {:?}", summary.end.q);
+    }
+}
+
 #[test] // independent truth: the reaction forces of a door on two hinges, worked out by hand
 fn reactions_of_redundant_joints_are_those_of_minimum_norm() {
     // A door of 2 kg on two vertical revolute hinges at z = ±0.5, its centre 0.4 m from their axis:

@@ -51,13 +51,18 @@ pub struct Model {
     pub simulation: SimulationDefaults,
 }
 
+/// Distances from centres of mass below this part of the radius of gyration are none.
+const NO_ARM: f64 = 1e-6;
+
 impl Model {
     /// Root mean square distance of the points of joints and drivers from their bodies' centres of
-    /// mass, m, which does not depend on where the model stands; 1 m for a model without any.
+    /// mass, m, which does not depend on where the model stands. Points that stand on these centres, but
+    /// perhaps for the last digits of a file, say nothing of the size of a model: then it is the radius of
+    /// gyration of the bodies, and 1 m where they have none.
     pub fn characteristic_length(&self) -> f64 {
         let frames = self.joints.iter().flat_map(|j| &j.frames);
         let frames = frames.chain(self.drivers.iter().flat_map(|d| &d.frames));
-        let (mut sum, mut count) = (0.0, 0.0);
+        let (mut sum, mut count) = (0.0, 0.0f64);
         for Frame { body, point, .. } in frames {
             if let Some(b) = body {
                 let center = &self.bodies[*b].center_of_mass;
@@ -65,7 +70,23 @@ impl Model {
                 count += 1.0;
             }
         }
-        if sum > 0.0 { (sum / count).sqrt() } else { 1.0 }
+        let arm = (sum / count.max(1.0)).sqrt();
+        let (mut inertia, mut mass) = (0.0, 0.0);
+        for body in &self.bodies {
+            mass += body.mass;
+            inertia += match self.dimension {
+                Dimension::Planar => body.inertia[2][2],
+                Dimension::Spatial => (0..3).map(|k| body.inertia[k][k]).sum::<f64>() / 3.0,
+            };
+        }
+        let gyration = if mass > 0.0 { (inertia / mass).sqrt() } else { 0.0 };
+        if arm > NO_ARM * gyration {
+            arm
+        } else if gyration > 0.0 {
+            gyration
+        } else {
+            1.0
+        }
     }
 
     /// Axis f, g or h (0, 1, 2) of a frame in the design configuration, ground axes.
