@@ -43,11 +43,11 @@ fn jacobian(c: &mut Criterion) {
         let mut group = c.benchmark_group(name);
         let mut measure = |title: &str, form: &mut dyn SecondOrder| {
             group.bench_function(format!("{title}, build"), |b| {
-                b.iter(|| form.linearize(state.t, &w, &g).expect("a Jacobian"));
+                b.iter(|| form.linearize(state.t, &w).expect("a Jacobian"));
             });
             group.bench_function(format!("{title}, build and factor"), |b| {
                 b.iter(|| {
-                    form.linearize(state.t, &w, &g).expect("a Jacobian");
+                    form.linearize(state.t, &w).expect("a Jacobian");
                     form.factor_stage(gamma_h, beta_h2).expect("regular");
                 });
             });

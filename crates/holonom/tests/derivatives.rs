@@ -39,7 +39,7 @@ impl Reduced {
         form.pack(&state, &mut w);
         let mut g = w.clone();
         form.derivative(state.t, &w, &mut g).expect("a derivative");
-        form.linearize(state.t, &w, &g).expect("blocks");
+        form.linearize(state.t, &w).expect("blocks");
         Self { form, t: state.t, w, g }
     }
 
@@ -141,7 +141,7 @@ fn assert_derivatives(model: &Model, times: &[f64], step: f64) {
         let expected = reduced.difference(None, step);
         let mut time = vec![0.0; 2 * n];
         let (w, g) = (reduced.w.clone(), reduced.g.clone());
-        reduced.form.linearize(reduced.t, &w, &g).expect("blocks");
+        reduced.form.linearize(reduced.t, &w).expect("blocks");
         reduced.form.time_derivative(&mut time).expect("a time derivative");
         check("v̈_t", &time[n..], &expected[n..]);
         assert_solves(&mut reduced, &by_position, &by_velocity);

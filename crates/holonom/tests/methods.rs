@@ -140,7 +140,7 @@ fn cases() -> Vec<(&'static str, Case)> {
 
 /// One trapezoidal step of ẇ = g(t, w) by Newton's iteration to round-off.
 fn trapezoid(ode: &mut FirstOrder, t: f64, h: f64, w: &[f64], g: &[f64]) -> Vec<f64> {
-    ode.linearize(t, w, g).unwrap();
+    ode.linearize(t, w).unwrap();
     ode.factor(0.5 * h).unwrap();
     let mut end: Vec<f64> = w.iter().zip(g).map(|(w, g)| w + h * g).collect();
     let mut slope = g.to_vec();
@@ -190,7 +190,7 @@ fn the_matrix_of_the_state_space_method_is_that_of_the_first_order_reduction() {
         let mut form = case.first_order;
         let ndof = form.point().manifold.chart().ndof();
         let (t, (gamma, h)) = (case.state.t, (0.3, 2e-3));
-        form.linearize(t, &case.w, &case.g).unwrap();
+        form.linearize(t, &case.w).unwrap();
         let b = form.newton().blocks();
         let matrix: Vec<f64> = (0..ndof * ndof)
             .map(|i| b.mass[i] + gamma * h * (b.damping[i] + gamma * h * b.stiffness[i]))
@@ -238,7 +238,7 @@ fn all_methods_filter_errors_alike() {
             .collect();
         let filtered = |form: &mut dyn SecondOrder, one_solve: bool| {
             let mut x = error.clone();
-            form.linearize(t, &case.w, &case.g).unwrap();
+            form.linearize(t, &case.w).unwrap();
             if one_solve {
                 form.factor_stage(0.25 * h, 0.0625 * h * h).unwrap();
                 form.filter(&mut x);
@@ -268,7 +268,7 @@ fn jacobians_by_differences_filter_errors_almost_alike() {
             .collect();
         let filtered = |form: &mut dyn SecondOrder| -> Vec<f64> {
             let mut x = error.clone();
-            form.linearize(t, &case.w, &case.g).unwrap();
+            form.linearize(t, &case.w).unwrap();
             form.factor_stage(0.25 * h, 0.0625 * h * h).unwrap();
             form.filter(&mut x);
             x.iter().enumerate().map(|(i, x)| x * if i < ndof { 1e6 } else { 1e4 }).collect()

@@ -28,10 +28,9 @@ pub fn spectrum(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError>
     let weights = Weights::new(Tolerance::uniform(1.0), system.as_ref(), &assembled.state);
     let mut form = FirstOrder::new(assembled.manifold.clone(), weights, &assembled.state);
     let n = form.dimension();
-    let (mut w, mut g) = (vec![0.0; n], vec![0.0; n]);
+    let mut w = vec![0.0; n];
     form.pack(&assembled.state, &mut w);
-    form.derivative(assembled.state.t, &w, &mut g)?;
-    form.linearize(assembled.state.t, &w, &g)?;
+    form.linearize(assembled.state.t, &w)?;
     let mut values = eigenvalues(n, &form.newton().blocks().jacobian()?)?;
     values.sort_by(|a, b| b.0.hypot(b.1).total_cmp(&a.0.hypot(a.1)).then(b.1.total_cmp(&a.1)));
     Ok(values)

@@ -48,14 +48,9 @@ impl<'a> Counted<'a> {
         self.ode.defect(t, w, slope, defect)
     }
 
-    pub(super) fn linearize(
-        &mut self,
-        t: f64,
-        w: &[f64],
-        g: &[f64],
-    ) -> Result<(), EvaluationFailure> {
+    pub(super) fn linearize(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
         self.statistics.linearizations += 1;
-        self.ode.linearize(t, w, g)
+        self.ode.linearize(t, w)
     }
 
     pub(super) fn linearize_ahead(

@@ -178,7 +178,7 @@ impl Ode for Descriptor {
 }
 
 impl LinearizedOde for Descriptor {
-    fn linearize(&mut self, t: f64, w: &[f64], _g: &[f64]) -> Result<(), EvaluationFailure> {
+    fn linearize(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
         self.base.linearize_at(t, w)
     }
 

@@ -132,7 +132,7 @@ impl Ode for ExplicitForm {
 
 /// Explicit formulas never linearize.
 impl LinearizedOde for ExplicitForm {
-    fn linearize(&mut self, _: f64, _: &[f64], _: &[f64]) -> Result<(), EvaluationFailure> {
+    fn linearize(&mut self, _: f64, _: &[f64]) -> Result<(), EvaluationFailure> {
         Err(explicit_only())
     }
 

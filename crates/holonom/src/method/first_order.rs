@@ -237,7 +237,7 @@ impl<M: Matrix> Ode for FirstOrder<M> {
 }
 
 impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
-    fn linearize(&mut self, t: f64, w: &[f64], _g: &[f64]) -> Result<(), EvaluationFailure> {
+    fn linearize(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
         self.linearize_at(t, w)
     }
 

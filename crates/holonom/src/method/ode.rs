@@ -33,14 +33,14 @@ pub trait Ode {
 
 /// A system that can solve with I − γh J, J = g_w at the point last given to `linearize`.
 pub trait LinearizedOde: Ode {
-    /// Evaluates the h-independent parts of J at the accepted state (t, w) with slope g. The
+    /// Evaluates the h-independent parts of J at the accepted state (t, w). The
     /// system may use what `derivative` left behind if that was at this point; often it was not
     /// (a fresh linearization after a failed iteration with an old one, a state changed by the
     /// caller, formulas that do not evaluate at the end of a step).
     ///
     /// # Errors
     /// As [`Ode::derivative`].
-    fn linearize(&mut self, t: f64, w: &[f64], g: &[f64]) -> Result<(), EvaluationFailure>;
+    fn linearize(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure>;
 
     /// Linearizes at a predicted (t, w) on whose solution the slope is about `slope`, without evaluating g: on
     /// stiff components that would multiply the error of the prediction.
@@ -51,9 +51,9 @@ pub trait LinearizedOde: Ode {
         &mut self,
         t: f64,
         w: &[f64],
-        slope: &[f64],
+        _slope: &[f64],
     ) -> Result<(), EvaluationFailure> {
-        self.linearize(t, w, slope)
+        self.linearize(t, w)
     }
 
     /// Factors I − γh J from the parts of the last `linearize`.

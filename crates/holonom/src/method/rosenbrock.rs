@@ -77,7 +77,7 @@ impl Stages for RosenbrockStages {
         ode: &mut Counted<'_>,
         step: &Step<'_>,
     ) -> Result<(), EvaluationFailure> {
-        ode.linearize(step.t, step.w, step.g)?;
+        ode.linearize(step.t, step.w)?;
         ode.time_derivative(&mut self.time_slope)
     }
 

@@ -49,7 +49,7 @@ pub trait Stages: Debug + Send {
         ode: &mut Counted<'_>,
         step: &Step<'_>,
     ) -> Result<(), EvaluationFailure> {
-        ode.linearize(step.t, step.w, step.g)
+        ode.linearize(step.t, step.w)
     }
 
     /// Factors the matrices of a step of length h.

@@ -112,7 +112,7 @@ impl Ode for DenseOde {
 }
 
 impl LinearizedOde for DenseOde {
-    fn linearize(&mut self, t: f64, w: &[f64], _g: &[f64]) -> Result<(), EvaluationFailure> {
+    fn linearize(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
         self.linearizations += 1;
         self.j = (self.jacobian)(t, w);
         self.point = (t, w.to_vec());
