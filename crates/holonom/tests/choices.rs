@@ -21,10 +21,6 @@ fn stating(simulation: &str) -> Model {
     model_of(&format!("{ROD}{simulation}"))
 }
 
-fn text(word: &str) -> Option<String> {
-    Some(word.to_owned())
-}
-
 #[test]
 fn what_nothing_states_is_a_default() {
     let call = Choices { end_time: Some(2.0), ..Choices::default() };
@@ -48,9 +44,9 @@ fn the_call_comes_before_the_file() {
     let call = Choices {
         end_time: Some(4.0),
         tolerance: ToleranceParts { rotation: Some(1e-3), ..ToleranceParts::default() },
-        method: text("descriptor"),
+        method: Some("descriptor".into()),
         output_times: Some(vec![2.0]),
-        parametrization: text("tangent_plane"),
+        parametrization: Some("tangent_plane".into()),
         ..Choices::default()
     };
     let both = call.resolve(&model, 1.0).unwrap();
@@ -59,7 +55,7 @@ fn the_call_comes_before_the_file() {
     assert_eq!(both.code, Code::InflSdirk, "a method of the call takes no formula of the file");
     assert_eq!(both.output, OutputTimes::Listed(vec![2.0]));
     assert_eq!((both.parametrization, both.profile), (Choice::TangentPlane, file.profile));
-    let formula = Choices { formula: text("sdirk4_15"), ..Choices::default() };
+    let formula = Choices { formula: Some("sdirk4_15".into()), ..Choices::default() };
     assert_eq!(formula.resolve(&model, 1.0).unwrap().code, Code::SspSdirk15);
 
     assert_eq!(Choices::default().start_time(&model, None), Ok(1.0));
@@ -75,7 +71,11 @@ fn options_told_as_choices_are_the_same_options() {
     let model = stating("[simulation]\nend_time = 3.0\nmethod = \"DEABM\"");
     for call in [
         Choices::default(),
-        Choices { method: text("InflTrap"), newmark_gamma: Some(0.75), ..Choices::default() },
+        Choices {
+            method: Some("InflTrap".into()),
+            newmark_gamma: Some(0.75),
+            ..Choices::default()
+        },
     ] {
         let mut options = call.resolve(&model, 1.0).unwrap();
         let told = Choices::of(&options, 1.0);
@@ -87,10 +87,22 @@ fn options_told_as_choices_are_the_same_options() {
 #[test]
 fn unknown_words_are_refused_with_the_known_ones() {
     for (call, code, known) in [
-        (Choices { method: text("Euler"), ..Choices::default() }, "unknown-method", "DOPRI5"),
-        (Choices { profile: text("best"), ..Choices::default() }, "option", "improved, thesis"),
-        (Choices { jacobian: text("none"), ..Choices::default() }, "option", "differences"),
-        (Choices { parametrization: text("x"), ..Choices::default() }, "option", "tangent_plane"),
+        (
+            Choices { method: Some("Euler".into()), ..Choices::default() },
+            "unknown-method",
+            "DOPRI5",
+        ),
+        (
+            Choices { profile: Some("best".into()), ..Choices::default() },
+            "option",
+            "improved, thesis",
+        ),
+        (Choices { jacobian: Some("none".into()), ..Choices::default() }, "option", "differences"),
+        (
+            Choices { parametrization: Some("x".into()), ..Choices::default() },
+            "option",
+            "tangent_plane",
+        ),
     ] {
         let error = call.resolve(&stating("[simulation]\nend_time = 1.0"), 0.0).unwrap_err();
         assert_eq!(error.code(), format!("simulation/{code}"));

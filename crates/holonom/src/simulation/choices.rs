@@ -84,7 +84,7 @@ impl Choices {
             Some(method) => (Some(method), self.formula.as_deref()),
             None => (
                 file.method.as_ref(),
-                self.formula.as_ref().or(file.formula.as_ref()).map(|f| f.as_str()),
+                self.formula.as_ref().or(file.formula.as_ref()).map(String::as_str),
             ),
         };
         let code = match (method, formula) {
