@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{ALL_CODES, model, model_of, options, reference, run_model, try_run};
+use common::{ALL_CODES, FOUR_BAR, model, model_of, options, reference, run_model, try_run};
 use holonom::method::Code;
 use holonom::model::Model;
 use holonom::reduction::Choice;
@@ -10,25 +10,17 @@ use holonom::simulation::{Options, OutputTimes, Statistics};
 
 const CHOICES: [Choice; 3] = [Choice::Partitioning, Choice::TangentPlane, Choice::TangentPlaneSvd];
 
-/// Two slider-cranks in one: loops whose independent coordinates have to change as the crank turns.
-const TURNING: &str = r#"
-holonom = 1
-dimension = "planar"
-gravity = [0.0, -9.81]
-[bodies]
-left = { mass = 1.0, inertia = 0.1, position = [0.0, 0.5], angle = 1.5707963267948966 }
-top = { mass = 1.0, inertia = 0.4, position = [1.0, 1.25], angle = 0.24497866312686414 }
-right = { mass = 1.0, inertia = 0.2, position = [2.0, 0.75], angle = 1.5707963267948966 }
-[joints]
-a = { type = "revolute", between = ["ground", "left"], point = [0.0, 0.0] }
-b = { type = "revolute", between = ["left", "top"], point = [0.0, 1.0] }
-c = { type = "revolute", between = ["top", "right"], point = [2.0, 1.5] }
-d = { type = "revolute", between = ["ground", "right"], point = [2.0, 0.0] }
+/// A four-bar whose independent coordinates have to change as its crank turns.
+fn turning() -> Model {
+    model_of(&format!(
+        r#"{FOUR_BAR}
 [forces]
-drag = { type = "rsda", between = ["ground", "left"], stiffness = 0.0, damping = 0.02 }
+drag = {{ type = "rsda", between = ["ground", "left"], stiffness = 0.0, damping = 0.02 }}
 [initial.bodies]
-left = { angular_velocity = 7.0 }
-"#;
+left = {{ angular_velocity = 7.0 }}
+"#
+    ))
+}
 
 /// A pendulum of rods in space, its joints skew.
 const SPATIAL: &str = r#"
@@ -94,7 +86,7 @@ fn every_choice_follows_the_references() {
 
 #[test] // independent truth: the other parametrization
 fn all_codes_give_the_same_motion_in_every_parametrization() {
-    let turning = model_of(TURNING);
+    let turning = turning();
     let spatial = model_of(SPATIAL);
     for (what, model, end, channels) in [
         ("four-bar", &turning, 2.0, &["left.angle", "right.angle", "left.angular_velocity"][..]),
@@ -136,7 +128,7 @@ fn a_run_goes_on_over_changes_of_the_parametrization() {
 
 #[test] // truth: the order of the formula, errors against steps eight times shorter
 fn formulas_keep_their_order_on_the_tangent_plane() {
-    let model = model_of(TURNING);
+    let model = turning();
     let channels = ["left.angle", "right.angle", "left.angular_velocity"];
     for (code, order, steps) in
         [(Code::ForSdirk, 4.0, 200.0), (Code::ForRosen, 4.0, 400.0), (Code::ForRadau, 5.0, 100.0)]

@@ -201,6 +201,22 @@ impl Reference {
     }
 }
 
+/// A four-bar of unequal links; its crank `left` can turn round.
+pub(crate) const FOUR_BAR: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+left = { mass = 1.0, inertia = 0.1, position = [0.0, 0.5], angle = 1.5707963267948966 }
+top = { mass = 1.0, inertia = 0.4, position = [1.0, 1.25], angle = 0.24497866312686414 }
+right = { mass = 1.0, inertia = 0.2, position = [2.0, 0.75], angle = 1.5707963267948966 }
+[joints]
+a = { type = "revolute", between = ["ground", "left"], point = [0.0, 0.0] }
+b = { type = "revolute", between = ["left", "top"], point = [0.0, 1.0] }
+c = { type = "revolute", between = ["top", "right"], point = [2.0, 1.5] }
+d = { type = "revolute", between = ["ground", "right"], point = [2.0, 0.0] }
+"#;
+
 /// A pendulum on a cart that a driver moves to and fro: a moving constraint with one degree of
 /// freedom. Cart: 0.3 m sin(4 t); rod 0.8 m with its mass in the middle.
 pub(crate) const DRIVEN_PENDULUM: &str = r#"
