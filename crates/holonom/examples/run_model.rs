@@ -4,8 +4,6 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "an example talks to its reader")]
 
 use holonom::io::{Document, Syntax};
-use holonom::method::Code;
-use holonom::model::Tolerance;
 use holonom::simulation::{Choices, Memory, Problem, ToleranceParts, run};
 use std::error::Error;
 use std::path::Path;
