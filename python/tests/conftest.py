@@ -33,6 +33,30 @@ end_time = 1.0
 tolerance = 1.0e-6
 """
 
+
+def oscillator_text(*, mass: float, x: float, stiffness: float, free_length: float) -> str:
+    """Return a model text: a block at rest at x (m) on a rail, on a spring from x = -1 m."""
+    return f"""
+holonom = 1
+title = "Mass on a spring"
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+block = {{ mass = {mass}, inertia = 0.1, position = [{x}, 0.0] }}
+[joints.guide]
+type = "translational"
+between = ["ground", "block"]
+point = [0.0, 0.0]
+axis = [1.0, 0.0]
+[forces.spring]
+type = "tsda"
+between = ["ground", "block"]
+points = [[-1.0, 0.0], [{x}, 0.0]]
+stiffness = {stiffness}
+free_length = {free_length}
+"""
+
+
 CHANNELS = {
     "rod.position": Quantity("rod.position", "m", "ground", (2,)),
     "energy.kinetic": Quantity("energy.kinetic", "J", "", ()),

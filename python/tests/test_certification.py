@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import write_result
+from conftest import oscillator_text, write_result
 from numpy.typing import NDArray
 
 import holonom
@@ -28,24 +28,10 @@ HOLONOM = [sys.executable, "-m", "holonom.cli"]
 INTERRUPTED = 130
 TOLERANCE = 1e-4
 
-#: A block on a spring: x = 1.3 - 1 + 0.3 cos 5t, without any damping.
-OSCILLATOR = """
-holonom = 1
-dimension = "planar"
-gravity = [0.0, 0.0]
-[bodies]
-block = { mass = 2.0, inertia = 0.1, position = [0.3, 0.0] }
-[joints.rail]
-type = "translational"
-between = ["ground", "block"]
-point = [0.0, 0.0]
-axis = [1.0, 0.0]
-[forces.spring]
-type = "tsda"
-between = ["ground", "block"]
-points = [[-1.0, 0.0], [0.3, 0.0]]
-stiffness = 50.0
-free_length = 1.0
+#: x = 0.3 cos 5t: without any damping.
+OSCILLATOR = (
+    oscillator_text(mass=2.0, x=0.3, stiffness=50.0, free_length=1.0)
+    + """
 [outputs]
 channels = ["block.position", "block.velocity", "spring.force"]
 interval = 0.05
@@ -53,6 +39,7 @@ interval = 0.05
 end_time = 10.0
 tolerance = 1.0e-4
 """
+)
 
 #: A rod on a ball joint that is thrown round, with a bushing at its end.
 TOP = """

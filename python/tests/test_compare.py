@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import MODELS
+from conftest import MODELS, oscillator_text
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -30,27 +30,13 @@ from holonom.accuracy import Target, Truth, interpolate, targets
 from holonom.cli import invoke
 
 #: A mass of 1 kg on a spring, released 0.1 m from its rest: x = −0.1 + 0.1 cos(ω t), ω² = 400.
-OSCILLATOR = """
-holonom = 1
-title = "Mass on a spring"
-dimension = "planar"
-gravity = [0.0, 0.0]
-[bodies]
-block = { mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }
-[joints.guide]
-type = "translational"
-between = ["ground", "block"]
-point = [0.0, 0.0]
-axis = [1.0, 0.0]
-[forces.spring]
-type = "tsda"
-between = ["ground", "block"]
-points = [[-1.0, 0.0], [0.0, 0.0]]
-stiffness = 400.0
-free_length = 0.9
+OSCILLATOR = (
+    oscillator_text(mass=1.0, x=0.0, stiffness=400.0, free_length=0.9)
+    + """
 [simulation]
 end_time = 1.0
 """
+)
 
 #: A body that turns freely about its vertical axis, at 5 rad/s: past π after 0.63 s.
 TOP = """
