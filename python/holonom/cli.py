@@ -95,6 +95,7 @@ def run(
         str | None, typer.Option(help="tree, partitioning, tangent_plane or tangent_plane_svd.")
     ] = None,
     jacobian: Annotated[str | None, typer.Option(help="analytic or differences.")] = None,
+    newton: Annotated[str | None, typer.Option(help="auto, dense or sparse.")] = None,
     profile: Annotated[str | None, typer.Option(help="improved or thesis.")] = None,
     dense_output: Annotated[
         bool | None,
@@ -135,6 +136,7 @@ def run(
         "max_seconds": max_seconds,
         "parametrization": parametrization,
         "jacobian": jacobian,
+        "newton": newton,
         "profile": profile,
         "dense_output": dense_output,
         "newmark_gamma": newmark_gamma,

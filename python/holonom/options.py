@@ -63,6 +63,7 @@ class Tolerance:
 _WORDS = {
     "parametrization": ("tree", "partitioning", "tangent_plane", "tangent_plane_svd"),
     "jacobian": ("analytic", "differences"),
+    "newton": ("auto", "dense", "sparse"),
     "profile": ("improved", "thesis"),
 }
 
@@ -100,6 +101,10 @@ class Options:
     jacobian : str, optional
         Where the integration Jacobian comes from: ``analytic`` (default) or ``differences`` of
         accelerations; ForRosen needs the analytic one.
+    newton : str, optional
+        How the integration Jacobian is represented: ``dense`` of the independent variables alone,
+        ``sparse`` with the graph of the mechanism, so that its cost grows like the number of
+        bodies, or ``auto`` (default), whichever is predicted to cost less.
     repartition_factor : float, optional
         Growth of the condition at which a partition or a tangent plane is chosen anew; more
         than 1. The tree has a factor of its own, 2.5.
@@ -135,6 +140,7 @@ class Options:
     max_seconds: float | None = None
     parametrization: str | None = None
     jacobian: str | None = None
+    newton: str | None = None
     repartition_factor: float | None = None
     dense_output: bool | None = None
     profile: str | None = None

@@ -177,6 +177,7 @@ def test_a_result_says_what_the_run_used_stated_or_not(
             "max_steps": 10_000_000,
             "parametrization": "tree",
             "jacobian": "analytic",
+            "newton": "auto",
             "repartition_factor": 1.25,
             "dense_output": True,
             "profile": "improved",

@@ -6,7 +6,7 @@ use common::{model, model_of, options, run_model};
 use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{Code, FirstOrder, Weights};
 use holonom::model::{Model, Tolerance};
-use holonom::newton::{JacobianSource, MatrixOptions};
+use holonom::newton::{JacobianSource, MatrixOptions, Representation};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, run};
 
 /// A mass on a Maxwell element beside a spring: one extra state.
@@ -112,4 +112,16 @@ fn rosenbrock_formulas_refuse_an_inexact_jacobian() {
     let error = run(&problem, &options, None, &mut Memory::default()).unwrap_err();
     assert_eq!(error, RunError::InexactJacobian { code: "ForRosen" });
     assert!(error.to_string().contains("analytic"), "{error}");
+}
+
+#[test]
+fn differences_are_refused_for_the_sparse_matrix() {
+    let sparse = Options {
+        jacobian: JacobianSource::Differences,
+        newton: Representation::Sparse,
+        ..common::options(Code::ForRadau, 1e-4, 0.1)
+    };
+    let problem = Problem::new(common::model("double_pendulum"));
+    let error = run(&problem, &sparse, None, &mut Memory::default()).unwrap_err();
+    assert_eq!(error, RunError::SparseDifferences);
 }

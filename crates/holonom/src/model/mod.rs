@@ -437,6 +437,8 @@ pub struct SimulationDefaults {
     pub parametrization: Option<&'static str>,
     /// Name of the source of the integration Jacobian.
     pub jacobian: Option<&'static str>,
+    /// Name of the representation of the integration Jacobian.
+    pub newton: Option<&'static str>,
     /// Name of the profile of the code.
     pub profile: Option<&'static str>,
 }

@@ -21,7 +21,7 @@ use holonom_linalg::{BlockMatrix, Complex64, SingularMatrix, SparseLu};
 /// (M̂ + γh M̂₁ + βh² M̂₂) ρ = Dᵀf₄ + …: the iterates are those of the dense matrix. Extra states are
 /// eliminated beforehand: they add γh βh² F_z E⁻¹ g_q to βh² K and γ²h² F_z E⁻¹ g_q̇ to γh C.
 ///
-/// Equations: `docs/theory/newton.md` (20)-(25).
+/// Equations: `docs/theory/newton.md` (11)-(14).
 #[derive(Debug, Clone)]
 pub struct SparseMatrix {
     n: usize,

@@ -4,7 +4,7 @@ use super::options::{Options, OutputTimes};
 use super::output::OUTPUT_SLACK;
 use crate::method::{Code, Newmark, UnknownMethod};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
-use crate::newton::JacobianSource;
+use crate::newton::{JacobianSource, Representation};
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::largest_index;
 use crate::system::{Channel, State, System};
@@ -122,6 +122,12 @@ pub enum RunError {
         /// Name of the code.
         code: &'static str,
     },
+    /// Differences are taken of the dense Jacobian only.
+    #[error(
+        "`newton` is sparse and `jacobian` is differences, which make dense matrices; leave out one of \
+         the two"
+    )]
+    SparseDifferences,
     /// A start state of another model.
     #[error("the start state has {found} {what}, the model {expected}")]
     StartState {
@@ -263,6 +269,9 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
     }
     if options.jacobian == JacobianSource::Differences && options.code == Code::ForRosen {
         return Err(RunError::InexactJacobian { code: options.code.info().name });
+    }
+    if options.jacobian == JacobianSource::Differences && options.newton == Representation::Sparse {
+        return Err(RunError::SparseDifferences);
     }
     Ok(())
 }

@@ -4,7 +4,7 @@ use super::checks::RunError;
 use super::options::{Options, OutputTimes};
 use crate::method::{Code, Newmark, Profile};
 use crate::model::{Model, Tolerance};
-use crate::newton::JacobianSource;
+use crate::newton::{JacobianSource, Representation};
 use crate::reduction::Choice;
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +28,7 @@ pub struct Choices {
     pub max_seconds: Option<f64>,
     pub parametrization: Option<String>,
     pub jacobian: Option<String>,
+    pub newton: Option<String>,
     pub repartition_factor: Option<f64>,
     pub dense_output: Option<bool>,
     pub profile: Option<String>,
@@ -95,6 +96,7 @@ impl Choices {
         let profile = word("profile", profile, &Profile::ALL)?.unwrap_or(usual.profile);
         let parametrization = self.parametrization.as_deref().or(file.parametrization);
         let jacobian = self.jacobian.as_deref().or(file.jacobian);
+        let newton = self.newton.as_deref().or(file.newton);
         let newmark = self.newmark_gamma.or(self.newmark_beta).map(|_| {
             let newmark = Newmark::damping(self.newmark_gamma.unwrap_or(0.5));
             Newmark { beta: self.newmark_beta.unwrap_or(newmark.beta), ..newmark }
@@ -121,6 +123,7 @@ impl Choices {
             parametrization: word("parametrization", parametrization, Choice::ALL)?
                 .unwrap_or(profile.parametrization()),
             jacobian: word("jacobian", jacobian, JacobianSource::ALL)?.unwrap_or(usual.jacobian),
+            newton: word("newton", newton, Representation::ALL)?.unwrap_or(usual.newton),
             repartition_factor: (self.repartition_factor.or(file.repartition_factor))
                 .unwrap_or(usual.repartition_factor),
             dense_output: self.dense_output.or(file.dense_output),
@@ -156,6 +159,7 @@ impl Choices {
             max_seconds: finite(options.max_seconds),
             parametrization: Some(options.parametrization.name().into()),
             jacobian: Some(options.jacobian.name().into()),
+            newton: Some(options.newton.name().into()),
             repartition_factor: Some(options.repartition_factor),
             dense_output: Some(options.stores_dense_output()),
             profile: Some(options.profile.name().into()),

@@ -124,6 +124,7 @@ impl Context<'_> {
             dense_output: stated.dense_output,
             parametrization: stated.parametrization.map(schema::Parametrization::name),
             jacobian: stated.jacobian.map(schema::JacobianSource::name),
+            newton: stated.newton.map(schema::Newton::name),
             profile: stated.profile.map(schema::Profile::name),
         }
     }

@@ -353,6 +353,8 @@ pub(crate) struct Simulation {
     pub(crate) parametrization: Option<Parametrization>,
     /// Where the integration Jacobian comes from; analytic unless stated.
     pub(crate) jacobian: Option<JacobianSource>,
+    /// How the integration Jacobian is represented; by predicted cost unless stated.
+    pub(crate) newton: Option<Newton>,
     /// Choices that go with a code; improved unless stated.
     pub(crate) profile: Option<Profile>,
 }
@@ -399,6 +401,29 @@ impl JacobianSource {
         match self {
             Self::Analytic => "analytic",
             Self::Differences => "differences",
+        }
+    }
+}
+
+/// How the integration Jacobian is represented.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Newton {
+    /// By predicted cost.
+    Auto,
+    /// Of the independent variables alone.
+    Dense,
+    /// With the graph of the mechanism: its cost grows like the number of bodies.
+    Sparse,
+}
+
+impl Newton {
+    /// Name in files and options.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Dense => "dense",
+            Self::Sparse => "sparse",
         }
     }
 }
