@@ -278,6 +278,7 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
         }
         let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
         manifold.reduced_residual(state, rates, &mut self.point.z_rate, forces);
+        self.newton.respond_to_mass(manifold, forces);
         forces.iter_mut().for_each(|x| *x = -*x);
         for ((out, rate), s) in z.iter_mut().zip(&self.point.z_rate).zip(rest) {
             *out = rate - s;

@@ -20,6 +20,7 @@ pub struct Newton<M> {
     differences: Option<Box<Differences>>,
     matrix: M,
     rate: Vec<f64>,
+    felt: Vec<f64>,
 }
 
 impl<M: Matrix> Newton<M> {
@@ -35,6 +36,7 @@ impl<M: Matrix> Newton<M> {
             },
             matrix,
             rate: vec![0.0; manifold.chart().ndof()],
+            felt: vec![0.0; manifold.chart().ndof()],
         }
     }
 
@@ -123,6 +125,18 @@ impl<M: FirstOrderMatrix> Newton<M> {
         self.parts.reduce_extra_states(dz);
         self.matrix.correct(&self.parts, dz, rate);
         self.parts.effect(rate, change);
+    }
+
+    /// Takes from the forces of a stage what the change of M̂ since the linearization makes of them:
+    /// ψ ← ψ − (M̂ − M̂₀) Ψ⁻¹ψ with M̂ of the last residual of `manifold`.
+    pub fn respond_to_mass(&mut self, manifold: &mut Manifold, psi: &mut [f64]) {
+        self.rate.copy_from_slice(psi);
+        self.matrix.correct(&self.parts, &[], &mut self.rate);
+        manifold.reduced_mass_times(&self.rate, &mut self.felt);
+        self.matrix.weigh(&self.parts, &mut self.rate);
+        for ((psi, now), then) in psi.iter_mut().zip(&self.felt).zip(&self.rate) {
+            *psi += now - then;
+        }
     }
 
     /// x ← (I − γhJ)⁻¹ x, with M̂ r_v in the velocity entries.

@@ -568,6 +568,15 @@ impl Manifold {
         state.lambda.iter_mut().for_each(|x| *x = -*x);
     }
 
+    /// M̂ p = DᵀM D p with M and the factors of the last [`Manifold::reduced_residual`].
+    pub fn reduced_mass_times(&mut self, p: &[f64], out: &mut [f64]) {
+        self.rows.fill(0.0);
+        self.chart.solve(&self.rows, p, &mut self.correction);
+        self.force.fill(0.0);
+        self.saddle.mass().multiply_add(1.0, &self.correction, &mut self.force);
+        self.chart.solve_transposed(&self.force, &mut self.rows, out);
+    }
+
     /// q̈ = D (v̈ − curvature) + S τ with τ and the factors of the last [`Manifold::reduced_residual`]
     /// or [`Manifold::accelerate`].
     pub fn extend_acceleration(&mut self, p_rate: &[f64], a: &mut [f64]) {
