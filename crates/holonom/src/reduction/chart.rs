@@ -38,6 +38,15 @@ pub struct Chart {
     analyses: u64,
 }
 
+/// What a configuration makes of a chart: numbers and factors, with their pivots.
+#[derive(Debug, Clone)]
+pub(super) struct Factors {
+    values: Vec<f64>,
+    moving: BodyRows,
+    lu: SparseLu,
+    refine: bool,
+}
+
 /// Growth of numbers in the elimination that costs no digit worth a look.
 const HARMLESS_GROWTH: f64 = 1e3;
 /// Relative errors of a solution that are let pass, and that one refinement takes to round-off.
@@ -301,6 +310,20 @@ impl Chart {
         } else {
             self.lu.solve(&mut self.work);
         }
+    }
+
+    /// A copy of the factors at hand.
+    pub(super) fn factors(&self) -> Factors {
+        let Self { values, moving, lu, refine, .. } = self.clone();
+        Factors { values, moving, lu, refine }
+    }
+
+    /// Exchanges the factors at hand for others of this chart.
+    pub(super) fn exchange(&mut self, other: &mut Factors) {
+        std::mem::swap(&mut self.values, &mut other.values);
+        std::mem::swap(&mut self.moving, &mut other.moving);
+        std::mem::swap(&mut self.lu, &mut other.lu);
+        std::mem::swap(&mut self.refine, &mut other.refine);
     }
 
     /// Takes over the numbers of another chart of the same parametrization.

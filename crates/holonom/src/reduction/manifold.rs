@@ -3,6 +3,7 @@
 use super::chart::Chart;
 use super::null_space::NullSpace;
 use super::parametrization::largest_index;
+use super::recent::RecentPoints;
 use super::redundant::Redundant;
 use super::saddle::Saddle;
 use crate::error::EvaluationFailure;
@@ -50,6 +51,8 @@ pub struct Manifold {
     redundant: Redundant,
     /// Coordinates of the edges of the forest at the last recovery.
     edges: Vec<[f64; 6]>,
+    /// Configurations recovered before, within this step.
+    recent: RecentPoints,
     /// G where it was last evaluated.
     g: BlockMatrix,
     phi: Vec<f64>,
@@ -86,6 +89,7 @@ impl Manifold {
             null_space_current: false,
             multipliers_due: false,
             redundant: Redundant::new(&sizes, &chart),
+            recent: RecentPoints::new(&chart, sizes.coordinates, anchored(&chart).len()),
             edges: anchored(&chart),
             system,
             chart,
@@ -149,6 +153,7 @@ impl Manifold {
         (self.null_space_current, self.multipliers_due) = (false, false);
         self.redundant = Redundant::new(&self.system.structure().sizes, &chart);
         self.edges = anchored(&chart);
+        self.recent = RecentPoints::new(&chart, self.correction.len(), self.edges.len());
         self.chart = chart;
     }
 
@@ -189,6 +194,7 @@ impl Manifold {
         q: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
         self.counters.recoveries += 1;
+        self.recent.go_near(t, &mut self.chart, q, &mut self.edges);
         let noise = 8.0 * f64::EPSILON * self.size_of(q).max(1.0);
         let mut predicted = 0.0;
         let placed = self.chart.parametrization().relatives().map(|relatives| relatives.exact);
@@ -276,6 +282,7 @@ impl Manifold {
 
     /// Recoveries go on from the configuration that references were last moved to.
     pub fn return_to_anchor(&mut self) {
+        self.recent.forget();
         if let Some(relatives) = self.chart.parametrization().relatives() {
             for (x, anchor) in self.edges.iter_mut().zip(&relatives.anchors) {
                 *x = anchor.x;
@@ -303,6 +310,7 @@ impl Manifold {
     ) -> Result<bool, EvaluationFailure> {
         let system = self.system.as_ref();
         let Some(relatives) = self.chart.relatives_mut() else { return Ok(false) };
+        self.recent.forget();
         let turning = turn == 0.0 || relatives.turning(system, p) > turn;
         relatives.move_references(system, q, Some(p), &mut self.edges, turning);
         if !(relatives.moves && turning) {
@@ -432,6 +440,7 @@ impl Manifold {
     fn factor_at(&mut self, q: &[f64]) -> Result<(), EvaluationFailure> {
         self.counters.factorizations += 1;
         (self.null_space_current, self.multipliers_due) = (false, false);
+        self.recent.keep_factors(&mut self.chart);
         self.system.constraint_jacobian(q, &mut self.g);
         self.chart.refactor(self.system.as_ref(), q, &self.g)
     }

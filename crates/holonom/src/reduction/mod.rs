@@ -8,6 +8,7 @@ mod null_space;
 mod parametrization;
 mod partitioning;
 mod point;
+mod recent;
 mod redundant;
 mod relatives;
 mod saddle;
