@@ -513,3 +513,28 @@ fn newmark_formulas_are_data() {
     let accurate = distance(&end(Nystrom::sdirk(&SDIRK4_16)), &trapezoid);
     assert!(accurate < 2e-2 * damped && damped < 1e-2, "{accurate:e}, {damped:e}");
 }
+
+/// Formulas that damp nothing leave accelerations of stiff components that change their sign at every step: what
+/// continues these leads thousands of radians away.
+#[test]
+fn fixed_steps_over_a_stiff_transient_converge_under_every_code() {
+    let model = model("double_pendulum_w10");
+    for info in implicit() {
+        for h in [0.02, 0.01, 0.005] {
+            let options = Options { fixed_step: Some(h), ..options(info.code, 1e-4, 2.0) };
+            let work = run_model(&model, &options).summary.statistics;
+            assert_eq!(work.rejected_newton + work.rejected_evaluation, 0, "{} {h}", info.name);
+        }
+    }
+}
+
+/// Steps so short that one correction is enough show no contraction.
+#[test]
+fn a_matrix_serves_where_one_correction_is_enough() {
+    for (code, least) in [(Code::SspTrap, 1000), (Code::InflTrap, 1000), (Code::SspSdirk15, 10)] {
+        let work =
+            run_model(&model("double_pendulum"), &options(code, 1e-9, 0.02)).summary.statistics;
+        assert!(work.jacobians * 5 <= work.steps, "{code:?} {work:?}");
+        assert!(work.steps >= least, "{code:?} {work:?}");
+    }
+}

@@ -98,11 +98,16 @@ impl<S: Stages> ImplicitStepper<S> {
         let ahead = (S::ITERATES && self.options.linearize_ahead && self.predicts)
             .then_some((&mut self.ahead, &self.previous));
         self.matrices.prepare(&mut self.stages, ode, step, reuse, ahead)?;
-        let repeats = |failure: &Failure| S::REPEATS_EVALUATIONS || failure.is_of_newton();
+        // A fixed step has no shorter one to try.
+        let last_resort = self.options.fixed_step && self.predicts;
+        let evaluations = S::REPEATS_EVALUATIONS || self.options.fixed_step;
+        let repeats = |failure: &Failure| evaluations || failure.is_of_newton();
         let mut outcome = self.iterate(ode, step, report);
-        if self.matrices.may_be_renewed() && outcome.as_ref().is_err_and(repeats) {
+        let another = self.matrices.may_be_renewed() || last_resort;
+        if S::ITERATES && another && outcome.as_ref().is_err_and(repeats) {
             self.matrices.prepare(&mut self.stages, ode, step, false, None)?;
             report.contraction = 0.0;
+            self.predicts &= !last_resort;
             outcome = self.iterate(ode, step, report);
         }
         outcome
@@ -149,6 +154,9 @@ impl<S: Stages> ImplicitStepper<S> {
         let last_stage = self.solve(ode, step, report)?;
         if report.contraction > 0.0 {
             self.memory.contraction = report.contraction;
+        } else if S::ITERATES && self.memory.contraction.is_infinite() {
+            // One correction each was enough, so the matrix is good enough for more steps.
+            self.memory.contraction = f64::EPSILON;
         }
         let error = self.error(ode, step)?;
         let verdict = self.memory.judge(self.control, &self.options, step.h, error, last_stage);

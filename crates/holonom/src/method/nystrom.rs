@@ -36,12 +36,16 @@ impl NystromStepper {
             earlier: vec![0.0; unknowns],
             past: vector(),
             extra: vector(),
+            movement: vector(),
             end: vector(),
             formula,
         };
         Self::of(stages, dimension, options)
     }
 }
+
+/// Movements beyond this multiple of those continued from the step before are no continuation of it.
+const FARTHER: f64 = 4.0;
 
 /// Stages of a formula in second-order form.
 #[derive(Debug, Clone)]
@@ -59,6 +63,8 @@ pub struct NystromStages {
     earlier: Vec<f64>,
     past: Vec<f64>,
     extra: Vec<f64>,
+    /// Predicted change of w up to a stage.
+    movement: Vec<f64>,
     end: Vec<f64>,
 }
 
@@ -97,6 +103,31 @@ impl NystromStages {
         let scale = f.gamma * h;
         for (z, past) in self.extra[extra.clone()].iter_mut().zip(&self.past[extra]) {
             *z = past + scale * *z;
+        }
+    }
+
+    /// Starts stage `i` where the step before, continued, would be, if accelerations lead much farther. Formulas
+    /// that damp nothing leave accelerations of stiff components that change their sign at every step, while
+    /// the motion hardly does.
+    fn stay_near(&mut self, i: usize, ode: &mut Counted<'_>, step: &Step<'_>, before: &Segment) {
+        let (f, h, ndof) = (&self.formula, step.h, ode.second_order_split());
+        let (gamma_h, beta_h2) = (f.gamma * h, f.beta * h * h);
+        let x = &mut self.x[i + 1];
+        let first = x.len() - ndof;
+        let rates = &mut x[first..];
+        self.movement.fill(0.0);
+        for k in 0..ndof {
+            self.movement[k] = self.past[k] + beta_h2 * rates[k] - step.w[k];
+            self.movement[ndof + k] = self.past[ndof + k] + gamma_h * rates[k] - step.w[ndof + k];
+        }
+        let farther = ode.norm(&self.movement);
+        before.continue_by(f.c[i] * h, &mut self.movement);
+        self.movement[2 * ndof..].fill(0.0);
+        if farther > FARTHER * ode.norm(&self.movement) {
+            for k in 0..ndof {
+                let v = step.w[ndof + k] + self.movement[ndof + k];
+                rates[k] = (v - self.past[ndof + k]) / gamma_h;
+            }
         }
     }
 
@@ -179,6 +210,9 @@ impl Stages for NystromStages {
         let mut last_stage = 0;
         for i in self.formula.implicit_stages() {
             self.predict(i, ndof, step, iteration.before);
+            if let Some(before) = iteration.before.filter(|_| self.continues) {
+                self.stay_near(i, ode, step, before);
+            }
             let effect = self.formula.effect(i);
             let correct = |change: &mut [f64]| self.correct(i, ode, step, change);
             last_stage = iteration.converge(i, effect, correct)?;
