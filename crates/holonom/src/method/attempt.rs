@@ -154,8 +154,10 @@ impl<S: Stages> ImplicitStepper<S> {
         let last_stage = self.solve(ode, step, report)?;
         if report.contraction > 0.0 {
             self.memory.contraction = report.contraction;
-        } else if S::ITERATES && self.memory.contraction.is_infinite() {
-            // One correction each was enough, so the matrix is good enough for more steps.
+        } else if S::ITERATES && !self.memory.is_fragile() && self.memory.contraction.is_infinite()
+        {
+            // One correction each was enough, so the matrix is good enough for more steps. After a failure it is not
+            // known what a matrix is good for.
             self.memory.contraction = f64::EPSILON;
         }
         let error = self.error(ode, step)?;
