@@ -21,7 +21,8 @@ class CheckReport:
     data : dict
         ``bodies``, ``joints``, ``forces``, ``drivers``, ``coordinates``, ``constraint_rows``,
         ``redundant``, ``dof``, ``extra_states``, ``characteristic_length`` (m), ``adjustments``,
-        ``initial_residuals``, ``spectrum`` (1/s, real and imaginary parts), ``tree`` (edges of the
+        ``initial_residuals``, ``spectrum`` (1/s, real and imaginary parts; only the fastest of
+        large models, ``spectrum_is_complete`` tells), ``tree`` (edges of the
         spanning forest with their relative coordinates and the role of each).
     warnings : list of dict
         ``code``, ``message``, ``path``.
@@ -52,7 +53,7 @@ class CheckReport:
 
     def __str__(self) -> str:
         lines = [f"{label:<22}{value}" for label, value in self._facts()]
-        lines += _spectrum_lines(self.spectrum)
+        lines += _spectrum_lines(self.spectrum, self.data.get("spectrum_is_complete") is not False)
         lines += [warning_line(warning) for warning in self.warnings]
         return "\n".join(lines)
 
@@ -112,14 +113,15 @@ def warning_line(warning: Mapping[str, str]) -> str:
     return f"warning: {place}{warning.get('message', '')} [{warning.get('code', '')}]"
 
 
-def _spectrum_lines(spectrum: list[complex]) -> list[str]:
+def _spectrum_lines(spectrum: list[complex], complete: bool) -> list[str]:
     if not spectrum:
         return []
     # One line per mode: of a conjugate pair the member with positive frequency.
     modes = sorted((z for z in spectrum if z.imag >= 0.0), key=abs, reverse=True)
     lines = [
         "",
-        "stiffness spectrum at the initial state: eigenvalues, fastest first",
+        "stiffness spectrum at the initial state: "
+        + ("eigenvalues, fastest first" if complete else "the fastest eigenvalues"),
         f"{'real part 1/s':>14} {'frequency Hz':>14} {'damping ratio':>14}",
     ]
     for z in modes[:MODES_SHOWN]:
@@ -128,6 +130,6 @@ def _spectrum_lines(spectrum: list[complex]) -> list[str]:
     if len(modes) > MODES_SHOWN:
         lines.append(f"{'…':>14} {len(modes) - MODES_SHOWN} slower modes, with --json")
     moving = [abs(z) for z in modes if abs(z) > 1e-6 * abs(modes[0])]
-    if len(moving) > 1:
+    if complete and len(moving) > 1:
         lines.append(f"fastest to slowest: {moving[0] / moving[-1]:.3g}")
     return lines

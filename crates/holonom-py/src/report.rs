@@ -1,5 +1,6 @@
 //! Plain data of the core as JSON.
 
+use holonom::analysis::Spectrum;
 use holonom::error::{Diagnostic, ModelErrors};
 use holonom::method::{CODES, Code};
 use holonom::model::{Dimension, Model};
@@ -82,7 +83,7 @@ pub(crate) fn check(
     problem: &Problem,
     assembled: &Assembled,
     summary: &ModelSummary,
-    spectrum: Option<Vec<(f64, f64)>>,
+    spectrum: Option<Spectrum>,
 ) -> String {
     let model = problem.model();
     let tree: Vec<Value> = (summary.tree.iter())
@@ -124,7 +125,9 @@ pub(crate) fn check(
         "initial_residuals": {
             "position": assembled.stated_residuals.0, "velocity": assembled.stated_residuals.1,
         },
-        "spectrum": spectrum.map(|s| s.iter().map(|(re, im)| json!([re, im])).collect::<Vec<_>>()),
+        "spectrum_is_complete": spectrum.as_ref().map(|s| s.is_complete),
+        "spectrum": spectrum
+            .map(|s| s.values.iter().map(|(re, im)| json!([re, im])).collect::<Vec<_>>()),
     })
     .to_string()
 }

@@ -119,6 +119,7 @@ fn positions_within(
         output: OutputTimes::Interval(end / 10.0),
         channels: names.clone(),
         tolerance,
+        initial_step: model.simulation.initial_step,
         ..options(code, tolerance.relative, end)
     };
     let outcome = run_model(model, &options);
@@ -207,8 +208,12 @@ fn a_spatial_model_runs_alike_everywhere() {
 #[test]
 fn the_vehicle_rides_alike_on_another_stretch_of_road() {
     let placement = Placement { turn: [1.0, 0.0, 0.0, 0.0], shift: [1e4, -0.7e4, 0.0] };
+    let mut vehicle = model("hmmwv14");
+    // It starts in equilibrium, where a first step of the code's own is found from round-off; where steps
+    // stand when the bump comes follows from it.
+    vehicle.simulation.initial_step = Some(0.02);
     for code in IMPLICIT {
-        assert_invariant(&model("hmmwv14"), placement, code, 1e-3, 5.0);
+        assert_invariant(&vehicle, placement, code, 1e-3, 5.0);
     }
 }
 

@@ -100,7 +100,7 @@ impl SparseLu {
                 column_at: order.columns,
             }),
             growth: 1.0,
-            work: vec![0.0; n],
+            work: vec![0.0; n * MOST_LANES],
             residual: vec![0.0; n],
             right: vec![0.0; n],
         };
@@ -182,6 +182,15 @@ impl SparseLu {
 }
 
 impl<T: Scalar> SparseLu<T> {
+    /// Without room for several right-hand sides at a time, which most of a large matrix's memory is;
+    /// solving for several then allocates it.
+    #[must_use]
+    pub fn single(mut self) -> Self {
+        self.work.truncate(self.n);
+        self.work.shrink_to_fit();
+        self
+    }
+
     /// Factors the matrix with new `values` by the pivots chosen in [`analyze`](Self::analyze).
     ///
     /// Whether these pivots are still good for the matrix is told by [`growth`](Self::growth), or
@@ -230,7 +239,6 @@ impl<T: Scalar> SparseLu<T> {
 
     fn substitute(&mut self, b: &mut [T], k: usize, transposed: bool) {
         assert_eq!(b.len(), self.n * k, "right-hand sides of a matrix of {} rows", self.n);
-        // Many matrices never see more than one right-hand side.
         let room = self.n * k.min(MOST_LANES);
         if self.work.len() < room {
             self.work.resize(room, T::ZERO);

@@ -4,8 +4,19 @@ use crate::error::EvaluationFailure;
 use crate::method::ode::{LinearizedOde, Ode};
 use crate::method::{FirstOrder, Weights};
 use crate::model::Tolerance;
+use crate::newton::Tangent;
+use crate::reduction::Point;
 use crate::reduction::assembly::Assembled;
 use holonom_linalg::{DecompositionError, eigenvalues};
+
+/// More degrees of freedom than this have only the fastest of their eigenvalues computed.
+pub const LARGEST_DENSE: usize = 300;
+/// Fastest eigenvalues that are looked for then.
+const WANTED: usize = 12;
+/// Dimension of the Krylov space at which they must have settled, and the one they are compared with.
+const KRYLOV: [usize; 2] = [110, 90];
+/// Relative change between the two up to which an eigenvalue has settled.
+const SETTLED: f64 = 1e-6;
 
 /// Why there is no spectrum.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -18,12 +29,29 @@ pub enum SpectrumError {
     Decomposition(#[from] DecompositionError),
 }
 
-/// Eigenvalues (real, imaginary part, 1/s) of J = g_w of the first-order form at an assembled state,
-/// fastest first. Accelerations and multipliers are those of the state.
+/// Eigenvalues, fastest first.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spectrum {
+    /// Real and imaginary parts, 1/s.
+    pub values: Vec<(f64, f64)>,
+    /// Whether these are all of them; otherwise the fastest.
+    pub is_complete: bool,
+}
+
+/// Eigenvalues of J = g_w of the first-order form at an assembled state. Accelerations and multipliers are
+/// those of the state. Of models with more than [`LARGEST_DENSE`] degrees of freedom the fastest ones only,
+/// by Arnoldi's method with products J x.
 ///
 /// # Errors
 /// [`SpectrumError`].
-pub fn spectrum(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> {
+pub fn spectrum(assembled: &Assembled) -> Result<Spectrum, SpectrumError> {
+    let is_complete = assembled.manifold.chart().ndof() <= LARGEST_DENSE;
+    let mut values = if is_complete { all(assembled)? } else { fastest(assembled)? };
+    values.sort_by(|a, b| b.0.hypot(b.1).total_cmp(&a.0.hypot(a.1)).then(b.1.total_cmp(&a.1)));
+    Ok(Spectrum { values, is_complete })
+}
+
+fn all(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> {
     let system = assembled.manifold.system().clone();
     let weights = Weights::new(Tolerance::uniform(1.0), system.as_ref(), &assembled.state);
     let mut form = FirstOrder::new(assembled.manifold.clone(), weights, &assembled.state);
@@ -31,7 +59,104 @@ pub fn spectrum(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError>
     let mut w = vec![0.0; n];
     form.pack(&assembled.state, &mut w);
     form.linearize(assembled.state.t, &w)?;
-    let mut values = eigenvalues(n, &form.newton().blocks().jacobian()?)?;
-    values.sort_by(|a, b| b.0.hypot(b.1).total_cmp(&a.0.hypot(a.1)).then(b.1.total_cmp(&a.1)));
+    Ok(eigenvalues(n, &form.newton().blocks().jacobian()?)?)
+}
+
+/// Those of the largest magnitude that have settled. Source: W. E. Arnoldi, *The principle of minimized
+/// iterations in the solution of the matrix eigenvalue problem*, Quart. Appl. Math. 9 (1951).
+fn fastest(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> {
+    let mut point = Point::new(assembled.manifold.clone(), &assembled.state);
+    let mut tangent = Tangent::new(&mut point);
+    let n = tangent.dimension();
+    let steps = KRYLOV[0].min(n);
+    let mut hessenberg = vec![0.0; KRYLOV[0] * KRYLOV[0]];
+    // A fixed direction without symmetry.
+    let start: Vec<f64> =
+        (0..n).map(|i| 0.5 + (0.618_033_988_749_895 * (i + 1) as f64).fract()).collect();
+    let mut basis = vec![normalized(start)];
+    let mut size = steps;
+    for k in 0..steps {
+        let mut next = vec![0.0; n];
+        tangent.multiply(&mut point, &basis[k], &mut next)?;
+        let length = norm(&next);
+        // Twice, as one pass leaves what cancellation makes of it.
+        for _ in 0..2 {
+            for (j, direction) in basis.iter().enumerate() {
+                let along = dot(direction, &next);
+                hessenberg[j * KRYLOV[0] + k] += along;
+                next.iter_mut().zip(direction).for_each(|(x, d)| *x -= along * d);
+            }
+        }
+        let rest = norm(&next);
+        if rest <= 1e-12 * length || k + 1 == steps {
+            size = k + 1;
+            break;
+        }
+        hessenberg[(k + 1) * KRYLOV[0] + k] = rest;
+        basis.push(normalized(next));
+    }
+    let part = |m: usize| -> Result<Vec<(f64, f64)>, DecompositionError> {
+        let rows = (0..m).flat_map(|i| &hessenberg[i * KRYLOV[0]..i * KRYLOV[0] + m]);
+        let mut values = eigenvalues(m, &rows.copied().collect::<Vec<_>>())?;
+        values.sort_by(|a, b| b.0.hypot(b.1).total_cmp(&a.0.hypot(a.1)));
+        Ok(values)
+    };
+    let mut values = part(size)?;
+    if size == steps && size > KRYLOV[1] {
+        let before = part(KRYLOV[1])?;
+        let settled = |z: &(f64, f64)| {
+            let change = |y: &(f64, f64)| (z.0 - y.0).hypot(z.1 - y.1);
+            before.iter().any(|y| change(y) <= SETTLED * z.0.hypot(z.1))
+        };
+        let unsettled = values.iter().position(|z| !settled(z)).unwrap_or(values.len());
+        values.truncate(unsettled.clamp(1, WANTED));
+    }
     Ok(values)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(x, y)| x * y).sum()
+}
+
+fn norm(x: &[f64]) -> f64 {
+    dot(x, x).sqrt()
+}
+
+fn normalized(mut x: Vec<f64>) -> Vec<f64> {
+    let length = norm(&x);
+    x.iter_mut().for_each(|x| *x /= length);
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::{Document, Syntax};
+    use crate::simulation::Problem;
+
+    #[test] // independent truth: all eigenvalues, of the dense matrix
+    fn the_fastest_are_those_of_the_dense_matrix() {
+        for (name, least) in [("chain50", 2), ("spatial_four_bar", 1), ("hmmwv14", 2)] {
+            let read = |file: &str| {
+                let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
+                std::fs::read_to_string(folder.join(file)).map_err(|e| e.to_string())
+            };
+            let file = format!("{name}/model.toml");
+            let mut resolver = |file: &str| read(file);
+            let text = read(&file).unwrap();
+            let document = Document::parse(&text, Syntax::Toml, &file, &mut resolver).unwrap();
+            let problem = Problem::new(document.build().unwrap().0);
+            let assembled = problem.assemble().unwrap();
+            let (all, found) = (all(assembled).unwrap(), fastest(assembled).unwrap());
+            assert!(found.len() >= least, "{name}: {found:?}");
+            let largest = all.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
+            let fastest = found.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
+            assert!((largest - fastest).abs() < 1e-6 * largest, "{name}: {largest} {fastest}");
+            for z in found.iter().take(WANTED) {
+                let nearest = all.iter().map(|y| (z.0 - y.0).hypot(z.1 - y.1));
+                let nearest = nearest.fold(f64::INFINITY, f64::min);
+                assert!(nearest < 1e-5 * largest, "{name}: {z:?} is {nearest:.1e} off");
+            }
+        }
+    }
 }

@@ -6,7 +6,7 @@ use super::differences::JacobianSource;
 use super::linearization::Linearization;
 use super::matrix::{DescriptorForm, Matrix, MatrixOptions};
 use crate::reduction::{BodyRows, Manifold, Point, Projection};
-use crate::system::System;
+use crate::system::{DerivativeBlocks, Structure, System};
 use holonom_linalg::{BlockMatrix, SingularMatrix, SparseLu};
 
 /// Ψ = Ψ₀ + γh Ψ₁ + βh² Ψ₂ of the unknowns (q̈, λ), with D the null space of G, δv̈ = P δq̈:
@@ -331,20 +331,34 @@ pub(super) fn add_extra_force(
     stride: usize,
 ) {
     let (structure, reduced) = (parts.system.structure(), &parts.blocks);
+    let Some(moving) = moving else {
+        add_force_of_extra_states(structure, &reduced.blocks, scale, out, stride);
+        return;
+    };
+    let ndof = parts.chart.ndof();
+    for e in 0..structure.extra_bodies.len() {
+        let scale = scale(e);
+        let force = |k: usize| scale * reduced.force_extra[e * ndof + k];
+        add_extended(parts, moving, force, out, stride);
+    }
+}
+
+/// Adds Σ scale(e)·F_z to n entries of `out`, `stride` apart.
+pub(super) fn add_force_of_extra_states(
+    structure: &Structure,
+    blocks: &DerivativeBlocks,
+    scale: impl Fn(usize) -> f64,
+    out: &mut [f64],
+    stride: usize,
+) {
     let per_body = structure.sizes.per_body;
     for (e, ends) in structure.extra_bodies.iter().enumerate() {
         let scale = scale(e);
-        if let Some(moving) = moving {
-            let ndof = parts.chart.ndof();
-            let force = |k: usize| scale * reduced.force_extra[e * ndof + k];
-            add_extended(parts, moving, force, out, stride);
-            continue;
-        }
         for (side, body) in ends.iter().enumerate() {
             let Some(body) = body else { continue };
             for i in 0..per_body {
                 let at = (2 * e + side) * per_body + i;
-                out[(body * per_body + i) * stride] += scale * reduced.blocks.force_extra[at];
+                out[(body * per_body + i) * stride] += scale * blocks.force_extra[at];
             }
         }
     }

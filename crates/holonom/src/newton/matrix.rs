@@ -81,7 +81,7 @@ pub trait DescriptorForm: Matrix {
 
 /// What it must supply beyond that for formulas of first-order equations.
 pub trait FirstOrderMatrix: Matrix {
-    /// δv̈ = −Ψ⁻¹ (ψ + Ẑ δz), ψ and then δv̈ in `rate`.
+    /// δv̈ = −Ψ⁻¹ (ψ + Ẑ δz), ψ and then δv̈ in `rate`; an empty `z` stands for zeros.
     fn correct(&mut self, parts: &Linearization, z: &[f64], rate: &mut [f64]);
 
     /// The first two of (5) in `docs/theory/newton.md`, for M̂ r_v in `v`; `z` is left alone.

@@ -12,6 +12,7 @@ mod reduced;
 mod solver;
 mod sparse;
 mod sparse_pattern;
+mod tangent;
 
 pub use blocks::ReducedBlocks;
 pub use chosen::Chosen;
@@ -23,3 +24,4 @@ pub use matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Repres
 pub use reduced::ReducedMatrix;
 pub use solver::Newton;
 pub use sparse::SparseMatrix;
+pub use tangent::Tangent;

@@ -133,7 +133,7 @@ impl<M: FirstOrderMatrix> Newton<M> {
         self.rate.copy_from_slice(psi);
         self.matrix.correct(&self.parts, &[], &mut self.rate);
         manifold.reduced_mass_times(&self.rate, &mut self.felt);
-        self.matrix.weigh(&self.parts, &mut self.rate);
+        self.matrix.weigh(&mut self.parts, &mut self.rate);
         for ((psi, now), then) in psi.iter_mut().zip(&self.felt).zip(&self.rate) {
             *psi += now - then;
         }

@@ -151,7 +151,7 @@ impl Matrix for SparseMatrix {
             return Ok(0);
         }
         (plan.lu, plan.left, self.complex) = (None, 0.0, None);
-        plan.lu = Some(SparseLu::analyze(&plan.pattern.pattern, &self.values)?);
+        plan.lu = Some(SparseLu::analyze(&plan.pattern.pattern, &self.values)?.single());
         Ok(1)
     }
 
@@ -187,7 +187,7 @@ impl FirstOrderMatrix for SparseMatrix {
         for (out, x) in force.iter_mut().zip(&self.extended) {
             *out = -x;
         }
-        add_extra_force(parts, None, |k| -z[k], force, 1);
+        add_extra_force(parts, None, |k| -z.get(k).copied().unwrap_or(0.0), force, 1);
         self.solve_right();
         rate.copy_from_slice(self.solved_rate());
     }
