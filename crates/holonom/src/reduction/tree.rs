@@ -97,6 +97,7 @@ pub(super) fn choose_tree(
             pivot_ratio: 1.0,
         };
         let mut chart = Chart::new(system, open, &state.q, g, nonzero)?;
+        let edge_of = edge_of_body(system);
         for cluster in 0..clusters.count {
             let columns: Vec<usize> = (0..coordinates.len())
                 .filter(|&k| {
@@ -114,6 +115,7 @@ pub(super) fn choose_tree(
                 relatives,
                 columns,
                 edges,
+                edge_of: &edge_of,
             }
             .select(&mut chart, &mut choice)?;
         }
@@ -181,9 +183,10 @@ fn effective(resistance: &Resistance, pace: f64) -> f64 {
 fn forms(system: &dyn System, state: &State, pace: f64) -> Vec<usize> {
     let tree = system.tree();
     let mut forms = vec![0; tree.edges.len()];
+    let edge_of = edge_of_body(system);
     for (elastic, spring) in tree.elastic.iter().enumerate() {
         let [body] = spring.path[..] else { continue };
-        let Some(edge) = tree.edges.iter().position(|e| e.body == body) else { continue };
+        let edge = edge_of[body];
         if !spring.is_edge || tree.edges[edge].forms.len() < 2 {
             continue;
         }
@@ -275,10 +278,7 @@ struct Clusters {
 
 fn clusters(system: &dyn System, state: &State, pace: f64) -> Clusters {
     let tree = system.tree();
-    let mut edge_of = vec![0; tree.edges.len()];
-    for (at, edge) in tree.edges.iter().enumerate() {
-        edge_of[edge.body] = at;
-    }
+    let edge_of = edge_of_body(system);
     let mut parent: Vec<usize> = (0..tree.edges.len()).collect();
     let mut closed = vec![false; tree.edges.len()];
     let mut tie = |path: &[usize]| {
@@ -311,6 +311,16 @@ fn clusters(system: &dyn System, state: &State, pace: f64) -> Clusters {
         })
         .collect();
     Clusters { of_edge, count }
+}
+
+/// The edge that places each body.
+fn edge_of_body(system: &dyn System) -> Vec<usize> {
+    let edges = &system.tree().edges;
+    let mut out = vec![0; edges.len()];
+    for (at, edge) in edges.iter().enumerate() {
+        out[edge.body] = at;
+    }
+    out
 }
 
 fn root(parent: &mut [usize], mut at: usize) -> usize {
@@ -364,8 +374,9 @@ struct Cluster<'a> {
     relatives: &'a Relatives,
     /// Coordinates that are not driven.
     columns: Vec<usize>,
-    /// Edges of the cluster.
+    /// Edges of the cluster, and the edge of each body.
     edges: Vec<bool>,
+    edge_of: &'a [usize],
 }
 
 impl Cluster<'_> {
@@ -378,10 +389,7 @@ impl Cluster<'_> {
     }
 
     fn contains(&self, path: &[usize]) -> bool {
-        let tree = self.system.tree();
-        path.iter().any(|body| {
-            tree.edges.iter().zip(&self.edges).any(|(edge, inside)| *inside && edge.body == *body)
-        })
+        path.iter().any(|body| self.edges[self.edge_of[*body]])
     }
 
     fn select(&self, chart: &mut Chart, choice: &mut Selection) -> Result<(), EvaluationFailure> {

@@ -13,6 +13,7 @@ use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use crate::topology::Forest;
 use holonom_linalg::BlockMatrix;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Compiles a model in Cartesian coordinates.
@@ -153,12 +154,16 @@ fn tell_turns<C, F>(
     constraints: &mut [PlacedConstraint<C>],
     forces: &mut [PlacedForce<F>],
 ) -> Vec<[BodyIndex; 2]> {
-    let leaders: Vec<(usize, usize)> = (tree.edges.iter())
-        .filter_map(|edge| match edge.source {
-            super::EdgeSource::Joint(joint) => edge.winding.map(|winding| (joint, winding)),
-            _ => None,
-        })
-        .collect();
+    // Only joints between the same two bodies can tell turns.
+    let pair = |[a, b]: [BodyIndex; 2]| (a.min(b), a.max(b));
+    let mut leaders: BTreeMap<_, Vec<(usize, usize)>> = BTreeMap::new();
+    let mut leads = vec![false; constraints.len()];
+    for edge in &tree.edges {
+        if let (super::EdgeSource::Joint(joint), Some(winding)) = (edge.source, edge.winding) {
+            leads[joint] = true;
+            leaders.entry(pair(constraints[joint].bodies)).or_default().push((joint, winding));
+        }
+    }
     let mut untold = Vec::new();
     for (placed, force) in forces.iter_mut().zip(&model.forces) {
         let (Some(turns), ForceKind::Rsda { frames, .. }) = (&mut placed.turns, &force.kind) else {
@@ -167,13 +172,14 @@ fn tell_turns<C, F>(
         let mut follow = |&(joint, winding): &(usize, usize)| {
             turns.follow(model, frames, &model.joints[joint].frames, winding)
         };
-        if !leaders.iter().any(&mut follow) && !turns.is_driven() {
+        let near = leaders.get(&pair(placed.bodies)).map_or(&[][..], Vec::as_slice);
+        if !near.iter().any(&mut follow) && !turns.is_driven() {
             untold.push(placed.bodies);
         }
     }
     for (joint, placed) in constraints.iter().enumerate() {
         let Some(turns) = &placed.turns else { continue };
-        if !turns.is_driven() && !leaders.iter().any(|leader| leader.0 == joint) {
+        if !turns.is_driven() && !leads[joint] {
             untold.push(placed.bodies);
         }
     }

@@ -288,6 +288,10 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         placed.push(PlacedEdge { kinematics, bodies: ends });
     }
 
+    let mut edge_of_body = vec![0; model.bodies.len()];
+    for (at, edge) in edges.iter().enumerate() {
+        edge_of_body[edge.body] = at;
+    }
     let mut closures = Vec::new();
     let mut untold_turns = Vec::new();
     for (k, joint) in model.joints.iter().enumerate() {
@@ -300,7 +304,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         let path = forest.path(driver.frames.map(|f| f.body));
         let (row, count) = rows[model.joints.len() + k];
         if let [body] = path[..] {
-            let edge = edges.iter_mut().find(|e| e.body == body).expect("an edge per body");
+            let edge = &mut edges[edge_of_body[body]];
             if edge.driver.is_none()
                 && let EdgeSource::Joint(j) = edge.source
             {
