@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -156,6 +158,26 @@ def test_a_stored_file_holds_the_same_run(model: holonom.Model, tmp_path: Path) 
         np.testing.assert_array_equal(loaded["rod.velocity"], memory["rod.velocity"])
         again = loaded.model.simulate(start=loaded.state(0.4))
         assert again.time[-1] == loaded.time[-1]
+
+
+def test_ctrl_c_ends_the_reading_of_a_large_model() -> None:
+    # Long enough to be met in the middle of it on any machine.
+    links = "\n".join(
+        f"link_{k} = {{ mass = 1.0, inertia = 0.1, position = [{k}.0, 0.0] }}"
+        for k in range(60_000)
+    )
+    text = f'holonom = 1\ntitle = "links"\ndimension = "planar"\n[bodies]\n{links}\n'
+    timer = threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    read = []
+
+    def wait() -> None:
+        read.append(holonom.Model.from_text(text))
+        timer.join()
+
+    with pytest.raises(KeyboardInterrupt):
+        wait()
+    assert not read
 
 
 def test_a_result_says_what_the_run_used_stated_or_not(

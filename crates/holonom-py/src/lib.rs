@@ -1,6 +1,7 @@
 //! Python binding of Holonom: conversions only. Text marked JSON in `_core.pyi` is made here.
 
 mod dense;
+mod interruptible;
 mod model;
 mod report;
 mod sink;

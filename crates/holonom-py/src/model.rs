@@ -1,5 +1,6 @@
 //! `CoreModel`: a document with the problem compiled from it.
 
+use crate::interruptible::interruptible;
 use crate::sink::Callbacks;
 use crate::state::{Rows, foreign, rows};
 use crate::{ModelError, SimulationError, dense, report, state};
@@ -65,14 +66,20 @@ pub(crate) fn parse(
             return Err(PyValueError::new_err(message));
         }
     };
-    let mut resolver = |path: &str| {
-        read.call1(py, (path,))
-            .and_then(|text| text.extract::<String>(py))
-            .map_err(|error| error.value(py).to_string())
+    let mut resolver = move |path: &str| {
+        Python::attach(|py| {
+            read.call1(py, (path,))
+                .and_then(|text| text.extract::<String>(py))
+                .map_err(|error| error.value(py).to_string())
+        })
     };
-    let document = Document::parse(text, syntax, name, &mut resolver).map_err(|e| refused(&e))?;
-    let (model, warnings) = document.build().map_err(|e| refused(&e))?;
-    Ok(CoreModel { document, problem: Problem::new(model), warnings })
+    let (text, name) = (text.to_owned(), name.to_owned());
+    let work = move || {
+        let document = Document::parse(&text, syntax, &name, &mut resolver)?;
+        let (model, warnings) = document.build()?;
+        Ok(CoreModel { document, problem: Problem::new(model), warnings })
+    };
+    interruptible(py, work, || Ok(()))?.map_err(|e| refused(&e))
 }
 
 #[pymethods]
@@ -111,8 +118,9 @@ impl CoreModel {
     }
 
     fn check(&self, py: Python<'_>, spectrum: bool) -> PyResult<String> {
-        py.detach(|| {
-            let assembled = self.problem.assemble().map_err(|e| report::assembly_error(&e))?;
+        let problem = self.problem.clone();
+        let work = move || {
+            let assembled = problem.assemble().map_err(|e| report::assembly_error(&e))?;
             let values = if spectrum {
                 Some(self::spectrum(assembled).map_err(|e| {
                     report::assembly_error(
@@ -127,10 +135,10 @@ impl CoreModel {
             } else {
                 None
             };
-            let summary = self.problem.summary(assembled);
-            Ok(report::check(&self.problem, assembled, &summary, values))
-        })
-        .map_err(ModelError::new_err::<String>)
+            let summary = problem.summary(assembled);
+            Ok(report::check(&problem, assembled, &summary, values))
+        };
+        interruptible(py, work, || Ok(()))?.map_err(ModelError::new_err::<String>)
     }
 
     fn options(&self, choices_json: &str, start_time: Option<f64>) -> PyResult<String> {
@@ -164,6 +172,12 @@ impl CoreModel {
             None => self.problem.starting_at(first),
             Some(_) => self.problem.clone(),
         };
+        if from.is_none() {
+            // Kept by the problem; what is wrong with it is said by the run.
+            let assembly = problem.clone();
+            let work = move || assembly.assemble().is_ok();
+            interruptible(py, work, || on_progress.call1(py, (first, 0.0, 0)).map(drop))?;
+        }
         let channels: Vec<Channel> = options
             .channels
             .iter()
