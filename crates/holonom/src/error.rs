@@ -63,6 +63,8 @@ codes! {
     WrongDimension = "model/wrong-dimension", Error;
     /// A body, marker, joint, table, road, parameter or force of this name does not exist.
     UnknownName = "model/unknown-name", Error;
+    /// An expression after `=` or in braces cannot be read, or has no value that fits.
+    Expression = "model/expression", Error;
     /// A path given for a new value leads nowhere in the model.
     UnknownPath = "model/unknown-path", Error;
     /// A number lies outside the range that the field allows.
@@ -132,6 +134,12 @@ fn boundary(text: &str, at: usize) -> usize {
 impl Location {
     /// The place of bytes `start..end` in `source`; offsets are clamped to the text.
     pub fn of(file: &str, source: &str, start: usize, end: usize) -> Self {
+        let line = source[..boundary(source, start)].matches('\n').count() + 1;
+        Self::on_line(line, file, source, start, end)
+    }
+
+    /// The same where the line is known: counting it reads all that stands before.
+    pub(crate) fn on_line(line: usize, file: &str, source: &str, start: usize, end: usize) -> Self {
         let start = boundary(source, start);
         let end = boundary(source, end);
         let line_start = source[..start].rfind('\n').map_or(0, |at| at + 1);
@@ -149,7 +157,7 @@ impl Location {
         let first = before - skipped + usize::from(skipped > 0);
         Self {
             file: file.to_owned(),
-            line: source[..start].matches('\n').count() + 1,
+            line,
             column: before + 1,
             mark: (first, marked.min(SHOWN.saturating_sub(before - skipped).max(1))),
             excerpt,

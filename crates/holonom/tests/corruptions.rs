@@ -118,7 +118,7 @@ fn answer(name: &str, pointer: &str, change: &str, tree: &Value) -> bool {
         Err(errors) => {
             let rendered = errors.render();
             let related = errors.errors.iter().any(|e| {
-                let path = e.path.replace(['.', '['], "/").replace(']', "");
+                let path = e.path.replace(['.', '['], "/").replace([']', '"'], "");
                 let path = format!("/{path}");
                 path.starts_with(pointer) || pointer.starts_with(&path) && e.path.len() > 1
             });
@@ -171,7 +171,10 @@ fn corrupt_everything(name: &str, text: &str) -> (usize, usize) {
                 // Names of items may be free; names of fields are not.
                 let sections = ["/initial", "/outputs", "/simulation"];
                 let is_item = parent.matches('/').count() == 1 && !sections.contains(&parent);
-                let is_free = is_item || parent.ends_with("/markers");
+                let repeated = ["bodies", "joints", "forces", "drivers", "tables"];
+                let is_repeated = parent.starts_with("/patterns/")
+                    && repeated.iter().any(|of| parent.ends_with(&format!("/{of}")));
+                let is_free = is_item || is_repeated || parent.ends_with("/markers");
                 assert!(!accepted || is_free, "{name}{pointer} renamed is accepted");
             }
             (Value::Array(list), _) => {

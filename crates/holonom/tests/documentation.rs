@@ -110,7 +110,7 @@ fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
 fn the_examples_of_the_reference_page_are_models() {
     let text = reference_markdown();
     let toml = blocks(&text, "toml");
-    assert_eq!(toml.len(), 3);
+    assert_eq!(toml.len(), 4);
     let base = toml[0];
     let json = blocks(&text, "json");
     let all = toml.iter().map(|t| (Syntax::Toml, t)).chain(json.iter().map(|t| (Syntax::Json, t)));
@@ -132,6 +132,13 @@ fn the_message_of_the_reference_page_is_real() {
         .and_then(|document| document.build())
         .unwrap_err();
     assert!(text.contains(&errors.errors[0].render()), "{}", errors.errors[0].render());
+    let chain = blocks(&text, "toml")[3];
+    let wrong = chain.replace("mass = \"=mass\"", "mass = \"=mass*(1 - i/32)\"");
+    let errors = Document::parse(&wrong, Syntax::Toml, "model.toml", &mut none)
+        .and_then(|document| document.build())
+        .unwrap_err();
+    let found = errors.errors[0].render();
+    assert!(text.contains(found.lines().next().unwrap()), "{found}");
 }
 
 #[test]

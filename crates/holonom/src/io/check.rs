@@ -1,12 +1,14 @@
 //! The tree against the shape of a model file: unknown and missing fields, types, sizes, names.
-//! References to parameters are replaced by their values here.
+//! Expressions of parameters are replaced by their values here.
 
 use std::collections::BTreeMap;
 
 use serde_json::Value as Json;
 
+use super::expression::{Fault, evaluate};
 use super::limits;
 use super::names::{nearest, objection, suggest};
+use super::patterns::parameters;
 use super::schema::Dimension;
 use super::shape::{Field, Record, Shape, Variant, alternatives, describe, model_file};
 use super::tree::{Node, Table, Value, join};
@@ -34,24 +36,15 @@ pub(super) fn check_file(root: &Node) -> (Json, Vec<Diagnostic>) {
     (json, checker.errors)
 }
 
-/// Values by name; what is wrong with a parameter is reported where it is defined.
-fn parameters(root: &Node) -> BTreeMap<&str, Option<f64>> {
-    let table = root.field("parameters").and_then(Node::table);
-    let value = |node: &Node| match node.field("value")?.value {
-        Value::Number(x) => Some(x),
-        _ => None,
-    };
-    table.into_iter().flatten().map(|(name, entry)| (name.as_str(), value(&entry.node))).collect()
-}
-
-struct Checker<'a> {
+struct Checker {
     /// `None` when the file does not say, so that only that is reported.
     dimension: Option<Dimension>,
-    parameters: BTreeMap<&'a str, Option<f64>>,
+    /// What is wrong with a parameter is reported where it is defined.
+    parameters: BTreeMap<String, Option<f64>>,
     errors: Vec<Diagnostic>,
 }
 
-impl Checker<'_> {
+impl Checker {
     fn refuse(&mut self, code: Code, path: &str, message: String, help: impl Into<String>) -> Json {
         self.errors.push(Diagnostic::new(code, path, message).help(help));
         Json::Null
@@ -105,7 +98,7 @@ impl Checker<'_> {
         match (shape, &node.value) {
             (Shape::Number, Value::Number(x)) => (*x).into(),
             (Shape::Number, Value::Text(text)) if text.starts_with('=') => {
-                self.reference(&text[1..], path)
+                self.expression(&text[1..], path)
             }
             (Shape::Integer { min, max }, Value::Number(x)) => self.integer(*x, *min, *max, path),
             (Shape::Bool, Value::Bool(b)) => (*b).into(),
@@ -151,17 +144,45 @@ impl Checker<'_> {
         }
     }
 
-    fn reference(&mut self, name: &str, path: &str) -> Json {
+    fn expression(&mut self, text: &str, path: &str) -> Json {
         if path.starts_with("parameters.") {
             let message = format!("`{path}` refers to another parameter; expected a number");
             return self.refuse(Code::WrongType, path, message, "give the number itself");
         }
-        if let Some(value) = self.parameters.get(name) {
-            return value.unwrap_or_default().into(); // a bad value is reported at its place
+        let mut broken = false;
+        let value = evaluate(text, &mut |name| {
+            let value = *self.parameters.get(name)?;
+            broken |= value.is_none();
+            Some(value.unwrap_or(1.0))
+        });
+        match value {
+            _ if broken => 0.0.into(), // reported at the parameter
+            Ok(x) if x.abs() <= limits::NUMBER => x.into(),
+            Ok(x) => {
+                let message =
+                    format!("`{path}` is `={text}`, {x}; numbers of a model are at most 1e100");
+                self.refuse(Code::NotFinite, path, message, "look for a division by zero")
+            }
+            Err(Fault::Unknown(name)) => {
+                let message =
+                    format!("`{path}` refers to the parameter `{name}`, which is not there");
+                let known = self.parameters.keys().map(String::as_str);
+                let inside = |p: &&str| p.contains('-') && text.contains(p);
+                let help = match known.clone().find(inside) {
+                    Some(whole) => {
+                        format!("`{whole}` can stand alone only: in arithmetic `-` subtracts")
+                    }
+                    None => suggest(&self.errors, &name, "parameters", known),
+                };
+                self.refuse(Code::UnknownName, path, message, help)
+            }
+            Err(Fault::Other(message, help)) => self.refuse(
+                Code::Expression,
+                path,
+                format!("`{path}` is `={text}`: {message}"),
+                help,
+            ),
         }
-        let message = format!("`{path}` refers to the parameter `{name}`, which is not there");
-        let help = suggest(&self.errors, name, "parameters", self.parameters.keys().copied());
-        self.refuse(Code::UnknownName, path, message, help)
     }
 
     fn integer(&mut self, x: f64, min: Option<u64>, max: Option<u64>, path: &str) -> Json {

@@ -1,15 +1,21 @@
 //! A model file read and merged, before it becomes a model: values can be set by path, the merged
 //! text can be kept, a model can be built.
 
+use std::collections::BTreeSet;
+
+use indexmap::IndexMap;
+
 use super::check::check_file;
+use super::expression::{Part, names, parts};
 use super::limits;
 use super::merge::{Resolver, read_chain, without_disabled};
+use super::patterns::{Expanded, expand};
 use super::read::Syntax;
 use super::resolve;
 use super::schema::ModelFile;
 use super::set::set;
-use super::tree::{Node, Source, Span, Value, locate};
-use crate::error::{Code, Diagnostic, ModelErrors, Warning};
+use super::tree::{Node, Places, Source, Span, Value, location, marks_key, node_at, span_of};
+use crate::error::{Code, Diagnostic, ModelErrors, Severity, Warning};
 use crate::model::Model;
 
 /// A model file with the files it extends, merged by name.
@@ -52,17 +58,53 @@ impl Document {
         values: &[(P, serde_json::Value)],
     ) -> Result<Self, ModelErrors> {
         let mut document = self.clone();
-        let errors: Vec<Diagnostic> = values
-            .iter()
-            .filter_map(|(path, value)| set(&mut document.root, path.as_ref(), value).err())
-            .map(|error| *error)
-            .collect();
+        let mut errors: Vec<Diagnostic> = Vec::new();
+        // What is written by patterns depends on these: the order of the call does not matter.
+        let (first, then): (Vec<_>, Vec<_>) = values.iter().partition(|(path, _)| {
+            ["parameters.", "patterns."].iter().any(|start| path.as_ref().starts_with(start))
+        });
+        for (path, value) in first {
+            errors.extend(set(&mut document.root, None, path.as_ref(), value).err().map(|e| *e));
+        }
+        let has_patterns = document.root.field("patterns").is_some() && !then.is_empty();
+        let expanded = has_patterns.then(|| expand(document.root.clone()).root);
+        for (path, value) in then {
+            let set = set(&mut document.root, expanded.as_ref(), path.as_ref(), value);
+            errors.extend(set.err().map(|e| *e));
+        }
         if errors.is_empty() { Ok(document) } else { Err(ModelErrors { errors, omitted: 0 }) }
     }
 
     /// The merged file as JSON, without what is switched off; reading it gives the same model.
     pub fn to_json(&self) -> String {
-        format!("{:#}\n", without_disabled(&self.root).to_json())
+        // An item of a pattern is switched off by what is laid over it, which then has to stay.
+        let root = self.root.clone();
+        let root = if root.field("patterns").is_some() { root } else { without_disabled(root) };
+        format!("{:#}\n", root.to_json())
+    }
+
+    /// The same with its patterns written out: all items under their names.
+    ///
+    /// # Errors
+    /// What is wrong with the patterns.
+    pub fn to_plain_json(&self) -> Result<String, ModelErrors> {
+        let mut expanded = self.expanded();
+        if !expanded.errors.is_empty() {
+            let errors = std::mem::take(&mut expanded.errors);
+            return Err(self.collect(errors, &expanded));
+        }
+        if let Value::Table(file) = &mut expanded.root.value {
+            file.shift_remove("patterns");
+        }
+        Ok(format!("{:#}\n", expanded.root.to_json()))
+    }
+
+    /// The tree with patterns written out and without what is switched off.
+    fn expanded(&self) -> Expanded {
+        let mut expanded = expand(self.root.clone());
+        let none = Node { value: Value::Bool(false), span: Span::SET };
+        expanded.root = without_disabled(std::mem::replace(&mut expanded.root, none));
+        expanded
     }
 
     /// Checks everything and builds the model.
@@ -70,10 +112,12 @@ impl Document {
     /// # Errors
     /// All errors found, up to [`limits::ERRORS_SHOWN`], in file order.
     pub fn build(&self) -> Result<(Model, Vec<Warning>), ModelErrors> {
-        let root = without_disabled(&self.root);
-        let (json, errors) = check_file(&root);
+        let mut expanded = self.expanded();
+        let mut errors = std::mem::take(&mut expanded.errors);
+        let (json, found) = check_file(&expanded.root);
+        errors.extend(found);
         if !errors.is_empty() {
-            return Err(self.collect(errors, &root));
+            return Err(self.collect(errors, &expanded));
         }
         let file: ModelFile = serde_json::from_value(json).map_err(|error| {
             // The check follows the same types, so this would be a fault of the check.
@@ -84,7 +128,7 @@ impl Document {
         // What could be resolved is looked at in any case, so that all errors come at once.
         errors.extend(crate::model::validate(&model));
         if !errors.is_empty() {
-            return Err(self.collect(errors, &root));
+            return Err(self.collect(errors, &expanded));
         }
         let mut warnings = unused_parameters(&self.root);
         if file.gravity.is_none() {
@@ -93,38 +137,91 @@ impl Document {
             warnings.push(Diagnostic::new(Code::NotStated, "gravity", message).help(help));
         }
         warnings.extend(crate::model::implausible(&model));
-        for warning in &mut warnings {
-            locate(warning, &root, &self.sources);
+        let mut warnings = self.once(warnings, &expanded);
+        if !warnings.is_empty() {
+            let places = Places::new(&self.sources);
+            for (span, warning) in &mut warnings {
+                warning.location = places.of(*span);
+            }
         }
-        Ok((model, warnings))
+        Ok((model, warnings.into_iter().map(|(_, warning)| warning).collect()))
     }
 
     /// Errors in file order with their places, the first ones.
-    fn collect(&self, errors: Vec<Diagnostic>, root: &Node) -> ModelErrors {
-        let of_key = |e: &Diagnostic| super::tree::marks_key(e.code);
-        let mut placed: Vec<(Span, Diagnostic)> = errors
-            .into_iter()
-            .map(|error| (super::tree::span_of(root, &error.path, of_key(&error)), error))
-            .collect();
+    fn collect(&self, errors: Vec<Diagnostic>, expanded: &Expanded) -> ModelErrors {
+        let mut placed = self.once(errors, expanded);
         placed.sort_by_key(|(span, _)| *span);
         let omitted = placed.len().saturating_sub(limits::ERRORS_SHOWN);
         placed.truncate(limits::ERRORS_SHOWN);
-        let mut errors: Vec<Diagnostic> = placed.into_iter().map(|(_, error)| error).collect();
-        for error in &mut errors {
-            locate(error, root, &self.sources);
-            // A number that a parameter brought: its name leads to the place to change.
-            let written = super::tree::node_at(root, &error.path).and_then(Node::text);
-            if let Some(name) = written.and_then(|text| text.strip_prefix('='))
-                && !matches!(error.code, Code::UnknownName | Code::WrongType)
-            {
-                error.message += " (the value of the parameter `";
-                error.message += name;
-                error.message += "`)";
-            }
+        let mut errors = Vec::with_capacity(placed.len());
+        for (span, mut error) in placed {
+            error.location = location(span, &self.sources);
+            errors.push(error);
         }
         ModelErrors { errors, omitted }
     }
+
+    /// Findings with their places. What is found in the repetitions of a pattern is said once, at the
+    /// first, and leads to the pattern.
+    fn once(&self, findings: Vec<Diagnostic>, expanded: &Expanded) -> Vec<(Span, Diagnostic)> {
+        let mut out: Vec<(Span, Diagnostic)> = Vec::with_capacity(findings.len());
+        let mut seen: IndexMap<(String, Code), Repeated> = IndexMap::new();
+        for mut finding in findings {
+            let of_pattern = finding.path.starts_with("patterns.");
+            let tree = if of_pattern { &self.root } else { &expanded.root };
+            let span = span_of(tree, &finding.path, marks_key(finding.code));
+            if let Some((path, pattern, at)) = expanded.origin(&finding.path, &self.root) {
+                let index = out.len();
+                let first = Repeated { index, more: 0, pattern: pattern.to_owned(), at };
+                match seen.entry((path.clone(), finding.code)) {
+                    indexmap::map::Entry::Occupied(mut entry) => {
+                        entry.get_mut().more += 1;
+                        continue;
+                    }
+                    indexmap::map::Entry::Vacant(entry) => entry.insert(first),
+                };
+                finding.path = path;
+            }
+            out.push((span, finding));
+        }
+        for (_, finding) in &mut out {
+            finding.message += &self.note(finding);
+        }
+        for Repeated { index, more, pattern, at } in seen.into_values() {
+            let others = if more == 0 { String::new() } else { format!(" and {more} more") };
+            out[index].1.message += &format!(" (`{pattern}`, {at}{others})");
+        }
+        out
+    }
+
+    /// Of a number that an expression brought: the expression leads to the place to change.
+    fn note(&self, finding: &Diagnostic) -> String {
+        let written = node_at(&self.root, &finding.path).and_then(Node::text);
+        let Some(expression) = written.and_then(|text| text.strip_prefix('=')) else {
+            return String::new();
+        };
+        let is_error = finding.code.severity() == Severity::Error;
+        if !is_error || SAYS_ITSELF.contains(&finding.code) {
+            return String::new();
+        }
+        match self.root.field("parameters").and_then(|p| p.field(expression)) {
+            Some(_) => format!(" (the value of the parameter `{expression}`)"),
+            None => format!(" (the value of `={expression}`)"),
+        }
+    }
 }
+
+/// A finding in the repetitions of a pattern: the first and how many more there are.
+struct Repeated {
+    index: usize,
+    more: usize,
+    pattern: String,
+    at: String,
+}
+
+/// Findings that quote the expression they are about, or are not about its value.
+const SAYS_ITSELF: [Code; 4] =
+    [Code::UnknownName, Code::WrongType, Code::Expression, Code::NotFinite];
 
 /// Parameters that no text of the file refers to, switched-off items included: a variant that
 /// switches items off should not be blamed.
@@ -132,7 +229,7 @@ fn unused_parameters(root: &Node) -> Vec<Warning> {
     let Some(parameters) = root.field("parameters").and_then(Node::table) else {
         return Vec::new();
     };
-    let mut used = std::collections::BTreeSet::new();
+    let mut used = BTreeSet::new();
     references(root, &mut used);
     let unused = parameters.keys().filter(|name| !used.contains(name.as_str()));
     unused
@@ -144,11 +241,34 @@ fn unused_parameters(root: &Node) -> Vec<Warning> {
         .collect()
 }
 
-fn references<'a>(node: &'a Node, used: &mut std::collections::BTreeSet<&'a str>) {
+fn references<'a>(node: &'a Node, used: &mut BTreeSet<&'a str>) {
     match &node.value {
-        Value::Text(text) => used.extend(text.strip_prefix('=')),
+        Value::Text(text) => references_of_text(text, used),
         Value::List(list) => list.iter().for_each(|node| references(node, used)),
-        Value::Table(table) => table.values().for_each(|entry| references(&entry.node, used)),
+        Value::Table(table) => {
+            for (key, entry) in table {
+                references_of_text(key, used);
+                references(&entry.node, used);
+            }
+        }
         _ => {}
+    }
+}
+
+fn references_of_text<'a>(text: &'a str, used: &mut BTreeSet<&'a str>) {
+    if let Some(expression) = text.strip_prefix('=') {
+        used.insert(expression.trim());
+        names(expression, &mut |name, _| {
+            used.insert(name);
+        });
+    }
+    if text.contains('{') {
+        for part in parts(text).unwrap_or_default() {
+            if let Part::Number(expression, _) = part {
+                names(expression, &mut |name, _| {
+                    used.insert(name);
+                });
+            }
+        }
     }
 }

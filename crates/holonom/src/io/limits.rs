@@ -18,3 +18,12 @@ pub const NAME_CHARACTERS: usize = 128;
 pub const NUMBER: f64 = 1e100;
 /// Errors reported at once.
 pub const ERRORS_SHOWN: usize = 20;
+/// Indices of one pattern.
+pub const INDICES: usize = 4;
+/// Largest magnitude of an index.
+pub const INDEX: f64 = 1e9;
+/// Repetitions of one pattern.
+pub const REPETITIONS: usize = ITEMS;
+/// Values that all patterns of a file write: numbers, texts, lists and tables; 64 bytes of text count
+/// as one more.
+pub const REPEATED_VALUES: usize = 8_000_000;

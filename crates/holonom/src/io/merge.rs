@@ -149,8 +149,7 @@ pub(super) fn merge(base: &mut Node, over: Node) {
 }
 
 /// Removes the items with `enabled = false`.
-pub(super) fn without_disabled(root: &Node) -> Node {
-    let mut root = root.clone();
+pub(super) fn without_disabled(mut root: Node) -> Node {
     if let Value::Table(fields) = &mut root.value {
         for collection in COLLECTIONS {
             if let Some(Entry { node: Node { value: Value::Table(items), .. }, .. }) =

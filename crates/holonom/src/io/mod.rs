@@ -1,15 +1,17 @@
 //! Text to model: one spanned tree for TOML and JSON.
 //!
 //! The way of a file: `read` makes a tree in which every value knows its place, `merge` lays files
-//! that extend each other into one, `check` compares it with the `schema` and puts parameters in
-//! place, `resolve` turns names into indices and points into frames, `model::validate` looks at the
+//! that extend each other into one, `patterns` writes out what is repeated, `check` compares it with
+//! the `schema` and puts values in the place of expressions, `resolve` turns names into indices and points into frames, `model::validate` looks at the
 //! numbers. Each step reports all errors it finds.
 
 mod check;
 mod document;
+mod expression;
 pub mod limits;
 mod merge;
 mod names;
+mod patterns;
 mod read;
 mod reference;
 mod resolve;

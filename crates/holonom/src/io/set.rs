@@ -1,14 +1,18 @@
 //! Setting one value of a document by its path.
 
+use indexmap::IndexSet;
+
 use super::check::{COLLECTIONS, kind_fits};
 use super::names::suggestion;
-use super::shape::{Shape, Tagged, model_file};
-use super::tree::{Entry, Node, Span, Step, Table, Value, join, parse_path};
+use super::shape::{Shape, Tagged, model_shape};
+use super::tree::{Entry, Node, Span, Step, Table, Value, join, node_at, parse_path};
 use crate::error::{Code, Diagnostic};
 
-/// Puts `value` where `path` leads. The path must exist in the file or in the format.
+/// Puts `value` where `path` leads. The path must exist in the file, in the format, or in `expanded`,
+/// the file with its patterns written out: what is set there is laid over what the pattern writes.
 pub(super) fn set(
     root: &mut Node,
+    expanded: Option<&Node>,
     path: &str,
     value: &serde_json::Value,
 ) -> Result<(), Box<Diagnostic>> {
@@ -38,42 +42,68 @@ pub(super) fn set(
     {
         steps.push(Step::Field("value".to_owned()));
     }
+    let mut shape = Some(model_shape());
     // Names that `initial` may speak of although it does not yet.
-    let names = |collection: &str| -> Vec<String> {
-        let items = root.field(collection).and_then(Node::table);
-        items.into_iter().flat_map(|items| items.keys().cloned()).collect()
+    let spoken_of = match &steps[..] {
+        [Step::Field(initial), Step::Field(of), Step::Field(name), ..] if initial == "initial" => {
+            match of.as_str() {
+                "bodies" => Some(("bodies", name)),
+                "extra_states" => Some(("forces", name)),
+                _ => None,
+            }
+        }
+        _ => None,
     };
-    let (bodies, forces) = (names("bodies"), names("forces"));
-    let root_shape = Shape::Record(model_file().clone());
-    let mut shape = Some(&root_shape);
+    let tables = spoken_of.map_or(Vec::new(), |(collection, _)| {
+        let trees = [Some(&*root), expanded].into_iter().flatten();
+        trees.filter_map(|tree| tree.field(collection)?.table()).collect()
+    });
+    let is_there = spoken_of.is_some_and(|(_, n)| tables.iter().any(|t| t.contains_key(n)));
+    let names: Vec<String> = match is_there {
+        true => Vec::new(), // only for help
+        false => tables.iter().flat_map(|table| table.keys().cloned()).collect(),
+    };
     let mut node = root;
+    // What patterns wrote there.
+    let mut seen = expanded;
     let mut walked = String::new();
     for step in &steps {
-        // What is not written yet becomes a table when the path goes on through it.
-        let known = match walked.as_str() {
-            "initial.bodies" => bodies.clone(),
-            "initial.extra_states" => forces.clone(),
-            _ => fields(shape, node),
-        };
         let kind = node.kind();
-        shape = shape.and_then(|shape| inner(shape, node, step));
+        let guide = seen.filter(|_| node.field("type").is_none()).unwrap_or(node);
+        let of_names = ["initial.bodies", "initial.extra_states"].contains(&walked.as_str());
+        let known = if of_names { Vec::new() } else { fields(shape, guide) };
+        shape = shape.and_then(|shape| inner(shape, guide, step));
+        seen = seen.and_then(|seen| match (&seen.value, step) {
+            (Value::Table(table), Step::Field(name)) => table.get(name).map(|entry| &entry.node),
+            (Value::List(list), Step::Index(i)) => list.get(*i),
+            _ => None,
+        });
         node = match (&mut node.value, step) {
             (Value::Table(table), Step::Field(name)) => {
                 let at = join(&walked, name);
                 if !table.contains_key(name) {
-                    if shape.is_none() || !known.contains(name) {
-                        let written: Vec<String> = table.keys().cloned().collect();
-                        let mut candidates = written;
-                        candidates.extend(known.into_iter().filter(|k| !table.contains_key(k)));
-                        let owner = if walked.is_empty() { "the model" } else { &walked };
-                        let message = format!("`{path}`: {owner} has no `{name}`");
-                        let what =
-                            if COLLECTIONS.contains(&walked.as_str()) { "names" } else { "fields" };
-                        let help = suggestion(name, what, candidates.iter().map(String::as_str));
-                        return fail(message, help);
-                    }
-                    let empty = Node { value: Value::Table(Table::new()), span: Span::SET };
-                    table.insert(name.clone(), Entry { key: Span::SET, node: empty });
+                    let of_format = known.contains(name) || (of_names && is_there);
+                    let node = match seen {
+                        // Of an item of a pattern what is set is stated, and no more; lists are
+                        // replaced as a whole.
+                        Some(Node { value: Value::Table(_), .. }) => empty(),
+                        Some(written) => written.clone(),
+                        // What is not written yet becomes a table when the path goes on through it.
+                        None if shape.is_some() && of_format => empty(),
+                        None => {
+                            let written = table.keys().cloned().chain(known).chain(names);
+                            let others = guide_names(expanded, &walked);
+                            let candidates: IndexSet<String> = written.chain(others).collect();
+                            let owner = if walked.is_empty() { "the model" } else { &walked };
+                            let message = format!("`{path}`: {owner} has no `{name}`");
+                            let items = COLLECTIONS.contains(&walked.as_str());
+                            let what = if items { "names" } else { "fields" };
+                            let help =
+                                suggestion(name, what, candidates.iter().map(String::as_str));
+                            return fail(message, help);
+                        }
+                    };
+                    table.insert(name.clone(), Entry { key: Span::SET, node });
                 }
                 walked = at;
                 &mut table[name.as_str()].node
@@ -96,6 +126,16 @@ pub(super) fn set(
     }
     *node = new;
     Ok(())
+}
+
+fn empty() -> Node {
+    Node { value: Value::Table(Table::new()), span: Span::SET }
+}
+
+/// Names that stand in a table of the file with its patterns written out.
+fn guide_names(expanded: Option<&Node>, walked: &str) -> Vec<String> {
+    let table = expanded.and_then(|tree| node_at(tree, walked)?.table());
+    table.into_iter().flat_map(|table| table.keys().cloned()).collect()
 }
 
 /// Fields that the format knows for a table.

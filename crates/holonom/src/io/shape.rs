@@ -85,12 +85,20 @@ impl Record {
     }
 }
 
-/// The shape of a model file.
+/// The fields of a model file.
 pub(super) fn model_file() -> &'static Record {
-    static SHAPE: OnceLock<Record> = OnceLock::new();
+    match model_shape() {
+        Shape::Record(record) => record,
+        _ => unreachable!("a model file is a table with known fields"),
+    }
+}
+
+/// The shape of a model file.
+pub(super) fn model_shape() -> &'static Shape {
+    static SHAPE: OnceLock<Shape> = OnceLock::new();
     SHAPE.get_or_init(|| {
         let schema = root_schema();
-        Compiler { definitions: &schema["$defs"] }.record(&schema)
+        Shape::Record(Compiler { definitions: &schema["$defs"] }.record(&schema))
     })
 }
 

@@ -4,7 +4,7 @@
 use indexmap::IndexMap;
 
 use super::limits;
-use crate::error::{Code, Diagnostic, Location, shown};
+use crate::error::{Code, Location, shown};
 
 /// Bytes `start..end` of source number `file`; values set by the caller have no source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -129,27 +129,53 @@ pub(super) enum Step {
     Index(usize),
 }
 
-/// Reads `forces.front.stiffness[2]`; `None` when it is not of this form.
+/// Reads `forces.front.stiffness[2]` and `patterns.chain.bodies."link_{i}".mass`; `None` when it is not
+/// of this form.
 pub(super) fn parse_path(path: &str) -> Option<Vec<Step>> {
     let mut steps = Vec::new();
-    for part in path.split('.') {
-        let (name, mut rest) = part.split_at(part.find('[').unwrap_or(part.len()));
+    let mut rest = path;
+    loop {
+        let name = match rest.strip_prefix('"') {
+            Some(quoted) => {
+                let (name, tail) = quoted.split_once('"')?;
+                rest = tail;
+                name
+            }
+            None => {
+                let (name, tail) = rest.split_at(rest.find(['.', '[']).unwrap_or(rest.len()));
+                rest = tail;
+                name
+            }
+        };
         if name.is_empty() {
             return None;
         }
         steps.push(Step::Field(name.to_owned()));
-        while !rest.is_empty() {
-            let (digits, tail) = rest.strip_prefix('[')?.split_once(']')?;
+        while let Some(index) = rest.strip_prefix('[') {
+            let (digits, tail) = index.split_once(']')?;
             steps.push(Step::Index(digits.parse().ok()?));
             rest = tail;
         }
+        if rest.is_empty() {
+            return Some(steps);
+        }
+        rest = rest.strip_prefix('.')?;
     }
-    Some(steps)
 }
 
-/// Appends a field to a path.
+/// The path of some steps, as `parse_path` reads it.
+pub(super) fn path_of(steps: &[Step]) -> String {
+    steps.iter().fold(String::new(), |path, step| match step {
+        Step::Field(name) => join(&path, name),
+        Step::Index(i) => format!("{path}[{i}]"),
+    })
+}
+
+/// Appends a field to a path; names of patterns stand in quotes.
 pub(super) fn join(path: &str, field: &str) -> String {
-    if path.is_empty() { field.to_owned() } else { format!("{path}.{field}") }
+    let quote = if field.contains(['{', '}']) { "\"" } else { "" };
+    let dot = if path.is_empty() { "" } else { "." };
+    [path, dot, quote, field, quote].concat()
 }
 
 /// A file that was read.
@@ -194,14 +220,28 @@ pub(super) fn marks_key(code: Code) -> bool {
     matches!(code, Code::UnknownField | Code::DuplicateName | Code::BadName | Code::MissingField)
 }
 
-/// Gives a finding its place, once the tree is known.
-pub(super) fn locate(finding: &mut Diagnostic, root: &Node, sources: &[Source]) {
-    let span = span_of(root, &finding.path, marks_key(finding.code));
-    finding.location = location(span, sources);
-}
-
 /// The place of a span in its source.
 pub(super) fn location(span: Span, sources: &[Source]) -> Option<Location> {
     let source = sources.get(span.file)?;
     Some(Location::of(&source.name, &source.text, span.start, span.end))
+}
+
+/// The places of many spans: the lines of the sources are counted once.
+pub(super) struct Places<'a> {
+    sources: &'a [Source],
+    /// Where lines end, by source.
+    ends: Vec<Vec<usize>>,
+}
+
+impl<'a> Places<'a> {
+    pub(super) fn new(sources: &'a [Source]) -> Self {
+        let ends = |s: &Source| s.text.match_indices('\n').map(|(at, _)| at).collect();
+        Self { sources, ends: sources.iter().map(ends).collect() }
+    }
+
+    pub(super) fn of(&self, span: Span) -> Option<Location> {
+        let source = self.sources.get(span.file)?;
+        let line = self.ends[span.file].partition_point(|&end| end < span.start) + 1;
+        Some(Location::on_line(line, &source.name, &source.text, span.start, span.end))
+    }
 }

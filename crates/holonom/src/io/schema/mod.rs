@@ -7,6 +7,7 @@
 mod forces;
 mod items;
 mod motions;
+mod patterns;
 
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -17,6 +18,7 @@ use serde_json::json;
 pub(super) use forces::*;
 pub(super) use items::*;
 pub(super) use motions::*;
+pub(super) use patterns::*;
 
 /// Fields that every item has, added to each.
 macro_rules! item {
@@ -61,7 +63,7 @@ pub(crate) struct ModelFile {
     /// Acceleration of gravity, ground axes. Where it is left out there is none, and a warning says so.
     #[schemars(extend("x-unit" = "m/s²"))]
     pub(crate) gravity: Option<Vector>,
-    /// Numbers with a name, used as `"=name"` in any numeric field.
+    /// Numbers with a name, used as `"=name"` or in arithmetic, `"=2*name"`, in any numeric field.
     #[allow(dead_code, reason = "their values are put in place while the file is checked")]
     #[serde(default)]
     pub(crate) parameters: IndexMap<String, Parameter>,
@@ -83,6 +85,10 @@ pub(crate) struct ModelFile {
     /// Road profiles that tyres refer to.
     #[serde(default)]
     pub(crate) roads: IndexMap<String, Road>,
+    /// Items that are repeated over an index; see "Patterns: many alike items" above.
+    #[allow(dead_code, reason = "written out before the file is checked")]
+    #[serde(default)]
+    pub(crate) patterns: IndexMap<String, Pattern>,
     /// State at the start of the run.
     #[serde(default)]
     pub(crate) initial: Initial,
@@ -183,7 +189,7 @@ impl Transform for WithoutNull {
     }
 }
 
-/// Numbers may be written as `"=parameter"`.
+/// Numbers may be written as expressions, `"=parameter"`.
 #[derive(Clone)]
 struct WithParameters;
 
