@@ -21,6 +21,9 @@ class CoreModel:
     def to_json(self) -> str:
         """Return the merged model text as JSON."""
 
+    def to_plain_json(self) -> str:
+        """Return the same with patterns written out."""
+
     def hash(self) -> str:
         """Return the hash of the merged model text."""
 

@@ -133,7 +133,7 @@ def targets(model: Model, patterns: Sequence[str] | None) -> list[Target]:
     """
     if isinstance(patterns, str):
         raise UsageError("`channels` is one text; it must be a list of channel names")
-    tree = json.loads(model.to_json())
+    tree = json.loads(model.to_json(plain=True))
     named: list[str] = []
     for pattern in ("positions",) if patterns is None else patterns:
         if pattern in SETS:

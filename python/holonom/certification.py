@@ -183,7 +183,7 @@ def certified_channels(model: Model, requested: Sequence[str]) -> list[str]:
     names = [name for name in requested if not name.startswith(_RESIDUALS)]
     if names:
         return names
-    bodies = json.loads(model.to_json()).get("bodies") or {}
+    bodies = json.loads(model.to_json(plain=True)).get("bodies") or {}
     motion = [quantity for kind in SETS.values() for quantity in kind]
     wanted = (f"{body}.{quantity}" for body in bodies for quantity in motion)
     return [name for name in wanted if name in model.channels]

@@ -110,7 +110,9 @@ class Model:
         ----------
         values : mapping of str to value
             By path: ``forces.front_bushing.stiffness[2]``, ``parameters.speed.value``. Numbers are
-            SI; a text ``"=name"`` refers to a parameter.
+            SI; a text ``"=2*name"`` is an expression of parameters. A repeated item goes by its own
+            name, ``bodies.link_7.mass``, or by that in its pattern,
+            ``patterns.chain.bodies."link_{i}".mass``.
 
         Raises
         ------
@@ -278,9 +280,15 @@ class Model:
         with translated():
             return self._core.dense_states(dict(steps), times.tolist())
 
-    def to_json(self) -> str:
-        """Return the merged model as JSON text, without ``extends``."""
-        return self._core.to_json()
+    def to_json(self, *, plain: bool = False) -> str:
+        """Return the merged model as JSON text, without ``extends``.
+
+        Parameters
+        ----------
+        plain : bool, default False
+            Write out what patterns repeat, so that every item stands under its name.
+        """
+        return self._core.to_plain_json() if plain else self._core.to_json()
 
     def __repr__(self) -> str:
         return f"<holonom.Model {self.name!r}, {self.defaults.get('dimension')}, {self.hash[:12]}>"

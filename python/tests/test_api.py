@@ -221,6 +221,45 @@ def test_values_are_changed_by_path_and_the_original_stays(model: holonom.Model)
     assert caught.value.code.startswith("model/")
 
 
+CHAIN = """
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+parameters.links = { value = 2 }
+[patterns.chain]
+over.i = { from = 1, to = "=links" }
+bodies."link_{i}" = { mass = "=1/i", inertia = 0.01, position = ["=i - 0.5", 0.0] }
+[patterns.chain.joints."joint_{i}"]
+type = "revolute"
+between = ["link_{i - 1}", "link_{i}"]
+point = ["=i - 1", 0.0]
+[joints]
+joint_1 = { between = ["ground", "link_1"] }
+[simulation]
+end_time = 0.1
+"""
+
+
+def test_a_pattern_is_repeated_as_often_as_a_parameter_says(tmp_path: Path) -> None:
+    two = holonom.Model.from_text(CHAIN)
+    assert two.check(spectrum=False).dof == 2
+    three = two.with_values({"bodies.link_3.inertia": 0.02, "parameters.links": 3})
+    assert three.check(spectrum=False).dof == 3
+    bodies = json.loads(three.to_json(plain=True))["bodies"]
+    assert (list(bodies), bodies["link_3"]["inertia"]) == (["link_1", "link_2", "link_3"], 0.02)
+    assert "patterns" in json.loads(three.to_json())
+    # All links at once, and a stored result knows its model.
+    still = three.with_values({'patterns.chain.bodies."link_{i}".mass': 5.0})
+    path = tmp_path / "chain.holonom"
+    still.simulate(output=path, certify=True).close()
+    with holonom.load(path) as loaded:
+        assert loaded.model.hash == still.hash
+        assert loaded["link_3.position"].shape[1:] == (2,)
+    with pytest.raises(holonom.ModelError, match="parameter `links`") as caught:
+        two.with_values({"parameters.links": 2.5})
+    assert caught.value.code == "model/out-of-range"
+
+
 def test_check_counts_and_shows_the_linearized_motion(model: holonom.Model) -> None:
     # At rest in the horizontal the pendulum's linearization has eigenvalues 0; hanging it swings
     # with the small-angle frequency.

@@ -97,6 +97,10 @@ impl CoreModel {
         self.document.to_json()
     }
 
+    fn to_plain_json(&self) -> PyResult<String> {
+        self.document.to_plain_json().map_err(|e| refused(&e))
+    }
+
     fn hash(&self, py: Python<'_>) -> PyResult<String> {
         let text = self.document.to_json();
         py.import("hashlib")?
