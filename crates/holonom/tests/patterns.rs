@@ -551,7 +551,7 @@ proptest! {
             "[parameters]\nb = {{ value = {b} }}\nhigh = {{ value = {last} }}\n[patterns.p]\n\
              over.i = {{ from = {from}, to = {to} }}\nover.j = {{ from = 0, to = \"=high\" }}\n"
         );
-        text += &format!("bodies.\"b_{{i:0{digits}}}_{{{c}*j + (i % 2)}}\" = {{ mass = \"=b + i^2\", inertia = {b}, position = [\"={a}*(i - j)/{c}\", \"=b*j - i\"] }}\n");
+        writeln!(text, "bodies.\"b_{{i:0{digits}}}_{{{c}*j + (i % 2)}}\" = {{ mass = \"=b + i^2\", inertia = {b}, position = [\"={a}*(i - j)/{c}\", \"=b*j - i\"] }}").unwrap();
         let mut by_hand = "[bodies]\n".to_owned();
         let mut items = 0;
         for i in from..=to {
@@ -561,9 +561,9 @@ proptest! {
                 let other = items == but;
                 let mass = if other { 7.0 } else { b + x * x };
                 if other {
-                    text += &format!("[bodies]\n{name}.mass = 7.0\n");
+                    write!(text, "[bodies]\n{name}.mass = 7.0\n").unwrap();
                 }
-                by_hand += &format!("{name} = {{ mass = {mass:?}, inertia = {b}, position = [{:?}, {:?}] }}\n", a * (x - y) / c as f64, b * y - x);
+                writeln!(by_hand, "{name} = {{ mass = {mass:?}, inertia = {b}, position = [{:?}, {:?}] }}", a * (x - y) / c as f64, b * y - x).unwrap();
                 items += 1;
             }
         }

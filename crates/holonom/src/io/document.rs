@@ -189,7 +189,8 @@ impl Document {
         }
         for Repeated { index, more, pattern, at } in seen.into_values() {
             let others = if more == 0 { String::new() } else { format!(" and {more} more") };
-            out[index].1.message += &format!(" (`{pattern}`, {at}{others})");
+            let place = format!(" (`{pattern}`, {at}{others})");
+            out[index].1.message += &place;
         }
         out
     }

@@ -277,7 +277,8 @@ pub(super) fn with_numbers(text: &str, number_of: &dyn Fn(&str) -> Option<i64>) 
     names(text, &mut |name, start| {
         if let Some(number) = number_of(name) {
             out += &text[done..start];
-            out += &if number < 0 { format!("({number})") } else { number.to_string() };
+            let number = if number < 0 { format!("({number})") } else { number.to_string() };
+            out += &number;
             done = start + name.len();
         }
     });
@@ -343,7 +344,8 @@ pub(super) fn filled(
                     let message = format!("`{{{expression}}}` is {x}; expected a whole number");
                     return fault(message, "`//` divides and rounds down, as does `floor`");
                 }
-                out += &format!("{:0digits$}", x as i64);
+                let number = format!("{:0digits$}", x as i64);
+                out += &number;
             }
         }
     }

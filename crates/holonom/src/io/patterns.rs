@@ -151,12 +151,16 @@ struct Row<'a> {
     parameters: &'a BTreeMap<String, Option<f64>>,
     broken: &'a Cell<bool>,
     names: &'a [String],
-    row: &'a [i64],
+    values: &'a [i64],
 }
 
 impl Row<'_> {
     fn index(&self, name: &str) -> Option<i64> {
-        self.names.iter().zip(self.row).find(|(known, _)| *known == name).map(|(_, value)| *value)
+        self.names
+            .iter()
+            .zip(self.values)
+            .find(|(known, _)| *known == name)
+            .map(|(_, value)| *value)
     }
 
     fn value(&self, name: &str) -> Option<f64> {
@@ -328,9 +332,10 @@ impl Expander {
             let at = join(&path_over, name);
             let taken = self.parameters.contains_key(name);
             if taken || !is_name(name) || objection(name).is_some() {
-                let message = match taken {
-                    true => format!("the index `{name}` of `{path}` has the name of a parameter"),
-                    false => format!("`{name}` cannot be the name of an index"),
+                let message = if taken {
+                    format!("the index `{name}` of `{path}` has the name of a parameter")
+                } else {
+                    format!("`{name}` cannot be the name of an index")
                 };
                 let help = "take a letter, such as i, or letters, digits and `_`";
                 self.refuse(Code::BadName, &at, message, help);
@@ -408,7 +413,7 @@ impl Expander {
             Bound::Number(x) => Ok(*x),
             Bound::Expression(text) => {
                 let (parameters, broken) = (&self.parameters, &self.broken);
-                let values = Row { parameters, broken, names, row };
+                let values = Row { parameters, broken, names, values: row };
                 evaluate(text, &mut |name| values.value(name))
             }
         };
@@ -495,7 +500,7 @@ impl Expander {
     fn row<'a>(&'a self, indices: &'a Indices, row: usize) -> Row<'a> {
         let Indices { names, .. } = indices;
         let (parameters, broken) = (&self.parameters, &self.broken);
-        Row { parameters, broken, names, row: indices.row(row) }
+        Row { parameters, broken, names, values: indices.row(row) }
     }
 
     /// Writes one item; `false` when it cannot be written.

@@ -59,9 +59,10 @@ pub(super) fn set(
         trees.filter_map(|tree| tree.field(collection)?.table()).collect()
     });
     let is_there = spoken_of.is_some_and(|(_, n)| tables.iter().any(|t| t.contains_key(n)));
-    let names: Vec<String> = match is_there {
-        true => Vec::new(), // only for help
-        false => tables.iter().flat_map(|table| table.keys().cloned()).collect(),
+    let names: Vec<String> = if is_there {
+        Vec::new() // they are for help only
+    } else {
+        tables.iter().flat_map(|table| table.keys().cloned()).collect()
     };
     let mut node = root;
     // What patterns wrote there.
