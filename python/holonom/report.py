@@ -170,7 +170,7 @@ def _channels(result: Result) -> str:
     names = result.requested
     note = ""
     if not names:
-        positions = [f"{body}.position" for body in result.meta.get("model", {}).get("bodies", {})]
+        positions = [f"{body}.position" for body in result.items.get("bodies", {})]
         names = [name for name in positions if name in result][:BODIES_DRAWN]
         note = (
             '<p class="note">The run was asked for no channels; these are bodies of the model.</p>'

@@ -313,6 +313,14 @@ class Result:
         return self._model
 
     @property
+    def items(self) -> dict[str, Any]:
+        """The model as plain data, with what its patterns repeat written out."""
+        model: dict[str, Any] = self.meta.get("model", {})
+        if "patterns" in model:
+            model = json.loads(self.model.to_json(plain=True))
+        return model
+
+    @property
     def status(self) -> str:
         """How the run ended.
 

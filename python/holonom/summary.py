@@ -36,7 +36,7 @@ STATUS = {
 def summarize(result: Result) -> list[tuple[str, str]]:
     """Return labels and texts: what was run, how, and how well it went."""
     facts = [("model", _model(result)), ("status", _status(result)), ("method", _method(result))]
-    facts += [("items", items(result.meta.get("model", {})))]
+    facts += [("items", items(result.items))]
     facts += _sizes(result)
     facts += [("outputs", _outputs(result))]
     facts += _steps(result)

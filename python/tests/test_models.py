@@ -10,6 +10,7 @@ import pytest
 from conftest import MODELS
 
 import holonom
+from holonom.summary import summarize
 
 FOLDERS = sorted(path.parent for path in MODELS.glob("*/model.toml"))
 
@@ -53,3 +54,8 @@ def test_errors_are_not_larger_than_stated(folder: Path) -> None:
     for name, exact in zip(columns[1:], table.T[1:], strict=True):
         error = np.abs(result[name] - exact).max()
         assert error <= 2.0 * stated[result.unit(name)], (name, error)
+
+
+def test_a_summary_counts_what_patterns_repeat() -> None:
+    result = holonom.Model.load(MODELS / "chain50" / "model.toml").simulate(end_time=0.01)
+    assert dict(summarize(result))["items"] == "50 bodies, 50 joints, 50 forces, 0 drivers"
