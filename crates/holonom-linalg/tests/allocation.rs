@@ -25,6 +25,7 @@ fn sparse_factors_do_not_allocate() {
     for (pattern, values) in [vehicle::saddle(), vehicle::constraints_and_partition()] {
         let n = pattern.n_rows();
         let mut lu = SparseLu::analyze(&pattern, &values).unwrap();
+        lu.reserve_lanes();
         let zeros = vec![0.0; values.len()];
         for k in [1, 2, 5, 18, 80] {
             let mut b = noise(1, n * k);

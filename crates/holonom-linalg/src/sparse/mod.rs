@@ -100,7 +100,7 @@ impl SparseLu {
                 column_at: order.columns,
             }),
             growth: 1.0,
-            work: vec![0.0; n * MOST_LANES],
+            work: vec![0.0; n],
             residual: vec![0.0; n],
             right: vec![0.0; n],
         };
@@ -182,13 +182,9 @@ impl SparseLu {
 }
 
 impl<T: Scalar> SparseLu<T> {
-    /// Without room for several right-hand sides at a time, which most of a large matrix's memory is;
-    /// solving for several then allocates it.
-    #[must_use]
-    pub fn single(mut self) -> Self {
-        self.work.truncate(self.n);
-        self.work.shrink_to_fit();
-        self
+    /// Makes room for several right-hand sides at a time; else the first solve for several does.
+    pub fn reserve_lanes(&mut self) {
+        self.work.resize(self.n * MOST_LANES, T::ZERO);
     }
 
     /// Factors the matrix with new `values` by the pivots chosen in [`analyze`](Self::analyze).

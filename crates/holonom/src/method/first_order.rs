@@ -4,7 +4,7 @@ use super::acceleration_buffers::AccelerationBuffers;
 use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode, SecondOrder, require_finite};
 use super::weights::Weights;
 use crate::newton::{
-    FirstOrderMatrix, JacobianSource, Matrix, MatrixOptions, Newton, ReducedMatrix,
+    FirstOrderMatrix, JacobianSource, Matrix, MatrixOptions, Newton, ReducedMatrix, Representation,
 };
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
@@ -36,11 +36,11 @@ impl FirstOrder {
 
 impl<M: Matrix> FirstOrder<M> {
     /// Starts at a consistent state whose factors the manifold holds.
-    pub fn with_matrix(manifold: Manifold, weights: Weights, state: &State) -> Self {
+    pub fn with_matrix(mut manifold: Manifold, weights: Weights, state: &State) -> Self {
         let s = manifold.system().structure().sizes;
         let ndof = manifold.chart().ndof();
         Self {
-            newton: Newton::new(&manifold, &state.q, MatrixOptions::default()),
+            newton: new_matrix(&mut manifold, &state.q, MatrixOptions::default()),
             weights,
             at: vec![f64::NAN; 2 * ndof + s.extra_states],
             at_time: f64::NAN,
@@ -55,7 +55,7 @@ impl<M: Matrix> FirstOrder<M> {
 
     /// Which matrix is used; the default one unless said otherwise.
     pub fn set_matrix(&mut self, options: MatrixOptions) {
-        self.newton = Newton::new(&self.point.manifold, &self.point.anchor, options);
+        self.newton = new_matrix(&mut self.point.manifold, &self.point.anchor, options);
     }
 
     /// The integration Jacobian.
@@ -191,6 +191,15 @@ impl<M: Matrix> FirstOrder<M> {
         self.point.manifold.counters.analyses += self.newton.factor(gamma_h, beta_h2)?;
         Ok(())
     }
+}
+
+/// A matrix, with room in the manifold for the solves that it takes.
+fn new_matrix<M: Matrix>(manifold: &mut Manifold, q: &[f64], options: MatrixOptions) -> Newton<M> {
+    let newton = Newton::new(manifold, q, options);
+    if newton.representation() == Representation::Dense {
+        manifold.reserve_lanes();
+    }
+    newton
 }
 
 impl<M: Matrix> Ode for FirstOrder<M> {

@@ -151,7 +151,7 @@ impl Matrix for SparseMatrix {
             return Ok(0);
         }
         (plan.lu, plan.left, self.complex) = (None, 0.0, None);
-        plan.lu = Some(SparseLu::analyze(&plan.pattern.pattern, &self.values)?.single());
+        plan.lu = Some(SparseLu::analyze(&plan.pattern.pattern, &self.values)?);
         Ok(1)
     }
 

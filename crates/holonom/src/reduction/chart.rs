@@ -29,6 +29,8 @@ pub struct Chart {
     moving: BodyRows,
     moving_copies: Vec<(u32, u32, f64)>,
     lu: SparseLu,
+    /// Room for several right-hand sides at a time is kept.
+    lanes: bool,
     /// Solutions need refinement: the frozen pivots let numbers grow.
     refine: bool,
     work: Vec<f64>,
@@ -162,6 +164,7 @@ impl Chart {
             moving,
             moving_copies,
             lu,
+            lanes: false,
             refine: false,
             work: vec![0.0; n],
             probe: vec![0.0; n],
@@ -222,6 +225,12 @@ impl Chart {
         self.analyses
     }
 
+    /// Makes room for several right-hand sides at a time, for who solves for them in a step.
+    pub fn reserve_lanes(&mut self) {
+        self.lanes = true;
+        self.lu.reserve_lanes();
+    }
+
     /// Which rows and coordinates are used.
     pub fn parametrization(&self) -> &Parametrization {
         &self.parametrization
@@ -262,6 +271,9 @@ impl Chart {
             self.refine = false;
             self.lu =
                 SparseLu::analyze(&self.pattern, &self.values).map_err(|e| singular(system, e))?;
+            if self.lanes {
+                self.lu.reserve_lanes();
+            }
         }
         Ok(())
     }

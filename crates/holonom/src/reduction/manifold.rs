@@ -72,8 +72,9 @@ pub struct Manifold {
 
 impl Manifold {
     /// Starts at a consistent configuration with its chart; `g` is the Jacobian there.
-    pub fn new(system: Arc<dyn System>, chart: Chart, saddle: Saddle, g: BlockMatrix) -> Self {
+    pub fn new(system: Arc<dyn System>, mut chart: Chart, saddle: Saddle, g: BlockMatrix) -> Self {
         let sizes = system.structure().sizes;
+        let null_space = null_space(&mut chart, &saddle, &g);
         let orientation = chart.determinant_sign();
         Self {
             phi: vec![0.0; sizes.rows],
@@ -85,7 +86,7 @@ impl Manifold {
             force: vec![0.0; sizes.coordinates],
             tau: vec![0.0; sizes.rows],
             z_rate: vec![0.0; sizes.extra_states],
-            null_space: null_space(&chart, &saddle, &g),
+            null_space,
             null_space_current: false,
             multipliers_due: false,
             redundant: Redundant::new(&sizes, &chart),
@@ -115,6 +116,12 @@ impl Manifold {
         &mut self.chart
     }
 
+    /// Makes room for solves with [G; P] for several right-hand sides at a time.
+    pub fn reserve_lanes(&mut self) {
+        self.chart.reserve_lanes();
+        self.recent = RecentPoints::new(&self.chart, self.correction.len(), self.edges.len());
+    }
+
     /// The index-1 matrix.
     pub fn saddle(&self) -> &Saddle {
         &self.saddle
@@ -141,7 +148,7 @@ impl Manifold {
     }
 
     /// Changes the parametrization at the configuration where G was last evaluated.
-    pub fn set_chart(&mut self, chart: Chart) {
+    pub fn set_chart(&mut self, mut chart: Chart) {
         self.independent.resize(chart.ndof(), 0.0);
         self.curvature.resize(chart.ndof(), 0.0);
         self.orientation = chart.determinant_sign();
@@ -149,7 +156,7 @@ impl Manifold {
         if chart.parametrization().kept != self.chart.parametrization().kept {
             self.saddle.set_rows(&chart.parametrization().kept);
         }
-        self.null_space = null_space(&chart, &self.saddle, &self.g);
+        self.null_space = null_space(&mut chart, &self.saddle, &self.g);
         (self.null_space_current, self.multipliers_due) = (false, false);
         self.redundant = Redundant::new(&self.system.structure().sizes, &chart);
         self.edges = anchored(&chart);
@@ -659,8 +666,11 @@ fn anchored(chart: &Chart) -> Vec<[f64; 6]> {
     relatives.map_or(Vec::new(), |r| r.anchors.iter().map(|anchor| anchor.x).collect())
 }
 
-fn null_space(chart: &Chart, saddle: &Saddle, g: &BlockMatrix) -> Option<NullSpace> {
+fn null_space(chart: &mut Chart, saddle: &Saddle, g: &BlockMatrix) -> Option<NullSpace> {
     let mass = saddle.mass();
     let stored = mass.values().len() + 2 * g.values().len();
-    NullSpace::pays(chart, mass, stored).then(|| NullSpace::new(mass.n_rows(), chart.ndof()))
+    NullSpace::pays(chart, mass, stored).then(|| {
+        chart.reserve_lanes();
+        NullSpace::new(mass.n_rows(), chart.ndof())
+    })
 }

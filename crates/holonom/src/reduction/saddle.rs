@@ -193,7 +193,7 @@ impl Saddle {
         if !served {
             self.analyses += 1;
             let analysis = SparseLu::analyze(&self.pattern, &self.values);
-            self.lu = Some(analysis.map_err(|e| singular(system, e, n))?.single());
+            self.lu = Some(analysis.map_err(|e| singular(system, e, n))?);
             self.fresh = self.solve_factored(force, tau);
         }
         for ((out, w), s) in a.iter_mut().zip(&self.work).zip(&self.scale) {
