@@ -11,7 +11,7 @@ use crate::error::{NotPositiveDefinite, SingularMatrix};
 use crate::lanes::dot;
 
 /// A pivot below this fraction of the numbers it is made of is cancellation noise.
-const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
+pub(crate) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
 
 /// LU factorisation with pivoting of a dense n×n matrix; its storage is reused.
 ///

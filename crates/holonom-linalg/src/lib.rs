@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | dense blocks at fixed places | [`BlockMatrix`] | assembly, products |
 //! | general sparse, fixed pattern | [`SparsePattern`], [`SparseLu`] | factor again and again |
+//! | symmetric, small blocks, in an envelope | [`BlockGraph`], [`EnvelopePlan`], [`EnvelopeCholesky`] | reduced matrices of mechanisms |
 //! | dense, square | [`DenseLu`], [`Cholesky`], [`DenseComplexLu`] | integration Jacobians |
 //! | dense, any shape, at set-up | [`least_norm`], [`full_pivot_elimination`], … | rank, assembly |
 //!
@@ -14,6 +15,7 @@
 mod block;
 mod complex;
 mod dense;
+mod envelope;
 mod error;
 mod full_pivot;
 mod lanes;
@@ -24,6 +26,10 @@ mod sparse;
 pub use block::{BlockId, BlockMatrix};
 pub use complex::{Complex64, DenseComplexLu};
 pub use dense::{Cholesky, DenseLu, gram_add};
+pub use envelope::{
+    BlockGraph, EnvelopeCholesky, EnvelopePlan, LARGEST_BLOCK, gibbs_king, least_degree,
+    least_envelope, reverse_cuthill_mckee,
+};
 pub use error::{DecompositionError, NotPositiveDefinite, SingularMatrix};
 pub use full_pivot::{FullPivot, full_pivot_elimination};
 pub use rank::{

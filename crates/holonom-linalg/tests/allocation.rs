@@ -6,7 +6,10 @@ mod common;
 mod vehicle;
 
 use common::noise;
-use holonom_linalg::{BlockMatrix, Cholesky, DenseLu, SparseLu, gram_add};
+use holonom_linalg::{
+    BlockGraph, BlockMatrix, Cholesky, DenseLu, EnvelopeCholesky, EnvelopePlan, SparseLu, gram_add,
+};
+use std::sync::Arc;
 
 #[track_caller]
 fn assert_no_allocation(what: &str, run: impl FnOnce()) {
@@ -29,6 +32,7 @@ fn sparse_factors_do_not_allocate() {
         let zeros = vec![0.0; values.len()];
         for k in [1, 2, 5, 18, 80] {
             let mut b = noise(1, n * k);
+            lu.solve_many(&mut b, k); // makes room
             assert_no_allocation("sparse LU", || {
                 lu.refactor(&zeros).unwrap_err();
                 lu.refactor(&values).unwrap();
@@ -55,6 +59,26 @@ fn block_products_do_not_allocate() {
             matrix.add(ids[1], &block);
             matrix.multiply_many_add(1.0, &x, k, &mut y);
             matrix.multiply_transposed_many_add(1.0, &y, k, &mut z);
+        });
+    }
+}
+
+#[test]
+fn envelope_factors_do_not_allocate() {
+    let graph = BlockGraph::new(&[2, 5, 3], &[[0, 1], [1, 2]]);
+    let plan = Arc::new(EnvelopePlan::new(&graph, &[1, 0, 2]));
+    let mut cholesky = EnvelopeCholesky::new(plan.clone());
+    let mut values = vec![0.0; plan.len()];
+    for (i, rows) in [2, 5, 3].into_iter().enumerate() {
+        values[plan.block(i, i)].iter_mut().step_by(rows + 1).for_each(|x| *x = 1.0);
+    }
+    for k in [3, 18, 80] {
+        let mut b = noise(1, 10 * k);
+        cholesky.solve_many(&mut b, k); // makes room
+        assert_no_allocation("envelope Cholesky", || {
+            cholesky.factor(&values).unwrap();
+            cholesky.solve(&mut b[..10]);
+            cholesky.solve_many(&mut b, k);
         });
     }
 }
