@@ -18,6 +18,8 @@ mod dense;
 mod envelope;
 mod error;
 mod full_pivot;
+#[cfg(feature = "general-sparse")]
+mod general;
 mod lanes;
 mod rank;
 mod scalar;
@@ -32,6 +34,8 @@ pub use envelope::{
 };
 pub use error::{DecompositionError, NotPositiveDefinite, SingularMatrix};
 pub use full_pivot::{FullPivot, full_pivot_elimination};
+#[cfg(feature = "general-sparse")]
+pub use general::GeneralSparseLu;
 pub use rank::{
     LeastNorm, ThinSvd, eigenvalues, least_norm, orthonormal_null_space, orthonormal_null_space_qr,
     singular_values, thin_svd,

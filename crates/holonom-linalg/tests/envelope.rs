@@ -177,6 +177,9 @@ fn a_matrix_that_is_not_definite_is_refused_with_its_row() {
     let plan = Arc::new(EnvelopePlan::new(&pair, &[0, 1]));
     let mut cholesky = EnvelopeCholesky::new(plan.clone());
     cholesky.factor(&values(&pair, &plan, &[0.1, 0.1, 0.1, 0.1])).unwrap_err();
+    // By hand: 1 − 0.9² of the diagonal is left.
+    cholesky.factor(&values(&pair, &plan, &[4.0, 3.6, 3.6, 4.0])).unwrap();
+    assert!((cholesky.least_pivot() - 0.19).abs() < 1e-15);
 }
 
 #[test]

@@ -34,6 +34,7 @@ pub struct EnvelopeCholesky {
     /// Inverse diagonal of L.
     inverse: Vec<f64>,
     work: Vec<f64>,
+    least_pivot: f64,
 }
 
 /// Calls a function that is generic over the rows of a block.
@@ -55,7 +56,8 @@ impl EnvelopeCholesky {
     /// Room for the factors of matrices with this plan.
     pub fn new(plan: Arc<EnvelopePlan>) -> Self {
         let n = plan.n();
-        Self { numbers: vec![0.0; plan.len()], inverse: vec![0.0; n], work: vec![0.0; n], plan }
+        let (inverse, work) = (vec![0.0; n], vec![0.0; n]);
+        Self { numbers: vec![0.0; plan.len()], inverse, work, least_pivot: 1.0, plan }
     }
 
     /// The plan.
@@ -75,14 +77,22 @@ impl EnvelopeCholesky {
     pub fn factor(&mut self, values: &[f64]) -> Result<(), NotPositiveDefinite> {
         let plan = &*self.plan;
         assert_eq!(values.len(), plan.len(), "one value for each place of the envelope");
+        self.least_pivot = 1.0;
         for p in 0..plan.order.len() {
             let (done, rest) = self.numbers.split_at_mut(plan.offset[p]);
             let values = &values[plan.offset[p]..plan.offset[p + 1]];
             let row = &mut rest[..values.len()];
             let rows = plan.begin[p + 1] - plan.begin[p];
-            by_rows!(rows, factor_row(plan, p, values, done, &mut self.inverse, row))?;
+            let least = by_rows!(rows, factor_row(plan, p, values, done, &mut self.inverse, row))?;
+            self.least_pivot = self.least_pivot.min(least);
         }
         Ok(())
+    }
+
+    /// Smallest pivot of the last factorisation over its diagonal entry of B: about so many digits of a
+    /// solution are lost. The condition of B with a diagonal of ones is not below its inverse.
+    pub fn least_pivot(&self) -> f64 {
+        self.least_pivot
     }
 
     /// Solves B x = b in place.
@@ -121,7 +131,8 @@ impl EnvelopeCholesky {
     }
 }
 
-/// Block row `p` of L from that of B and the rows before it.
+/// Block row `p` of L from that of B and the rows before it; returns its smallest pivot over the diagonal
+/// entry of B.
 fn factor_row<const W: usize>(
     plan: &EnvelopePlan,
     p: usize,
@@ -129,7 +140,7 @@ fn factor_row<const W: usize>(
     done: &[f64],
     inverse: &mut [f64],
     row: &mut [f64],
-) -> Result<(), NotPositiveDefinite> {
+) -> Result<f64, NotPositiveDefinite> {
     let (values, _) = values.as_chunks::<W>();
     let (row, _) = row.as_chunks_mut::<W>();
     let start = plan.begin[plan.first[p]];
@@ -163,6 +174,7 @@ fn factor_row<const W: usize>(
             }
         }
     }
+    let mut least = 1.0f64;
     for d in 0..W {
         let pivot = a[d][d];
         // Written so that a NaN fails.
@@ -170,6 +182,7 @@ fn factor_row<const W: usize>(
         if !good {
             return Err(NotPositiveDefinite { index: plan.row_at[begin + d], pivot });
         }
+        least = least.min(pivot / values[d][d]);
         let scale = 1.0 / pivot.sqrt();
         inverse[begin + d] = scale;
         for w in d..W {
@@ -182,7 +195,7 @@ fn factor_row<const W: usize>(
         }
         right[d] = a[d];
     }
-    Ok(())
+    Ok(least)
 }
 
 /// One block of S rows left of the diagonal: W rows of B, minus products with what is `left` of it, times

@@ -1,5 +1,6 @@
 //! From dependent to independent coordinates: parametrization, recovery, assembly.
 
+pub mod accelerations;
 pub mod assembly;
 mod body_rows;
 mod chart;

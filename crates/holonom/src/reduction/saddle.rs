@@ -158,6 +158,28 @@ impl Saddle {
         &self.mass
     }
 
+    /// Takes M as evaluated elsewhere.
+    pub fn set_mass(&mut self, mass: &BlockMatrix) {
+        self.mass.values_mut().copy_from_slice(mass.values());
+    }
+
+    /// Pivots are chosen anew at the next solve.
+    pub fn forget_pivots(&mut self) {
+        self.lu = None;
+    }
+
+    /// Order of the matrix.
+    pub fn order(&self) -> usize {
+        self.coordinates + self.kept.len()
+    }
+
+    /// Multiplications of a factorisation, a solve and one refinement with the pivots last chosen, about:
+    /// half of the additions and multiplications.
+    pub fn multiplications(&self) -> Option<usize> {
+        let solves = |lu: &SparseLu| 2 * lu.fill() + self.pattern.len();
+        self.lu.as_ref().map(|lu| lu.operations() / 2 + solves(lu))
+    }
+
     /// Solves for accelerations and multipliers at the configuration of `g` and of the last
     /// [`Saddle::evaluate_mass`]; dropped rows get λ = 0.
     ///
@@ -172,19 +194,8 @@ impl Saddle {
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
-        if self.pattern.n_rows() != self.coordinates + self.kept.len() {
-            let kept = std::mem::take(&mut self.kept);
-            self.place(g, &kept);
-        }
+        self.load(g);
         let n = self.coordinates;
-        for &(at, slot, scale) in &self.mass_copies {
-            self.values[slot as usize] = self.mass.values()[at as usize] * scale;
-        }
-        for &(at, lower, upper, scale) in &self.jacobian_copies {
-            let x = g.values()[at as usize] * scale;
-            self.values[lower as usize] = x;
-            self.values[upper as usize] = x;
-        }
         let frozen = self.lu.as_mut().is_some_and(|lu| lu.refactor(&self.values).is_ok());
         let served = frozen && {
             let left = self.solve_factored(force, tau);
@@ -196,30 +207,75 @@ impl Saddle {
             self.lu = Some(analysis.map_err(|e| singular(system, e, n))?);
             self.fresh = self.solve_factored(force, tau);
         }
-        for ((out, w), s) in a.iter_mut().zip(&self.work).zip(&self.scale) {
-            *out = w * s;
-        }
-        lambda.fill(0.0);
-        for (k, &row) in self.kept.iter().enumerate() {
-            lambda[row] = self.work[n + k] * self.scale[n + row];
-        }
+        self.hand_out(a, lambda);
         Ok(())
     }
 
-    /// Scaled solution into `work`; returns its relative error as far as the refinement tells.
-    fn solve_factored(&mut self, force: &[f64], tau: &[f64]) -> f64 {
+    /// Puts M and G, scaled, into their places.
+    pub(super) fn load(&mut self, g: &BlockMatrix) {
+        if self.pattern.n_rows() != self.coordinates + self.kept.len() {
+            let kept = std::mem::take(&mut self.kept);
+            self.place(g, &kept);
+        }
+        for &(at, slot, scale) in &self.mass_copies {
+            self.values[slot as usize] = self.mass.values()[at as usize] * scale;
+        }
+        for &(at, lower, upper, scale) in &self.jacobian_copies {
+            let x = g.values()[at as usize] * scale;
+            self.values[lower as usize] = x;
+            self.values[upper as usize] = x;
+        }
+    }
+
+    /// The scaled matrix with all its zeros, by rows.
+    pub(super) fn write_dense(&self, matrix: &mut [f64]) {
+        let n = self.pattern.n_rows();
+        matrix.fill(0.0);
+        for i in 0..n {
+            for (slot, j) in self.pattern.row(i) {
+                matrix[i * n + j] = self.values[slot];
+            }
+        }
+    }
+
+    /// The scaled right-hand side, to be solved in place.
+    pub(super) fn right_side(&mut self, force: &[f64], tau: &[f64]) -> &mut [f64] {
         for ((w, f), s) in self.work.iter_mut().zip(force).zip(&self.scale) {
             *w = f * s;
         }
         for (k, &row) in self.kept.iter().enumerate() {
             self.work[self.coordinates + k] = tau[row] * self.scale[self.coordinates + row];
         }
+        &mut self.work
+    }
+
+    /// Pattern, values and right-hand side of the scaled system.
+    #[cfg(feature = "general-sparse")]
+    pub(super) fn parts(&mut self) -> (&SparsePattern, &[f64], &mut [f64]) {
+        (&self.pattern, &self.values, &mut self.work)
+    }
+
+    /// Accelerations and multipliers from the scaled solution.
+    pub(super) fn hand_out(&self, a: &mut [f64], lambda: &mut [f64]) {
+        for ((out, w), s) in a.iter_mut().zip(&self.work).zip(&self.scale) {
+            *out = w * s;
+        }
+        lambda.fill(0.0);
+        let n = self.coordinates;
+        for (k, &row) in self.kept.iter().enumerate() {
+            lambda[row] = self.work[n + k] * self.scale[n + row];
+        }
+    }
+
+    /// Scaled solution into `work`; returns its relative error as far as the refinement tells.
+    fn solve_factored(&mut self, force: &[f64], tau: &[f64]) -> f64 {
+        self.right_side(force, tau);
         let lu = self.lu.as_mut().expect("analysed before");
         lu.solve_refined(&self.pattern, &self.values, &mut self.work)
     }
 }
 
-fn singular(
+pub(super) fn singular(
     system: &dyn System,
     e: holonom_linalg::SingularMatrix,
     coordinates: usize,

@@ -637,6 +637,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         self.bodies[body].mass
     }
 
+    fn inertia(&self, body: usize) -> [[f64; 3]; 3] {
+        self.bodies[body].inertia
+    }
+
     fn least_inertia(&self, body: usize) -> f64 {
         S::least_inertia(&self.bodies[body].inertia)
     }

@@ -6,7 +6,7 @@ use super::cartesian_spatial::Spatial;
 use super::forest::{self, ResistanceLaw};
 use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
 use super::space::Space;
-use super::structure::{Sizes, Structure};
+use super::structure::{JointRows, Sizes, Structure};
 use super::turns::Turns;
 use super::{Measure, System, quantities};
 use crate::elements::{ConstraintElement, ForceElement};
@@ -251,8 +251,15 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
             }
         }
     }
+    let joints = constraints.iter().zip(&slots.jacobian).map(|(c, blocks)| JointRows {
+        row: c.row,
+        rows: c.element.rows(),
+        bodies: c.bodies,
+        blocks: *blocks,
+    });
     let structure = Structure {
         sizes,
+        joints: joints.collect(),
         constraint_pattern,
         mass_pattern,
         stiffness_pattern,

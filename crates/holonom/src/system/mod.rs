@@ -18,7 +18,7 @@ mod turns;
 pub use compile::{compile, compile_along};
 pub use forest::{Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge};
 pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity};
-pub use structure::{DerivativeBlocks, Sizes, Structure};
+pub use structure::{DerivativeBlocks, JointRows, Sizes, Structure};
 
 use crate::model::Model;
 
@@ -257,6 +257,9 @@ pub trait System: std::fmt::Debug + Send + Sync {
 
     /// Mass of a body, kg.
     fn mass(&self, body: usize) -> f64;
+
+    /// Inertia tensor of a body about its centre of mass, body axes, kg m²; planar: `[2][2]` only.
+    fn inertia(&self, body: usize) -> [[f64; 3]; 3];
 
     /// A lower bound of the inertia of a body about any axis through its centre of mass, kg m².
     fn least_inertia(&self, body: usize) -> f64;

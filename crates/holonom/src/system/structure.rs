@@ -1,7 +1,8 @@
 //! Sizes, numbering and sparsity patterns of a system: everything that parameter values leave alone.
 
 use super::Measure;
-use holonom_linalg::{BlockMatrix, Scalar};
+use crate::topology::sharing_a_body;
+use holonom_linalg::{BlockId, BlockMatrix, Scalar};
 
 /// Counts of a system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -24,6 +25,19 @@ pub struct Sizes {
     pub windings: usize,
 }
 
+/// Rows of one joint or driver, and where they stand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct JointRows {
+    /// Its first row.
+    pub row: usize,
+    /// Number of its rows.
+    pub rows: usize,
+    /// Its bodies.
+    pub bodies: [Option<usize>; 2],
+    /// Its blocks of the constraint pattern, one for each body.
+    pub blocks: [Option<BlockId>; 2],
+}
+
 /// Sizes and patterns; shared by all systems that differ in numbers only.
 #[derive(Debug, Clone)]
 pub struct Structure {
@@ -37,6 +51,8 @@ pub struct Structure {
     pub stiffness_pattern: BlockMatrix,
     /// Body and element of each extra state: blocks of F_z (n×nz) and of g_q, g_q̇ (nz×n).
     pub extra_bodies: Vec<[Option<usize>; 2]>,
+    /// Joints, then drivers, in the order of their rows.
+    pub joints: Vec<JointRows>,
     /// What each constraint row measures.
     pub row_measure: Vec<Measure>,
     /// Normalisation rows start here; row `normalization_start + b` belongs to body b (spatial).
@@ -51,6 +67,13 @@ impl Structure {
         } else {
             Measure::Angle
         }
+    }
+
+    /// Pairs of joints (by their place in `among`) that share a body: places of the blocks of G M⁻¹ Gᵀ off
+    /// the diagonal.
+    pub fn joint_pairs(&self, among: &[usize]) -> Vec<[usize; 2]> {
+        let ends: Vec<_> = among.iter().map(|&joint| self.joints[joint].bodies).collect();
+        sharing_a_body(self.sizes.bodies, &ends)
     }
 
     /// Buffers for the derivative blocks.

@@ -173,6 +173,25 @@ impl Forest {
     }
 }
 
+/// Pairs of edges (the smaller number first, ascending) that share a body: the graph in which edges are
+/// vertices. The ground is no body; one with k edges makes them a clique of k(k − 1)/2 pairs.
+pub fn sharing_a_body(count: usize, ends: &[[BodyIndex; 2]]) -> Vec<[usize; 2]> {
+    let mut at = vec![Vec::new(); count];
+    for (k, ends) in ends.iter().enumerate() {
+        for body in ends.iter().flatten() {
+            at[*body].push(k);
+        }
+    }
+    let pairs = |list: &Vec<usize>| -> Vec<[usize; 2]> {
+        let later = |(n, &i): (usize, &usize)| list[n + 1..].iter().map(move |&j| [i, j]).collect();
+        list.iter().enumerate().flat_map::<Vec<_>, _>(later).filter(|[i, j]| i != j).collect()
+    };
+    let mut out: Vec<[usize; 2]> = at.iter().flat_map(pairs).collect();
+    out.sort_unstable();
+    out.dedup();
+    out
+}
+
 /// What a graph is like, whatever its weights.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Shape {
@@ -223,6 +242,17 @@ mod tests {
         assert_eq!(Shape::new(3, &[[ground, a], [a, b], [b, c], [c, ground]]), shape(1, vec![]));
         // Two joints between the same bodies close a loop, too.
         assert_eq!(Shape::new(1, &[[ground, a], [ground, a]]), shape(1, vec![]));
+    }
+
+    #[test] // by hand: a four-bar with a rod between its cranks, and a second joint beside the last one
+    fn joints_are_next_to_each_other_where_they_share_a_body() {
+        let (ground, a, b, c) = (None, Some(0), Some(1), Some(2));
+        let joints = [[ground, a], [a, b], [b, c], [c, ground], [a, c], [ground, c]];
+        let expected =
+            [[0, 1], [0, 4], [1, 2], [1, 4], [2, 3], [2, 4], [2, 5], [3, 4], [3, 5], [4, 5]];
+        assert_eq!(sharing_a_body(3, &joints), expected);
+        // Two joints that share both bodies are one pair.
+        assert_eq!(sharing_a_body(2, &[[a, b], [b, a]]), [[0, 1]]);
     }
 
     #[test] // by hand: joints before springs, the stiffer spring first, the heavier body as root

@@ -1,0 +1,471 @@
+//! The reduced matrix B = G M⁻¹ Gᵀ by blocks of joints, planar and spatial.
+//!
+//! Per body the accelerations that its own coordinates allow are q̈ = T y + β p with TᵀMT = 1: in the
+//! plane T = diag(m, m, J)^-½, in space the rotational part is T = ½ Gᵀ J'^-½, G the 3×4 matrix of
+//! ω' = 2 G ṗ, and β = −ṗᵀṗ/pᵀp keeps the Euler parameters normalized. With H = Φ_q T
+//!
+//! ```text
+//! B = H Hᵀ    B λ = H Tᵀ Q − τ + Φ_p p β    y = TᵀQ − Hᵀλ
+//! ```
+//!
+//! Source: thesis (3.108) to (3.122), Algorithms 1 and 2; `docs/theory/reduction.md` (52) to (59).
+
+use super::Equations;
+use crate::error::EvaluationFailure;
+use crate::system::System;
+use holonom_linalg::{BlockGraph, BlockId, BlockMatrix, LARGEST_BLOCK};
+
+/// Why there is no reduced matrix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// A body has no mass, or no inertia about some axis: M has no inverse.
+    #[error("body number {body} has no mass or no inertia about some axis")]
+    Massless {
+        /// Its index.
+        body: usize,
+    },
+    /// The Euler parameters of a body are kept normalized by joints: a normalization row was dropped.
+    #[error("the normalization of body number {body} is not among the kept rows")]
+    Normalization {
+        /// Its index.
+        body: usize,
+    },
+}
+
+/// Inertia below this part of the greatest is none.
+const NO_INERTIA: f64 = 1e-14;
+
+/// T of a body, as far as it does not move.
+#[derive(Debug, Clone, Copy)]
+struct Inertia {
+    /// m^-½.
+    translation: f64,
+    /// U with U Uᵀ = J'⁻¹, upper triangular; planar: J^-½ at [2][2].
+    rotation: [[f64; 3]; 3],
+}
+
+/// One body of a joint.
+#[derive(Debug, Clone, Copy)]
+struct Side {
+    body: usize,
+    /// Its block of G.
+    block: BlockId,
+    /// Reduced rows of the joint.
+    begin: usize,
+    end: usize,
+    /// First row of H.
+    h: usize,
+}
+
+/// What two joints, or one with itself, have from a body they share.
+#[derive(Debug, Clone, Copy)]
+struct Product {
+    /// Rows of H of the earlier and of the later joint.
+    left: u32,
+    right: u32,
+    rows: u16,
+    columns: u16,
+    /// First value of the block, and how far its rows are apart.
+    target: u32,
+    stride: u32,
+    diagonal: bool,
+    /// Nothing is there yet.
+    first: bool,
+}
+
+/// G M⁻¹ Gᵀ of a system.
+#[derive(Debug, Clone)]
+pub struct ReducedMatrix {
+    planar: bool,
+    graph: BlockGraph,
+    /// Row of G and row within the joint, of each reduced row.
+    rows: Vec<(usize, usize)>,
+    sides: Vec<Side>,
+    products: Vec<Product>,
+    inertia: Vec<Inertia>,
+    /// Rotational part of T of each body (spatial).
+    maps: Vec<[[f64; 3]; 4]>,
+    /// H, a row for each reduced row and body of its joint.
+    h: Vec<f64>,
+    /// Φ_p p of these rows.
+    stretch: Vec<f64>,
+    /// TᵀQ, then y.
+    y: Vec<f64>,
+    beta: Vec<f64>,
+    normalization_start: usize,
+}
+
+impl ReducedMatrix {
+    /// Finds the joints that have kept rows and which of them share bodies.
+    ///
+    /// # Errors
+    /// [`Refusal`] when M has no inverse.
+    pub fn new(system: &dyn System, kept: &[usize]) -> Result<Self, Refusal> {
+        let structure = system.structure();
+        let sizes = &structure.sizes;
+        let planar = sizes.translations == 2;
+        let free = if planar { 3 } else { 6 };
+        let mut inertia = Vec::with_capacity(sizes.bodies);
+        for body in 0..sizes.bodies {
+            let own = inverse_root(planar, system.mass(body), &system.inertia(body));
+            inertia.push(own.ok_or(Refusal::Massless { body })?);
+            let normalization = structure.normalization_start + body;
+            if !planar && kept.binary_search(&normalization).is_err() {
+                return Err(Refusal::Normalization { body });
+            }
+        }
+        let (mut joints, mut begin) = (Vec::new(), vec![0]);
+        let mut rows = Vec::new();
+        for (k, joint) in structure.joints.iter().enumerate() {
+            let range = joint.row..joint.row + joint.rows;
+            let from = kept.partition_point(|&row| row < range.start);
+            let own = kept[from..].iter().take_while(|row| range.contains(row));
+            rows.extend(own.map(|&row| (row, row - joint.row)));
+            if rows.len() > begin[begin.len() - 1] {
+                joints.push(k);
+                begin.push(rows.len());
+            }
+        }
+        let mut sides = Vec::new();
+        let mut count = 0;
+        for (joint, range) in joints.iter().zip(begin.windows(2)) {
+            let joint = &structure.joints[*joint];
+            for (body, block) in joint.bodies.iter().zip(joint.blocks) {
+                let (Some(body), Some(block)) = (*body, block) else { continue };
+                sides.push(Side { body, block, begin: range[0], end: range[1], h: count });
+                count += range[1] - range[0];
+            }
+        }
+        let heights: Vec<usize> = begin.windows(2).map(|w| w[1] - w[0]).collect();
+        debug_assert!(heights.iter().all(|&rows| rows <= LARGEST_BLOCK), "rows of a joint");
+        Ok(Self {
+            planar,
+            graph: BlockGraph::new(&heights, &structure.joint_pairs(&joints)),
+            rows,
+            sides,
+            products: Vec::new(),
+            inertia,
+            maps: vec![[[0.0; 3]; 4]; if planar { 0 } else { sizes.bodies }],
+            h: vec![0.0; count * free],
+            stretch: vec![0.0; if planar { 0 } else { count }],
+            y: vec![0.0; sizes.bodies * free],
+            beta: vec![0.0; if planar { 0 } else { sizes.bodies }],
+            normalization_start: structure.normalization_start,
+        })
+    }
+
+    /// Joints with kept rows as vertices; those that share a body are neighbours.
+    pub fn graph(&self) -> &BlockGraph {
+        &self.graph
+    }
+
+    /// Number of reduced rows: joint by joint in the order of the graph's vertices.
+    pub fn n(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Row of G of a reduced row.
+    pub fn row(&self, reduced: usize) -> usize {
+        self.rows[reduced].0
+    }
+
+    /// First reduced row of each joint, and their number.
+    pub fn begins(&self) -> Vec<usize> {
+        let mut begin = vec![0];
+        begin.extend(self.graph.sizes().iter().scan(0, |sum, size| {
+            *sum += size;
+            Some(*sum)
+        }));
+        begin
+    }
+
+    /// Where blocks go from now on: of two joints the one that is earlier is told by `in_order`, and
+    /// `place` gives the first value of their block and how far its rows are apart. Of diagonal blocks the
+    /// upper triangle is written.
+    pub fn place(
+        &mut self,
+        in_order: impl Fn(usize, usize) -> bool,
+        place: impl Fn(usize, usize) -> (usize, usize),
+    ) {
+        let begin = self.begins();
+        let joint_of = |side: &Side| begin.partition_point(|&b| b <= side.begin) - 1;
+        let bodies = self.inertia.len();
+        let mut at: Vec<Vec<(usize, Side)>> = vec![Vec::new(); bodies];
+        for side in &self.sides {
+            at[side.body].push((joint_of(side), *side));
+        }
+        self.products.clear();
+        for list in &at {
+            for (n, &(i, left)) in list.iter().enumerate() {
+                for &(j, right) in &list[n..] {
+                    let ((i, left), (j, right)) = if in_order(i, j) {
+                        ((i, left), (j, right))
+                    } else {
+                        ((j, right), (i, left))
+                    };
+                    let (target, stride) = place(i, j);
+                    self.products.push(Product {
+                        left: left.h as u32,
+                        right: right.h as u32,
+                        rows: (left.end - left.begin) as u16,
+                        columns: (right.end - right.begin) as u16,
+                        target: target as u32,
+                        stride: stride as u32,
+                        diagonal: i == j,
+                        first: false,
+                    });
+                }
+            }
+        }
+        self.products.sort_by_key(|p| (p.target, p.left));
+        let mut last = None;
+        for product in &mut self.products {
+            product.first = last != Some(product.target);
+            last = Some(product.target);
+        }
+    }
+
+    /// Multiplications of one assembly, right-hand side and recovery.
+    pub fn multiplications(&self) -> usize {
+        let free = if self.planar { 3 } else { 6 };
+        let block = |p: &Product| {
+            let (r, c) = (p.rows as usize, p.columns as usize);
+            free * if p.diagonal { r * (r + 1) / 2 } else { r * c }
+        };
+        let products: usize = self.products.iter().map(block).sum();
+        let (h, maps) = if self.planar { (3, 0) } else { (3 + 12, 24 + 24) };
+        products + self.h.len() / free * (h + 2 * free) + self.inertia.len() * (2 * free + maps)
+    }
+
+    /// B at a configuration with Jacobian `g`, into the places given before.
+    pub fn assemble(&mut self, q: &[f64], g: &BlockMatrix, values: &mut [f64]) {
+        if self.planar {
+            for side in &self.sides {
+                let Inertia { translation, rotation } = &self.inertia[side.body];
+                let block = g.block(side.block);
+                let h = self.h[side.h * 3..].chunks_exact_mut(3);
+                for (h, &(_, r)) in h.zip(&self.rows[side.begin..side.end]) {
+                    let g: &[f64; 3] = block[r * 3..].first_chunk().expect("three coordinates");
+                    h[0] = g[0] * translation;
+                    h[1] = g[1] * translation;
+                    h[2] = g[2] * rotation[2][2];
+                }
+            }
+            multiply::<3>(&self.products, &self.h, values);
+        } else {
+            self.turn_spatial(q, g);
+            multiply::<6>(&self.products, &self.h, values);
+        }
+    }
+
+    /// T and H in space.
+    fn turn_spatial(&mut self, q: &[f64], g: &BlockMatrix) {
+        for ((map, body), q) in self.maps.iter_mut().zip(&self.inertia).zip(q.chunks_exact(7)) {
+            let [e0, e1, e2, e3] = [q[3], q[4], q[5], q[6]];
+            let half = 0.5 / (e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3);
+            let u = &body.rotation;
+            // Rows of Gᵀ.
+            let rows = [[-e1, -e2, -e3], [e0, -e3, e2], [e3, e0, -e1], [-e2, e1, e0]];
+            for (out, row) in map.iter_mut().zip(rows) {
+                let [x, y, z] = row.map(|x| half * x);
+                *out = [
+                    x * u[0][0],
+                    x * u[0][1] + y * u[1][1],
+                    x * u[0][2] + y * u[1][2] + z * u[2][2],
+                ];
+            }
+        }
+        for side in &self.sides {
+            let scale = self.inertia[side.body].translation;
+            let map = &self.maps[side.body];
+            let p = &q[side.body * 7 + 3..side.body * 7 + 7];
+            let block = g.block(side.block);
+            let out = self.h[side.h * 6..].chunks_exact_mut(6).zip(&mut self.stretch[side.h..]);
+            for ((h, stretch), &(_, r)) in out.zip(&self.rows[side.begin..side.end]) {
+                let g: &[f64; 7] = block[r * 7..].first_chunk().expect("seven coordinates");
+                for k in 0..3 {
+                    h[k] = g[k] * scale;
+                    h[3 + k] = (g[3] * map[0][k] + g[4] * map[1][k])
+                        + (g[5] * map[2][k] + g[6] * map[3][k]);
+                }
+                *stretch = (g[3] * p[0] + g[4] * p[1]) + (g[5] * p[2] + g[6] * p[3]);
+            }
+        }
+    }
+
+    /// The right-hand side of B λ at the configuration of the last [`ReducedMatrix::assemble`].
+    pub fn right_side(&mut self, equations: &Equations, b: &mut [f64]) {
+        let Equations { q, force, tau, .. } = equations;
+        for (b, &(row, _)) in b.iter_mut().zip(&self.rows) {
+            *b = -tau[row];
+        }
+        if self.planar {
+            let bodies = self.y.chunks_exact_mut(3).zip(force.chunks_exact(3));
+            for ((y, f), body) in bodies.zip(&self.inertia) {
+                y[0] = f[0] * body.translation;
+                y[1] = f[1] * body.translation;
+                y[2] = f[2] * body.rotation[2][2];
+            }
+            add_products::<3>(&self.sides, &self.h, &self.y, b);
+            return;
+        }
+        let tau = &tau[self.normalization_start..];
+        let bodies = self.y.chunks_exact_mut(6).zip(force.chunks_exact(7)).zip(&self.inertia);
+        let rest = self.maps.iter().zip(&mut self.beta).zip(q.chunks_exact(7).zip(tau));
+        for (((y, f), body), ((map, beta), (q, tau))) in bodies.zip(rest) {
+            for k in 0..3 {
+                y[k] = f[k] * body.translation;
+                y[3 + k] =
+                    (map[0][k] * f[3] + map[1][k] * f[4]) + (map[2][k] * f[5] + map[3][k] * f[6]);
+            }
+            *beta = 0.5 * tau / square(&q[3..]);
+        }
+        add_products::<6>(&self.sides, &self.h, &self.y, b);
+        for side in &self.sides {
+            let beta = self.beta[side.body];
+            for (b, stretch) in b[side.begin..side.end].iter_mut().zip(&self.stretch[side.h..]) {
+                *b += stretch * beta;
+            }
+        }
+    }
+
+    /// Accelerations and all multipliers from λ of the reduced rows, after [`ReducedMatrix::right_side`].
+    pub fn recover(&mut self, equations: &Equations, b: &[f64], a: &mut [f64], lambda: &mut [f64]) {
+        lambda.fill(0.0);
+        for (b, &(row, _)) in b.iter().zip(&self.rows) {
+            lambda[row] = *b;
+        }
+        if self.planar {
+            subtract_reactions::<3>(&self.sides, &self.h, b, &mut self.y);
+            let bodies = a.chunks_exact_mut(3).zip(self.y.chunks_exact(3));
+            for ((a, y), body) in bodies.zip(&self.inertia) {
+                a[0] = y[0] * body.translation;
+                a[1] = y[1] * body.translation;
+                a[2] = y[2] * body.rotation[2][2];
+            }
+            return;
+        }
+        subtract_reactions::<6>(&self.sides, &self.h, b, &mut self.y);
+        let normalization = &mut lambda[self.normalization_start..];
+        let bodies = equations.q.chunks_exact(7).zip(equations.force.chunks_exact(7));
+        for (l, (q, f)) in normalization.iter_mut().zip(bodies) {
+            *l = q[3..].iter().zip(&f[3..]).map(|(p, f)| p * f).sum();
+        }
+        for side in &self.sides {
+            let rows = b[side.begin..side.end].iter().zip(&self.stretch[side.h..]);
+            normalization[side.body] -= rows.map(|(l, stretch)| l * stretch).sum::<f64>();
+        }
+        let bodies = a.chunks_exact_mut(7).zip(self.y.chunks_exact(6)).zip(&self.inertia);
+        let rest = self.maps.iter().zip(&self.beta).zip(equations.q.chunks_exact(7));
+        for ((((a, y), body), ((map, beta), q)), l) in bodies.zip(rest).zip(normalization) {
+            for k in 0..3 {
+                a[k] = y[k] * body.translation;
+            }
+            for k in 0..4 {
+                let turn = map[k][0] * y[3] + map[k][1] * y[4] + map[k][2] * y[5];
+                a[3 + k] = turn + beta * q[3 + k];
+            }
+            *l *= 0.5 / square(&q[3..]);
+        }
+    }
+
+    /// What to say where a pivot of B vanished.
+    pub fn singular(&self, system: &dyn System, reduced: usize) -> EvaluationFailure {
+        let row = self.row(reduced);
+        let message = format!(
+            "the accelerations are not determined: {} depends on other constraints here",
+            system.row_name(row)
+        );
+        EvaluationFailure::new("simulation/singular-configuration", message).of_row(Some(row))
+    }
+}
+
+fn square(p: &[f64]) -> f64 {
+    p.iter().map(|e| e * e).sum()
+}
+
+/// m^-½ and J^-½ as U with U Uᵀ = J⁻¹; none where a pivot vanishes.
+fn inverse_root(planar: bool, mass: f64, inertia: &[[f64; 3]; 3]) -> Option<Inertia> {
+    let mut rotation = [[0.0; 3]; 3];
+    let good = |x: f64, of: f64| x > NO_INERTIA * of && x.is_finite();
+    let largest = (0..3).fold(0.0f64, |m, k| m.max(inertia[k][k]));
+    if !good(mass, 0.0) {
+        return None;
+    }
+    if planar {
+        if !good(inertia[2][2], 0.0) {
+            return None;
+        }
+        rotation[2][2] = 1.0 / inertia[2][2].sqrt();
+        return Some(Inertia { translation: 1.0 / mass.sqrt(), rotation });
+    }
+    // J = L Lᵀ, then U = L⁻ᵀ.
+    let mut l = [[0.0f64; 3]; 3];
+    for i in 0..3 {
+        for j in 0..=i {
+            let sum: f64 = (0..j).map(|k| l[i][k] * l[j][k]).sum();
+            let rest = inertia[i][j] - sum;
+            if i == j {
+                if !good(rest, largest) {
+                    return None;
+                }
+                l[i][i] = rest.sqrt();
+            } else {
+                l[i][j] = rest / l[j][j];
+            }
+        }
+    }
+    for column in 0..3 {
+        // Column of L⁻¹ is a row of U.
+        for i in column..3 {
+            let unit = if i == column { 1.0 } else { 0.0 };
+            let sum: f64 = (column..i).map(|k| l[i][k] * rotation[column][k]).sum();
+            rotation[column][i] = (unit - sum) / l[i][i];
+        }
+    }
+    Some(Inertia { translation: 1.0 / mass.sqrt(), rotation })
+}
+
+/// H Hᵀ by blocks.
+fn multiply<const D: usize>(products: &[Product], h: &[f64], values: &mut [f64]) {
+    let (h, _) = h.as_chunks::<D>();
+    for p in products {
+        let left = &h[p.left as usize..][..p.rows as usize];
+        let right = &h[p.right as usize..][..p.columns as usize];
+        for (r, l) in left.iter().enumerate() {
+            let line = &mut values[p.target as usize + r * p.stride as usize..][..right.len()];
+            let from = if p.diagonal { r } else { 0 };
+            for (out, x) in line[from..].iter_mut().zip(&right[from..]) {
+                let mut sum = if p.first { 0.0 } else { *out };
+                for d in 0..D {
+                    sum += l[d] * x[d];
+                }
+                *out = sum;
+            }
+        }
+    }
+}
+
+/// b += H y.
+fn add_products<const D: usize>(sides: &[Side], h: &[f64], y: &[f64], b: &mut [f64]) {
+    let ((h, _), (y, _)) = (h.as_chunks::<D>(), y.as_chunks::<D>());
+    for side in sides {
+        let y = &y[side.body];
+        for (b, h) in b[side.begin..side.end].iter_mut().zip(&h[side.h..]) {
+            *b += h.iter().zip(y).map(|(h, y)| h * y).sum::<f64>();
+        }
+    }
+}
+
+/// y −= Hᵀ λ.
+fn subtract_reactions<const D: usize>(sides: &[Side], h: &[f64], lambda: &[f64], y: &mut [f64]) {
+    let ((h, _), (y, _)) = (h.as_chunks::<D>(), y.as_chunks_mut::<D>());
+    for side in sides {
+        let y = &mut y[side.body];
+        for (l, h) in lambda[side.begin..side.end].iter().zip(&h[side.h..]) {
+            for d in 0..D {
+                y[d] -= h[d] * l;
+            }
+        }
+    }
+}
