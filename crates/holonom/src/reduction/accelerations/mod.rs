@@ -135,7 +135,7 @@ impl SolverKind {
             Self::ReducedDenseLu => dense(DenseFactor::Lu),
             Self::ReducedDenseCholesky => dense(DenseFactor::Cholesky),
             Self::ReducedEnvelope(numbering) => {
-                Ok(Box::new(ReducedEnvelope::new(system, reduced()?, numbering)))
+                Ok(Box::new(ReducedEnvelope::new(reduced()?, numbering)))
             }
         }
     }

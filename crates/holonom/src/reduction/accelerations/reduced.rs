@@ -180,8 +180,8 @@ impl ReducedMatrix {
     }
 
     /// Where blocks go from now on: of two joints the one that is earlier is told by `in_order`, and
-    /// `place` gives the first value of their block and how far its rows are apart. Of diagonal blocks the
-    /// upper triangle is written.
+    /// `place` gives the first value of their block and how far its rows are apart. Of diagonal blocks
+    /// everything is written.
     pub fn place(
         &mut self,
         in_order: impl Fn(usize, usize) -> bool,
@@ -296,9 +296,6 @@ impl ReducedMatrix {
     /// The right-hand side of B λ at the configuration of the last [`ReducedMatrix::assemble`].
     pub fn right_side(&mut self, equations: &Equations, b: &mut [f64]) {
         let Equations { q, force, tau, .. } = equations;
-        for (b, &(row, _)) in b.iter_mut().zip(&self.rows) {
-            *b = -tau[row];
-        }
         if self.planar {
             let bodies = self.y.chunks_exact_mut(3).zip(force.chunks_exact(3));
             for ((y, f), body) in bodies.zip(&self.inertia) {
@@ -306,8 +303,7 @@ impl ReducedMatrix {
                 y[1] = f[1] * body.translation;
                 y[2] = f[2] * body.rotation[2][2];
             }
-            add_products::<3>(&self.sides, &self.h, &self.y, b);
-            return;
+            return self.residual(equations, b);
         }
         let tau = &tau[self.normalization_start..];
         let bodies = self.y.chunks_exact_mut(6).zip(force.chunks_exact(7)).zip(&self.inertia);
@@ -320,6 +316,17 @@ impl ReducedMatrix {
             }
             *beta = 0.5 * tau / square(&q[3..]);
         }
+        self.residual(equations, b);
+    }
+
+    /// What y leaves of the constraints, H y − τ + Φ_p p β.
+    pub fn residual(&self, equations: &Equations, b: &mut [f64]) {
+        for (b, &(row, _)) in b.iter_mut().zip(&self.rows) {
+            *b = -equations.tau[row];
+        }
+        if self.planar {
+            return add_products::<3>(&self.sides, &self.h, &self.y, b);
+        }
         add_products::<6>(&self.sides, &self.h, &self.y, b);
         for side in &self.sides {
             let beta = self.beta[side.body];
@@ -329,14 +336,22 @@ impl ReducedMatrix {
         }
     }
 
-    /// Accelerations and all multipliers from λ of the reduced rows, after [`ReducedMatrix::right_side`].
-    pub fn recover(&mut self, equations: &Equations, b: &[f64], a: &mut [f64], lambda: &mut [f64]) {
+    /// y −= Hᵀ b.
+    pub fn subtract_reactions(&mut self, b: &[f64]) {
+        if self.planar {
+            subtract_reactions::<3>(&self.sides, &self.h, b, &mut self.y);
+        } else {
+            subtract_reactions::<6>(&self.sides, &self.h, b, &mut self.y);
+        }
+    }
+
+    /// Accelerations from y and all multipliers from λ of the reduced rows.
+    pub fn recover(&self, equations: &Equations, b: &[f64], a: &mut [f64], lambda: &mut [f64]) {
         lambda.fill(0.0);
         for (b, &(row, _)) in b.iter().zip(&self.rows) {
             lambda[row] = *b;
         }
         if self.planar {
-            subtract_reactions::<3>(&self.sides, &self.h, b, &mut self.y);
             let bodies = a.chunks_exact_mut(3).zip(self.y.chunks_exact(3));
             for ((a, y), body) in bodies.zip(&self.inertia) {
                 a[0] = y[0] * body.translation;
@@ -345,7 +360,6 @@ impl ReducedMatrix {
             }
             return;
         }
-        subtract_reactions::<6>(&self.sides, &self.h, b, &mut self.y);
         let normalization = &mut lambda[self.normalization_start..];
         let bodies = equations.q.chunks_exact(7).zip(equations.force.chunks_exact(7));
         for (l, (q, f)) in normalization.iter_mut().zip(bodies) {
@@ -430,19 +444,31 @@ fn inverse_root(planar: bool, mass: f64, inertia: &[[f64; 3]; 3]) -> Option<Iner
 fn multiply<const D: usize>(products: &[Product], h: &[f64], values: &mut [f64]) {
     let (h, _) = h.as_chunks::<D>();
     for p in products {
-        let left = &h[p.left as usize..][..p.rows as usize];
-        let right = &h[p.right as usize..][..p.columns as usize];
-        for (r, l) in left.iter().enumerate() {
-            let line = &mut values[p.target as usize + r * p.stride as usize..][..right.len()];
-            let from = if p.diagonal { r } else { 0 };
-            for (out, x) in line[from..].iter_mut().zip(&right[from..]) {
-                let mut sum = if p.first { 0.0 } else { *out };
-                for d in 0..D {
-                    sum += l[d] * x[d];
-                }
-                *out = sum;
+        match p.columns {
+            1 => multiply_block::<D, 1>(p, h, values),
+            2 => multiply_block::<D, 2>(p, h, values),
+            3 => multiply_block::<D, 3>(p, h, values),
+            4 => multiply_block::<D, 4>(p, h, values),
+            5 => multiply_block::<D, 5>(p, h, values),
+            _ => multiply_block::<D, 6>(p, h, values),
+        }
+    }
+}
+
+#[inline(always)]
+fn multiply_block<const D: usize, const W: usize>(p: &Product, h: &[[f64; D]], values: &mut [f64]) {
+    let left = &h[p.left as usize..][..p.rows as usize];
+    let right: &[[f64; D]; W] = h[p.right as usize..].first_chunk().expect("rows of the joint");
+    for (r, l) in left.iter().enumerate() {
+        let at = p.target as usize + r * p.stride as usize;
+        let line: &mut [f64; W] = values[at..].first_chunk_mut().expect("a row of the block");
+        let mut sum = if p.first { [0.0; W] } else { *line };
+        for d in 0..D {
+            for w in 0..W {
+                sum[w] += l[d] * right[w][d];
             }
         }
+        *line = sum;
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{AccelerationSolver, Equations, Numbering, ReducedMatrix};
 use crate::error::EvaluationFailure;
+use crate::reduction::saddle::Saddle;
 use crate::system::System;
 use holonom_linalg::{Cholesky, DenseLu, EnvelopeCholesky, EnvelopePlan};
 use std::sync::Arc;
@@ -15,50 +16,43 @@ pub struct ReducedEnvelope {
     factor: EnvelopeCholesky,
     values: Vec<f64>,
     lambda: Vec<f64>,
-    rest: Rest,
-}
-
-/// What a solution leaves of the equations, and the correction.
-#[derive(Debug, Clone, Default)]
-struct Rest {
-    force: Vec<f64>,
-    tau: Vec<f64>,
-    a: Vec<f64>,
-    lambda: Vec<f64>,
+    correction: Vec<f64>,
 }
 
 /// Solutions are refined where a pivot is below this part of its diagonal entry: B has the square of the
-/// condition of G.
+/// condition of H.
 const REFINE: f64 = 1e-2;
 const MOST_REFINEMENTS: u32 = 4;
-/// A correction of this part of the accelerations is the last one.
+/// A multiplication in a block takes about this part of the time of one in a sparse elimination
+/// (`benchmarks/accelerations`: 0.2 to 0.45).
+const BLOCK_COST: f64 = 0.4;
+/// A correction of this part of the multipliers is the last one.
 const REFINED: f64 = 1e-13;
 
 impl ReducedEnvelope {
     /// Numbers the joints and plans the factorisation.
-    pub fn new(system: &dyn System, mut matrix: ReducedMatrix, numbering: &Numbering) -> Self {
-        let sizes = system.structure().sizes;
-        let (n, m) = (sizes.coordinates, sizes.rows);
+    pub fn new(mut matrix: ReducedMatrix, numbering: &Numbering) -> Self {
         let plan = Arc::new(EnvelopePlan::new(matrix.graph(), &numbering.order(matrix.graph())));
         let rows = matrix.graph().sizes().to_vec();
         matrix.place(|i, j| plan.in_order(i, j), |i, j| (plan.block(i, j).start, rows[j]));
         Self {
             lambda: vec![0.0; matrix.n()],
+            correction: vec![0.0; matrix.n()],
             values: vec![0.0; plan.len()],
             factor: EnvelopeCholesky::new(plan),
             matrix,
-            rest: Rest {
-                force: vec![0.0; n],
-                tau: vec![0.0; m],
-                a: vec![0.0; n],
-                lambda: vec![0.0; m],
-            },
         }
     }
 
     /// Places and counts.
     pub fn plan(&self) -> &EnvelopePlan {
         self.factor.plan()
+    }
+
+    /// Whether this costs less than the index-1 matrix with the pivots it has; no where it has none yet.
+    pub fn pays(&self, saddle: &Saddle) -> bool {
+        let own = BLOCK_COST * self.multiplications().unwrap_or(usize::MAX) as f64;
+        saddle.multiplications().is_some_and(|other| own < other as f64)
     }
 
     /// Factors B at a configuration with this Jacobian.
@@ -76,47 +70,40 @@ impl ReducedEnvelope {
 
     /// Accelerations and multipliers with the factors at hand.
     pub fn solve_factored(&mut self, equations: &Equations, a: &mut [f64], lambda: &mut [f64]) {
-        self.solve_once(equations, a, lambda);
-        if self.factor.least_pivot() < REFINE {
-            self.refine(equations, a, lambda);
-        }
-    }
-
-    fn solve_once(&mut self, equations: &Equations, a: &mut [f64], lambda: &mut [f64]) {
         self.matrix.right_side(equations, &mut self.lambda);
         self.factor.solve(&mut self.lambda);
+        self.matrix.subtract_reactions(&self.lambda);
+        if self.factor.least_pivot() < REFINE {
+            self.refine(equations);
+        }
         self.matrix.recover(equations, &self.lambda, a, lambda);
     }
 
-    /// Corrections by what is left of the augmented system, while they fall tenfold.
-    fn refine(&mut self, equations: &Equations, a: &mut [f64], lambda: &mut [f64]) {
-        let mut rest = std::mem::take(&mut self.rest);
+    /// Corrections of y and λ by what y leaves of its constraints, while they fall tenfold: corrected
+    /// seminormal equations.
+    ///
+    /// Source: Å. Björck, Linear Algebra Appl. 88/89 (1987).
+    fn refine(&mut self, equations: &Equations) {
+        let size = |x: &[f64]| x.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let mut before = f64::INFINITY;
         for _ in 0..MOST_REFINEMENTS {
-            rest.force.copy_from_slice(equations.force);
-            equations.mass.multiply_add(-1.0, a, &mut rest.force);
-            equations.jacobian.multiply_transposed_add(-1.0, lambda, &mut rest.force);
-            rest.tau.copy_from_slice(equations.tau);
-            equations.jacobian.multiply_add(-1.0, a, &mut rest.tau);
-            let left = Equations { force: &rest.force, tau: &rest.tau, ..*equations };
-            self.solve_once(&left, &mut rest.a, &mut rest.lambda);
-            let (mut correction, mut size) = (0.0f64, 0.0f64);
-            for (a, d) in a.iter_mut().zip(&rest.a) {
-                *a += d;
-                correction = correction.max(d.abs());
-                size = size.max(a.abs());
+            self.matrix.residual(equations, &mut self.correction);
+            self.factor.solve(&mut self.correction);
+            let correction = size(&self.correction);
+            // Written so that a NaN ends it.
+            let falls = correction <= 0.1 * before;
+            if !falls {
+                break;
             }
-            for (l, d) in lambda.iter_mut().zip(&rest.lambda) {
+            self.matrix.subtract_reactions(&self.correction);
+            for (l, d) in self.lambda.iter_mut().zip(&self.correction) {
                 *l += d;
             }
-            // Written so that a NaN ends it.
-            let goes_on = correction > REFINED * size && correction <= 0.1 * before;
-            if !goes_on {
+            if correction <= REFINED * size(&self.lambda) {
                 break;
             }
             before = correction;
         }
-        self.rest = rest;
     }
 }
 
@@ -208,6 +195,7 @@ impl AccelerationSolver for ReducedDense {
                 cholesky.solve(&mut self.lambda);
             }
         }
+        matrix.subtract_reactions(&self.lambda);
         matrix.recover(equations, &self.lambda, a, lambda);
         Ok(())
     }
