@@ -145,14 +145,13 @@ impl Case {
         largest
     }
 
-    /// Every solver gives what the dense augmented one gives; returns the largest relative difference.
+    /// Every solver gives what the dense augmented one gives.
     #[track_caller]
-    fn assert_agreement(&self) -> f64 {
+    fn assert_agreement(&self) {
         let expected = self.solve(&SolverKind::AugmentedDense).unwrap();
         let condition = self.condition();
         let squared = 1e-14 * condition * condition;
         let terms = self.sizes_of_terms();
-        let mut worst = 0.0f64;
         for kind in KINDS {
             let found = self.solve(kind).unwrap();
             // The dense factors of the reduced matrix are not refined.
@@ -171,10 +170,8 @@ impl Case {
                     "{}: {what} by {kind:?} differ by {relative:.1e}, condition {condition:.1e}",
                     self.name
                 );
-                worst = worst.max(relative);
             }
         }
-        worst
     }
 }
 
@@ -232,8 +229,7 @@ fn every_solver_agrees_on_the_library() {
     {
         let cases = cases(name, model(name), 7, 4);
         assert!(cases.len() >= 3, "{name}: {} states", cases.len());
-        let worst = cases.iter().map(Case::assert_agreement).fold(0.0, f64::max);
-        eprintln!("{name}: {worst:.1e}, condition {:.1e}", cases[0].condition());
+        cases.iter().for_each(Case::assert_agreement);
     }
 }
 
@@ -336,18 +332,17 @@ fn with_loops(seed: u64, loops: usize) -> String {
 
 #[test]
 fn every_solver_agrees_with_no_loop_to_ten() {
-    let (mut count, mut worst) = (0, 0.0f64);
+    let mut count = 0;
     for loops in 0..=10 {
         for seed in 0..6 {
             let seed = 100 * loops as u64 + seed;
             let model = model_of(&with_loops(seed, loops));
             for case in cases(&format!("{loops} loops, seed {seed}"), model, seed, 2) {
-                worst = worst.max(case.assert_agreement());
+                case.assert_agreement();
                 count += 1;
             }
         }
     }
-    eprintln!("{count} states, {worst:.1e}");
     assert!(count >= 130, "{count} states");
 }
 
