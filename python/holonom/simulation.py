@@ -60,11 +60,16 @@ def run(
         _require_error_control(chosen)
 
     recorder = _Recorder(model, chosen, requested, output, certify)
+    ended = False
     try:
         with _deferred_interrupts() as heed:
             summary = _simulate(model, chosen, state, recorder.append, progress, heed)
             recorder.finish(summary)
-    except KeyboardInterrupt:  # after the end: everything is stored
+            ended = True
+    except KeyboardInterrupt:
+        if not ended:  # before the first row: there is nothing to store
+            recorder.close()
+            raise
         reason = {"code": "simulation/interrupted", "message": "interrupted after the run"}
         raise Interrupted(reason, recorder.result()) from None
     except BaseException:

@@ -2,4 +2,4 @@
 
 mod spectrum;
 
-pub use spectrum::{LARGEST_DENSE, Spectrum, SpectrumError, spectrum};
+pub use spectrum::{LARGEST_DENSE, Spectrum, SpectrumError, fastest, spectrum};

@@ -277,9 +277,13 @@ pub(super) fn with_numbers(text: &str, number_of: &dyn Fn(&str) -> Option<i64>) 
     names(text, &mut |name, start| {
         if let Some(number) = number_of(name) {
             out += &text[done..start];
-            let number = if number < 0 { format!("({number})") } else { number.to_string() };
-            out += &number;
-            done = start + name.len();
+            // Digits beside it must not become its own.
+            let digit = |c: char| c.is_ascii_digit() || c == '.';
+            let end = start + name.len();
+            let beside = text[..start].ends_with(digit) || text[end..].starts_with(digit);
+            let [open, close] = if number < 0 || beside { ["(", ")"] } else { ["", ""] };
+            out.extend([open, &number.to_string(), close]);
+            done = end;
         }
     });
     out + &text[done..]
@@ -419,6 +423,11 @@ mod tests {
         let replaced = with_numbers("(i-i2)*min(i, k) - i", &|name| (name == "i").then_some(-3));
         assert_eq!(replaced, "((-3)-i2)*min((-3), k) - (-3)");
         assert_eq!(with_numbers("i(2)", &|_| Some(1)), "i(2)");
+        // Not 21: what is refused with a parameter is refused with an index.
+        for text in ["2i", "i.5", "1.i"] {
+            let replaced = with_numbers(text, &|_| Some(1));
+            assert!(value(text).is_err() && value(&replaced).is_err(), "{text}: {replaced}");
+        }
     }
 
     #[test]

@@ -47,8 +47,9 @@ struct Plan {
     nonzeros: Nonzeros,
     pattern: InflatedPattern,
     lu: Option<SparseLu>,
-    /// Relative error that the last refinement left.
+    /// Relative error that the last refinement left, and the one with fresh pivots; NaN until there is one.
     left: f64,
+    fresh: f64,
 }
 
 /// The factor for a complex γh.
@@ -63,8 +64,10 @@ struct ComplexFactor {
 
 /// Growth of numbers in the elimination from which solutions are refined.
 const HARMLESS_GROWTH: f64 = 1e4;
-/// What refinement may leave of the relative error before pivots are chosen anew.
+/// What refinement may leave of the relative error before pivots are chosen anew, where fresh ones left not
+/// much less.
 const ACCURACY: f64 = 1e-9;
+const WORSE_THAN_FRESH: f64 = 100.0;
 
 impl Matrix for SparseMatrix {
     fn new(manifold: &Manifold, _q: &[f64], _options: MatrixOptions) -> Self {
@@ -114,7 +117,7 @@ impl Matrix for SparseMatrix {
             blocks.evaluate_system(manifold, state);
             nonzeros.observe(blocks);
             let pattern = InflatedPattern::new(manifold, &state.q, &nonzeros);
-            self.plan = Some(Plan { nonzeros, pattern, lu: None, left: 0.0 });
+            self.plan = Some(Plan { nonzeros, pattern, lu: None, left: 0.0, fresh: f64::NAN });
         } else {
             blocks.evaluate_system(manifold, state);
         }
@@ -145,12 +148,12 @@ impl Matrix for SparseMatrix {
         };
         plan.pattern.fill(&sum, &mut self.values);
         if let Some(lu) = &mut plan.lu
-            && plan.left <= ACCURACY
+            && plan.left <= ACCURACY.max(WORSE_THAN_FRESH * plan.fresh)
             && lu.refactor(&self.values).is_ok()
         {
             return Ok(0);
         }
-        (plan.lu, plan.left, self.complex) = (None, 0.0, None);
+        (plan.lu, plan.left, plan.fresh, self.complex) = (None, 0.0, f64::NAN, None);
         plan.lu = Some(SparseLu::analyze(&plan.pattern.pattern, &self.values)?);
         Ok(1)
     }
@@ -215,7 +218,7 @@ impl FirstOrderMatrix for SparseMatrix {
         parts: &Linearization,
         gamma_h: Complex64,
     ) -> Result<(), SingularMatrix> {
-        let plan = self.plan.as_ref().expect("linearized before it is factored");
+        let plan = self.plan.as_mut().expect("linearized before it is factored");
         let zero = Complex64::new(0.0, 0.0);
         let solver = self.complex.get_or_insert_with(|| {
             Box::new(ComplexFactor {
@@ -241,7 +244,12 @@ impl FirstOrderMatrix for SparseMatrix {
             inverse_e: &solver.inverse_e,
         };
         plan.pattern.fill(&sum, &mut solver.values);
-        solver.lu.refactor(&solver.values)
+        let outcome = solver.lu.refactor(&solver.values);
+        if outcome.is_err() {
+            // Pivots of the real matrix that do not serve here: the next real factor chooses others.
+            plan.left = f64::INFINITY;
+        }
+        outcome
     }
 
     fn solve_complex(&mut self, parts: &Linearization, x: &mut [f64], y: &mut [f64]) {
@@ -279,8 +287,9 @@ impl FirstOrderMatrix for SparseMatrix {
         if solver.lu.growth() <= HARMLESS_GROWTH {
             solver.lu.solve(right);
         } else {
-            let plan = self.plan.as_ref().expect("factored before");
-            solver.lu.solve_refined(&plan.pattern.pattern, &solver.values, right);
+            let plan = self.plan.as_mut().expect("factored before");
+            let left = solver.lu.solve_refined(&plan.pattern.pattern, &solver.values, right);
+            plan.left = plan.left.max(left);
         }
         let (dq, dv) = right.split_at_mut(n);
         if !solver.inverse_e.is_empty() {
@@ -362,6 +371,9 @@ impl SparseMatrix {
             lu.solve(&mut self.right);
         } else {
             plan.left = lu.solve_refined(&plan.pattern.pattern, &self.values, &mut self.right);
+            if plan.fresh.is_nan() {
+                plan.fresh = plan.left;
+            }
         }
     }
 }

@@ -124,8 +124,8 @@ pub enum RunError {
     },
     /// Differences are taken of the dense Jacobian only.
     #[error(
-        "`newton` is sparse and `jacobian` is differences, which make dense matrices; leave out one of \
-         the two"
+        "`newton` is sparse and `jacobian` is differences, which make dense matrices; use `newton` auto, \
+         or `jacobian` analytic"
     )]
     SparseDifferences,
     /// A start state of another model.
