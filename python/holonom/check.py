@@ -115,7 +115,9 @@ def warning_line(warning: Mapping[str, str]) -> str:
 
 def _spectrum_lines(spectrum: list[complex], complete: bool) -> list[str]:
     if not spectrum:
-        return [] if complete else ["", "stiffness spectrum: the fastest eigenvalues did not settle"]
+        return (
+            [] if complete else ["", "stiffness spectrum: the fastest eigenvalues did not settle"]
+        )
     # One line per mode: of a conjugate pair the member with positive frequency.
     modes = sorted((z for z in spectrum if z.imag >= 0.0), key=abs, reverse=True)
     lines = [

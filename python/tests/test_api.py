@@ -180,14 +180,13 @@ def test_ctrl_c_ends_the_reading_of_a_large_model() -> None:
     assert not read
 
 
-def test_ctrl_c_before_the_first_row_replaces_nothing(
-    model: holonom.Model, tmp_path: Path
-) -> None:
+def test_ctrl_c_before_the_first_row_replaces_nothing(model: holonom.Model, tmp_path: Path) -> None:
     path = tmp_path / "rod.holonom"
     model.simulate(output=path).close()
     before = path.read_bytes()
     links = "\n".join(
-        f"link_{k} = {{ mass = 1.0, inertia = 0.1, position = [{k}.0, 0.0] }}" for k in range(20_000)
+        f"link_{k} = {{ mass = 1.0, inertia = 0.1, position = [{k}.0, 0.0] }}"
+        for k in range(20_000)
     )
     head = 'holonom = 1\ntitle = "links"\ndimension = "planar"\n[simulation]\nend_time = 1.0\n'
     large = holonom.Model.from_text(f"{head}[bodies]\n{links}\n")
