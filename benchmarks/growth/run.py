@@ -117,7 +117,7 @@ def measure(shape: str, n: int) -> dict[str, float]:
 
     before = resource.getrusage(resource.RUSAGE_SELF)
     model = holonom.Model.from_text(SHAPES[shape][0].format(n=n))
-    result = model.simulate(end_time=END, tolerance=TOLERANCE, interval=END)
+    result = model.simulate(end_time=END, tolerance=TOLERANCE, interval=END, newton="sparse")
     after = resource.getrusage(resource.RUSAGE_SELF)
     return {
         "steps": result.statistics["steps"],
