@@ -65,7 +65,8 @@ dimension = "planar"
 gravity = [0.0, -9.81]
 [patterns.tree]
 over.i = {{ from = 1, to = {n} }}
-bodies."link_{{i}}" = {{ mass = 1.0, inertia = "=1/12", position = [0.0, "=-floor(log(i)/log(2) + 1e-9) - 0.5"] }}
+bodies."link_{{i}}" = {{ mass = 1.0, inertia = "=1/12",
+  position = [0.0, "=-floor(log(i)/log(2) + 1e-9) - 0.5"] }}
 joints."joint_{{i}}" = {{ type = "revolute", between = ["link_{{i // 2}}", "link_{{i}}"],
   points_in_body = [[0.0, -0.5], [0.0, 0.5]] }}
 forces."spring_{{i}}" = {{ type = "rsda", between = ["link_{{i // 2}}", "link_{{i}}"],
