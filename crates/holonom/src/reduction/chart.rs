@@ -343,10 +343,10 @@ impl Chart {
         self.moving.copy_from(&other.moving);
         self.values.copy_from_slice(&other.values);
         // Factoring again allocates nothing; a copy of the factors would.
-        if self.lu.refactor(&self.values).is_err() {
+        if self.lu.refactor(&self.values).is_err() || !self.pivots_serve() {
             self.lu = other.lu.clone();
+            self.refine = other.refine;
         }
-        self.refine = other.refine;
     }
 
     /// x = S r + D p: solves [G; P] x = [r; p]. `rows` has all m rows; dropped ones are not read.

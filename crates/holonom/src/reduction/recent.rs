@@ -23,8 +23,9 @@ pub(super) struct RecentPoints {
     t: f64,
     clock: u64,
     points: Vec<Recent>,
-    /// The point that takes over the factors at hand before they are replaced.
-    leaving: Option<usize>,
+    /// The point that takes over the factors at hand before they are replaced, and its time: it serves only
+    /// once it has them.
+    leaving: Option<(usize, f64)>,
 }
 
 impl RecentPoints {
@@ -86,16 +87,17 @@ impl RecentPoints {
         if let Some((k, point)) = oldest {
             point.q.copy_from_slice(q);
             point.edges.copy_from_slice(edges);
-            (point.t, point.used) = (self.t, self.clock);
-            self.leaving = Some(k);
+            (point.t, point.used) = (f64::NAN, self.clock);
+            self.leaving = Some((k, self.t));
         }
         self.t = t;
     }
 
     /// The factors at hand are about to be replaced.
     pub(super) fn keep_factors(&mut self, chart: &mut Chart) {
-        if let Some(k) = self.leaving.take() {
+        if let Some((k, t)) = self.leaving.take() {
             chart.exchange(&mut self.points[k].factors);
+            self.points[k].t = t;
         }
     }
 }
