@@ -12,6 +12,7 @@ use holonom::system::Channel;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A validated model.
 #[pyclass(frozen, module = "holonom._core")]
@@ -66,15 +67,18 @@ pub(crate) fn parse(
             return Err(PyValueError::new_err(message));
         }
     };
-    let mut resolver = move |path: &str| {
-        Python::attach(|py| {
-            read.call1(py, (path,))
-                .and_then(|text| text.extract::<String>(py))
-                .map_err(|error| error.value(py).to_string())
-        })
-    };
     let (text, name) = (text.to_owned(), name.to_owned());
-    let work = move || {
+    let work = move |left: &AtomicBool| {
+        let mut resolver = |path: &str| {
+            if left.load(Ordering::Acquire) {
+                return Err("interrupted".to_owned());
+            }
+            Python::attach(|py| {
+                read.call1(py, (path,))
+                    .and_then(|text| text.extract::<String>(py))
+                    .map_err(|error| error.value(py).to_string())
+            })
+        };
         let document = Document::parse(&text, syntax, &name, &mut resolver)?;
         let (model, warnings) = document.build()?;
         Ok(CoreModel { document, problem: Problem::new(model), warnings })
@@ -123,7 +127,7 @@ impl CoreModel {
 
     fn check(&self, py: Python<'_>, spectrum: bool) -> PyResult<String> {
         let problem = self.problem.clone();
-        let work = move || {
+        let work = move |_: &AtomicBool| {
             let assembled = problem.assemble().map_err(|e| report::assembly_error(&e))?;
             let values = if spectrum {
                 Some(self::spectrum(assembled).map_err(|e| {
@@ -179,7 +183,7 @@ impl CoreModel {
         if from.is_none() {
             // Kept by the problem; what is wrong with it is said by the run.
             let assembly = problem.clone();
-            let work = move || assembly.assemble().is_ok();
+            let work = move |_: &AtomicBool| assembly.assemble().is_ok();
             interruptible(py, work, || on_progress.call1(py, (first, 0.0, 0)).map(drop))?;
         }
         let channels: Vec<Channel> = options
