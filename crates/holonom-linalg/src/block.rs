@@ -105,6 +105,11 @@ impl BlockMatrix {
         (b.row, b.column, b.rows, b.columns)
     }
 
+    /// Places of all blocks in the order of their values: (first row, first column, rows, columns).
+    pub fn shapes(&self) -> impl Iterator<Item = (usize, usize, usize, usize)> + '_ {
+        self.blocks.iter().map(|b| (b.row, b.column, b.rows, b.columns))
+    }
+
     /// Number of different blocks.
     pub fn n_blocks(&self) -> usize {
         self.blocks.len()

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | dense blocks at fixed places | [`BlockMatrix`] | assembly, products |
 //! | general sparse, fixed pattern | [`SparsePattern`], [`SparseLu`] | factor again and again |
+//! | blocks that hang on each other like a forest | [`BlockForest`], [`ForestLu`] | trees of bodies, without fill |
 //! | symmetric, small blocks, in an envelope | [`BlockGraph`], [`EnvelopePlan`], [`EnvelopeCholesky`] | reduced matrices of mechanisms |
 //! | dense, square | [`DenseLu`], [`Cholesky`], [`DenseComplexLu`] | integration Jacobians |
 //! | dense, any shape, at set-up | [`least_norm`], [`full_pivot_elimination`], … | rank, assembly |
@@ -14,9 +15,11 @@
 
 mod block;
 mod complex;
+mod condition;
 mod dense;
 mod envelope;
 mod error;
+mod forest;
 mod full_pivot;
 #[cfg(feature = "general-sparse")]
 mod general;
@@ -33,6 +36,7 @@ pub use envelope::{
     least_envelope, reverse_cuthill_mckee,
 };
 pub use error::{DecompositionError, NotPositiveDefinite, SingularMatrix};
+pub use forest::{BlockForest, ForestLu};
 pub use full_pivot::{FullPivot, full_pivot_elimination};
 #[cfg(feature = "general-sparse")]
 pub use general::GeneralSparseLu;

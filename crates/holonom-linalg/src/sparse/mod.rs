@@ -8,6 +8,7 @@ mod substitution;
 mod symbolic;
 
 use crate::complex::Complex64;
+use crate::condition::condition_estimate;
 use crate::error::SingularMatrix;
 use crate::lanes::{LaneKernel, MOST_LANES, run_lanes};
 use crate::scalar::Scalar;
@@ -132,52 +133,23 @@ impl SparseLu {
 
     /// Estimate of the condition number ‖A‖₁‖A⁻¹‖₁ of the matrix last factored: never above the
     /// true number (but for round-off), seldom below a third of it.
-    ///
-    /// Source: Hager (1984), Higham, *ACM Trans. Math. Softw.* 14 (1988), algorithm 674.
     pub fn condition_estimate(&mut self, pattern: &SparsePattern, values: &[f64]) -> f64 {
-        let n = self.n;
-        if n == 0 {
-            return 1.0;
-        }
         let mut x = std::mem::take(&mut self.residual);
         x.fill(0.0);
-        for i in 0..n {
+        for i in 0..self.n {
             for (slot, j) in pattern.row(i) {
                 x[j] += values[slot].abs();
             }
         }
-        let norm = x.iter().fold(0.0f64, |m, v| m.max(*v));
-        x.fill(1.0 / n as f64);
-        let mut inverse_norm = 0.0f64;
-        let mut last = usize::MAX;
-        for _ in 0..5 {
-            self.solve(&mut x);
-            let size: f64 = x.iter().map(|v| v.abs()).sum();
-            if size <= inverse_norm {
-                break;
+        let estimate = condition_estimate(&mut x, |x, transposed| {
+            if transposed {
+                self.solve_transposed(x);
+            } else {
+                self.solve(x);
             }
-            inverse_norm = size;
-            for v in &mut x {
-                *v = v.signum();
-            }
-            self.solve_transposed(&mut x);
-            let at = (0..n).fold(0, |m, i| if x[i].abs() > x[m].abs() { i } else { m });
-            if at == last {
-                break;
-            }
-            last = at;
-            x.fill(0.0);
-            x[at] = 1.0;
-        }
-        // A second lower bound that is not fooled by cancellation in the first.
-        for i in 0..n {
-            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
-            x[i] = sign * (1.0 + i as f64 / (n.max(2) - 1) as f64);
-        }
-        self.solve(&mut x);
-        let size: f64 = x.iter().map(|v| v.abs()).sum();
+        });
         self.residual = x;
-        norm * inverse_norm.max(2.0 * size / (3.0 * n as f64))
+        estimate
     }
 }
 
@@ -339,7 +311,7 @@ fn power_of_two_below_inverse(size: f64) -> f64 {
 }
 
 /// Sign of a permutation.
-fn parity(order: &[usize]) -> f64 {
+pub(crate) fn parity(order: &[usize]) -> f64 {
     let mut seen = vec![false; order.len()];
     let mut sign = 1.0;
     for start in 0..order.len() {

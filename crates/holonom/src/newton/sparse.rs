@@ -1,11 +1,14 @@
 //! The inflated matrix: sparse with the graph of the mechanism, for any number of bodies.
 
+use super::blocks::ReducedBlocks;
 use super::descriptor::{Unknowns, add_extra_force};
+use super::forest::ForestElimination;
 use super::linearization::Linearization;
 use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions};
 use super::sparse_pattern::{InflatedPattern, Nonzeros, Sum};
 use crate::error::EvaluationFailure;
 use crate::reduction::{BodyRows, Manifold, Point, disturb};
+use crate::system::State;
 use holonom_linalg::{BlockMatrix, Complex64, SingularMatrix, SparseLu};
 
 /// Newton's matrix with D never formed. Unknowns x = δq/βh², y = δq̇/γh, a = δq̈, δλ and ρ = δv̈:
@@ -27,7 +30,9 @@ pub struct SparseMatrix {
     n: usize,
     /// First entry of a right-hand side that belongs to a row of P, in each of the first three groups.
     rank: usize,
-    plan: Option<Plan>,
+    elimination: Elimination,
+    /// Other pivots are wanted than those of the forest.
+    unfit: bool,
     /// M, G and the moving rows of P of the linearization.
     mass: BlockMatrix,
     jacobian: Vec<f64>,
@@ -39,6 +44,15 @@ pub struct SparseMatrix {
     rows: Vec<f64>,
     rate: Vec<f64>,
     extended: Vec<f64>,
+}
+
+/// How the matrix is factored.
+#[derive(Debug, Clone)]
+enum Elimination {
+    /// From the leaves of the forest inwards.
+    Forest(ForestElimination),
+    /// In an order found from the pattern, which is there from the first linearization on.
+    General(Option<Box<Plan>>),
 }
 
 /// What is found at the first linearization, and again when another entry appears.
@@ -56,7 +70,8 @@ struct Plan {
 #[derive(Debug, Clone)]
 struct ComplexFactor {
     gamma_h: Complex64,
-    lu: SparseLu<Complex64>,
+    /// None where the forest is eliminated.
+    lu: Option<SparseLu<Complex64>>,
     values: Vec<Complex64>,
     right: Vec<Complex64>,
     inverse_e: Vec<Complex64>,
@@ -77,7 +92,11 @@ impl Matrix for SparseMatrix {
         Self {
             n,
             rank: parametrization.kept.len(),
-            plan: None,
+            elimination: match ForestElimination::new(manifold) {
+                Some(forest) => Elimination::Forest(forest),
+                None => Elimination::General(None),
+            },
+            unfit: false,
             mass: structure.mass_pattern.clone(),
             jacobian: structure.constraint_pattern.values().to_vec(),
             moving: manifold.chart().moving().clone(),
@@ -101,32 +120,26 @@ impl Matrix for SparseMatrix {
         self.jacobian.copy_from_slice(manifold.jacobian().values());
         self.moving.copy_from(manifold.chart().moving());
         let blocks = &mut parts.blocks;
-        if self.plan.is_none() {
-            // What vanishes by chance at this state does not at a generic one.
-            let mut nonzeros = Nonzeros::new(blocks);
-            let mut generic = state.clone();
-            for (round, x) in [&mut generic.q, &mut generic.v, &mut generic.a, &mut generic.lambda]
-                .into_iter()
-                .enumerate()
-            {
-                let here = x.clone();
-                disturb(&here, round as u32 + 1, x);
+        if let Elimination::Forest(forest) = &mut self.elimination {
+            blocks.evaluate_system(manifold, state);
+            self.unfit |= forest.linearize(&self.jacobian, &self.moving, blocks).is_err();
+            if self.unfit {
+                (self.elimination, self.complex) = (Elimination::General(None), None);
             }
-            blocks.evaluate_system(manifold, &generic);
-            nonzeros.observe(blocks);
-            blocks.evaluate_system(manifold, state);
-            nonzeros.observe(blocks);
-            let pattern = InflatedPattern::new(manifold, &state.q, &nonzeros);
-            self.plan = Some(Plan { nonzeros, pattern, lu: None, left: 0.0, fresh: f64::NAN });
-        } else {
-            blocks.evaluate_system(manifold, state);
         }
-        let plan = self.plan.as_mut().expect("made above");
-        if plan.nonzeros.observe(blocks) {
-            plan.pattern = InflatedPattern::new(manifold, &state.q, &plan.nonzeros);
-            (plan.lu, self.complex) = (None, None);
+        if let Elimination::General(plan) = &mut self.elimination {
+            if plan.is_none() {
+                *plan = Some(Box::new(Plan::new(manifold, state, blocks)));
+            } else {
+                blocks.evaluate_system(manifold, state);
+            }
+            let plan = plan.as_mut().expect("made above");
+            if plan.nonzeros.observe(blocks) {
+                plan.pattern = InflatedPattern::new(manifold, &state.q, &plan.nonzeros);
+                (plan.lu, self.complex) = (None, None);
+            }
+            self.values.resize(plan.pattern.pattern.len(), 0.0);
         }
-        self.values.resize(plan.pattern.pattern.len(), 0.0);
         parts.blocks.extra_extra.copy_from_slice(&parts.blocks.blocks.extra_extra);
         parts.chart.copy_from(manifold.chart());
     }
@@ -135,7 +148,6 @@ impl Matrix for SparseMatrix {
     fn take_blocks(&mut self, _parts: &Linearization, _manifold: &Manifold) {}
 
     fn factor(&mut self, parts: &Linearization) -> Result<u64, SingularMatrix> {
-        let plan = self.plan.as_mut().expect("linearized before it is factored");
         let sum = Sum {
             mass: &self.mass,
             jacobian: &self.jacobian,
@@ -145,6 +157,14 @@ impl Matrix for SparseMatrix {
             beta_h2: parts.beta_h2,
             ratio: parts.beta_h2 / parts.gamma_h,
             inverse_e: &parts.inverse_e,
+        };
+        let plan = match &mut self.elimination {
+            Elimination::Forest(forest) => {
+                let outcome = forest.factor(parts.system.structure(), &sum);
+                self.unfit |= outcome.is_err();
+                return outcome.map(|()| 0);
+            }
+            Elimination::General(plan) => plan.as_mut().expect("linearized before it is factored"),
         };
         plan.pattern.fill(&sum, &mut self.values);
         if let Some(lu) = &mut plan.lu
@@ -176,7 +196,7 @@ impl Matrix for SparseMatrix {
             }
         }
         add_extra_force(parts, None, |k| -z[k], &mut self.right[3 * self.n..], 1);
-        self.solve_right();
+        self.solve_right(parts, false);
         rate.copy_from_slice(self.solved_rate());
     }
 }
@@ -191,7 +211,7 @@ impl FirstOrderMatrix for SparseMatrix {
             *out = -x;
         }
         add_extra_force(parts, None, |k| -z.get(k).copied().unwrap_or(0.0), force, 1);
-        self.solve_right();
+        self.solve_right(parts, false);
         rate.copy_from_slice(self.solved_rate());
     }
 
@@ -206,7 +226,7 @@ impl FirstOrderMatrix for SparseMatrix {
         let force = &mut self.right[3 * self.n..];
         force.copy_from_slice(&self.extended);
         add_extra_force(parts, None, |k| -gh * parts.inverse_e[k] * z[k], force, 1);
-        self.solve_right();
+        self.solve_right(parts, false);
         v.copy_from_slice(self.solved_rate());
         for (p, v) in p.iter_mut().zip(v) {
             *p += gh * *v;
@@ -218,13 +238,19 @@ impl FirstOrderMatrix for SparseMatrix {
         parts: &Linearization,
         gamma_h: Complex64,
     ) -> Result<(), SingularMatrix> {
-        let plan = self.plan.as_mut().expect("linearized before it is factored");
         let zero = Complex64::new(0.0, 0.0);
         let solver = self.complex.get_or_insert_with(|| {
+            let lu = match &self.elimination {
+                Elimination::Forest(_) => None,
+                Elimination::General(plan) => {
+                    let real = plan.as_ref().and_then(|plan| plan.lu.as_ref());
+                    Some(real.expect("the real factor comes first").complex())
+                }
+            };
             Box::new(ComplexFactor {
                 gamma_h,
-                lu: plan.lu.as_ref().expect("the real factor comes first").complex(),
-                values: vec![zero; self.values.len()],
+                values: vec![zero; if lu.is_some() { self.values.len() } else { 0 }],
+                lu,
                 right: vec![zero; 4 * self.n],
                 inverse_e: vec![zero; parts.inverse_e.len()],
             })
@@ -243,13 +269,23 @@ impl FirstOrderMatrix for SparseMatrix {
             ratio: gamma_h,
             inverse_e: &solver.inverse_e,
         };
-        plan.pattern.fill(&sum, &mut solver.values);
-        let outcome = solver.lu.refactor(&solver.values);
-        if outcome.is_err() {
-            // Pivots of the real matrix that do not serve here: the next real factor chooses others.
-            plan.left = f64::INFINITY;
+        match (&mut self.elimination, &mut solver.lu) {
+            (Elimination::General(Some(plan)), Some(lu)) => {
+                plan.pattern.fill(&sum, &mut solver.values);
+                let outcome = lu.refactor(&solver.values);
+                if outcome.is_err() {
+                    // Pivots of the real matrix that do not serve here: the next real factor chooses others.
+                    plan.left = f64::INFINITY;
+                }
+                outcome
+            }
+            (Elimination::Forest(forest), _) => {
+                let outcome = forest.factor_complex(parts.system.structure(), &sum);
+                self.unfit |= outcome.is_err();
+                outcome
+            }
+            _ => unreachable!("linearized and factored for real coefficients before"),
         }
-        outcome
     }
 
     fn solve_complex(&mut self, parts: &Linearization, x: &mut [f64], y: &mut [f64]) {
@@ -284,12 +320,14 @@ impl FirstOrderMatrix for SparseMatrix {
                 }
             }
         }
-        if solver.lu.growth() <= HARMLESS_GROWTH {
-            solver.lu.solve(right);
-        } else {
-            let plan = self.plan.as_mut().expect("factored before");
-            let left = solver.lu.solve_refined(&plan.pattern.pattern, &solver.values, right);
-            plan.left = plan.left.max(left);
+        match (&mut self.elimination, &mut solver.lu) {
+            (Elimination::Forest(forest), _) => forest.solve_complex(right, &parts.blocks),
+            (_, Some(lu)) if lu.growth() <= HARMLESS_GROWTH => lu.solve(right),
+            (Elimination::General(Some(plan)), Some(lu)) => {
+                let left = lu.solve_refined(&plan.pattern.pattern, &solver.values, right);
+                plan.left = plan.left.max(left);
+            }
+            _ => unreachable!("factored before"),
         }
         let (dq, dv) = right.split_at_mut(n);
         if !solver.inverse_e.is_empty() {
@@ -348,7 +386,7 @@ impl DescriptorForm for SparseMatrix {
         for (out, x) in rows[self.rank..].iter_mut().zip(&x.rate) {
             *out = -x;
         }
-        self.solve_right();
+        self.solve_right(parts, true);
         x.force.copy_from_slice(&self.right[2 * n..3 * n]);
         x.rows.fill(0.0);
         for (solved, &row) in self.right[3 * n..].iter().zip(&parametrization.kept) {
@@ -364,8 +402,15 @@ impl SparseMatrix {
         &self.right[3 * self.n + self.rank..]
     }
 
-    fn solve_right(&mut self) {
-        let plan = self.plan.as_mut().expect("linearized before it is solved with");
+    fn solve_right(&mut self, parts: &Linearization, multipliers: bool) {
+        let plan = match &mut self.elimination {
+            Elimination::Forest(forest) => {
+                return forest.solve(&mut self.right, &parts.blocks, multipliers);
+            }
+            Elimination::General(plan) => {
+                plan.as_mut().expect("linearized before it is solved with")
+            }
+        };
         let lu = plan.lu.as_mut().expect("factored before it is solved with");
         if lu.growth() <= HARMLESS_GROWTH {
             lu.solve(&mut self.right);
@@ -375,5 +420,27 @@ impl SparseMatrix {
                 plan.fresh = plan.left;
             }
         }
+    }
+}
+
+impl Plan {
+    /// At a complete state, where the blocks are evaluated.
+    fn new(manifold: &Manifold, state: &State, blocks: &mut ReducedBlocks) -> Self {
+        // What vanishes by chance at this state does not at a generic one.
+        let mut nonzeros = Nonzeros::new(blocks);
+        let mut generic = state.clone();
+        for (round, x) in [&mut generic.q, &mut generic.v, &mut generic.a, &mut generic.lambda]
+            .into_iter()
+            .enumerate()
+        {
+            let here = x.clone();
+            disturb(&here, round as u32 + 1, x);
+        }
+        blocks.evaluate_system(manifold, &generic);
+        nonzeros.observe(blocks);
+        blocks.evaluate_system(manifold, state);
+        nonzeros.observe(blocks);
+        let pattern = InflatedPattern::new(manifold, &state.q, &nonzeros);
+        Self { nonzeros, pattern, lu: None, left: 0.0, fresh: f64::NAN }
     }
 }

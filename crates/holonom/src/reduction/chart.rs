@@ -3,9 +3,10 @@
 use super::body_rows::BodyRows;
 use super::parametrization::{Parametrization, Projection, largest_index};
 use super::relatives::Relatives;
+use super::square::Square;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, System};
-use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
+use holonom_linalg::{BlockForest, BlockMatrix};
 use std::sync::Arc;
 
 /// Enough to tell the smallest singular value from the next where the matrix is nearly singular.
@@ -19,8 +20,7 @@ const INVERSE_ITERATIONS: u32 = 4;
 #[derive(Debug, Clone)]
 pub struct Chart {
     parametrization: Parametrization,
-    pattern: SparsePattern,
-    values: Vec<f64>,
+    matrix: Square,
     /// (value of G, slot, scale) of every entry that can differ from zero.
     copies: Vec<(u32, u32, f64)>,
     row_scale: Vec<f64>,
@@ -28,13 +28,7 @@ pub struct Chart {
     /// Rows of P that move, and (value, slot, scale) of every entry.
     moving: BodyRows,
     moving_copies: Vec<(u32, u32, f64)>,
-    lu: SparseLu,
-    /// Room for several right-hand sides at a time is kept.
-    lanes: bool,
-    /// Solutions need refinement: the frozen pivots let numbers grow.
-    refine: bool,
     work: Vec<f64>,
-    probe: Vec<f64>,
     nonzero: Arc<[bool]>,
     /// Symbolic analyses made for this chart.
     analyses: u64,
@@ -43,17 +37,9 @@ pub struct Chart {
 /// What a configuration makes of a chart: numbers and factors, with their pivots.
 #[derive(Debug, Clone)]
 pub(super) struct Factors {
-    values: Vec<f64>,
+    matrix: Square,
     moving: BodyRows,
-    lu: SparseLu,
-    refine: bool,
 }
-
-/// Growth of numbers in the elimination that costs no digit worth a look.
-const HARMLESS_GROWTH: f64 = 1e3;
-/// Relative errors of a solution that are let pass, and that one refinement takes to round-off.
-const HARMLESS_ERROR: f64 = 1e-13;
-const REFINED_ERROR: f64 = 1e-8;
 
 fn scale_of(measure: Measure, length: f64) -> f64 {
     match measure {
@@ -121,7 +107,7 @@ impl Chart {
             Projection::Relative(_) => {}
         }
         let first_moving = entries.len();
-        let mut moving = BodyRows::new(system, &parametrization);
+        let moving = BodyRows::new(system, &parametrization);
         let scales: Vec<f64> = (0..moving.len())
             .map(|k| 1.0 / scale_of(parametrization.measure(system, k), length))
             .collect();
@@ -131,10 +117,9 @@ impl Chart {
             moving_sources.push((at, column_scale[column] * scales[k]));
         }
         row_scale.extend(scales);
-        let (pattern, slots) = SparsePattern::new(n, n, &entries);
-        let mut values = vec![0.0; pattern.len()];
+        let (mut matrix, slots) = Square::new(system, &entries);
         for (slot, x) in slots[constraint_entries..first_moving].iter().zip(constants) {
-            values[*slot] = x;
+            matrix.values[*slot] = x;
         }
         let copies: Vec<(u32, u32, f64)> = sources
             .into_iter()
@@ -146,31 +131,20 @@ impl Chart {
             .zip(&slots[first_moving..])
             .map(|((at, scale), &slot)| (at as u32, slot as u32, scale))
             .collect();
-        for &(at, slot, scale) in &copies {
-            values[slot as usize] = g.values()[at as usize] * scale;
-        }
-        moving.evaluate(system, &parametrization, q);
-        for &(at, slot, scale) in &moving_copies {
-            values[slot as usize] = moving.value(at as usize) * scale;
-        }
-        let lu = SparseLu::analyze(&pattern, &values).map_err(|e| singular(system, e))?;
-        Ok(Self {
+        let mut chart = Self {
             parametrization,
-            pattern,
-            values,
+            matrix,
             copies,
             row_scale,
             column_scale,
             moving,
             moving_copies,
-            lu,
-            lanes: false,
-            refine: false,
             work: vec![0.0; n],
-            probe: vec![0.0; n],
             nonzero: nonzero.clone(),
-            analyses: 1,
-        })
+            analyses: 0,
+        };
+        chart.refactor(system, q, g)?;
+        Ok(chart)
     }
 
     /// The chart of another parametrization of the same system, at a configuration `q` with Jacobian
@@ -227,8 +201,12 @@ impl Chart {
 
     /// Makes room for several right-hand sides at a time, for who solves for them in a step.
     pub fn reserve_lanes(&mut self) {
-        self.lanes = true;
-        self.lu.reserve_lanes();
+        self.matrix.reserve_lanes();
+    }
+
+    /// The shape of the forest, where the matrix has that.
+    pub fn forest(&self) -> Option<&Arc<BlockForest>> {
+        self.matrix.forest()
     }
 
     /// Which rows and coordinates are used.
@@ -260,21 +238,13 @@ impl Chart {
         g: &BlockMatrix,
     ) -> Result<(), EvaluationFailure> {
         for &(at, slot, scale) in &self.copies {
-            self.values[slot as usize] = g.values()[at as usize] * scale;
+            self.matrix.values[slot as usize] = g.values()[at as usize] * scale;
         }
         self.moving.evaluate(system, &self.parametrization, q);
         for &(at, slot, scale) in &self.moving_copies {
-            self.values[slot as usize] = self.moving.value(at as usize) * scale;
+            self.matrix.values[slot as usize] = self.moving.value(at as usize) * scale;
         }
-        if self.lu.refactor(&self.values).is_err() || !self.pivots_serve() {
-            self.analyses += 1;
-            self.refine = false;
-            self.lu =
-                SparseLu::analyze(&self.pattern, &self.values).map_err(|e| singular(system, e))?;
-            if self.lanes {
-                self.lu.reserve_lanes();
-            }
-        }
+        self.analyses += self.matrix.factor().map_err(|e| singular(system, e))?;
         Ok(())
     }
 
@@ -300,53 +270,21 @@ impl Chart {
         self.moving.multiply_transposed_many_add(1.0, moving, 1, x);
     }
 
-    /// Whether the frozen pivots solve accurately, where they let numbers grow: tried on the
-    /// right-hand side whose solution is one everywhere.
-    fn pivots_serve(&mut self) -> bool {
-        self.refine = false;
-        if self.lu.growth() <= HARMLESS_GROWTH {
-            return true;
-        }
-        self.probe.fill(1.0);
-        self.work.fill(0.0);
-        self.pattern.multiply_add(&self.values, 1.0, &self.probe, &mut self.work);
-        self.lu.solve(&mut self.work);
-        let error = self.work.iter().fold(0.0f64, |m, x| m.max((x - 1.0).abs()));
-        self.refine = error > HARMLESS_ERROR;
-        error <= REFINED_ERROR
-    }
-
-    fn solve_work(&mut self) {
-        if self.refine {
-            self.lu.solve_refined(&self.pattern, &self.values, &mut self.work);
-        } else {
-            self.lu.solve(&mut self.work);
-        }
-    }
-
     /// A copy of the factors at hand.
     pub(super) fn factors(&self) -> Factors {
-        let Self { values, moving, lu, refine, .. } = self.clone();
-        Factors { values, moving, lu, refine }
+        Factors { matrix: self.matrix.clone(), moving: self.moving.clone() }
     }
 
     /// Exchanges the factors at hand for others of this chart.
     pub(super) fn exchange(&mut self, other: &mut Factors) {
-        std::mem::swap(&mut self.values, &mut other.values);
+        std::mem::swap(&mut self.matrix, &mut other.matrix);
         std::mem::swap(&mut self.moving, &mut other.moving);
-        std::mem::swap(&mut self.lu, &mut other.lu);
-        std::mem::swap(&mut self.refine, &mut other.refine);
     }
 
     /// Takes over the numbers of another chart of the same parametrization.
     pub fn copy_from(&mut self, other: &Self) {
         self.moving.copy_from(&other.moving);
-        self.values.copy_from_slice(&other.values);
-        // Factoring again allocates nothing; a copy of the factors would.
-        if self.lu.refactor(&self.values).is_err() || !self.pivots_serve() {
-            self.lu = other.lu.clone();
-            self.refine = other.refine;
-        }
+        self.matrix.copy_from(&other.matrix);
     }
 
     /// x = S r + D p: solves [G; P] x = [r; p]. `rows` has all m rows; dropped ones are not read.
@@ -358,7 +296,7 @@ impl Chart {
         for (k, &value) in p.iter().enumerate() {
             self.work[rank + k] = value * self.row_scale[rank + k];
         }
-        self.solve_work();
+        self.matrix.solve(&mut self.work);
         for ((out, y), scale) in x.iter_mut().zip(&self.work).zip(&self.column_scale) {
             *out = y * scale;
         }
@@ -370,7 +308,7 @@ impl Chart {
         for ((y, x), scale) in self.work.iter_mut().zip(x).zip(&self.column_scale) {
             *y = x * scale;
         }
-        self.lu.solve_transposed(&mut self.work);
+        self.matrix.solve_transposed_many(&mut self.work, 1);
         rows.fill(0.0);
         for (k, &row) in self.parametrization.kept.iter().enumerate() {
             rows[row] = self.work[k] * self.row_scale[k];
@@ -383,11 +321,11 @@ impl Chart {
     /// D, n×ndof by rows, into `d`.
     pub fn null_space(&mut self, d: &mut [f64]) {
         let (rank, ndof) = (self.parametrization.kept.len(), self.ndof());
-        if self.refine {
+        if self.matrix.refines() {
             for k in 0..ndof {
                 self.work.fill(0.0);
                 self.work[rank + k] = self.row_scale[rank + k];
-                self.solve_work();
+                self.matrix.solve(&mut self.work);
                 for ((row, y), scale) in
                     d.chunks_exact_mut(ndof).zip(&self.work).zip(&self.column_scale)
                 {
@@ -400,7 +338,7 @@ impl Chart {
         for k in 0..ndof {
             d[(rank + k) * ndof + k] = self.row_scale[rank + k];
         }
-        self.lu.solve_many(d, ndof);
+        self.matrix.solve_many(d, ndof);
         for (row, scale) in d.chunks_exact_mut(ndof.max(1)).zip(&self.column_scale) {
             row.iter_mut().for_each(|x| *x *= scale);
         }
@@ -429,7 +367,7 @@ impl Chart {
                 *out = r * scale;
             }
         }
-        self.lu.solve_many(x, k);
+        self.matrix.solve_many(x, k);
         for (row, scale) in x.chunks_exact_mut(k).zip(&self.column_scale) {
             row.iter_mut().for_each(|v| *v *= scale);
         }
@@ -444,7 +382,7 @@ impl Chart {
         for (row, scale) in x.chunks_exact_mut(ndof).zip(&self.column_scale) {
             row.iter_mut().for_each(|v| *v *= scale);
         }
-        self.lu.solve_transposed_many(x, ndof);
+        self.matrix.solve_transposed_many(x, ndof);
         for (row, scale) in x.chunks_exact_mut(ndof).zip(&self.row_scale) {
             row.iter_mut().for_each(|v| *v *= scale);
         }
@@ -457,7 +395,7 @@ impl Chart {
 
     /// Estimate of the condition number of the scaled matrix, 1-norm.
     pub fn condition(&mut self) -> f64 {
-        self.lu.condition_estimate(&self.pattern, &self.values)
+        self.matrix.condition()
     }
 
     /// Row and coordinate with the largest part in the singular vectors of the smallest singular
@@ -466,10 +404,10 @@ impl Chart {
         let mut row = None;
         self.work.fill(1.0);
         for _ in 0..INVERSE_ITERATIONS {
-            self.lu.solve_transposed(&mut self.work);
+            self.matrix.solve_transposed_many(&mut self.work, 1);
             row = Some(largest_index(&self.work[..self.parametrization.kept.len()]));
             normalize(&mut self.work);
-            self.lu.solve(&mut self.work);
+            self.matrix.solve(&mut self.work);
             normalize(&mut self.work);
         }
         (row.and_then(|k| self.parametrization.kept.get(k).copied()), largest_index(&self.work))
@@ -477,12 +415,12 @@ impl Chart {
 
     /// Entries stored in the factors.
     pub fn fill(&self) -> usize {
-        self.lu.fill()
+        self.matrix.fill()
     }
 
     /// Sign of det [G; P].
     pub fn determinant_sign(&self) -> f64 {
-        self.lu.determinant_sign()
+        self.matrix.determinant_sign()
     }
 }
 

@@ -13,6 +13,7 @@ mod recent;
 mod redundant;
 mod relatives;
 mod saddle;
+mod square;
 mod structural;
 mod tangent_plane;
 mod tree;

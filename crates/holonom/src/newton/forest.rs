@@ -1,0 +1,783 @@
+//! The inflated matrix of a tree of bodies, eliminated body by body from the leaves inwards.
+
+use super::blocks::ReducedBlocks;
+use super::small::{
+    Square, add_own_times, add_product, add_times, add_transposed_product, add_transposed_times,
+    factor, inverse, product, scaled, solve,
+};
+use super::sparse_pattern::Sum;
+use crate::reduction::{BodyRows, Manifold, Projection};
+use crate::system::Structure;
+use holonom_linalg::{BlockForest, BlockMatrix, Complex64, Scalar, SingularMatrix};
+use std::sync::Arc;
+
+/// Growth of numbers in the elimination of a body that leaves nine digits; beyond it another order of pivots
+/// is needed.
+const LARGEST_GROWTH: f64 = 1e-9 / f64::EPSILON;
+
+/// Elimination for bodies in a plane or in space.
+#[derive(Debug, Clone)]
+pub(super) enum ForestElimination {
+    Planar(Box<Elimination<3>>),
+    Spatial(Box<Elimination<7>>),
+}
+
+/// What one body has of the matrix and of its factors:
+///
+/// ```text
+/// w = 𝒯 w_p + ℬ ρ + g      H w + L w_p + Eᵀλ̃ = φ      w = (x, y, a)
+/// ```
+///
+/// with the subscript p for the parent, E and F the body's rows of G̃, T = −E⁻¹F, and λ̃ = 0 in the rows of P.
+/// Equations: `docs/theory/newton.md` (15)-(21).
+#[derive(Debug, Clone)]
+pub(super) struct Elimination<const N: usize> {
+    plan: Arc<Plan>,
+    /// E and F, and in the same places Ã₀ and Ã₁.
+    joints: Vec<f64>,
+    a0: Vec<f64>,
+    a1: Vec<f64>,
+    motions: Vec<Motion<N>>,
+    columns: Vec<Column<N>>,
+    real: Numbers<f64, N>,
+    complex: Option<Numbers<Complex64, N>>,
+}
+
+/// Places, found once.
+#[derive(Debug)]
+struct Plan {
+    forest: Arc<BlockForest>,
+    /// (value of G, A₀ or A₁; slot), (value of the moving rows, slot), (constant, slot).
+    jacobian: Vec<(u32, u32)>,
+    moving: Vec<(u32, u32)>,
+    constants: Vec<(f64, u32)>,
+    /// First values of the blocks of K and C (b, b), (b, p), (p, b); none is `usize::MAX`.
+    blocks: Vec<[usize; 3]>,
+    /// Blocks of M: body, first row and column in it, order, first value.
+    masses: Vec<[usize; 4]>,
+    /// First of the independent variables of each body, in a numbering of their own, and one more.
+    first: Vec<usize>,
+    /// First value of each body's factors of order of its independent variables.
+    pivots: Vec<usize>,
+    /// Extra states, and the child of their two bodies.
+    extra: Vec<Extra>,
+}
+
+/// An extra state and its bodies.
+#[derive(Debug, Clone, Copy)]
+struct Extra {
+    state: usize,
+    bodies: [Option<usize>; 2],
+    child: usize,
+}
+
+/// How a body follows its parent, apart from its independent variables and from the step: E⁻¹, T, and with
+/// Q₀ = E⁻¹Ã₀, Q₁ = E⁻¹Ã₁ of the body and Q₀ₚ, Q₁ₚ of its parent α = −(Q₀T + Q₀ₚ), κ = −(Q₁T + Q₁ₚ), μ = −Q₀α.
+#[derive(Debug, Clone)]
+struct Motion<const N: usize> {
+    inverse: Square<f64, N>,
+    t: Square<f64, N>,
+    q0: Square<f64, N>,
+    q1: Square<f64, N>,
+    alpha: Square<f64, N>,
+    kappa: Square<f64, N>,
+    mu: Square<f64, N>,
+}
+
+/// What an independent variable does: its column of E⁻¹, b, with −Q₀b, −Q₁b and Q₀Q₀b.
+#[derive(Debug, Clone)]
+struct Column<const N: usize> {
+    b: [f64; N],
+    alpha: [f64; N],
+    kappa: [f64; N],
+    mu: [f64; N],
+}
+
+/// Coefficients of a step, and the factors for them.
+#[derive(Debug, Clone)]
+struct Numbers<T, const N: usize> {
+    gamma_h: T,
+    beta_h2: T,
+    ratio: T,
+    /// H of the three levels.
+    h: Vec<[Square<T, N>; 3]>,
+    /// Ψ of each body, factored, with its row exchanges.
+    psi: Vec<T>,
+    exchanges: Vec<u8>,
+    /// Per independent variable: its row of Z = Ψ⁻¹BᵀA, and its column of V.
+    z: Vec<[[T; N]; 3]>,
+    v: Vec<[T; N]>,
+    /// K (b, p), C (b, p), K (p, b), C (p, b), scaled, where extra states add to them; else none.
+    extra: Vec<[Square<T, N>; 4]>,
+    /// φ, w and r of a solution.
+    phi: Vec<[T; N]>,
+    w: Vec<[[T; N]; 3]>,
+    r: Vec<T>,
+}
+
+const NONE: usize = usize::MAX;
+
+impl Plan {
+    fn new(manifold: &Manifold, forest: &Arc<BlockForest>) -> Option<Self> {
+        let (structure, chart) = (manifold.system().structure(), manifold.chart());
+        let (n, count) = (structure.sizes.per_body, structure.sizes.bodies);
+        let parametrization = chart.parametrization();
+        let rank = parametrization.kept.len();
+        let mut masses = Vec::new();
+        let mut offset = 0;
+        for (row, column, rows, columns) in structure.mass_pattern.shapes() {
+            let inside = row / n == (row + rows - 1) / n;
+            if !inside || (row, rows) != (column, columns) {
+                return None;
+            }
+            masses.push([row / n, row % n, rows, offset]);
+            offset += rows * columns;
+        }
+        let mut blocks = vec![[NONE; 3]; count];
+        let mut offset = 0;
+        for (row, column, rows, columns) in structure.stiffness_pattern.shapes() {
+            if (rows, columns, row % n, column % n) != (n, n, 0, 0) {
+                return None;
+            }
+            let (i, j) = (row / n, column / n);
+            let (block, at) = match (i == j, forest.parent(i) == Some(j)) {
+                (true, _) => (i, 0),
+                (false, true) => (i, 1),
+                (false, false) if forest.parent(j) == Some(i) => (j, 2),
+                _ => return None,
+            };
+            blocks[block][at] = offset;
+            offset += rows * columns;
+        }
+        let mut position = vec![None; structure.sizes.rows];
+        for (k, &row) in parametrization.kept.iter().enumerate() {
+            position[row] = Some(k);
+        }
+        let slot = |row: usize, column: usize| forest.slot(row, column) as u32;
+        let jacobian = structure.constraint_pattern.entries(0, 0).into_iter().enumerate();
+        let jacobian = jacobian
+            .filter_map(|(at, (row, column))| {
+                let row = position[row]?;
+                // What cannot differ from zero may lie elsewhere.
+                let (block, own) = (forest.place(row).0, column / n);
+                let inside = own == block || forest.parent(block) == Some(own);
+                inside.then(|| (at as u32, slot(row, column)))
+            })
+            .collect();
+        let linear = parametrization.linear();
+        let moving = chart.moving().entries();
+        let moving = moving.map(|(at, row, column)| (at as u32, slot(rank + linear + row, column)));
+        let mut constants = Vec::new();
+        match &parametrization.projection {
+            Projection::Selection(independent) => {
+                let entries = independent.iter().enumerate();
+                constants.extend(entries.map(|(k, &i)| (1.0, slot(rank + k, i))));
+            }
+            Projection::Basis(rows) => {
+                for (k, row) in rows.chunks_exact(count * n).enumerate() {
+                    let entries = row.iter().enumerate().filter(|(_, x)| **x != 0.0);
+                    constants.extend(entries.map(|(i, &x)| (x, slot(rank + k, i))));
+                }
+            }
+            Projection::Relative(_) => {}
+        }
+        let (mut first, mut pivots) = (vec![0], vec![0]);
+        for block in 0..count {
+            // Rows of a block ascend: those of P come last.
+            let free = forest.rows(block).iter().filter(|row| **row as usize >= rank).count();
+            first.push(first[block] + free);
+            pivots.push(pivots[block] + free * free);
+        }
+        let mut extra = Vec::new();
+        for (state, ends) in structure.extra_bodies.iter().enumerate() {
+            let child = match *ends {
+                [Some(a), Some(b)] if forest.parent(a) == Some(b) => a,
+                [Some(a), Some(b)] if forest.parent(b) == Some(a) => b,
+                [Some(a), None] | [None, Some(a)] => a,
+                _ => return None,
+            };
+            extra.push(Extra { state, bodies: *ends, child });
+        }
+        let moving = moving.collect();
+        let forest = forest.clone();
+        Some(Self { forest, jacobian, moving, constants, blocks, masses, first, pivots, extra })
+    }
+
+    fn free(&self, block: usize) -> std::ops::Range<usize> {
+        self.first[block]..self.first[block + 1]
+    }
+}
+
+impl ForestElimination {
+    /// For the manifold's present parametrization, if the bodies form a forest in which forces couple
+    /// neighbours only.
+    pub(super) fn new(manifold: &Manifold) -> Option<Self> {
+        let plan = Arc::new(Plan::new(manifold, manifold.chart().forest()?)?);
+        Some(match plan.forest.size() {
+            3 => Self::Planar(Box::new(Elimination::new(plan))),
+            _ => Self::Spatial(Box::new(Elimination::new(plan))),
+        })
+    }
+
+    /// Takes the rows of joints and of P with their derivatives.
+    pub(super) fn linearize(
+        &mut self,
+        jacobian: &[f64],
+        moving: &BodyRows,
+        blocks: &ReducedBlocks,
+    ) -> Result<(), SingularMatrix> {
+        match self {
+            Self::Planar(elimination) => elimination.linearize(jacobian, moving, blocks),
+            Self::Spatial(elimination) => elimination.linearize(jacobian, moving, blocks),
+        }
+    }
+
+    /// Factors for real coefficients.
+    pub(super) fn factor(
+        &mut self,
+        structure: &Structure,
+        sum: &Sum<'_, f64>,
+    ) -> Result<(), SingularMatrix> {
+        match self {
+            Self::Planar(elimination) => elimination.factor(structure, sum),
+            Self::Spatial(elimination) => elimination.factor(structure, sum),
+        }
+    }
+
+    /// Factors for complex ones, beside the real factor.
+    pub(super) fn factor_complex(
+        &mut self,
+        structure: &Structure,
+        sum: &Sum<'_, Complex64>,
+    ) -> Result<(), SingularMatrix> {
+        match self {
+            Self::Planar(elimination) => elimination.factor_complex(structure, sum),
+            Self::Spatial(elimination) => elimination.factor_complex(structure, sum),
+        }
+    }
+
+    /// Solves in place for the right-hand sides f₁, f₂, f₃, f₄; the solution is x, y, a and below them the
+    /// multipliers and ρ. Multipliers only if `multipliers`.
+    pub(super) fn solve(&mut self, right: &mut [f64], blocks: &ReducedBlocks, multipliers: bool) {
+        match self {
+            Self::Planar(elimination) => elimination.solve(right, blocks, multipliers),
+            Self::Spatial(elimination) => elimination.solve(right, blocks, multipliers),
+        }
+    }
+
+    /// The same with the complex factor, without multipliers.
+    pub(super) fn solve_complex(&mut self, right: &mut [Complex64], blocks: &ReducedBlocks) {
+        match self {
+            Self::Planar(elimination) => elimination.solve_complex(right, blocks),
+            Self::Spatial(elimination) => elimination.solve_complex(right, blocks),
+        }
+    }
+}
+
+impl<const N: usize> Elimination<N> {
+    fn new(plan: Arc<Plan>) -> Self {
+        let (count, free) = (plan.forest.len(), plan.first[plan.forest.len()]);
+        let zero = [[0.0; N]; N];
+        let motion = Motion {
+            inverse: zero,
+            t: zero,
+            q0: zero,
+            q1: zero,
+            alpha: zero,
+            kappa: zero,
+            mu: zero,
+        };
+        let column = Column { b: [0.0; N], alpha: [0.0; N], kappa: [0.0; N], mu: [0.0; N] };
+        let values = plan.forest.values();
+        Self {
+            joints: vec![0.0; values],
+            a0: vec![0.0; values],
+            a1: vec![0.0; values],
+            motions: vec![motion; count],
+            columns: vec![column; free],
+            real: Numbers::new(&plan),
+            complex: None,
+            plan,
+        }
+    }
+
+    fn linearize(
+        &mut self,
+        jacobian: &[f64],
+        moving: &BodyRows,
+        blocks: &ReducedBlocks,
+    ) -> Result<(), SingularMatrix> {
+        let plan = &*self.plan;
+        let derivatives = &blocks.blocks;
+        let sources = [
+            (&mut self.joints, jacobian, moving.values()),
+            (&mut self.a0, derivatives.a0.values(), blocks.turning.values()),
+            (&mut self.a1, derivatives.a1.values(), blocks.turning_rate.values()),
+        ];
+        for (to, jacobian, moving) in sources {
+            for &(at, slot) in &plan.jacobian {
+                to[slot as usize] = jacobian[at as usize];
+            }
+            for &(at, slot) in &plan.moving {
+                to[slot as usize] = moving[at as usize];
+            }
+        }
+        for &(x, slot) in &plan.constants {
+            self.joints[slot as usize] = x;
+        }
+        for (block, motion) in self.motions.iter_mut().enumerate() {
+            let at = |values: &[f64], side: usize| -> Square<f64, N> {
+                let (rows, _) = values.as_chunks::<N>();
+                *rows[(2 * block + side) * N..].first_chunk().expect("N rows")
+            };
+            let e = at(&self.joints, 0);
+            let Some(inverse) = inverse(&e) else {
+                let row = plan.forest.rows(block)[0] as usize;
+                return Err(SingularMatrix { row, column: block * N, pivot: 0.0 });
+            };
+            let minus = scaled(-1.0, &inverse);
+            motion.inverse = inverse;
+            motion.q0 = product(&inverse, &at(&self.a0, 0));
+            motion.q1 = product(&inverse, &at(&self.a1, 0));
+            if plan.forest.parent(block).is_some() {
+                motion.t = product(&minus, &at(&self.joints, 1));
+                motion.alpha = product(&minus, &at(&self.a0, 1));
+                add_product(&mut motion.alpha, &scaled(-1.0, &motion.q0), &motion.t);
+                motion.kappa = product(&minus, &at(&self.a1, 1));
+                add_product(&mut motion.kappa, &scaled(-1.0, &motion.q1), &motion.t);
+                motion.mu = product(&scaled(-1.0, &motion.q0), &motion.alpha);
+            }
+            let free = plan.free(block);
+            let k = free.len();
+            for (c, column) in self.columns[free].iter_mut().enumerate() {
+                column.b = std::array::from_fn(|i| inverse[i][N - k + c]);
+                (column.alpha, column.kappa, column.mu) = ([0.0; N], [0.0; N], [0.0; N]);
+                add_times(&mut column.alpha, -1.0, &motion.q0, &column.b);
+                add_times(&mut column.kappa, -1.0, &motion.q1, &column.b);
+                add_times(&mut column.mu, -1.0, &motion.q0, &column.alpha);
+            }
+        }
+        Ok(())
+    }
+
+    fn factor(&mut self, structure: &Structure, sum: &Sum<'_, f64>) -> Result<(), SingularMatrix> {
+        let growth = self.real.factor(&self.plan, &self.motions, &self.columns, structure, sum)?;
+        match growth {
+            (size, _) if size <= LARGEST_GROWTH => Ok(()),
+            (size, block) => {
+                let row = self.plan.forest.rows(block)[N - 1] as usize;
+                Err(SingularMatrix { row, column: block * N, pivot: 1.0 / size })
+            }
+        }
+    }
+
+    fn factor_complex(
+        &mut self,
+        structure: &Structure,
+        sum: &Sum<'_, Complex64>,
+    ) -> Result<(), SingularMatrix> {
+        let numbers = self.complex.get_or_insert_with(|| Numbers::new(&self.plan));
+        numbers.factor(&self.plan, &self.motions, &self.columns, structure, sum).map(|_| ())
+    }
+
+    fn solve(&mut self, right: &mut [f64], blocks: &ReducedBlocks, multipliers: bool) {
+        let Self { plan, motions, columns, real, .. } = self;
+        real.solve(plan, motions, columns, right, blocks, multipliers);
+    }
+
+    fn solve_complex(&mut self, right: &mut [Complex64], blocks: &ReducedBlocks) {
+        let Self { plan, motions, columns, complex, .. } = self;
+        let numbers = complex.as_mut().expect("factored before");
+        numbers.solve(plan, motions, columns, right, blocks, false);
+    }
+}
+
+/// The block of `matrix` with this first value, times a number; zero where there is none.
+#[inline(always)]
+fn block<T: Scalar, const N: usize>(matrix: &BlockMatrix, at: usize, scale: T) -> Square<T, N> {
+    if at == NONE {
+        return [[T::ZERO; N]; N];
+    }
+    let values = &matrix.values()[at..at + N * N];
+    std::array::from_fn(|i| std::array::from_fn(|j| scale.scaled(values[i * N + j])))
+}
+
+impl<T: Scalar, const N: usize> Numbers<T, N> {
+    fn new(plan: &Plan) -> Self {
+        let (count, free) = (plan.forest.len(), plan.first[plan.forest.len()]);
+        let zero = [[T::ZERO; N]; N];
+        Self {
+            gamma_h: T::ZERO,
+            beta_h2: T::ZERO,
+            ratio: T::ZERO,
+            h: vec![[zero; 3]; count],
+            psi: vec![T::ZERO; plan.pivots[count]],
+            exchanges: vec![0; free],
+            z: vec![[[T::ZERO; N]; 3]; free],
+            v: vec![[T::ZERO; N]; free],
+            extra: vec![[zero; 4]; if plan.extra.is_empty() { 0 } else { count }],
+            phi: vec![[T::ZERO; N]; count],
+            w: vec![[[T::ZERO; N]; 3]; count],
+            r: vec![T::ZERO; free],
+        }
+    }
+
+    /// K and C between a body and its parent, scaled: (b, p) or (p, b).
+    #[inline(always)]
+    fn coupling(
+        &self,
+        plan: &Plan,
+        b: usize,
+        upper: bool,
+        blocks: &ReducedBlocks,
+    ) -> Option<[Square<T, N>; 2]> {
+        let at = plan.blocks[b][if upper { 2 } else { 1 }];
+        if at == NONE && self.extra.is_empty() {
+            return None;
+        }
+        let mut out = [
+            block(&blocks.blocks.stiffness, at, self.beta_h2),
+            block(&blocks.blocks.damping, at, self.gamma_h),
+        ];
+        if let Some(extra) = self.extra.get(b) {
+            let from = if upper { 2 } else { 0 };
+            for (out, extra) in out.iter_mut().zip(&extra[from..]) {
+                for i in 0..N {
+                    for j in 0..N {
+                        out[i][j] = out[i][j] + extra[i][j];
+                    }
+                }
+            }
+        }
+        Some(out)
+    }
+
+    /// F_z E⁻¹ g_q and F_z E⁻¹ g_q̇ into H and the couplings.
+    fn add_extra_states(&mut self, plan: &Plan, structure: &Structure, sum: &Sum<'_, T>) {
+        let per_body = structure.sizes.per_body;
+        let b = &sum.blocks.blocks;
+        self.extra.fill([[[T::ZERO; N]; N]; 4]);
+        for Extra { state, bodies, child } in &plan.extra {
+            let scale = sum.gamma_h * sum.inverse_e[*state];
+            let part =
+                |values: &[f64], side: usize, i: usize| values[(2 * state + side) * per_body + i];
+            for (side, row) in bodies.iter().enumerate() {
+                for (other, column) in bodies.iter().enumerate() {
+                    let (Some(row), Some(column)) = (row, column) else { continue };
+                    for (level, rates, power) in
+                        [(0, &b.extra_position, sum.beta_h2), (1, &b.extra_velocity, sum.gamma_h)]
+                    {
+                        let to = match (row == column, row == child) {
+                            (true, _) => &mut self.h[*row][level],
+                            (false, true) => &mut self.extra[*child][level],
+                            (false, false) => &mut self.extra[*child][2 + level],
+                        };
+                        for i in 0..N {
+                            let force = (scale * power).scaled(part(&b.force_extra, side, i));
+                            for j in 0..N {
+                                to[i][j] = to[i][j] + force.scaled(part(rates, other, j));
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// βh² κ + (βh²/γh) 2γh μ: what a does with x of the parent.
+    #[inline(always)]
+    fn bend(&self, motion: &Motion<N>) -> Square<T, N> {
+        let twice = (self.gamma_h * self.ratio).scaled(2.0);
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                self.beta_h2.scaled(motion.kappa[i][j]) + twice.scaled(motion.mu[i][j])
+            })
+        })
+    }
+
+    /// A column of ℬ.
+    #[inline(always)]
+    fn column(&self, c: &Column<N>) -> [[T; N]; 3] {
+        let twice = self.gamma_h.scaled(2.0);
+        let both = twice * self.ratio;
+        [
+            std::array::from_fn(|i| T::from(c.b[i])),
+            std::array::from_fn(|i| T::from(c.b[i]) + self.ratio.scaled(c.alpha[i])),
+            std::array::from_fn(|i| {
+                T::from(c.b[i])
+                    + twice.scaled(c.alpha[i])
+                    + self.beta_h2.scaled(c.kappa[i])
+                    + both.scaled(c.mu[i])
+            }),
+        ]
+    }
+
+    /// Eliminates children before parents; returns the largest growth of numbers and the body it was at.
+    fn factor(
+        &mut self,
+        plan: &Plan,
+        motions: &[Motion<N>],
+        columns: &[Column<N>],
+        structure: &Structure,
+        sum: &Sum<'_, T>,
+    ) -> Result<(f64, usize), SingularMatrix> {
+        (self.gamma_h, self.beta_h2, self.ratio) = (sum.gamma_h, sum.beta_h2, sum.ratio);
+        let b = &sum.blocks.blocks;
+        for (h, at) in self.h.iter_mut().zip(&plan.blocks) {
+            *h = [
+                block(&b.stiffness, at[0], sum.beta_h2),
+                block(&b.damping, at[0], sum.gamma_h),
+                [[T::ZERO; N]; N],
+            ];
+        }
+        for &[body, first, order, at] in &plan.masses {
+            let values = &sum.mass.values()[at..at + order * order];
+            for (i, row) in values.chunks_exact(order).enumerate() {
+                for (j, x) in row.iter().enumerate() {
+                    self.h[body][2][first + i][first + j] = T::from(*x);
+                }
+            }
+        }
+        if !plan.extra.is_empty() {
+            self.add_extra_states(plan, structure, sum);
+        }
+        let twice = self.gamma_h.scaled(2.0);
+        let mut growth = (0.0f64, 0);
+        for body in plan.forest.order().rev() {
+            let motion = &motions[body];
+            let free = plan.free(body);
+            let k = free.len();
+            let h = &self.h[body];
+            let parent = plan.forest.parent(body);
+            // A = H 𝒯 + L
+            let mut a = [[[T::ZERO; N]; N]; 3];
+            if parent.is_some() {
+                let bend = self.bend(motion);
+                let (turned, twice_a) = (scaled(self.ratio, &h[1]), scaled(twice, &h[2]));
+                for level in 0..3 {
+                    add_product(&mut a[level], &h[level], &motion.t);
+                }
+                add_product(&mut a[0], &turned, &motion.alpha);
+                add_product(&mut a[1], &twice_a, &motion.alpha);
+                for i in 0..N {
+                    for l in 0..N {
+                        for j in 0..N {
+                            a[0][i][j] = a[0][i][j] + h[2][i][l] * bend[l][j];
+                        }
+                    }
+                }
+                if let Some(lower) = self.coupling(plan, body, false, sum.blocks) {
+                    for (a, lower) in a.iter_mut().zip(&lower) {
+                        for i in 0..N {
+                            for j in 0..N {
+                                a[i][j] = a[i][j] + lower[i][j];
+                            }
+                        }
+                    }
+                }
+            }
+            let upper = parent.and_then(|_| self.coupling(plan, body, true, sum.blocks));
+            // Ψ = BᵀHℬ, Z before the solution, V = Uℬ + TᵀHℬ
+            let psi = plan.pivots[body]..plan.pivots[body + 1];
+            let mut sizes = [0.0f64; N];
+            for (c, at) in free.clone().enumerate() {
+                let levels = self.column(&columns[at]);
+                let mut force = [T::ZERO; N];
+                let mut size = [0.0f64; N];
+                for (h, x) in self.h[body].iter().zip(&levels) {
+                    add_own_times(&mut force, h, x);
+                    for i in 0..N {
+                        size[i] = (0..N).fold(size[i], |s, j| s + h[i][j].size() * x[j].size());
+                    }
+                }
+                for (r, row) in free.clone().enumerate() {
+                    let b = &columns[row].b;
+                    let entry = (0..N).fold(T::ZERO, |s, i| s + force[i].scaled(b[i]));
+                    self.psi[psi.start + r * k + c] = entry;
+                }
+                let b = &columns[at].b;
+                sizes[c] = (0..N).fold(0.0, |s, i| s + size[i] * b[i].abs());
+                let z = &mut self.z[at];
+                for (z, a) in z.iter_mut().zip(&a) {
+                    *z = [T::ZERO; N];
+                    for i in 0..N {
+                        for j in 0..N {
+                            z[j] = z[j] + a[i][j].scaled(b[i]);
+                        }
+                    }
+                }
+                let v = &mut self.v[at];
+                *v = [T::ZERO; N];
+                add_transposed_times(v, &motion.t, &force);
+                if let Some(upper) = &upper {
+                    for (u, x) in upper.iter().zip(&levels) {
+                        add_own_times(v, u, x);
+                    }
+                }
+            }
+            let (factors, exchanges) = (&mut self.psi[psi], &mut self.exchanges[free.clone()]);
+            let here = factor(factors, exchanges, k, &sizes).map_err(|c| SingularMatrix {
+                row: plan.forest.rows(body)[N - k + c] as usize,
+                column: body * N,
+                pivot: 0.0,
+            })?;
+            if here > growth.0 {
+                growth = (here, body);
+            }
+            for level in 0..3 {
+                for j in 0..N {
+                    let z = &mut self.z[free.clone()];
+                    solve(factors, exchanges, k, &mut (z, level, j), |(z, level, j), c| {
+                        &mut z[c][*level][*j]
+                    });
+                }
+            }
+            // What it adds to its parent: U 𝒯 + TᵀA − V Z.
+            let Some(parent) = parent else { continue };
+            let to = &mut self.h[parent];
+            for level in 0..3 {
+                add_transposed_product(&mut to[level], &motion.t, &a[level]);
+                for at in free.clone() {
+                    let (v, z) = (&self.v[at], &self.z[at][level]);
+                    for i in 0..N {
+                        for j in 0..N {
+                            to[level][i][j] = to[level][i][j] - v[i] * z[j];
+                        }
+                    }
+                }
+            }
+            if let Some([stiff, damped]) = &upper {
+                add_product(&mut to[0], stiff, &motion.t);
+                add_product(&mut to[0], &scaled(self.ratio, damped), &motion.alpha);
+                add_product(&mut to[1], damped, &motion.t);
+            }
+        }
+        Ok(growth)
+    }
+
+    fn solve(
+        &mut self,
+        plan: &Plan,
+        motions: &[Motion<N>],
+        columns: &[Column<N>],
+        right: &mut [T],
+        blocks: &ReducedBlocks,
+        multipliers: bool,
+    ) {
+        let n = plan.forest.len() * N;
+        let given = right[..3 * n].iter().any(|x| x.size() != 0.0);
+        let twice = self.gamma_h.scaled(2.0);
+        let one = T::from(1.0);
+        for (body, phi) in self.phi.iter_mut().enumerate() {
+            *phi = std::array::from_fn(|i| right[3 * n + body * N + i]);
+        }
+        for body in plan.forest.order().rev() {
+            let motion = &motions[body];
+            let free = plan.free(body);
+            let parent = plan.forest.parent(body);
+            let mut g = [[T::ZERO; N]; 3];
+            let mut phi = self.phi[body];
+            if given {
+                let rows = plan.forest.rows(body);
+                for (level, g) in g.iter_mut().enumerate() {
+                    let f: [T; N] = std::array::from_fn(|i| right[level * n + rows[i] as usize]);
+                    add_times(g, one, &motion.inverse, &f);
+                }
+                let [x, y, a] = &mut g;
+                add_times(y, self.ratio.scaled(-1.0), &motion.q0, x);
+                add_times(a, self.beta_h2.scaled(-1.0), &motion.q1, x);
+                add_times(a, twice.scaled(-1.0), &motion.q0, y);
+                for (h, g) in self.h[body].iter().zip(&g) {
+                    let minus: [T; N] = std::array::from_fn(|i| g[i].scaled(-1.0));
+                    add_own_times(&mut phi, h, &minus);
+                }
+            }
+            for (at, column) in free.clone().zip(&columns[free.clone()]) {
+                self.r[at] = (0..N).fold(T::ZERO, |s, i| s + phi[i].scaled(column.b[i]));
+            }
+            let psi = &self.psi[plan.pivots[body]..plan.pivots[body + 1]];
+            let exchanges = &self.exchanges[free.clone()];
+            let mut r = &mut self.r[free.clone()];
+            solve(psi, exchanges, free.len(), &mut r, |r, c| &mut r[c]);
+            if let Some(parent) = parent {
+                let mut add = [T::ZERO; N];
+                add_transposed_times(&mut add, &motion.t, &phi);
+                for at in free {
+                    for i in 0..N {
+                        add[i] = add[i] - self.v[at][i] * self.r[at];
+                    }
+                }
+                if given && let Some(upper) = self.coupling(plan, body, true, blocks) {
+                    for (u, g) in upper.iter().zip(&g) {
+                        let minus: [T; N] = std::array::from_fn(|i| g[i].scaled(-1.0));
+                        add_own_times(&mut add, u, &minus);
+                    }
+                }
+                for (phi, add) in self.phi[parent].iter_mut().zip(add) {
+                    *phi = *phi + add;
+                }
+            }
+            self.w[body] = g;
+        }
+        for body in plan.forest.order() {
+            let motion = &motions[body];
+            let free = plan.free(body);
+            let mut w = self.w[body];
+            let parent = plan.forest.parent(body);
+            if let Some(parent) = parent {
+                let above = self.w[parent];
+                for at in free.clone() {
+                    let terms = self.z[at].iter().zip(&above);
+                    self.r[at] =
+                        terms.fold(self.r[at], |r, (z, w)| (0..N).fold(r, |r, j| r - z[j] * w[j]));
+                }
+                for (w, above) in w.iter_mut().zip(&above) {
+                    add_times(w, one, &motion.t, above);
+                }
+                let both = twice * self.ratio;
+                add_times(&mut w[1], self.ratio, &motion.alpha, &above[0]);
+                add_times(&mut w[2], twice, &motion.alpha, &above[1]);
+                add_times(&mut w[2], self.beta_h2, &motion.kappa, &above[0]);
+                add_times(&mut w[2], both, &motion.mu, &above[0]);
+            }
+            for at in free.clone() {
+                for (w, x) in w.iter_mut().zip(&self.column(&columns[at])) {
+                    for i in 0..N {
+                        w[i] = w[i] + x[i] * self.r[at];
+                    }
+                }
+            }
+            self.w[body] = w;
+            for (level, w) in w.iter().enumerate() {
+                right[level * n + body * N..][..N].copy_from_slice(w);
+            }
+            let rows = plan.forest.rows(body);
+            let k = free.len();
+            if multipliers {
+                let mut force = self.phi[body];
+                let mut subtract = |a: &Square<T, N>, x: &[T; N]| {
+                    let minus: [T; N] = std::array::from_fn(|i| x[i].scaled(-1.0));
+                    add_own_times(&mut force, a, &minus);
+                };
+                for (h, w) in self.h[body].iter().zip(&w) {
+                    subtract(h, w);
+                }
+                if let Some(parent) = parent
+                    && let Some(lower) = self.coupling(plan, body, false, blocks)
+                {
+                    for (l, w) in lower.iter().zip(&self.w[parent]) {
+                        subtract(l, w);
+                    }
+                }
+                let mut lambda = [T::ZERO; N];
+                add_transposed_times(&mut lambda, &motion.inverse, &force);
+                for (row, x) in rows[..N - k].iter().zip(lambda) {
+                    right[3 * n + *row as usize] = x;
+                }
+            }
+            for (row, at) in rows[N - k..].iter().zip(free) {
+                right[3 * n + *row as usize] = self.r[at];
+            }
+        }
+    }
+}
