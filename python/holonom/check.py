@@ -23,7 +23,9 @@ class CheckReport:
         ``redundant``, ``dof``, ``extra_states``, ``characteristic_length`` (m), ``adjustments``,
         ``initial_residuals``, ``spectrum`` (1/s, real and imaginary parts; only the fastest of
         large models, ``spectrum_is_complete`` tells), ``tree`` (edges of the
-        spanning forest with their relative coordinates and the role of each).
+        spanning forest with their relative coordinates and the role of each), ``accelerations``
+        (``solver``, whether it is ``stated`` by the model, predicted ``operations`` of each solver,
+        ``refusal`` where one cannot be).
     warnings : list of dict
         ``code``, ``message``, ``path``.
     """
@@ -89,6 +91,8 @@ class CheckReport:
                 facts.append((label, str(data[key])))
         if "characteristic_length" in data:
             facts.append(("characteristic length", f"{data['characteristic_length']:.4g} m"))
+        if accelerations := data.get("accelerations"):
+            facts += _acceleration_facts(accelerations)
         redundant = [f"{entry['joint']}: {entry['direction']}" for entry in self.redundant]
         facts.append(("redundant constraints", str(len(redundant)) if redundant else "none"))
         facts += [("", entry) for entry in redundant]
@@ -105,6 +109,25 @@ def plain(entry: object) -> str:
     if isinstance(entry, list | tuple):
         return "(" + ", ".join(map(plain, entry)) + ")"
     return f"{entry:.3g}" if isinstance(entry, float) else str(entry)
+
+
+#: What each way to accelerations solves.
+_SOLVERS = {"null_space": "null space", "reduced": "reduced matrix", "augmented": "augmented matrix"}
+
+
+def _acceleration_facts(data: Mapping[str, Any]) -> list[tuple[str, str]]:
+    costs = sorted(
+        (cost, solver) for solver, cost in data["operations"].items() if cost is not None
+    )
+    predicted = ", ".join(f"{_SOLVERS[solver]} {cost:,.0f}" for cost, solver in costs)
+    why = "stated by the model" if data["stated"] else "fewest operations predicted"
+    facts = [
+        ("accelerations", f"{_SOLVERS[data['solver']]}, {why}"),
+        ("", f"operations: {predicted}"),
+    ]
+    if data.get("refusal"):
+        facts.append(("", f"not all solvers serve: {data['refusal']}"))
+    return facts
 
 
 def warning_line(warning: Mapping[str, str]) -> str:

@@ -96,6 +96,9 @@ def run(
     ] = None,
     jacobian: Annotated[str | None, typer.Option(help="analytic or differences.")] = None,
     newton: Annotated[str | None, typer.Option(help="auto, dense or sparse.")] = None,
+    accelerations: Annotated[
+        str | None, typer.Option(help="auto, null_space, reduced or augmented.")
+    ] = None,
     profile: Annotated[str | None, typer.Option(help="improved or thesis.")] = None,
     dense_output: Annotated[
         bool | None,
@@ -137,6 +140,7 @@ def run(
         "parametrization": parametrization,
         "jacobian": jacobian,
         "newton": newton,
+        "accelerations": accelerations,
         "profile": profile,
         "dense_output": dense_output,
         "newmark_gamma": newmark_gamma,

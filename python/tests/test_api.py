@@ -217,6 +217,7 @@ def test_a_result_says_what_the_run_used_stated_or_not(
             "parametrization": "tree",
             "jacobian": "analytic",
             "newton": "auto",
+            "accelerations": "auto",
             "repartition_factor": 1.25,
             "dense_output": True,
             "profile": "improved",

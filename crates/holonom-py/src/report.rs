@@ -5,7 +5,7 @@ use holonom::error::{Diagnostic, ModelErrors};
 use holonom::method::{CODES, Code};
 use holonom::model::{Dimension, Model};
 use holonom::reduction::assembly::{Assembled, AssemblyError};
-use holonom::simulation::{Choices, ModelSummary, Problem, Status, Summary};
+use holonom::simulation::{AccelerationSummary, Choices, ModelSummary, Problem, Status, Summary};
 use holonom::system::Channel;
 use serde_json::{Value, json};
 
@@ -121,6 +121,7 @@ pub(crate) fn check(
         "characteristic_length": summary.characteristic_length,
         "pivot_ratio": summary.pivot_ratio,
         "independent_coordinates": summary.independent, "tree": tree,
+        "accelerations": accelerations(&summary.accelerations),
         "adjustments": adjustments,
         "initial_residuals": {
             "position": assembled.stated_residuals.0, "velocity": assembled.stated_residuals.1,
@@ -130,6 +131,17 @@ pub(crate) fn check(
             .map(|s| s.values.iter().map(|(re, im)| json!([re, im])).collect::<Vec<_>>()),
     })
     .to_string()
+}
+
+fn accelerations(summary: &AccelerationSummary) -> Value {
+    let costs = &summary.costs;
+    json!({
+        "solver": summary.way, "stated": summary.stated, "refusal": summary.refusal,
+        "operations": {
+            "null_space": costs.null_space.round(), "reduced": costs.reduced.round(),
+            "augmented": costs.augmented.round(),
+        },
+    })
 }
 
 pub(crate) fn summary(summary: &Summary, code: Code, simulated: f64) -> String {

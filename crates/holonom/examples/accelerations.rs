@@ -9,7 +9,7 @@ use holonom::io::{Document, Syntax};
 use holonom::model::{Dimension, Model, Orientation};
 use holonom::reduction::Point;
 use holonom::reduction::accelerations::{
-    AccelerationSolver, Equations, Numbering, ReducedMatrix, SolverKind,
+    AccelerationSolver, Accelerations, Equations, Numbering, ReducedMatrix, SolverKind,
 };
 use holonom::simulation::Problem;
 use holonom::system::{State, System};
@@ -188,46 +188,31 @@ fn accelerations(case: &Case, bad: &Numbering) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// A whole evaluation of accelerations from independent variables, as the engine does it, and with the reduced
-/// matrix in place of its own; the multipliers of the first are not computed.
+/// A whole evaluation of accelerations from independent variables, each way; multipliers are not asked for.
 fn evaluation(case: &Case) -> Result<(), Box<dyn Error>> {
     let (p, rates, z, t) = (&case.p, &case.rates, &case.state.z, case.state.t);
-    let mut point = case.point.clone();
-    let own = move || {
-        point.evaluate(t, p, rates, z, true).expect("evaluated before");
-        point.state.a.clone()
-    };
-    let mut point = case.point.clone();
-    let system = case.system.as_ref();
-    let kind = SolverKind::ReducedEnvelope(Numbering::Least);
-    let mut solver = kind.prepare(system, &case.state.q, &case.kept)?;
-    let (mut mass, mut force, mut tau) = (case.mass.clone(), case.force.clone(), case.tau.clone());
-    let mut z_rate = case.state.z.clone();
-    let mut lambda = case.state.lambda.clone();
-    let reduced = move || {
-        point.evaluate(t, p, rates, z, false).expect("evaluated before");
-        let state = &mut point.state;
-        system.forces(state, &mut force, &mut z_rate);
-        system.acceleration_rhs(state.t, &state.q, &state.v, &mut tau);
-        system.mass_matrix(&state.q, &mut mass);
-        let jacobian = point.manifold.jacobian();
-        let equations = Equations { q: &state.q, mass: &mass, jacobian, force: &force, tau: &tau };
-        solver.solve(system, &equations, &mut state.a, &mut lambda).expect("solved before");
-        state.a.clone()
-    };
-    let of = if case.point.manifold.forms_mass() { "null space" } else { "frozen pivots" };
-    let entry = |solver: String, run| Entry {
-        solver,
-        numbering: "",
-        order: case.kept.len(),
-        multiplications: None,
-        counts: None,
-        run,
-    };
-    let entries = vec![
-        entry(format!("evaluation of the engine ({of})"), Box::new(own)),
-        entry("evaluation with the reduced matrix".to_owned(), Box::new(reduced)),
-    ];
+    let cheapest = case.point.manifold.accelerator().way();
+    let costs = *case.point.manifold.accelerator().costs();
+    let mut entries = Vec::new();
+    for (way, cost) in [
+        (Accelerations::NullSpace, costs.null_space),
+        (Accelerations::Reduced, costs.reduced),
+        (Accelerations::Augmented, costs.augmented),
+    ] {
+        let mut point = case.point.clone();
+        point.manifold.set_accelerations(way)?;
+        entries.push(Entry {
+            solver: format!("evaluation by {}", way.name().replace('_', " ")),
+            numbering: if way == cheapest { "chosen" } else { "" },
+            order: case.kept.len(),
+            multiplications: Some(cost as usize),
+            counts: None,
+            run: Box::new(move || {
+                point.evaluate(t, p, rates, z, true).expect("evaluated before");
+                point.state.a.clone()
+            }),
+        });
+    }
     measure("evaluation", case.name, entries);
     Ok(())
 }

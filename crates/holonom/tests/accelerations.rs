@@ -10,7 +10,7 @@ use holonom::model::Model;
 use holonom::reduction::accelerations::{
     Equations, Numbering, ReducedEnvelope, ReducedMatrix, Refusal, SolverKind,
 };
-use holonom::reduction::{Parametrization, Point, Saddle, structural_nonzeros};
+use holonom::reduction::{Parametrization, Point};
 use holonom::simulation::Problem;
 use holonom::system::{Measure, State, System};
 use holonom_linalg::{BlockMatrix, singular_values};
@@ -389,29 +389,6 @@ fn the_chain_is_a_matrix_of_three_diagonals() {
         let solver = ReducedEnvelope::new(matrix.clone(), &numbering);
         assert_eq!((solver.plan().envelope(), solver.plan().operations()), (envelope, operations));
     }
-}
-
-#[test] // independent truth: the times of benchmarks/accelerations
-fn the_reduced_matrix_pays_where_its_numbering_is_good() {
-    let models =
-        ["andrews", "chain50", "double_pendulum", "slider_crank", "spatial_four_bar", "hmmwv14"];
-    let pays = |case: &Case, numbering: &Numbering| {
-        let system = case.system.as_ref();
-        let matrix = ReducedMatrix::new(system, &case.kept).unwrap();
-        let (nonzero_g, nonzero_m) = structural_nonzeros(system, &case.state.q);
-        let mut saddle = Saddle::new(system, &case.state.q, &case.kept, &nonzero_g, &nonzero_m);
-        let solver = ReducedEnvelope::new(matrix, numbering);
-        assert!(!solver.pays(&saddle), "{}: no pivots are known yet", case.name);
-        let (mut a, mut lambda) = (case.state.a.clone(), case.state.lambda.clone());
-        let e = case.equations();
-        saddle.set_mass(e.mass);
-        saddle.solve(system, e.jacobian, e.force, e.tau, &mut a, &mut lambda).unwrap();
-        solver.pays(&saddle)
-    };
-    for name in models {
-        assert!(pays(&cases(name, model(name), 1, 0)[0], &Numbering::Least), "{name}");
-    }
-    assert!(!pays(&cases("chain50", model("chain50"), 1, 0)[0], &Numbering::Alternating));
 }
 
 #[test]

@@ -439,6 +439,8 @@ pub struct SimulationDefaults {
     pub jacobian: Option<&'static str>,
     /// Name of the representation of the integration Jacobian.
     pub newton: Option<&'static str>,
+    /// Name of the way to accelerations.
+    pub accelerations: Option<&'static str>,
     /// Name of the profile of the code.
     pub profile: Option<&'static str>,
 }

@@ -3,6 +3,7 @@
 //! Stated values are kept: a residual below [`PROJECTED`] is projected away and reported, a larger
 //! one is refused. Unstated values are found from the joints with least change.
 
+use super::accelerations::{Accelerations, Accelerator};
 use super::chart::Chart;
 use super::manifold::Manifold;
 use super::parametrization::{Parametrization, largest_index};
@@ -271,18 +272,18 @@ pub fn start(
         Some(m) => m.chart().with_values(system.as_ref(), &parametrization, &state.q, &g)?,
         None => None,
     };
-    let (chart, saddle) = if let (Some(chart), Some(m)) = (known, template) {
-        (chart, m.saddle().with_values())
+    let (chart, accelerator) = if let (Some(chart), Some(m)) = (known, template) {
+        (chart, m.accelerator().with_values(system.as_ref()))
     } else {
         let nonzero_m =
             nonzero_m.unwrap_or_else(|| structural_nonzeros(system.as_ref(), &state.q).1);
         let kept = parametrization.kept.clone();
         (
             Chart::new(system.as_ref(), parametrization, &state.q, &g, &nonzero_g)?,
-            Saddle::new(system.as_ref(), &state.q, &kept, &nonzero_g, &nonzero_m),
+            Accelerator::new(Saddle::new(system.as_ref(), &state.q, &kept, &nonzero_g, &nonzero_m)),
         )
     };
-    let mut manifold = Manifold::new(system.clone(), chart, saddle, g);
+    let mut manifold = Manifold::new(system.clone(), chart, accelerator, g);
     check_mass(system.as_ref(), &mut manifold, &state.q)?;
     // Round-off of the state is removed in the parametrization of the run.
     let parametrization = manifold.chart().parametrization().clone();
@@ -313,7 +314,7 @@ pub fn manifold_of(
     let chart = Chart::new(system.as_ref(), parametrization.clone(), q, &g, &nonzero_g)?;
     let kept = &parametrization.kept;
     let saddle = Saddle::new(system.as_ref(), q, kept, &nonzero_g, &nonzero_m);
-    Ok(Manifold::new(system.clone(), chart, saddle, g))
+    Ok(Manifold::new(system.clone(), chart, Accelerator::new(saddle), g))
 }
 
 /// Redundant rows must agree with the kept ones at all three levels.
@@ -361,7 +362,7 @@ fn check_mass(
     if ndof == 0 {
         return Ok(());
     }
-    if !manifold.forms_mass() {
+    if manifold.accelerator().way() != Accelerations::NullSpace {
         // M is positive semidefinite, so M̂ is positive definite where accelerations are determined.
         let (force, mut rate) = (vec![0.0; n], vec![0.0; ndof]);
         return manifold.respond(q, &force, &mut rate).map_err(|failure| {

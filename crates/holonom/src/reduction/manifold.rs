@@ -1,11 +1,10 @@
 //! From independent to all coordinates: positions, velocities, accelerations and multipliers.
 
+use super::accelerations::{Accelerations, Accelerator, Known, Refusal};
 use super::chart::Chart;
-use super::null_space::NullSpace;
 use super::parametrization::largest_index;
 use super::recent::RecentPoints;
 use super::redundant::Redundant;
-use super::saddle::Saddle;
 use crate::error::EvaluationFailure;
 use crate::system::{State, System};
 use holonom_linalg::BlockMatrix;
@@ -41,13 +40,7 @@ pub struct RecoveryCounters {
 pub struct Manifold {
     system: Arc<dyn System>,
     chart: Chart,
-    saddle: Saddle,
-    /// Where it needs fewer operations than the index-1 matrix.
-    null_space: Option<NullSpace>,
-    /// D belongs to the chart's factors.
-    null_space_current: bool,
-    /// Accelerations are known, their multipliers not yet.
-    multipliers_due: bool,
+    accelerator: Accelerator,
     redundant: Redundant,
     /// Coordinates of the edges of the forest at the last recovery.
     edges: Vec<[f64; 6]>,
@@ -72,9 +65,15 @@ pub struct Manifold {
 
 impl Manifold {
     /// Starts at a consistent configuration with its chart; `g` is the Jacobian there.
-    pub fn new(system: Arc<dyn System>, mut chart: Chart, saddle: Saddle, g: BlockMatrix) -> Self {
+    pub fn new(
+        system: Arc<dyn System>,
+        mut chart: Chart,
+        mut accelerator: Accelerator,
+        g: BlockMatrix,
+    ) -> Self {
         let sizes = system.structure().sizes;
-        let null_space = null_space(&mut chart, &saddle, &g);
+        // The cheapest way is always there.
+        let _ = accelerator.choose(system.as_ref(), &mut chart, Accelerations::Auto);
         let orientation = chart.determinant_sign();
         Self {
             phi: vec![0.0; sizes.rows],
@@ -86,15 +85,12 @@ impl Manifold {
             force: vec![0.0; sizes.coordinates],
             tau: vec![0.0; sizes.rows],
             z_rate: vec![0.0; sizes.extra_states],
-            null_space,
-            null_space_current: false,
-            multipliers_due: false,
+            accelerator,
             redundant: Redundant::new(&sizes, &chart),
             recent: RecentPoints::new(&chart, sizes.coordinates, anchored(&chart).len()),
             edges: anchored(&chart),
             system,
             chart,
-            saddle,
             g,
             orientation,
             counters: RecoveryCounters::default(),
@@ -122,24 +118,32 @@ impl Manifold {
         self.recent = RecentPoints::new(&self.chart, self.correction.len(), self.edges.len());
     }
 
-    /// The index-1 matrix.
-    pub fn saddle(&self) -> &Saddle {
-        &self.saddle
+    /// Where accelerations come from.
+    pub fn accelerator(&self) -> &Accelerator {
+        &self.accelerator
+    }
+
+    /// Accelerations come from there from now on, in other parametrizations too.
+    ///
+    /// # Errors
+    /// [`Refusal`] where the stated way cannot be.
+    pub fn set_accelerations(&mut self, stated: Accelerations) -> Result<(), Refusal> {
+        self.accelerator.choose(self.system.as_ref(), &mut self.chart, stated)
     }
 
     /// Symbolic analyses made so far.
     pub fn analyses(&self) -> u64 {
-        self.counters.analyses + self.chart.analyses() + self.saddle.analyses()
+        self.counters.analyses + self.chart.analyses() + self.accelerator.saddle().analyses()
     }
 
     /// M where accelerations were last evaluated.
     pub fn mass(&self) -> &BlockMatrix {
-        self.saddle.mass()
+        self.accelerator.saddle().mass()
     }
 
     /// Evaluates M at q.
     pub fn evaluate_mass(&mut self, q: &[f64]) {
-        self.saddle.evaluate_mass(self.system.as_ref(), q);
+        self.accelerator.evaluate_mass(self.system.as_ref(), q);
     }
 
     /// G where velocities were last recovered.
@@ -153,11 +157,9 @@ impl Manifold {
         self.curvature.resize(chart.ndof(), 0.0);
         self.orientation = chart.determinant_sign();
         self.counters.analyses += self.chart.analyses();
-        if chart.parametrization().kept != self.chart.parametrization().kept {
-            self.saddle.set_rows(&chart.parametrization().kept);
-        }
-        self.null_space = null_space(&mut chart, &self.saddle, &self.g);
-        (self.null_space_current, self.multipliers_due) = (false, false);
+        // What cannot be with these rows is made up for by the cheapest way.
+        let stated = self.accelerator.stated();
+        let _ = self.accelerator.choose(self.system.as_ref(), &mut chart, stated);
         self.redundant = Redundant::new(&self.system.structure().sizes, &chart);
         self.edges = anchored(&chart);
         self.recent = RecentPoints::new(&chart, self.correction.len(), self.edges.len());
@@ -323,7 +325,7 @@ impl Manifold {
         if !(relatives.moves && turning) {
             return Ok(false);
         }
-        (self.null_space_current, self.multipliers_due) = (false, false);
+        self.accelerator.forget();
         self.chart.refactor(system, q, &self.g)?;
         self.orientation = self.chart.determinant_sign();
         Ok(true)
@@ -446,7 +448,7 @@ impl Manifold {
 
     fn factor_at(&mut self, q: &[f64]) -> Result<(), EvaluationFailure> {
         self.counters.factorizations += 1;
-        (self.null_space_current, self.multipliers_due) = (false, false);
+        self.accelerator.forget();
         self.recent.keep_factors(&mut self.chart);
         self.system.constraint_jacobian(q, &mut self.g);
         self.chart.refactor(self.system.as_ref(), q, &self.g)
@@ -472,9 +474,7 @@ impl Manifold {
                           branch",
             ));
         }
-        if let (true, Some(form)) = (full, &mut self.null_space) {
-            form.update(&mut self.chart);
-            self.null_space_current = true;
+        if let (true, Some(form)) = (full, self.accelerator.null_space(&mut self.chart)) {
             if !self.system.has_drivers() {
                 v.fill(0.0);
                 form.add(p_rate, v);
@@ -502,21 +502,10 @@ impl Manifold {
         system.forces(state, &mut self.force, &mut self.z_rate);
         z_rate.copy_from_slice(&self.z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
-        let (force, tau) = (&self.force, &self.tau);
-        let mass = self.saddle.evaluate_mass(system, &state.q);
-        self.multipliers_due = match &mut self.null_space {
-            Some(form) => {
-                if !std::mem::replace(&mut self.null_space_current, true) {
-                    form.update(&mut self.chart);
-                }
-                form.accelerate(&mut self.chart, mass, force, tau, &mut state.a).is_ok()
-            }
-            None => false,
-        };
-        // The index-1 matrix also knows which coordinate has no mass.
-        if !self.multipliers_due {
-            self.saddle.solve(system, &self.g, force, tau, &mut state.a, &mut state.lambda)?;
-        }
+        self.accelerator.evaluate_mass(system, &state.q);
+        let State { q, a, lambda, .. } = state;
+        let at = Known { q, jacobian: &self.g, force: &self.force, tau: &self.tau };
+        self.accelerator.accelerate(system, &mut self.chart, &at, a, lambda)?;
         self.set_curvature(state);
         if state.a.iter().sum::<f64>().is_finite() {
             return Ok(());
@@ -525,11 +514,6 @@ impl Manifold {
             "simulation/not-finite",
             format!("an acceleration is not a finite number at t = {:.6} s", state.t),
         ))
-    }
-
-    /// Whether M̂ is formed, dense of order ndof; otherwise accelerations come from a sparse matrix.
-    pub fn forms_mass(&self) -> bool {
-        self.null_space.is_some()
     }
 
     /// What forces alone give: M̂⁻¹Dᵀ `force` at the configuration q last evaluated with accelerations.
@@ -545,18 +529,16 @@ impl Manifold {
         let system = self.system.as_ref();
         self.tau.fill(0.0);
         let (a, lambda) = (&mut self.correction, &mut self.rows);
-        self.saddle.solve(system, &self.g, force, &self.tau, a, lambda)?;
+        let at = Known { q, jacobian: &self.g, force, tau: &self.tau };
+        self.accelerator.solve(system, &at, a, lambda)?;
         self.chart.parametrization().rates(system, q, a, p_rate);
         Ok(())
     }
 
     /// Multipliers of the state whose accelerations were the last to be computed.
     pub fn multipliers(&mut self, state: &mut State) {
-        if let (true, Some(form)) = (self.multipliers_due, &mut self.null_space) {
-            let (mass, force) = (self.saddle.mass(), &self.force);
-            form.multipliers(&mut self.chart, mass, force, &state.a, &mut state.lambda);
-        }
-        self.multipliers_due = false;
+        let State { a, lambda, .. } = state;
+        self.accelerator.multipliers(&mut self.chart, &self.force, a, lambda);
     }
 
     /// ψ = Dᵀ(M q̈ − Q) for independent accelerations `p_rate` at a state with consistent q and q̇
@@ -572,14 +554,18 @@ impl Manifold {
         psi: &mut [f64],
     ) {
         let system = self.system.as_ref();
-        self.multipliers_due = false;
+        self.accelerator.forget_multipliers();
         system.forces(state, &mut self.force, z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
         self.set_curvature(state);
         self.extend_acceleration(p_rate, &mut state.a);
         let system = self.system.as_ref();
         self.force.iter_mut().for_each(|x| *x = -*x);
-        self.saddle.evaluate_mass(system, &state.q).multiply_add(1.0, &state.a, &mut self.force);
+        self.accelerator.evaluate_mass(system, &state.q).multiply_add(
+            1.0,
+            &state.a,
+            &mut self.force,
+        );
         self.chart.solve_transposed(&self.force, &mut state.lambda, psi);
         state.lambda.iter_mut().for_each(|x| *x = -*x);
     }
@@ -589,7 +575,7 @@ impl Manifold {
         self.rows.fill(0.0);
         self.chart.solve(&self.rows, p, &mut self.correction);
         self.force.fill(0.0);
-        self.saddle.mass().multiply_add(1.0, &self.correction, &mut self.force);
+        self.accelerator.saddle().mass().multiply_add(1.0, &self.correction, &mut self.force);
         self.chart.solve_transposed(&self.force, &mut self.rows, out);
     }
 
@@ -635,7 +621,7 @@ impl Manifold {
         system.forces(state, force, z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, rows);
         force.iter_mut().chain(rows.iter_mut()).for_each(|x| *x = -*x);
-        self.saddle.evaluate_mass(system, &state.q).multiply_add(1.0, &state.a, force);
+        self.accelerator.evaluate_mass(system, &state.q).multiply_add(1.0, &state.a, force);
         self.g.multiply_transposed_add(1.0, &state.lambda, force);
         self.g.multiply_add(1.0, &state.a, rows);
     }
@@ -664,13 +650,4 @@ impl Manifold {
 fn anchored(chart: &Chart) -> Vec<[f64; 6]> {
     let relatives = chart.parametrization().relatives();
     relatives.map_or(Vec::new(), |r| r.anchors.iter().map(|anchor| anchor.x).collect())
-}
-
-fn null_space(chart: &mut Chart, saddle: &Saddle, g: &BlockMatrix) -> Option<NullSpace> {
-    let mass = saddle.mass();
-    let stored = mass.values().len() + 2 * g.values().len();
-    NullSpace::pays(chart, mass, stored).then(|| {
-        chart.reserve_lanes();
-        NullSpace::new(mass.n_rows(), chart.ndof())
-    })
 }

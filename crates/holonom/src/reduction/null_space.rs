@@ -23,18 +23,23 @@ pub(super) struct NullSpace {
     force: Vec<f64>,
 }
 
-/// A multiplication with several right-hand sides in vector registers costs about this part of one
-/// in the elimination of a sparse matrix.
-const LANE_COST: f64 = 0.25;
-/// Operations of a sparse elimination per stored entry, about, for matrices of mechanisms.
-const ELIMINATION: f64 = 6.0;
+// Parts of a multiplication in a sparse elimination, measured in `benchmarks/accelerations`: to read an entry
+// for a group of right-hand sides, to multiply it with one of them, and to multiply dense matrices.
+const ENTRY: f64 = 0.4;
+const LANE: f64 = 0.08;
+const DENSE: f64 = 0.05;
+/// Right-hand sides that are taken together.
+const GROUP: f64 = 24.0;
+/// Calls of dense kernels, as many multiplications.
+const CALLS: f64 = 400.0;
 
 impl NullSpace {
-    /// Whether this needs fewer operations than the index-1 matrix with `saddle` stored entries.
-    pub(super) fn pays(chart: &Chart, mass: &BlockMatrix, saddle: usize) -> bool {
+    /// Predicted operations of one solve, in multiplications of a sparse elimination.
+    pub(super) fn cost(chart: &Chart, mass: &BlockMatrix) -> f64 {
         let (n, ndof) = (mass.n_rows() as f64, chart.ndof() as f64);
-        let columns = ndof * (2.0 * chart.fill() as f64 + mass.values().len() as f64 + n * ndof);
-        LANE_COST * columns + ndof.powi(3) / 6.0 < ELIMINATION * saddle as f64
+        let entries = 2.0 * chart.fill() as f64 + mass.values().len() as f64;
+        let columns = entries * (ENTRY * (ndof / GROUP).ceil() + LANE * ndof);
+        CALLS + columns + DENSE * ndof * ndof * (n + ndof / 3.0)
     }
 
     pub(super) fn new(n: usize, ndof: usize) -> Self {

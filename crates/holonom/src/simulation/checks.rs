@@ -5,8 +5,9 @@ use super::output::OUTPUT_SLACK;
 use crate::method::{Code, Newmark, UnknownMethod};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
 use crate::newton::{JacobianSource, Representation};
+use crate::reduction::accelerations::Refusal;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
-use crate::reduction::largest_index;
+use crate::reduction::{Manifold, largest_index};
 use crate::system::{Channel, State, System};
 use std::sync::Arc;
 
@@ -128,6 +129,14 @@ pub enum RunError {
          or `jacobian` analytic"
     )]
     SparseDifferences,
+    /// Accelerations cannot be computed as stated.
+    #[error("`accelerations` is {stated}, which cannot be here: {reason}; use auto")]
+    Accelerations {
+        /// The option.
+        stated: &'static str,
+        /// Why not, with the name of the body.
+        reason: String,
+    },
     /// A start state of another model.
     #[error("the start state has {found} {what}, the model {expected}")]
     StartState {
@@ -274,6 +283,38 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
         return Err(RunError::SparseDifferences);
     }
     Ok(())
+}
+
+/// Lets accelerations come from where the options say.
+pub(super) fn set_accelerations(
+    options: &Options,
+    manifold: &mut Manifold,
+) -> Result<(), RunError> {
+    let stated = options.accelerations;
+    if stated == manifold.accelerator().stated() {
+        return Ok(());
+    }
+    manifold.set_accelerations(stated).map_err(|refusal| RunError::Accelerations {
+        stated: stated.name(),
+        reason: why(manifold.system().as_ref(), refusal),
+    })
+}
+
+/// Why there is no reduced matrix, or no null space, in words of the model.
+pub(super) fn why(system: &dyn System, refusal: Refusal) -> String {
+    let name = |body: usize| system.coordinate_item(body * system.structure().sizes.per_body);
+    match refusal {
+        Refusal::Massless { body } => {
+            format!("body `{}` has no mass, or no inertia about some axis", name(body))
+        }
+        Refusal::Normalization { body } => {
+            let name = name(body);
+            format!("the normalization of the Euler parameters of body `{name}` is redundant")
+        }
+        Refusal::Large { numbers } => {
+            format!("its matrix would have {numbers:.1e} numbers")
+        }
+    }
 }
 
 fn check_output_times(times: &[f64], start: f64, end: f64) -> Result<(), RunError> {

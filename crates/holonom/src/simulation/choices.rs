@@ -6,6 +6,7 @@ use crate::method::{Code, Newmark, Profile};
 use crate::model::{Model, Tolerance};
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::Choice;
+use crate::reduction::accelerations::Accelerations;
 use serde::{Deserialize, Serialize};
 
 /// Choices stated for a run, by the names of options; what is absent comes from the model, or is a default.
@@ -29,6 +30,7 @@ pub struct Choices {
     pub parametrization: Option<String>,
     pub jacobian: Option<String>,
     pub newton: Option<String>,
+    pub accelerations: Option<String>,
     pub repartition_factor: Option<f64>,
     pub dense_output: Option<bool>,
     pub profile: Option<String>,
@@ -97,6 +99,7 @@ impl Choices {
         let parametrization = self.parametrization.as_deref().or(file.parametrization);
         let jacobian = self.jacobian.as_deref().or(file.jacobian);
         let newton = self.newton.as_deref().or(file.newton);
+        let accelerations = self.accelerations.as_deref().or(file.accelerations);
         let newmark = self.newmark_gamma.or(self.newmark_beta).map(|_| {
             let newmark = Newmark::damping(self.newmark_gamma.unwrap_or(0.5));
             Newmark { beta: self.newmark_beta.unwrap_or(newmark.beta), ..newmark }
@@ -124,6 +127,8 @@ impl Choices {
                 .unwrap_or(profile.parametrization()),
             jacobian: word("jacobian", jacobian, JacobianSource::ALL)?.unwrap_or(usual.jacobian),
             newton: word("newton", newton, Representation::ALL)?.unwrap_or(usual.newton),
+            accelerations: word("accelerations", accelerations, Accelerations::ALL)?
+                .unwrap_or(usual.accelerations),
             repartition_factor: (self.repartition_factor.or(file.repartition_factor))
                 .unwrap_or(usual.repartition_factor),
             dense_output: self.dense_output.or(file.dense_output),
@@ -160,6 +165,7 @@ impl Choices {
             parametrization: Some(options.parametrization.name().into()),
             jacobian: Some(options.jacobian.name().into()),
             newton: Some(options.newton.name().into()),
+            accelerations: Some(options.accelerations.name().into()),
             repartition_factor: Some(options.repartition_factor),
             dense_output: Some(options.stores_dense_output()),
             profile: Some(options.profile.name().into()),

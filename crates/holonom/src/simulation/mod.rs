@@ -23,7 +23,9 @@ pub use checks::RunError;
 pub use choices::{Choices, ToleranceParts};
 pub use dense::{ChartRecord, DenseOutput, Segments};
 pub use options::{Options, OutputTimes};
-pub use problem::{EdgeCoordinate, EdgeSummary, ModelSummary, Problem, RedundantRow};
+pub use problem::{
+    AccelerationSummary, EdgeCoordinate, EdgeSummary, ModelSummary, Problem, RedundantRow,
+};
 pub use run::{Summary, run};
 pub use statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 pub use trajectory::{Chunk, EventKind, EventRecord, Flow, Memory, Sink, StepOutcome, StepRecord};

@@ -4,6 +4,7 @@ use crate::method::{Code, DEFAULT_CODE, Newmark, Profile};
 use crate::model::Tolerance;
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::Choice;
+use crate::reduction::accelerations::Accelerations;
 
 /// When states are stored.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,6 +55,8 @@ pub struct Options {
     pub jacobian: JacobianSource,
     /// How the integration Jacobian is represented.
     pub newton: Representation,
+    /// Where accelerations and multipliers come from.
+    pub accelerations: Accelerations,
     /// A new partition is tried when the condition of [G; P] has grown by this factor.
     pub repartition_factor: f64,
     /// Whether steps are handed out with what the states inside them are made of; unless stated, those of
@@ -80,6 +83,7 @@ impl Options {
             parametrization: Choice::default(),
             jacobian: JacobianSource::default(),
             newton: Representation::default(),
+            accelerations: Accelerations::default(),
             repartition_factor: 1.25,
             dense_output: None,
         }

@@ -1,7 +1,8 @@
 //! A model compiled and assembled, ready to run.
 
-use super::checks::{RunError, check_state};
+use super::checks::{RunError, check_state, why};
 use crate::model::{Dimension, Model};
+use crate::reduction::accelerations::{AccelerationCosts, Accelerations};
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::{Manifold, Parametrization, Relatives, Source};
 use crate::system::{Channel, EdgeSource, RowKind, State, System, compile, compile_along};
@@ -47,6 +48,21 @@ pub struct ModelSummary {
     pub independent: Vec<String>,
     /// Edges of the spanning forest, parents before children.
     pub tree: Vec<EdgeSummary>,
+    /// Where accelerations come from.
+    pub accelerations: AccelerationSummary,
+}
+
+/// Where accelerations come from, and why.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AccelerationSummary {
+    /// Its name in options.
+    pub way: &'static str,
+    /// Whether the model states it; else it is the cheapest one.
+    pub stated: bool,
+    /// Predicted operations of one solve, in multiplications of a sparse elimination.
+    pub costs: AccelerationCosts,
+    /// Why there is no reduced matrix, or no way as stated.
+    pub refusal: Option<String>,
 }
 
 /// An edge of the spanning forest: what places a body against its parent.
@@ -218,6 +234,23 @@ impl Problem {
         out
     }
 
+    /// Where accelerations come from when a run states no more than the model.
+    fn accelerations(&self, manifold: &Manifold) -> AccelerationSummary {
+        let name = self.model.simulation.accelerations.unwrap_or_default();
+        let known = Accelerations::ALL.iter().find(|(_, known)| *known == name);
+        let stated = known.map_or(Accelerations::Auto, |(way, _)| *way);
+        let mut manifold = manifold.clone();
+        let outcome = manifold.set_accelerations(stated);
+        let accelerator = manifold.accelerator();
+        let refusal = outcome.err().or(accelerator.costs().refusal);
+        AccelerationSummary {
+            way: accelerator.way().name(),
+            stated: stated == accelerator.way(),
+            costs: *accelerator.costs(),
+            refusal: refusal.map(|refusal| why(self.system.as_ref(), refusal)),
+        }
+    }
+
     /// Counts of an assembled model.
     pub fn summary(&self, assembled: &Assembled) -> ModelSummary {
         let sizes = self.system.structure().sizes;
@@ -234,6 +267,7 @@ impl Problem {
         let independent = (0..parametrization.ndof)
             .map(|k| parametrization.name(self.system.as_ref(), k))
             .collect();
+        let accelerations = self.accelerations(&assembled.manifold);
         let ends: Vec<_> = self.model.joints.iter().map(|j| j.frames.map(|f| f.body)).collect();
         let shape = Shape::new(sizes.bodies, &ends);
         ModelSummary {
@@ -249,6 +283,7 @@ impl Problem {
             characteristic_length: self.system.characteristic_length(),
             pivot_ratio: parametrization.pivot_ratio,
             tree: self.edges(parametrization),
+            accelerations,
             independent,
         }
     }

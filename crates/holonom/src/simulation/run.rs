@@ -1,6 +1,6 @@
 //! The run loop: steps, output, limits, re-parametrization, diagnosis.
 
-use super::checks::{RunError, check_options, check_tables, find_channels};
+use super::checks::{RunError, check_options, check_tables, find_channels, set_accelerations};
 use super::clock::{Elapsed, Stopwatch};
 use super::dense::{ChartRecord, STEP_POWERS, Segments};
 use super::diagnosis::{Stop, Suspects, diagnose};
@@ -95,6 +95,7 @@ pub fn run(
     {
         manifold.set_chart(chart);
     }
+    set_accelerations(options, &mut manifold)?;
     let energy = system.energy(&state);
     if from.is_none() {
         state.ledger.initial = energy.kinetic + energy.potential;

@@ -125,6 +125,7 @@ impl Context<'_> {
             parametrization: stated.parametrization.map(schema::Parametrization::name),
             jacobian: stated.jacobian.map(schema::JacobianSource::name),
             newton: stated.newton.map(schema::Newton::name),
+            accelerations: stated.accelerations.map(schema::Accelerations::name),
             profile: stated.profile.map(schema::Profile::name),
         }
     }

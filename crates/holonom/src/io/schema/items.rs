@@ -355,6 +355,8 @@ pub(crate) struct Simulation {
     pub(crate) jacobian: Option<JacobianSource>,
     /// How the integration Jacobian is represented; by predicted cost unless stated.
     pub(crate) newton: Option<Newton>,
+    /// Where accelerations and multipliers come from; by predicted cost unless stated.
+    pub(crate) accelerations: Option<Accelerations>,
     /// Choices that go with a code; improved unless stated.
     pub(crate) profile: Option<Profile>,
 }
@@ -424,6 +426,32 @@ impl Newton {
             Self::Auto => "auto",
             Self::Dense => "dense",
             Self::Sparse => "sparse",
+        }
+    }
+}
+
+/// Where accelerations and multipliers come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Accelerations {
+    /// By predicted cost.
+    Auto,
+    /// A dense matrix of the independent variables alone.
+    NullSpace,
+    /// A matrix of the multipliers alone, by blocks of joints; every body needs mass and inertia.
+    Reduced,
+    /// A sparse matrix of accelerations and multipliers.
+    Augmented,
+}
+
+impl Accelerations {
+    /// Name in files and options.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::NullSpace => "null_space",
+            Self::Reduced => "reduced",
+            Self::Augmented => "augmented",
         }
     }
 }

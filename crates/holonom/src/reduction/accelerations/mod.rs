@@ -1,9 +1,14 @@
 //! Accelerations and multipliers in Cartesian coordinates, by several solvers of the same equations.
 
+mod accelerator;
 mod augmented;
+mod choice;
 mod reduced;
 mod solvers;
 
+pub use accelerator::Accelerator;
+pub(in crate::reduction) use accelerator::Known;
+pub use choice::{AccelerationCosts, Accelerations};
 pub use reduced::{ReducedMatrix, Refusal};
 
 use crate::error::EvaluationFailure;

@@ -12,11 +12,12 @@
 
 use super::Equations;
 use crate::error::EvaluationFailure;
-use crate::system::System;
+use crate::system::{Structure, System};
 use holonom_linalg::{BlockGraph, BlockId, BlockMatrix, LARGEST_BLOCK};
+use std::sync::Arc;
 
 /// Why there is no reduced matrix.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// A body has no mass, or no inertia about some axis: M has no inverse.
     #[error("body number {body} has no mass or no inertia about some axis")]
@@ -29,6 +30,12 @@ pub enum Refusal {
     Normalization {
         /// Its index.
         body: usize,
+    },
+    /// So many joints share a body that the matrix is nearly full.
+    #[error("{numbers:.2e} numbers would have to be stored")]
+    Large {
+        /// How many, at least.
+        numbers: f64,
     },
 }
 
@@ -77,11 +84,11 @@ struct Product {
 #[derive(Debug, Clone)]
 pub struct ReducedMatrix {
     planar: bool,
-    graph: BlockGraph,
+    graph: Arc<BlockGraph>,
     /// Row of G and row within the joint, of each reduced row.
-    rows: Vec<(usize, usize)>,
-    sides: Vec<Side>,
-    products: Vec<Product>,
+    rows: Arc<[(usize, usize)]>,
+    sides: Arc<[Side]>,
+    products: Arc<[Product]>,
     inertia: Vec<Inertia>,
     /// Rotational part of T of each body (spatial).
     maps: Vec<[[f64; 3]; 4]>,
@@ -105,22 +112,17 @@ impl ReducedMatrix {
         let sizes = &structure.sizes;
         let planar = sizes.translations == 2;
         let free = if planar { 3 } else { 6 };
-        let mut inertia = Vec::with_capacity(sizes.bodies);
-        for body in 0..sizes.bodies {
-            let own = inverse_root(planar, system.mass(body), &system.inertia(body));
-            inertia.push(own.ok_or(Refusal::Massless { body })?);
-            let normalization = structure.normalization_start + body;
-            if !planar && kept.binary_search(&normalization).is_err() {
+        let inertia = inverse_roots(system)?;
+        for body in 0..if planar { 0 } else { sizes.bodies } {
+            if kept.binary_search(&(structure.normalization_start + body)).is_err() {
                 return Err(Refusal::Normalization { body });
             }
         }
         let (mut joints, mut begin) = (Vec::new(), vec![0]);
         let mut rows = Vec::new();
         for (k, joint) in structure.joints.iter().enumerate() {
-            let range = joint.row..joint.row + joint.rows;
-            let from = kept.partition_point(|&row| row < range.start);
-            let own = kept[from..].iter().take_while(|row| range.contains(row));
-            rows.extend(own.map(|&row| (row, row - joint.row)));
+            let own = kept_rows(structure, k, kept);
+            rows.extend(own.iter().map(|&row| (row, row - joint.row)));
             if rows.len() > begin[begin.len() - 1] {
                 joints.push(k);
                 begin.push(rows.len());
@@ -140,10 +142,10 @@ impl ReducedMatrix {
         debug_assert!(heights.iter().all(|&rows| rows <= LARGEST_BLOCK), "rows of a joint");
         Ok(Self {
             planar,
-            graph: BlockGraph::new(&heights, &structure.joint_pairs(&joints)),
-            rows,
-            sides,
-            products: Vec::new(),
+            graph: Arc::new(BlockGraph::new(&heights, &structure.joint_pairs(&joints))),
+            rows: rows.into(),
+            sides: sides.into(),
+            products: Arc::new([]),
             inertia,
             maps: vec![[[0.0; 3]; 4]; if planar { 0 } else { sizes.bodies }],
             h: vec![0.0; count * free],
@@ -152,6 +154,32 @@ impl ReducedMatrix {
             beta: vec![0.0; if planar { 0 } else { sizes.bodies }],
             normalization_start: structure.normalization_start,
         })
+    }
+
+    /// A copy with the places of this matrix for other numbers of the same structure.
+    ///
+    /// # Errors
+    /// [`Refusal::Massless`].
+    pub fn with_values(&self, system: &dyn System) -> Result<Self, Refusal> {
+        Ok(Self { inertia: inverse_roots(system)?, ..self.clone() })
+    }
+
+    /// Numbers of B that can differ from zero, multiplications that make them, and bodies of joints, for the
+    /// kept rows: joints that share both bodies are counted twice. Nothing of that size is built.
+    pub fn least_size(system: &dyn System, kept: &[usize]) -> [f64; 3] {
+        let structure = system.structure();
+        let free = if structure.sizes.translations == 2 { 3.0 } else { 6.0 };
+        let mut rows_of_body = vec![0.0; structure.sizes.bodies];
+        let mut sides = 0;
+        for (k, joint) in structure.joints.iter().enumerate() {
+            let rows = kept_rows(structure, k, kept).len() as f64;
+            for &body in joint.bodies.iter().flatten() {
+                rows_of_body[body] += rows;
+                sides += 1;
+            }
+        }
+        let numbers = rows_of_body.iter().map(|rows| 0.5 * rows * (rows + 1.0)).sum::<f64>();
+        [numbers, free * numbers, f64::from(sides)]
     }
 
     /// Joints with kept rows as vertices; those that share a body are neighbours.
@@ -191,10 +219,10 @@ impl ReducedMatrix {
         let joint_of = |side: &Side| begin.partition_point(|&b| b <= side.begin) - 1;
         let bodies = self.inertia.len();
         let mut at: Vec<Vec<(usize, Side)>> = vec![Vec::new(); bodies];
-        for side in &self.sides {
+        for side in self.sides.iter() {
             at[side.body].push((joint_of(side), *side));
         }
-        self.products.clear();
+        let mut products: Vec<Product> = Vec::new();
         for list in &at {
             for (n, &(i, left)) in list.iter().enumerate() {
                 for &(j, right) in &list[n..] {
@@ -204,7 +232,7 @@ impl ReducedMatrix {
                         ((j, right), (i, left))
                     };
                     let (target, stride) = place(i, j);
-                    self.products.push(Product {
+                    products.push(Product {
                         left: left.h as u32,
                         right: right.h as u32,
                         rows: (left.end - left.begin) as u16,
@@ -217,30 +245,37 @@ impl ReducedMatrix {
                 }
             }
         }
-        self.products.sort_by_key(|p| (p.target, p.left));
+        products.sort_by_key(|p| (p.target, p.left));
         let mut last = None;
-        for product in &mut self.products {
+        for product in &mut products {
             product.first = last != Some(product.target);
             last = Some(product.target);
         }
+        self.products = products.into();
     }
 
-    /// Multiplications of one assembly, right-hand side and recovery.
+    /// Multiplications of H, T, right-hand side, correction and recovery; those of B = H Hᵀ are told by
+    /// [`ReducedMatrix::least_size`].
+    pub fn multiplications_beside_products(&self) -> usize {
+        let free = if self.planar { 3 } else { 6 };
+        let (h, maps) = if self.planar { (3, 0) } else { (3 + 12, 24 + 24) };
+        self.h.len() / free * (h + 4 * free) + self.inertia.len() * (2 * free + maps)
+    }
+
+    /// Multiplications of one assembly, right-hand side, correction and recovery.
     pub fn multiplications(&self) -> usize {
         let free = if self.planar { 3 } else { 6 };
         let block = |p: &Product| {
             let (r, c) = (p.rows as usize, p.columns as usize);
             free * if p.diagonal { r * (r + 1) / 2 } else { r * c }
         };
-        let products: usize = self.products.iter().map(block).sum();
-        let (h, maps) = if self.planar { (3, 0) } else { (3 + 12, 24 + 24) };
-        products + self.h.len() / free * (h + 2 * free) + self.inertia.len() * (2 * free + maps)
+        self.products.iter().map(block).sum::<usize>() + self.multiplications_beside_products()
     }
 
     /// B at a configuration with Jacobian `g`, into the places given before.
     pub fn assemble(&mut self, q: &[f64], g: &BlockMatrix, values: &mut [f64]) {
         if self.planar {
-            for side in &self.sides {
+            for side in self.sides.iter() {
                 let Inertia { translation, rotation } = &self.inertia[side.body];
                 let block = g.block(side.block);
                 let h = self.h[side.h * 3..].chunks_exact_mut(3);
@@ -275,7 +310,7 @@ impl ReducedMatrix {
                 ];
             }
         }
-        for side in &self.sides {
+        for side in self.sides.iter() {
             let scale = self.inertia[side.body].translation;
             let map = &self.maps[side.body];
             let p = &q[side.body * 7 + 3..side.body * 7 + 7];
@@ -293,8 +328,16 @@ impl ReducedMatrix {
         }
     }
 
-    /// The right-hand side of B λ at the configuration of the last [`ReducedMatrix::assemble`].
-    pub fn right_side(&mut self, equations: &Equations, b: &mut [f64]) {
+    /// The right-hand side of B λ at the configuration of the last [`ReducedMatrix::assemble`]; returns the
+    /// largest entry of TᵀQ.
+    pub fn right_side(&mut self, equations: &Equations, b: &mut [f64]) -> f64 {
+        self.weigh_forces(equations);
+        self.residual(equations, b);
+        self.y.iter().map(|y| y.abs()).fold(0.0, larger)
+    }
+
+    /// y = TᵀQ, and β.
+    fn weigh_forces(&mut self, equations: &Equations) {
         let Equations { q, force, tau, .. } = equations;
         if self.planar {
             let bodies = self.y.chunks_exact_mut(3).zip(force.chunks_exact(3));
@@ -303,7 +346,7 @@ impl ReducedMatrix {
                 y[1] = f[1] * body.translation;
                 y[2] = f[2] * body.rotation[2][2];
             }
-            return self.residual(equations, b);
+            return;
         }
         let tau = &tau[self.normalization_start..];
         let bodies = self.y.chunks_exact_mut(6).zip(force.chunks_exact(7)).zip(&self.inertia);
@@ -316,19 +359,18 @@ impl ReducedMatrix {
             }
             *beta = 0.5 * tau / square(&q[3..]);
         }
-        self.residual(equations, b);
     }
 
     /// What y leaves of the constraints, H y − τ + Φ_p p β.
     pub fn residual(&self, equations: &Equations, b: &mut [f64]) {
-        for (b, &(row, _)) in b.iter_mut().zip(&self.rows) {
+        for (b, &(row, _)) in b.iter_mut().zip(self.rows.iter()) {
             *b = -equations.tau[row];
         }
         if self.planar {
             return add_products::<3>(&self.sides, &self.h, &self.y, b);
         }
         add_products::<6>(&self.sides, &self.h, &self.y, b);
-        for side in &self.sides {
+        for side in self.sides.iter() {
             let beta = self.beta[side.body];
             for (b, stretch) in b[side.begin..side.end].iter_mut().zip(&self.stretch[side.h..]) {
                 *b += stretch * beta;
@@ -348,7 +390,7 @@ impl ReducedMatrix {
     /// Accelerations from y and all multipliers from λ of the reduced rows.
     pub fn recover(&self, equations: &Equations, b: &[f64], a: &mut [f64], lambda: &mut [f64]) {
         lambda.fill(0.0);
-        for (b, &(row, _)) in b.iter().zip(&self.rows) {
+        for (b, &(row, _)) in b.iter().zip(self.rows.iter()) {
             lambda[row] = *b;
         }
         if self.planar {
@@ -365,7 +407,7 @@ impl ReducedMatrix {
         for (l, (q, f)) in normalization.iter_mut().zip(bodies) {
             *l = q[3..].iter().zip(&f[3..]).map(|(p, f)| p * f).sum();
         }
-        for side in &self.sides {
+        for side in self.sides.iter() {
             let rows = b[side.begin..side.end].iter().zip(&self.stretch[side.h..]);
             normalization[side.body] -= rows.map(|(l, stretch)| l * stretch).sum::<f64>();
         }
@@ -392,6 +434,31 @@ impl ReducedMatrix {
         );
         EvaluationFailure::new("simulation/singular-configuration", message).of_row(Some(row))
     }
+}
+
+/// Kept rows of a joint.
+fn kept_rows<'a>(structure: &Structure, joint: usize, kept: &'a [usize]) -> &'a [usize] {
+    let joint = &structure.joints[joint];
+    let from = kept.partition_point(|&row| row < joint.row);
+    let until = kept.partition_point(|&row| row < joint.row + joint.rows);
+    &kept[from..until]
+}
+
+/// The inertia of every body, as far as it does not move.
+fn inverse_roots(system: &dyn System) -> Result<Vec<Inertia>, Refusal> {
+    let sizes = &system.structure().sizes;
+    let planar = sizes.translations == 2;
+    (0..sizes.bodies)
+        .map(|body| {
+            let own = inverse_root(planar, system.mass(body), &system.inertia(body));
+            own.ok_or(Refusal::Massless { body })
+        })
+        .collect()
+}
+
+/// The larger one, a NaN if one of them is.
+pub(super) fn larger(a: f64, b: f64) -> f64 {
+    if a >= b || a.is_nan() { a } else { b }
 }
 
 fn square(p: &[f64]) -> f64 {

@@ -1,10 +1,10 @@
 //! Solvers of the reduced system B λ = G M⁻¹ Q − τ.
 
-use super::{AccelerationSolver, Equations, Numbering, ReducedMatrix};
+use super::reduced::larger;
+use super::{AccelerationSolver, Equations, Numbering, ReducedMatrix, Refusal};
 use crate::error::EvaluationFailure;
-use crate::reduction::saddle::Saddle;
 use crate::system::System;
-use holonom_linalg::{Cholesky, DenseLu, EnvelopeCholesky, EnvelopePlan};
+use holonom_linalg::{Cholesky, DenseLu, EnvelopeCholesky, EnvelopePlan, NotPositiveDefinite};
 use std::sync::Arc;
 
 /// By a Cholesky factorisation in the envelope of a numbering of the joints.
@@ -15,27 +15,31 @@ pub struct ReducedEnvelope {
     matrix: ReducedMatrix,
     factor: EnvelopeCholesky,
     values: Vec<f64>,
+    /// Where the diagonal of B stands.
+    diagonal: Arc<[usize]>,
     lambda: Vec<f64>,
     correction: Vec<f64>,
 }
 
-/// Solutions are refined where a pivot is below this part of its diagonal entry: B has the square of the
-/// condition of H.
-const REFINE: f64 = 1e-2;
-const MOST_REFINEMENTS: u32 = 4;
-/// A multiplication in a block takes about this part of the time of one in a sparse elimination
-/// (`benchmarks/accelerations`: 0.2 to 0.45).
-const BLOCK_COST: f64 = 0.4;
-/// A correction of this part of the multipliers is the last one.
-const REFINED: f64 = 1e-13;
+const MOST_CORRECTIONS: u32 = 5;
 
 impl ReducedEnvelope {
     /// Numbers the joints and plans the factorisation.
-    pub fn new(mut matrix: ReducedMatrix, numbering: &Numbering) -> Self {
-        let plan = Arc::new(EnvelopePlan::new(matrix.graph(), &numbering.order(matrix.graph())));
+    pub fn new(matrix: ReducedMatrix, numbering: &Numbering) -> Self {
+        let plan = EnvelopePlan::new(matrix.graph(), &numbering.order(matrix.graph()));
+        Self::with_plan(matrix, Arc::new(plan))
+    }
+
+    /// Room for what a plan places.
+    pub fn with_plan(mut matrix: ReducedMatrix, plan: Arc<EnvelopePlan>) -> Self {
         let rows = matrix.graph().sizes().to_vec();
         matrix.place(|i, j| plan.in_order(i, j), |i, j| (plan.block(i, j).start, rows[j]));
+        let diagonal = rows.iter().enumerate().flat_map(|(joint, &rows)| {
+            let first = plan.block(joint, joint).start;
+            (0..rows).map(move |row| first + row * (rows + 1))
+        });
         Self {
+            diagonal: diagonal.collect(),
             lambda: vec![0.0; matrix.n()],
             correction: vec![0.0; matrix.n()],
             values: vec![0.0; plan.len()],
@@ -44,66 +48,79 @@ impl ReducedEnvelope {
         }
     }
 
+    /// A copy with this plan for other numbers of the same structure.
+    ///
+    /// # Errors
+    /// [`Refusal::Massless`].
+    pub fn with_values(&self, system: &dyn System) -> Result<Self, Refusal> {
+        Ok(Self { matrix: self.matrix.with_values(system)?, ..self.clone() })
+    }
+
     /// Places and counts.
     pub fn plan(&self) -> &EnvelopePlan {
         self.factor.plan()
     }
 
-    /// Whether this costs less than the index-1 matrix with the pivots it has; no where it has none yet.
-    pub fn pays(&self, saddle: &Saddle) -> bool {
-        let own = BLOCK_COST * self.multiplications().unwrap_or(usize::MAX) as f64;
-        saddle.multiplications().is_some_and(|other| own < other as f64)
-    }
-
     /// Factors B at a configuration with this Jacobian.
     ///
     /// # Errors
-    /// `simulation/singular-configuration` naming a row that depends on others.
-    pub fn factor(
-        &mut self,
-        system: &dyn System,
-        equations: &Equations,
-    ) -> Result<(), EvaluationFailure> {
+    /// At a reduced row that depends on others.
+    pub fn factor(&mut self, equations: &Equations) -> Result<(), NotPositiveDefinite> {
         self.matrix.assemble(equations.q, equations.jacobian, &mut self.values);
-        self.factor.factor(&self.values).map_err(|e| self.matrix.singular(system, e.index))
+        self.factor.factor(&self.values)
     }
 
-    /// Accelerations and multipliers with the factors at hand.
-    pub fn solve_factored(&mut self, equations: &Equations, a: &mut [f64], lambda: &mut [f64]) {
-        self.matrix.right_side(equations, &mut self.lambda);
+    /// Accelerations and multipliers with the factors at hand. Returns the relative size of the next
+    /// correction as forecast: far above round-off it says that B is too ill-conditioned here.
+    pub fn solve_factored(
+        &mut self,
+        equations: &Equations,
+        a: &mut [f64],
+        lambda: &mut [f64],
+    ) -> f64 {
+        let forces = self.matrix.right_side(equations, &mut self.lambda);
         self.factor.solve(&mut self.lambda);
         self.matrix.subtract_reactions(&self.lambda);
-        if self.factor.least_pivot() < REFINE {
-            self.refine(equations);
-        }
+        let left = self.refine(equations, forces);
         self.matrix.recover(equations, &self.lambda, a, lambda);
+        left
     }
 
-    /// Corrections of y and λ by what y leaves of its constraints, while they fall tenfold: corrected
-    /// seminormal equations.
+    /// Corrects y and λ by what y leaves of its constraints, while corrections fall tenfold and the next one
+    /// would be above round-off: corrected seminormal equations. The first correction is also the only
+    /// measure of what the square of the condition has cost, so it is always made.
+    ///
+    /// Sizes are those of forces over roots of masses: of λ by the diagonal of B, of `forces` alone.
     ///
     /// Source: Å. Björck, Linear Algebra Appl. 88/89 (1987).
-    fn refine(&mut self, equations: &Equations) {
-        let size = |x: &[f64]| x.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-        let mut before = f64::INFINITY;
-        for _ in 0..MOST_REFINEMENTS {
-            self.matrix.residual(equations, &mut self.correction);
-            self.factor.solve(&mut self.correction);
-            let correction = size(&self.correction);
+    fn refine(&mut self, equations: &Equations, forces: f64) -> f64 {
+        let Self { matrix, factor, values, diagonal, lambda, correction } = self;
+        let size = |x: &[f64]| {
+            let squares = x.iter().zip(diagonal.iter()).map(|(x, &at)| x * x * values[at]);
+            squares.fold(0.0, larger).sqrt()
+        };
+        let mut before = 1.0;
+        let mut left = 0.0;
+        for _ in 0..MOST_CORRECTIONS {
+            matrix.residual(equations, correction);
+            factor.solve(correction);
+            matrix.subtract_reactions(correction);
+            lambda.iter_mut().zip(&*correction).for_each(|(l, d)| *l += d);
+            let whole = larger(forces, size(lambda));
+            if whole == 0.0 {
+                break;
+            }
+            let relative = size(correction) / whole;
+            let rate = relative / before;
+            left = relative * rate.min(1.0);
+            before = relative;
             // Written so that a NaN ends it.
-            let falls = correction <= 0.1 * before;
-            if !falls {
+            let goes_on = left > f64::EPSILON && rate <= 0.1;
+            if !goes_on {
                 break;
             }
-            self.matrix.subtract_reactions(&self.correction);
-            for (l, d) in self.lambda.iter_mut().zip(&self.correction) {
-                *l += d;
-            }
-            if correction <= REFINED * size(&self.lambda) {
-                break;
-            }
-            before = correction;
         }
+        left
     }
 }
 
@@ -115,7 +132,7 @@ impl AccelerationSolver for ReducedEnvelope {
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
-        self.factor(system, equations)?;
+        self.factor(equations).map_err(|e| self.matrix.singular(system, e.index))?;
         self.solve_factored(equations, a, lambda);
         Ok(())
     }
@@ -125,9 +142,13 @@ impl AccelerationSolver for ReducedEnvelope {
     }
 
     fn multiplications(&self) -> Option<usize> {
-        let plan = self.plan();
-        Some(self.matrix.multiplications() + plan.multiplications() + 2 * plan.len())
+        Some(self.matrix.multiplications() + envelope_multiplications(self.plan()))
     }
+}
+
+/// Multiplications of a factorisation, a solve and a correction.
+pub(super) fn envelope_multiplications(plan: &EnvelopePlan) -> usize {
+    plan.multiplications() + 4 * plan.len()
 }
 
 /// How a dense reduced matrix is factored.

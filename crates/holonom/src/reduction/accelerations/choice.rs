@@ -1,0 +1,112 @@
+//! Which solver accelerations come from, and what each of them costs.
+
+use super::solvers::envelope_multiplications;
+use super::{Numbering, ReducedEnvelope, ReducedMatrix, Refusal};
+use crate::system::System;
+use holonom_linalg::EnvelopePlan;
+use std::sync::Arc;
+
+/// Where accelerations and multipliers come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Accelerations {
+    /// By predicted cost.
+    #[default]
+    Auto,
+    /// M̂ = DᵀMD of the independent variables, dense.
+    NullSpace,
+    /// B = G M⁻¹ Gᵀ of the multipliers, by blocks of joints within an envelope.
+    Reduced,
+    /// The augmented matrix [M Gᵀ; G 0], sparse.
+    Augmented,
+}
+
+impl Accelerations {
+    /// All of them with their names in options.
+    pub const ALL: &'static [(Self, &'static str)] = &[
+        (Self::Auto, "auto"),
+        (Self::NullSpace, "null_space"),
+        (Self::Reduced, "reduced"),
+        (Self::Augmented, "augmented"),
+    ];
+
+    /// Name in options.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
+    }
+}
+
+/// Predicted operations of one solve, in multiplications of a sparse elimination.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AccelerationCosts {
+    /// By the null space.
+    pub null_space: f64,
+    /// By the reduced matrix; at least so much where another way costs less.
+    pub reduced: f64,
+    /// Why there is no reduced matrix.
+    pub refusal: Option<Refusal>,
+    /// By the augmented matrix.
+    pub augmented: f64,
+}
+
+impl AccelerationCosts {
+    /// The cheapest way there is.
+    pub fn cheapest(&self) -> Accelerations {
+        let others = self.null_space.min(self.augmented);
+        if self.refusal.is_none() && self.reduced < others {
+            Accelerations::Reduced
+        } else if self.null_space < self.augmented {
+            Accelerations::NullSpace
+        } else {
+            Accelerations::Augmented
+        }
+    }
+}
+
+/// Parts of a multiplication in a sparse elimination, measured in `benchmarks/accelerations`: one in a block,
+/// and what stands around the blocks of a joint and one of its bodies.
+const BLOCK: f64 = 0.2;
+const SIDE: f64 = 33.0;
+/// Of orders of joints the quickly found one is at most about so many times as costly as the best.
+const ROUGH: f64 = 3.0;
+/// Most numbers of a matrix, 512 MB.
+const MOST_NUMBERS: f64 = 67_108_864.0;
+
+/// The solver by the reduced matrix if it costs less than `most`, and its cost; else what it costs at least. A body
+/// with many joints is found out before anything of the size of its part of B is built.
+///
+/// # Errors
+/// [`Refusal`].
+pub(super) fn plan_reduced(
+    system: &dyn System,
+    kept: &[usize],
+    most: f64,
+) -> Result<(Option<ReducedEnvelope>, f64), Refusal> {
+    let [numbers, multiplications, sides] = ReducedMatrix::least_size(system, kept);
+    let least = BLOCK * multiplications + SIDE * sides;
+    if least >= most {
+        return Ok((None, least));
+    }
+    small(numbers)?;
+    let matrix = ReducedMatrix::new(system, kept)?;
+    let plan = |numbering: Numbering| {
+        let plan = EnvelopePlan::new(matrix.graph(), &numbering.order(matrix.graph()));
+        let factor = BLOCK * envelope_multiplications(&plan) as f64;
+        (plan, least + factor)
+    };
+    let (rough, cost) = plan(Numbering::ReverseCuthillMckee);
+    if cost >= ROUGH * most {
+        return Ok((None, cost));
+    }
+    small(rough.len() as f64 / ROUGH)?;
+    let (plan, _) = plan(Numbering::Least);
+    small(plan.len() as f64)?;
+    let own = matrix.multiplications_beside_products() + envelope_multiplications(&plan);
+    let cost = least + BLOCK * own as f64;
+    let made = (cost < most).then(|| ReducedEnvelope::with_plan(matrix, Arc::new(plan)));
+    Ok((made, cost))
+}
+
+/// Refuses a matrix that would fill the memory.
+pub(super) fn small(numbers: f64) -> Result<(), Refusal> {
+    if numbers > MOST_NUMBERS { Err(Refusal::Large { numbers }) } else { Ok(()) }
+}
