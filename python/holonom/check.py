@@ -112,7 +112,12 @@ def plain(entry: object) -> str:
 
 
 #: What each way to accelerations solves.
-_SOLVERS = {"null_space": "null space", "reduced": "reduced matrix", "augmented": "augmented matrix"}
+_SOLVERS = {
+    "recursive": "recursion along the tree",
+    "null_space": "null space",
+    "reduced": "reduced matrix",
+    "augmented": "augmented matrix",
+}
 
 
 def _acceleration_facts(data: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -97,7 +97,7 @@ def run(
     jacobian: Annotated[str | None, typer.Option(help="analytic or differences.")] = None,
     newton: Annotated[str | None, typer.Option(help="auto, dense or sparse.")] = None,
     accelerations: Annotated[
-        str | None, typer.Option(help="auto, null_space, reduced or augmented.")
+        str | None, typer.Option(help="auto, recursive, null_space, reduced or augmented.")
     ] = None,
     profile: Annotated[str | None, typer.Option(help="improved or thesis.")] = None,
     dense_output: Annotated[

@@ -64,7 +64,7 @@ _WORDS = {
     "parametrization": ("tree", "partitioning", "tangent_plane", "tangent_plane_svd"),
     "jacobian": ("analytic", "differences"),
     "newton": ("auto", "dense", "sparse"),
-    "accelerations": ("auto", "null_space", "reduced", "augmented"),
+    "accelerations": ("auto", "recursive", "null_space", "reduced", "augmented"),
     "profile": ("improved", "thesis"),
 }
 
@@ -107,11 +107,11 @@ class Options:
         ``sparse`` with the graph of the mechanism, so that its cost grows like the number of
         bodies, or ``auto`` (default), whichever is predicted to cost less.
     accelerations : str, optional
-        Where accelerations and multipliers come from: ``null_space``, a dense matrix of the
-        independent variables, ``reduced``, a matrix of the multipliers by blocks of joints, for
-        which every body needs mass and inertia, ``augmented``, a sparse matrix of both, or
-        ``auto`` (default), whichever is predicted to cost least. States that the first two cannot
-        solve accurately are left to the third.
+        Where accelerations and multipliers come from: ``recursive``, from body to body along a tree,
+        ``null_space``, a dense matrix of the independent variables, ``reduced``, a matrix of the
+        multipliers by blocks of joints, for which every body needs mass and inertia,
+        ``augmented``, a sparse matrix of both, or ``auto`` (default), whichever is predicted to
+        cost least. States that the others cannot solve accurately are left to the augmented one.
     repartition_factor : float, optional
         Growth of the condition at which a partition or a tangent plane is chosen anew; more
         than 1. The tree has a factor of its own, 2.5.

@@ -7,6 +7,7 @@
 //! | blocks that hang on each other like a forest | [`BlockForest`], [`ForestLu`] | trees of bodies, without fill |
 //! | symmetric, small blocks, in an envelope | [`BlockGraph`], [`EnvelopePlan`], [`EnvelopeCholesky`] | reduced matrices of mechanisms |
 //! | dense, square | [`DenseLu`], [`Cholesky`], [`DenseComplexLu`] | integration Jacobians |
+//! | dense, of a few rows | [`small`] | blocks of bodies |
 //! | dense, any shape, at set-up | [`least_norm`], [`full_pivot_elimination`], … | rank, assembly |
 //!
 //! At the interface a matrix is a slice of `f64` stored by rows: entry (i, j) of an m×n matrix is
@@ -26,6 +27,7 @@ mod general;
 mod lanes;
 mod rank;
 mod scalar;
+pub mod small;
 mod sparse;
 
 pub use block::{BlockId, BlockMatrix};

@@ -138,8 +138,8 @@ fn accelerations(summary: &AccelerationSummary) -> Value {
     json!({
         "solver": summary.way, "stated": summary.stated, "refusal": summary.refusal,
         "operations": {
-            "null_space": costs.null_space.round(), "reduced": costs.reduced.round(),
-            "augmented": costs.augmented.round(),
+            "recursive": costs.recursive.round(), "null_space": costs.null_space.round(),
+            "reduced": costs.reduced.round(), "augmented": costs.augmented.round(),
         },
     })
 }

@@ -8,8 +8,9 @@ mod random;
 use common::{model, model_of};
 use holonom::model::Model;
 use holonom::reduction::accelerations::{
-    Equations, Numbering, ReducedEnvelope, ReducedMatrix, Refusal, SolverKind,
+    Accelerations, Equations, Numbering, ReducedEnvelope, ReducedMatrix, Refusal, SolverKind,
 };
+use holonom::reduction::assembly::Assembled;
 use holonom::reduction::{Parametrization, Point};
 use holonom::simulation::Problem;
 use holonom::system::{Measure, State, System};
@@ -258,6 +259,48 @@ fn every_solver_agrees_on_random_mechanisms() {
         }
     }
     assert!(count > 250, "{count} states");
+}
+
+/// Accelerations and multipliers of a manifold that takes them from there, at (v, v̇) = (`p`, `rates`).
+fn along(assembled: &Assembled, way: Accelerations, p: &[f64], rates: &[f64]) -> Option<State> {
+    let mut point = Point::new(assembled.manifold.clone(), &assembled.state);
+    point.manifold.set_accelerations(way).ok()?;
+    point.evaluate(assembled.state.t, p, rates, &assembled.state.z, true).ok()?;
+    point.complete();
+    let accelerator = point.manifold.accelerator();
+    assert_eq!((accelerator.way(), accelerator.fallbacks()), (way, 0));
+    Some(point.state)
+}
+
+#[test] // independent truth: the augmented system, which knows no tree
+fn articulated_bodies_agree_on_trees() {
+    let named = ["double_pendulum", "chain50", "simple_pendulum"].map(|name| (name, model(name)));
+    let random = (0..400).map(|seed| ("random", model_of(&Mechanism::new(seed, 0.0).text())));
+    let mut trees = 0;
+    for (seed, (name, model)) in named.into_iter().chain(random).enumerate() {
+        let problem = Problem::new(model);
+        let Ok(assembled) = problem.assemble() else { continue };
+        let ndof = assembled.manifold.chart().ndof();
+        let (mut p, mut rates) = (vec![0.0; ndof], vec![0.0; ndof]);
+        assembled.manifold.independent_state(&assembled.state, &mut p, &mut rates);
+        let mut random = Random::new(seed as u64);
+        rates.iter_mut().for_each(|x| *x += 3.0 * random.range(-1.0, 1.0));
+        let Some(found) = along(assembled, Accelerations::Recursive, &p, &rates) else { continue };
+        let truth = along(assembled, Accelerations::Augmented, &p, &rates).unwrap();
+        let system = assembled.manifold.system();
+        let chart = assembled.manifold.chart().parametrization();
+        let [of_a, of_lambda] = Case::new(name, system, chart, &truth).sizes_of_terms();
+        for (what, found, truth, terms) in [
+            ("accelerations", &found.a, &truth.a, of_a),
+            ("multipliers", &found.lambda, &truth.lambda, of_lambda),
+        ] {
+            let size = truth.iter().fold(terms, |m, x| m.max(x.abs()));
+            let off = found.iter().zip(truth).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+            assert!(off <= 1e-10 * size, "{name} {seed}: {what} differ by {:.1e}", off / size);
+        }
+        trees += 1;
+    }
+    assert!(trees > 60, "{trees} trees");
 }
 
 /// Bodies in a random tree of joints and so many joints more that close loops, all in one design

@@ -1,13 +1,13 @@
 //! The inflated matrix of a tree of bodies, eliminated body by body from the leaves inwards.
 
 use super::blocks::ReducedBlocks;
-use super::small::{
-    Square, add_own_times, add_product, add_times, add_transposed_product, add_transposed_times,
-    factor, inverse, product, scaled, solve,
-};
 use super::sparse_pattern::Sum;
 use crate::reduction::{BodyRows, Manifold, Projection};
 use crate::system::Structure;
+use holonom_linalg::small::{
+    Square, add_own_times, add_product, add_times, add_transposed_product, add_transposed_times,
+    factor, inverse, product, scaled, solve,
+};
 use holonom_linalg::{BlockForest, BlockMatrix, Complex64, Scalar, SingularMatrix};
 use std::sync::Arc;
 
@@ -104,7 +104,9 @@ struct Numbers<T, const N: usize> {
     /// Ψ of each body, factored, with its row exchanges.
     psi: Vec<T>,
     exchanges: Vec<u8>,
-    /// Per independent variable: its row of Z = Ψ⁻¹BᵀA, and its column of V.
+    /// Per independent variable: the size of what children add to its diagonal of Ψ before anything is taken
+    /// from it, its row of Z = Ψ⁻¹BᵀA, and its column of V.
+    sizes: Vec<f64>,
     z: Vec<[[T; N]; 3]>,
     v: Vec<[T; N]>,
     /// K (b, p), C (b, p), K (p, b), C (p, b), scaled, where extra states add to them; else none.
@@ -209,6 +211,11 @@ impl Plan {
 }
 
 impl ForestElimination {
+    /// Whether there is one for the manifold's present parametrization.
+    pub(super) fn fits(manifold: &Manifold) -> bool {
+        manifold.chart().forest().is_some_and(|forest| Plan::new(manifold, forest).is_some())
+    }
+
     /// For the manifold's present parametrization, if the bodies form a forest in which forces couple
     /// neighbours only.
     pub(super) fn new(manifold: &Manifold) -> Option<Self> {
@@ -413,6 +420,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
             h: vec![[zero; 3]; count],
             psi: vec![T::ZERO; plan.pivots[count]],
             exchanges: vec![0; free],
+            sizes: vec![0.0; free],
             z: vec![[[T::ZERO; N]; 3]; free],
             v: vec![[T::ZERO; N]; free],
             extra: vec![[zero; 4]; if plan.extra.is_empty() { 0 } else { count }],
@@ -542,6 +550,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
             self.add_extra_states(plan, structure, sum);
         }
         let twice = self.gamma_h.scaled(2.0);
+        self.sizes.fill(0.0);
         let mut growth = (0.0f64, 0);
         for body in plan.forest.order().rev() {
             let motion = &motions[body];
@@ -596,7 +605,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
                     self.psi[psi.start + r * k + c] = entry;
                 }
                 let b = &columns[at].b;
-                sizes[c] = (0..N).fold(0.0, |s, i| s + size[i] * b[i].abs());
+                sizes[c] = (0..N).fold(self.sizes[at], |s, i| s + size[i] * b[i].abs());
                 let z = &mut self.z[at];
                 for (z, a) in z.iter_mut().zip(&a) {
                     *z = [T::ZERO; N];
@@ -634,9 +643,26 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
             }
             // What it adds to its parent: U 𝒯 + TᵀA − V Z.
             let Some(parent) = parent else { continue };
+            let mut add = [[[T::ZERO; N]; N]; 3];
+            for level in 0..3 {
+                add_transposed_product(&mut add[level], &motion.t, &a[level]);
+            }
+            for at in plan.free(parent) {
+                let (b, levels) = (&columns[at].b, self.column(&columns[at]));
+                for (add, x) in add.iter().zip(&levels) {
+                    for i in 0..N {
+                        let row = (0..N).fold(0.0, |s, j| s + add[i][j].size() * x[j].size());
+                        self.sizes[at] += row * b[i].abs();
+                    }
+                }
+            }
             let to = &mut self.h[parent];
             for level in 0..3 {
-                add_transposed_product(&mut to[level], &motion.t, &a[level]);
+                for i in 0..N {
+                    for j in 0..N {
+                        to[level][i][j] = to[level][i][j] + add[level][i][j];
+                    }
+                }
                 for at in free.clone() {
                     let (v, z) = (&self.v[at], &self.z[at][level]);
                     for i in 0..N {

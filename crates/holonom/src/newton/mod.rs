@@ -10,7 +10,6 @@ mod forest;
 mod linearization;
 mod matrix;
 mod reduced;
-mod small;
 mod solver;
 mod sparse;
 mod sparse_pattern;

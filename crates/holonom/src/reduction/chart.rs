@@ -48,6 +48,18 @@ fn scale_of(measure: Measure, length: f64) -> f64 {
     }
 }
 
+/// The scaled matrix by blocks of bodies, for who goes along the forest.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BodyBlocks<'a> {
+    pub(super) forest: &'a Arc<BlockForest>,
+    /// E and F of every body, of the configuration last factored.
+    pub(super) values: &'a [f64],
+    pub(super) row_scale: &'a [f64],
+    pub(super) column_scale: &'a [f64],
+    /// Rows of G; those of P come after them.
+    pub(super) kept: &'a [usize],
+}
+
 impl Chart {
     /// Analyses and factors [G; P] at a configuration `q` with Jacobian `g`; `nonzero` tells which stored
     /// values of G can differ from zero.
@@ -202,6 +214,17 @@ impl Chart {
     /// Makes room for several right-hand sides at a time, for who solves for them in a step.
     pub fn reserve_lanes(&mut self) {
         self.matrix.reserve_lanes();
+    }
+
+    /// The matrix by blocks of bodies, where it has the shape of the forest.
+    pub(super) fn body_blocks(&self) -> Option<BodyBlocks<'_>> {
+        Some(BodyBlocks {
+            forest: self.matrix.forest()?,
+            values: &self.matrix.values,
+            row_scale: &self.row_scale,
+            column_scale: &self.column_scale,
+            kept: &self.parametrization.kept,
+        })
     }
 
     /// The shape of the forest, where the matrix has that.

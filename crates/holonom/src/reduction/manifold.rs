@@ -530,7 +530,7 @@ impl Manifold {
         self.tau.fill(0.0);
         let (a, lambda) = (&mut self.correction, &mut self.rows);
         let at = Known { q, jacobian: &self.g, force, tau: &self.tau };
-        self.accelerator.solve(system, &at, a, lambda)?;
+        self.accelerator.respond(system, &self.chart, &at, a, lambda)?;
         self.chart.parametrization().rates(system, q, a, p_rate);
         Ok(())
     }

@@ -311,6 +311,7 @@ pub(super) fn why(system: &dyn System, refusal: Refusal) -> String {
             let name = name(body);
             format!("the normalization of the Euler parameters of body `{name}` is redundant")
         }
+        Refusal::Loops => refusal.to_string(),
         Refusal::Large { numbers } => {
             format!("its matrix would have {numbers:.1e} numbers")
         }

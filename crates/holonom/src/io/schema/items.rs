@@ -436,6 +436,8 @@ impl Newton {
 pub(crate) enum Accelerations {
     /// By predicted cost.
     Auto,
+    /// From body to body along a tree; there are no loops.
+    Recursive,
     /// A dense matrix of the independent variables alone.
     NullSpace,
     /// A matrix of the multipliers alone, by blocks of joints; every body needs mass and inertia.
@@ -449,6 +451,7 @@ impl Accelerations {
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
+            Self::Recursive => "recursive",
             Self::NullSpace => "null_space",
             Self::Reduced => "reduced",
             Self::Augmented => "augmented",

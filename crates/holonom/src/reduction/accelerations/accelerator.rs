@@ -1,6 +1,7 @@
 //! The solver that a manifold's accelerations come from, and the augmented system behind it.
 
-use super::choice::{plan_reduced, small};
+use super::articulated::Articulated;
+use super::choice::{BLOCK, plan_reduced, small};
 use super::{AccelerationCosts, Accelerations, Equations, ReducedEnvelope, Refusal};
 use crate::error::EvaluationFailure;
 use crate::reduction::chart::Chart;
@@ -30,6 +31,7 @@ pub struct Accelerator {
     saddle: Saddle,
     null_space: Option<NullSpace>,
     reduced: Option<ReducedEnvelope>,
+    recursive: Option<Articulated>,
     costs: AccelerationCosts,
     /// D belongs to the chart's factors.
     null_space_current: bool,
@@ -46,7 +48,9 @@ impl Accelerator {
             saddle,
             null_space: None,
             reduced: None,
+            recursive: None,
             costs: AccelerationCosts {
+                recursive: f64::NAN,
                 null_space: f64::NAN,
                 reduced: f64::NAN,
                 refusal: None,
@@ -66,10 +70,11 @@ impl Accelerator {
 
     /// The way that is taken.
     pub fn way(&self) -> Accelerations {
-        match (&self.null_space, &self.reduced) {
-            (_, Some(_)) => Accelerations::Reduced,
-            (Some(_), None) => Accelerations::NullSpace,
-            (None, None) => Accelerations::Augmented,
+        match (&self.recursive, &self.null_space, &self.reduced) {
+            (Some(_), ..) => Accelerations::Recursive,
+            (None, _, Some(_)) => Accelerations::Reduced,
+            (None, Some(_), None) => Accelerations::NullSpace,
+            (None, None, None) => Accelerations::Augmented,
         }
     }
 
@@ -130,7 +135,11 @@ impl Accelerator {
         let costs = &mut self.costs;
         costs.null_space = NullSpace::cost(chart, of_m);
         costs.augmented = Saddle::cost(of_m, of_g);
-        let others = costs.null_space.min(costs.augmented);
+        let recursive = Articulated::new(chart, of_m);
+        costs.recursive =
+            recursive.as_ref().map_or(f64::NAN, |r| BLOCK * r.multiplications() as f64);
+        // A NaN is passed over.
+        let others = costs.null_space.min(costs.augmented).min(costs.recursive);
         let most = if stated == Accelerations::Reduced { f64::INFINITY } else { others };
         let planned = match self.reduced.take() {
             Some(known) => Ok((Some(known), costs.reduced)),
@@ -155,8 +164,13 @@ impl Accelerator {
                 Ok(()) => (stated, Ok(())),
                 Err(refusal) => (costs.cheapest(), Err(refusal)),
             },
+            (Accelerations::Recursive, _) => match recursive {
+                Ok(_) => (stated, Ok(())),
+                Err(refusal) => (costs.cheapest(), Err(refusal)),
+            },
             _ => (stated, Ok(())),
         };
+        self.recursive = recursive.ok().filter(|_| way == Accelerations::Recursive);
         self.reduced = reduced.filter(|_| way == Accelerations::Reduced);
         self.null_space = (way == Accelerations::NullSpace).then(|| {
             chart.reserve_lanes();
@@ -193,6 +207,13 @@ impl Accelerator {
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
         self.multipliers_due = false;
+        if let Some(recursive) = &mut self.recursive {
+            self.multipliers_due = recursive.accelerate(chart, self.saddle.mass(), at, a).is_ok();
+            if self.multipliers_due {
+                return Ok(());
+            }
+            self.fallbacks += 1;
+        }
         if self.null_space(chart).is_some() {
             let (form, mass) = (self.null_space.as_mut().expect("just made"), self.saddle.mass());
             self.multipliers_due = form.accelerate(chart, mass, at.force, at.tau, a).is_ok();
@@ -204,11 +225,33 @@ impl Accelerator {
         self.solve(system, at, a, lambda)
     }
 
+    /// Accelerations at the configuration of the chart's factors for forces of any kind; those of the state
+    /// keep their multipliers.
+    ///
+    /// # Errors
+    /// `simulation/singular-mass`.
+    pub(in crate::reduction) fn respond(
+        &mut self,
+        system: &dyn System,
+        chart: &Chart,
+        at: &Known,
+        a: &mut [f64],
+        lambda: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        if let Some(recursive) = &mut self.recursive
+            && !self.multipliers_due
+            && recursive.accelerate(chart, self.saddle.mass(), at, a).is_ok()
+        {
+            return Ok(());
+        }
+        self.solve(system, at, a, lambda)
+    }
+
     /// Accelerations and multipliers by the reduced or the augmented matrix.
     ///
     /// # Errors
     /// `simulation/singular-mass` naming the coordinate that no mass and no joint determines.
-    pub(in crate::reduction) fn solve(
+    fn solve(
         &mut self,
         system: &dyn System,
         at: &Known,
@@ -236,7 +279,9 @@ impl Accelerator {
         a: &[f64],
         lambda: &mut [f64],
     ) {
-        if let (true, Some(form)) = (self.multipliers_due, &mut self.null_space) {
+        if let (true, Some(recursive)) = (self.multipliers_due, &self.recursive) {
+            recursive.multipliers(chart, lambda);
+        } else if let (true, Some(form)) = (self.multipliers_due, &mut self.null_space) {
             form.multipliers(chart, self.saddle.mass(), force, a, lambda);
         }
         self.multipliers_due = false;

@@ -12,6 +12,8 @@ pub enum Accelerations {
     /// By predicted cost.
     #[default]
     Auto,
+    /// Along the tree, by articulated bodies.
+    Recursive,
     /// M̂ = DᵀMD of the independent variables, dense.
     NullSpace,
     /// B = G M⁻¹ Gᵀ of the multipliers, by blocks of joints within an envelope.
@@ -24,6 +26,7 @@ impl Accelerations {
     /// All of them with their names in options.
     pub const ALL: &'static [(Self, &'static str)] = &[
         (Self::Auto, "auto"),
+        (Self::Recursive, "recursive"),
         (Self::NullSpace, "null_space"),
         (Self::Reduced, "reduced"),
         (Self::Augmented, "augmented"),
@@ -38,6 +41,8 @@ impl Accelerations {
 /// Predicted operations of one solve, in multiplications of a sparse elimination.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AccelerationCosts {
+    /// Along the tree; not a number where there is none.
+    pub recursive: f64,
     /// By the null space.
     pub null_space: f64,
     /// By the reduced matrix; at least so much where another way costs less.
@@ -52,7 +57,9 @@ impl AccelerationCosts {
     /// The cheapest way there is.
     pub fn cheapest(&self) -> Accelerations {
         let others = self.null_space.min(self.augmented);
-        if self.refusal.is_none() && self.reduced < others {
+        if self.recursive < others && (self.refusal.is_some() || self.recursive <= self.reduced) {
+            Accelerations::Recursive
+        } else if self.refusal.is_none() && self.reduced < others {
             Accelerations::Reduced
         } else if self.null_space < self.augmented {
             Accelerations::NullSpace
@@ -64,7 +71,7 @@ impl AccelerationCosts {
 
 /// Parts of a multiplication in a sparse elimination, measured in `benchmarks/accelerations`: one in a block,
 /// and what stands around the blocks of a joint and one of its bodies.
-const BLOCK: f64 = 0.2;
+pub(super) const BLOCK: f64 = 0.2;
 const SIDE: f64 = 33.0;
 /// Of orders of joints the quickly found one is at most about so many times as costly as the best.
 const ROUGH: f64 = 3.0;

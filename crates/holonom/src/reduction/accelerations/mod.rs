@@ -1,6 +1,7 @@
 //! Accelerations and multipliers in Cartesian coordinates, by several solvers of the same equations.
 
 mod accelerator;
+mod articulated;
 mod augmented;
 mod choice;
 mod reduced;

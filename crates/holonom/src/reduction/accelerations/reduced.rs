@@ -16,7 +16,7 @@ use crate::system::{Structure, System};
 use holonom_linalg::{BlockGraph, BlockId, BlockMatrix, LARGEST_BLOCK};
 use std::sync::Arc;
 
-/// Why there is no reduced matrix.
+/// Why accelerations cannot come from there.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// A body has no mass, or no inertia about some axis: M has no inverse.
@@ -31,6 +31,10 @@ pub enum Refusal {
         /// Its index.
         body: usize,
     },
+    /// Bodies and joints form loops, or drivers and redundant joints leave a body more or fewer rows than it has
+    /// coordinates.
+    #[error("the bodies do not form a tree whose coordinates are independent or driven")]
+    Loops,
     /// So many joints share a body that the matrix is nearly full.
     #[error("{numbers:.2e} numbers would have to be stored")]
     Large {

@@ -1,13 +1,13 @@
-//! Products of matrices and vectors of a body's size, real ones with real or complex ones.
+//! Products and factors of matrices of a few rows, known when compiled; real ones with real or complex ones.
 
-use holonom_linalg::Scalar;
+use crate::scalar::Scalar;
 
 /// N×N by rows.
-pub(super) type Square<T, const N: usize> = [[T; N]; N];
+pub type Square<T, const N: usize> = [[T; N]; N];
 
 /// out += A B.
 #[inline(always)]
-pub(super) fn add_product<T: Scalar, const N: usize>(
+pub fn add_product<T: Scalar, const N: usize>(
     out: &mut Square<T, N>,
     a: &Square<T, N>,
     b: &Square<f64, N>,
@@ -23,7 +23,7 @@ pub(super) fn add_product<T: Scalar, const N: usize>(
 
 /// out += Aᵀ B.
 #[inline(always)]
-pub(super) fn add_transposed_product<T: Scalar, const N: usize>(
+pub fn add_transposed_product<T: Scalar, const N: usize>(
     out: &mut Square<T, N>,
     a: &Square<f64, N>,
     b: &Square<T, N>,
@@ -39,7 +39,7 @@ pub(super) fn add_transposed_product<T: Scalar, const N: usize>(
 
 /// A B.
 #[inline(always)]
-pub(super) fn product<const N: usize>(a: &Square<f64, N>, b: &Square<f64, N>) -> Square<f64, N> {
+pub fn product<const N: usize>(a: &Square<f64, N>, b: &Square<f64, N>) -> Square<f64, N> {
     let mut out = [[0.0; N]; N];
     add_product(&mut out, a, b);
     out
@@ -47,13 +47,13 @@ pub(super) fn product<const N: usize>(a: &Square<f64, N>, b: &Square<f64, N>) ->
 
 /// s A.
 #[inline(always)]
-pub(super) fn scaled<T: Scalar, const N: usize>(s: T, a: &Square<T, N>) -> Square<T, N> {
+pub fn scaled<T: Scalar, const N: usize>(s: T, a: &Square<T, N>) -> Square<T, N> {
     std::array::from_fn(|i| std::array::from_fn(|j| s * a[i][j]))
 }
 
 /// out += s A x.
 #[inline(always)]
-pub(super) fn add_times<T: Scalar, const N: usize>(
+pub fn add_times<T: Scalar, const N: usize>(
     out: &mut [T; N],
     s: T,
     a: &Square<f64, N>,
@@ -67,11 +67,7 @@ pub(super) fn add_times<T: Scalar, const N: usize>(
 
 /// out += A x for a matrix of the kind of x.
 #[inline(always)]
-pub(super) fn add_own_times<T: Scalar, const N: usize>(
-    out: &mut [T; N],
-    a: &Square<T, N>,
-    x: &[T; N],
-) {
+pub fn add_own_times<T: Scalar, const N: usize>(out: &mut [T; N], a: &Square<T, N>, x: &[T; N]) {
     for i in 0..N {
         out[i] = (0..N).fold(out[i], |sum, j| sum + a[i][j] * x[j]);
     }
@@ -79,7 +75,7 @@ pub(super) fn add_own_times<T: Scalar, const N: usize>(
 
 /// out += Aᵀ x.
 #[inline(always)]
-pub(super) fn add_transposed_times<T: Scalar, const N: usize>(
+pub fn add_transposed_times<T: Scalar, const N: usize>(
     out: &mut [T; N],
     a: &Square<f64, N>,
     x: &[T; N],
@@ -93,7 +89,7 @@ pub(super) fn add_transposed_times<T: Scalar, const N: usize>(
 
 /// The inverse by elimination with pivots that are large in their rows; none of a singular matrix.
 #[inline(always)]
-pub(super) fn inverse<const N: usize>(a: &Square<f64, N>) -> Option<Square<f64, N>> {
+pub fn inverse<const N: usize>(a: &Square<f64, N>) -> Option<Square<f64, N>> {
     let mut a = *a;
     let mut out: Square<f64, N> =
         std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
@@ -132,7 +128,7 @@ pub(super) fn inverse<const N: usize>(a: &Square<f64, N>) -> Option<Square<f64, 
 /// pivots. `sizes` are those of the numbers that its diagonal was summed from. Returns how far pivots are
 /// below these, or the place of one that vanishes or is not finite.
 #[inline(always)]
-pub(super) fn factor<T: Scalar, const N: usize>(
+pub fn factor<T: Scalar, const N: usize>(
     a: &mut [T],
     pivots: &mut [u8],
     k: usize,
@@ -176,7 +172,7 @@ pub(super) fn factor<T: Scalar, const N: usize>(
 
 /// Solves with the factors of [`factor`] in place: x(i) is read and written by `at(x, i)`.
 #[inline(always)]
-pub(super) fn solve<T: Scalar, X>(
+pub fn solve<T: Scalar, X>(
     a: &[T],
     pivots: &[u8],
     k: usize,
