@@ -36,7 +36,7 @@ class CoreModel:
     def warnings(self) -> str:
         """Return a JSON list of ``code``, ``message``, ``path``."""
 
-    def check(self, spectrum: bool) -> str:
+    def check(self, spectrum: bool, on_stage: Callable[[str], None] | None) -> str:
         """Return JSON: counts, degrees of freedom, redundancy, adjustments, spectrum."""
 
     def options(self, choices_json: str, start_time: float | None) -> str:
@@ -48,8 +48,13 @@ class CoreModel:
         start: Mapping[str, NDArray[np.float64]] | None,
         on_chunk: Callable[[dict[str, Any]], None],
         on_progress: Callable[[float, float, int], None],
+        on_stage: Callable[[str], None],
     ) -> str:
-        """Run and return a JSON summary; chunks of results go to ``on_chunk``."""
+        """Run and return a JSON summary; chunks of results go to ``on_chunk``.
+
+        ``on_progress`` is called between steps, ``on_stage`` also within: what it raises ends the
+        run at once.
+        """
 
     def dense_states(
         self, steps: dict[str, Any], times: list[float]
@@ -61,7 +66,13 @@ class CoreModel:
     ) -> dict[str, NDArray[np.float64]]:
         """Compute channels from stored states."""
 
-def parse(text: str, syntax: str, name: str, read: Callable[[str], str]) -> CoreModel:
+def parse(
+    text: str,
+    syntax: str,
+    name: str,
+    read: Callable[[str], str],
+    on_stage: Callable[[str], None] | None,
+) -> CoreModel:
     """Read a model; ``syntax`` is ``"toml"`` or ``"json"``."""
 
 def schema() -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -155,7 +156,8 @@ def run(
             result = loaded.simulate(
                 start=state,
                 output=target,
-                progress=progress,
+                progress=progress.run if progress else None,
+                watch=progress.stage if progress else None,
                 certify=certify,
                 **{key: value for key, value in choices.items() if value is not None},
             )
@@ -493,19 +495,25 @@ class _Progress:
         self._bar: Any = None
         self._task: Any = None
 
-    def __enter__(self) -> Callable[[float, float, int], None] | None:
+    def __enter__(self) -> _Progress | None:
         if not self._shown:
             return None
         self._bar = _bar()
         self._bar.start()
         self._task = self._bar.add_task(self._name, total=None, text="assembling")
-        return self._update
+        return self
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 
-    def _update(self, time: float, step_size: float, steps: int) -> None:
+    def stage(self, name: str) -> None:
+        """Show what is done before the first step."""
+        if self._start is None:
+            self._bar.update(self._task, text=name, refresh=True)
+
+    def run(self, time: float, step_size: float, steps: int) -> None:
+        """Show where the run is."""
         if self._start is None:
             self._start = time
         self._runs += self._runs == 0 or (steps == 0 and self._steps > 0)
@@ -519,6 +527,32 @@ class _Progress:
             text=f"t {time:.4f} / {self._end:g} s, h {step_size:.1e} s, {steps} steps",
             refresh=True,
         )
+
+
+class _Stages:
+    """A line on a terminal that says what is done, from one second on."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._begun = time.monotonic()
+        self._bar: Any = None
+        self._task: Any = None
+
+    def __enter__(self) -> Callable[[str], None] | None:
+        return self._update if sys.stderr.isatty() else None
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _update(self, stage: str) -> None:
+        if self._bar is None:
+            if time.monotonic() - self._begun < 1.0:
+                return
+            self._bar = _bar()
+            self._bar.start()
+            self._task = self._bar.add_task(self._name, total=None, text=stage)
+        self._bar.update(self._task, text=stage, refresh=True)
 
 
 class _ComparisonProgress:
@@ -561,7 +595,8 @@ def _bar() -> Progress:
 
 
 def _load(path: Path, values: list[str] | None) -> Model:
-    model = Model.load(path)
+    with _Stages(path.name) as watch:
+        model = Model.load(path, watch=watch)
     changes = {}
     for text in values or []:
         name, equals, value = text.partition("=")

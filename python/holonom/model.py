@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 MAX_FILE_SIZE = 64 * 1024**2
 
 Progress = Callable[[float, float, int], None]
+#: Told what long work is doing: ``reading``, ``compiling``, ``assembling``, ``analysing``,
+#: ``running``; about twenty times a second, also within a step. What it raises ends the work.
+Watch = Callable[[str], None]
 
 
 class Model:
@@ -49,10 +52,16 @@ class Model:
         self.name = name
 
     @classmethod
-    def load(cls, path: str | Path) -> Model:
+    def load(cls, path: str | Path, *, watch: Watch | None = None) -> Model:
         """Read a model file, TOML or (with the ending ``.json``) JSON.
 
         What the model ``extends`` is read as well, from the folders beside the model's own.
+
+        Parameters
+        ----------
+        path : str or Path
+        watch : callable, optional
+            Called with what is being done, about twenty times a second where it takes long.
 
         Raises
         ------
@@ -73,7 +82,7 @@ class Model:
 
         syntax = "json" if path.suffix.lower() == ".json" else "toml"
         with translated():
-            core = _core.parse(text, syntax, str(path), read)
+            core = _core.parse(text, syntax, str(path), read, watch)
         folder = path.resolve().parent.name
         return cls(core, folder if path.stem == "model" and folder else path.stem)
 
@@ -101,7 +110,7 @@ class Model:
             raise FileError("a model given as text cannot extend a file; use `Model.load(path)`")
 
         with translated():
-            return cls(_core.parse(text, syntax, name, read), name)
+            return cls(_core.parse(text, syntax, name, read, None), name)
 
     def with_values(self, values: Mapping[str, Any]) -> Model:
         """Return the model with other values.
@@ -134,13 +143,15 @@ class Model:
         with translated():
             return Model(self._core.with_values(json.dumps(plain)), self.name)
 
-    def check(self, *, spectrum: bool = True) -> CheckReport:
+    def check(self, *, spectrum: bool = True, watch: Watch | None = None) -> CheckReport:
         """Assemble the initial state and count what there is.
 
         Parameters
         ----------
         spectrum : bool
             Whether to compute the eigenvalues of the motion linearized at the initial state.
+        watch : callable, optional
+            As in `load`.
 
         Raises
         ------
@@ -148,7 +159,7 @@ class Model:
             If the initial state cannot be assembled.
         """
         with translated():
-            data = json.loads(self._core.check(spectrum))
+            data = json.loads(self._core.check(spectrum, watch))
         return CheckReport(name=self.name, data=data, warnings=self.warnings)
 
     def simulate(
@@ -158,6 +169,7 @@ class Model:
         output: str | Path | None = None,
         on_failure: Literal["raise", "return"] = "raise",
         progress: Progress | None = None,
+        watch: Watch | None = None,
         certify: bool = False,
         **choices: Any,
     ) -> Result:
@@ -175,6 +187,9 @@ class Model:
         progress : callable, optional
             Called with time (s), step size (s) and number of steps, about ten times a second; with
             `certify` for both runs, at the beginning of the second one with zero steps.
+        watch : callable, optional
+            Called with what is being done, about twenty times a second, before the first step and
+            within steps.
         certify : bool
             Whether to repeat the run at a tenth of the tolerance and to measure the error of every
             channel: see `Result.certification`. The result is that of the first run, unchanged.
@@ -200,7 +215,7 @@ class Model:
             raise UsageError(f"`on_failure` is {on_failure!r}; it must be 'raise' or 'return'")
         options = Options.of(choices)
         target = None if output is None else Path(output)
-        return run(self, options, start, target, on_failure == "raise", progress, certify)
+        return run(self, options, start, target, on_failure == "raise", progress, watch, certify)
 
     @property
     def title(self) -> str:
@@ -308,8 +323,11 @@ def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
     found: dict[str, None] = {}
     for pattern in patterns:
         name, index = split_component(pattern)
-        if index is None:
-            hits = [n for n in known if n == name or fnmatch.fnmatchcase(n, name)]
+        if pattern in known:  # thousands of names are looked up, not compared
+            hits = [pattern]
+        elif index is None:
+            fits = re.compile(fnmatch.translate(name)).match
+            hits = [n for n in known if fits(n)]
         else:
             hits = [pattern] if name in known else []
             if hits and not (len(known[name].shape) == 1 and index < known[name].size):

@@ -30,7 +30,7 @@ from holonom.result import Result
 from holonom.store import STATE, Reader, Writer, require_replaceable
 
 if TYPE_CHECKING:
-    from holonom.model import Model, Progress
+    from holonom.model import Model, Progress, Watch
     from holonom.options import Options
 
 #: Stored with every run: the path integrals among them cannot be computed from states afterwards.
@@ -44,6 +44,7 @@ def run(
     output: Path | None,
     raise_failure: bool,
     progress: Progress | None,
+    watch: Watch | None,
     certify: bool,
 ) -> Result:
     """Run a model; see `Model.simulate`."""
@@ -63,7 +64,7 @@ def run(
     ended = False
     try:
         with _deferred_interrupts() as heed:
-            summary = _simulate(model, chosen, state, recorder.append, progress, heed)
+            summary = _simulate(model, chosen, state, recorder.append, progress, watch, heed)
             recorder.finish(summary)
             ended = True
     except KeyboardInterrupt:
@@ -82,7 +83,7 @@ def run(
             raise Interrupted({"code": "simulation/interrupted", **reason}, result)
         if raise_failure:
             raise SimulationError(reason, result)
-    elif certify and _certify(model, chosen, state, recorder.reader, progress):
+    elif certify and _certify(model, chosen, state, recorder.reader, progress, watch):
         message = "interrupted in the second run, which certifies; the result of the first is whole"
         raise Interrupted({"code": "simulation/interrupted", "message": message}, result)
     return result
@@ -113,6 +114,7 @@ def _certify(
     state: dict[str, NDArray[np.float64]] | None,
     reader: Reader,
     progress: Progress | None,
+    watch: Watch | None,
 ) -> bool:
     """Run a second time at a tenth of the tolerance and add what it says to the first run's store.
 
@@ -137,7 +139,7 @@ def _certify(
         if progress is not None:
             progress(start, 0.0, 0)
         with _deferred_interrupts() as heed:
-            summary = _simulate(model, second, state, measurement.append, progress, heed)
+            summary = _simulate(model, second, state, measurement.append, progress, watch, heed)
     except KeyboardInterrupt:
         interrupted = True
     except HolonomError as error:
@@ -202,6 +204,7 @@ def _simulate(
     state: dict[str, NDArray[np.float64]] | None,
     on_chunk: Callable[[dict[str, Any]], None],
     progress: Progress | None,
+    watch: Watch | None,
     heed: Callable[[], None],
 ) -> dict[str, Any]:
     def on_progress(time: float, step_size: float, steps: int) -> None:
@@ -209,8 +212,13 @@ def _simulate(
         if progress is not None:
             progress(time, step_size, steps)
 
+    def on_stage(stage: str) -> None:
+        heed()
+        if watch is not None:
+            watch(stage)
+
     with translated():
-        text = model._core.simulate(json.dumps(chosen), state, on_chunk, on_progress)
+        text = model._core.simulate(json.dumps(chosen), state, on_chunk, on_progress, on_stage)
     summary: dict[str, Any] = json.loads(text)
     return summary
 

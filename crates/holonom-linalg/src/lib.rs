@@ -29,6 +29,7 @@ mod rank;
 mod scalar;
 pub mod small;
 mod sparse;
+pub mod watch;
 
 pub use block::{BlockId, BlockMatrix};
 pub use complex::{Complex64, DenseComplexLu};

@@ -1,11 +1,11 @@
 //! Python binding of Holonom: conversions only. Text marked JSON in `_core.pyi` is made here.
 
 mod dense;
-mod interruptible;
 mod model;
 mod report;
 mod sink;
 mod state;
+mod watched;
 
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;

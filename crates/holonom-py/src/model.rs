@@ -1,18 +1,16 @@
 //! `CoreModel`: a document with the problem compiled from it.
 
-use crate::interruptible::interruptible;
 use crate::sink::Callbacks;
 use crate::state::{Rows, foreign, rows};
+use crate::watched::watched;
 use crate::{ModelError, SimulationError, dense, report, state};
 use holonom::analysis::spectrum;
 use holonom::error::{Diagnostic, ModelErrors};
 use holonom::io::{Document, Syntax};
 use holonom::simulation::{Choices, DenseOutput, Options, Problem, RunError, run};
-use holonom::system::Channel;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// A validated model.
 #[pyclass(frozen, module = "holonom._core")]
@@ -50,7 +48,8 @@ impl CoreModel {
     }
 }
 
-/// Reads a model; `syntax` is "toml" or "json", `read` returns the text of an `extends` target.
+/// Reads a model; `syntax` is "toml" or "json", `read` returns the text of an `extends` target, and
+/// `on_stage` is called now and then.
 #[pyfunction]
 pub(crate) fn parse(
     py: Python<'_>,
@@ -58,6 +57,7 @@ pub(crate) fn parse(
     syntax: &str,
     name: &str,
     read: Py<PyAny>,
+    on_stage: Option<Py<PyAny>>,
 ) -> PyResult<CoreModel> {
     let syntax = match syntax {
         "toml" => Syntax::Toml,
@@ -67,42 +67,41 @@ pub(crate) fn parse(
             return Err(PyValueError::new_err(message));
         }
     };
-    let (text, name) = (text.to_owned(), name.to_owned());
-    let work = move |left: &AtomicBool| {
+    let work = || {
         let mut resolver = |path: &str| {
-            if left.load(Ordering::Acquire) {
-                return Err("interrupted".to_owned());
-            }
             Python::attach(|py| {
                 read.call1(py, (path,))
                     .and_then(|text| text.extract::<String>(py))
                     .map_err(|error| error.value(py).to_string())
             })
         };
-        let document = Document::parse(&text, syntax, &name, &mut resolver)?;
+        let document = Document::parse(text, syntax, name, &mut resolver)?;
         let (model, warnings) = document.build()?;
         Ok(CoreModel { document, problem: Problem::new(model), warnings })
     };
-    interruptible(py, work, || Ok(()))?.map_err(|e| refused(&e))
+    watched(py, on_stage.as_ref(), work).whole()?.map_err(|e| refused(&e))
 }
 
 #[pymethods]
 impl CoreModel {
-    fn with_values(&self, values_json: &str) -> PyResult<Self> {
+    fn with_values(&self, py: Python<'_>, values_json: &str) -> PyResult<Self> {
         let values: serde_json::Map<String, serde_json::Value> = serde_json::from_str(values_json)
             .map_err(|e| PyValueError::new_err(format!("values are not a JSON object: {e}")))?;
         let values: Vec<(String, serde_json::Value)> = values.into_iter().collect();
-        let document = self.document.with_values(&values).map_err(|e| refused(&e))?;
-        let (model, warnings) = document.build().map_err(|e| refused(&e))?;
-        Ok(Self { document, problem: self.problem.with_model(model), warnings })
+        let work = || {
+            let document = self.document.with_values(&values)?;
+            let (model, warnings) = document.build()?;
+            Ok(Self { document, problem: self.problem.with_model(model), warnings })
+        };
+        watched(py, None, work).whole()?.map_err(|e| refused(&e))
     }
 
-    fn to_json(&self) -> String {
-        self.document.to_json()
+    fn to_json(&self, py: Python<'_>) -> PyResult<String> {
+        watched(py, None, || self.document.to_json()).whole()
     }
 
-    fn to_plain_json(&self) -> PyResult<String> {
-        self.document.to_plain_json().map_err(|e| refused(&e))
+    fn to_plain_json(&self, py: Python<'_>) -> PyResult<String> {
+        watched(py, None, || self.document.to_plain_json()).whole()?.map_err(|e| refused(&e))
     }
 
     fn hash(&self, py: Python<'_>) -> PyResult<String> {
@@ -125,9 +124,14 @@ impl CoreModel {
         report::warnings(&self.warnings)
     }
 
-    fn check(&self, py: Python<'_>, spectrum: bool) -> PyResult<String> {
-        let problem = self.problem.clone();
-        let work = move |_: &AtomicBool| {
+    fn check(
+        &self,
+        py: Python<'_>,
+        spectrum: bool,
+        on_stage: Option<Py<PyAny>>,
+    ) -> PyResult<String> {
+        let problem = &self.problem;
+        let work = || {
             let assembled = problem.assemble().map_err(|e| report::assembly_error(&e))?;
             let values = if spectrum {
                 Some(self::spectrum(assembled).map_err(|e| {
@@ -144,9 +148,9 @@ impl CoreModel {
                 None
             };
             let summary = problem.summary(assembled);
-            Ok(report::check(&problem, assembled, &summary, values))
+            Ok(report::check(problem, assembled, &summary, values))
         };
-        interruptible(py, work, || Ok(()))?.map_err(ModelError::new_err::<String>)
+        watched(py, on_stage.as_ref(), work).whole()?.map_err(ModelError::new_err::<String>)
     }
 
     fn options(&self, choices_json: &str, start_time: Option<f64>) -> PyResult<String> {
@@ -161,6 +165,7 @@ impl CoreModel {
         start: Option<&Bound<'_, PyDict>>,
         on_chunk: Py<PyAny>,
         on_progress: Py<PyAny>,
+        on_stage: Py<PyAny>,
     ) -> PyResult<String> {
         let sizes = self.problem.system().structure().sizes;
         let from = match start {
@@ -180,23 +185,17 @@ impl CoreModel {
             None => self.problem.starting_at(first),
             Some(_) => self.problem.clone(),
         };
-        if from.is_none() {
-            // Kept by the problem; what is wrong with it is said by the run.
-            let assembly = problem.clone();
-            let work = move |_: &AtomicBool| assembly.assemble().is_ok();
-            interruptible(py, work, || on_progress.call1(py, (first, 0.0, 0)).map(drop))?;
-        }
-        let channels: Vec<Channel> = options
-            .channels
-            .iter()
-            .filter_map(|name| problem.channels().iter().find(|c| c.name == *name).cloned())
-            .collect();
+        let channels =
+            options.channels.iter().filter_map(|name| problem.channel(name)).cloned().collect();
         let mut sink = Callbacks { on_chunk, on_progress, sizes, channels, error: None };
-        let outcome = py.detach(|| run(&problem, &options, from.as_ref(), &mut sink));
+        let work = || run(&problem, &options, from.as_ref(), &mut sink);
+        let mut outcome = watched(py, Some(&on_stage), work);
+        // Before the first step there is nothing that could be kept.
+        outcome.done.take_if(|done| matches!(done, Err(RunError::Interrupted)));
         if let Some(error) = sink.error {
             return Err(error);
         }
-        let summary = outcome.map_err(not_run)?;
+        let summary = outcome.in_good_order()?.map_err(not_run)?;
         Ok(report::summary(&summary, options.code, summary.end.t - first))
     }
 
@@ -208,15 +207,14 @@ impl CoreModel {
     ) -> PyResult<Bound<'py, PyDict>> {
         let segments = dense::from_python(steps)?;
         let problem = &self.problem;
-        let states = py
-            .detach(|| {
-                let mut dense = DenseOutput::new(problem, segments)?;
-                times.into_iter().map(|t| dense.state(t)).collect::<Result<Vec<_>, _>>()
-            })
-            .map_err(|failure| {
-                let text = report::refusal(failure.code, &failure.message, None, "");
-                SimulationError::new_err(text)
-            })?;
+        let work = || {
+            let mut dense = DenseOutput::new(problem, segments)?;
+            times.into_iter().map(|t| dense.state(t)).collect::<Result<Vec<_>, _>>()
+        };
+        let states = watched(py, None, work).whole()?.map_err(|failure| {
+            let text = report::refusal(failure.code, &failure.message, None, "");
+            SimulationError::new_err(text)
+        })?;
         state::to_python(py, &states, &problem.system().structure().sizes)
     }
 
@@ -230,17 +228,15 @@ impl CoreModel {
         let states = Rows::read(state, &system.structure().sizes)?.states;
         let out = PyDict::new(py);
         for name in names {
-            let channel =
-                self.problem.channels().iter().find(|c| c.name == name).ok_or_else(|| {
-                    PyRuntimeError::new_err(format!("there is no channel `{name}`"))
-                })?;
+            let channel = self
+                .problem
+                .channel(&name)
+                .ok_or_else(|| PyRuntimeError::new_err(format!("there is no channel `{name}`")))?;
             let size = channel.size();
             let mut values = vec![0.0; size * states.len()];
-            py.detach(|| {
-                for (row, state) in values.chunks_exact_mut(size).zip(&states) {
-                    system.channel(channel, state, row);
-                }
-            });
+            for (row, state) in values.chunks_exact_mut(size).zip(&states) {
+                system.channel(channel, state, row);
+            }
             out.set_item(&channel.name, rows(py, &values, states.len(), &channel.shape)?)?;
         }
         Ok(out)

@@ -2,10 +2,14 @@
 
 use crate::scalar::Scalar;
 use crate::sparse::symbolic::FactorPattern;
+use crate::watch::checkpoint;
 use std::sync::Arc;
 
 /// A pivot below this fraction of the largest number its row holds is cancellation noise.
 pub(super) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
+
+/// Rows that are eliminated between two checkpoints, which small matrices should not notice.
+const WATCHED_ROWS: usize = 256;
 
 /// One entry of the scaled and permuted matrix: its slot among the values, its place in the row of
 /// the factors, its scale.
@@ -104,6 +108,7 @@ impl Plan {
         let mut place = vec![u32::MAX; n];
         for (i, entries) in entries.iter().enumerate() {
             let left = &pattern.l_column[pattern.l_range(i)];
+            checkpoint(8 * left.len());
             let start = out.columns.len();
             out.columns.extend(left);
             out.columns.push(i as u32);
@@ -169,6 +174,9 @@ impl<T: Scalar> Factors<T> {
         let mut targets = &plan.targets[..];
         let mut growth = 0.0f64;
         for (i, (row, &(n_loads, n_segments))) in plan.rows.iter().zip(&plan.counts).enumerate() {
+            if i % WATCHED_ROWS == 0 {
+                checkpoint(WATCHED_ROWS * 64);
+            }
             let (above, rest) = self.numbers.split_at_mut(row.start as usize);
             let here = &mut rest[..(row.end - row.start) as usize];
             if here.len() > n_loads as usize {

@@ -12,6 +12,7 @@ use crate::condition::condition_estimate;
 use crate::error::SingularMatrix;
 use crate::lanes::{LaneKernel, MOST_LANES, run_lanes};
 use crate::scalar::Scalar;
+use crate::watch::{checkpoint, stage};
 use std::sync::Arc;
 
 use elimination::{Factors, Plan};
@@ -22,6 +23,8 @@ use symbolic::FactorPattern;
 
 /// Most corrections of an iterative refinement.
 const MAX_REFINEMENTS: u32 = 5;
+/// Numbers that could be computed while a row is listed, about.
+const PER_ROW: usize = 50;
 
 /// LU factors of a square sparse matrix whose pattern never changes.
 ///
@@ -65,12 +68,17 @@ impl SparseLu {
     /// # Panics
     /// If the pattern is not square or `values` has not the pattern's length.
     pub fn analyze(pattern: &SparsePattern, values: &[f64]) -> Result<Self, SingularMatrix> {
-        let n = pattern.n_rows();
-        assert_eq!(n, pattern.n_cols(), "only a square matrix has an LU factorisation here");
+        assert_eq!(pattern.n_rows(), pattern.n_cols(), "only a square matrix has an LU here");
         assert_eq!(values.len(), pattern.len(), "one value for each slot of the pattern");
+        stage("analysing", || Self::analyzed(pattern, values))
+    }
+
+    fn analyzed(pattern: &SparsePattern, values: &[f64]) -> Result<Self, SingularMatrix> {
+        let n = pattern.n_rows();
         let (row_scale, column_scale) = scales(pattern, values)?;
         let mut a_scale = vec![1.0; pattern.len()];
         for i in 0..n {
+            checkpoint(PER_ROW);
             for (slot, j) in pattern.row(i) {
                 a_scale[slot] = row_scale[i] * column_scale[j];
             }
@@ -86,6 +94,7 @@ impl SparseLu {
         let entries: Vec<Vec<_>> = order
             .rows
             .iter()
+            .inspect(|_| checkpoint(PER_ROW))
             .map(|&i| pattern.row(i).map(|(slot, j)| (position[j], slot, a_scale[slot])).collect())
             .collect();
         let mut lu = Self {
@@ -207,6 +216,7 @@ impl<T: Scalar> SparseLu<T> {
 
     fn substitute(&mut self, b: &mut [T], k: usize, transposed: bool) {
         assert_eq!(b.len(), self.n * k, "right-hand sides of a matrix of {} rows", self.n);
+        checkpoint(self.fill() * k);
         let room = self.n * k.min(MOST_LANES);
         if self.work.len() < room {
             self.work.resize(room, T::ZERO);
@@ -290,6 +300,7 @@ fn scales(pattern: &SparsePattern, values: &[f64]) -> Result<(Vec<f64>, Vec<f64>
     let mut row_scale = vec![1.0; n];
     let mut column_size = vec![0.0f64; n];
     for i in 0..n {
+        checkpoint(PER_ROW);
         let mut size = 0.0f64;
         for (slot, j) in pattern.row(i) {
             if !values[slot].is_finite() {

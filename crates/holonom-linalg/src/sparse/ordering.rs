@@ -3,6 +3,7 @@
 use crate::error::SingularMatrix;
 use crate::sparse::SparsePattern;
 use crate::sparse::elimination::NEGLIGIBLE;
+use crate::watch::checkpoint;
 
 /// A pivot sequence: position p eliminates row `rows[p]` with column `columns[p]`.
 pub(super) struct PivotOrder {
@@ -21,6 +22,8 @@ const SEARCH: usize = 4;
 const LONG: usize = 128;
 
 const NONE: u32 = u32::MAX;
+/// Numbers in whose time a pivot is chosen, about.
+const PER_PIVOT: usize = 200;
 
 /// Eliminates the matrix once, choosing at each step, among the large enough entries of the few
 /// rows and columns of least count, the one that causes least fill.
@@ -38,6 +41,7 @@ pub(super) fn choose_pivots(
     let n = pattern.n_rows();
     let mut order = PivotOrder { rows: Vec::with_capacity(n), columns: Vec::with_capacity(n) };
     for _ in 0..n {
+        checkpoint(PER_PIVOT);
         let Some(pivot) = active.best_pivot() else { return Err(active.obstacle()) };
         active.eliminate(pivot.row, pivot.column);
         order.rows.push(pivot.row);
@@ -90,10 +94,15 @@ struct Active {
 impl Active {
     fn new(pattern: &SparsePattern, values: &[f64]) -> Self {
         let n = pattern.n_rows();
-        let rows: Vec<Vec<(u32, f64)>> =
-            (0..n).map(|i| pattern.row(i).map(|(s, j)| (j as u32, values[s])).collect()).collect();
+        let rows: Vec<Vec<(u32, f64)>> = (0..n)
+            .map(|i| {
+                checkpoint(PER_PIVOT);
+                pattern.row(i).map(|(s, j)| (j as u32, values[s])).collect()
+            })
+            .collect();
         let mut columns = vec![Vec::new(); n];
         for (i, row) in rows.iter().enumerate() {
+            checkpoint(4 * row.len());
             for &(j, _) in row {
                 columns[j as usize].push(i as u32);
             }

@@ -1,4 +1,5 @@
 use crate::scalar::Scalar;
+use crate::watch::checkpoint;
 
 /// Which entries of a sparse matrix may differ from zero, in compressed rows.
 ///
@@ -24,22 +25,37 @@ impl SparsePattern {
         for &(i, j) in entries {
             assert!(i < n_rows && j < n_cols, "entry ({i}, {j}) is outside {n_rows}×{n_cols}");
         }
-        let mut order: Vec<usize> = (0..entries.len()).collect();
-        order.sort_unstable_by_key(|&e| entries[e]);
-        let mut row_pointers = vec![0; n_rows + 1];
-        let mut columns: Vec<usize> = Vec::with_capacity(entries.len());
-        let mut slots = vec![0; entries.len()];
-        let mut last = None;
-        for e in order {
-            if last != Some(entries[e]) {
-                last = Some(entries[e]);
-                columns.push(entries[e].1);
-                row_pointers[entries[e].0 + 1] = columns.len();
-            }
-            slots[e] = columns.len() - 1;
+        // Entries by row: those of row i at starts[i]..starts[i + 1].
+        let mut starts = vec![0; n_rows + 1];
+        for &(i, _) in entries {
+            starts[i + 1] += 1;
         }
         for i in 0..n_rows {
-            row_pointers[i + 1] = row_pointers[i + 1].max(row_pointers[i]);
+            starts[i + 1] += starts[i];
+        }
+        let mut order = vec![0u32; entries.len()];
+        let mut next = starts.clone();
+        for (e, &(i, _)) in entries.iter().enumerate() {
+            order[next[i]] = e as u32;
+            next[i] += 1;
+        }
+        let mut row_pointers = Vec::with_capacity(n_rows + 1);
+        row_pointers.push(0);
+        let mut columns: Vec<usize> = Vec::new();
+        let mut slots = vec![0; entries.len()];
+        for row in starts.windows(2) {
+            let row = &mut order[row[0]..row[1]];
+            checkpoint(4 * row.len());
+            row.sort_unstable_by_key(|&e| entries[e as usize].1);
+            let first = columns.len();
+            for &e in &*row {
+                let column = entries[e as usize].1;
+                if columns[first..].last() != Some(&column) {
+                    columns.push(column);
+                }
+                slots[e as usize] = columns.len() - 1;
+            }
+            row_pointers.push(columns.len());
         }
         (Self { n_rows, n_cols, row_pointers, columns }, slots)
     }

@@ -5,6 +5,7 @@ use std::collections::BinaryHeap;
 
 use crate::sparse::SparsePattern;
 use crate::sparse::ordering::PivotOrder;
+use crate::watch::checkpoint;
 
 /// Pattern of L (without its unit diagonal) and U (without its diagonal) by rows, in pivot
 /// positions, columns ascending.
@@ -28,7 +29,10 @@ impl FactorPattern {
             Self { l_start: vec![0], l_column: Vec::new(), u_start: vec![0], u_column: Vec::new() };
         let mut row = Row { p: 0, seen: vec![u32::MAX; n], left: BinaryHeap::new() };
         let mut right = Vec::new();
+        let mut counted = 0;
         for (p, &i) in order.rows.iter().enumerate() {
+            checkpoint(8 * (result.u_column.len() - counted));
+            counted = result.u_column.len();
             row.p = p as u32;
             for (_, j) in pattern.row(i) {
                 row.mark(position[j], &mut right);
@@ -76,6 +80,7 @@ impl FactorPattern {
             waiting_for[q as usize] += 1;
         };
         for i in 0..n {
+            checkpoint(8 * self.u_range(i).len());
             for at in self.u_range(i) {
                 link(i as u32, self.u_column[at]);
             }
@@ -87,6 +92,7 @@ impl FactorPattern {
             (0..n as u32).rev().filter(|&p| waiting_for[p as usize] == 0).collect();
         let mut result = PivotOrder { rows: Vec::new(), columns: Vec::new() };
         while let Some(p) = ready.pop() {
+            checkpoint(8 * after[p as usize].len());
             result.rows.push(order.rows[p as usize]);
             result.columns.push(order.columns[p as usize]);
             let from = ready.len();

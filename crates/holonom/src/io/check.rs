@@ -13,6 +13,7 @@ use super::schema::Dimension;
 use super::shape::{Field, Record, Shape, Variant, alternatives, describe, model_file};
 use super::tree::{Node, Table, Value, join};
 use crate::error::{Code, Diagnostic, shown};
+use crate::watch::{NAMED, checkpoint};
 
 /// Tables of items of the user's naming.
 pub(super) const COLLECTIONS: [&str; 7] =
@@ -314,6 +315,7 @@ impl Checker {
         let mut out = serde_json::Map::with_capacity(table.len());
         let mut meant = Vec::new();
         for (name, entry) in table {
+            checkpoint(NAMED);
             let at = join(path, name);
             match record.field(name) {
                 Some(field) if exists(&field) => {

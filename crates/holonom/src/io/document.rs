@@ -17,6 +17,10 @@ use super::set::set;
 use super::tree::{Node, Places, Source, Span, Value, location, marks_key, node_at, span_of};
 use crate::error::{Code, Diagnostic, ModelErrors, Severity, Warning};
 use crate::model::Model;
+use crate::watch::{NAMED, checkpoint, stage};
+
+/// What observers are told while a file becomes a model.
+const READING: &str = "reading";
 
 /// A model file with the files it extends, merged by name.
 #[derive(Debug, Clone)]
@@ -43,7 +47,7 @@ impl Document {
     ) -> Result<Self, ModelErrors> {
         let mut sources = Vec::new();
         let resolver: &mut Resolver<'_> = resolver;
-        let root = read_chain(text, syntax, file_name, resolver, &mut sources)?;
+        let root = stage(READING, || read_chain(text, syntax, file_name, resolver, &mut sources))?;
         Ok(Self { root, sources })
     }
 
@@ -112,6 +116,10 @@ impl Document {
     /// # Errors
     /// All errors found, up to [`limits::ERRORS_SHOWN`], in file order.
     pub fn build(&self) -> Result<(Model, Vec<Warning>), ModelErrors> {
+        stage(READING, || self.built())
+    }
+
+    fn built(&self) -> Result<(Model, Vec<Warning>), ModelErrors> {
         let mut expanded = self.expanded();
         let mut errors = std::mem::take(&mut expanded.errors);
         let (json, found) = check_file(&expanded.root);
@@ -167,6 +175,7 @@ impl Document {
         let mut out: Vec<(Span, Diagnostic)> = Vec::with_capacity(findings.len());
         let mut seen: IndexMap<(String, Code), Repeated> = IndexMap::new();
         for mut finding in findings {
+            checkpoint(NAMED);
             let of_pattern = finding.path.starts_with("patterns.");
             let tree = if of_pattern { &self.root } else { &expanded.root };
             let span = span_of(tree, &finding.path, marks_key(finding.code));

@@ -5,6 +5,7 @@ use super::limits;
 use super::read::{Syntax, read};
 use super::tree::{Entry, Node, Source, Span, Table, Value, location};
 use crate::error::{Code, Diagnostic, ModelErrors};
+use crate::watch::{NAMED, checkpoint};
 
 /// Reads the text of a file by its path.
 pub(super) type Resolver<'a> = dyn FnMut(&str) -> Result<String, String> + 'a;
@@ -132,6 +133,7 @@ pub(super) fn merge(base: &mut Node, over: Node) {
     match (&mut base.value, over.value) {
         (Value::Table(fields), Value::Table(new)) if !retyped => {
             for (name, entry) in new {
+                checkpoint(NAMED);
                 match fields.get_mut(&name) {
                     Some(old) => {
                         old.key = entry.key;

@@ -12,6 +12,7 @@ use super::merge::merge;
 use super::names::{objection, suggest};
 use super::tree::{Entry, Node, Span, Step, Table, Value, join, node_at, parse_path, path_of};
 use crate::error::{Code, Diagnostic};
+use crate::watch::{NAMED, checkpoint};
 
 /// Tables of items that patterns repeat: the same path in a pattern and in the file.
 const SECTIONS: [&[&str]; 7] = [
@@ -512,6 +513,7 @@ impl Expander {
         (key, entry): (&str, &Entry),
         origin: Origin,
     ) -> bool {
+        checkpoint(size(&entry.node) * NAMED);
         let values = self.row(indices, origin.row);
         let trouble = |fault| Trouble { path: String::new(), code: Code::Expression, fault };
         let made =

@@ -7,6 +7,7 @@ use toml::de::{DeTable, DeValue};
 use super::limits;
 use super::tree::{Entry, Node, Span, Table, Value, join};
 use crate::error::{Code, Diagnostic, Location, ModelErrors};
+use crate::watch::{NAMED, checkpoint};
 
 /// Syntax of a model file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,6 +111,7 @@ impl Reader<'_> {
         fields.sort_by_key(|(key, _)| key.span().start);
         let mut out = Table::with_capacity(fields.len());
         for (key, value) in fields {
+            checkpoint(NAMED);
             let at = key.span();
             let key_span = self.span(at.start, at.end);
             let name = key.into_inner().into_owned();
@@ -246,6 +248,7 @@ impl Reader<'_> {
             ast::Value::Object(object) => {
                 let mut out = Table::with_capacity(object.properties.len());
                 for field in object.properties {
+                    checkpoint(NAMED);
                     let at = jsonc_parser::common::Ranged::range(&field.name);
                     let key = self.span(at.start, at.end);
                     let name = field.name.into_string();

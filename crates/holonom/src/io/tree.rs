@@ -5,6 +5,7 @@ use indexmap::IndexMap;
 
 use super::limits;
 use crate::error::{Code, Location, shown};
+use crate::watch::{NAMED, checkpoint};
 
 /// Bytes `start..end` of source number `file`; values set by the caller have no source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -88,7 +89,9 @@ impl Node {
             Value::Text(t) => t.clone().into(),
             Value::List(list) => list.iter().map(Node::to_json).collect(),
             Value::Table(table) => serde_json::Value::Object(
-                table.iter().map(|(key, entry)| (key.clone(), entry.node.to_json())).collect(),
+                (table.iter().inspect(|_| checkpoint(NAMED)))
+                    .map(|(key, entry)| (key.clone(), entry.node.to_json()))
+                    .collect(),
             ),
         }
     }

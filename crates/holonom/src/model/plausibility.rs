@@ -3,6 +3,7 @@
 use super::{Dimension, ForceKind, Frame, InitialBody, Model, Orientation};
 use crate::error::{Code, Diagnostic, Warning, shown};
 use crate::math::TimeFunction;
+use crate::watch::{NAMED, checkpoint};
 
 /// kg: heavier or lighter single bodies are rare.
 const MASS: [f64; 2] = [1e-6, 1e6];
@@ -27,6 +28,7 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
         warn("gravity".into(), message, "on earth it is 9.81 m/s²; are lengths in millimetres?");
     }
     for body in &model.bodies {
+        checkpoint(NAMED);
         let item = format!("bodies.{}", body.name);
         if body.mass > MASS[1] || (body.mass > 0.0 && body.mass < MASS[0]) {
             let message = format!("the mass of `{}` is {} kg", body.name, shown(body.mass));
@@ -64,9 +66,11 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
         }
     };
     for joint in &model.joints {
+        checkpoint(NAMED);
         far(format!("joints.{}", joint.name), &joint.frames);
     }
     for force in &model.forces {
+        checkpoint(NAMED);
         let item = format!("forces.{}", force.name);
         match &force.kind {
             ForceKind::Tsda { frames, .. }

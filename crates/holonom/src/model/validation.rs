@@ -6,21 +6,24 @@ use super::{
 };
 use crate::error::{Code, Diagnostic, shown};
 use crate::math::TimeFunction;
+use crate::watch::{NAMED, checkpoint};
 
 /// Farthest that a point may lie, m: beyond, double precision no longer resolves a tenth of a
 /// micrometre.
 pub const FARTHEST: f64 = 1e9;
-
 /// All violations of the rules, in the order of the model.
 pub fn validate(model: &Model) -> Vec<Diagnostic> {
     let mut rules = Rules { errors: Vec::new() };
     for body in &model.bodies {
+        checkpoint(NAMED);
         rules.body(body, model.dimension);
     }
     for joint in &model.joints {
+        checkpoint(NAMED);
         rules.joint(joint, model);
     }
     for force in &model.forces {
+        checkpoint(NAMED);
         rules.force(force, model);
     }
     for driver in &model.drivers {

@@ -2,7 +2,11 @@
 
 use super::blocks::ReducedBlocks;
 use crate::reduction::{BodyRows, Manifold, Projection, structural_nonzeros};
+use crate::watch::checkpoint;
 use holonom_linalg::{BlockMatrix, Scalar, SparsePattern};
+
+/// Numbers that could be computed in the time that an entry is listed in; for checkpoints.
+const PER_ENTRY: usize = 4;
 
 /// Matrices whose values stand in the inflated one.
 #[derive(Debug, Clone, Copy)]
@@ -286,6 +290,7 @@ impl List {
         place: impl Fn((usize, usize)) -> Option<(usize, usize)>,
     ) {
         let mut values = Vec::new();
+        checkpoint(PER_ENTRY * entries.len());
         for &(at, entry) in entries {
             if let Some(entry) = place(entry) {
                 self.entries.push(entry);

@@ -9,6 +9,7 @@ use crate::reduction::accelerations::Refusal;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::{Manifold, largest_index};
 use crate::system::{Channel, State, System};
+use crate::watch::GivenUp;
 use std::sync::Arc;
 
 /// Smallest tolerance: a step's error cannot be told from the round-off of its arithmetic below.
@@ -29,6 +30,15 @@ pub enum RunError {
         name: String,
         /// The channel nearest in name.
         nearest: Option<String>,
+    },
+    /// Whoever watches this thread asked for it before the first step.
+    #[error("interrupted before the first step")]
+    Interrupted,
+    /// The time was over before the first step.
+    #[error("`max_seconds` = {limit} reached before the first step")]
+    MaxSeconds {
+        /// s.
+        limit: f64,
     },
     /// No such code.
     #[error(transparent)]
@@ -176,11 +186,20 @@ pub enum RunError {
 }
 
 impl RunError {
+    pub(super) fn given_up(given_up: GivenUp, options: &Options) -> Self {
+        match given_up {
+            GivenUp::Asked => Self::Interrupted,
+            GivenUp::OutOfTime => Self::MaxSeconds { limit: options.max_seconds },
+        }
+    }
+
     /// Stable code.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Assembly(error) => error.code(),
             Self::UnknownChannel { .. } => "simulation/unknown-channel",
+            Self::Interrupted => "simulation/interrupted",
+            Self::MaxSeconds { .. } => "simulation/max-seconds",
             Self::UnknownMethod(_) => "simulation/unknown-method",
             Self::StartState { .. }
             | Self::StateNotFinite { .. }
@@ -211,6 +230,7 @@ impl RunError {
                  lengths, joints or drivers have changed, state initial values in the model instead"
             }
             Self::ShortTable { .. } => "extend the table, or let the run begin and end within it",
+            Self::MaxSeconds { .. } => "raise `max_seconds`",
             Self::Tolerance { .. } => "ask for less, 1e-10 for a reference",
             Self::OutputTime { .. } => "leave the time out, or change the span of the run",
             Self::TooManyRows { .. } => "ask for a longer interval",
@@ -402,14 +422,12 @@ pub(super) fn find_channels(
     system: &Arc<dyn System>,
     names: &[String],
 ) -> Result<Vec<Channel>, RunError> {
-    let all = system.channels();
     names
         .iter()
         .map(|name| {
-            all.iter().find(|c| c.name == *name).cloned().ok_or_else(|| RunError::UnknownChannel {
-                name: name.clone(),
-                nearest: nearest(name, all),
-            })
+            let nearest = || nearest(name, system.channels());
+            let unknown = || RunError::UnknownChannel { name: name.clone(), nearest: nearest() };
+            system.channel_named(name).cloned().ok_or_else(unknown)
         })
         .collect()
 }

@@ -1,4 +1,4 @@
-//! The time that a run takes. It is reported only: the one limit on time, `max_seconds`, has its own clock.
+//! The time that a run takes; it is reported, and compared with the one limit on time, `max_seconds`.
 
 use cpu_time::ThreadTime;
 use std::ops::{AddAssign, Sub};
@@ -24,6 +24,11 @@ pub(super) struct Elapsed {
 impl Stopwatch {
     pub(super) fn start() -> Self {
         Self { wall: Instant::now(), processor: ThreadTime::try_now().ok() }
+    }
+
+    /// Time that has passed.
+    pub(super) fn passed(&self) -> Duration {
+        self.wall.elapsed()
     }
 
     pub(super) fn elapsed(&self) -> Elapsed {

@@ -5,6 +5,7 @@ use super::statistics::{Status, StopReason};
 use crate::method::StateSpace;
 use crate::method::stepper::{Rejection, Stepper};
 use crate::system::{Measure, State, System};
+use crate::watch::GivenUp;
 
 /// m, rad and their rates: no machine comes there, and squares are soon no numbers any more.
 const RUNAWAY: f64 = 1e100;
@@ -18,6 +19,15 @@ pub(super) enum Stop {
     MaxSeconds,
     Sink(String),
     Failed { cause: Option<Rejection>, step_size: f64 },
+}
+
+impl From<GivenUp> for Stop {
+    fn from(given_up: GivenUp) -> Self {
+        match given_up {
+            GivenUp::Asked => Self::Interrupted,
+            GivenUp::OutOfTime => Self::MaxSeconds,
+        }
+    }
 }
 
 /// What may have made a run fail, found at its last good state.

@@ -7,6 +7,7 @@ use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::{Manifold, Parametrization, Relatives, Source};
 use crate::system::{Channel, EdgeSource, RowKind, State, System, compile, compile_along};
 use crate::topology::{Forest, Shape};
+use crate::watch::stage;
 use std::sync::{Arc, OnceLock};
 
 /// A model with its system; assembled once, when first asked.
@@ -156,7 +157,7 @@ impl Problem {
     pub fn assemble(&self) -> Result<&Assembled, AssemblyError> {
         let compute = || {
             let template = self.base.as_ref().and_then(|base| base.manifold());
-            assemble(&self.system, &self.model, template)
+            stage("assembling", || assemble(&self.system, &self.model, template))
         };
         self.assembled.get_or_init(compute).as_ref().map_err(Clone::clone)
     }
@@ -179,6 +180,11 @@ impl Problem {
     /// Channels that can be asked for.
     pub fn channels(&self) -> &[Channel] {
         self.system.channels()
+    }
+
+    /// A channel by name.
+    pub fn channel(&self, name: &str) -> Option<&Channel> {
+        self.system.channel_named(name)
     }
 
     /// What a row of a joint or driver prescribes, in words.

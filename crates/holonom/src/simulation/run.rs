@@ -23,6 +23,7 @@ use crate::newton::MatrixOptions;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::{Chart, Choice};
 use crate::system::{EnergyBalance, State, System};
+use crate::watch::{checkpoint, stage, within};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -43,6 +44,8 @@ const MULTISTEP_TURN: f64 = 1.5;
 /// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
 const TANGENT_GROWTH: f64 = 2.0;
 pub(super) const MAX_REJECTIONS: u32 = 60;
+/// Numbers per coordinate in whose time a form of the equations is copied, about.
+const COPIED: usize = 500;
 const POLL: Duration = Duration::from_millis(50);
 const FLUSH: Duration = Duration::from_millis(500);
 
@@ -77,7 +80,39 @@ pub fn run(
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
+    let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
+    let mut run = within(limit, || set_up(problem, options, from, sink, begun))
+        .map_err(|given_up| RunError::given_up(given_up, options))??;
+    let looped = Stopwatch::start();
+    let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
+    let stop = within(left, || stage("running", || run.advance()))
+        .unwrap_or_else(|given_up| Err(Stop::from(given_up)));
+    let (status, stop) = run.finish(stop);
+    let took = looped.elapsed() - run.sink_time;
+    run.statistics.run_seconds = took.wall.as_secs_f64();
+    run.statistics.run_cpu_seconds = took.processor.as_secs_f64();
+    Ok(Summary {
+        status,
+        stop,
+        ndof: run.form.point().manifold.chart().ndof(),
+        statistics: run.statistics,
+        energy: run.energy,
+        end: run.state,
+        warnings: run.warnings,
+    })
+}
+
+/// Everything that a run needs before its first step; it was asked for at `begun`.
+fn set_up<'a>(
+    problem: &Problem,
+    options: &'a Options,
+    from: Option<&State>,
+    sink: &'a mut dyn Sink,
+    begun: Stopwatch,
+) -> Result<Run<'a>, RunError> {
     let system = problem.system().clone();
+    // Copies of what is large take time, too.
+    let copied = || checkpoint(COPIED * system.structure().sizes.coordinates);
     let given = from.map(|state| problem.start_from(state)).transpose()?;
     let start = from.map_or(problem.model().simulation.start_time.unwrap_or(0.0), |state| state.t);
     check_options(options, start, system.characteristic_length())?;
@@ -102,7 +137,9 @@ pub fn run(
     }
     let channels = find_channels(&system, &options.channels)?;
     let (code, profile, tolerance) = (options.code, options.profile, options.tolerance);
+    copied();
     let mut form = build_state_space(code, profile, manifold, tolerance, &state);
+    copied();
     let matrix = MatrixOptions { source: options.jacobian, representation: options.newton };
     if matrix != MatrixOptions::default() {
         form.set_matrix(matrix);
@@ -136,7 +173,8 @@ pub fn run(
             powers,
         );
     }
-    let mut run = Run {
+    copied();
+    Ok(Run {
         options,
         condition_reference: 0.0,
         start_residuals: (0.0, 0.0),
@@ -145,6 +183,7 @@ pub fn run(
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         drift: Drift::new(system.structure().sizes.bodies),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
+        middle: None,
         output,
         recorder: Recorder::new(form.point(), dimension, form.integrates_powers()),
         w: vec![0.0; dimension],
@@ -159,26 +198,11 @@ pub fn run(
         statistics,
         warnings: Vec::new(),
         sink,
-        started: Instant::now(),
+        begun,
         last_poll: Instant::now(),
         last_flush: Instant::now(),
         sink_time: Elapsed::default(),
         system,
-    };
-    let looped = Stopwatch::start();
-    let stop = run.advance();
-    let (status, stop) = run.finish(stop);
-    let took = looped.elapsed() - run.sink_time;
-    run.statistics.run_seconds = took.wall.as_secs_f64();
-    run.statistics.run_cpu_seconds = took.processor.as_secs_f64();
-    Ok(Summary {
-        status,
-        stop,
-        ndof: run.form.point().manifold.chart().ndof(),
-        statistics: run.statistics,
-        energy: run.energy,
-        end: run.state,
-        warnings: run.warnings,
     })
 }
 
@@ -205,10 +229,12 @@ struct Run<'a> {
     energy_scale: EnergyScale,
     drift: Drift,
     powers: StepPowers,
+    /// Powers in the middle of the step just accepted, if they are known.
+    middle: Option<[f64; 2]>,
     output: Output,
     warnings: Vec<RunWarning>,
     sink: &'a mut dyn Sink,
-    started: Instant,
+    begun: Stopwatch,
     last_poll: Instant,
     last_flush: Instant,
     sink_time: Elapsed,
@@ -216,7 +242,6 @@ struct Run<'a> {
 
 impl Run<'_> {
     fn advance(&mut self) -> Result<(), Stop> {
-        let begun = Instant::now();
         let end = self.options.end_time;
         self.form.begin_step(&self.state);
         self.form.pack(&self.state, &mut self.w);
@@ -242,9 +267,6 @@ impl Run<'_> {
             if attempts >= self.options.max_steps {
                 return Err(Stop::MaxSteps);
             }
-            if begun.elapsed().as_secs_f64() > self.options.max_seconds {
-                return Err(Stop::MaxSeconds);
-            }
             attempts += 1;
             let t = self.state.t;
             let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
@@ -266,7 +288,7 @@ impl Run<'_> {
             let t_end = if reaches { next } else { t + step };
             let mut rejection = report.cause.take();
             if report.accepted {
-                rejection = self.accept(t_end).err().map(Rejection::Evaluation);
+                rejection = self.accept(t, step, t_end).err().map(Rejection::Evaluation);
             }
             self.record(t, step, &report, rejection.as_ref());
             if let Some(cause) = rejection {
@@ -329,15 +351,32 @@ impl Run<'_> {
         Ok(h.min(limit))
     }
 
-    /// Takes over the end of an accepted attempt: state with accelerations at `t_end`.
-    fn accept(&mut self, t_end: f64) -> Result<(), EvaluationFailure> {
+    /// Takes over the end of an accepted attempt from `t` over `step`: state with accelerations at `t_end`.
+    fn accept(&mut self, t: f64, step: f64, t_end: f64) -> Result<(), EvaluationFailure> {
         self.w_end.copy_from_slice(self.stepper.end().w);
         if let Err(failure) = self.form.derivative(t_end, &self.w_end, &mut self.g_end) {
             self.stepper.discard();
             return Err(failure);
         }
         self.form.point_mut().complete();
-        self.check_residuals().inspect_err(|_| self.stepper.discard())
+        self.check_residuals().inspect_err(|_| self.stepper.discard())?;
+        self.find_middle(t, step);
+        Ok(())
+    }
+
+    /// Powers in the middle of the accepted step, where the ledger needs them.
+    fn find_middle(&mut self, t: f64, step: f64) {
+        if self.form.integrates_powers() {
+            return;
+        }
+        // Driver power needs multipliers; without drivers the recovery is enough.
+        let full = self.system.has_drivers();
+        let stepper = &mut self.stepper;
+        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+        let middle = self.recorder.state(interpolate, t, step, 0.5, full);
+        // The middle of an accepted step failing is rare; the trapezoid serves.
+        self.middle = middle.ok().map(|middle| powers(&self.system.energy(middle)));
+        self.recorder.begin_step(self.form.point(), &self.state);
     }
 
     /// Residuals of the state just evaluated, whose Jacobian is at hand.
@@ -372,7 +411,7 @@ impl Run<'_> {
     /// Output rows inside the step, then the new state. Returns the energy at its end.
     fn emit(&mut self, t: f64, step: f64) -> Result<EnergyBalance, Stop> {
         let begun = Instant::now();
-        // The end state is kept aside: interior rows use the form's evaluation state.
+        // Here a step counts, in whole: nothing is given up before it is among the steps that are stored.
         self.row.copy_from(&self.form.point().state);
         self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.row.lambda);
         std::mem::swap(&mut self.row, &mut self.state);
@@ -383,19 +422,10 @@ impl Run<'_> {
         let energy = self.system.energy(&self.state);
         self.powers.at[2] = powers(&energy);
         let ledger = self.row.ledger;
-        let stepper = &mut self.stepper;
-        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         if !self.form.integrates_powers() {
-            // Driver power needs multipliers; without drivers the recovery is enough.
-            let full = self.system.has_drivers();
-            self.powers.at[1] = match self.recorder.state(interpolate, t, step, 0.5, full) {
-                Ok(middle) => powers(&self.system.energy(middle)),
-                // The middle of an accepted step failing is rare; the trapezoid serves.
-                Err(_) => {
-                    std::array::from_fn(|k| 0.5 * (self.powers.at[0][k] + self.powers.at[2][k]))
-                }
-            };
-            self.recorder.begin_step(self.form.point(), &self.row);
+            let [start, _, end] = self.powers.at;
+            let trapezoid = || std::array::from_fn(|k| 0.5 * (start[k] + end[k]));
+            self.powers.at[1] = self.middle.unwrap_or_else(trapezoid);
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);
         }
         self.state.ledger.initial = ledger.initial;
@@ -591,6 +621,9 @@ impl Run<'_> {
     }
 
     fn poll(&mut self, h: f64) -> Result<(), Stop> {
+        if self.begun.passed().as_secs_f64() > self.options.max_seconds {
+            return Err(Stop::MaxSeconds);
+        }
         if self.last_poll.elapsed() < POLL {
             return Ok(());
         }
@@ -598,9 +631,6 @@ impl Run<'_> {
         let flow = self.sink.progress(self.state.t, h, self.statistics.steps);
         self.last_poll = Instant::now();
         self.sink_time += begun.elapsed();
-        if self.started.elapsed().as_secs_f64() > self.options.max_seconds {
-            return Err(Stop::MaxSeconds);
-        }
         match flow {
             Flow::Continue => Ok(()),
             Flow::Interrupt => Err(Stop::Interrupted),
@@ -672,9 +702,11 @@ impl Run<'_> {
             (stop, _) => stop,
         };
         let suspects = match &stop {
-            Err(Stop::Failed { .. }) => {
+            // A search that is given up finds nothing; the run is told as it ended.
+            Err(Stop::Failed { .. }) => within(None, || {
                 Suspects::find(self.form.as_mut(), self.stepper.as_ref(), &self.state)
-            }
+            })
+            .unwrap_or_default(),
             _ => Suspects::default(),
         };
         diagnose(stop, self.state.t, self.options, &suspects, self.system.as_ref())

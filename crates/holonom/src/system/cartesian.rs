@@ -14,6 +14,7 @@ use crate::elements::{
     ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
 };
 use crate::model::{Dimension, Model};
+use crate::watch::checkpoint;
 use holonom_linalg::{BlockId, BlockMatrix};
 use std::sync::Arc;
 
@@ -38,10 +39,17 @@ pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
     pub(super) gravity: [f64; 3],
     pub(super) length: f64,
     pub(super) channels: Vec<Channel>,
+    /// Channels in the order of their names.
+    pub(super) by_name: Vec<u32>,
 }
 
 impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
     const REST: [f64; N] = [0.0; N];
+
+    /// Numbers that an evaluation of all elements takes, about; for checkpoints.
+    fn numbers(&self) -> usize {
+        16 * N * (self.bodies.len() + self.constraints.len() + self.forces.len())
+    }
 
     pub(super) fn pose(q: &[f64], body: Option<usize>) -> &[f64; N] {
         match body {
@@ -256,6 +264,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     }
 
     fn position_constraints(&self, t: f64, q: &[f64], phi: &mut [f64]) {
+        checkpoint(self.numbers());
         let mut u = [0.0; 6];
         for c in &self.constraints {
             Self::constraint_value(c, t, Self::pair(q, c.bodies), &mut u);
@@ -271,6 +280,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     }
 
     fn constraint_jacobian(&self, q: &[f64], g: &mut BlockMatrix) {
+        checkpoint(self.numbers());
         let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);
         for (c, slots) in self.constraints.iter().zip(&self.slots.jacobian) {
             c.element.jacobian(Self::pair(q, c.bodies), &mut rows);
@@ -293,6 +303,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     }
 
     fn acceleration_rhs(&self, t: f64, q: &[f64], v: &[f64], tau: &mut [f64]) {
+        checkpoint(self.numbers());
         let mut curvature = [0.0; 6];
         for c in &self.constraints {
             c.element.curvature(Self::pair(q, c.bodies), Self::rates(v, c.bodies), &mut curvature);
@@ -313,6 +324,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     }
 
     fn mass_matrix(&self, q: &[f64], m: &mut BlockMatrix) {
+        checkpoint(self.numbers());
         for (b, (body, ids)) in self.bodies.iter().zip(&self.slots.mass).enumerate() {
             let block = m.block_mut(ids[0]);
             for k in 0..D {
@@ -323,6 +335,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     }
 
     fn forces(&self, state: &State, force: &mut [f64], z_rate: &mut [f64]) {
+        checkpoint(self.numbers());
         for (b, body) in self.bodies.iter().enumerate() {
             let out = &mut force[b * N..(b + 1) * N];
             out.fill(0.0);
@@ -349,6 +362,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     }
 
     fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks) {
+        checkpoint(8 * self.numbers());
         out.stiffness.clear();
         out.damping.clear();
         out.force_time.fill(0.0);
@@ -493,6 +507,12 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
 
     fn channels(&self) -> &[Channel] {
         &self.channels
+    }
+
+    fn channel_named(&self, name: &str) -> Option<&Channel> {
+        let channel = |at: &u32| &self.channels[*at as usize];
+        let at = self.by_name.binary_search_by(|at| channel(at).name.as_str().cmp(name)).ok()?;
+        Some(channel(&self.by_name[at]))
     }
 
     fn channel(&self, channel: &Channel, state: &State, out: &mut [f64]) {
@@ -655,6 +675,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
     }
 
     fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]) {
+        checkpoint(self.numbers());
         let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);
         for c in &self.constraints {
             let (pair, rates) = (Self::pair(q, c.bodies), Self::rates(v, c.bodies));

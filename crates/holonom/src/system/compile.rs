@@ -12,16 +12,19 @@ use super::{Measure, System, quantities};
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use crate::topology::Forest;
+use crate::watch::{NAMED, checkpoint, stage};
 use holonom_linalg::BlockMatrix;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Compiles a model in Cartesian coordinates.
 pub fn compile(model: &Model) -> Arc<dyn System> {
-    match model.dimension {
-        Dimension::Planar => Arc::new(build::<Planar, 2, 3>(model, None, None)),
-        Dimension::Spatial => Arc::new(build::<Spatial, 3, 7>(model, None, None)),
-    }
+    stage("compiling", || -> Arc<dyn System> {
+        match model.dimension {
+            Dimension::Planar => Arc::new(build::<Planar, 2, 3>(model, None, None)),
+            Dimension::Spatial => Arc::new(build::<Spatial, 3, 7>(model, None, None)),
+        }
+    })
 }
 
 /// Compiles a model along a forest that was found for one that differs in numbers only.
@@ -65,6 +68,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         (&d.name, "driver", [first, second], element, d.motion.breakpoints())
     });
     for (name, kind, ends, element, breakpoints) in joints.chain(drivers) {
+        checkpoint(NAMED);
         let rows = element.rows();
         constraints.push(PlacedConstraint {
             name: name.clone(),
@@ -80,6 +84,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     let (mut extra_states, mut windings) = (0, 0);
     let mut forces = Vec::with_capacity(model.forces.len());
     for f in &model.forces {
+        checkpoint(NAMED);
         let ends = S::force_bodies(f);
         let element = S::force(f, ends.map(center));
         let extra = element.has_extra_state().then(|| post_increment(&mut extra_states));
@@ -141,8 +146,12 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         gravity,
         length: model.characteristic_length(),
         channels: Vec::new(),
+        by_name: Vec::new(),
     };
     system.channels = quantities::list(&system);
+    system.by_name = (0..system.channels.len() as u32).collect();
+    let channels = &system.channels;
+    system.by_name.sort_by_key(|&at| channels[at as usize].name.as_str());
     system
 }
 

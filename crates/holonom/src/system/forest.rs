@@ -12,6 +12,7 @@ use crate::model::{
     BodyIndex, Dimension, DriverKind, ElasticLaw, Force, ForceKind, JointKind, Model,
 };
 use crate::topology::{Edge, Forest};
+use crate::watch::{NAMED, checkpoint};
 
 /// One to three relative coordinates of two bodies.
 #[derive(Debug, Clone, PartialEq)]
@@ -228,6 +229,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     let mut edge_of_force = vec![None; model.forces.len()];
     let mut edge_of_joint = vec![None; model.joints.len()];
     for &body in &forest.order {
+        checkpoint(NAMED);
         let source = forest.edge[body].map_or(EdgeSource::Free, |k| sources[k]);
         let (name, ends, forms) = match source {
             EdgeSource::Joint(k) => {
@@ -325,6 +327,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
 
     let mut elastic = Vec::new();
     for (k, force) in model.forces.iter().enumerate() {
+        checkpoint(NAMED);
         let Some(frames) = frames_of(force) else { continue };
         let ends = frames.map(|f| f.body);
         let centers = ends.map(&center);

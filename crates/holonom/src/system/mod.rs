@@ -168,6 +168,9 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// Channels that can be computed from a state.
     fn channels(&self) -> &[Channel];
 
+    /// One of them by name.
+    fn channel_named(&self, name: &str) -> Option<&Channel>;
+
     /// Value of a channel at a state; `out` has the channel's size.
     fn channel(&self, channel: &Channel, state: &State, out: &mut [f64]);
 

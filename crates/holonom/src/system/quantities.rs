@@ -4,6 +4,7 @@ use super::cartesian::Cartesian;
 use super::space::Space;
 use super::{State, System};
 use crate::elements::ForceElement;
+use crate::watch::{NAMED, checkpoint};
 
 /// A named output.
 #[derive(Debug, Clone, PartialEq)]
@@ -95,6 +96,7 @@ pub(super) fn list<S: Space<D, N>, const D: usize, const N: usize>(
         all.push(Channel { name, unit, frame, shape: shape.clone(), source });
     };
     for (b, body) in system.bodies.iter().enumerate() {
+        checkpoint(4 * NAMED);
         let mut motion = |quantity: &str, unit, frame, shape: &Vec<usize>, kind| {
             let source = ChannelSource::Body(b, kind);
             add(format!("{}.{quantity}", body.name), unit, frame, shape, source);
@@ -122,6 +124,7 @@ pub(super) fn list<S: Space<D, N>, const D: usize, const N: usize>(
         }
     }
     for (k, c) in system.constraints.iter().enumerate() {
+        checkpoint(NAMED);
         let force = ChannelSource::ReactionForce(k);
         add(format!("{}.force", c.name), "N", "ground", &vector, force);
         let torque = ChannelSource::ReactionTorque(k);
@@ -133,6 +136,7 @@ pub(super) fn list<S: Space<D, N>, const D: usize, const N: usize>(
         }
     }
     for (k, f) in system.forces.iter().enumerate() {
+        checkpoint(NAMED);
         for (i, quantity) in f.element.quantities().iter().enumerate() {
             let shape = if quantity.size == 1 { Vec::new() } else { vec![quantity.size] };
             let name = format!("{}.{}", f.name, quantity.name);

@@ -8,6 +8,7 @@ use crate::io::names::suggest;
 use crate::io::schema::{self, Components};
 use crate::model::TimeFunction;
 use crate::model::{Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
+use crate::watch::{NAMED, checkpoint};
 
 impl<'a> Context<'a> {
     pub(super) fn forces(&mut self) -> Vec<Force> {
@@ -15,6 +16,7 @@ impl<'a> Context<'a> {
         self.roads();
         let file = self.file;
         let forces = file.forces.iter().filter_map(|(name, force)| {
+            checkpoint(NAMED);
             let kind = self.force(&format!("forces.{name}"), force)?;
             Some(Force { name: name.clone(), kind })
         });

@@ -6,6 +6,7 @@ use super::{Choice, Context};
 use crate::error::Code;
 use crate::io::schema::{self, Vector};
 use crate::model::{Frame, Joint, JointKind};
+use crate::watch::{NAMED, checkpoint};
 
 /// Largest cosine between axes that count as perpendicular.
 const PERPENDICULAR: f64 = 1e-6;
@@ -14,6 +15,7 @@ impl<'a> Context<'a> {
     pub(super) fn joints(&mut self) -> Vec<Joint> {
         let file = self.file;
         let joints = file.joints.iter().filter_map(|(name, joint)| {
+            checkpoint(NAMED);
             let (kind, frames) = self.joint(&format!("joints.{name}"), joint)?;
             Some(Joint { name: name.clone(), kind, frames })
         });

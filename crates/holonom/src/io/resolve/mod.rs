@@ -16,6 +16,7 @@ use super::names::suggest;
 use super::schema::{self, Dimension, Inertia, ModelFile};
 use crate::error::{Code, Diagnostic};
 use crate::model;
+use crate::watch::{NAMED, checkpoint};
 
 /// Builds the model, without what has errors, and lists the errors with their paths.
 pub(super) fn model(file: &ModelFile) -> (model::Model, Vec<Diagnostic>) {
@@ -23,6 +24,7 @@ pub(super) fn model(file: &ModelFile) -> (model::Model, Vec<Diagnostic>) {
     let mut bodies = Vec::with_capacity(file.bodies.len());
     let mut poses = IndexMap::with_capacity(file.bodies.len());
     for (name, body) in &file.bodies {
+        checkpoint(NAMED);
         let (body, pose) = rigid_body(name, body, file.dimension, &mut errors);
         poses.insert(
             name.as_str(),

@@ -1,0 +1,172 @@
+//! Work that is watched: it can be given up in every stage, what was computed stays readable, and being
+//! watched changes no bit.
+
+use holonom::error::ModelErrors;
+use holonom::io::{Document, Syntax};
+use holonom::model::Model;
+use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, Status, Summary, run};
+use holonom::watch::{Flow, GivenUp, Observer, observed};
+use std::cell::Cell;
+use std::rc::Rc;
+use std::time::Duration;
+
+const LINKS: usize = 400;
+
+/// A hanging chain with stiff springs, written as a pattern.
+fn chain(links: usize) -> String {
+    format!(
+        r#"
+        holonom = 1
+        title = "chain"
+        dimension = "planar"
+        gravity = [0.0, -9.81]
+        [patterns.chain]
+        over.i = {{ from = 1, to = {links} }}
+        bodies."link_{{i}}" = {{ mass = 1.0, inertia = "=1/12", position = ["=i - 0.5", 0.0] }}
+        joints."joint_{{i}}" = {{ type = "revolute", between = ["link_{{i - 1}}", "link_{{i}}"],
+          points_in_body = [[0.5, 0.0], [-0.5, 0.0]] }}
+        forces."spring_{{i}}" = {{ type = "rsda", between = ["link_{{i - 1}}", "link_{{i}}"],
+          stiffness = 1e5, damping = 1e3 }}
+        [joints]
+        joint_1 = {{ between = ["ground", "link_1"], points_in_body = [[0.0, 0.0], [-0.5, 0.0]] }}
+        [forces]
+        spring_1 = {{ between = ["ground", "link_1"] }}
+        "#
+    )
+}
+
+fn read(text: &str) -> Result<Model, ModelErrors> {
+    let mut none = |_: &str| Err("the chain extends nothing".to_owned());
+    Ok(Document::parse(text, Syntax::Toml, "chain.toml", &mut none)?.build()?.0)
+}
+
+fn options() -> Options {
+    let newton = holonom::newton::Representation::Sparse;
+    Options { output: OutputTimes::Interval(2e-3), newton, ..Options::new(0.1) }
+}
+
+fn simulate(problem: &Problem, options: &Options) -> (Result<Summary, RunError>, Memory) {
+    let mut rows = Memory::default();
+    (run(problem, options, None, &mut rows), rows)
+}
+
+/// Asks for the end of the work at the look after so many.
+fn after(looks: u64) -> Observer {
+    let left = Cell::new(looks);
+    Rc::new(move |_| match left.get().checked_sub(1) {
+        Some(fewer) => {
+            left.set(fewer);
+            Flow::Continue
+        }
+        None => Flow::Interrupt,
+    })
+}
+
+/// Asks for it in a stage.
+fn in_stage(wanted: &'static str) -> Observer {
+    Rc::new(move |stage| if stage == wanted { Flow::Interrupt } else { Flow::Continue })
+}
+
+/// Looks that work has.
+fn looks(work: impl FnOnce()) -> u64 {
+    let count = Rc::new(Cell::new(0));
+    let counted = count.clone();
+    let observer: Observer = Rc::new(move |_| {
+        counted.set(counted.get() + 1);
+        Flow::Continue
+    });
+    assert_eq!(observed(Duration::ZERO, observer, work), Ok(()));
+    count.get()
+}
+
+#[test]
+fn every_stage_before_a_run_can_be_given_up_and_done_again() {
+    let text = chain(LINKS);
+    let reading = observed(Duration::ZERO, in_stage("reading"), || read(&text));
+    assert_eq!(reading.err(), Some(GivenUp::Asked));
+    let model = read(&text).unwrap();
+
+    let compiling = observed(Duration::ZERO, in_stage("compiling"), || Problem::new(model.clone()));
+    assert_eq!(compiling.err(), Some(GivenUp::Asked));
+    let problem = Problem::new(model);
+
+    for stage in ["assembling", "analysing"] {
+        let assembly = observed(Duration::ZERO, in_stage(stage), || problem.assemble().is_ok());
+        assert_eq!(assembly.err(), Some(GivenUp::Asked), "{stage}");
+    }
+    let (outcome, rows) =
+        observed(Duration::ZERO, in_stage("assembling"), || simulate(&problem, &options()))
+            .unwrap();
+    assert_eq!(outcome.err(), Some(RunError::Interrupted));
+    assert!(rows.all.time.is_empty());
+
+    // Nothing was left behind that an undisturbed run would meet.
+    let (outcome, _) = simulate(&problem, &options());
+    assert_eq!(outcome.unwrap().status, Status::Completed);
+}
+
+#[test]
+fn time_counts_from_the_call_of_a_run_and_ends_its_set_up_too() {
+    let problem = Problem::new(read(&chain(LINKS)).unwrap());
+    let soon = Options { max_seconds: 1e-4, ..options() };
+    let (outcome, rows) = simulate(&problem, &soon);
+    assert_eq!(outcome.err(), Some(RunError::MaxSeconds { limit: 1e-4 }));
+    assert!(rows.all.time.is_empty());
+    assert!(problem.assemble().is_ok());
+}
+
+#[test] // independent truth: the run that nobody watched
+fn a_run_given_up_anywhere_keeps_what_the_whole_run_has_up_to_there() {
+    let problem = Problem::new(read(&chain(LINKS)).unwrap());
+    problem.assemble().unwrap();
+    let (whole, all) = simulate(&problem, &options());
+    let (whole, all) = (whole.unwrap(), all.all);
+    let n = whole.end.q.len();
+
+    let total = looks(|| {
+        let (watched, rows) = simulate(&problem, &options());
+        // Being watched changes no bit.
+        assert_eq!(watched.unwrap().end, whole.end);
+        assert_eq!((&rows.all.q, &rows.all.ledger), (&all.q, &all.ledger));
+    });
+    assert!(total > 100, "{total} looks: too few to hide in");
+
+    let mut random = 20_260_101u64;
+    let mut ended_inside = 0;
+    for _ in 0..20 {
+        random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        let at = (random >> 33) % total;
+        let (outcome, rows) =
+            observed(Duration::ZERO, after(at), || simulate(&problem, &options())).unwrap();
+        let summary = match outcome {
+            Err(RunError::Interrupted) => continue, // before the first step
+            outcome => outcome.unwrap(),
+        };
+        let rows = rows.all;
+        assert_eq!(summary.status, Status::Interrupted, "look {at}");
+        assert_eq!(rows.time.last(), Some(&summary.end.t), "look {at}");
+        assert_eq!(rows.q.len(), n * rows.time.len(), "look {at}");
+        assert_eq!(rows.q[rows.q.len() - n..], summary.end.q, "look {at}");
+        // Rows before the one it ended with are those of the whole run.
+        let same = rows.time.len() - 1;
+        assert_eq!(rows.time[..same], all.time[..same], "look {at}");
+        assert_eq!(rows.q[..n * same], all.q[..n * same], "look {at}");
+        assert_eq!(rows.ledger[..3 * same], all.ledger[..3 * same], "look {at}");
+        // Steps that are stored end where the run did, and are those of the whole run.
+        let steps = rows.dense.t.len();
+        assert_eq!(rows.dense.t, all.dense.t[..steps], "look {at}");
+        assert_eq!(rows.dense.w[..], all.dense.w[..rows.dense.w.len()], "look {at}");
+        if steps > 0 {
+            assert_eq!(rows.dense.end, summary.end.t, "look {at}");
+            ended_inside += 1;
+        }
+        // It balances its energy as well as the whole run, and the motion goes on from there.
+        let scale = whole.energy.largest_imbalance.max(1e-9);
+        assert!(summary.energy.imbalance.abs() <= 2.0 * scale, "{:?}", summary.energy);
+        if summary.end.t > 0.0 {
+            let rest = run(&problem, &options(), Some(&summary.end), &mut Memory::default());
+            assert_eq!(rest.unwrap().status, Status::Completed, "look {at}");
+        }
+    }
+    assert!(ended_inside >= 5, "{ended_inside}");
+}
