@@ -93,7 +93,8 @@ class Options:
     max_steps : int, optional
         Largest number of steps.
     max_seconds : float, optional
-        Largest wall time, s.
+        Largest wall time from the call on, s: assembly and every part of a step count. Reading the
+        model does not.
     parametrization : str, optional
         What the independent variables are: ``tree`` (default) takes relative coordinates of a
         spanning forest of the bodies, ``partitioning`` some of the bodies' coordinates,

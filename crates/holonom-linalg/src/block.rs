@@ -1,4 +1,5 @@
 use crate::lanes::{LaneKernel, lanes, lanes_mut, run_lanes};
+use std::sync::Arc;
 
 /// Names one block of a [`BlockMatrix`]; blocks are numbered from zero in order of first mention.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -28,7 +29,8 @@ struct Block {
 pub struct BlockMatrix {
     n_rows: usize,
     n_cols: usize,
-    blocks: Vec<Block>,
+    /// Shared by copies.
+    blocks: Arc<[Block]>,
     values: Vec<f64>,
 }
 
@@ -52,7 +54,7 @@ impl BlockMatrix {
             let same = at > 0 && blocks[order[at - 1]] == blocks[e];
             first[e] = if same { first[order[at - 1]] } else { e };
         }
-        let mut matrix = Self { n_rows, n_cols, blocks: Vec::new(), values: Vec::new() };
+        let mut places = Vec::new();
         let mut ids = Vec::with_capacity(blocks.len());
         let mut offset = 0;
         for (e, &(row, column, rows, columns)) in blocks.iter().enumerate() {
@@ -61,15 +63,14 @@ impl BlockMatrix {
                 "block {rows}×{columns} at ({row}, {column}) is outside {n_rows}×{n_cols}"
             );
             if first[e] == e {
-                ids.push(BlockId(matrix.blocks.len()));
-                matrix.blocks.push(Block { row, column, rows, columns, offset });
+                ids.push(BlockId(places.len()));
+                places.push(Block { row, column, rows, columns, offset });
                 offset += rows * columns;
             } else {
                 ids.push(ids[first[e]]);
             }
         }
-        matrix.values = vec![0.0; offset];
-        (matrix, ids)
+        (Self { n_rows, n_cols, blocks: places.into(), values: vec![0.0; offset] }, ids)
     }
 
     /// Number of rows.
@@ -145,7 +146,7 @@ impl BlockMatrix {
     /// [`SparsePattern`]: crate::SparsePattern
     pub fn entries(&self, row_offset: usize, column_offset: usize) -> Vec<(usize, usize)> {
         let mut entries = Vec::with_capacity(self.values.len());
-        for b in &self.blocks {
+        for b in &*self.blocks {
             for i in 0..b.rows {
                 for j in 0..b.columns {
                     entries.push((row_offset + b.row + i, column_offset + b.column + j));
@@ -258,7 +259,7 @@ struct TransposedProduct<'a> {
 impl LaneKernel for TransposedProduct<'_> {
     #[inline(always)]
     fn run<const W: usize>(&mut self, from: usize) {
-        for b in &self.matrix.blocks {
+        for b in &*self.matrix.blocks {
             let values = &self.matrix.values[b.offset..b.offset + b.rows * b.columns];
             for j in 0..b.columns {
                 let mut sum = [0.0; W];

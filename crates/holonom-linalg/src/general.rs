@@ -11,10 +11,10 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 /// pattern. It allocates at every factorisation.
 #[derive(Debug, Clone)]
 pub struct GeneralSparseLu {
-    symbolic: SymbolicLu<usize>,
+    symbolic: SymbolicLu<u32>,
 }
 
-fn view(pattern: &SparsePattern) -> SymbolicSparseColMatRef<'_, usize> {
+fn view(pattern: &SparsePattern) -> SymbolicSparseColMatRef<'_, u32> {
     // Compressed rows of A are compressed columns of its transpose.
     let (rows, columns) = (pattern.row_pointers(), pattern.columns());
     SymbolicSparseColMatRef::new_checked(pattern.n_cols(), pattern.n_rows(), rows, None, columns)

@@ -142,6 +142,34 @@ fn row_by_hand(count: usize) -> String {
     text
 }
 
+#[cfg(feature = "long")] // half a gigabyte is written before the limit is met
+#[test]
+fn what_expressions_grow_to_counts() {
+    let mass = "*i".repeat(30_000);
+    let body =
+        format!("\"b_{{i}}\" = {{ mass = \"=0{mass}\", inertia = 1.0, position = [0.0, 0.0] }}");
+    let found = refusal(&one("{ from = 10_001, to = 15_000 }", &body));
+    assert_eq!((found.code, found.path.as_str()), (Code::TooLarge, "patterns.p"));
+}
+
+#[test]
+fn titles_of_repeated_items_are_texts_with_numbers() {
+    let titled =
+        r#"{ title = "part {i} of {{3}}", mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }"#;
+    let text = one("{ from = 1, to = 2 }", &format!("\"b_{{i}}\" = {titled}"));
+    let plain = document(&(HEAD.to_owned() + &text)).unwrap().to_plain_json().unwrap();
+    let plain: serde_json::Value = serde_json::from_str(&plain).unwrap();
+    let title = |body: &str| plain["bodies"][body]["title"].as_str().unwrap().to_owned();
+    assert_eq!([title("b_1"), title("b_2")], ["part 1 of {3}", "part 2 of {3}"]);
+}
+
+#[test]
+fn a_whole_item_beside_a_range_is_no_exception() {
+    let own = "[bodies.link_0]\nmass = 7.0\ninertia = 1.0\nposition = [0.0, 0.0]\n";
+    let m = model(&(ROW.to_owned() + own));
+    assert_eq!((m.bodies.len(), m.bodies[1].mass), (5, 7.0));
+}
+
 #[test]
 fn every_section_is_repeated_and_plain_items_come_first() {
     let m = model(ROW);
@@ -350,6 +378,25 @@ fn what_cannot_be_repeated_is_refused_with_place_and_index() {
             Code::MissingField,
             r#"patterns.p.bodies."b_{i}".position"#,
             &["i = 1 and 2 more"],
+        ),
+        // An exception of an item that the range does not reach: one finding, not one per field.
+        (
+            one(range, FINE) + "[bodies.b_7]\nmass = 2.0\n",
+            Code::UnknownName,
+            "bodies.b_7",
+            &["`patterns.p` makes no `bodies.b_7`", "(i = 1 to 3)"],
+        ),
+        (
+            one("{ from = 1, to = 0 }", FINE) + "[bodies.b_1]\nmass = 2.0\n",
+            Code::UnknownName,
+            "bodies.b_1",
+            &["makes no `bodies.b_1` (no i)"],
+        ),
+        (
+            one(range, FINE) + "[joints.pin]\nbetween = [\"ground\", \"b_1\"]\n",
+            Code::MissingField,
+            "joints.pin.type",
+            &["`type`"],
         ),
         (
             one(range, &body("b {i}", "1.0")),

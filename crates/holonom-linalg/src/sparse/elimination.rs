@@ -85,7 +85,11 @@ impl Plan {
     ///
     /// Rows p and p + 1 of U belong together when the pattern of p is p + 1 and the pattern of
     /// p + 1. A row of L that uses p then also uses p + 1, since elimination with p fills it.
-    pub(super) fn new(pattern: &FactorPattern, entries: &[Vec<(u32, usize, f64)>]) -> Self {
+    pub(super) fn new<E: Iterator<Item = (u32, usize, f64)>>(
+        pattern: &FactorPattern,
+        n_entries: usize,
+        entries: impl Fn(usize) -> E,
+    ) -> Self {
         let n = pattern.n();
         let right = |p: usize| &pattern.u_column[pattern.u_range(p)];
         let joined: Vec<bool> = (0..n)
@@ -97,16 +101,16 @@ impl Plan {
             .collect();
         let mut out = Self {
             rows: Vec::with_capacity(n),
-            columns: Vec::new(),
+            columns: Vec::with_capacity(n + pattern.l_column.len() + pattern.u_column.len()),
             left: Vec::new(),
             right: Vec::new(),
-            loads: Vec::new(),
+            loads: Vec::with_capacity(n_entries),
             segments: Vec::new(),
             targets: Vec::new(),
             counts: Vec::with_capacity(n),
         };
         let mut place = vec![u32::MAX; n];
-        for (i, entries) in entries.iter().enumerate() {
+        for i in 0..n {
             let left = &pattern.l_column[pattern.l_range(i)];
             checkpoint(8 * left.len());
             let start = out.columns.len();
@@ -129,7 +133,8 @@ impl Plan {
                 }
             }
             out.rows.push(row);
-            out.loads.extend(entries.iter().map(|&(column, slot, scale)| Load {
+            let loads = out.loads.len();
+            out.loads.extend(entries(i).map(|(column, slot, scale)| Load {
                 slot: slot as u32,
                 place: place[column as usize],
                 scale,
@@ -151,8 +156,10 @@ impl Plan {
                 segment.shared = columns.len() as u32;
                 out.targets.extend(columns.iter().map(|&k| place[k as usize]));
             }
-            out.counts.push((entries.len() as u32, (out.segments.len() - from) as u32));
+            out.counts.push(((out.loads.len() - loads) as u32, (out.segments.len() - from) as u32));
         }
+        out.segments.shrink_to_fit();
+        out.targets.shrink_to_fit();
         out
     }
 }

@@ -85,22 +85,22 @@ impl SparseLu {
         }
         let scaled: Vec<f64> = values.iter().zip(&a_scale).map(|(v, s)| v * s).collect();
         let order = ordering::choose_pivots(pattern, &scaled)?;
+        drop(scaled);
         let order = FactorPattern::new(pattern, &order).gather(&order);
         let factors = FactorPattern::new(pattern, &order);
         let mut position = vec![0u32; n];
         for (p, &j) in order.columns.iter().enumerate() {
             position[j] = p as u32;
         }
-        let entries: Vec<Vec<_>> = order
-            .rows
-            .iter()
-            .inspect(|_| checkpoint(PER_ROW))
-            .map(|&i| pattern.row(i).map(|(slot, j)| (position[j], slot, a_scale[slot])).collect())
-            .collect();
+        let entries = |p: usize| {
+            let row = pattern.row(order.rows[p]);
+            row.map(|(slot, j)| (position[j], slot, a_scale[slot]))
+        };
+        let plan = Plan::new(&factors, pattern.len(), entries);
         let mut lu = Self {
             n,
             n_values: values.len(),
-            factors: Factors::new(Arc::new(Plan::new(&factors, &entries))),
+            factors: Factors::new(Arc::new(plan)),
             operations: factors.operations(),
             order: Arc::new(Order {
                 row_scale: order.rows.iter().map(|&i| row_scale[i]).collect(),

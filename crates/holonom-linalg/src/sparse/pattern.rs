@@ -1,5 +1,6 @@
 use crate::scalar::Scalar;
 use crate::watch::checkpoint;
+use std::sync::Arc;
 
 /// Which entries of a sparse matrix may differ from zero, in compressed rows.
 ///
@@ -9,8 +10,9 @@ use crate::watch::checkpoint;
 pub struct SparsePattern {
     n_rows: usize,
     n_cols: usize,
-    row_pointers: Vec<usize>,
-    columns: Vec<usize>,
+    // Shared by copies: matrices of one pattern are many.
+    row_pointers: Arc<[u32]>,
+    columns: Arc<[u32]>,
 }
 
 impl SparsePattern {
@@ -40,8 +42,8 @@ impl SparsePattern {
             next[i] += 1;
         }
         let mut row_pointers = Vec::with_capacity(n_rows + 1);
-        row_pointers.push(0);
-        let mut columns: Vec<usize> = Vec::new();
+        row_pointers.push(0u32);
+        let mut columns: Vec<u32> = Vec::new();
         let mut slots = vec![0; entries.len()];
         for row in starts.windows(2) {
             let row = &mut order[row[0]..row[1]];
@@ -49,14 +51,15 @@ impl SparsePattern {
             row.sort_unstable_by_key(|&e| entries[e as usize].1);
             let first = columns.len();
             for &e in &*row {
-                let column = entries[e as usize].1;
+                let column = entries[e as usize].1 as u32;
                 if columns[first..].last() != Some(&column) {
                     columns.push(column);
                 }
                 slots[e as usize] = columns.len() - 1;
             }
-            row_pointers.push(columns.len());
+            row_pointers.push(columns.len() as u32);
         }
+        let (row_pointers, columns) = (row_pointers.into(), columns.into());
         (Self { n_rows, n_cols, row_pointers, columns }, slots)
     }
 
@@ -81,26 +84,30 @@ impl SparsePattern {
     }
 
     /// Slots of row i are `row_pointers()[i]..row_pointers()[i + 1]`; length `n_rows + 1`.
-    pub fn row_pointers(&self) -> &[usize] {
+    pub fn row_pointers(&self) -> &[u32] {
         &self.row_pointers
     }
 
     /// Column of every slot.
-    pub fn columns(&self) -> &[usize] {
+    pub fn columns(&self) -> &[u32] {
         &self.columns
+    }
+
+    fn slots(&self, i: usize) -> std::ops::Range<usize> {
+        self.row_pointers[i] as usize..self.row_pointers[i + 1] as usize
     }
 
     /// Slots of row `i` with their columns.
     pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
-        (self.row_pointers[i]..self.row_pointers[i + 1]).map(|slot| (slot, self.columns[slot]))
+        self.slots(i).map(|slot| (slot, self.columns[slot] as usize))
     }
 
     /// y += α A x, with x of `n_cols` and y of `n_rows`.
     pub fn multiply_add<T: Scalar>(&self, values: &[T], alpha: f64, x: &[T], y: &mut [T]) {
         for (i, y) in y.iter_mut().enumerate() {
-            let row = self.row_pointers[i]..self.row_pointers[i + 1];
+            let row = self.slots(i);
             let products = values[row.clone()].iter().zip(&self.columns[row]);
-            let dot = products.fold(T::ZERO, |sum, (a, &j)| sum + *a * x[j]);
+            let dot = products.fold(T::ZERO, |sum, (a, &j)| sum + *a * x[j as usize]);
             *y = *y + dot.scaled(alpha);
         }
     }

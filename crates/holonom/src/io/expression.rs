@@ -297,6 +297,24 @@ pub(super) enum Part<'a> {
     Number(&'a str, usize),
 }
 
+/// Whether a name is what a text with braces gives for some numbers: `link_07` for `link_{i:02}`.
+pub(super) fn could_be(text: &str, name: &str) -> bool {
+    fn fits(parts: &[Part<'_>], name: &str) -> bool {
+        match parts {
+            [] => name.is_empty(),
+            [Part::Plain(plain), rest @ ..] => {
+                name.strip_prefix(plain).is_some_and(|name| fits(rest, name))
+            }
+            [Part::Number(..), rest @ ..] => {
+                let unsigned = name.strip_prefix('-').unwrap_or(name);
+                let digits = unsigned.find(|c: char| !c.is_ascii_digit()).unwrap_or(unsigned.len());
+                (1..=digits).rev().any(|n| fits(rest, &unsigned[n..]))
+            }
+        }
+    }
+    parts(text).is_ok_and(|parts| fits(&parts, name))
+}
+
 /// The parts of `link_{i - 1:02}`; doubled braces stand for themselves.
 pub(super) fn parts(text: &str) -> Result<Vec<Part<'_>>, Fault> {
     let mut out = Vec::new();

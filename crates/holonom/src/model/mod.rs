@@ -427,7 +427,7 @@ pub struct SimulationDefaults {
     pub initial_step: Option<f64>,
     /// Largest number of steps.
     pub max_steps: Option<u64>,
-    /// Largest wall time, s.
+    /// Largest wall time of a run with its assembly, s.
     pub max_seconds: Option<f64>,
     /// Re-partitioning factor α.
     pub repartition_factor: Option<f64>,

@@ -3,6 +3,7 @@
 use super::parametrization::Parametrization;
 use super::relatives::WIDEST;
 use crate::system::{State, System};
+use std::sync::Arc;
 
 /// Rows of an n-column matrix with entries in the columns of two bodies each.
 #[derive(Debug, Clone)]
@@ -12,7 +13,7 @@ pub struct BodyRows {
     /// 2·per_body per row.
     values: Vec<f64>,
     /// Entries that can differ from zero: place in the values, row, column.
-    entries: Vec<(usize, usize, usize)>,
+    entries: Arc<[(u32, u32, u32)]>,
 }
 
 impl BodyRows {
@@ -22,7 +23,8 @@ impl BodyRows {
         let n = sizes.per_body;
         let rows = parametrization.relatives().map_or(0, |r| r.rows.len());
         let mut out =
-            Self { rows, per_body: n, values: vec![0.0; rows * 2 * n], entries: Vec::new() };
+            Self { rows, per_body: n, values: vec![0.0; rows * 2 * n], entries: Arc::default() };
+        let mut entries = Vec::new();
         let Some(relatives) = parametrization.relatives() else { return out };
         // What vanishes at a generic configuration vanishes everywhere.
         let generic: Vec<f64> = (0..sizes.coordinates)
@@ -35,12 +37,13 @@ impl BodyRows {
                 for i in 0..n {
                     let at = (2 * row + side) * n + i;
                     if out.values[at] != 0.0 {
-                        out.entries.push((at, row, body * n + i));
+                        entries.push([at, row, body * n + i].map(|x| x as u32).into());
                     }
                 }
             }
         }
         out.values.fill(0.0);
+        out.entries = entries.into();
         out
     }
 
@@ -52,7 +55,7 @@ impl BodyRows {
 
     /// All entries that can differ from zero: place in the values, row, column.
     pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
-        self.entries.iter().copied()
+        self.entries.iter().map(|&(at, row, j)| (at as usize, row as usize, j as usize))
     }
 
     /// Takes over the values of rows for the same coordinates.

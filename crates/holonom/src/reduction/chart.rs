@@ -22,12 +22,12 @@ pub struct Chart {
     parametrization: Parametrization,
     matrix: Square,
     /// (value of G, slot, scale) of every entry that can differ from zero.
-    copies: Vec<(u32, u32, f64)>,
-    row_scale: Vec<f64>,
-    column_scale: Vec<f64>,
+    copies: Arc<[(u32, u32, f64)]>,
+    row_scale: Arc<[f64]>,
+    column_scale: Arc<[f64]>,
     /// Rows of P that move, and (value, slot, scale) of every entry.
     moving: BodyRows,
-    moving_copies: Vec<(u32, u32, f64)>,
+    moving_copies: Arc<[(u32, u32, f64)]>,
     work: Vec<f64>,
     nonzero: Arc<[bool]>,
     /// Symbolic analyses made for this chart.
@@ -133,12 +133,12 @@ impl Chart {
         for (slot, x) in slots[constraint_entries..first_moving].iter().zip(constants) {
             matrix.values[*slot] = x;
         }
-        let copies: Vec<(u32, u32, f64)> = sources
+        let copies: Arc<[(u32, u32, f64)]> = sources
             .into_iter()
             .zip(&slots)
             .map(|((at, scale), &slot)| (at as u32, slot as u32, scale))
             .collect();
-        let moving_copies: Vec<(u32, u32, f64)> = moving_sources
+        let moving_copies: Arc<[(u32, u32, f64)]> = moving_sources
             .into_iter()
             .zip(&slots[first_moving..])
             .map(|((at, scale), &slot)| (at as u32, slot as u32, scale))
@@ -147,8 +147,8 @@ impl Chart {
             parametrization,
             matrix,
             copies,
-            row_scale,
-            column_scale,
+            row_scale: row_scale.into(),
+            column_scale: column_scale.into(),
             moving,
             moving_copies,
             work: vec![0.0; n],
@@ -260,11 +260,11 @@ impl Chart {
         q: &[f64],
         g: &BlockMatrix,
     ) -> Result<(), EvaluationFailure> {
-        for &(at, slot, scale) in &self.copies {
+        for &(at, slot, scale) in &*self.copies {
             self.matrix.values[slot as usize] = g.values()[at as usize] * scale;
         }
         self.moving.evaluate(system, &self.parametrization, q);
-        for &(at, slot, scale) in &self.moving_copies {
+        for &(at, slot, scale) in &*self.moving_copies {
             self.matrix.values[slot as usize] = self.moving.value(at as usize) * scale;
         }
         self.analyses += self.matrix.factor().map_err(|e| singular(system, e))?;
@@ -320,7 +320,7 @@ impl Chart {
             self.work[rank + k] = value * self.row_scale[rank + k];
         }
         self.matrix.solve(&mut self.work);
-        for ((out, y), scale) in x.iter_mut().zip(&self.work).zip(&self.column_scale) {
+        for ((out, y), scale) in x.iter_mut().zip(&self.work).zip(&*self.column_scale) {
             *out = y * scale;
         }
     }
@@ -328,7 +328,7 @@ impl Chart {
     /// rows = Sᵀ x and p = Dᵀ x; dropped rows are set to zero.
     pub fn solve_transposed(&mut self, x: &[f64], rows: &mut [f64], p: &mut [f64]) {
         let rank = self.parametrization.kept.len();
-        for ((y, x), scale) in self.work.iter_mut().zip(x).zip(&self.column_scale) {
+        for ((y, x), scale) in self.work.iter_mut().zip(x).zip(&*self.column_scale) {
             *y = x * scale;
         }
         self.matrix.solve_transposed_many(&mut self.work, 1);
@@ -350,7 +350,7 @@ impl Chart {
                 self.work[rank + k] = self.row_scale[rank + k];
                 self.matrix.solve(&mut self.work);
                 for ((row, y), scale) in
-                    d.chunks_exact_mut(ndof).zip(&self.work).zip(&self.column_scale)
+                    d.chunks_exact_mut(ndof).zip(&self.work).zip(&*self.column_scale)
                 {
                     row[k] = y * scale;
                 }
@@ -362,7 +362,7 @@ impl Chart {
             d[(rank + k) * ndof + k] = self.row_scale[rank + k];
         }
         self.matrix.solve_many(d, ndof);
-        for (row, scale) in d.chunks_exact_mut(ndof.max(1)).zip(&self.column_scale) {
+        for (row, scale) in d.chunks_exact_mut(ndof.max(1)).zip(&*self.column_scale) {
             row.iter_mut().for_each(|x| *x *= scale);
         }
     }
@@ -375,7 +375,7 @@ impl Chart {
         }
         x.fill(0.0);
         for ((out, &row), scale) in
-            x.chunks_exact_mut(k).zip(&self.parametrization.kept).zip(&self.row_scale)
+            x.chunks_exact_mut(k).zip(&self.parametrization.kept).zip(&*self.row_scale)
         {
             for (out, r) in out.iter_mut().zip(&rows[row * k..(row + 1) * k]) {
                 *out = r * scale;
@@ -391,7 +391,7 @@ impl Chart {
             }
         }
         self.matrix.solve_many(x, k);
-        for (row, scale) in x.chunks_exact_mut(k).zip(&self.column_scale) {
+        for (row, scale) in x.chunks_exact_mut(k).zip(&*self.column_scale) {
             row.iter_mut().for_each(|v| *v *= scale);
         }
     }
@@ -402,11 +402,11 @@ impl Chart {
         if ndof == 0 {
             return;
         }
-        for (row, scale) in x.chunks_exact_mut(ndof).zip(&self.column_scale) {
+        for (row, scale) in x.chunks_exact_mut(ndof).zip(&*self.column_scale) {
             row.iter_mut().for_each(|v| *v *= scale);
         }
         self.matrix.solve_transposed_many(x, ndof);
-        for (row, scale) in x.chunks_exact_mut(ndof).zip(&self.row_scale) {
+        for (row, scale) in x.chunks_exact_mut(ndof).zip(&*self.row_scale) {
             row.iter_mut().for_each(|v| *v *= scale);
         }
         rows.fill(0.0);

@@ -3,6 +3,7 @@
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, System};
 use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
+use std::sync::Arc;
 
 /// The sparse saddle-point matrix with a fixed pattern and frozen pivots.
 #[derive(Debug, Clone)]
@@ -14,9 +15,9 @@ pub struct Saddle {
     values: Vec<f64>,
     mass: BlockMatrix,
     /// (value of M, slot, scale).
-    mass_copies: Vec<(u32, u32, f64)>,
+    mass_copies: Arc<[(u32, u32, f64)]>,
     /// (value of G, slot in G, slot in Gᵀ, scale).
-    jacobian_copies: Vec<(u32, u32, u32, f64)>,
+    jacobian_copies: Arc<[(u32, u32, u32, f64)]>,
     /// Congruence scaling: coordinates by the characteristic length, rows by their kind and mass.
     scale: Vec<f64>,
     lu: Option<SparseLu>,
@@ -73,8 +74,8 @@ impl Saddle {
             pattern: SparsePattern::new(0, 0, &[]).0,
             values: Vec::new(),
             mass,
-            mass_copies: Vec::new(),
-            jacobian_copies: Vec::new(),
+            mass_copies: Arc::default(),
+            jacobian_copies: Arc::default(),
             scale,
             lu: None,
             work: Vec::new(),
@@ -225,10 +226,10 @@ impl Saddle {
             let kept = std::mem::take(&mut self.kept);
             self.place(g, &kept);
         }
-        for &(at, slot, scale) in &self.mass_copies {
+        for &(at, slot, scale) in &*self.mass_copies {
             self.values[slot as usize] = self.mass.values()[at as usize] * scale;
         }
-        for &(at, lower, upper, scale) in &self.jacobian_copies {
+        for &(at, lower, upper, scale) in &*self.jacobian_copies {
             let x = g.values()[at as usize] * scale;
             self.values[lower as usize] = x;
             self.values[upper as usize] = x;

@@ -45,7 +45,7 @@ pub struct Options {
     pub initial_step: Option<f64>,
     /// Largest number of attempted steps.
     pub max_steps: u64,
-    /// Largest wall time, s.
+    /// Largest wall time from the call of the run on, its assembly included, s.
     pub max_seconds: f64,
     /// Another member of Newmark's family in place of the trapezoidal rule, for its codes.
     pub newmark: Option<Newmark>,

@@ -6,8 +6,9 @@ use crate::system::{Channel, State, System};
 
 /// An output time beyond an end of the run by this part of it is that end.
 pub(super) const OUTPUT_SLACK: f64 = 1e-12;
-/// Rows in a chunk.
-pub(super) const CHUNK_ROWS: usize = 256;
+/// Numbers in a chunk of rows, and the most rows of a small model.
+const CHUNK_NUMBERS: usize = 1 << 19;
+const CHUNK_ROWS: usize = 256;
 /// Attempts in a chunk, so that a run without output rows reports its steps too.
 pub(super) const CHUNK_STEPS: usize = 1024;
 
@@ -22,6 +23,8 @@ pub(super) struct Output {
     channels: Vec<Channel>,
     pub(super) chunk: Chunk,
     values: Vec<f64>,
+    /// Rows of a full chunk.
+    rows: usize,
 }
 
 impl Output {
@@ -35,7 +38,9 @@ impl Output {
             }
             OutputTimes::Listed(times) => times.len(),
         };
-        let chunk = Chunk::with_room(start, &channels, expected.min(CHUNK_ROWS + 1));
+        let (width, each) = (start.len(), channels.iter().map(Channel::size).sum::<usize>());
+        let rows = (CHUNK_NUMBERS / (width + each).max(1)).clamp(1, CHUNK_ROWS);
+        let chunk = Chunk::with_room(start, &channels, expected.min(rows + 1));
         Self {
             times: options.output.clone(),
             start: start_time,
@@ -45,7 +50,13 @@ impl Output {
             channels,
             chunk,
             values: vec![0.0; largest],
+            rows,
         }
+    }
+
+    /// Whether the rows are to be handed out.
+    pub(super) fn is_full(&self) -> bool {
+        self.chunk.time.len() >= self.rows
     }
 
     /// Next output time; infinite when there is none.

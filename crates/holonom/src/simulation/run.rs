@@ -8,7 +8,7 @@ use super::drift::Drift;
 use super::energy_scale::EnergyScale;
 use super::ledger::{StepPowers, powers};
 use super::options::Options;
-use super::output::{CHUNK_ROWS, CHUNK_STEPS, Output};
+use super::output::{CHUNK_STEPS, Output};
 use super::problem::Problem;
 use super::recorder::{Inside, Recorder};
 use super::reparametrization::{new_chart, no_longer_redundant};
@@ -445,7 +445,7 @@ impl Run<'_> {
             found.map_err(|f| failed(f, step))?;
             self.output.push(self.system.as_ref(), &self.row);
             // A step may hold any number of rows: they go out in chunks, and the run can be stopped.
-            if self.output.chunk.time.len() >= CHUNK_ROWS {
+            if self.output.is_full() {
                 self.flush()?;
                 self.poll(step)?;
             }
@@ -639,9 +639,8 @@ impl Run<'_> {
 
     fn flush_if_due(&mut self) -> Result<(), Stop> {
         let chunk = &self.output.chunk;
-        let full = chunk.time.len() >= CHUNK_ROWS
-            || chunk.steps.len() >= CHUNK_STEPS
-            || chunk.dense.is_full();
+        let full =
+            self.output.is_full() || chunk.steps.len() >= CHUNK_STEPS || chunk.dense.is_full();
         if full || self.last_flush.elapsed() >= FLUSH {
             self.flush()?;
         }

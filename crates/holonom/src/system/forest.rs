@@ -13,6 +13,7 @@ use crate::model::{
 };
 use crate::topology::{Edge, Forest};
 use crate::watch::{NAMED, checkpoint};
+use std::collections::BTreeMap;
 
 /// One to three relative coordinates of two bodies.
 #[derive(Debug, Clone, PartialEq)]
@@ -325,6 +326,11 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         closures.push(Closure { row, rows: count, path });
     }
 
+    let pair = |[a, b]: [BodyIndex; 2]| (a.min(b), a.max(b));
+    let mut edges_between: BTreeMap<_, Vec<usize>> = BTreeMap::new();
+    for (at, edge) in edges.iter().enumerate() {
+        edges_between.entry(pair([edge.parent, Some(edge.body)])).or_default().push(at);
+    }
     let mut elastic = Vec::new();
     for (k, force) in model.forces.iter().enumerate() {
         checkpoint(NAMED);
@@ -343,7 +349,9 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
             }
             (ForceKind::Rsda { .. }, _) => {
                 // On a joint about the same axis it is the joint's own coordinate.
-                let on_joint = edges.iter().find_map(|edge: &TreeEdge| {
+                let near = edges_between.get(&pair(ends)).map_or(&[][..], Vec::as_slice);
+                let on_joint = near.iter().find_map(|&at| {
+                    let edge: &TreeEdge = &edges[at];
                     let EdgeSource::Joint(j) = edge.source else { return None };
                     let (kind, joint) = (&model.joints[j].kind, &model.joints[j].frames);
                     let rotation = DriverKind::Rotation;

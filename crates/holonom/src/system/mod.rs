@@ -75,6 +75,12 @@ impl State {
         }
     }
 
+    /// Number of numbers: time, coordinates with rates, multipliers, extra states, windings, ledger.
+    pub fn len(&self) -> usize {
+        let parts = [&self.q, &self.v, &self.a, &self.lambda, &self.z, &self.winding];
+        4 + parts.into_iter().map(Vec::len).sum::<usize>()
+    }
+
     /// Copies another state of the same sizes without allocating.
     pub fn copy_from(&mut self, other: &Self) {
         self.t = other.t;

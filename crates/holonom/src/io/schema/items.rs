@@ -341,7 +341,7 @@ pub(crate) struct Simulation {
     pub(crate) initial_step: Option<f64>,
     /// Largest number of steps.
     pub(crate) max_steps: Option<u64>,
-    /// Largest wall time, positive.
+    /// Largest wall time of a run with its assembly, positive.
     #[schemars(extend("x-unit" = "s"))]
     pub(crate) max_seconds: Option<f64>,
     /// Growth of the condition number at which a partition or a tangent plane is chosen anew, above 1.
