@@ -7,6 +7,7 @@
 use cpu_time::ThreadTime;
 use holonom::io::{Document, Syntax};
 use holonom::model::{Dimension, Model, Orientation};
+use holonom::newton::ReducedBlocks;
 use holonom::reduction::Point;
 use holonom::reduction::accelerations::{
     AccelerationSolver, Accelerations, Equations, Numbering, ReducedMatrix, SolverKind,
@@ -217,6 +218,86 @@ fn evaluation(case: &Case) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
+/// A dense matrix of deterministic noise with right-hand sides.
+fn noise(n: usize) -> Vec<f64> {
+    let mut state = 88_172_645_463_325_252_u64;
+    let mut next = || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    };
+    (0..n * n).map(|_| next()).collect()
+}
+
+/// Accelerations and an integration Jacobian against dense LU factorisations of the order of the joint rows,
+/// which a formulation without structure needs: for the Jacobian with a right-hand side for each degree of
+/// freedom.
+fn against_dense(case: &Case) -> Result<(), Box<dyn Error>> {
+    let joint_rows = case.system.structure().sizes.joint_rows;
+    let ndof = case.p.len();
+    let matrix = noise(joint_rows);
+    let (mut first, mut second) = (DenseLu::new(joint_rows), DenseLu::new(joint_rows));
+    let mut right = vec![0.0; joint_rows * ndof];
+    let (p, rates, z, t) = (&case.p, &case.rates, &case.state.z, case.state.t);
+    let mut point = case.point.clone();
+    point.evaluate(t, p, rates, z, true).map_err(|e| e.message)?;
+    point.complete();
+    let mut blocks = ReducedBlocks::new(&point.manifold);
+    let mut psi = vec![0.0; ndof * ndof];
+    let mut factor = DenseLu::new(ndof);
+    let (system, state) = (case.system.as_ref(), point.state.clone());
+    let mut manifold = point.manifold;
+    let kind = SolverKind::ReducedEnvelope(Numbering::Least);
+    let mut solver = kind.prepare(system, &case.state.q, &case.kept)?;
+    let (mut a, mut lambda) = (case.state.a.clone(), case.state.lambda.clone());
+    let matrix = &matrix;
+    let runs: Vec<(&str, Box<dyn FnMut()>)> = vec![
+        ("dense LU", Box::new(move || first.factor(matrix).expect("regular"))),
+        (
+            "accelerations",
+            Box::new(move || {
+                let outcome = solver.solve(system, &case.equations(), &mut a, &mut lambda);
+                outcome.expect("solved before");
+            }),
+        ),
+        (
+            "dense LU with right-hand sides",
+            Box::new(move || {
+                second.factor(matrix).expect("regular");
+                right.fill(1.0);
+                second.solve_many(&mut right, ndof);
+            }),
+        ),
+        (
+            "integration Jacobian",
+            Box::new(move || {
+                let gamma_h = std::hint::black_box(1e-3);
+                blocks.evaluate(&mut manifold, &state);
+                let b = &blocks;
+                let parts = b.mass.iter().zip(&b.damping).zip(&b.stiffness);
+                for (psi, ((m, m1), m2)) in psi.iter_mut().zip(parts) {
+                    *psi = m + gamma_h * (m1 + gamma_h * m2);
+                }
+                factor.factor(&psi).expect("regular");
+            }),
+        ),
+    ];
+    let entries = runs.into_iter().map(|(solver, mut run)| Entry {
+        solver: solver.to_owned(),
+        numbering: "",
+        order: joint_rows,
+        multiplications: None,
+        counts: None,
+        run: Box::new(move || {
+            run();
+            vec![1.0]
+        }),
+    });
+    measure("dense", case.name, entries.collect());
+    Ok(())
+}
+
 /// Factorisation of the reduced matrix and one solve with it: Tables 3 (bad numbering) and 4 (good).
 fn reduced(table: &str, case: &Case, numbering: &Numbering) -> Result<(), Box<dyn Error>> {
     let mut matrix = ReducedMatrix::new(case.system.as_ref(), &case.kept)?;
@@ -410,6 +491,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for case in &cases {
         evaluation(case)?;
     }
+    against_dense(&cases[5])?;
     for case in &cases {
         reduced("3", case, &bad_numbering(case)?)?;
         reduced("4", case, &Numbering::Least)?;

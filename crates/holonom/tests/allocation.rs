@@ -9,6 +9,7 @@ use common::{PLATFORM, model, model_of, options};
 use holonom::method::{CODES, Code};
 use holonom::model::Model;
 use holonom::newton::JacobianSource;
+use holonom::reduction::accelerations::Accelerations;
 use holonom::simulation::{
     Chunk, Flow, Options, OutputTimes, Problem, Sink, Statistics, Status, run,
 };
@@ -91,6 +92,25 @@ fn everything() -> impl Iterator<Item = (Code, JacobianSource)> {
         let sources = JacobianSource::ALL.iter().take(if choice { 2 } else { 1 });
         sources.map(|&(source, _)| (info.code, source))
     })
+}
+
+#[test]
+fn every_way_to_accelerations() {
+    for &(accelerations, way) in Accelerations::ALL {
+        for (name, end) in [("andrews", 0.02), ("chain50", 0.2), ("hmmwv14", 1.0)] {
+            let problem = Problem::new(model(name));
+            let until = |end_time: f64| {
+                let output = OutputTimes::Interval(0.01 * end);
+                let options =
+                    Options { accelerations, output, ..options(Code::ForSdirk, 1e-3, end_time) };
+                allocations(&problem, &options)
+            };
+            until(0.02 * end);
+            let ((few, short), (many, long)) = (until(0.25 * end), until(end));
+            assert!(long.steps > short.steps);
+            assert_eq!(many, few, "{name} by {way}");
+        }
+    }
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::dense::NEGLIGIBLE;
 use crate::error::NotPositiveDefinite;
 use crate::lanes::{MOST_LANES, run_lanes};
 use std::sync::Arc;
-use substitution::{Lanes, solve_one};
+use substitution::{Lanes, SolveOne};
 
 /// L of P B Pᵀ = L Lᵀ, in the envelope of B: fill stays inside it.
 ///
@@ -37,16 +37,30 @@ pub struct EnvelopeCholesky {
     least_pivot: f64,
 }
 
-/// Calls a function that is generic over the rows of a block.
-macro_rules! by_rows {
+/// Calls a function that is generic over the rows of a block, and over the lanes that hold them.
+macro_rules! by_lanes {
     ($rows:expr, $function:ident($($argument:expr),*)) => {
         match $rows {
-            1 => $function::<1>($($argument),*),
-            2 => $function::<2>($($argument),*),
-            3 => $function::<3>($($argument),*),
-            4 => $function::<4>($($argument),*),
-            5 => $function::<5>($($argument),*),
-            _ => $function::<6>($($argument),*),
+            1 => $function::<1, 1>($($argument),*),
+            2 => $function::<2, 2>($($argument),*),
+            3 => $function::<3, 4>($($argument),*),
+            4 => $function::<4, 4>($($argument),*),
+            5 => $function::<5, 8>($($argument),*),
+            _ => $function::<6, 8>($($argument),*),
+        }
+    };
+}
+
+/// Calls a function that is generic over the rows of a block.
+macro_rules! by_rows {
+    ($rows:expr, $function:ident $(::<$own:tt, $lanes:tt>)? ($($argument:expr),*)) => {
+        match $rows {
+            1 => $function::<$($own, $lanes,)? 1>($($argument),*),
+            2 => $function::<$($own, $lanes,)? 2>($($argument),*),
+            3 => $function::<$($own, $lanes,)? 3>($($argument),*),
+            4 => $function::<$($own, $lanes,)? 4>($($argument),*),
+            5 => $function::<$($own, $lanes,)? 5>($($argument),*),
+            _ => $function::<$($own, $lanes,)? 6>($($argument),*),
         }
     };
 }
@@ -77,15 +91,9 @@ impl EnvelopeCholesky {
     pub fn factor(&mut self, values: &[f64]) -> Result<(), NotPositiveDefinite> {
         let plan = &*self.plan;
         assert_eq!(values.len(), plan.len(), "one value for each place of the envelope");
-        self.least_pivot = 1.0;
-        for p in 0..plan.order.len() {
-            let (done, rest) = self.numbers.split_at_mut(plan.offset[p]);
-            let values = &values[plan.offset[p]..plan.offset[p + 1]];
-            let row = &mut rest[..values.len()];
-            let rows = plan.begin[p + 1] - plan.begin[p];
-            let least = by_rows!(rows, factor_row(plan, p, values, done, &mut self.inverse, row))?;
-            self.least_pivot = self.least_pivot.min(least);
-        }
+        let (numbers, inverse) = (&mut self.numbers[..], &mut self.inverse[..]);
+        self.least_pivot =
+            pulp::Arch::new().dispatch(Factorization { plan, values, numbers, inverse })?;
         Ok(())
     }
 
@@ -106,7 +114,8 @@ impl EnvelopeCholesky {
         for (w, &row) in work.iter_mut().zip(&plan.row_at) {
             *w = b[row];
         }
-        solve_one(plan, &self.numbers, &self.inverse, work);
+        let (numbers, inverse) = (&self.numbers[..], &self.inverse[..]);
+        pulp::Arch::new().dispatch(SolveOne { plan, numbers, inverse, x: &mut *work });
         for (w, &row) in work.iter().zip(&plan.row_at) {
             b[row] = *w;
         }
@@ -131,9 +140,36 @@ impl EnvelopeCholesky {
     }
 }
 
+/// A factorisation with the widest vectors this processor has.
+struct Factorization<'a> {
+    plan: &'a EnvelopePlan,
+    values: &'a [f64],
+    numbers: &'a mut [f64],
+    inverse: &'a mut [f64],
+}
+
+impl pulp::WithSimd for Factorization<'_> {
+    type Output = Result<f64, NotPositiveDefinite>;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
+        let Self { plan, values, numbers, inverse } = self;
+        let mut least = 1.0f64;
+        for p in 0..plan.order.len() {
+            let (done, rest) = numbers.split_at_mut(plan.offset[p]);
+            let values = &values[plan.offset[p]..plan.offset[p + 1]];
+            let row = &mut rest[..values.len()];
+            let rows = plan.begin[p + 1] - plan.begin[p];
+            least = least.min(by_lanes!(rows, factor_row(plan, p, values, done, inverse, row))?);
+        }
+        Ok(least)
+    }
+}
+
 /// Block row `p` of L from that of B and the rows before it; returns its smallest pivot over the diagonal
 /// entry of B.
-fn factor_row<const W: usize>(
+#[inline(always)]
+fn factor_row<const W: usize, const P: usize>(
     plan: &EnvelopePlan,
     p: usize,
     values: &[f64],
@@ -155,14 +191,7 @@ fn factor_row<const W: usize>(
         let left = &left[common - start..];
         let (values, right) = (&values[j_begin - start..j_end - start], &mut right[..rows]);
         let inverse = &inverse[j_begin..j_end];
-        match rows {
-            1 => off_diagonal::<W, 1>(values, left, block, inverse, right),
-            2 => off_diagonal::<W, 2>(values, left, block, inverse, right),
-            3 => off_diagonal::<W, 3>(values, left, block, inverse, right),
-            4 => off_diagonal::<W, 4>(values, left, block, inverse, right),
-            5 => off_diagonal::<W, 5>(values, left, block, inverse, right),
-            _ => off_diagonal::<W, 6>(values, left, block, inverse, right),
-        }
+        by_rows!(rows, off_diagonal::<W, P>(values, left, block, inverse, right));
     }
     let (left, right) = row.split_at_mut(begin - start);
     let values = &values[begin - start..];
@@ -199,9 +228,9 @@ fn factor_row<const W: usize>(
 }
 
 /// One block of S rows left of the diagonal: W rows of B, minus products with what is `left` of it, times
-/// L(j,j)⁻ᵀ. `block` is block row j of L from the first common column on.
+/// L(j,j)⁻ᵀ, in P lanes. `block` is block row j of L from the first common column on.
 #[inline(always)]
-fn off_diagonal<const W: usize, const S: usize>(
+fn off_diagonal<const W: usize, const P: usize, const S: usize>(
     values: &[[f64; W]],
     left: &[[f64; W]],
     block: &[f64],
@@ -209,25 +238,32 @@ fn off_diagonal<const W: usize, const S: usize>(
     out: &mut [[f64; W]],
 ) {
     let (block, _) = block.as_chunks::<S>();
-    let mut a: [[f64; W]; S] = std::array::from_fn(|s| values[s]);
+    let mut a: [[f64; P]; S] = std::array::from_fn(|s| widen(&values[s]));
     for (x, l) in left.iter().zip(block) {
+        let x: [f64; P] = widen(x);
         for s in 0..S {
-            for w in 0..W {
+            for w in 0..P {
                 a[s][w] -= l[s] * x[w];
             }
         }
     }
     let diagonal = &block[left.len()..];
     for s in 0..S {
-        for w in 0..W {
+        for w in 0..P {
             a[s][w] *= inverse[s];
         }
         let x = a[s];
         for next in s + 1..S {
-            for w in 0..W {
+            for w in 0..P {
                 a[next][w] -= diagonal[s][next] * x[w];
             }
         }
-        out[s] = x;
+        out[s].copy_from_slice(&x[..W]);
     }
+}
+
+/// Numbers in lanes, with zeros in the rest.
+#[inline(always)]
+fn widen<const W: usize, const P: usize>(x: &[f64; W]) -> [f64; P] {
+    std::array::from_fn(|w| if w < W { x[w] } else { 0.0 })
 }

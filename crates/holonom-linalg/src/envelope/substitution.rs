@@ -4,13 +4,26 @@ use super::{EnvelopePlan, by_rows};
 use crate::lanes::{LaneKernel, lanes, lanes_mut};
 
 /// L Lᵀ x = b in place, in the order of the plan.
-pub(super) fn solve_one(plan: &EnvelopePlan, numbers: &[f64], inverse: &[f64], x: &mut [f64]) {
-    let blocks = plan.order.len();
-    for p in 0..blocks {
-        by_rows!(plan.begin[p + 1] - plan.begin[p], forward(plan, p, numbers, inverse, x));
-    }
-    for p in (0..blocks).rev() {
-        by_rows!(plan.begin[p + 1] - plan.begin[p], backward(plan, p, numbers, inverse, x));
+pub(super) struct SolveOne<'a> {
+    pub(super) plan: &'a EnvelopePlan,
+    pub(super) numbers: &'a [f64],
+    pub(super) inverse: &'a [f64],
+    pub(super) x: &'a mut [f64],
+}
+
+impl pulp::WithSimd for SolveOne<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let Self { plan, numbers, inverse, x } = self;
+        let blocks = plan.order.len();
+        for p in 0..blocks {
+            by_rows!(plan.begin[p + 1] - plan.begin[p], forward(plan, p, numbers, inverse, x));
+        }
+        for p in (0..blocks).rev() {
+            by_rows!(plan.begin[p + 1] - plan.begin[p], backward(plan, p, numbers, inverse, x));
+        }
     }
 }
 
@@ -25,6 +38,7 @@ fn columns<'a, const W: usize>(
     row.split_at(row.len() - W)
 }
 
+#[inline(always)]
 fn forward<const W: usize>(
     plan: &EnvelopePlan,
     p: usize,
@@ -51,6 +65,7 @@ fn forward<const W: usize>(
     *own = a;
 }
 
+#[inline(always)]
 fn backward<const W: usize>(
     plan: &EnvelopePlan,
     p: usize,

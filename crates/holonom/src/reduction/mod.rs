@@ -11,6 +11,7 @@ mod partitioning;
 mod point;
 mod recent;
 mod redundant;
+mod refinement;
 mod relatives;
 mod saddle;
 mod square;

@@ -1,6 +1,7 @@
 //! Accelerations and multipliers with the factors of [G; P] and a dense matrix of order ndof.
 
 use super::chart::Chart;
+use super::refinement::{larger, refine};
 use holonom_linalg::{BlockMatrix, Cholesky, NotPositiveDefinite, gram_add};
 
 /// Buffers of
@@ -19,6 +20,7 @@ pub(super) struct NullSpace {
     mass: Vec<f64>,
     factor: Cholesky,
     rate: Vec<f64>,
+    correction: Vec<f64>,
     zero: Vec<f64>,
     force: Vec<f64>,
 }
@@ -39,6 +41,7 @@ impl NullSpace {
         let (n, ndof) = (mass.n_rows() as f64, chart.ndof() as f64);
         let entries = 2.0 * chart.fill() as f64 + mass.values().len() as f64;
         let columns = entries * (ENTRY * (ndof / GROUP).ceil() + LANE * ndof);
+        let columns = columns + 2.0 * n * ndof;
         CALLS + columns + DENSE * ndof * ndof * (n + ndof / 3.0)
     }
 
@@ -49,6 +52,7 @@ impl NullSpace {
             mass: vec![0.0; ndof * ndof],
             factor: Cholesky::new(ndof),
             rate: vec![0.0; ndof],
+            correction: vec![0.0; ndof],
             zero: vec![0.0; ndof],
             force: vec![0.0; n],
         }
@@ -67,7 +71,8 @@ impl NullSpace {
     }
 
     /// Accelerations for the forces Q and right-hand sides τ at the configuration of the last
-    /// [`NullSpace::update`], the chart's factors and `mass`.
+    /// [`NullSpace::update`], the chart's factors and `mass`. Returns the relative size of the next correction
+    /// as forecast: far above round-off it says that M̂ is too ill-conditioned here.
     ///
     /// # Errors
     /// When M̂ is not positive definite.
@@ -78,11 +83,11 @@ impl NullSpace {
         force: &[f64],
         tau: &[f64],
         a: &mut [f64],
-    ) -> Result<(), NotPositiveDefinite> {
+    ) -> Result<f64, NotPositiveDefinite> {
         let (n, ndof) = (force.len(), self.rate.len());
         chart.solve(tau, &self.zero, a);
         if ndof == 0 {
-            return Ok(());
+            return Ok(0.0);
         }
         self.inertia.fill(0.0);
         mass.multiply_many_add(1.0, &self.d, ndof, &mut self.inertia);
@@ -97,11 +102,33 @@ impl NullSpace {
                 *rate += d * f - m * a;
             }
         }
+        let diagonal = self.mass.iter().step_by(ndof + 1);
+        let forces = self.rate.iter().zip(diagonal).map(|(f, m)| f * f / m).fold(0.0, larger);
         self.factor.solve(&mut self.rate);
-        for (a, row) in a.iter_mut().zip(self.d.chunks_exact(ndof)) {
-            *a += row.iter().zip(&self.rate).map(|(d, v)| d * v).sum::<f64>();
-        }
-        Ok(())
+        self.add(&self.rate, a);
+        Ok(self.refine(mass, force, a, forces.sqrt()))
+    }
+
+    /// Corrects v̈ by what q̈ leaves of the equations of motion in the directions of D; M̂ has the square of the
+    /// condition of M^½D. `forces` is the size of its right-hand side, over roots of masses.
+    fn refine(&mut self, mass: &BlockMatrix, force: &[f64], a: &mut [f64], forces: f64) -> f64 {
+        let ndof = self.rate.len();
+        let size = |x: &[f64], of: &[f64]| {
+            let squares = x.iter().zip(of.iter().step_by(ndof + 1)).map(|(x, m)| x * x * m);
+            squares.fold(0.0, larger).sqrt()
+        };
+        refine(|| {
+            self.force.copy_from_slice(force);
+            mass.multiply_add(-1.0, a, &mut self.force);
+            self.correction.fill(0.0);
+            for (d, f) in self.d.chunks_exact(ndof).zip(&self.force) {
+                self.correction.iter_mut().zip(d).for_each(|(x, d)| *x += d * f);
+            }
+            self.factor.solve(&mut self.correction);
+            self.add(&self.correction, a);
+            self.rate.iter_mut().zip(&self.correction).for_each(|(x, d)| *x += d);
+            (size(&self.correction, &self.mass), larger(forces, size(&self.rate, &self.mass)))
+        })
     }
 
     /// Multipliers for the forces Q at accelerations that belong to them; dropped rows get λ = 0.

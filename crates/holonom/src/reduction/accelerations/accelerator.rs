@@ -216,7 +216,8 @@ impl Accelerator {
         }
         if self.null_space(chart).is_some() {
             let (form, mass) = (self.null_space.as_mut().expect("just made"), self.saddle.mass());
-            self.multipliers_due = form.accelerate(chart, mass, at.force, at.tau, a).is_ok();
+            let outcome = form.accelerate(chart, mass, at.force, at.tau, a);
+            self.multipliers_due = outcome.is_ok_and(|left| left <= ACCURACY);
             if self.multipliers_due {
                 return Ok(());
             }

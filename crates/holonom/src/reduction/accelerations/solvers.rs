@@ -1,8 +1,8 @@
 //! Solvers of the reduced system B λ = G M⁻¹ Q − τ.
 
-use super::reduced::larger;
 use super::{AccelerationSolver, Equations, Numbering, ReducedMatrix, Refusal};
 use crate::error::EvaluationFailure;
+use crate::reduction::refinement::{larger, refine};
 use crate::system::System;
 use holonom_linalg::{Cholesky, DenseLu, EnvelopeCholesky, EnvelopePlan, NotPositiveDefinite};
 use std::sync::Arc;
@@ -20,8 +20,6 @@ pub struct ReducedEnvelope {
     lambda: Vec<f64>,
     correction: Vec<f64>,
 }
-
-const MOST_CORRECTIONS: u32 = 5;
 
 impl ReducedEnvelope {
     /// Numbers the joints and plans the factorisation.
@@ -86,11 +84,8 @@ impl ReducedEnvelope {
         left
     }
 
-    /// Corrects y and λ by what y leaves of its constraints, while corrections fall tenfold and the next one
-    /// would be above round-off: corrected seminormal equations. The first correction is also the only
-    /// measure of what the square of the condition has cost, so it is always made.
-    ///
-    /// Sizes are those of forces over roots of masses: of λ by the diagonal of B, of `forces` alone.
+    /// Corrects y and λ by what y leaves of its constraints: corrected seminormal equations. Sizes are those of
+    /// forces over roots of masses: of λ by the diagonal of B, of `forces` alone.
     ///
     /// Source: Å. Björck, Linear Algebra Appl. 88/89 (1987).
     fn refine(&mut self, equations: &Equations, forces: f64) -> f64 {
@@ -99,28 +94,13 @@ impl ReducedEnvelope {
             let squares = x.iter().zip(diagonal.iter()).map(|(x, &at)| x * x * values[at]);
             squares.fold(0.0, larger).sqrt()
         };
-        let mut before = 1.0;
-        let mut left = 0.0;
-        for _ in 0..MOST_CORRECTIONS {
+        refine(|| {
             matrix.residual(equations, correction);
             factor.solve(correction);
             matrix.subtract_reactions(correction);
             lambda.iter_mut().zip(&*correction).for_each(|(l, d)| *l += d);
-            let whole = larger(forces, size(lambda));
-            if whole == 0.0 {
-                break;
-            }
-            let relative = size(correction) / whole;
-            let rate = relative / before;
-            left = relative * rate.min(1.0);
-            before = relative;
-            // Written so that a NaN ends it.
-            let goes_on = left > f64::EPSILON && rate <= 0.1;
-            if !goes_on {
-                break;
-            }
-        }
-        left
+            (size(correction), larger(forces, size(lambda)))
+        })
     }
 }
 

@@ -1,0 +1,189 @@
+//! Which solver accelerations come from: chosen, stated, refused, and left to the augmented system at run
+//! time. Independent truths: statics, the other solvers, a counting allocator.
+
+mod common;
+
+use allocation_counter::measure;
+use common::{model, model_of, options};
+use holonom::method::Code;
+use holonom::model::Model;
+use holonom::reduction::accelerations::{Accelerations, Refusal};
+use holonom::reduction::{Manifold, Point};
+use holonom::simulation::{Memory, Options, Problem, RunError, Status, run};
+use holonom::system::State;
+use std::fmt::Write as _;
+
+fn start(problem: &Problem) -> (Manifold, State) {
+    let assembled = problem.assemble().expect("assembles");
+    let (manifold, state) = (&assembled.manifold, &assembled.state);
+    let ndof = manifold.chart().ndof();
+    let (mut p, mut rates) = (vec![0.0; ndof], vec![0.0; ndof]);
+    manifold.independent_state(state, &mut p, &mut rates);
+    let mut point = Point::new(manifold.clone(), state);
+    point.evaluate(state.t, &p, &rates, &state.z, true).expect("assembled");
+    (point.manifold, point.state)
+}
+
+fn chosen(model: Model) -> Accelerations {
+    Problem::new(model).assemble().expect("assembles").manifold.accelerator().way()
+}
+
+#[test] // independent truth: the times of benchmarks/accelerations
+fn the_fastest_solver_is_chosen() {
+    assert_eq!(chosen(model("andrews")), Accelerations::NullSpace);
+    assert_eq!(chosen(model("spatial_four_bar")), Accelerations::NullSpace);
+    assert_eq!(chosen(model("chain50")), Accelerations::Reduced);
+}
+
+#[test]
+fn trajectories_agree() {
+    let cases = [
+        ("andrews", model("andrews"), 0.005),
+        ("chain50", model("chain50"), 0.01),
+        ("spatial four-bar", model("spatial_four_bar"), 0.1),
+        ("vehicle", model("hmmwv14"), 0.002),
+        ("platform, redundant", model_of(common::PLATFORM), 0.1),
+        ("driven telescope", model_of(common::DRIVEN_TELESCOPE), 0.1),
+    ];
+    for (name, model, end) in cases {
+        let problem = Problem::new(model);
+        for code in [Code::Deabm, Code::ForSdirk] {
+            let tolerance = 1e-7;
+            let runs: Vec<State> = [
+                Accelerations::Auto,
+                Accelerations::NullSpace,
+                Accelerations::Reduced,
+                Accelerations::Augmented,
+            ]
+            .into_iter()
+            .map(|accelerations| {
+                let options = Options { accelerations, ..options(code, tolerance, end) };
+                let summary = run(&problem, &options, None, &mut Memory::default());
+                let summary = summary.unwrap_or_else(|e| panic!("{name}: {e}"));
+                assert_eq!(summary.status, Status::Completed, "{name}: {}", summary.stop.message);
+                summary.end
+            })
+            .collect();
+            let off = |a: &[f64], b: &[f64]| {
+                a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs() / (1.0 + b.abs())))
+            };
+            for other in &runs[1..] {
+                let largest = off(&other.q, &runs[0].q).max(off(&other.v, &runs[0].v));
+                assert!(largest <= tolerance, "{name} by {code:?}: {largest:.1e}");
+            }
+        }
+    }
+}
+
+/// A body on the ground and one on it, the second without inertia, which nothing needs.
+const MASSLESS: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+arm = { mass = 1.0, inertia = 0.1, position = [1.0, 0.0] }
+bob = { mass = 1.0, inertia = 0.0, position = [2.0, 0.0] }
+[joints]
+pin = { type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0] }
+weld = { type = "revolute", between = ["arm", "bob"], point = [1.5, 0.0] }
+"#;
+
+#[test]
+fn a_body_without_inertia_leaves_the_reduced_matrix_out() {
+    let problem = Problem::new(model_of(MASSLESS));
+    let way = problem.assemble().expect("assembles").manifold.accelerator().way();
+    assert_ne!(way, Accelerations::Reduced);
+    let stated = |accelerations| Options { accelerations, ..options(Code::ForSdirk, 1e-6, 0.1) };
+    let refused = run(&problem, &stated(Accelerations::Reduced), None, &mut Memory::default());
+    let error = refused.expect_err("there is no inverse of M");
+    assert!(matches!(error, RunError::Accelerations { .. }), "{error}");
+    let message = error.to_string();
+    assert!(message.contains("`accelerations` is reduced") && message.contains("body `bob`"));
+    let summary = problem.summary(problem.assemble().unwrap()).accelerations;
+    assert!(summary.refusal.is_some_and(|reason| reason.contains("body `bob`")));
+    for way in [Accelerations::Auto, Accelerations::NullSpace, Accelerations::Augmented] {
+        let summary = run(&problem, &stated(way), None, &mut Memory::default()).expect("starts");
+        assert_eq!(summary.status, Status::Completed, "{way:?}: {}", summary.stop.message);
+    }
+}
+
+#[test] // independent truth: a counting allocator
+fn a_hub_never_fills_the_memory() {
+    let spokes = 6000;
+    let mut text = "holonom = 1\ndimension = \"planar\"\n[bodies]\n\
+        hub = { mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }\n"
+        .to_owned();
+    let at = |k: usize| (k as f64 * 1e-3).sin_cos();
+    for k in 0..spokes {
+        let (y, x) = at(k);
+        writeln!(text, "s{k} = {{ mass = 0.1, inertia = 0.1, position = [{x}, {y}] }}").unwrap();
+    }
+    text.push_str("[joints]\n");
+    for k in 0..spokes {
+        let (y, x) = at(k);
+        let head = format!("r{k} = {{ type = \"revolute\", between = [\"hub\", \"s{k}\"]");
+        writeln!(text, "{head}, point = [{x}, {y}] }}").unwrap();
+    }
+    let problem = Problem::new(model_of(&text));
+    let (mut manifold, _) = start(&problem);
+    assert_eq!(manifold.accelerator().way(), Accelerations::Augmented);
+    for stated in [Accelerations::Auto, Accelerations::Reduced] {
+        let mut outcome = Ok(());
+        let used = measure(|| outcome = manifold.set_accelerations(stated)).bytes_max;
+        // The matrix would take 576 MB.
+        assert!(used < 10_000_000, "{stated:?}: {used} bytes");
+        let refused = stated == Accelerations::Reduced;
+        assert_eq!(matches!(outcome, Err(Refusal::Large { .. })), refused);
+    }
+}
+
+/// Two rods that are parallel but for 2e-8 rad: a condition of 1e8, and of 1e16 of the reduced matrix.
+const NEARLY_PARALLEL: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [3.0, -9.81]
+[bodies]
+bob = { mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }
+[joints]
+left = { type = "distance", between = ["ground", "bob"], points = [[0.0, 1.0], [0.0, 0.0]] }
+right = { type = "distance", between = ["ground", "bob"], points = [[2e-8, 1.0], [0.0, 0.0]] }
+"#;
+
+#[test] // independent truth: a point held by two rods does not move, and they carry its load
+fn an_ill_conditioned_reduced_matrix_is_left_to_the_augmented_one() {
+    let problem = Problem::new(model_of(NEARLY_PARALLEL));
+    let (mut manifold, mut state) = start(&problem);
+    assert!(manifold.chart().parametrization().dropped.is_empty());
+    manifold.set_accelerations(Accelerations::Reduced).expect("masses are there");
+    let (mut z_rate, before) = (Vec::new(), manifold.accelerator().fallbacks());
+    manifold.accelerate(&mut state, &mut z_rate).expect("accelerations");
+    manifold.multipliers(&mut state);
+    assert_eq!(manifold.accelerator().fallbacks(), before + 1);
+    let mut left = state.q.clone();
+    problem.system().forces(&state, &mut left, &mut z_rate);
+    assert!(state.a.iter().all(|a| a.abs() < 1e-7), "{:?}", state.a);
+    let size = state.lambda.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    assert!((1e8..2e8).contains(&size), "3 N over 2e-8: {size}");
+    manifold.mass().multiply_add(-1.0, &state.a, &mut left);
+    manifold.jacobian().multiply_transposed_add(-1.0, &state.lambda, &mut left);
+    assert!(left.iter().all(|x| x.abs() < 1e-14 * size), "{left:?}");
+}
+
+#[test] // changed values share the plan of the first model, and the choice
+fn changed_values_keep_the_choice() {
+    let base = Problem::new(model("chain50"));
+    base.assemble().expect("assembles");
+    let mut changed = model("chain50");
+    changed.bodies[0].mass *= 2.0;
+    let other = base.with_model(changed);
+    let accelerator = other.assemble().expect("assembles").manifold.accelerator();
+    assert_eq!(accelerator.way(), Accelerations::Reduced);
+    assert_eq!(accelerator.costs(), base.assemble().unwrap().manifold.accelerator().costs());
+    // A mass that vanishes takes the reduced matrix away, and only there.
+    let mut massless = model("chain50");
+    massless.bodies[7].inertia = [[0.0; 3]; 3];
+    let other = base.with_model(massless);
+    let accelerator = other.assemble().expect("assembles").manifold.accelerator();
+    assert_ne!(accelerator.way(), Accelerations::Reduced);
+    assert_eq!(accelerator.costs().refusal, Some(Refusal::Massless { body: 7 }));
+}
