@@ -6,6 +6,7 @@
 //! | general sparse, fixed pattern | [`SparsePattern`], [`SparseLu`] | factor again and again |
 //! | blocks that hang on each other like a forest | [`BlockForest`], [`ForestLu`] | trees of bodies, without fill |
 //! | symmetric, small blocks, in an envelope | [`BlockGraph`], [`EnvelopePlan`], [`EnvelopeCholesky`] | reduced matrices of mechanisms |
+//! | tall sparse, at set-up | [`independent_rows`] | rank, independent variables |
 //! | dense, square | [`DenseLu`], [`Cholesky`], [`DenseComplexLu`] | integration Jacobians |
 //! | dense, of a few rows | [`small`] | blocks of bodies |
 //! | dense, any shape, at set-up | [`least_norm`], [`full_pivot_elimination`], … | rank, assembly |
@@ -24,6 +25,7 @@ mod forest;
 mod full_pivot;
 #[cfg(feature = "general-sparse")]
 mod general;
+mod independent_rows;
 mod lanes;
 mod rank;
 mod scalar;
@@ -43,6 +45,7 @@ pub use forest::{BlockForest, ForestLu};
 pub use full_pivot::{FullPivot, full_pivot_elimination};
 #[cfg(feature = "general-sparse")]
 pub use general::GeneralSparseLu;
+pub use independent_rows::{Claim, IndependentRows, OfferedRow, independent_rows};
 pub use rank::{
     LeastNorm, ThinSvd, eigenvalues, least_norm, orthonormal_null_space, orthonormal_null_space_qr,
     singular_values, thin_svd,

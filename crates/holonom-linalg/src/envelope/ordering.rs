@@ -72,11 +72,16 @@ pub fn gibbs_king(graph: &BlockGraph) -> Vec<usize> {
 pub fn least_degree(graph: &BlockGraph) -> Vec<usize> {
     let mut rest: Vec<BTreeSet<usize>> =
         (0..graph.len()).map(|i| graph.neighbours(i).iter().copied().collect()).collect();
-    let mut left: BTreeSet<usize> = (0..graph.len()).collect();
+    let mut queue: BTreeSet<(usize, usize)> =
+        (0..graph.len()).map(|i| (rest[i].len(), i)).collect();
     let mut order = Vec::with_capacity(graph.len());
-    while let Some(&i) = left.iter().min_by_key(|&&i| rest[i].len()) {
-        left.remove(&i);
+    while let Some((_, i)) = queue.pop_first() {
+        let around: Vec<usize> = rest[i].iter().copied().collect();
+        for &j in &around {
+            queue.remove(&(rest[j].len(), j));
+        }
         eliminate(&mut rest, i);
+        queue.extend(around.iter().map(|&j| (rest[j].len(), j)));
         order.push(i);
     }
     order

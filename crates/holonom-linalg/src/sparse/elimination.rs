@@ -22,10 +22,10 @@ struct Load {
 
 /// One row of the factors: L up to the pivot, then U.
 #[derive(Debug, Clone, Copy)]
-struct Row {
-    start: u32,
-    pivot: u32,
-    end: u32,
+pub(super) struct Row {
+    pub(super) start: u32,
+    pub(super) pivot: u32,
+    pub(super) end: u32,
 }
 
 /// The numbers of L or U in a row that has some.
@@ -60,7 +60,7 @@ pub(super) struct Factors<T> {
 /// Where the numbers of the factors stand, and what elimination does for each row.
 #[derive(Debug)]
 pub(super) struct Plan {
-    rows: Vec<Row>,
+    pub(super) rows: Vec<Row>,
     /// Column of every number.
     pub(super) columns: Vec<u32>,
     pub(super) left: Vec<Side>,

@@ -1,6 +1,7 @@
 //! Sparse matrices with a fixed pattern and their LU factorisation.
 
 mod elimination;
+mod inverse;
 mod least_norm;
 mod ordering;
 mod pattern;

@@ -267,7 +267,7 @@ pub fn start(
             (g, Some(m))
         }
     };
-    let parametrization = choose_tree(system.as_ref(), &nonzero_g, &state, &g)?;
+    let parametrization = choose_tree(system.as_ref(), &state, &g)?;
     let known = match template {
         Some(m) => m.chart().with_values(system.as_ref(), &parametrization, &state.q, &g)?,
         None => None,

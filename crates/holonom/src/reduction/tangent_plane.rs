@@ -82,7 +82,7 @@ pub fn choose(
 ) -> Result<Parametrization, EvaluationFailure> {
     let system = manifold.system().as_ref();
     if choice == Choice::Tree {
-        return choose_tree(system, manifold.chart().nonzero(), state, g);
+        return choose_tree(system, state, g);
     }
     let mut parametrization = partition(system, &state.q, g);
     if choice != Choice::Partitioning {

@@ -13,7 +13,6 @@ use crate::model::{
 };
 use crate::topology::{Edge, Forest};
 use crate::watch::{NAMED, checkpoint};
-use std::collections::BTreeMap;
 
 /// One to three relative coordinates of two bodies.
 #[derive(Debug, Clone, PartialEq)]
@@ -69,8 +68,8 @@ pub struct Closure {
     pub row: usize,
     /// Number of rows.
     pub rows: usize,
-    /// Outer bodies of the edges on the loop.
-    pub path: Vec<usize>,
+    /// The bodies that it ties; the loop is closed by the way between them through the forest.
+    pub ends: [Option<usize>; 2],
 }
 
 /// A force element with the deformations that it resists.
@@ -80,8 +79,8 @@ pub struct ElasticLoop {
     pub force: usize,
     /// Groups of its deformations.
     pub groups: Vec<usize>,
-    /// Outer bodies of the edges between its bodies.
-    pub path: Vec<usize>,
+    /// Its bodies.
+    pub ends: [Option<usize>; 2],
     /// Whether it is an edge of the forest itself.
     pub is_edge: bool,
 }
@@ -299,14 +298,14 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     let mut untold_turns = Vec::new();
     for (k, joint) in model.joints.iter().enumerate() {
         if edge_of_joint[k].is_none() {
-            let path = forest.path(joint.frames.map(|f| f.body));
-            closures.push(Closure { row: rows[k].0, rows: rows[k].1, path });
+            let ends = joint.frames.map(|f| f.body);
+            closures.push(Closure { row: rows[k].0, rows: rows[k].1, ends });
         }
     }
     for (k, driver) in model.drivers.iter().enumerate() {
-        let path = forest.path(driver.frames.map(|f| f.body));
+        let ends = driver.frames.map(|f| f.body);
         let (row, count) = rows[model.joints.len() + k];
-        if let [body] = path[..] {
+        if let Some(body) = forest.outer(ends) {
             let edge = &mut edges[edge_of_body[body]];
             if edge.driver.is_none()
                 && let EdgeSource::Joint(j) = edge.source
@@ -321,16 +320,11 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
             }
         }
         if driver.kind == DriverKind::Rotation {
-            untold_turns.push(driver.frames.map(|f| f.body));
+            untold_turns.push(ends);
         }
-        closures.push(Closure { row, rows: count, path });
+        closures.push(Closure { row, rows: count, ends });
     }
 
-    let pair = |[a, b]: [BodyIndex; 2]| (a.min(b), a.max(b));
-    let mut edges_between: BTreeMap<_, Vec<usize>> = BTreeMap::new();
-    for (at, edge) in edges.iter().enumerate() {
-        edges_between.entry(pair([edge.parent, Some(edge.body)])).or_default().push(at);
-    }
     let mut elastic = Vec::new();
     for (k, force) in model.forces.iter().enumerate() {
         checkpoint(NAMED);
@@ -349,9 +343,8 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
             }
             (ForceKind::Rsda { .. }, _) => {
                 // On a joint about the same axis it is the joint's own coordinate.
-                let near = edges_between.get(&pair(ends)).map_or(&[][..], Vec::as_slice);
-                let on_joint = near.iter().find_map(|&at| {
-                    let edge: &TreeEdge = &edges[at];
+                let on_joint = forest.outer(ends).and_then(|body| {
+                    let edge: &TreeEdge = &edges[edge_of_body[body]];
                     let EdgeSource::Joint(j) = edge.source else { return None };
                     let (kind, joint) = (&model.joints[j].kind, &model.joints[j].frames);
                     let rotation = DriverKind::Rotation;
@@ -363,7 +356,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
                         elastic.push(ElasticLoop {
                             force: k,
                             groups: vec![group],
-                            path: forest.path(ends),
+                            ends,
                             is_edge: true,
                         });
                         continue;
@@ -381,8 +374,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
             }
             _ => continue,
         };
-        let path = forest.path(ends);
-        elastic.push(ElasticLoop { force: k, groups: own, path, is_edge: edge.is_some() });
+        elastic.push(ElasticLoop { force: k, groups: own, ends, is_edge: edge.is_some() });
     }
     let tree = Tree { forest, edges, closures, elastic, untold_turns };
     Built { tree, groups, relatives, edges: placed }
