@@ -226,8 +226,18 @@ impl LaneKernel for Product<'_> {
             if W == 1 && self.k == 1 {
                 let x = &self.x[b.column..b.column + b.columns];
                 let y = &mut self.y[b.row..b.row + b.rows];
-                for (y, row) in y.iter_mut().zip(values.chunks_exact(b.columns)) {
-                    *y += self.alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
+                // Loops of a known length cost a fraction of those over blocks of any size.
+                match b.columns {
+                    1 => add_block::<1>(self.alpha, values, x, y),
+                    2 => add_block::<2>(self.alpha, values, x, y),
+                    3 => add_block::<3>(self.alpha, values, x, y),
+                    4 => add_block::<4>(self.alpha, values, x, y),
+                    7 => add_block::<7>(self.alpha, values, x, y),
+                    _ => {
+                        for (y, row) in y.iter_mut().zip(values.chunks_exact(b.columns)) {
+                            *y += self.alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
+                        }
+                    }
                 }
                 continue;
             }
@@ -245,6 +255,15 @@ impl LaneKernel for Product<'_> {
                 }
             }
         }
+    }
+}
+
+/// y += α A x for a square block.
+#[inline(always)]
+fn add_block<const N: usize>(alpha: f64, values: &[f64], x: &[f64], y: &mut [f64]) {
+    let (rows, _) = values.as_chunks::<N>();
+    for (y, row) in y.iter_mut().zip(rows) {
+        *y += alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
     }
 }
 

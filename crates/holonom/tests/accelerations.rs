@@ -204,7 +204,10 @@ impl Case {
             self.assert_close(&format!("{kind:?}"), &found, &expected, condition, plain);
         }
         for &(stated, name) in Accelerations::ALL {
-            let (way, found) = self.solve_in_engine(stated).unwrap();
+            let (way, found) = match self.solve_in_engine(stated) {
+                Err(Refusal::Loops) if stated == Accelerations::Recursive => continue,
+                outcome => outcome.unwrap(),
+            };
             assert!(stated == Accelerations::Auto || way == stated, "{}: {way:?}", self.name);
             self.assert_close(name, &found, &expected, condition, false);
         }

@@ -8,6 +8,7 @@ use holonom_linalg::small::{
     Square, add_own_times, add_product, add_times, add_transposed_product, add_transposed_times,
     factor, inverse, product, scaled, solve,
 };
+use holonom_linalg::watch::checkpoint;
 use holonom_linalg::{BlockForest, BlockMatrix, Complex64, Scalar, SingularMatrix};
 use std::sync::Arc;
 
@@ -99,13 +100,15 @@ struct Numbers<T, const N: usize> {
     gamma_h: T,
     beta_h2: T,
     ratio: T,
-    /// H of the three levels.
+    /// H of the three levels, and βh²κ + 2γhη μ: what a does with x of the parent.
     h: Vec<[Square<T, N>; 3]>,
+    bend: Vec<Square<T, N>>,
     /// Ψ of each body, factored, with its row exchanges.
     psi: Vec<T>,
     exchanges: Vec<u8>,
-    /// Per independent variable: the size of what children add to its diagonal of Ψ before anything is taken
+    /// Per independent variable: its column of ℬ, the size of what children add to its diagonal of Ψ before anything is taken
     /// from it, its row of Z = Ψ⁻¹BᵀA, and its column of V.
+    columns: Vec<[[T; N]; 3]>,
     sizes: Vec<f64>,
     z: Vec<[[T; N]; 3]>,
     v: Vec<[T; N]>,
@@ -418,6 +421,8 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
             beta_h2: T::ZERO,
             ratio: T::ZERO,
             h: vec![[zero; 3]; count],
+            bend: vec![zero; count],
+            columns: vec![[[T::ZERO; N]; 3]; free],
             psi: vec![T::ZERO; plan.pivots[count]],
             exchanges: vec![0; free],
             sizes: vec![0.0; free],
@@ -492,9 +497,8 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         }
     }
 
-    /// βh² κ + (βh²/γh) 2γh μ: what a does with x of the parent.
     #[inline(always)]
-    fn bend(&self, motion: &Motion<N>) -> Square<T, N> {
+    fn bend_of(&self, motion: &Motion<N>) -> Square<T, N> {
         let twice = (self.gamma_h * self.ratio).scaled(2.0);
         std::array::from_fn(|i| {
             std::array::from_fn(|j| {
@@ -505,7 +509,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
 
     /// A column of ℬ.
     #[inline(always)]
-    fn column(&self, c: &Column<N>) -> [[T; N]; 3] {
+    fn column_of(&self, c: &Column<N>) -> [[T; N]; 3] {
         let twice = self.gamma_h.scaled(2.0);
         let both = twice * self.ratio;
         [
@@ -529,6 +533,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         structure: &Structure,
         sum: &Sum<'_, T>,
     ) -> Result<(f64, usize), SingularMatrix> {
+        checkpoint(plan.forest.len() * N * N * N);
         (self.gamma_h, self.beta_h2, self.ratio) = (sum.gamma_h, sum.beta_h2, sum.ratio);
         let b = &sum.blocks.blocks;
         for (h, at) in self.h.iter_mut().zip(&plan.blocks) {
@@ -549,6 +554,9 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         if !plan.extra.is_empty() {
             self.add_extra_states(plan, structure, sum);
         }
+        for at in 0..columns.len() {
+            self.columns[at] = self.column_of(&columns[at]);
+        }
         let twice = self.gamma_h.scaled(2.0);
         self.sizes.fill(0.0);
         let mut growth = (0.0f64, 0);
@@ -556,12 +564,13 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
             let motion = &motions[body];
             let free = plan.free(body);
             let k = free.len();
-            let h = &self.h[body];
             let parent = plan.forest.parent(body);
             // A = H 𝒯 + L
             let mut a = [[[T::ZERO; N]; N]; 3];
             if parent.is_some() {
-                let bend = self.bend(motion);
+                let bend = self.bend_of(motion);
+                self.bend[body] = bend;
+                let h = &self.h[body];
                 let (turned, twice_a) = (scaled(self.ratio, &h[1]), scaled(twice, &h[2]));
                 for level in 0..3 {
                     add_product(&mut a[level], &h[level], &motion.t);
@@ -590,7 +599,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
             let psi = plan.pivots[body]..plan.pivots[body + 1];
             let mut sizes = [0.0f64; N];
             for (c, at) in free.clone().enumerate() {
-                let levels = self.column(&columns[at]);
+                let levels = self.columns[at];
                 let mut force = [T::ZERO; N];
                 let mut size = [0.0f64; N];
                 for (h, x) in self.h[body].iter().zip(&levels) {
@@ -648,8 +657,8 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
                 add_transposed_product(&mut add[level], &motion.t, &a[level]);
             }
             for at in plan.free(parent) {
-                let (b, levels) = (&columns[at].b, self.column(&columns[at]));
-                for (add, x) in add.iter().zip(&levels) {
+                let (b, levels) = (&columns[at].b, &self.columns[at]);
+                for (add, x) in add.iter().zip(levels) {
                     for i in 0..N {
                         let row = (0..N).fold(0.0, |s, j| s + add[i][j].size() * x[j].size());
                         self.sizes[at] += row * b[i].abs();
@@ -760,14 +769,12 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
                 for (w, above) in w.iter_mut().zip(&above) {
                     add_times(w, one, &motion.t, above);
                 }
-                let both = twice * self.ratio;
                 add_times(&mut w[1], self.ratio, &motion.alpha, &above[0]);
                 add_times(&mut w[2], twice, &motion.alpha, &above[1]);
-                add_times(&mut w[2], self.beta_h2, &motion.kappa, &above[0]);
-                add_times(&mut w[2], both, &motion.mu, &above[0]);
+                add_own_times(&mut w[2], &self.bend[body], &above[0]);
             }
             for at in free.clone() {
-                for (w, x) in w.iter_mut().zip(&self.column(&columns[at])) {
+                for (w, x) in w.iter_mut().zip(&self.columns[at]) {
                     for i in 0..N {
                         w[i] = w[i] + x[i] * self.r[at];
                     }
