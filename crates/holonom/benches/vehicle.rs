@@ -1,6 +1,6 @@
 //! What does the integration Jacobian of the 14-body vehicle cost? One evaluation makes all derivative
 //! blocks, G, the factors of [G; P], M̂, M̂₁, M̂₂ and Ψ = M̂ + γh M̂₁ + γ²h² M̂₂ of order 18, and factors Ψ.
-//! The measure is one dense LU of order 80, the number of joint rows, with 18 right-hand sides, which a
+//! The measure is one dense LU of order 80, the number of constraints, with 18 right-hand sides, which a
 //! formulation without structure needs for the dependent coordinates alone.
 //!
 //! `cargo bench -p holonom --bench vehicle` times both and prints the ratio of their medians, taken in

@@ -230,15 +230,15 @@ fn noise(n: usize) -> Vec<f64> {
     (0..n * n).map(|_| next()).collect()
 }
 
-/// Accelerations and an integration Jacobian against dense LU factorisations of the order of the joint rows,
+/// Accelerations and an integration Jacobian against dense LU factorisations of the order of the constraints,
 /// which a formulation without structure needs: for the Jacobian with a right-hand side for each degree of
 /// freedom.
 fn against_dense(case: &Case) -> Result<(), Box<dyn Error>> {
-    let joint_rows = case.system.structure().sizes.joint_rows;
+    let rows = case.kept.len();
     let ndof = case.p.len();
-    let matrix = noise(joint_rows);
-    let (mut first, mut second) = (DenseLu::new(joint_rows), DenseLu::new(joint_rows));
-    let mut right = vec![0.0; joint_rows * ndof];
+    let matrix = noise(rows);
+    let (mut first, mut second) = (DenseLu::new(rows), DenseLu::new(rows));
+    let mut right = vec![0.0; rows * ndof];
     let (p, rates, z, t) = (&case.p, &case.rates, &case.state.z, case.state.t);
     let mut point = case.point.clone();
     point.evaluate(t, p, rates, z, true).map_err(|e| e.message)?;
@@ -286,7 +286,7 @@ fn against_dense(case: &Case) -> Result<(), Box<dyn Error>> {
     let entries = runs.into_iter().map(|(solver, mut run)| Entry {
         solver: solver.to_owned(),
         numbering: "",
-        order: joint_rows,
+        order: rows,
         multiplications: None,
         counts: None,
         run: Box::new(move || {

@@ -97,7 +97,7 @@ pub struct ReducedMatrix {
     inertia: Vec<Inertia>,
     /// Rotational part of T of each body (spatial).
     maps: Vec<[[f64; 3]; 4]>,
-    /// H, a row for each reduced row and body of its joint: by columns, the rows of a joint side by side.
+    /// H, a row for each reduced row and body of its joint.
     h: Vec<f64>,
     /// Φ_p p of these rows.
     stretch: Vec<f64>,
@@ -283,13 +283,12 @@ impl ReducedMatrix {
             for side in self.sides.iter() {
                 let Inertia { translation, rotation } = &self.inertia[side.body];
                 let block = g.block(side.block);
-                let rows = side.end - side.begin;
-                let h = &mut self.h[side.h * 3..][..3 * rows];
-                for (k, &(_, r)) in self.rows[side.begin..side.end].iter().enumerate() {
+                let h = self.h[side.h * 3..].chunks_exact_mut(3);
+                for (h, &(_, r)) in h.zip(&self.rows[side.begin..side.end]) {
                     let g: &[f64; 3] = block[r * 3..].first_chunk().expect("three coordinates");
-                    h[k] = g[0] * translation;
-                    h[rows + k] = g[1] * translation;
-                    h[2 * rows + k] = g[2] * rotation[2][2];
+                    h[0] = g[0] * translation;
+                    h[1] = g[1] * translation;
+                    h[2] = g[2] * rotation[2][2];
                 }
             }
             multiply::<3>(&self.products, &self.h, values);
@@ -321,17 +320,15 @@ impl ReducedMatrix {
             let map = &self.maps[side.body];
             let p = &q[side.body * 7 + 3..side.body * 7 + 7];
             let block = g.block(side.block);
-            let rows = side.end - side.begin;
-            let h = &mut self.h[side.h * 6..][..6 * rows];
-            let stretch = &mut self.stretch[side.h..][..rows];
-            for (row, &(_, r)) in self.rows[side.begin..side.end].iter().enumerate() {
+            let out = self.h[side.h * 6..].chunks_exact_mut(6).zip(&mut self.stretch[side.h..]);
+            for ((h, stretch), &(_, r)) in out.zip(&self.rows[side.begin..side.end]) {
                 let g: &[f64; 7] = block[r * 7..].first_chunk().expect("seven coordinates");
                 for k in 0..3 {
-                    h[k * rows + row] = g[k] * scale;
-                    h[(3 + k) * rows + row] = (g[3] * map[0][k] + g[4] * map[1][k])
+                    h[k] = g[k] * scale;
+                    h[3 + k] = (g[3] * map[0][k] + g[4] * map[1][k])
                         + (g[5] * map[2][k] + g[6] * map[3][k]);
                 }
-                stretch[row] = (g[3] * p[0] + g[4] * p[1]) + (g[5] * p[2] + g[6] * p[3]);
+                *stretch = (g[3] * p[0] + g[4] * p[1]) + (g[5] * p[2] + g[6] * p[3]);
             }
         }
     }
@@ -512,6 +509,7 @@ fn inverse_root(planar: bool, mass: f64, inertia: &[[f64; 3]; 3]) -> Option<Iner
 
 /// H Hᵀ by blocks.
 fn multiply<const D: usize>(products: &[Product], h: &[f64], values: &mut [f64]) {
+    let (h, _) = h.as_chunks::<D>();
     for p in products {
         match p.columns {
             1 => multiply_block::<D, 1>(p, h, values),
@@ -525,17 +523,16 @@ fn multiply<const D: usize>(products: &[Product], h: &[f64], values: &mut [f64])
 }
 
 #[inline(always)]
-fn multiply_block<const D: usize, const W: usize>(p: &Product, h: &[f64], values: &mut [f64]) {
-    let rows = p.rows as usize;
-    let left = &h[p.left as usize * D..][..rows * D];
-    let (right, _) = h[p.right as usize * D..][..W * D].as_chunks::<W>();
-    for r in 0..rows {
+fn multiply_block<const D: usize, const W: usize>(p: &Product, h: &[[f64; D]], values: &mut [f64]) {
+    let left = &h[p.left as usize..][..p.rows as usize];
+    let right: &[[f64; D]; W] = h[p.right as usize..].first_chunk().expect("rows of the joint");
+    for (r, l) in left.iter().enumerate() {
         let at = p.target as usize + r * p.stride as usize;
         let line: &mut [f64; W] = values[at..].first_chunk_mut().expect("a row of the block");
         let mut sum = if p.first { [0.0; W] } else { *line };
-        for (left, right) in left.chunks_exact(rows).zip(right) {
+        for d in 0..D {
             for w in 0..W {
-                sum[w] += left[r] * right[w];
+                sum[w] += l[d] * right[w][d];
             }
         }
         *line = sum;
@@ -544,26 +541,24 @@ fn multiply_block<const D: usize, const W: usize>(p: &Product, h: &[f64], values
 
 /// b += H y.
 fn add_products<const D: usize>(sides: &[Side], h: &[f64], y: &[f64], b: &mut [f64]) {
-    let (y, _) = y.as_chunks::<D>();
+    let ((h, _), (y, _)) = (h.as_chunks::<D>(), y.as_chunks::<D>());
     for side in sides {
-        let b = &mut b[side.begin..side.end];
-        let columns = h[side.h * D..][..D * b.len()].chunks_exact(b.len());
-        for (column, y) in columns.zip(&y[side.body]) {
-            for (b, h) in b.iter_mut().zip(column) {
-                *b += h * y;
-            }
+        let y = &y[side.body];
+        for (b, h) in b[side.begin..side.end].iter_mut().zip(&h[side.h..]) {
+            *b += h.iter().zip(y).map(|(h, y)| h * y).sum::<f64>();
         }
     }
 }
 
 /// y −= Hᵀ λ.
 fn subtract_reactions<const D: usize>(sides: &[Side], h: &[f64], lambda: &[f64], y: &mut [f64]) {
-    let (y, _) = y.as_chunks_mut::<D>();
+    let ((h, _), (y, _)) = (h.as_chunks::<D>(), y.as_chunks_mut::<D>());
     for side in sides {
-        let lambda = &lambda[side.begin..side.end];
-        let columns = h[side.h * D..][..D * lambda.len()].chunks_exact(lambda.len());
-        for (column, y) in columns.zip(&mut y[side.body]) {
-            *y -= column.iter().zip(lambda).map(|(h, l)| h * l).sum::<f64>();
+        let y = &mut y[side.body];
+        for (l, h) in lambda[side.begin..side.end].iter().zip(&h[side.h..]) {
+            for d in 0..D {
+                y[d] -= h[d] * l;
+            }
         }
     }
 }
