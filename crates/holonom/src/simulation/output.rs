@@ -38,7 +38,7 @@ impl Output {
             }
             OutputTimes::Listed(times) => times.len(),
         };
-        let (width, each) = (start.len(), channels.iter().map(Channel::size).sum::<usize>());
+        let (width, each) = (start.width(), channels.iter().map(Channel::size).sum::<usize>());
         let rows = (CHUNK_NUMBERS / (width + each).max(1)).clamp(1, CHUNK_ROWS);
         let chunk = Chunk::with_room(start, &channels, expected.min(rows + 1));
         Self {

@@ -76,7 +76,7 @@ impl State {
     }
 
     /// Number of numbers: time, coordinates with rates, multipliers, extra states, windings, ledger.
-    pub fn len(&self) -> usize {
+    pub(crate) fn width(&self) -> usize {
         let parts = [&self.q, &self.v, &self.a, &self.lambda, &self.z, &self.winding];
         4 + parts.into_iter().map(Vec::len).sum::<usize>()
     }
