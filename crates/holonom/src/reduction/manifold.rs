@@ -41,7 +41,7 @@ pub struct Manifold {
     system: Arc<dyn System>,
     chart: Chart,
     accelerator: Accelerator,
-    redundant: Redundant,
+    redundant: Option<Redundant>,
     /// Coordinates of the edges of the forest at the last recovery.
     edges: Vec<[f64; 6]>,
     /// Configurations recovered before, within this step.
@@ -86,7 +86,7 @@ impl Manifold {
             tau: vec![0.0; sizes.rows],
             z_rate: vec![0.0; sizes.extra_states],
             accelerator,
-            redundant: Redundant::new(&sizes, &chart),
+            redundant: Redundant::new(&chart, &g),
             recent: RecentPoints::new(&chart, sizes.coordinates, anchored(&chart).len()),
             edges: anchored(&chart),
             system,
@@ -160,7 +160,7 @@ impl Manifold {
         // What cannot be with these rows is made up for by the cheapest way.
         let stated = self.accelerator.stated();
         let _ = self.accelerator.choose(self.system.as_ref(), &mut chart, stated);
-        self.redundant = Redundant::new(&self.system.structure().sizes, &chart);
+        self.redundant = Redundant::new(&chart, &self.g);
         self.edges = anchored(&chart);
         self.recent = RecentPoints::new(&chart, self.correction.len(), self.edges.len());
         self.chart = chart;
@@ -642,7 +642,9 @@ impl Manifold {
     /// rows nothing changes.
     pub fn minimum_norm_multipliers(&mut self, lambda: &mut [f64]) {
         let joint_rows = self.system.structure().sizes.joint_rows;
-        self.redundant.distribute(&mut self.chart, &self.g, joint_rows, lambda);
+        if let Some(redundant) = &mut self.redundant {
+            redundant.distribute(&self.g, joint_rows, lambda);
+        }
     }
 }
 

@@ -1,79 +1,112 @@
 //! Multipliers of a redundant set of constraints.
 
 use super::chart::Chart;
-use crate::system::Sizes;
-use holonom_linalg::{BlockMatrix, Cholesky};
+use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
 
-/// Replaces the multipliers of a redundant set, where dropped rows have none, by those of minimum
-/// norm with the same generalized forces: λ = (Gᵀ)⁺(Q − M q̈), normalisation rows left out of the norm.
+/// What rows of Gᵀ that depend on others are damped by, against the square of their size.
+const DAMPING: f64 = 1e-12;
+/// The second solve removes what damping left of the first.
+const PASSES: usize = 2;
+/// Growth of numbers with frozen pivots that refinement makes up for.
+const MOST_GROWTH: f64 = 1e6;
+
+/// Replaces the multipliers of a redundant set, where dropped rows have none, by those of minimum norm over
+/// the rows of joints and drivers with the same generalized forces Gᵀλ = f:
 ///
-/// With X the coefficients of the dropped rows in the kept ones, G_dᵀ = G_kᵀ X, all solutions are
-/// (λ_k − X μ, μ); (1 + XᵀX) μ = Xᵀλ_k gives the shortest.
+/// ```text
+/// [J G; Gᵀ −ε] (λ, w) = (0, f)      J = 1 in the rows of the norm, 0 in others
+/// ```
 #[derive(Debug, Clone)]
 pub(super) struct Redundant {
-    /// Xᵀ, one row of m per dropped row.
-    x: Vec<f64>,
-    normal: Vec<f64>,
-    mu: Vec<f64>,
-    factor: Cholesky,
-    unit: Vec<f64>,
-    row: Vec<f64>,
-    independent: Vec<f64>,
+    pattern: SparsePattern,
+    values: Vec<f64>,
+    /// (value of G, row, coordinate, slots of the two entries).
+    copies: Vec<(u32, u32, u32, [u32; 2])>,
+    /// Slots of the diagonal.
+    diagonal: Vec<u32>,
+    lu: Option<SparseLu>,
+    /// Scales of the rows of Gᵀ.
+    scale: Vec<f64>,
+    force: Vec<f64>,
+    work: Vec<f64>,
+    lambda: Vec<f64>,
 }
 
 impl Redundant {
-    /// Buffers for a chart's parametrization.
-    pub(super) fn new(sizes: &Sizes, chart: &Chart) -> Self {
-        let count = chart.parametrization().dropped.len();
-        let (m, n) = if count > 0 { (sizes.rows, sizes.coordinates) } else { (0, 0) };
-        Self {
-            x: vec![0.0; count * m],
-            normal: vec![0.0; count * count],
-            mu: vec![0.0; count],
-            factor: Cholesky::new(count),
-            unit: vec![0.0; m],
-            row: vec![0.0; n],
-            independent: vec![0.0; chart.ndof()],
+    /// For the rows of a chart's parametrization; none where no row is redundant.
+    pub(super) fn new(chart: &Chart, g: &BlockMatrix) -> Option<Self> {
+        if chart.parametrization().dropped.is_empty() {
+            return None;
         }
+        let (m, n) = (g.n_rows(), g.n_cols());
+        let mut entries: Vec<(usize, usize)> = (0..m + n).map(|k| (k, k)).collect();
+        let mut copies = Vec::new();
+        for (at, (row, j)) in g.entries(0, 0).into_iter().enumerate() {
+            if chart.nonzero()[at] {
+                entries.extend([(row, m + j), (m + j, row)]);
+                copies.push((at as u32, row as u32, j as u32, [0; 2]));
+            }
+        }
+        let (pattern, slots) = SparsePattern::new(m + n, m + n, &entries);
+        for (copy, slots) in copies.iter_mut().zip(slots[m + n..].chunks_exact(2)) {
+            copy.3 = [slots[0] as u32, slots[1] as u32];
+        }
+        Some(Self {
+            values: vec![0.0; pattern.len()],
+            pattern,
+            copies,
+            diagonal: slots[..m + n].iter().map(|&slot| slot as u32).collect(),
+            lu: None,
+            scale: vec![0.0; n],
+            force: vec![0.0; n],
+            work: vec![0.0; m + n],
+            lambda: vec![0.0; m],
+        })
     }
 
-    /// Changes `lambda` at the configuration of G and the chart's factors; only the first
-    /// `joint_rows` rows count in the norm.
-    pub(super) fn distribute(
-        &mut self,
-        chart: &mut Chart,
-        g: &BlockMatrix,
-        joint_rows: usize,
-        lambda: &mut [f64],
-    ) {
-        let (m, count) = (self.unit.len(), self.mu.len());
-        if count == 0 {
-            return;
+    /// Changes `lambda` at the configuration of G; only the first `joint_rows` rows count in the norm.
+    pub(super) fn distribute(&mut self, g: &BlockMatrix, joint_rows: usize, lambda: &mut [f64]) {
+        let m = self.lambda.len();
+        let values = g.values();
+        self.scale.fill(0.0);
+        for &(at, _, j, _) in &self.copies {
+            self.scale[j as usize] += values[at as usize].powi(2);
         }
-        for (i, x) in self.x.chunks_exact_mut(m).enumerate() {
-            self.unit.fill(0.0);
-            self.unit[chart.parametrization().dropped[i]] = 1.0;
-            self.row.fill(0.0);
-            g.multiply_transposed_add(1.0, &self.unit, &mut self.row);
-            chart.solve_transposed(&self.row, x, &mut self.independent);
+        for scale in &mut self.scale {
+            *scale = if *scale > 0.0 { 1.0 / scale.sqrt() } else { 1.0 };
         }
-        let dot = |a: &[f64], b: &[f64]| -> f64 {
-            a[..joint_rows].iter().zip(&b[..joint_rows]).map(|(p, q)| p * q).sum()
+        self.values.fill(0.0);
+        for &(at, _, j, slots) in &self.copies {
+            let x = values[at as usize] * self.scale[j as usize];
+            slots.iter().for_each(|&slot| self.values[slot as usize] += x);
+        }
+        for (k, &slot) in self.diagonal.iter().enumerate() {
+            self.values[slot as usize] += match k {
+                k if k < joint_rows => 1.0,
+                k if k < m => 0.0,
+                _ => -DAMPING,
+            };
+        }
+        let factored = match &mut self.lu {
+            Some(lu) => lu.refactor(&self.values).is_ok() && lu.growth() <= MOST_GROWTH,
+            None => false,
         };
-        for (i, xi) in self.x.chunks_exact(m).enumerate() {
-            self.mu[i] = dot(xi, lambda);
-            for (j, xj) in self.x.chunks_exact(m).enumerate() {
-                self.normal[i * count + j] = dot(xi, xj) + f64::from(i == j);
-            }
+        if !factored {
+            self.lu = SparseLu::analyze(&self.pattern, &self.values).ok();
         }
-        if self.factor.factor(&self.normal).is_ok() {
-            self.factor.solve(&mut self.mu);
-            for (i, (mu, x)) in self.mu.iter().zip(self.x.chunks_exact(m)).enumerate() {
-                for (l, x) in lambda.iter_mut().zip(x) {
-                    *l -= mu * x;
-                }
-                lambda[chart.parametrization().dropped[i]] = *mu;
+        let Some(lu) = &mut self.lu else { return };
+        self.force.fill(0.0);
+        g.multiply_transposed_add(1.0, lambda, &mut self.force);
+        self.lambda.fill(0.0);
+        for _ in 0..PASSES {
+            self.work[..m].fill(0.0);
+            for ((out, f), scale) in self.work[m..].iter_mut().zip(&self.force).zip(&self.scale) {
+                *out = f * scale;
             }
+            lu.solve_refined(&self.pattern, &self.values, &mut self.work);
+            g.multiply_transposed_add(-1.0, &self.work[..m], &mut self.force);
+            self.lambda.iter_mut().zip(&self.work).for_each(|(sum, x)| *sum += x);
         }
+        lambda.copy_from_slice(&self.lambda);
     }
 }
