@@ -17,7 +17,7 @@ import numpy as np
 HERE = Path(__file__).parent
 FIGURE = HERE / "../../docs/images/growth.svg"
 SIZES = [100, 300, 1000, 3000, 10000]
-LADDER = [30, 100, 300]  # loops; the choice of independent coordinates is dense there
+LADDER = [30, 100, 300, 1000, 3000, 10000]  # loops
 END, TOLERANCE = 1.0, 1e-3
 
 PLANAR_CHAIN = """

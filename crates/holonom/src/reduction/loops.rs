@@ -68,7 +68,7 @@ impl<'a> Loops<'a> {
         let mut closed = vec![false; tree.edges.len()];
         let mut ways = Ways::new(tree);
         let mut close = |ends| {
-            let mut way = ways.between(ends);
+            let mut way = Ways::between(ends);
             while let Some(body) = ways.next(&mut way) {
                 closed[body] = true;
                 ways.skip(body);
@@ -338,7 +338,8 @@ impl Ways {
         self.above[body + 1] = self.parent[body + 1];
     }
 
-    fn between(&mut self, ends: [Option<usize>; 2]) -> [usize; 2] {
+    /// The way between two bodies, as its two ends.
+    fn between(ends: [Option<usize>; 2]) -> [usize; 2] {
         ends.map(|body| body.map_or(0, |b| b + 1))
     }
 
@@ -382,7 +383,7 @@ impl<'a> Makers<'a> {
     /// makes has no direction that could turn: the coordinate itself serves, which is regular where a length
     /// vanishes.
     fn only(&mut self, ends: [Option<usize>; 2]) -> Option<&'a Coordinate> {
-        let mut way = self.ways.between(ends);
+        let mut way = Ways::between(ends);
         let body = self.ways.next(&mut way)?;
         let alone = self.at[body].len() == 1 && self.ways.next(&mut way).is_none();
         alone.then(|| self.at[body][0])
