@@ -50,7 +50,7 @@ impl Accelerator {
             reduced: None,
             recursive: None,
             costs: AccelerationCosts {
-                recursive: f64::NAN,
+                recursive: f64::INFINITY,
                 null_space: f64::NAN,
                 reduced: f64::NAN,
                 refusal: None,
@@ -137,8 +137,7 @@ impl Accelerator {
         costs.augmented = Saddle::cost(of_m, of_g);
         let recursive = Articulated::new(chart, of_m);
         costs.recursive =
-            recursive.as_ref().map_or(f64::NAN, |r| BLOCK * r.multiplications() as f64);
-        // A NaN is passed over.
+            recursive.as_ref().map_or(f64::INFINITY, |r| BLOCK * r.multiplications() as f64);
         let others = costs.null_space.min(costs.augmented).min(costs.recursive);
         let most = if stated == Accelerations::Reduced { f64::INFINITY } else { others };
         let planned = match self.reduced.take() {

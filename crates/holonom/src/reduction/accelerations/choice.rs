@@ -41,7 +41,7 @@ impl Accelerations {
 /// Predicted operations of one solve, in multiplications of a sparse elimination.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AccelerationCosts {
-    /// Along the tree; not a number where there is none.
+    /// Along the tree; infinite where there is none.
     pub recursive: f64,
     /// By the null space.
     pub null_space: f64,
