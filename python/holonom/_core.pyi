@@ -30,8 +30,8 @@ class CoreModel:
     def defaults(self) -> str:
         """Return JSON: title, dimension, span and tolerance of a run that states none."""
 
-    def channels(self) -> str:
-        """Return a JSON list of ``name``, ``unit``, ``frame``, ``shape``."""
+    def channels(self) -> list[tuple[str, str, str, list[int]]]:
+        """Return name, unit, frame and shape of each."""
 
     def warnings(self) -> str:
         """Return a JSON list of ``code``, ``message``, ``path``."""

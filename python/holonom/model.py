@@ -245,10 +245,8 @@ class Model:
         """Every channel that can be asked for, by name, with unit, frame and shape."""
         if self._channels is None:
             self._channels = {
-                entry["name"]: Quantity(
-                    entry["name"], entry["unit"], entry.get("frame") or "", tuple(entry["shape"])
-                )
-                for entry in json.loads(self._core.channels())
+                name: Quantity(name, unit, frame, tuple(shape))
+                for name, unit, frame, shape in self._core.channels()
             }
         return self._channels
 

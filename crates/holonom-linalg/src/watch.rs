@@ -168,7 +168,7 @@ mod tests {
         });
         let count = Cell::new(0);
         let work = || {
-            stage("outer", || {
+            stage("outer", || -> usize {
                 stage("inner", || passed(2));
                 loop {
                     passed(1);
@@ -176,7 +176,7 @@ mod tests {
                 }
             })
         };
-        assert_eq!(observed(Duration::ZERO, observer, work), Err::<(), _>(GivenUp::Asked));
+        assert_eq!(observed(Duration::ZERO, observer, work), Err(GivenUp::Asked));
         assert_eq!(*seen.borrow(), ["inner", "inner", "outer", "outer"]);
         assert_eq!(count.get(), 1);
         assert_eq!(passed(10), 10); // nobody watches any more

@@ -116,8 +116,10 @@ impl CoreModel {
         report::defaults(self.problem.model())
     }
 
-    fn channels(&self) -> String {
-        report::channels(self.problem.channels())
+    /// Name, unit, frame and shape of each; text would take longer than signals may wait.
+    fn channels(&self) -> Vec<(&str, &str, &str, &[usize])> {
+        let all = self.problem.channels().iter();
+        all.map(|c| (c.name.as_str(), c.unit, c.frame, c.shape.as_slice())).collect()
     }
 
     fn warnings(&self) -> String {

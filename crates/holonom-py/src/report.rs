@@ -6,7 +6,6 @@ use holonom::method::{CODES, Code};
 use holonom::model::{Dimension, Model};
 use holonom::reduction::assembly::{Assembled, AssemblyError};
 use holonom::simulation::{AccelerationSummary, Choices, ModelSummary, Problem, Status, Summary};
-use holonom::system::Channel;
 use serde_json::{Value, json};
 
 pub(crate) fn methods() -> String {
@@ -50,14 +49,6 @@ pub(crate) fn assembly_error(error: &AssemblyError) -> String {
 
 pub(crate) fn warnings(list: &[Diagnostic]) -> String {
     Value::from(list.iter().map(diagnostic).collect::<Vec<_>>()).to_string()
-}
-
-pub(crate) fn channels(list: &[Channel]) -> String {
-    let list: Vec<Value> = list
-        .iter()
-        .map(|c| json!({"name": c.name, "unit": c.unit, "frame": c.frame, "shape": c.shape}))
-        .collect();
-    Value::from(list).to_string()
 }
 
 pub(crate) fn defaults(model: &Model) -> String {
