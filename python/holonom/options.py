@@ -108,9 +108,9 @@ class Options:
         ``sparse`` with the graph of the mechanism, so that its cost grows like the number of
         bodies, or ``auto`` (default), whichever is predicted to cost less.
     accelerations : str, optional
-        Where accelerations and multipliers come from: ``recursive``, from body to body along a tree,
-        ``null_space``, a dense matrix of the independent variables, ``reduced``, a matrix of the
-        multipliers by blocks of joints, for which every body needs mass and inertia,
+        Where accelerations and multipliers come from: ``recursive``, from body to body along a
+        tree, ``null_space``, a dense matrix of the independent variables, ``reduced``, a matrix of
+        the multipliers by blocks of joints, for which every body needs mass and inertia,
         ``augmented``, a sparse matrix of both, or ``auto`` (default), whichever is predicted to
         cost least. States that the others cannot solve accurately are left to the augmented one.
     repartition_factor : float, optional
