@@ -35,17 +35,16 @@ pub struct IndependentRows {
     pub operations: usize,
 }
 
-/// A required row is taken where at least this part of what is left of it lies in the present columns.
-const PRESENT: f64 = 1e-3;
-/// Part of the best at which a required row of a smaller class is taken, and part of a required row that a
-/// preferred one must leave.
+/// Part of the best at which a required row of a smaller class is taken.
 const THRESHOLD: f64 = 0.1;
 /// Numbers below this part of the largest that their row was made of are round-off.
 const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
+/// A row below this part of the largest that it ever was is cancellation noise.
+const NOISE: f64 = 1024.0 * f64::EPSILON;
 
 /// Chooses rows of a matrix of `blocks`·`width` columns that form a regular square matrix: required ones
 /// unless they depend on others, then preferred ones, the first in their order that are about as well
-/// conditioned as the best. A row is dependent when less than `tolerance` of it is left.
+/// conditioned as the best. A row is dependent when less than `tolerance` of it is left, or only round-off.
 ///
 /// Blocks of columns are eliminated in an order of least degree, each by its rows alone, as in a
 /// multifrontal factorisation: reflections of its columns make one entry of a taken row, whose multiples
@@ -54,9 +53,8 @@ const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
 /// with an entry in a column where all taken ones vanish belongs to it (as the lightest edge of a cut belongs
 /// to the lightest spanning tree). For the same reason a preferred row that depends on rows before it is out
 /// as soon as these stand in the same blocks, so that no more rows wait than there are columns in their
-/// blocks. With
-/// numbers, multiples of preferred rows are bounded by the part that the row on offer states, those of
-/// required rows by their own entries.
+/// blocks. With numbers, multiples of required rows are at most ten, and those of preferred rows are bounded
+/// by the part that the row on offer states.
 ///
 /// # Errors
 /// [`SingularMatrix`] with a column in which no row has an entry left.
@@ -92,6 +90,11 @@ struct Row {
 impl Row {
     fn required(&self) -> Option<u8> {
         if let Claim::Required(class) = self.claim { Some(class) } else { None }
+    }
+
+    /// Size below which nothing is left of it.
+    fn nothing(&self, tolerance: f64) -> f64 {
+        (tolerance * self.first).max(NOISE * self.peak)
     }
 }
 
@@ -271,29 +274,18 @@ impl Front {
     /// The row to be taken in columns `from` to `to`; none where no row has a number left.
     fn pick(&mut self, rows: &[Row], from: usize, to: usize, tolerance: f64) -> Option<usize> {
         self.operations += self.a.len();
-        // Required rows that may be taken, and the one that most nearly may; preferred rows.
         let (mut required, mut offers) = (Vec::new(), Vec::new());
-        let mut forced: Option<(f64, usize)> = None;
         for local in (0..self.ids.len()).filter(|&local| self.live[local]) {
             let row = &rows[self.ids[local]];
             let here = size(&self.row(local)[from..to]);
             if here.is_nan() {
                 return None;
             }
-            if here <= tolerance * row.peak {
-                continue;
-            }
-            match row.claim {
-                Claim::Required(class) => {
-                    let part = here / self.size(local, from);
-                    if part >= PRESENT {
-                        required.push((here / row.first, class, local));
-                    }
-                    if forced.is_none_or(|(p, _)| part > p) {
-                        forced = Some((part, local));
-                    }
+            if here > row.nothing(tolerance) {
+                match row.claim {
+                    Claim::Required(class) => required.push((here / row.first, class, local)),
+                    Claim::Preferred(part) => offers.push((here, part, local)),
                 }
-                Claim::Preferred(part) => offers.push((here, part, local)),
             }
         }
         let best = required.iter().fold(0.0f64, |best, offer| best.max(offer.0));
@@ -302,40 +294,8 @@ impl Front {
             return Some(local);
         }
         let best = offers.iter().fold(0.0f64, |best, offer| best.max(offer.0));
-        match offers.into_iter().find(|(here, part, _)| *here >= part * best) {
-            Some((_, _, offer)) => self.spoiled(rows, offer, from, to, tolerance).or(Some(offer)),
-            None => forced.map(|(_, local)| local),
-        }
-    }
-
-    /// The required row of which taking another row would leave least, if that is too little.
-    fn spoiled(
-        &mut self,
-        rows: &[Row],
-        pick: usize,
-        from: usize,
-        to: usize,
-        tolerance: f64,
-    ) -> Option<usize> {
-        let pivot = &self.row(pick)[from..];
-        let (width, square) = (to - from, size(&pivot[..to - from]).powi(2));
-        let mut worst: Option<(f64, usize)> = None;
-        for local in (0..self.ids.len()).filter(|&local| self.live[local]) {
-            let row = &self.row(local)[from..];
-            let before = size(row);
-            if rows[self.ids[local]].required().is_none()
-                || before <= tolerance * rows[self.ids[local]].peak
-            {
-                continue;
-            }
-            let along = dot(&row[..width], &pivot[..width]) / square;
-            let left = row.iter().zip(pivot).map(|(x, p)| (x - along * p).powi(2)).sum::<f64>();
-            let part = left.sqrt() / before;
-            if part < THRESHOLD && along != 0.0 && worst.is_none_or(|(p, _)| part < p) {
-                worst = Some((part, local));
-            }
-        }
-        worst.map(|(_, local)| local)
+        let offer = offers.into_iter().find(|(here, part, _)| *here >= part * best);
+        offer.map(|(_, _, local)| local)
     }
 
     /// Takes a row in columns `from` to `to`, which are reflected so that only the first of them has an entry

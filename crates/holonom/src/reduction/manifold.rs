@@ -41,7 +41,8 @@ pub struct Manifold {
     system: Arc<dyn System>,
     chart: Chart,
     accelerator: Accelerator,
-    redundant: Option<Redundant>,
+    /// Boxed: few models have redundant rows.
+    redundant: Option<Box<Redundant>>,
     /// Coordinates of the edges of the forest at the last recovery.
     edges: Vec<[f64; 6]>,
     /// Configurations recovered before, within this step.
@@ -86,7 +87,7 @@ impl Manifold {
             tau: vec![0.0; sizes.rows],
             z_rate: vec![0.0; sizes.extra_states],
             accelerator,
-            redundant: Redundant::new(&chart, &g),
+            redundant: Redundant::new(&chart, &g).map(Box::new),
             recent: RecentPoints::new(&chart, sizes.coordinates, anchored(&chart).len()),
             edges: anchored(&chart),
             system,
@@ -160,7 +161,7 @@ impl Manifold {
         // What cannot be with these rows is made up for by the cheapest way.
         let stated = self.accelerator.stated();
         let _ = self.accelerator.choose(self.system.as_ref(), &mut chart, stated);
-        self.redundant = Redundant::new(&chart, &self.g);
+        self.redundant = Redundant::new(&chart, &self.g).map(Box::new);
         self.edges = anchored(&chart);
         self.recent = RecentPoints::new(&chart, self.correction.len(), self.edges.len());
         self.chart = chart;
