@@ -475,12 +475,11 @@ impl Manifold {
                           branch",
             ));
         }
-        if let (true, Some(form)) = (full, self.accelerator.null_space(&mut self.chart)) {
-            if !self.system.has_drivers() {
-                v.fill(0.0);
-                form.add(p_rate, v);
-                return Ok(());
-            }
+        let at_hand = full && !self.system.has_drivers();
+        if at_hand && let Some(form) = self.accelerator.null_space(&mut self.chart) {
+            v.fill(0.0);
+            form.add(p_rate, v);
+            return Ok(());
         }
         self.system.velocity_rhs(t, &mut self.rows);
         self.chart.solve(&self.rows, p_rate, v);
