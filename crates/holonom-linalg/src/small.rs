@@ -126,7 +126,10 @@ pub fn inverse<const N: usize>(a: &Square<f64, N>) -> Option<Square<f64, N>> {
 
 /// LU of a k×k matrix by rows in place, with row exchanges in `pivots`; the diagonal of U holds inverse
 /// pivots. `sizes` are those of the numbers that its diagonal was summed from. Returns how far pivots are
-/// below these, or the place of one that vanishes or is not finite.
+/// below these.
+///
+/// # Errors
+/// The place of a pivot that vanishes or is not finite.
 #[inline(always)]
 pub fn factor<T: Scalar, const N: usize>(
     a: &mut [T],
