@@ -196,10 +196,15 @@ fn evaluation(case: &Case) -> Result<(), Box<dyn Error>> {
     let costs = *case.point.manifold.accelerator().costs();
     let mut entries = Vec::new();
     for (way, cost) in [
+        (Accelerations::Recursive, costs.recursive),
         (Accelerations::NullSpace, costs.null_space),
         (Accelerations::Reduced, costs.reduced),
         (Accelerations::Augmented, costs.augmented),
     ] {
+        if cost.is_infinite() {
+            // Loops are not along a tree.
+            continue;
+        }
         let mut point = case.point.clone();
         point.manifold.set_accelerations(way)?;
         entries.push(Entry {

@@ -1,102 +1,20 @@
-//! The inflated matrix of a tree of bodies, eliminated body by body from the leaves inwards.
+//! Coefficients of a step and the factors of a tree's matrix for them, real or complex.
 
-use super::blocks::ReducedBlocks;
-use super::sparse_pattern::Sum;
-use crate::reduction::{BodyRows, Manifold, Projection};
+use super::plan::{Extra, NONE, Plan};
+use super::{Column, Motion};
+use crate::newton::blocks::ReducedBlocks;
+use crate::newton::sparse_pattern::Sum;
 use crate::system::Structure;
 use holonom_linalg::small::{
     Square, add_own_times, add_product, add_times, add_transposed_product, add_transposed_times,
-    factor, inverse, product, scaled, solve,
+    factor, scaled, solve,
 };
 use holonom_linalg::watch::checkpoint;
-use holonom_linalg::{BlockForest, BlockMatrix, Complex64, Scalar, SingularMatrix};
-use std::sync::Arc;
-
-/// Growth of numbers in the elimination of a body that leaves nine digits; beyond it another order of pivots
-/// is needed.
-const LARGEST_GROWTH: f64 = 1e-9 / f64::EPSILON;
-
-/// Elimination for bodies in a plane or in space.
-#[derive(Debug, Clone)]
-pub(super) enum ForestElimination {
-    Planar(Box<Elimination<3>>),
-    Spatial(Box<Elimination<7>>),
-}
-
-/// What one body has of the matrix and of its factors:
-///
-/// ```text
-/// w = 𝒯 w_p + ℬ ρ + g      H w + L w_p + Eᵀλ̃ = φ      w = (x, y, a)
-/// ```
-///
-/// with the subscript p for the parent, E and F the body's rows of G̃, T = −E⁻¹F, and λ̃ = 0 in the rows of P.
-/// Equations: `docs/theory/newton.md` (15)-(21).
-#[derive(Debug, Clone)]
-pub(super) struct Elimination<const N: usize> {
-    plan: Arc<Plan>,
-    /// E and F, and in the same places Ã₀ and Ã₁.
-    joints: Vec<f64>,
-    a0: Vec<f64>,
-    a1: Vec<f64>,
-    motions: Vec<Motion<N>>,
-    columns: Vec<Column<N>>,
-    real: Numbers<f64, N>,
-    complex: Option<Numbers<Complex64, N>>,
-}
-
-/// Places, found once.
-#[derive(Debug)]
-struct Plan {
-    forest: Arc<BlockForest>,
-    /// (value of G, A₀ or A₁; slot), (value of the moving rows, slot), (constant, slot).
-    jacobian: Vec<(u32, u32)>,
-    moving: Vec<(u32, u32)>,
-    constants: Vec<(f64, u32)>,
-    /// First values of the blocks of K and C (b, b), (b, p), (p, b); none is `usize::MAX`.
-    blocks: Vec<[usize; 3]>,
-    /// Blocks of M: body, first row and column in it, order, first value.
-    masses: Vec<[usize; 4]>,
-    /// First of the independent variables of each body, in a numbering of their own, and one more.
-    first: Vec<usize>,
-    /// First value of each body's factors of order of its independent variables.
-    pivots: Vec<usize>,
-    /// Extra states, and the child of their two bodies.
-    extra: Vec<Extra>,
-}
-
-/// An extra state and its bodies.
-#[derive(Debug, Clone, Copy)]
-struct Extra {
-    state: usize,
-    bodies: [Option<usize>; 2],
-    child: usize,
-}
-
-/// How a body follows its parent, apart from its independent variables and from the step: E⁻¹, T, and with
-/// Q₀ = E⁻¹Ã₀, Q₁ = E⁻¹Ã₁ of the body and Q₀ₚ, Q₁ₚ of its parent α = −(Q₀T + Q₀ₚ), κ = −(Q₁T + Q₁ₚ), μ = −Q₀α.
-#[derive(Debug, Clone)]
-struct Motion<const N: usize> {
-    inverse: Square<f64, N>,
-    t: Square<f64, N>,
-    q0: Square<f64, N>,
-    q1: Square<f64, N>,
-    alpha: Square<f64, N>,
-    kappa: Square<f64, N>,
-    mu: Square<f64, N>,
-}
-
-/// What an independent variable does: its column of E⁻¹, b, with −Q₀b, −Q₁b and Q₀Q₀b.
-#[derive(Debug, Clone)]
-struct Column<const N: usize> {
-    b: [f64; N],
-    alpha: [f64; N],
-    kappa: [f64; N],
-    mu: [f64; N],
-}
+use holonom_linalg::{BlockMatrix, Scalar, SingularMatrix};
 
 /// Coefficients of a step, and the factors for them.
 #[derive(Debug, Clone)]
-struct Numbers<T, const N: usize> {
+pub(super) struct Numbers<T, const N: usize> {
     gamma_h: T,
     beta_h2: T,
     ratio: T,
@@ -120,288 +38,6 @@ struct Numbers<T, const N: usize> {
     r: Vec<T>,
 }
 
-const NONE: usize = usize::MAX;
-
-impl Plan {
-    fn new(manifold: &Manifold, forest: &Arc<BlockForest>) -> Option<Self> {
-        let (structure, chart) = (manifold.system().structure(), manifold.chart());
-        let (n, count) = (structure.sizes.per_body, structure.sizes.bodies);
-        let parametrization = chart.parametrization();
-        let rank = parametrization.kept.len();
-        let mut masses = Vec::new();
-        let mut offset = 0;
-        for (row, column, rows, columns) in structure.mass_pattern.shapes() {
-            let inside = row / n == (row + rows - 1) / n;
-            if !inside || (row, rows) != (column, columns) {
-                return None;
-            }
-            masses.push([row / n, row % n, rows, offset]);
-            offset += rows * columns;
-        }
-        let mut blocks = vec![[NONE; 3]; count];
-        let mut offset = 0;
-        for (row, column, rows, columns) in structure.stiffness_pattern.shapes() {
-            if (rows, columns, row % n, column % n) != (n, n, 0, 0) {
-                return None;
-            }
-            let (i, j) = (row / n, column / n);
-            let (block, at) = match (i == j, forest.parent(i) == Some(j)) {
-                (true, _) => (i, 0),
-                (false, true) => (i, 1),
-                (false, false) if forest.parent(j) == Some(i) => (j, 2),
-                _ => return None,
-            };
-            blocks[block][at] = offset;
-            offset += rows * columns;
-        }
-        let mut position = vec![None; structure.sizes.rows];
-        for (k, &row) in parametrization.kept.iter().enumerate() {
-            position[row] = Some(k);
-        }
-        let slot = |row: usize, column: usize| forest.slot(row, column) as u32;
-        let jacobian = structure.constraint_pattern.entries(0, 0).into_iter().enumerate();
-        let jacobian = jacobian
-            .filter_map(|(at, (row, column))| {
-                let row = position[row]?;
-                // What cannot differ from zero may lie elsewhere.
-                let (block, own) = (forest.place(row).0, column / n);
-                let inside = own == block || forest.parent(block) == Some(own);
-                inside.then(|| (at as u32, slot(row, column)))
-            })
-            .collect();
-        let linear = parametrization.linear();
-        let moving = chart.moving().entries();
-        let moving = moving.map(|(at, row, column)| (at as u32, slot(rank + linear + row, column)));
-        let mut constants = Vec::new();
-        match &parametrization.projection {
-            Projection::Selection(independent) => {
-                let entries = independent.iter().enumerate();
-                constants.extend(entries.map(|(k, &i)| (1.0, slot(rank + k, i))));
-            }
-            Projection::Basis(rows) => {
-                for (k, row) in rows.chunks_exact(count * n).enumerate() {
-                    let entries = row.iter().enumerate().filter(|(_, x)| **x != 0.0);
-                    constants.extend(entries.map(|(i, &x)| (x, slot(rank + k, i))));
-                }
-            }
-            Projection::Relative(_) => {}
-        }
-        let (mut first, mut pivots) = (vec![0], vec![0]);
-        for block in 0..count {
-            // Rows of a block ascend: those of P come last.
-            let free = forest.rows(block).iter().filter(|row| **row as usize >= rank).count();
-            first.push(first[block] + free);
-            pivots.push(pivots[block] + free * free);
-        }
-        let mut extra = Vec::new();
-        for (state, ends) in structure.extra_bodies.iter().enumerate() {
-            let child = match *ends {
-                [Some(a), Some(b)] if forest.parent(a) == Some(b) => a,
-                [Some(a), Some(b)] if forest.parent(b) == Some(a) => b,
-                [Some(a), None] | [None, Some(a)] => a,
-                _ => return None,
-            };
-            extra.push(Extra { state, bodies: *ends, child });
-        }
-        let moving = moving.collect();
-        let forest = forest.clone();
-        Some(Self { forest, jacobian, moving, constants, blocks, masses, first, pivots, extra })
-    }
-
-    fn free(&self, block: usize) -> std::ops::Range<usize> {
-        self.first[block]..self.first[block + 1]
-    }
-}
-
-impl ForestElimination {
-    /// Whether there is one for the manifold's present parametrization.
-    pub(super) fn fits(manifold: &Manifold) -> bool {
-        manifold.chart().forest().is_some_and(|forest| Plan::new(manifold, forest).is_some())
-    }
-
-    /// For the manifold's present parametrization, if the bodies form a forest in which forces couple
-    /// neighbours only.
-    pub(super) fn new(manifold: &Manifold) -> Option<Self> {
-        let plan = Arc::new(Plan::new(manifold, manifold.chart().forest()?)?);
-        Some(match plan.forest.size() {
-            3 => Self::Planar(Box::new(Elimination::new(plan))),
-            _ => Self::Spatial(Box::new(Elimination::new(plan))),
-        })
-    }
-
-    /// Takes the rows of joints and of P with their derivatives.
-    pub(super) fn linearize(
-        &mut self,
-        jacobian: &[f64],
-        moving: &BodyRows,
-        blocks: &ReducedBlocks,
-    ) -> Result<(), SingularMatrix> {
-        match self {
-            Self::Planar(elimination) => elimination.linearize(jacobian, moving, blocks),
-            Self::Spatial(elimination) => elimination.linearize(jacobian, moving, blocks),
-        }
-    }
-
-    /// Factors for real coefficients.
-    pub(super) fn factor(
-        &mut self,
-        structure: &Structure,
-        sum: &Sum<'_, f64>,
-    ) -> Result<(), SingularMatrix> {
-        match self {
-            Self::Planar(elimination) => elimination.factor(structure, sum),
-            Self::Spatial(elimination) => elimination.factor(structure, sum),
-        }
-    }
-
-    /// Factors for complex ones, beside the real factor.
-    pub(super) fn factor_complex(
-        &mut self,
-        structure: &Structure,
-        sum: &Sum<'_, Complex64>,
-    ) -> Result<(), SingularMatrix> {
-        match self {
-            Self::Planar(elimination) => elimination.factor_complex(structure, sum),
-            Self::Spatial(elimination) => elimination.factor_complex(structure, sum),
-        }
-    }
-
-    /// Solves in place for the right-hand sides f₁, f₂, f₃, f₄; the solution is x, y, a and below them the
-    /// multipliers and ρ. Multipliers only if `multipliers`.
-    pub(super) fn solve(&mut self, right: &mut [f64], blocks: &ReducedBlocks, multipliers: bool) {
-        match self {
-            Self::Planar(elimination) => elimination.solve(right, blocks, multipliers),
-            Self::Spatial(elimination) => elimination.solve(right, blocks, multipliers),
-        }
-    }
-
-    /// The same with the complex factor, without multipliers.
-    pub(super) fn solve_complex(&mut self, right: &mut [Complex64], blocks: &ReducedBlocks) {
-        match self {
-            Self::Planar(elimination) => elimination.solve_complex(right, blocks),
-            Self::Spatial(elimination) => elimination.solve_complex(right, blocks),
-        }
-    }
-}
-
-impl<const N: usize> Elimination<N> {
-    fn new(plan: Arc<Plan>) -> Self {
-        let (count, free) = (plan.forest.len(), plan.first[plan.forest.len()]);
-        let zero = [[0.0; N]; N];
-        let motion = Motion {
-            inverse: zero,
-            t: zero,
-            q0: zero,
-            q1: zero,
-            alpha: zero,
-            kappa: zero,
-            mu: zero,
-        };
-        let column = Column { b: [0.0; N], alpha: [0.0; N], kappa: [0.0; N], mu: [0.0; N] };
-        let values = plan.forest.values();
-        Self {
-            joints: vec![0.0; values],
-            a0: vec![0.0; values],
-            a1: vec![0.0; values],
-            motions: vec![motion; count],
-            columns: vec![column; free],
-            real: Numbers::new(&plan),
-            complex: None,
-            plan,
-        }
-    }
-
-    fn linearize(
-        &mut self,
-        jacobian: &[f64],
-        moving: &BodyRows,
-        blocks: &ReducedBlocks,
-    ) -> Result<(), SingularMatrix> {
-        let plan = &*self.plan;
-        let derivatives = &blocks.blocks;
-        let sources = [
-            (&mut self.joints, jacobian, moving.values()),
-            (&mut self.a0, derivatives.a0.values(), blocks.turning.values()),
-            (&mut self.a1, derivatives.a1.values(), blocks.turning_rate.values()),
-        ];
-        for (to, jacobian, moving) in sources {
-            for &(at, slot) in &plan.jacobian {
-                to[slot as usize] = jacobian[at as usize];
-            }
-            for &(at, slot) in &plan.moving {
-                to[slot as usize] = moving[at as usize];
-            }
-        }
-        for &(x, slot) in &plan.constants {
-            self.joints[slot as usize] = x;
-        }
-        for (block, motion) in self.motions.iter_mut().enumerate() {
-            let at = |values: &[f64], side: usize| -> Square<f64, N> {
-                let (rows, _) = values.as_chunks::<N>();
-                *rows[(2 * block + side) * N..].first_chunk().expect("N rows")
-            };
-            let e = at(&self.joints, 0);
-            let Some(inverse) = inverse(&e) else {
-                let row = plan.forest.rows(block)[0] as usize;
-                return Err(SingularMatrix { row, column: block * N, pivot: 0.0 });
-            };
-            let minus = scaled(-1.0, &inverse);
-            motion.inverse = inverse;
-            motion.q0 = product(&inverse, &at(&self.a0, 0));
-            motion.q1 = product(&inverse, &at(&self.a1, 0));
-            if plan.forest.parent(block).is_some() {
-                motion.t = product(&minus, &at(&self.joints, 1));
-                motion.alpha = product(&minus, &at(&self.a0, 1));
-                add_product(&mut motion.alpha, &scaled(-1.0, &motion.q0), &motion.t);
-                motion.kappa = product(&minus, &at(&self.a1, 1));
-                add_product(&mut motion.kappa, &scaled(-1.0, &motion.q1), &motion.t);
-                motion.mu = product(&scaled(-1.0, &motion.q0), &motion.alpha);
-            }
-            let free = plan.free(block);
-            let k = free.len();
-            for (c, column) in self.columns[free].iter_mut().enumerate() {
-                column.b = std::array::from_fn(|i| inverse[i][N - k + c]);
-                (column.alpha, column.kappa, column.mu) = ([0.0; N], [0.0; N], [0.0; N]);
-                add_times(&mut column.alpha, -1.0, &motion.q0, &column.b);
-                add_times(&mut column.kappa, -1.0, &motion.q1, &column.b);
-                add_times(&mut column.mu, -1.0, &motion.q0, &column.alpha);
-            }
-        }
-        Ok(())
-    }
-
-    fn factor(&mut self, structure: &Structure, sum: &Sum<'_, f64>) -> Result<(), SingularMatrix> {
-        let growth = self.real.factor(&self.plan, &self.motions, &self.columns, structure, sum)?;
-        match growth {
-            (size, _) if size <= LARGEST_GROWTH => Ok(()),
-            (size, block) => {
-                let row = self.plan.forest.rows(block)[N - 1] as usize;
-                Err(SingularMatrix { row, column: block * N, pivot: 1.0 / size })
-            }
-        }
-    }
-
-    fn factor_complex(
-        &mut self,
-        structure: &Structure,
-        sum: &Sum<'_, Complex64>,
-    ) -> Result<(), SingularMatrix> {
-        let numbers = self.complex.get_or_insert_with(|| Numbers::new(&self.plan));
-        numbers.factor(&self.plan, &self.motions, &self.columns, structure, sum).map(|_| ())
-    }
-
-    fn solve(&mut self, right: &mut [f64], blocks: &ReducedBlocks, multipliers: bool) {
-        let Self { plan, motions, columns, real, .. } = self;
-        real.solve(plan, motions, columns, right, blocks, multipliers);
-    }
-
-    fn solve_complex(&mut self, right: &mut [Complex64], blocks: &ReducedBlocks) {
-        let Self { plan, motions, columns, complex, .. } = self;
-        let numbers = complex.as_mut().expect("factored before");
-        numbers.solve(plan, motions, columns, right, blocks, false);
-    }
-}
-
 /// The block of `matrix` with this first value, times a number; zero where there is none.
 #[inline(always)]
 fn block<T: Scalar, const N: usize>(matrix: &BlockMatrix, at: usize, scale: T) -> Square<T, N> {
@@ -413,7 +49,7 @@ fn block<T: Scalar, const N: usize>(matrix: &BlockMatrix, at: usize, scale: T) -
 }
 
 impl<T: Scalar, const N: usize> Numbers<T, N> {
-    fn new(plan: &Plan) -> Self {
+    pub(super) fn new(plan: &Plan) -> Self {
         let (count, free) = (plan.forest.len(), plan.first[plan.forest.len()]);
         let zero = [[T::ZERO; N]; N];
         Self {
@@ -525,7 +161,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
     }
 
     /// Eliminates children before parents; returns the largest growth of numbers and the body it was at.
-    fn factor(
+    pub(super) fn factor(
         &mut self,
         plan: &Plan,
         motions: &[Motion<N>],
@@ -690,7 +326,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         Ok(growth)
     }
 
-    fn solve(
+    pub(super) fn solve(
         &mut self,
         plan: &Plan,
         motions: &[Motion<N>],
