@@ -482,7 +482,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         "table,model,solver,numbering,order,multiplications,envelope,block_operations,bound,\
          ms_per_1000,difference"
     );
-    let cases = [
+    let cases = vec![
         Case::new("seven-body", model("andrews")?)?,
         Case::new("chain of 50", model("chain50")?)?,
         Case::new("seven-body in space", in_space(model("andrews")?))?,

@@ -70,9 +70,11 @@ impl AccelerationCosts {
 }
 
 /// Parts of a multiplication in a sparse elimination, measured in `benchmarks/accelerations`: one in a block,
-/// and what stands around the blocks of a joint and one of its bodies.
+/// and what stands around the blocks of a joint and one of its bodies, and around all of them: 350 and 340
+/// of the seven bodies and of the spatial four-bar.
 pub(super) const BLOCK: f64 = 0.2;
 const SIDE: f64 = 33.0;
+const CALLS: f64 = 350.0;
 /// Of orders of joints the quickly found one is at most about so many times as costly as the best.
 const ROUGH: f64 = 3.0;
 /// Most numbers of a matrix, 512 MB.
@@ -88,8 +90,9 @@ pub(super) fn plan_reduced(
     kept: &[usize],
     most: f64,
 ) -> Result<(Option<ReducedEnvelope>, f64), Refusal> {
+    ReducedMatrix::check(system, kept)?;
     let [numbers, multiplications, sides] = ReducedMatrix::least_size(system, kept);
-    let least = BLOCK * multiplications + SIDE * sides;
+    let least = CALLS + BLOCK * multiplications + SIDE * sides;
     if least >= most {
         return Ok((None, least));
     }

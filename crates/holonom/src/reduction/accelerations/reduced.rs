@@ -117,12 +117,8 @@ impl ReducedMatrix {
         let sizes = &structure.sizes;
         let planar = sizes.translations == 2;
         let free = if planar { 3 } else { 6 };
+        Self::check(system, kept)?;
         let inertia = inverse_roots(system)?;
-        for body in 0..if planar { 0 } else { sizes.bodies } {
-            if kept.binary_search(&(structure.normalization_start + body)).is_err() {
-                return Err(Refusal::Normalization { body });
-            }
-        }
         let (mut joints, mut begin) = (Vec::new(), vec![0]);
         let mut rows = Vec::new();
         for (k, joint) in structure.joints.iter().enumerate() {
@@ -159,6 +155,20 @@ impl ReducedMatrix {
             beta: vec![0.0; if planar { 0 } else { sizes.bodies }],
             normalization_start: structure.normalization_start,
         })
+    }
+
+    /// Whether M has an inverse and every normalization is kept.
+    ///
+    /// # Errors
+    /// [`Refusal`].
+    pub fn check(system: &dyn System, kept: &[usize]) -> Result<(), Refusal> {
+        inverse_roots(system)?;
+        let structure = system.structure();
+        let planar = structure.sizes.translations == 2;
+        let mut normalized = 0..if planar { 0 } else { structure.sizes.bodies };
+        let is_dropped =
+            |body: &usize| kept.binary_search(&(structure.normalization_start + body)).is_err();
+        normalized.find(is_dropped).map_or(Ok(()), |body| Err(Refusal::Normalization { body }))
     }
 
     /// A copy with the places of this matrix for other numbers of the same structure.
