@@ -289,6 +289,36 @@ def test_check_counts_and_shows_the_linearized_motion(model: holonom.Model) -> N
     assert "degrees of freedom    1" in text
 
 
+@pytest.mark.parametrize("solver", ["null_space", "reduced", "augmented"])
+def test_accelerations_come_from_the_stated_solver(model: holonom.Model, solver: str) -> None:
+    found = model.simulate(accelerations=solver, end_time=0.2)
+    assert found.options["accelerations"] == solver
+    usual = model.simulate(end_time=0.2)
+    np.testing.assert_allclose(found["rod.position"], usual["rod.position"], atol=1e-6)
+    checked = model.with_values({"simulation.accelerations": solver}).check()
+    assert checked.data["accelerations"]["solver"] == solver
+    assert checked.data["accelerations"]["stated"]
+    assert "stated by the model" in str(checked)
+
+
+def test_a_solver_that_cannot_be_is_refused_with_the_body() -> None:
+    rod = holonom.Model.from_text(
+        """
+        holonom = 1
+        dimension = "planar"
+        [bodies]
+        rod = { mass = 1.0, inertia = 0.0, position = [1.0, 0.0] }
+        [joints]
+        pin = { type = "revolute", between = ["ground", "rod"], point = [0.0, 0.0] }
+        [simulation]
+        end_time = 0.1
+        """
+    )
+    assert "`rod` has no mass" in str(rod.check())
+    with pytest.raises(holonom.UsageError, match="body `rod` has no mass, or no inertia"):
+        rod.simulate(accelerations="reduced")
+
+
 def test_an_unknown_channel_is_refused_with_the_nearest(model: holonom.Model) -> None:
     with pytest.raises(holonom.UsageError, match=r"rod\.position"):
         model.simulate(channels=["rod.positon"])
