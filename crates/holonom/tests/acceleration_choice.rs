@@ -104,6 +104,8 @@ fn a_body_without_inertia_leaves_the_reduced_matrix_out() {
     assert!(matches!(error, RunError::Accelerations { .. }), "{error}");
     let message = error.to_string();
     assert!(message.contains("`accelerations` is reduced") && message.contains("body `bob`"));
+    let summary = problem.summary(problem.assemble().unwrap()).accelerations;
+    assert!(summary.refusal.is_some_and(|reason| reason.contains("body `bob`")));
     for way in [
         Accelerations::Auto,
         Accelerations::Recursive,

@@ -28,7 +28,7 @@ pub(super) enum Articulated {
 /// H_p = M_p + Σ TᵀH(T − B Z)    φ_p = Q_p + Σ Tᵀ(φ − H g − H B r)
 /// ```
 ///
-/// Equations: `docs/theory/reduction.md` (61)-(64). Source: Featherstone, *Rigid Body Dynamics Algorithms*, ch. 7,
+/// Equations: `docs/theory/reduction.md` (62)-(65). Source: Featherstone, *Rigid Body Dynamics Algorithms*, ch. 7,
 /// in the coordinates of the bodies.
 #[derive(Debug, Clone)]
 pub(super) struct Recursion<const N: usize> {
