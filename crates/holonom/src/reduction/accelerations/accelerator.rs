@@ -124,6 +124,7 @@ impl Accelerator {
         stated: Accelerations,
     ) -> Result<(), Refusal> {
         self.forget();
+        let before = self.way();
         self.stated = stated;
         let kept = &chart.parametrization().kept;
         if self.saddle.rows() != kept {
@@ -175,6 +176,9 @@ impl Accelerator {
             chart.reserve_lanes();
             NullSpace::new(n, ndof)
         });
+        if self.way() != before {
+            self.fallbacks = 0;
+        }
         outcome
     }
 
