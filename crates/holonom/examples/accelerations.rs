@@ -10,7 +10,7 @@ use holonom::model::{Dimension, Model, Orientation};
 use holonom::newton::ReducedBlocks;
 use holonom::reduction::Point;
 use holonom::reduction::accelerations::{
-    AccelerationSolver, Accelerations, Equations, Numbering, ReducedMatrix, SolverKind,
+    AccelerationSolver, Accelerations, IndexOneEquations, Numbering, ReducedMatrix, SolverKind,
 };
 use holonom::simulation::Problem;
 use holonom::system::{State, System};
@@ -79,8 +79,8 @@ impl Case {
         Ok(out)
     }
 
-    fn equations(&self) -> Equations<'_> {
-        Equations {
+    fn equations(&self) -> IndexOneEquations<'_> {
+        IndexOneEquations {
             q: &self.state.q,
             mass: &self.mass,
             jacobian: &self.jacobian,

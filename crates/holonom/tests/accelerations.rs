@@ -8,7 +8,8 @@ mod random;
 use common::{model, model_of};
 use holonom::model::Model;
 use holonom::reduction::accelerations::{
-    Accelerations, Equations, Numbering, ReducedEnvelope, ReducedMatrix, Refusal, SolverKind,
+    Accelerations, IndexOneEquations, Numbering, ReducedEnvelope, ReducedMatrix, Refusal,
+    SolverKind,
 };
 use holonom::reduction::assembly::Assembled;
 use holonom::reduction::{Manifold, Parametrization, Point};
@@ -56,8 +57,8 @@ impl Case {
         out
     }
 
-    fn equations(&self) -> Equations<'_> {
-        Equations {
+    fn equations(&self) -> IndexOneEquations<'_> {
+        IndexOneEquations {
             q: &self.state.q,
             mass: &self.mass,
             jacobian: &self.jacobian,
@@ -73,7 +74,7 @@ impl Case {
         let mut solver = kind.prepare(system, &self.state.q, &self.kept)?;
         let mut a = vec![f64::NAN; structure.sizes.coordinates];
         let mut lambda = vec![f64::NAN; structure.sizes.rows];
-        let mut solve = |equations: &Equations, a: &mut [f64], lambda: &mut [f64]| {
+        let mut solve = |equations: &IndexOneEquations, a: &mut [f64], lambda: &mut [f64]| {
             solver
                 .solve(system, equations, a, lambda)
                 .unwrap_or_else(|e| panic!("{} by {kind:?}: {}", self.name, e.message));
@@ -90,7 +91,7 @@ impl Case {
                 self.jacobian.multiply_transposed_add(-1.0, &lambda, &mut force);
                 self.jacobian.multiply_add(-1.0, &a, &mut tau);
                 let (mut da, mut dl) = (a.clone(), lambda.clone());
-                let left = Equations { force: &force, tau: &tau, ..self.equations() };
+                let left = IndexOneEquations { force: &force, tau: &tau, ..self.equations() };
                 solve(&left, &mut da, &mut dl);
                 a.iter_mut().zip(&da).for_each(|(a, d)| *a += d);
                 lambda.iter_mut().zip(&dl).for_each(|(l, d)| *l += d);

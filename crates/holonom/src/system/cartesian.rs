@@ -1,15 +1,12 @@
 //! Cartesian coordinates, planar or spatial: assembly of Φ, M, Q and all blocks from the elements.
 
 use super::compile::build;
-use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, Resistance, ResistanceLaw, Tree};
+use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, ResistanceLaw, Tree};
 use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
-use super::quantities::{Channel, evaluate_channel};
+use super::quantities::Channel;
 use super::space::Space;
 use super::turns::Turns;
-use super::{BodyPose, DerivativeBlocks, EnergyBalance, State, Structure, System};
-use crate::elements::kinematics::Anchor;
-use crate::elements::relative::Reference;
-use crate::elements::row::RowKind;
+use super::{DerivativeBlocks, EnergyBalance, Equations, State, Structure, System};
 use crate::elements::{
     ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
 };
@@ -17,9 +14,6 @@ use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
 use holonom_linalg::{BlockId, BlockMatrix};
 use std::sync::Arc;
-
-/// Radians, or part of the characteristic length, over which stiff forces are told for messages.
-const PROBE: f64 = 1e-6;
 
 /// The system.
 pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
@@ -246,17 +240,9 @@ impl<S: Space<D, N>, const D: usize, const N: usize> std::fmt::Debug for Cartesi
     }
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, N> {
+impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, D, N> {
     fn structure(&self) -> &Structure {
         &self.structure
-    }
-
-    fn with_values(&self, model: &Model) -> Option<Arc<dyn System>> {
-        if (model.dimension == Dimension::Planar) != (D == 2) {
-            return None;
-        }
-        let system = build(model, Some(self), None);
-        Arc::ptr_eq(&system.structure, &self.structure).then(|| Arc::new(system) as Arc<dyn System>)
     }
 
     fn characteristic_length(&self) -> f64 {
@@ -443,6 +429,31 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         }
     }
 
+    fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]) {
+        checkpoint(self.numbers());
+        let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);
+        for c in &self.constraints {
+            let (pair, rates) = (Self::pair(q, c.bodies), Self::rates(v, c.bodies));
+            c.element.directional(pair, rates, &mut rows);
+            let change = Self::rates(dq, c.bodies);
+            for (k, out) in out[c.row..c.row + c.element.rows()].iter_mut().enumerate() {
+                *out = (0..2)
+                    .map(|side| {
+                        let row = rows.0[side][k].iter().zip(change[side]);
+                        row.map(|(a, x)| a * x).sum::<f64>()
+                    })
+                    .sum();
+            }
+        }
+        if S::NORMALIZED {
+            let start = self.structure.normalization_start;
+            let bodies = v.chunks_exact(N).zip(dq.chunks_exact(N));
+            for (out, (v, dq)) in out[start..].iter_mut().zip(bodies) {
+                *out = 2.0 * v[D..].iter().zip(&dq[D..]).map(|(a, b)| a * b).sum::<f64>();
+            }
+        }
+    }
+
     fn energy(&self, state: &State) -> EnergyBalance {
         let mut out = EnergyBalance::default();
         for (b, body) in self.bodies.iter().enumerate() {
@@ -470,6 +481,15 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
 
     fn has_drivers(&self) -> bool {
         self.constraints.iter().any(|c| c.element.drive(0.0).is_some())
+    }
+
+    fn prescribed(&self, row: usize, t: f64) -> f64 {
+        let at = self.constraints.partition_point(|c| c.row <= row) - 1;
+        self.constraints[at].element.drive(t).map_or(0.0, |s| s[0])
+    }
+
+    fn gravity(&self) -> f64 {
+        self.gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
     }
 
     fn update_windings(&self, t: f64, q: &[f64], winding: &mut [f64]) {
@@ -504,207 +524,14 @@ impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, 
         let steps = self.forces.iter().map(|f| f.element.longest_step(&Self::input(f, state)));
         steps.fold(f64::INFINITY, f64::min)
     }
+}
 
-    fn channels(&self) -> &[Channel] {
-        &self.channels
-    }
-
-    fn channel_named(&self, name: &str) -> Option<&Channel> {
-        let channel = |at: &u32| &self.channels[*at as usize];
-        let at = self.by_name.binary_search_by(|at| channel(at).name.as_str().cmp(name)).ok()?;
-        Some(channel(&self.by_name[at]))
-    }
-
-    fn channel(&self, channel: &Channel, state: &State, out: &mut [f64]) {
-        evaluate_channel(self, channel, state, out);
-    }
-
-    fn coordinate_name(&self, coordinate: usize) -> String {
-        let body = self.coordinate_item(coordinate);
-        format!("{body}.{}", S::coordinate_names()[coordinate % N])
-    }
-
-    fn coordinate_item(&self, coordinate: usize) -> &str {
-        &self.bodies[coordinate / N].name
-    }
-
-    fn forces_on(&self, coordinate: usize, state: &State) -> Vec<&str> {
-        let (body, row) = (Some(coordinate / N), coordinate % N);
-        // A stop is stiff beside the state before it is reached: a secant sees it.
-        let reach = if row < D { PROBE * self.length } else { PROBE };
-        let force_at = |f: &PlacedForce<S::Force>, shift: f64| {
-            let mut probe = state.clone();
-            probe.q[coordinate] += shift;
-            let mut out = ForceOutput::zero();
-            f.element.evaluate(&Self::input(f, &probe), &mut out);
-            out.q[usize::from(f.bodies[1] == body)][row]
-        };
-        let mut acting: Vec<(f64, &str)> = self
-            .forces
-            .iter()
-            .filter(|f| f.bodies.contains(&body))
-            .map(|f| ((force_at(f, reach) - force_at(f, -reach)).abs(), f.name.as_str()))
-            .collect();
-        acting.sort_by(|a, b| b.0.total_cmp(&a.0));
-        acting.into_iter().map(|(_, name)| name).collect()
-    }
-
-    fn kinks_at(&self, t: f64) -> Vec<&str> {
-        let near = |times: &[f64]| times.iter().any(|b| (b - t).abs() <= 1e-12 * t.abs().max(1e-3));
-        let drivers = self.constraints.iter().filter(|c| near(&c.breakpoints)).map(|c| &c.name);
-        let forces = self.forces.iter().filter(|f| near(&f.element.breakpoints())).map(|f| &f.name);
-        drivers.chain(forces).map(String::as_str).collect()
-    }
-
-    fn row_name(&self, row: usize) -> String {
-        let start = self.structure.normalization_start;
-        if row >= start {
-            return format!("Euler parameters of body `{}`", self.bodies[row - start].name);
+impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, N> {
+    fn with_values(&self, model: &Model) -> Option<Arc<dyn System>> {
+        if (model.dimension == Dimension::Planar) != (D == 2) {
+            return None;
         }
-        let at = self.constraints.partition_point(|c| c.row <= row) - 1;
-        let c = &self.constraints[at];
-        format!("{} `{}`, {}", c.kind, c.name, c.element.row_kind(row - c.row))
-    }
-
-    fn row_item(&self, row: usize) -> (&str, RowKind) {
-        let start = self.structure.normalization_start;
-        if row >= start {
-            return (&self.bodies[row - start].name, RowKind::Normalization);
-        }
-        let at = self.constraints.partition_point(|c| c.row <= row) - 1;
-        let c = &self.constraints[at];
-        (&c.name, c.element.row_kind(row - c.row))
-    }
-
-    fn tree(&self) -> &Tree {
-        &self.tree
-    }
-
-    fn relative_groups(&self) -> &[RelativeGroup] {
-        &self.groups
-    }
-
-    fn relative_value(&self, group: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
-        self.value_of(group, reference, q, out);
-    }
-
-    fn relative_gradient(&self, group: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
-        self.gradient_of(group, reference, q, out);
-    }
-
-    fn relative_curvature(
-        &self,
-        group: usize,
-        reference: &Reference,
-        q: &[f64],
-        v: &[f64],
-        out: &mut [f64],
-    ) {
-        self.curvature_of(group, reference, q, v, out);
-    }
-
-    fn relative_rate_gradient(
-        &self,
-        group: usize,
-        reference: &Reference,
-        q: &[f64],
-        v: &[f64],
-        out: &mut [f64],
-    ) {
-        self.rate_gradient_of(group, reference, q, v, out);
-    }
-
-    fn relative_blocks(
-        &self,
-        group: usize,
-        reference: &Reference,
-        state: &State,
-        a0: &mut [f64],
-        a1: &mut [f64],
-    ) {
-        self.blocks_of(group, reference, state, a0, a1);
-    }
-
-    fn moved_reference(&self, group: usize, q: &[f64], old: &Reference) -> Reference {
-        self.reference_of(group, q, old)
-    }
-
-    fn anchor_orientation(&self, edge: usize, form: usize, q: &[f64]) -> [f64; 4] {
-        self.anchor_of(edge, form, q)
-    }
-
-    fn place(
-        &self,
-        edge: usize,
-        form: usize,
-        x: &[f64],
-        references: &[Reference],
-        anchor: &Anchor,
-        q: &mut [f64],
-    ) {
-        self.place_child(edge, form, x, references, anchor, q);
-    }
-
-    fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance {
-        self.resistance_of(elastic, row, value)
-    }
-
-    fn free_length(&self, elastic: usize) -> f64 {
-        self.resistances[elastic].free_length()
-    }
-
-    fn mass(&self, body: usize) -> f64 {
-        self.bodies[body].mass
-    }
-
-    fn inertia(&self, body: usize) -> [[f64; 3]; 3] {
-        self.bodies[body].inertia
-    }
-
-    fn least_inertia(&self, body: usize) -> f64 {
-        S::least_inertia(&self.bodies[body].inertia)
-    }
-
-    fn gravity(&self) -> f64 {
-        self.gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
-    }
-
-    fn prescribed(&self, row: usize, t: f64) -> f64 {
-        let at = self.constraints.partition_point(|c| c.row <= row) - 1;
-        self.constraints[at].element.drive(t).map_or(0.0, |s| s[0])
-    }
-
-    fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]) {
-        checkpoint(self.numbers());
-        let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);
-        for c in &self.constraints {
-            let (pair, rates) = (Self::pair(q, c.bodies), Self::rates(v, c.bodies));
-            c.element.directional(pair, rates, &mut rows);
-            let change = Self::rates(dq, c.bodies);
-            for (k, out) in out[c.row..c.row + c.element.rows()].iter_mut().enumerate() {
-                *out = (0..2)
-                    .map(|side| {
-                        let row = rows.0[side][k].iter().zip(change[side]);
-                        row.map(|(a, x)| a * x).sum::<f64>()
-                    })
-                    .sum();
-            }
-        }
-        if S::NORMALIZED {
-            let start = self.structure.normalization_start;
-            let bodies = v.chunks_exact(N).zip(dq.chunks_exact(N));
-            for (out, (v, dq)) in out[start..].iter_mut().zip(bodies) {
-                *out = 2.0 * v[D..].iter().zip(&dq[D..]).map(|(a, b)| a * b).sum::<f64>();
-            }
-        }
-    }
-
-    fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]) {
-        let range = body * N..(body + 1) * N;
-        S::set_body(&self.bodies[body].center, pose, &mut q[range.clone()], &mut v[range]);
-    }
-
-    fn body(&self, body: usize, q: &[f64], v: &[f64]) -> BodyPose {
-        S::body(&self.bodies[body].center, Self::pose(q, Some(body)), Self::rate(v, Some(body)))
+        let system = build(model, Some(self), None);
+        Arc::ptr_eq(&system.structure, &self.structure).then(|| Arc::new(system) as Arc<dyn System>)
     }
 }

@@ -1,13 +1,10 @@
 //! The relative coordinates of a system: those of the edges of its spanning forest, and the deformations
 //! of its force elements.
 
-use super::State;
-use super::cartesian::Cartesian;
 use super::space::Space;
 use super::turns::{Along, along};
-use crate::elements::RowBlocks;
-use crate::elements::kinematics::{Anchor, Between, EdgeKinematics};
-use crate::elements::relative::{Reference, RelativeElement, RelativeKind};
+use crate::elements::kinematics::Between;
+use crate::elements::relative::{RelativeElement, RelativeKind};
 use crate::model::{
     BodyIndex, Dimension, DriverKind, ElasticLaw, Force, ForceKind, JointKind, Model,
 };
@@ -405,118 +402,6 @@ fn prescribed(
     Some((coordinate, order * cosine.signum()))
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
-    fn relative_pair<'a>(&self, k: usize, q: &'a [f64]) -> [&'a [f64; N]; 2] {
-        Self::pair(q, self.relatives[k].bodies)
-    }
-
-    fn relative_rates<'a>(&self, k: usize, v: &'a [f64]) -> [&'a [f64; N]; 2] {
-        Self::rates(v, self.relatives[k].bodies)
-    }
-
-    pub(super) fn value_of(&self, k: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
-        let mut u = [0.0; 6];
-        self.relatives[k].element.value(self.relative_pair(k, q), reference, &mut u);
-        out.copy_from_slice(&u[..out.len()]);
-    }
-
-    pub(super) fn gradient_of(&self, k: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
-        let mut rows = RowBlocks::zero();
-        self.relatives[k].element.jacobian(self.relative_pair(k, q), reference, &mut rows);
-        place(&rows, out, false);
-    }
-
-    pub(super) fn curvature_of(
-        &self,
-        k: usize,
-        reference: &Reference,
-        q: &[f64],
-        v: &[f64],
-        out: &mut [f64],
-    ) {
-        let mut u = [0.0; 6];
-        let (q, v) = (self.relative_pair(k, q), self.relative_rates(k, v));
-        self.relatives[k].element.curvature(q, v, reference, &mut u);
-        out.copy_from_slice(&u[..out.len()]);
-    }
-
-    pub(super) fn rate_gradient_of(
-        &self,
-        k: usize,
-        reference: &Reference,
-        q: &[f64],
-        v: &[f64],
-        out: &mut [f64],
-    ) {
-        let mut rows = RowBlocks::zero();
-        let (q, v) = (self.relative_pair(k, q), self.relative_rates(k, v));
-        self.relatives[k].element.directional(q, v, reference, &mut rows);
-        place(&rows, out, false);
-    }
-
-    pub(super) fn blocks_of(
-        &self,
-        k: usize,
-        reference: &Reference,
-        state: &State,
-        a0: &mut [f64],
-        a1: &mut [f64],
-    ) {
-        let element = &self.relatives[k].element;
-        let q = self.relative_pair(k, &state.q);
-        let (v, a) = (self.relative_rates(k, &state.v), self.relative_rates(k, &state.a));
-        let mut rows = RowBlocks::zero();
-        element.directional(q, v, reference, &mut rows);
-        place(&rows, a0, false);
-        element.directional(q, a, reference, &mut rows);
-        place(&rows, a1, false);
-        element.curvature_gradient(q, v, reference, &mut rows);
-        place(&rows, a1, true);
-    }
-
-    pub(super) fn reference_of(&self, k: usize, q: &[f64], old: &Reference) -> Reference {
-        self.relatives[k].element.reference(self.relative_pair(k, q), old)
-    }
-
-    pub(super) fn anchor_of(&self, edge: usize, form: usize, q: &[f64]) -> [f64; 4] {
-        let placed = &self.edges[edge];
-        let child = Self::pose(q, Some(self.tree.edges[edge].body));
-        placed.kinematics[form].orientation(Self::pair(q, placed.bodies), child)
-    }
-
-    pub(super) fn place_child(
-        &self,
-        edge: usize,
-        form: usize,
-        x: &[f64],
-        references: &[Reference],
-        anchor: &Anchor,
-        q: &mut [f64],
-    ) {
-        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
-        let first = placed.bodies[0] == tree.parent;
-        let parent = Self::pose(q, tree.parent);
-        let child = placed.kinematics[form].place(x, references, anchor, parent, first);
-        q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);
-    }
-
-    /// Resistance of the force of an elastic loop against its coordinate `row`.
-    pub(super) fn resistance_of(&self, elastic: usize, row: usize, value: f64) -> Resistance {
-        self.resistances[elastic].at(row, value)
-    }
-}
-
-/// Entries of rows over the coordinates of two bodies, row by row.
-fn place<const N: usize>(rows: &RowBlocks<f64, N>, out: &mut [f64], add: bool) {
-    for (k, out) in out.chunks_exact_mut(2 * N).enumerate() {
-        for (side, out) in out.chunks_exact_mut(N).enumerate() {
-            for (out, x) in out.iter_mut().zip(&rows.0[side][k]) {
-                *out = if add { *out + x } else { *x };
-            }
-        }
-    }
-}
-
 /// The law of a force element along its deformations.
 #[derive(Debug, Clone)]
 pub(super) enum ResistanceLaw {
@@ -553,7 +438,7 @@ impl ResistanceLaw {
         }
     }
 
-    fn at(&self, row: usize, value: f64) -> Resistance {
+    pub(super) fn at(&self, row: usize, value: f64) -> Resistance {
         let slope = |law: &ElasticLaw, x: f64| match law {
             ElasticLaw::Linear(stiffness) => *stiffness,
             ElasticLaw::Table(table) => table.value_and_slope(x).1,

@@ -5,6 +5,8 @@
 //! runs; all buffers belong to the caller.
 
 mod cartesian;
+mod cartesian_bodies;
+mod cartesian_directory;
 mod cartesian_planar;
 mod cartesian_spatial;
 mod compile;
@@ -116,16 +118,11 @@ pub enum Measure {
     Angle,
 }
 
-/// What a method may ask of a system. n coordinates, m constraint rows (redundant ones included).
-///
-/// Blocks and right-hand sides are overwritten. Arrays have the lengths of [`Sizes`].
-pub trait System: std::fmt::Debug + Send + Sync {
+/// The equations of motion in one choice of coordinates: n coordinates, m constraint rows (redundant ones
+/// included). Blocks and right-hand sides are overwritten. Arrays have the lengths of [`Sizes`].
+pub trait Equations: std::fmt::Debug + Send + Sync {
     /// Sizes and patterns.
     fn structure(&self) -> &Structure;
-
-    /// A system for a model that differs in numbers only, sharing patterns; `None` if it differs in
-    /// more.
-    fn with_values(&self, model: &Model) -> Option<Arc<dyn System>>;
 
     /// Length that makes translations comparable with rotations, m.
     fn characteristic_length(&self) -> f64;
@@ -151,11 +148,20 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// All derivative blocks at `state`, whose accelerations and multipliers must be current.
     fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks);
 
+    /// A₀ δq = ((G q̇)_q δq).
+    fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]);
+
     /// Energies and powers; driver power uses the multipliers of `state`.
     fn energy(&self, state: &State) -> EnergyBalance;
 
     /// Whether there are drivers, whose power takes multipliers.
     fn has_drivers(&self) -> bool;
+
+    /// s(t) of the driver with this row, m or rad.
+    fn prescribed(&self, row: usize, t: f64) -> f64;
+
+    /// Size of the acceleration of gravity, m/s².
+    fn gravity(&self) -> f64;
 
     /// Current angle of each joint and force that counts turns, into `winding`, whose old content is
     /// the branch to stay near; the angle of a driver follows its motion.
@@ -170,33 +176,25 @@ pub trait System: std::fmt::Debug + Send + Sync {
     /// Longest step from a state that cannot jump over a local feature of a force, such as a bump
     /// of the road under a smooth ride, s.
     fn longest_step(&self, state: &State) -> f64;
+}
 
-    /// Channels that can be computed from a state.
-    fn channels(&self) -> &[Channel];
+/// The bodies behind the coordinates: their motion, inertia, and relative coordinates along the spanning forest.
+pub trait Bodies {
+    /// State in the coordinates of this system of the model's stated poses and rates:
+    /// the body's origin position, orientation, velocity, angular velocity in ground axes.
+    fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]);
 
-    /// One of them by name.
-    fn channel_named(&self, name: &str) -> Option<&Channel>;
+    /// The inverse of [`System::set_body`].
+    fn body(&self, body: usize, q: &[f64], v: &[f64]) -> BodyPose;
 
-    /// Value of a channel at a state; `out` has the channel's size.
-    fn channel(&self, channel: &Channel, state: &State, out: &mut [f64]);
+    /// Mass of a body, kg.
+    fn mass(&self, body: usize) -> f64;
 
-    /// The mobile parts of a body's coordinates for messages: `name.x`, `name.e2`, …
-    fn coordinate_name(&self, coordinate: usize) -> String;
+    /// Inertia tensor of a body about its centre of mass, body axes, kg m²; planar: `[2][2]` only.
+    fn inertia(&self, body: usize) -> [[f64; 3]; 3];
 
-    /// Name of the body that a coordinate belongs to.
-    fn coordinate_item(&self, coordinate: usize) -> &str;
-
-    /// Names of the forces on the body of a coordinate, the stiffest at `state` first; for messages.
-    fn forces_on(&self, coordinate: usize, state: &State) -> Vec<&str>;
-
-    /// Names of the drivers and forces with a kink at a time (s), to round-off; for messages.
-    fn kinks_at(&self, t: f64) -> Vec<&str>;
-
-    /// The joint or driver and row, for messages: `joint `guide`, rotation about z`.
-    fn row_name(&self, row: usize) -> String;
-
-    /// Name of the joint, driver or body that a row belongs to, and what the row prescribes.
-    fn row_item(&self, row: usize) -> (&str, RowKind);
+    /// A lower bound of the inertia of a body about any axis through its centre of mass, kg m².
+    fn least_inertia(&self, body: usize) -> f64;
 
     /// The spanning forest with the relative coordinates of its edges.
     fn tree(&self) -> &Tree;
@@ -263,31 +261,43 @@ pub trait System: std::fmt::Debug + Send + Sync {
 
     /// Length (m) or angle (rad) at which an elastic loop of the tree is unloaded.
     fn free_length(&self, elastic: usize) -> f64;
+}
 
-    /// Mass of a body, kg.
-    fn mass(&self, body: usize) -> f64;
+/// Names of coordinates, rows and elements, and the channels that can be computed from a state.
+pub trait Directory {
+    /// Channels that can be computed from a state.
+    fn channels(&self) -> &[Channel];
 
-    /// Inertia tensor of a body about its centre of mass, body axes, kg m²; planar: `[2][2]` only.
-    fn inertia(&self, body: usize) -> [[f64; 3]; 3];
+    /// One of them by name.
+    fn channel_named(&self, name: &str) -> Option<&Channel>;
 
-    /// A lower bound of the inertia of a body about any axis through its centre of mass, kg m².
-    fn least_inertia(&self, body: usize) -> f64;
+    /// Value of a channel at a state; `out` has the channel's size.
+    fn channel(&self, channel: &Channel, state: &State, out: &mut [f64]);
 
-    /// Size of the acceleration of gravity, m/s².
-    fn gravity(&self) -> f64;
+    /// The mobile parts of a body's coordinates for messages: `name.x`, `name.e2`, …
+    fn coordinate_name(&self, coordinate: usize) -> String;
 
-    /// s(t) of the driver with this row, m or rad.
-    fn prescribed(&self, row: usize, t: f64) -> f64;
+    /// Name of the body that a coordinate belongs to.
+    fn coordinate_item(&self, coordinate: usize) -> &str;
 
-    /// A₀ δq = ((G q̇)_q δq).
-    fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]);
+    /// Names of the forces on the body of a coordinate, the stiffest at `state` first; for messages.
+    fn forces_on(&self, coordinate: usize, state: &State) -> Vec<&str>;
 
-    /// State in the coordinates of this system of the model's stated poses and rates:
-    /// the body's origin position, orientation, velocity, angular velocity in ground axes.
-    fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]);
+    /// Names of the drivers and forces with a kink at a time (s), to round-off; for messages.
+    fn kinks_at(&self, t: f64) -> Vec<&str>;
 
-    /// The inverse of [`System::set_body`].
-    fn body(&self, body: usize, q: &[f64], v: &[f64]) -> BodyPose;
+    /// The joint or driver and row, for messages: `joint `guide`, rotation about z`.
+    fn row_name(&self, row: usize) -> String;
+
+    /// Name of the joint, driver or body that a row belongs to, and what the row prescribes.
+    fn row_item(&self, row: usize) -> (&str, RowKind);
+}
+
+/// What a method may ask of a system.
+pub trait System: Equations + Bodies + Directory {
+    /// A system for a model that differs in numbers only, sharing patterns; `None` if it differs in
+    /// more.
+    fn with_values(&self, model: &Model) -> Option<Arc<dyn System>>;
 }
 
 /// Position and motion of a body frame in ground axes.

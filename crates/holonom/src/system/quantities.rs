@@ -2,7 +2,7 @@
 
 use super::cartesian::Cartesian;
 use super::space::Space;
-use super::{State, System};
+use super::{Equations, State};
 use crate::elements::ForceElement;
 use crate::watch::{NAMED, checkpoint};
 

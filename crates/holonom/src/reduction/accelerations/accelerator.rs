@@ -2,7 +2,7 @@
 
 use super::articulated::Articulated;
 use super::choice::{BLOCK, plan_reduced, small};
-use super::{AccelerationCosts, Accelerations, Equations, ReducedEnvelope, Refusal};
+use super::{AccelerationCosts, Accelerations, IndexOneEquations, ReducedEnvelope, Refusal};
 use crate::error::EvaluationFailure;
 use crate::reduction::chart::Chart;
 use crate::reduction::null_space::NullSpace;
@@ -264,7 +264,7 @@ impl Accelerator {
     ) -> Result<(), EvaluationFailure> {
         let &Known { q, jacobian, force, tau } = at;
         if let Some(reduced) = &mut self.reduced {
-            let equations = Equations { q, mass: self.saddle.mass(), jacobian, force, tau };
+            let equations = IndexOneEquations { q, mass: self.saddle.mass(), jacobian, force, tau };
             let served = reduced.factor(&equations).is_ok()
                 && reduced.solve_factored(&equations, a, lambda) <= ACCURACY;
             if served {

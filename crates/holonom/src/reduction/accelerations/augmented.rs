@@ -1,6 +1,6 @@
 //! Solvers of the augmented system [M Gᵀ; G 0] (q̈, λ) = (Q, τ).
 
-use super::{AccelerationSolver, Equations};
+use super::{AccelerationSolver, IndexOneEquations};
 use crate::error::EvaluationFailure;
 use crate::reduction::saddle::{Saddle, singular};
 use crate::reduction::structural::structural_nonzeros;
@@ -31,7 +31,7 @@ impl AccelerationSolver for AugmentedSparse {
     fn solve(
         &mut self,
         system: &dyn System,
-        equations: &Equations,
+        equations: &IndexOneEquations,
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
@@ -39,7 +39,7 @@ impl AccelerationSolver for AugmentedSparse {
             self.saddle.forget_pivots();
         }
         self.saddle.set_mass(equations.mass);
-        let Equations { jacobian, force, tau, .. } = equations;
+        let IndexOneEquations { jacobian, force, tau, .. } = equations;
         self.saddle.solve(system, jacobian, force, tau, a, lambda)
     }
 
@@ -72,7 +72,7 @@ impl AccelerationSolver for AugmentedDense {
     fn solve(
         &mut self,
         system: &dyn System,
-        equations: &Equations,
+        equations: &IndexOneEquations,
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
@@ -115,7 +115,7 @@ impl AccelerationSolver for AugmentedGeneral {
     fn solve(
         &mut self,
         system: &dyn System,
-        equations: &Equations,
+        equations: &IndexOneEquations,
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure> {

@@ -22,7 +22,7 @@ pub use solvers::{DenseFactor, ReducedDense, ReducedEnvelope};
 
 /// The equations M q̈ + Gᵀλ = Q, G q̈ = τ at one state.
 #[derive(Debug, Clone, Copy)]
-pub struct Equations<'a> {
+pub struct IndexOneEquations<'a> {
     /// Coordinates.
     pub q: &'a [f64],
     /// M(q).
@@ -44,7 +44,7 @@ pub trait AccelerationSolver: std::fmt::Debug {
     fn solve(
         &mut self,
         system: &dyn System,
-        equations: &Equations,
+        equations: &IndexOneEquations,
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure>;

@@ -10,7 +10,7 @@
 //!
 //! Source: thesis (3.108) to (3.122), Algorithms 1 and 2; `docs/theory/reduction.md` (52) to (59).
 
-use super::Equations;
+use super::IndexOneEquations;
 use crate::error::EvaluationFailure;
 use crate::reduction::refinement::larger;
 use crate::system::{Structure, System};
@@ -345,15 +345,15 @@ impl ReducedMatrix {
 
     /// The right-hand side of B λ at the configuration of the last [`ReducedMatrix::assemble`]; returns the
     /// largest entry of TᵀQ.
-    pub fn right_side(&mut self, equations: &Equations, b: &mut [f64]) -> f64 {
+    pub fn right_side(&mut self, equations: &IndexOneEquations, b: &mut [f64]) -> f64 {
         self.weigh_forces(equations);
         self.residual(equations, b);
         self.y.iter().map(|y| y.abs()).fold(0.0, larger)
     }
 
     /// y = TᵀQ, and β.
-    fn weigh_forces(&mut self, equations: &Equations) {
-        let Equations { q, force, tau, .. } = equations;
+    fn weigh_forces(&mut self, equations: &IndexOneEquations) {
+        let IndexOneEquations { q, force, tau, .. } = equations;
         if self.planar {
             let bodies = self.y.chunks_exact_mut(3).zip(force.chunks_exact(3));
             for ((y, f), body) in bodies.zip(&self.inertia) {
@@ -377,7 +377,7 @@ impl ReducedMatrix {
     }
 
     /// What y leaves of the constraints, H y − τ + Φ_p p β.
-    pub fn residual(&self, equations: &Equations, b: &mut [f64]) {
+    pub fn residual(&self, equations: &IndexOneEquations, b: &mut [f64]) {
         for (b, &(row, _)) in b.iter_mut().zip(self.rows.iter()) {
             *b = -equations.tau[row];
         }
@@ -403,7 +403,13 @@ impl ReducedMatrix {
     }
 
     /// Accelerations from y and all multipliers from λ of the reduced rows.
-    pub fn recover(&self, equations: &Equations, b: &[f64], a: &mut [f64], lambda: &mut [f64]) {
+    pub fn recover(
+        &self,
+        equations: &IndexOneEquations,
+        b: &[f64],
+        a: &mut [f64],
+        lambda: &mut [f64],
+    ) {
         lambda.fill(0.0);
         for (b, &(row, _)) in b.iter().zip(self.rows.iter()) {
             lambda[row] = *b;

@@ -1,6 +1,6 @@
 //! Solvers of the reduced system B λ = G M⁻¹ Q − τ.
 
-use super::{AccelerationSolver, Equations, Numbering, ReducedMatrix, Refusal};
+use super::{AccelerationSolver, IndexOneEquations, Numbering, ReducedMatrix, Refusal};
 use crate::error::EvaluationFailure;
 use crate::reduction::refinement::{larger, refine};
 use crate::system::System;
@@ -63,7 +63,7 @@ impl ReducedEnvelope {
     ///
     /// # Errors
     /// At a reduced row that depends on others.
-    pub fn factor(&mut self, equations: &Equations) -> Result<(), NotPositiveDefinite> {
+    pub fn factor(&mut self, equations: &IndexOneEquations) -> Result<(), NotPositiveDefinite> {
         self.matrix.assemble(equations.q, equations.jacobian, &mut self.values);
         self.factor.factor(&self.values)
     }
@@ -72,7 +72,7 @@ impl ReducedEnvelope {
     /// correction as forecast: far above round-off it says that B is too ill-conditioned here.
     pub fn solve_factored(
         &mut self,
-        equations: &Equations,
+        equations: &IndexOneEquations,
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> f64 {
@@ -88,7 +88,7 @@ impl ReducedEnvelope {
     /// forces over roots of masses: of λ by the diagonal of B, of `forces` alone.
     ///
     /// Source: Å. Björck, Linear Algebra Appl. 88/89 (1987).
-    fn refine(&mut self, equations: &Equations, forces: f64) -> f64 {
+    fn refine(&mut self, equations: &IndexOneEquations, forces: f64) -> f64 {
         let Self { matrix, factor, values, diagonal, lambda, correction } = self;
         let size = |x: &[f64]| {
             let squares = x.iter().zip(diagonal.iter()).map(|(x, &at)| x * x * values[at]);
@@ -108,7 +108,7 @@ impl AccelerationSolver for ReducedEnvelope {
     fn solve(
         &mut self,
         system: &dyn System,
-        equations: &Equations,
+        equations: &IndexOneEquations,
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
@@ -173,7 +173,7 @@ impl AccelerationSolver for ReducedDense {
     fn solve(
         &mut self,
         system: &dyn System,
-        equations: &Equations,
+        equations: &IndexOneEquations,
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure> {

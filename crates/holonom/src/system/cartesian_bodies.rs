@@ -1,0 +1,155 @@
+//! The bodies of a Cartesian system: motions, inertia, and relative coordinates along its forest.
+
+use super::cartesian::Cartesian;
+use super::forest::{RelativeGroup, Resistance, Tree};
+use super::space::Space;
+use super::{Bodies, BodyPose, State};
+use crate::elements::RowBlocks;
+use crate::elements::kinematics::{Anchor, EdgeKinematics};
+use crate::elements::relative::{Reference, RelativeElement};
+
+impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, N> {
+    fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]) {
+        let range = body * N..(body + 1) * N;
+        S::set_body(&self.bodies[body].center, pose, &mut q[range.clone()], &mut v[range]);
+    }
+
+    fn body(&self, body: usize, q: &[f64], v: &[f64]) -> BodyPose {
+        S::body(&self.bodies[body].center, Self::pose(q, Some(body)), Self::rate(v, Some(body)))
+    }
+
+    fn mass(&self, body: usize) -> f64 {
+        self.bodies[body].mass
+    }
+
+    fn inertia(&self, body: usize) -> [[f64; 3]; 3] {
+        self.bodies[body].inertia
+    }
+
+    fn least_inertia(&self, body: usize) -> f64 {
+        S::least_inertia(&self.bodies[body].inertia)
+    }
+
+    fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    fn relative_groups(&self) -> &[RelativeGroup] {
+        &self.groups
+    }
+
+    fn relative_value(&self, group: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
+        let mut u = [0.0; 6];
+        self.relatives[group].element.value(self.relative_pair(group, q), reference, &mut u);
+        out.copy_from_slice(&u[..out.len()]);
+    }
+
+    fn relative_gradient(&self, group: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
+        let mut rows = RowBlocks::zero();
+        self.relatives[group].element.jacobian(self.relative_pair(group, q), reference, &mut rows);
+        set(&rows, out, false);
+    }
+
+    fn relative_curvature(
+        &self,
+        group: usize,
+        reference: &Reference,
+        q: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+    ) {
+        let mut u = [0.0; 6];
+        let (q, v) = (self.relative_pair(group, q), self.relative_rates(group, v));
+        self.relatives[group].element.curvature(q, v, reference, &mut u);
+        out.copy_from_slice(&u[..out.len()]);
+    }
+
+    fn relative_rate_gradient(
+        &self,
+        group: usize,
+        reference: &Reference,
+        q: &[f64],
+        v: &[f64],
+        out: &mut [f64],
+    ) {
+        let mut rows = RowBlocks::zero();
+        let (q, v) = (self.relative_pair(group, q), self.relative_rates(group, v));
+        self.relatives[group].element.directional(q, v, reference, &mut rows);
+        set(&rows, out, false);
+    }
+
+    fn relative_blocks(
+        &self,
+        group: usize,
+        reference: &Reference,
+        state: &State,
+        a0: &mut [f64],
+        a1: &mut [f64],
+    ) {
+        let element = &self.relatives[group].element;
+        let q = self.relative_pair(group, &state.q);
+        let (v, a) = (self.relative_rates(group, &state.v), self.relative_rates(group, &state.a));
+        let mut rows = RowBlocks::zero();
+        element.directional(q, v, reference, &mut rows);
+        set(&rows, a0, false);
+        element.directional(q, a, reference, &mut rows);
+        set(&rows, a1, false);
+        element.curvature_gradient(q, v, reference, &mut rows);
+        set(&rows, a1, true);
+    }
+
+    fn moved_reference(&self, group: usize, q: &[f64], old: &Reference) -> Reference {
+        self.relatives[group].element.reference(self.relative_pair(group, q), old)
+    }
+
+    fn anchor_orientation(&self, edge: usize, form: usize, q: &[f64]) -> [f64; 4] {
+        let placed = &self.edges[edge];
+        let child = Self::pose(q, Some(self.tree.edges[edge].body));
+        placed.kinematics[form].orientation(Self::pair(q, placed.bodies), child)
+    }
+
+    fn place(
+        &self,
+        edge: usize,
+        form: usize,
+        x: &[f64],
+        references: &[Reference],
+        anchor: &Anchor,
+        q: &mut [f64],
+    ) {
+        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
+        let first = placed.bodies[0] == tree.parent;
+        let parent = Self::pose(q, tree.parent);
+        let child = placed.kinematics[form].place(x, references, anchor, parent, first);
+        q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);
+    }
+
+    fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance {
+        self.resistances[elastic].at(row, value)
+    }
+
+    fn free_length(&self, elastic: usize) -> f64 {
+        self.resistances[elastic].free_length()
+    }
+}
+
+impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
+    fn relative_pair<'a>(&self, group: usize, q: &'a [f64]) -> [&'a [f64; N]; 2] {
+        Self::pair(q, self.relatives[group].bodies)
+    }
+
+    fn relative_rates<'a>(&self, group: usize, v: &'a [f64]) -> [&'a [f64; N]; 2] {
+        Self::rates(v, self.relatives[group].bodies)
+    }
+}
+
+/// Entries of rows over the coordinates of two bodies, row by row.
+fn set<const N: usize>(rows: &RowBlocks<f64, N>, out: &mut [f64], add: bool) {
+    for (k, out) in out.chunks_exact_mut(2 * N).enumerate() {
+        for (side, out) in out.chunks_exact_mut(N).enumerate() {
+            for (out, x) in out.iter_mut().zip(&rows.0[side][k]) {
+                *out = if add { *out + x } else { *x };
+            }
+        }
+    }
+}
