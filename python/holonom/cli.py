@@ -100,6 +100,9 @@ def run(
     accelerations: Annotated[
         str | None, typer.Option(help="auto, recursive, null_space, reduced or augmented.")
     ] = None,
+    threads: Annotated[
+        int | None, typer.Option(help="Threads that share the work on large models; 1 by default.")
+    ] = None,
     profile: Annotated[str | None, typer.Option(help="improved or thesis.")] = None,
     dense_output: Annotated[
         bool | None,
@@ -142,6 +145,7 @@ def run(
         "jacobian": jacobian,
         "newton": newton,
         "accelerations": accelerations,
+        "threads": threads,
         "profile": profile,
         "dense_output": dense_output,
         "newmark_gamma": newmark_gamma,

@@ -113,6 +113,9 @@ class Options:
         the multipliers by blocks of joints, for which every body needs mass and inertia,
         ``augmented``, a sparse matrix of both, or ``auto`` (default), whichever is predicted to
         cost least. States that the others cannot solve accurately are left to the augmented one.
+    threads : int, optional
+        Threads that share the work on the integration Jacobian of models with more than some hundred
+        bodies; 1 by default. Results are the same to the last bit for any number.
     repartition_factor : float, optional
         Growth of the condition at which a partition or a tangent plane is chosen anew; more
         than 1. The tree has a factor of its own, 2.5.
@@ -150,6 +153,7 @@ class Options:
     jacobian: str | None = None
     newton: str | None = None
     accelerations: str | None = None
+    threads: int | None = None
     repartition_factor: float | None = None
     dense_output: bool | None = None
     profile: str | None = None
@@ -175,8 +179,9 @@ class Options:
         for name in ("newmark_gamma", "newmark_beta"):
             if (value := getattr(self, name)) is not None:
                 put(name, _require_positive(name, value))
-        if self.max_steps is not None:
-            put("max_steps", _require_count("max_steps", self.max_steps))
+        for name in ("max_steps", "threads"):
+            if (value := getattr(self, name)) is not None:
+                put(name, _require_count(name, value))
         for name, known in _WORDS.items():
             if (value := getattr(self, name)) is not None and value not in known:
                 raise UsageError(f"`{name}` is {value!r}; it must be one of {_listed(known)}")

@@ -100,6 +100,16 @@ impl BlockMatrix {
         &mut self.values[b.offset..b.offset + b.rows * b.columns]
     }
 
+    /// Number of values before those of a block.
+    pub fn start(&self, id: BlockId) -> usize {
+        self.blocks[id.0].offset
+    }
+
+    /// All blocks, to be parted.
+    pub fn blocks_mut(&mut self) -> BlocksMut<'_> {
+        BlocksMut { blocks: &self.blocks, first: 0, values: &mut self.values }
+    }
+
     /// Place of one block: (first row, first column, rows, columns).
     pub fn shape(&self, id: BlockId) -> (usize, usize, usize, usize) {
         let b = self.blocks[id.0];
@@ -207,6 +217,44 @@ impl BlockMatrix {
             dense[i * self.n_cols + j] += v;
         }
         dense
+    }
+}
+
+/// Consecutive blocks of a [`BlockMatrix`].
+#[derive(Debug)]
+pub struct BlocksMut<'a> {
+    blocks: &'a [Block],
+    /// Number of values before theirs.
+    first: usize,
+    values: &'a mut [f64],
+}
+
+impl BlocksMut<'_> {
+    /// The blocks whose values come before a value of the matrix (see [`BlockMatrix::start`]), and the others.
+    ///
+    /// # Panics
+    /// If that value is not among theirs.
+    pub fn split_at(&mut self, value: usize) -> [BlocksMut<'_>; 2] {
+        let (values, later) = self.values.split_at_mut(value - self.first);
+        [
+            BlocksMut { blocks: self.blocks, first: self.first, values },
+            BlocksMut { blocks: self.blocks, first: value, values: later },
+        ]
+    }
+
+    /// Values of one of the blocks, by rows.
+    ///
+    /// # Panics
+    /// If it is none of them.
+    pub fn block_mut(&mut self, id: BlockId) -> &mut [f64] {
+        let b = self.blocks[id.0];
+        let start = b.offset - self.first;
+        &mut self.values[start..start + b.rows * b.columns]
+    }
+
+    /// Sets every value to zero.
+    pub fn clear(&mut self) {
+        self.values.fill(0.0);
     }
 }
 

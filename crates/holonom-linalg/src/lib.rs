@@ -31,9 +31,10 @@ mod rank;
 mod scalar;
 pub mod small;
 mod sparse;
+pub mod threads;
 pub mod watch;
 
-pub use block::{BlockId, BlockMatrix};
+pub use block::{BlockId, BlockMatrix, BlocksMut};
 pub use complex::{Complex64, DenseComplexLu};
 pub use dense::{Cholesky, DenseLu, gram_add};
 pub use envelope::{

@@ -18,6 +18,7 @@ use holonom::newton::ReducedBlocks;
 use holonom::reduction::Manifold;
 use holonom::simulation::Problem;
 use holonom::system::State;
+use holonom::threads::Threads;
 use holonom_linalg::{BlockMatrix, DenseLu};
 
 /// The vehicle at its start and buffers for its integration Jacobian.
@@ -42,7 +43,7 @@ impl Vehicle {
         let ndof = manifold.chart().ndof();
         Self {
             g: manifold.jacobian().clone(),
-            blocks: ReducedBlocks::new(&manifold),
+            blocks: ReducedBlocks::new(&manifold, &Threads::default()),
             psi: vec![0.0; ndof * ndof],
             factor: DenseLu::new(ndof),
             manifold,

@@ -14,6 +14,7 @@ use holonom::reduction::accelerations::{
 };
 use holonom::simulation::Problem;
 use holonom::system::{State, System};
+use holonom::threads::Threads;
 #[cfg(feature = "general-sparse")]
 use holonom_linalg::GeneralSparseLu;
 use holonom_linalg::{
@@ -248,7 +249,7 @@ fn against_dense(case: &Case) -> Result<(), Box<dyn Error>> {
     let mut point = case.point.clone();
     point.evaluate(t, p, rates, z, true).map_err(|e| e.message)?;
     point.complete();
-    let mut blocks = ReducedBlocks::new(&point.manifold);
+    let mut blocks = ReducedBlocks::new(&point.manifold, &Threads::default());
     let mut psi = vec![0.0; ndof * ndof];
     let mut factor = DenseLu::new(ndof);
     let (system, state) = (case.system.as_ref(), point.state.clone());

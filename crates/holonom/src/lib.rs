@@ -4,7 +4,7 @@
 //! before it (`ARCHITECTURE.md` has the table, `tests/architecture.rs` keeps it).
 
 pub mod error;
-pub use holonom_linalg::watch;
+pub use holonom_linalg::{threads, watch};
 pub mod math;
 pub mod model;
 pub mod topology;

@@ -40,7 +40,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("io", &["model", "simulation", "math"]),
 ];
 /// Open to every room.
-const COMMON: &[&str] = &["error", "testing", "watch"];
+const COMMON: &[&str] = &["error", "testing", "threads", "watch"];
 /// Rooms that may use the crate of matrices.
 const MAY_USE_LINALG: &[&str] = &["system", "reduction", "newton", "analysis"];
 /// The core takes readers and writers and has no network, no files and no environment.

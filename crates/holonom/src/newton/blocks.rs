@@ -4,6 +4,7 @@
 use crate::error::EvaluationFailure;
 use crate::reduction::{BodyRows, Chart, Manifold};
 use crate::system::{DerivativeBlocks, State};
+use crate::threads::Threads;
 use holonom_linalg::{DenseLu, SingularMatrix, gram_add};
 
 /// D, M̂, M̂₁, M̂₂ and the blocks of extra states at one state.
@@ -59,17 +60,17 @@ pub struct ReducedBlocks {
 
 impl ReducedBlocks {
     /// Buffers for a manifold's present parametrization.
-    pub fn new(manifold: &Manifold) -> Self {
-        Self::sized(manifold, manifold.chart().ndof())
+    pub fn new(manifold: &Manifold, threads: &Threads) -> Self {
+        Self::sized(manifold, manifold.chart().ndof(), threads)
     }
 
     /// Without what is dense of order ndof: only the system's own blocks and the rows of P can be
     /// evaluated, and explicit time.
-    pub fn of_system(manifold: &Manifold) -> Self {
-        Self::sized(manifold, 0)
+    pub fn of_system(manifold: &Manifold, threads: &Threads) -> Self {
+        Self::sized(manifold, 0, threads)
     }
 
-    fn sized(manifold: &Manifold, ndof: usize) -> Self {
+    fn sized(manifold: &Manifold, ndof: usize, threads: &Threads) -> Self {
         let structure = manifold.system().structure();
         let s = structure.sizes;
         let nz = s.extra_states;
@@ -83,7 +84,7 @@ impl ReducedBlocks {
             extra_position: vec![0.0; nz * ndof],
             extra_velocity: vec![0.0; nz * ndof],
             extra_extra: vec![0.0; nz],
-            blocks: structure.derivative_blocks(),
+            blocks: structure.derivative_blocks(threads),
             turning_rate: turning.clone(),
             turning,
             x: vec![0.0; s.coordinates * ndof],
@@ -145,11 +146,19 @@ impl ReducedBlocks {
 
     /// The blocks of the system and the rows of P alone.
     pub fn evaluate_system(&mut self, manifold: &Manifold, state: &State) {
-        let system = manifold.system();
-        system.derivative_blocks(state, &mut self.blocks);
-        let parametrization = manifold.chart().parametrization();
-        let bend = &mut self.turning_rate;
-        self.turning.evaluate_blocks(bend, system.as_ref(), parametrization, state);
+        let (system, parametrization) = (manifold.system(), manifold.chart().parametrization());
+        let Self { blocks, turning, turning_rate, .. } = self;
+        let threads = blocks.threads().clone();
+        threads.share(|| {
+            system.derivative_blocks(state, blocks);
+            turning.evaluate_blocks(
+                turning_rate,
+                system.as_ref(),
+                parametrization,
+                state,
+                &threads,
+            );
+        });
     }
 
     /// q̇_v at fixed v̇ (n×ndof): −[S D] of the stacked A₀ D, at the state of the last

@@ -51,7 +51,7 @@ fn costs(manifold: &Manifold) -> (f64, f64) {
 }
 
 impl<D: Matrix> Matrix for Chosen<D> {
-    fn new(manifold: &Manifold, q: &[f64], options: MatrixOptions) -> Self {
+    fn new(manifold: &Manifold, q: &[f64], options: &MatrixOptions) -> Self {
         let sparse = match options.representation {
             Representation::Dense => false,
             Representation::Sparse => true,

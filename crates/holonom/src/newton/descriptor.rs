@@ -85,7 +85,7 @@ const HARMLESS_GROWTH: f64 = 1e8;
 const ACCURACY: f64 = 1e-6;
 
 impl Matrix for DescriptorMatrix {
-    fn new(manifold: &Manifold, q: &[f64], options: MatrixOptions) -> Self {
+    fn new(manifold: &Manifold, q: &[f64], options: &MatrixOptions) -> Self {
         let structure = manifold.system().structure();
         let (n, m) = (structure.sizes.coordinates, structure.sizes.rows);
         let reduced = options.source == JacobianSource::Differences;

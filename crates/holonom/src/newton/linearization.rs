@@ -5,6 +5,7 @@ use super::differences::Differences;
 use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, Manifold, Point};
 use crate::system::System;
+use crate::threads::Threads;
 use std::sync::Arc;
 
 /// The blocks of the last linearization with the coefficients of the last factor.
@@ -35,16 +36,16 @@ pub struct Linearization {
 
 impl Linearization {
     /// `reduced` for dense blocks of order ndof.
-    pub(super) fn new(manifold: &Manifold, reduced: bool) -> Self {
+    pub(super) fn new(manifold: &Manifold, reduced: bool, threads: &Threads) -> Self {
         let s = manifold.system().structure().sizes;
         let ndof = manifold.chart().ndof();
         let spread = if reduced || s.extra_states == 0 { 0 } else { s.coordinates };
         Self {
             system: manifold.system().clone(),
             blocks: if reduced {
-                ReducedBlocks::new(manifold)
+                ReducedBlocks::new(manifold, threads)
             } else {
-                ReducedBlocks::of_system(manifold)
+                ReducedBlocks::of_system(manifold, threads)
             },
             chart: manifold.chart().clone(),
             made: false,

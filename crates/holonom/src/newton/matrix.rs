@@ -5,15 +5,18 @@ use super::differences::JacobianSource;
 use super::linearization::Linearization;
 use crate::error::EvaluationFailure;
 use crate::reduction::{Manifold, Point};
+use crate::threads::Threads;
 use holonom_linalg::{Complex64, SingularMatrix};
 
 /// What is asked of a matrix.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct MatrixOptions {
     /// Where the parts come from.
     pub source: JacobianSource,
     /// Where there is a choice of representations.
     pub representation: Representation,
+    /// Who shares the work where there is enough of it.
+    pub threads: Threads,
 }
 
 /// Representations of the integration Jacobian.
@@ -48,7 +51,7 @@ impl Representation {
 /// accelerations as unknowns.
 pub trait Matrix: std::fmt::Debug + Clone + Send + 'static {
     /// For the manifold's present parametrization; patterns are found at the configuration `q`.
-    fn new(manifold: &Manifold, q: &[f64], options: MatrixOptions) -> Self;
+    fn new(manifold: &Manifold, q: &[f64], options: &MatrixOptions) -> Self;
 
     /// Whether it is made of reduced blocks, dense of order ndof.
     fn is_reduced(&self) -> bool {

@@ -30,7 +30,7 @@ pub struct ReducedMatrix {
 }
 
 impl Matrix for ReducedMatrix {
-    fn new(manifold: &Manifold, _q: &[f64], _options: MatrixOptions) -> Self {
+    fn new(manifold: &Manifold, _q: &[f64], _options: &MatrixOptions) -> Self {
         let ndof = manifold.chart().ndof();
         Self {
             lu: DenseLu::new(ndof),

@@ -26,14 +26,14 @@ pub struct Newton<M> {
 impl<M: Matrix> Newton<M> {
     /// For the manifold's present parametrization, whose factors belong to the configuration `q`.
     pub fn new(manifold: &Manifold, q: &[f64], options: MatrixOptions) -> Self {
-        let matrix = M::new(manifold, q, options);
+        let matrix = M::new(manifold, q, &options);
         Self {
-            options,
-            parts: Linearization::new(manifold, matrix.is_reduced()),
+            parts: Linearization::new(manifold, matrix.is_reduced(), &options.threads),
             differences: match options.source {
                 JacobianSource::Analytic => None,
                 JacobianSource::Differences => Some(Box::new(Differences::new(manifold))),
             },
+            options,
             matrix,
             rate: vec![0.0; manifold.chart().ndof()],
             felt: vec![0.0; manifold.chart().ndof()],
@@ -47,7 +47,7 @@ impl<M: Matrix> Newton<M> {
 
     /// What was asked for.
     pub fn options(&self) -> MatrixOptions {
-        self.options
+        self.options.clone()
     }
 
     /// The representation in use.

@@ -9,6 +9,7 @@ use super::sparse_pattern::{InflatedPattern, Nonzeros, Sum};
 use crate::error::EvaluationFailure;
 use crate::reduction::{BodyRows, Manifold, Point, disturb};
 use crate::system::State;
+use crate::watch::checkpoint;
 use holonom_linalg::{BlockMatrix, Complex64, SingularMatrix, SparseLu};
 
 /// Newton's matrix with D never formed. Unknowns x = δq/βh², y = δq̇/γh, a = δq̈, δλ and ρ = δv̈:
@@ -85,14 +86,14 @@ const ACCURACY: f64 = 1e-9;
 const WORSE_THAN_FRESH: f64 = 100.0;
 
 impl Matrix for SparseMatrix {
-    fn new(manifold: &Manifold, _q: &[f64], _options: MatrixOptions) -> Self {
+    fn new(manifold: &Manifold, _q: &[f64], options: &MatrixOptions) -> Self {
         let structure = manifold.system().structure();
         let (n, m) = (structure.sizes.coordinates, structure.sizes.rows);
         let parametrization = manifold.chart().parametrization();
         Self {
             n,
             rank: parametrization.kept.len(),
-            elimination: match ForestElimination::new(manifold) {
+            elimination: match ForestElimination::new(manifold, &options.threads) {
                 Some(forest) => Elimination::Forest(forest),
                 None => Elimination::General(None),
             },
@@ -115,14 +116,27 @@ impl Matrix for SparseMatrix {
     }
 
     fn linearize(&mut self, parts: &mut Linearization, point: &mut Point) {
-        let (manifold, state) = (&mut point.manifold, &point.state);
-        self.mass.values_mut().copy_from_slice(manifold.mass().values());
-        self.jacobian.copy_from_slice(manifold.jacobian().values());
-        self.moving.copy_from(manifold.chart().moving());
-        let blocks = &mut parts.blocks;
-        if let Elimination::Forest(forest) = &mut self.elimination {
-            blocks.evaluate_system(manifold, state);
-            self.unfit |= forest.linearize(&self.jacobian, &self.moving, blocks).is_err();
+        let (manifold, state) = (&point.manifold, &point.state);
+        let (blocks, chart) = (&mut parts.blocks, &mut parts.chart);
+        let threads = blocks.blocks.threads().clone();
+        checkpoint(8 * self.n);
+        let (unfit, ()) = threads.share(|| {
+            let Self { mass, jacobian, moving, elimination, .. } = self;
+            jacobian.copy_from_slice(manifold.jacobian().values());
+            moving.copy_from(manifold.chart().moving());
+            let copies = || {
+                mass.values_mut().copy_from_slice(manifold.mass().values());
+                chart.copy_from(manifold.chart());
+            };
+            let linearize = || {
+                let Elimination::Forest(forest) = elimination else { return false };
+                blocks.evaluate_system(manifold, state);
+                forest.linearize(jacobian, moving, blocks).is_err()
+            };
+            threads.join(linearize, copies)
+        });
+        if let Elimination::Forest(_) = &mut self.elimination {
+            self.unfit |= unfit;
             if self.unfit {
                 (self.elimination, self.complex) = (Elimination::General(None), None);
             }
@@ -141,7 +155,6 @@ impl Matrix for SparseMatrix {
             self.values.resize(plan.pattern.pattern.len(), 0.0);
         }
         parts.blocks.extra_extra.copy_from_slice(&parts.blocks.blocks.extra_extra);
-        parts.chart.copy_from(manifold.chart());
     }
 
     /// Differences are taken of dense blocks only.

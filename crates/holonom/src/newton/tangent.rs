@@ -4,6 +4,7 @@ use super::blocks::ReducedBlocks;
 use super::descriptor::add_force_of_extra_states;
 use crate::error::EvaluationFailure;
 use crate::reduction::Point;
+use crate::threads::Threads;
 
 /// J = g_w of ẇ = g(t, w), w = (v, v̇, z), at a complete point, by products:
 ///
@@ -27,7 +28,7 @@ pub struct Tangent {
 impl Tangent {
     /// At a complete point.
     pub fn new(point: &mut Point) -> Self {
-        let mut blocks = ReducedBlocks::of_system(&point.manifold);
+        let mut blocks = ReducedBlocks::of_system(&point.manifold, &Threads::default());
         blocks.evaluate_system(&point.manifold, &point.state);
         let sizes = point.manifold.system().structure().sizes;
         let zeros = || vec![0.0; sizes.coordinates];

@@ -1,8 +1,9 @@
 //! The rows of P that move with the bodies, and their derivatives.
 
 use super::parametrization::Parametrization;
-use super::relatives::WIDEST;
+use super::relatives::{Relatives, WIDEST};
 use crate::system::{State, System};
+use crate::threads::Threads;
 use std::sync::Arc;
 
 /// Rows of an n-column matrix with entries in the columns of two bodies each.
@@ -95,20 +96,11 @@ impl BodyRows {
         system: &dyn System,
         parametrization: &Parametrization,
         state: &State,
+        threads: &Threads,
     ) {
         let Some(relatives) = parametrization.relatives() else { return };
-        let n = self.per_body;
-        let (mut a0, mut a1) = ([0.0; WIDEST], [0.0; WIDEST]);
-        for (group, range) in relatives.runs() {
-            let size = system.relative_groups()[group].rows * 2 * n;
-            let (a0, a1) = (&mut a0[..size], &mut a1[..size]);
-            system.relative_blocks(group, &relatives.references[group], state, a0, a1);
-            for k in range {
-                let (row, out) = (relatives.rows[k].1 * 2 * n, k * 2 * n);
-                self.values[out..out + 2 * n].copy_from_slice(&a0[row..row + 2 * n]);
-                bend.values[out..out + 2 * n].copy_from_slice(&a1[row..row + 2 * n]);
-            }
-        }
+        let at = Moving { relatives, system, state, threads, width: 2 * self.per_body };
+        at.blocks(0, &mut self.values, &mut bend.values);
     }
 
     /// Y += α A X, X with k columns, both by rows.
@@ -130,6 +122,54 @@ impl BodyRows {
             for (out, y) in x[column * k..(column + 1) * k].iter_mut().zip(source) {
                 *out += scale * y;
             }
+        }
+    }
+}
+
+/// Rows of the smallest piece of work that threads share.
+const GRAIN: usize = 32;
+
+/// Where derivatives of rows are taken.
+struct Moving<'a> {
+    relatives: &'a Relatives,
+    system: &'a dyn System,
+    state: &'a State,
+    threads: &'a Threads,
+    width: usize,
+}
+
+impl Moving<'_> {
+    /// (P q̇)_q and (v̈)_q of the rows from `first` on, which begin a group.
+    fn blocks(&self, first: usize, a0: &mut [f64], a1: &mut [f64]) {
+        let (rows, width) = (&self.relatives.rows, self.width);
+        let count = a0.len() / width;
+        if count > GRAIN && self.threads.are_several() {
+            let mut half = count / 2;
+            while half < count && rows[first + half].0 == rows[first + half - 1].0 {
+                half += 1;
+            }
+            if half < count {
+                let (a0, later_a0) = a0.split_at_mut(half * width);
+                let (a1, later_a1) = a1.split_at_mut(half * width);
+                self.threads.join(
+                    || self.blocks(first, a0, a1),
+                    || self.blocks(first + half, later_a0, later_a1),
+                );
+                return;
+            }
+        }
+        let (mut of_a0, mut of_a1) = ([0.0; WIDEST], [0.0; WIDEST]);
+        let mut last = None;
+        let targets = a0.chunks_exact_mut(width).zip(a1.chunks_exact_mut(width));
+        for (&(group, row), (a0, a1)) in rows[first..].iter().zip(targets) {
+            let size = self.system.relative_groups()[group].rows * width;
+            if last.replace(group) != Some(group) {
+                let reference = &self.relatives.references[group];
+                let (of_a0, of_a1) = (&mut of_a0[..size], &mut of_a1[..size]);
+                self.system.relative_blocks(group, reference, self.state, of_a0, of_a1);
+            }
+            a0.copy_from_slice(&of_a0[row * width..(row + 1) * width]);
+            a1.copy_from_slice(&of_a1[row * width..(row + 1) * width]);
         }
     }
 }

@@ -51,7 +51,6 @@ fn scale_of(measure: Measure, length: f64) -> f64 {
 /// The scaled matrix by blocks of bodies, for who goes along the forest.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyBlocks<'a> {
-    pub(super) forest: &'a Arc<BlockForest>,
     /// E and F of every body, of the configuration last factored.
     pub(super) values: &'a [f64],
     pub(super) row_scale: &'a [f64],
@@ -218,8 +217,7 @@ impl Chart {
 
     /// The matrix by blocks of bodies, where it has the shape of the forest.
     pub(super) fn body_blocks(&self) -> Option<BodyBlocks<'_>> {
-        Some(BodyBlocks {
-            forest: self.matrix.forest()?,
+        self.matrix.forest().map(|_| BodyBlocks {
             values: &self.matrix.values,
             row_scale: &self.row_scale,
             column_scale: &self.column_scale,

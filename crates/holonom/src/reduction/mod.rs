@@ -3,6 +3,7 @@
 pub mod accelerations;
 pub mod assembly;
 mod body_rows;
+mod body_tree;
 mod chart;
 mod loops;
 mod manifold;
@@ -22,6 +23,7 @@ mod tangent_plane;
 mod tree;
 
 pub use body_rows::BodyRows;
+pub use body_tree::{BodyTree, ByPosition};
 pub use chart::Chart;
 pub use manifold::{Manifold, RecoveryCounters};
 pub use parametrization::{Parametrization, Projection, largest_index};

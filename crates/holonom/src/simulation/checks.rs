@@ -9,6 +9,7 @@ use crate::reduction::accelerations::Refusal;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::{Manifold, largest_index};
 use crate::system::{Channel, State, System};
+use crate::threads::ThreadsError;
 use crate::watch::GivenUp;
 use std::sync::Arc;
 
@@ -53,6 +54,9 @@ pub enum RunError {
         /// The words it knows.
         known: String,
     },
+    /// No thread to share the work with.
+    #[error(transparent)]
+    Threads(#[from] ThreadsError),
     /// Nothing says when the run ends.
     #[error("there is no end time; give `end_time`, or state it in the model's [simulation]")]
     NoEndTime,

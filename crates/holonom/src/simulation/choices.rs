@@ -7,7 +7,10 @@ use crate::model::{Model, Tolerance};
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::Choice;
 use crate::reduction::accelerations::Accelerations;
+use crate::threads::Threads;
 use serde::{Deserialize, Serialize};
+
+const MOST_THREADS: usize = 1024;
 
 /// Choices stated for a run, by the names of options; what is absent comes from the model, or is a default.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
@@ -31,6 +34,7 @@ pub struct Choices {
     pub jacobian: Option<String>,
     pub newton: Option<String>,
     pub accelerations: Option<String>,
+    pub threads: Option<usize>,
     pub repartition_factor: Option<f64>,
     pub dense_output: Option<bool>,
     pub profile: Option<String>,
@@ -100,6 +104,11 @@ impl Choices {
         let jacobian = self.jacobian.as_deref().or(file.jacobian);
         let newton = self.newton.as_deref().or(file.newton);
         let accelerations = self.accelerations.as_deref().or(file.accelerations);
+        let threads = self.threads.unwrap_or(1);
+        if !(1..=MOST_THREADS).contains(&threads) {
+            let rule = "from 1 to 1024";
+            return Err(RunError::Option { option: "threads", value: threads as f64, rule });
+        }
         let newmark = self.newmark_gamma.or(self.newmark_beta).map(|_| {
             let newmark = Newmark::damping(self.newmark_gamma.unwrap_or(0.5));
             Newmark { beta: self.newmark_beta.unwrap_or(newmark.beta), ..newmark }
@@ -129,6 +138,7 @@ impl Choices {
             newton: word("newton", newton, Representation::ALL)?.unwrap_or(usual.newton),
             accelerations: word("accelerations", accelerations, Accelerations::ALL)?
                 .unwrap_or(usual.accelerations),
+            threads: Threads::new(threads)?,
             repartition_factor: (self.repartition_factor.or(file.repartition_factor))
                 .unwrap_or(usual.repartition_factor),
             dense_output: self.dense_output.or(file.dense_output),
@@ -166,6 +176,7 @@ impl Choices {
             jacobian: Some(options.jacobian.name().into()),
             newton: Some(options.newton.name().into()),
             accelerations: Some(options.accelerations.name().into()),
+            threads: Some(options.threads.count()).filter(|count| *count > 1),
             repartition_factor: Some(options.repartition_factor),
             dense_output: Some(options.stores_dense_output()),
             profile: Some(options.profile.name().into()),

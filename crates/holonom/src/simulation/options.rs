@@ -5,6 +5,7 @@ use crate::model::Tolerance;
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::Choice;
 use crate::reduction::accelerations::Accelerations;
+use crate::threads::Threads;
 
 /// When states are stored.
 #[derive(Debug, Clone, PartialEq)]
@@ -57,6 +58,8 @@ pub struct Options {
     pub newton: Representation,
     /// Where accelerations and multipliers come from.
     pub accelerations: Accelerations,
+    /// Who shares the work on the integration Jacobian of large models; results do not depend on it.
+    pub threads: Threads,
     /// A new partition is tried when the condition of [G; P] has grown by this factor.
     pub repartition_factor: f64,
     /// Whether steps are handed out with what the states inside them are made of; unless stated, those of
@@ -84,6 +87,7 @@ impl Options {
             jacobian: JacobianSource::default(),
             newton: Representation::default(),
             accelerations: Accelerations::default(),
+            threads: Threads::default(),
             repartition_factor: 1.25,
             dense_output: None,
         }

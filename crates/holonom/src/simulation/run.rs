@@ -140,7 +140,11 @@ fn set_up<'a>(
     copied();
     let mut form = build_state_space(code, profile, manifold, tolerance, &state);
     copied();
-    let matrix = MatrixOptions { source: options.jacobian, representation: options.newton };
+    let matrix = MatrixOptions {
+        source: options.jacobian,
+        representation: options.newton,
+        threads: options.threads.clone(),
+    };
     if matrix != MatrixOptions::default() {
         form.set_matrix(matrix);
     }

@@ -1,5 +1,6 @@
 //! Cartesian coordinates, planar or spatial: assembly of Φ, M, Q and all blocks from the elements.
 
+use super::cartesian_derivatives::set_rows;
 use super::compile::build;
 use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, ResistanceLaw, Tree};
 use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
@@ -7,12 +8,10 @@ use super::quantities::Channel;
 use super::space::Space;
 use super::turns::Turns;
 use super::{DerivativeBlocks, EnergyBalance, Equations, State, Structure, System};
-use crate::elements::{
-    ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
-};
+use crate::elements::{ConstraintElement, ForceElement, ForceInput, ForceOutput, RowBlocks};
 use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
-use holonom_linalg::{BlockId, BlockMatrix};
+use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
 /// The system.
@@ -160,7 +159,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
     }
 
     /// Multipliers of one constraint's rows.
-    fn multipliers(constraint: &PlacedConstraint<S::Constraint>, lambda: &[f64]) -> [f64; 6] {
+    pub(super) fn multipliers(
+        constraint: &PlacedConstraint<S::Constraint>,
+        lambda: &[f64],
+    ) -> [f64; 6] {
         let mut out = [0.0; 6];
         let rows = constraint.element.rows();
         out[..rows].copy_from_slice(&lambda[constraint.row..constraint.row + rows]);
@@ -193,45 +195,6 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
 
 pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn add_rows<const N: usize>(
-    target: &mut BlockMatrix,
-    slots: &[Option<BlockId>; 2],
-    rows: usize,
-    source: &RowBlocks<f64, N>,
-    overwrite: bool,
-) {
-    for side in 0..2 {
-        let Some(id) = slots[side] else { continue };
-        let block = target.block_mut(id);
-        for (out, row) in block.chunks_exact_mut(N).zip(&source.0[side]).take(rows) {
-            if overwrite {
-                out.copy_from_slice(row);
-            } else {
-                for (o, r) in out.iter_mut().zip(row) {
-                    *o += r;
-                }
-            }
-        }
-    }
-}
-
-fn add_pairs<const N: usize>(
-    target: &mut BlockMatrix,
-    slots: &[[Option<BlockId>; 2]; 2],
-    source: &PairBlocks<f64, N>,
-) {
-    for i in 0..2 {
-        for j in 0..2 {
-            let Some(id) = slots[i][j] else { continue };
-            for (out, row) in target.block_mut(id).chunks_exact_mut(N).zip(&source.0[i][j]) {
-                for (o, r) in out.iter_mut().zip(row) {
-                    *o += r;
-                }
-            }
-        }
-    }
 }
 
 impl<S: Space<D, N>, const D: usize, const N: usize> std::fmt::Debug for Cartesian<S, D, N> {
@@ -270,7 +233,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);
         for (c, slots) in self.constraints.iter().zip(&self.slots.jacobian) {
             c.element.jacobian(Self::pair(q, c.bodies), &mut rows);
-            add_rows(g, slots, c.element.rows(), &rows, true);
+            set_rows(&mut g.blocks_mut(), slots, c.element.rows(), &rows);
         }
         for (id, body) in self.slots.normalization.iter().zip(q.chunks_exact(N)) {
             for (out, e) in g.block_mut(*id).iter_mut().zip(&body[D..]) {
@@ -349,84 +312,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
 
     fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks) {
         checkpoint(8 * self.numbers());
-        out.stiffness.clear();
-        out.damping.clear();
-        out.force_time.fill(0.0);
-        out.velocity_rhs_time.fill(0.0);
-        out.acceleration_rhs_time.fill(0.0);
-        for (b, (body, id)) in self.bodies.iter().zip(&self.slots.diagonal).enumerate() {
-            S::inertia_blocks(
-                &body.inertia,
-                Self::pose(&state.q, Some(b)),
-                Self::rate(&state.v, Some(b)),
-                Self::rate(&state.a, Some(b)),
-                out.stiffness.block_mut(*id),
-                out.damping.block_mut(*id),
-            );
-        }
-        let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);
-        let mut pairs = PairBlocks([[[[0.0; N]; N]; 2]; 2]);
-        for (k, c) in self.constraints.iter().enumerate() {
-            let q = Self::pair(&state.q, c.bodies);
-            let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
-            let count = c.element.rows();
-            let slots = &self.slots.jacobian[k];
-            c.element.directional(q, v, &mut rows);
-            add_rows(&mut out.a0, slots, count, &rows, true);
-            c.element.directional(q, a, &mut rows);
-            add_rows(&mut out.a1, slots, count, &rows, true);
-            c.element.curvature_gradient(q, v, &mut rows);
-            add_rows(&mut out.a1, slots, count, &rows, false);
-            c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
-            add_pairs(&mut out.stiffness, &self.slots.constraint_pairs[k], &pairs);
-            if let Some(s) = c.element.drive(state.t) {
-                out.velocity_rhs_time[c.row] = s[2];
-                out.acceleration_rhs_time[c.row] = s[3];
-            }
-        }
-        for (b, id) in self.slots.normalization.iter().enumerate() {
-            let (v, a) = (Self::rate(&state.v, Some(b)), Self::rate(&state.a, Some(b)));
-            let l = 2.0 * state.lambda[self.structure.normalization_start + b];
-            for k in D..N {
-                out.a0.block_mut(*id)[k - D] = 2.0 * v[k];
-                out.a1.block_mut(*id)[k - D] = 2.0 * a[k];
-                out.stiffness.block_mut(self.slots.diagonal[b])[k * N + k] += l;
-            }
-        }
-        let zero = [[0.0; N]; 2];
-        let mut blocks = ForceBlocks {
-            k: PairBlocks([[[[0.0; N]; N]; 2]; 2]),
-            c: PairBlocks([[[[0.0; N]; N]; 2]; 2]),
-            t: zero,
-            z: zero,
-            rate_q: zero,
-            rate_v: zero,
-            rate_z: 0.0,
-            rate_t: 0.0,
-        };
-        for (f, slots) in self.forces.iter().zip(&self.slots.force_pairs) {
-            f.element.blocks(&Self::input(f, state), &mut blocks);
-            add_pairs(&mut out.stiffness, slots, &blocks.k);
-            add_pairs(&mut out.damping, slots, &blocks.c);
-            for side in 0..2 {
-                if let Some(b) = f.bodies[side] {
-                    let target = &mut out.force_time[b * N..(b + 1) * N];
-                    for (o, x) in target.iter_mut().zip(&blocks.t[side]) {
-                        *o += x;
-                    }
-                }
-            }
-            if let Some(k) = f.extra {
-                for side in 0..2 {
-                    let at = (2 * k + side) * N;
-                    out.force_extra[at..at + N].copy_from_slice(&blocks.z[side]);
-                    out.extra_position[at..at + N].copy_from_slice(&blocks.rate_q[side]);
-                    out.extra_velocity[at..at + N].copy_from_slice(&blocks.rate_v[side]);
-                }
-                out.extra_extra[k] = blocks.rate_z;
-                out.extra_time[k] = blocks.rate_t;
-            }
-        }
+        self.add_up(state, out);
     }
 
     fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]) {

@@ -4,7 +4,7 @@ use super::cartesian::Cartesian;
 use super::cartesian_planar::Planar;
 use super::cartesian_spatial::Spatial;
 use super::forest::{self, ResistanceLaw};
-use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
+use super::placed::{Elements, Part, PlacedBody, PlacedConstraint, PlacedForce, Slots};
 use super::space::Space;
 use super::structure::{JointRows, Sizes, Structure};
 use super::turns::Turns;
@@ -16,6 +16,10 @@ use crate::watch::{NAMED, checkpoint, stage};
 use holonom_linalg::BlockMatrix;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+
+/// Most parts of a system that are evaluated at the same time, and bodies of the smallest.
+const PARTS: usize = 16;
+const SMALLEST_PART: usize = 32;
 
 /// Compiles a model in Cartesian coordinates.
 pub fn compile(model: &Model) -> Arc<dyn System> {
@@ -112,22 +116,25 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         extra_states,
         windings,
     };
-    let (structure, slots) = match base.filter(|b| b.same_structure(&constraints, &forces)) {
-        Some(base) if base.structure.sizes == sizes => (base.structure.clone(), base.slots.clone()),
-        _ => {
-            let (structure, slots) =
-                patterns::<S, D, N>(sizes, normalization_start, &constraints, &forces);
-            (Arc::new(structure), Arc::new(slots))
-        }
-    };
+    let base = base
+        .filter(|b| b.same_structure(&constraints, &forces))
+        .filter(|b| b.structure.sizes == sizes);
     let mut gravity = model.gravity;
     gravity[D..].fill(0.0);
     let rows: Vec<(usize, usize)> = constraints.iter().map(|c| (c.row, c.element.rows())).collect();
     let joint_windings: Vec<Option<usize>> =
         constraints.iter().map(|c| c.turns.as_ref().map(|t| t.index)).collect();
-    let shared = base.filter(|b| Arc::ptr_eq(&b.structure, &structure)).map(|b| &b.tree.forest);
-    let known = forest.or(shared);
+    let known = forest.or(base.map(|b| &b.tree.forest));
     let mut built = forest::build::<S, D, N>(model, center, &rows, &joint_windings, known);
+    let (structure, slots) = match base {
+        Some(base) => (base.structure.clone(), base.slots.clone()),
+        None => {
+            let walk = built.tree.forest.walk();
+            let (structure, slots) =
+                patterns::<S, D, N>(sizes, normalization_start, &constraints, &forces, &walk);
+            (Arc::new(structure), Arc::new(slots))
+        }
+    };
     let untold = tell_turns(model, &built.tree, &mut constraints, &mut forces);
     built.tree.untold_turns.extend(untold);
     let resistance = |e: &super::ElasticLoop| ResistanceLaw::of(&model.forces[e.force]);
@@ -206,7 +213,10 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
     normalization_start: usize,
     constraints: &[PlacedConstraint<S::Constraint>],
     forces: &[PlacedForce<S::Force>],
+    walk: &[usize],
 ) -> (Structure, Slots) {
+    let mut position = vec![0; sizes.bodies];
+    walk.iter().enumerate().for_each(|(at, &body)| position[body] = at as u32);
     // Places are named in the order in which their blocks are handed out again below.
     let mut jacobian = Vec::new();
     let mut stiffness = Vec::new();
@@ -232,11 +242,23 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
             stiffness.extend(ends.into_iter().flatten().map(|j| (i * N, j * N, N, N)));
         }
     }
-    let (constraint_pattern, ids) = BlockMatrix::new(sizes.rows, sizes.coordinates, &jacobian);
-    let mut jacobian_ids = ids.into_iter();
+    // Values stand in the order of the walk: a block belongs to the last of its bodies.
+    let later = |ends: [Option<usize>; 2]| ends.into_iter().flatten().map(|b| position[b]).max();
+    let mut row_owner = vec![0; sizes.rows];
+    for c in constraints {
+        row_owner[c.row..c.row + c.element.rows()].fill(later(c.bodies).unwrap_or_default());
+    }
+    for (owner, position) in row_owner[normalization_start..].iter_mut().zip(&position) {
+        *owner = *position;
+    }
+    let of_row = |block: &Place| row_owner[block.0];
+    let of_pair = |block: &Place| position[block.0 / N].max(position[block.1 / N]);
+    let (constraint_pattern, ids) =
+        BlockMatrix::new(sizes.rows, sizes.coordinates, &in_order(&jacobian, of_row));
+    let mut jacobian_ids = ids.into_iter().skip(jacobian.len());
     let square = sizes.coordinates;
-    let (stiffness_pattern, ids) = BlockMatrix::new(square, square, &stiffness);
-    let mut stiffness_ids = ids.into_iter();
+    let (stiffness_pattern, ids) = BlockMatrix::new(square, square, &in_order(&stiffness, of_pair));
+    let mut stiffness_ids = ids.into_iter().skip(stiffness.len());
     let (mass_pattern, mass_ids) = BlockMatrix::new(square, square, &mass);
     let mut place = |b: Option<usize>| b.and_then(|_| jacobian_ids.next());
     let mut slots = Slots {
@@ -252,6 +274,48 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
     };
     slots.constraint_pairs = constraints.iter().map(|c| place(c.bodies)).collect();
     slots.force_pairs = forces.iter().map(|f| place(f.bodies)).collect();
+    let ends = |pattern: &BlockMatrix, owner: &dyn Fn(&Place) -> u32| -> Vec<usize> {
+        let mut ends = vec![0; sizes.bodies];
+        let mut at = 0;
+        for place in pattern.shapes() {
+            at += place.2 * place.3;
+            ends[owner(&place) as usize] = at;
+        }
+        let mut last = 0;
+        ends.into_iter()
+            .map(|end| {
+                last = end.max(last);
+                last
+            })
+            .collect()
+    };
+    let of_k = ends(&stiffness_pattern, &of_pair);
+    let of_g = ends(&constraint_pattern, &of_row);
+    let size = sizes.bodies.div_ceil(PARTS).max(SMALLEST_PART);
+    let mut parts: Vec<Part> = (0..sizes.bodies)
+        .step_by(size)
+        .map(|first| {
+            let end = sizes.bodies.min(first + size);
+            let elements = Elements::default();
+            Part { elements, end: [end, of_k[end - 1], of_g[end - 1]] }
+        })
+        .collect();
+    let mut rest = Elements::default();
+    let part_of = |ends: [Option<usize>; 2]| {
+        let [a, b] = ends.map(|body| body.map(|body| position[body] as usize / size));
+        if a.is_some() && b.is_some() && a != b { None } else { a.or(b) }
+    };
+    for (k, c) in constraints.iter().enumerate() {
+        let to = part_of(c.bodies).map_or(&mut rest, |part| &mut parts[part].elements);
+        to.constraints.push(k as u32);
+    }
+    for (k, f) in forces.iter().enumerate() {
+        let part = part_of(f.bodies).filter(|_| f.extra.is_none());
+        let to = part.map_or(&mut rest, |part| &mut parts[part].elements);
+        to.forces.push(k as u32);
+    }
+    let walk = walk.iter().map(|&body| body as u32).collect();
+    (slots.walk, slots.position, slots.parts, slots.rest) = (walk, position, parts, rest);
     let mut row_measure = vec![Measure::Angle; sizes.rows];
     for c in constraints {
         for k in 0..c.element.rows() {
@@ -277,4 +341,15 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
         normalization_start,
     };
     (structure, slots)
+}
+
+/// First row and column, rows and columns of a block.
+type Place = (usize, usize, usize, usize);
+
+/// The blocks in the order of their owners, then once more as they are.
+fn in_order(blocks: &[Place], owner: impl Fn(&Place) -> u32) -> Vec<Place> {
+    let mut all = blocks.to_vec();
+    all.sort_by_key(owner);
+    all.extend(blocks);
+    all
 }

@@ -6,6 +6,7 @@
 
 mod cartesian;
 mod cartesian_bodies;
+mod cartesian_derivatives;
 mod cartesian_directory;
 mod cartesian_planar;
 mod cartesian_spatial;
@@ -184,7 +185,7 @@ pub trait Bodies {
     /// the body's origin position, orientation, velocity, angular velocity in ground axes.
     fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]);
 
-    /// The inverse of [`System::set_body`].
+    /// The inverse of [`Bodies::set_body`].
     fn body(&self, body: usize, q: &[f64], v: &[f64]) -> BodyPose;
 
     /// Mass of a body, kg.

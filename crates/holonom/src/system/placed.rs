@@ -37,6 +37,22 @@ pub(super) struct PlacedBody {
     pub(super) markers: Vec<(String, [f64; 3])>,
 }
 
+/// Elements, by their numbers.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Elements {
+    pub(super) constraints: Vec<u32>,
+    pub(super) forces: Vec<u32>,
+}
+
+/// Bodies that stand together in the walk along the forest, with the elements among them: blocks of G, K and C
+/// with one of these bodies and none that comes later stand together too.
+#[derive(Debug, Clone)]
+pub(super) struct Part {
+    pub(super) elements: Elements,
+    /// Where its bodies end in the walk, and its blocks among the values of K or C and of G.
+    pub(super) end: [usize; 3],
+}
+
 /// Block numbers of the elements in the patterns of [`Structure`].
 #[derive(Debug, Clone, Default)]
 pub(super) struct Slots {
@@ -52,4 +68,11 @@ pub(super) struct Slots {
     pub(super) mass: Vec<[BlockId; 2]>,
     /// Per body: normalisation block of G.
     pub(super) normalization: Vec<BlockId>,
+    /// Bodies in the order of a walk along the forest, and the place of each.
+    pub(super) walk: Vec<u32>,
+    pub(super) position: Vec<u32>,
+    /// What can be evaluated at the same time, and what comes after that: elements between bodies of
+    /// different parts, and those with extra states.
+    pub(super) parts: Vec<Part>,
+    pub(super) rest: Elements,
 }

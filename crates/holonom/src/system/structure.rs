@@ -1,6 +1,7 @@
 //! Sizes, numbering and sparsity patterns of a system: everything that parameter values leave alone.
 
 use super::Measure;
+use crate::threads::Threads;
 use crate::topology::sharing_a_body;
 use holonom_linalg::{BlockId, BlockMatrix, Scalar};
 
@@ -76,10 +77,14 @@ impl Structure {
         sharing_a_body(self.sizes.bodies, &ends)
     }
 
-    /// Buffers for the derivative blocks.
-    pub fn derivative_blocks(&self) -> DerivativeBlocks {
+    /// Buffers for the derivative blocks, which `threads` share the work of where there is enough of it.
+    pub fn derivative_blocks(&self, threads: &Threads) -> DerivativeBlocks {
         let s = &self.sizes;
+        let elements = s.bodies + self.joints.len();
+        let threads = if elements >= SHARED { threads.clone() } else { Threads::default() };
         DerivativeBlocks {
+            time: vec![0.0; s.coordinates],
+            threads,
             stiffness: self.stiffness_pattern.clone(),
             damping: self.stiffness_pattern.clone(),
             a0: self.constraint_pattern.clone(),
@@ -123,9 +128,20 @@ pub struct DerivativeBlocks {
     pub extra_extra: Vec<f64>,
     /// g_t.
     pub extra_time: Vec<f64>,
+    pub(super) threads: Threads,
+    /// F_t in another order.
+    pub(super) time: Vec<f64>,
 }
 
+/// Bodies and joints from which threads share the work.
+const SHARED: usize = 400;
+
 impl DerivativeBlocks {
+    /// Who shares the work.
+    pub fn threads(&self) -> &Threads {
+        &self.threads
+    }
+
     /// g_q δq + g_q̇ δq̇ of extra state `k` with the bodies `ends` of `per_body` coordinates each.
     pub fn extra_rate<T: Scalar>(
         &self,

@@ -153,6 +153,29 @@ impl Forest {
         (order.len() == count).then_some(Self { edge, parent, order, depth, cuts })
     }
 
+    /// All bodies, each with those that hang on it right behind, few before many: neighbours are near.
+    pub fn walk(&self) -> Vec<usize> {
+        let mut sizes = vec![1; self.parent.len()];
+        for &body in self.order.iter().rev() {
+            if let Some(parent) = self.parent[body] {
+                sizes[parent] += sizes[body];
+            }
+        }
+        let mut children = vec![Vec::new(); self.parent.len()];
+        let mut left = Vec::new();
+        for &body in &self.order {
+            self.parent[body].map_or(&mut left, |parent| &mut children[parent]).push(body);
+        }
+        left.reverse();
+        let mut walk = Vec::with_capacity(self.parent.len());
+        while let Some(body) = left.pop() {
+            walk.push(body);
+            children[body].sort_by_key(|&child| std::cmp::Reverse(sizes[child]));
+            left.append(&mut children[body]);
+        }
+        walk
+    }
+
     /// Number of edges of the graph.
     pub fn edges(&self) -> usize {
         self.cuts.len() + self.edge.iter().flatten().count()

@@ -7,6 +7,7 @@ use super::blocks::ReducedBlocks;
 use super::sparse_pattern::Sum;
 use crate::reduction::{BodyRows, Manifold};
 use crate::system::Structure;
+use crate::threads::Threads;
 use holonom_linalg::small::{Square, add_product, add_times, inverse, product, scaled};
 use holonom_linalg::{Complex64, SingularMatrix};
 use numbers::Numbers;
@@ -16,6 +17,9 @@ use std::sync::Arc;
 /// Growth of numbers in the elimination of a body that leaves nine digits; beyond it another order of pivots
 /// is needed.
 const LARGEST_GROWTH: f64 = 1e-9 / f64::EPSILON;
+/// Bodies times the cube of their coordinates from which threads share the work, and bodies of one piece.
+const SHARED: usize = 10_000;
+const GRAIN: usize = 32;
 
 /// Elimination for bodies in a plane or in space.
 #[derive(Debug, Clone)]
@@ -31,14 +35,11 @@ pub(super) enum ForestElimination {
 /// ```
 ///
 /// with the subscript p for the parent, E and F the body's rows of G̃, T = −E⁻¹F, and λ̃ = 0 in the rows of P.
-/// Equations: `docs/theory/newton.md` (15)-(21).
+/// Bodies are numbered by their positions in the tree. Equations: `docs/theory/newton.md` (15)-(21).
 #[derive(Debug, Clone)]
 pub(super) struct Elimination<const N: usize> {
     plan: Arc<Plan>,
-    /// E and F, and in the same places Ã₀ and Ã₁.
-    joints: Vec<f64>,
-    a0: Vec<f64>,
-    a1: Vec<f64>,
+    threads: Threads,
     motions: Vec<Motion<N>>,
     columns: Vec<Column<N>>,
     real: Numbers<f64, N>,
@@ -70,16 +71,16 @@ struct Column<const N: usize> {
 impl ForestElimination {
     /// Whether there is one for the manifold's present parametrization.
     pub(super) fn fits(manifold: &Manifold) -> bool {
-        manifold.chart().forest().is_some_and(|forest| Plan::new(manifold, forest).is_some())
+        Plan::new(manifold).is_some()
     }
 
     /// For the manifold's present parametrization, if the bodies form a forest in which forces couple
     /// neighbours only.
-    pub(super) fn new(manifold: &Manifold) -> Option<Self> {
-        let plan = Arc::new(Plan::new(manifold, manifold.chart().forest()?)?);
-        Some(match plan.forest.size() {
-            3 => Self::Planar(Box::new(Elimination::new(plan))),
-            _ => Self::Spatial(Box::new(Elimination::new(plan))),
+    pub(super) fn new(manifold: &Manifold, threads: &Threads) -> Option<Self> {
+        let plan = Arc::new(Plan::new(manifold)?);
+        Some(match plan.tree.forest().size() {
+            3 => Self::Planar(Box::new(Elimination::new(plan, threads.clone()))),
+            _ => Self::Spatial(Box::new(Elimination::new(plan, threads.clone()))),
         })
     }
 
@@ -139,8 +140,8 @@ impl ForestElimination {
 }
 
 impl<const N: usize> Elimination<N> {
-    fn new(plan: Arc<Plan>) -> Self {
-        let (count, free) = (plan.forest.len(), plan.first[plan.forest.len()]);
+    fn new(plan: Arc<Plan>, threads: Threads) -> Self {
+        let (count, free) = (plan.tree.len(), plan.tree.free_before(plan.tree.len()));
         let zero = [[0.0; N]; N];
         let motion = Motion {
             inverse: zero,
@@ -152,11 +153,10 @@ impl<const N: usize> Elimination<N> {
             mu: zero,
         };
         let column = Column { b: [0.0; N], alpha: [0.0; N], kappa: [0.0; N], mu: [0.0; N] };
-        let values = plan.forest.values();
+        // Work too small to be shared is the calling thread's.
+        let shared = threads.are_several() && count * N * N * N >= SHARED;
         Self {
-            joints: vec![0.0; values],
-            a0: vec![0.0; values],
-            a1: vec![0.0; values],
+            threads: if shared { threads } else { Threads::default() },
             motions: vec![motion; count],
             columns: vec![column; free],
             real: Numbers::new(&plan),
@@ -171,68 +171,26 @@ impl<const N: usize> Elimination<N> {
         moving: &BodyRows,
         blocks: &ReducedBlocks,
     ) -> Result<(), SingularMatrix> {
-        let plan = &*self.plan;
         let derivatives = &blocks.blocks;
-        let sources = [
-            (&mut self.joints, jacobian, moving.values()),
-            (&mut self.a0, derivatives.a0.values(), blocks.turning.values()),
-            (&mut self.a1, derivatives.a1.values(), blocks.turning_rate.values()),
-        ];
-        for (to, jacobian, moving) in sources {
-            for &(at, slot) in &plan.jacobian {
-                to[slot as usize] = jacobian[at as usize];
-            }
-            for &(at, slot) in &plan.moving {
-                to[slot as usize] = moving[at as usize];
-            }
-        }
-        for &(x, slot) in &plan.constants {
-            self.joints[slot as usize] = x;
-        }
-        for (block, motion) in self.motions.iter_mut().enumerate() {
-            let at = |values: &[f64], side: usize| -> Square<f64, N> {
-                let (rows, _) = values.as_chunks::<N>();
-                *rows[(2 * block + side) * N..].first_chunk().expect("N rows")
-            };
-            let e = at(&self.joints, 0);
-            let Some(inverse) = inverse(&e) else {
-                let row = plan.forest.rows(block)[0] as usize;
-                return Err(SingularMatrix { row, column: block * N, pivot: 0.0 });
-            };
-            let minus = scaled(-1.0, &inverse);
-            motion.inverse = inverse;
-            motion.q0 = product(&inverse, &at(&self.a0, 0));
-            motion.q1 = product(&inverse, &at(&self.a1, 0));
-            if plan.forest.parent(block).is_some() {
-                motion.t = product(&minus, &at(&self.joints, 1));
-                motion.alpha = product(&minus, &at(&self.a0, 1));
-                add_product(&mut motion.alpha, &scaled(-1.0, &motion.q0), &motion.t);
-                motion.kappa = product(&minus, &at(&self.a1, 1));
-                add_product(&mut motion.kappa, &scaled(-1.0, &motion.q1), &motion.t);
-                motion.mu = product(&scaled(-1.0, &motion.q0), &motion.alpha);
-            }
-            let free = plan.free(block);
-            let k = free.len();
-            for (c, column) in self.columns[free].iter_mut().enumerate() {
-                column.b = std::array::from_fn(|i| inverse[i][N - k + c]);
-                (column.alpha, column.kappa, column.mu) = ([0.0; N], [0.0; N], [0.0; N]);
-                add_times(&mut column.alpha, -1.0, &motion.q0, &column.b);
-                add_times(&mut column.kappa, -1.0, &motion.q1, &column.b);
-                add_times(&mut column.mu, -1.0, &motion.q0, &column.alpha);
-            }
-        }
-        Ok(())
+        let at = Sources {
+            plan: &self.plan,
+            threads: &self.threads,
+            rows: [jacobian, derivatives.a0.values(), derivatives.a1.values()],
+            moving: [moving, &blocks.turning, &blocks.turning_rate].map(BodyRows::values),
+        };
+        let (motions, columns) = (&mut self.motions, &mut self.columns);
+        self.threads.share(|| at.linearize(0, motions, columns))
     }
 
     fn factor(&mut self, structure: &Structure, sum: &Sum<'_, f64>) -> Result<(), SingularMatrix> {
-        let growth = self.real.factor(&self.plan, &self.motions, &self.columns, structure, sum)?;
-        match growth {
-            (size, _) if size <= LARGEST_GROWTH => Ok(()),
-            (size, block) => {
-                let row = self.plan.forest.rows(block)[N - 1] as usize;
-                Err(SingularMatrix { row, column: block * N, pivot: 1.0 / size })
-            }
+        let Self { plan, threads, motions, columns, real, .. } = self;
+        let (growth, at) =
+            threads.share(|| real.factor(plan, threads, motions, columns, structure, sum))?;
+        if growth <= LARGEST_GROWTH {
+            return Ok(());
         }
+        let row = plan.tree.rows(at)[N - 1] as usize;
+        Err(SingularMatrix { row, column: plan.tree.body(at) * N, pivot: 1.0 / growth })
     }
 
     fn factor_complex(
@@ -240,8 +198,10 @@ impl<const N: usize> Elimination<N> {
         structure: &Structure,
         sum: &Sum<'_, Complex64>,
     ) -> Result<(), SingularMatrix> {
-        let numbers = self.complex.get_or_insert_with(|| Numbers::new(&self.plan));
-        numbers.factor(&self.plan, &self.motions, &self.columns, structure, sum).map(|_| ())
+        let Self { plan, threads, motions, columns, complex, .. } = self;
+        let numbers = complex.get_or_insert_with(|| Numbers::new(plan));
+        let factor = || numbers.factor(plan, threads, motions, columns, structure, sum);
+        threads.share(factor).map(|_| ())
     }
 
     fn solve(&mut self, right: &mut [f64], blocks: &ReducedBlocks, multipliers: bool) {
@@ -253,5 +213,85 @@ impl<const N: usize> Elimination<N> {
         let Self { plan, motions, columns, complex, .. } = self;
         let numbers = complex.as_mut().expect("factored before");
         numbers.solve(plan, motions, columns, right, blocks, false);
+    }
+}
+
+/// Where the rows of joints and of P come from, and (G q̇)_q, (G q̈ − τ)_q with what belongs to them in P.
+struct Sources<'a> {
+    plan: &'a Plan,
+    threads: &'a Threads,
+    rows: [&'a [f64]; 3],
+    moving: [&'a [f64]; 3],
+}
+
+impl Sources<'_> {
+    /// How the bodies from position `first` on follow their parents.
+    fn linearize<const N: usize>(
+        &self,
+        first: usize,
+        motions: &mut [Motion<N>],
+        columns: &mut [Column<N>],
+    ) -> Result<(), SingularMatrix> {
+        let tree = &self.plan.tree;
+        if motions.len() > GRAIN && self.threads.are_several() {
+            let half = motions.len() / 2;
+            let (left, right) = motions.split_at_mut(half);
+            let middle = tree.free_before(first + half) - tree.free_before(first);
+            let (left_columns, right_columns) = columns.split_at_mut(middle);
+            let (left, right) = self.threads.join(
+                || self.linearize(first, left, left_columns),
+                || self.linearize(first + half, right, right_columns),
+            );
+            return left.and(right);
+        }
+        let before = tree.free_before(first);
+        for (at, motion) in (first..).zip(motions) {
+            // E and F, and in the same places Ã₀ and Ã₁.
+            let mut values = [[[[0.0; N]; N]; 2]; 3];
+            for (values, (rows, moving)) in
+                values.iter_mut().zip(self.rows.iter().zip(&self.moving))
+            {
+                let values = values.as_flattened_mut().as_flattened_mut();
+                for &(from, to) in self.plan.jacobian.at(at) {
+                    values[to as usize] = rows[from as usize];
+                }
+                for &(from, to) in self.plan.moving.at(at) {
+                    values[to as usize] = moving[from as usize];
+                }
+            }
+            let [[e, f], [a0, a0_parent], [a1, a1_parent]] = &mut values;
+            for &(x, to) in self.plan.constants.at(at) {
+                let to = to as usize;
+                let side = if to < N * N { &mut *e } else { &mut *f };
+                side.as_flattened_mut()[to % (N * N)] = x;
+            }
+            let Some(inverse) = inverse(e) else {
+                let row = tree.rows(at)[0] as usize;
+                return Err(SingularMatrix { row, column: tree.body(at) * N, pivot: 0.0 });
+            };
+            let minus = scaled(-1.0, &inverse);
+            motion.inverse = inverse;
+            motion.q0 = product(&inverse, a0);
+            motion.q1 = product(&inverse, a1);
+            if tree.parent(at).is_some() {
+                motion.t = product(&minus, f);
+                motion.alpha = product(&minus, a0_parent);
+                add_product(&mut motion.alpha, &scaled(-1.0, &motion.q0), &motion.t);
+                motion.kappa = product(&minus, a1_parent);
+                add_product(&mut motion.kappa, &scaled(-1.0, &motion.q1), &motion.t);
+                motion.mu = product(&scaled(-1.0, &motion.q0), &motion.alpha);
+            }
+            let free = tree.free(at);
+            let k = free.len();
+            let columns = &mut columns[free.start - before..free.end - before];
+            for (c, column) in columns.iter_mut().enumerate() {
+                column.b = std::array::from_fn(|i| inverse[i][N - k + c]);
+                (column.alpha, column.kappa, column.mu) = ([0.0; N], [0.0; N], [0.0; N]);
+                add_times(&mut column.alpha, -1.0, &motion.q0, &column.b);
+                add_times(&mut column.kappa, -1.0, &motion.q1, &column.b);
+                add_times(&mut column.mu, -1.0, &motion.q0, &column.alpha);
+            }
+        }
+        Ok(())
     }
 }

@@ -1,41 +1,80 @@
 //! Coefficients of a step and the factors of a tree's matrix for them, real or complex.
 
 use super::plan::{Extra, NONE, Plan};
-use super::{Column, Motion};
+use super::{Column, GRAIN, Motion};
 use crate::newton::blocks::ReducedBlocks;
 use crate::newton::sparse_pattern::Sum;
 use crate::system::Structure;
+use crate::threads::Threads;
 use holonom_linalg::small::{
     Square, add_own_times, add_product, add_times, add_transposed_product, add_transposed_times,
     factor, scaled, solve,
 };
 use holonom_linalg::watch::checkpoint;
 use holonom_linalg::{BlockMatrix, Scalar, SingularMatrix};
+use std::ops::Range;
 
-/// Coefficients of a step, and the factors for them.
+/// Coefficients of a step, and the factors for them; bodies by their positions in the tree.
 #[derive(Debug, Clone)]
 pub(super) struct Numbers<T, const N: usize> {
-    gamma_h: T,
-    beta_h2: T,
-    ratio: T,
-    /// H of the three levels, and βh²κ + 2γhη μ: what a does with x of the parent.
-    h: Vec<[Square<T, N>; 3]>,
-    bend: Vec<Square<T, N>>,
+    step: Step<T>,
+    bodies: Vec<Body<T, N>>,
     /// Ψ of each body, factored, with its row exchanges.
     psi: Vec<T>,
     exchanges: Vec<u8>,
-    /// Per independent variable: its column of ℬ, the size of what children add to its diagonal of Ψ before anything is taken
-    /// from it, its row of Z = Ψ⁻¹BᵀA, and its column of V.
+    free: Vec<Free<T, N>>,
+    /// Of each independent variable its column of ℬ.
     columns: Vec<[[T; N]; 3]>,
-    sizes: Vec<f64>,
-    z: Vec<[[T; N]; 3]>,
-    v: Vec<[T; N]>,
     /// K (b, p), C (b, p), K (p, b), C (p, b), scaled, where extra states add to them; else none.
     extra: Vec<[Square<T, N>; 4]>,
+    /// What the parts of the plan add to their parents.
+    additions: Vec<Addition<T, N>>,
     /// φ, w and r of a solution.
     phi: Vec<[T; N]>,
     w: Vec<[[T; N]; 3]>,
     r: Vec<T>,
+}
+
+/// γh, βh² and their ratio βh²/γh.
+#[derive(Debug, Clone, Copy)]
+struct Step<T> {
+    gamma_h: T,
+    beta_h2: T,
+    ratio: T,
+}
+
+/// H of the three levels, and βh²κ + 2γhη μ: what a does with x of the parent.
+#[derive(Debug, Clone)]
+struct Body<T, const N: usize> {
+    h: [Square<T, N>; 3],
+    bend: Square<T, N>,
+}
+
+/// Of an independent variable the size of what children add to its diagonal of Ψ before anything is taken from
+/// it, its row of Z = Ψ⁻¹BᵀA, and its column of V.
+#[derive(Debug, Clone)]
+struct Free<T, const N: usize> {
+    size: f64,
+    z: [[T; N]; 3],
+    v: [T; N],
+}
+
+/// What a body adds to H of its parent, and to the sizes of its parent's independent variables.
+#[derive(Debug, Clone)]
+struct Addition<T, const N: usize> {
+    h: [Square<T, N>; 3],
+    sizes: [f64; N],
+}
+
+impl<T: Scalar, const N: usize> Addition<T, N> {
+    const ZERO: Self = Self { h: [[[T::ZERO; N]; N]; 3], sizes: [0.0; N] };
+}
+
+/// Growth of numbers and the position it was at.
+type Growth = (f64, usize);
+
+fn larger(one: Growth, other: Growth) -> Growth {
+    if other.0 > one.0 { other } else { one }
 }
 
 /// The block of `matrix` with this first value, times a number; zero where there is none.
@@ -48,57 +87,362 @@ fn block<T: Scalar, const N: usize>(matrix: &BlockMatrix, at: usize, scale: T) -
     std::array::from_fn(|i| std::array::from_fn(|j| scale.scaled(values[i * N + j])))
 }
 
-impl<T: Scalar, const N: usize> Numbers<T, N> {
-    pub(super) fn new(plan: &Plan) -> Self {
-        let (count, free) = (plan.forest.len(), plan.first[plan.forest.len()]);
-        let zero = [[T::ZERO; N]; N];
-        Self {
-            gamma_h: T::ZERO,
-            beta_h2: T::ZERO,
-            ratio: T::ZERO,
-            h: vec![[zero; 3]; count],
-            bend: vec![zero; count],
-            columns: vec![[[T::ZERO; N]; 3]; free],
-            psi: vec![T::ZERO; plan.pivots[count]],
-            exchanges: vec![0; free],
-            sizes: vec![0.0; free],
-            z: vec![[[T::ZERO; N]; 3]; free],
-            v: vec![[T::ZERO; N]; free],
-            extra: vec![[zero; 4]; if plan.extra.is_empty() { 0 } else { count }],
-            phi: vec![[T::ZERO; N]; count],
-            w: vec![[[T::ZERO; N]; 3]; count],
-            r: vec![T::ZERO; free],
+#[inline(always)]
+fn add<T: Scalar, const N: usize>(out: &mut Square<T, N>, a: &Square<T, N>) {
+    for i in 0..N {
+        for j in 0..N {
+            out[i][j] = out[i][j] + a[i][j];
         }
     }
+}
 
-    /// K and C between a body and its parent, scaled: (b, p) or (p, b).
+impl<T: Scalar> Step<T> {
     #[inline(always)]
-    fn coupling(
-        &self,
-        plan: &Plan,
-        b: usize,
-        upper: bool,
-        blocks: &ReducedBlocks,
-    ) -> Option<[Square<T, N>; 2]> {
-        let at = plan.blocks[b][if upper { 2 } else { 1 }];
-        if at == NONE && self.extra.is_empty() {
-            return None;
+    fn bend_of<const N: usize>(&self, motion: &Motion<N>) -> Square<T, N> {
+        let twice = (self.gamma_h * self.ratio).scaled(2.0);
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                self.beta_h2.scaled(motion.kappa[i][j]) + twice.scaled(motion.mu[i][j])
+            })
+        })
+    }
+
+    /// A column of ℬ.
+    #[inline(always)]
+    fn column_of<const N: usize>(&self, c: &Column<N>) -> [[T; N]; 3] {
+        let twice = self.gamma_h.scaled(2.0);
+        let both = twice * self.ratio;
+        [
+            std::array::from_fn(|i| T::from(c.b[i])),
+            std::array::from_fn(|i| T::from(c.b[i]) + self.ratio.scaled(c.alpha[i])),
+            std::array::from_fn(|i| {
+                T::from(c.b[i])
+                    + twice.scaled(c.alpha[i])
+                    + self.beta_h2.scaled(c.kappa[i])
+                    + both.scaled(c.mu[i])
+            }),
+        ]
+    }
+}
+
+/// K and C between the body at a position and its parent, scaled: (b, p) or (p, b).
+#[inline(always)]
+fn coupling<T: Scalar, const N: usize>(
+    plan: &Plan,
+    step: &Step<T>,
+    extra: &[[Square<T, N>; 4]],
+    at: usize,
+    upper: bool,
+    blocks: &ReducedBlocks,
+) -> Option<[Square<T, N>; 2]> {
+    let from = plan.blocks[at][if upper { 2 } else { 1 }];
+    if from == NONE && extra.is_empty() {
+        return None;
+    }
+    let mut out = [
+        block(&blocks.blocks.stiffness, from, step.beta_h2),
+        block(&blocks.blocks.damping, from, step.gamma_h),
+    ];
+    if let Some(extra) = extra.get(at) {
+        for (out, extra) in out.iter_mut().zip(&extra[if upper { 2 } else { 0 }..]) {
+            add(out, extra);
         }
-        let mut out = [
-            block(&blocks.blocks.stiffness, at, self.beta_h2),
-            block(&blocks.blocks.damping, at, self.gamma_h),
+    }
+    Some(out)
+}
+
+/// H of bodies alone, from position `first` on, and their columns of ℬ.
+fn begin<T: Scalar, const N: usize>(
+    plan: &Plan,
+    threads: &Threads,
+    sum: &Sum<'_, T>,
+    step: &Step<T>,
+    made: &[Column<N>],
+    first: usize,
+    bodies: &mut [Body<T, N>],
+    columns: &mut [[[T; N]; 3]],
+) {
+    let tree = &plan.tree;
+    if bodies.len() > GRAIN && threads.are_several() {
+        let half = bodies.len() / 2;
+        let (left, right) = bodies.split_at_mut(half);
+        let middle = tree.free_before(first + half) - tree.free_before(first);
+        let (left_columns, right_columns) = columns.split_at_mut(middle);
+        threads.join(
+            || begin(plan, threads, sum, step, made, first, left, left_columns),
+            || begin(plan, threads, sum, step, made, first + half, right, right_columns),
+        );
+        return;
+    }
+    for (column, made) in columns.iter_mut().zip(&made[tree.free_before(first)..]) {
+        *column = step.column_of(made);
+    }
+    let b = &sum.blocks.blocks;
+    for (at, body) in (first..).zip(bodies) {
+        let from = plan.blocks[at][0];
+        body.h = [
+            block(&b.stiffness, from, sum.beta_h2),
+            block(&b.damping, from, sum.gamma_h),
+            tree.mass(at, sum.mass),
         ];
-        if let Some(extra) = self.extra.get(b) {
-            let from = if upper { 2 } else { 0 };
-            for (out, extra) in out.iter_mut().zip(&extra[from..]) {
+    }
+}
+
+/// Everything that an elimination reads.
+struct Given<'a, T, const N: usize> {
+    plan: &'a Plan,
+    threads: &'a Threads,
+    motions: &'a [Motion<N>],
+    made: &'a [Column<N>],
+    columns: &'a [[[T; N]; 3]],
+    extra: &'a [[Square<T, N>; 4]],
+    step: Step<T>,
+    blocks: &'a ReducedBlocks,
+}
+
+/// The factors of consecutive bodies.
+struct Factors<'a, T, const N: usize> {
+    first: usize,
+    bodies: &'a mut [Body<T, N>],
+    psi: &'a mut [T],
+    exchanges: &'a mut [u8],
+    free: &'a mut [Free<T, N>],
+}
+
+impl<T: Scalar, const N: usize> Factors<'_, T, N> {
+    /// Those before a position, and those from it on.
+    fn split_at(&mut self, plan: &Plan, at: usize) -> [Factors<'_, T, N>; 2] {
+        let tree = &plan.tree;
+        let (bodies, later_bodies) = self.bodies.split_at_mut(at - self.first);
+        let middle = tree.pivots_before(at) - tree.pivots_before(self.first);
+        let (psi, later_psi) = self.psi.split_at_mut(middle);
+        let middle = tree.free_before(at) - tree.free_before(self.first);
+        let (exchanges, later_exchanges) = self.exchanges.split_at_mut(middle);
+        let (free, later_free) = self.free.split_at_mut(middle);
+        [
+            Factors { first: self.first, bodies, psi, exchanges, free },
+            Factors {
+                first: at,
+                bodies: later_bodies,
+                psi: later_psi,
+                exchanges: later_exchanges,
+                free: later_free,
+            },
+        ]
+    }
+}
+
+impl<T: Scalar, const N: usize> Given<'_, T, N> {
+    /// Eliminates parts of the tree; what their first bodies add to their parents is left in `additions`.
+    fn parts(
+        &self,
+        parts: &[Range<usize>],
+        mut factors: Factors<'_, T, N>,
+        additions: &mut [Addition<T, N>],
+    ) -> Result<Growth, SingularMatrix> {
+        let bodies = parts.last().map_or(0, |last| last.end) - parts.first().map_or(0, |p| p.start);
+        if parts.len() > 1 && bodies > GRAIN {
+            let half = parts.len() / 2;
+            let (left, right) = parts.split_at(half);
+            let (left_additions, right_additions) = additions.split_at_mut(half);
+            let [first, second] = factors.split_at(self.plan, right[0].start);
+            let (one, other) = self.threads.join(
+                || self.parts(left, first, left_additions),
+                || self.parts(right, second, right_additions),
+            );
+            return Ok(larger(other?, one?));
+        }
+        let mut growth = (0.0, 0);
+        for (part, addition) in parts.iter().zip(additions).rev() {
+            for at in part.clone().rev() {
+                growth = larger(growth, self.eliminate(&mut factors, at, addition)?);
+                if at != part.start {
+                    self.add(&mut factors, at, addition);
+                }
+            }
+        }
+        Ok(growth)
+    }
+
+    /// Eliminates children before parents, parts that are eliminated already left out.
+    fn rest(
+        &self,
+        parts: &[Range<usize>],
+        factors: &mut Factors<'_, T, N>,
+        additions: &[Addition<T, N>],
+    ) -> Result<Growth, SingularMatrix> {
+        let (mut growth, mut addition) = ((0.0, 0), Addition::ZERO);
+        let mut end = self.plan.tree.len();
+        for (part, made) in parts.iter().zip(additions).rev() {
+            for at in (part.end..end).rev() {
+                growth = larger(growth, self.eliminate(factors, at, &mut addition)?);
+                self.add(factors, at, &addition);
+            }
+            self.add(factors, part.start, made);
+            end = part.start;
+        }
+        for at in (0..end).rev() {
+            growth = larger(growth, self.eliminate(factors, at, &mut addition)?);
+            self.add(factors, at, &addition);
+        }
+        Ok(growth)
+    }
+
+    /// Gives to the parent of the body at a position what that adds.
+    fn add(&self, factors: &mut Factors<'_, T, N>, at: usize, addition: &Addition<T, N>) {
+        let tree = &self.plan.tree;
+        let Some(parent) = tree.parent(at) else { return };
+        let to = &mut factors.bodies[parent - factors.first].h;
+        to.iter_mut().zip(&addition.h).for_each(|(to, h)| add(to, h));
+        let above = tree.free(parent);
+        let before = tree.free_before(factors.first);
+        let above = &mut factors.free[above.start - before..above.end - before];
+        above.iter_mut().zip(addition.sizes).for_each(|(free, size)| free.size += size);
+    }
+
+    /// Eliminates the body at a position, whose children are; what it adds to its parent replaces `addition`.
+    fn eliminate(
+        &self,
+        factors: &mut Factors<'_, T, N>,
+        at: usize,
+        addition: &mut Addition<T, N>,
+    ) -> Result<Growth, SingularMatrix> {
+        let tree = &self.plan.tree;
+        let (motion, step) = (&self.motions[at], &self.step);
+        let range = tree.free(at);
+        let k = range.len();
+        let (columns, made) = (&self.columns[range.clone()], &self.made[range.clone()]);
+        let before = tree.free_before(factors.first);
+        let local = range.start - before..range.end - before;
+        let (free, exchanges) = (&mut factors.free[local.clone()], &mut factors.exchanges[local]);
+        let pivots = tree.pivots_before(at) - tree.pivots_before(factors.first);
+        let psi = &mut factors.psi[pivots..pivots + k * k];
+        let body = &mut factors.bodies[at - factors.first];
+        let twice = step.gamma_h.scaled(2.0);
+        let has_parent = tree.parent(at).is_some();
+        let between = |upper| {
+            has_parent
+                .then(|| coupling(self.plan, step, self.extra, at, upper, self.blocks))
+                .flatten()
+        };
+        // A = H 𝒯 + L
+        let mut a = [[[T::ZERO; N]; N]; 3];
+        if has_parent {
+            body.bend = step.bend_of(motion);
+            let h = &body.h;
+            let (turned, twice_a) = (scaled(step.ratio, &h[1]), scaled(twice, &h[2]));
+            for level in 0..3 {
+                add_product(&mut a[level], &h[level], &motion.t);
+            }
+            add_product(&mut a[0], &turned, &motion.alpha);
+            add_product(&mut a[1], &twice_a, &motion.alpha);
+            for i in 0..N {
+                for l in 0..N {
+                    for j in 0..N {
+                        a[0][i][j] = a[0][i][j] + h[2][i][l] * body.bend[l][j];
+                    }
+                }
+            }
+            if let Some(lower) = between(false) {
+                a.iter_mut().zip(&lower).for_each(|(a, lower)| add(a, lower));
+            }
+        }
+        let upper = between(true);
+        // Ψ = BᵀHℬ, Z before the solution, V = Uℬ + TᵀHℬ
+        let mut sizes = [0.0f64; N];
+        for (c, levels) in columns.iter().enumerate() {
+            let mut force = [T::ZERO; N];
+            let mut size = [0.0f64; N];
+            for (h, x) in body.h.iter().zip(levels) {
+                add_own_times(&mut force, h, x);
+                for i in 0..N {
+                    size[i] = (0..N).fold(size[i], |s, j| s + h[i][j].size() * x[j].size());
+                }
+            }
+            for (r, row) in made.iter().enumerate() {
+                psi[r * k + c] = (0..N).fold(T::ZERO, |s, i| s + force[i].scaled(row.b[i]));
+            }
+            let (b, free) = (&made[c].b, &mut free[c]);
+            sizes[c] = (0..N).fold(free.size, |s, i| s + size[i] * b[i].abs());
+            for (z, a) in free.z.iter_mut().zip(&a) {
+                *z = [T::ZERO; N];
                 for i in 0..N {
                     for j in 0..N {
-                        out[i][j] = out[i][j] + extra[i][j];
+                        z[j] = z[j] + a[i][j].scaled(b[i]);
+                    }
+                }
+            }
+            free.v = [T::ZERO; N];
+            add_transposed_times(&mut free.v, &motion.t, &force);
+            if let Some(upper) = &upper {
+                for (u, x) in upper.iter().zip(levels) {
+                    add_own_times(&mut free.v, u, x);
+                }
+            }
+        }
+        let growth = factor(psi, exchanges, k, &sizes).map_err(|c| SingularMatrix {
+            row: tree.rows(at)[N - k + c] as usize,
+            column: tree.body(at) * N,
+            pivot: 0.0,
+        })?;
+        for level in 0..3 {
+            for j in 0..N {
+                let mut z = (&mut *free, level, j);
+                solve(psi, exchanges, k, &mut z, |(free, level, j), c| &mut free[c].z[*level][*j]);
+            }
+        }
+        // What it adds to its parent: U 𝒯 + TᵀA − V Z.
+        let Some(parent) = tree.parent(at) else { return Ok((growth, at)) };
+        *addition = Addition::ZERO;
+        for level in 0..3 {
+            add_transposed_product(&mut addition.h[level], &motion.t, &a[level]);
+        }
+        let above = tree.free(parent);
+        let above = self.made[above.clone()].iter().zip(&self.columns[above]);
+        for (to, (made, levels)) in addition.sizes.iter_mut().zip(above) {
+            for (h, x) in addition.h.iter().zip(levels) {
+                for i in 0..N {
+                    let row = (0..N).fold(0.0, |s, j| s + h[i][j].size() * x[j].size());
+                    *to += row * made.b[i].abs();
+                }
+            }
+        }
+        for free in &*free {
+            for (h, z) in addition.h.iter_mut().zip(&free.z) {
+                for i in 0..N {
+                    for j in 0..N {
+                        h[i][j] = h[i][j] - free.v[i] * z[j];
                     }
                 }
             }
         }
-        Some(out)
+        if let Some([stiff, damped]) = &upper {
+            add_product(&mut addition.h[0], stiff, &motion.t);
+            add_product(&mut addition.h[0], &scaled(step.ratio, damped), &motion.alpha);
+            add_product(&mut addition.h[1], damped, &motion.t);
+        }
+        Ok((growth, at))
+    }
+}
+
+impl<T: Scalar, const N: usize> Numbers<T, N> {
+    pub(super) fn new(plan: &Plan) -> Self {
+        let (count, free) = (plan.tree.len(), plan.tree.free_before(plan.tree.len()));
+        let zero = [[T::ZERO; N]; N];
+        let unknown = Free { size: 0.0, z: [[T::ZERO; N]; 3], v: [T::ZERO; N] };
+        Self {
+            step: Step { gamma_h: T::ZERO, beta_h2: T::ZERO, ratio: T::ZERO },
+            bodies: vec![Body { h: [zero; 3], bend: zero }; count],
+            psi: vec![T::ZERO; plan.tree.pivots_before(count)],
+            exchanges: vec![0; free],
+            free: vec![unknown; free],
+            columns: vec![[[T::ZERO; N]; 3]; free],
+            extra: vec![[zero; 4]; if plan.extra.is_empty() { 0 } else { count }],
+            additions: vec![Addition::ZERO; plan.parts.len()],
+            phi: vec![[T::ZERO; N]; count],
+            w: vec![[[T::ZERO; N]; 3]; count],
+            r: vec![T::ZERO; free],
+        }
     }
 
     /// F_z E⁻¹ g_q and F_z E⁻¹ g_q̇ into H and the couplings.
@@ -117,7 +461,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
                         [(0, &b.extra_position, sum.beta_h2), (1, &b.extra_velocity, sum.gamma_h)]
                     {
                         let to = match (row == column, row == child) {
-                            (true, _) => &mut self.h[*row][level],
+                            (true, _) => &mut self.bodies[*row].h[level],
                             (false, true) => &mut self.extra[*child][level],
                             (false, false) => &mut self.extra[*child][2 + level],
                         };
@@ -133,197 +477,32 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         }
     }
 
-    #[inline(always)]
-    fn bend_of(&self, motion: &Motion<N>) -> Square<T, N> {
-        let twice = (self.gamma_h * self.ratio).scaled(2.0);
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
-                self.beta_h2.scaled(motion.kappa[i][j]) + twice.scaled(motion.mu[i][j])
-            })
-        })
-    }
-
-    /// A column of ℬ.
-    #[inline(always)]
-    fn column_of(&self, c: &Column<N>) -> [[T; N]; 3] {
-        let twice = self.gamma_h.scaled(2.0);
-        let both = twice * self.ratio;
-        [
-            std::array::from_fn(|i| T::from(c.b[i])),
-            std::array::from_fn(|i| T::from(c.b[i]) + self.ratio.scaled(c.alpha[i])),
-            std::array::from_fn(|i| {
-                T::from(c.b[i])
-                    + twice.scaled(c.alpha[i])
-                    + self.beta_h2.scaled(c.kappa[i])
-                    + both.scaled(c.mu[i])
-            }),
-        ]
-    }
-
-    /// Eliminates children before parents; returns the largest growth of numbers and the body it was at.
+    /// Eliminates children before parents; returns the largest growth of numbers and the position it was at.
     pub(super) fn factor(
         &mut self,
         plan: &Plan,
+        threads: &Threads,
         motions: &[Motion<N>],
-        columns: &[Column<N>],
+        made: &[Column<N>],
         structure: &Structure,
         sum: &Sum<'_, T>,
-    ) -> Result<(f64, usize), SingularMatrix> {
-        checkpoint(plan.forest.len() * N * N * N);
-        (self.gamma_h, self.beta_h2, self.ratio) = (sum.gamma_h, sum.beta_h2, sum.ratio);
-        let b = &sum.blocks.blocks;
-        for (h, at) in self.h.iter_mut().zip(&plan.blocks) {
-            *h = [
-                block(&b.stiffness, at[0], sum.beta_h2),
-                block(&b.damping, at[0], sum.gamma_h),
-                [[T::ZERO; N]; N],
-            ];
-        }
-        for &[body, first, order, at] in &plan.masses {
-            let values = &sum.mass.values()[at..at + order * order];
-            for (i, row) in values.chunks_exact(order).enumerate() {
-                for (j, x) in row.iter().enumerate() {
-                    self.h[body][2][first + i][first + j] = T::from(*x);
-                }
-            }
-        }
+    ) -> Result<Growth, SingularMatrix> {
+        checkpoint(plan.tree.len() * N * N * N);
+        let step = Step { gamma_h: sum.gamma_h, beta_h2: sum.beta_h2, ratio: sum.ratio };
+        self.step = step;
+        begin(plan, threads, sum, &step, made, 0, &mut self.bodies, &mut self.columns);
+        self.free.iter_mut().for_each(|free| free.size = 0.0);
         if !plan.extra.is_empty() {
             self.add_extra_states(plan, structure, sum);
         }
-        for at in 0..columns.len() {
-            self.columns[at] = self.column_of(&columns[at]);
-        }
-        let twice = self.gamma_h.scaled(2.0);
-        self.sizes.fill(0.0);
-        let mut growth = (0.0f64, 0);
-        for body in plan.forest.order().rev() {
-            let motion = &motions[body];
-            let free = plan.free(body);
-            let k = free.len();
-            let parent = plan.forest.parent(body);
-            // A = H 𝒯 + L
-            let mut a = [[[T::ZERO; N]; N]; 3];
-            if parent.is_some() {
-                let bend = self.bend_of(motion);
-                self.bend[body] = bend;
-                let h = &self.h[body];
-                let (turned, twice_a) = (scaled(self.ratio, &h[1]), scaled(twice, &h[2]));
-                for level in 0..3 {
-                    add_product(&mut a[level], &h[level], &motion.t);
-                }
-                add_product(&mut a[0], &turned, &motion.alpha);
-                add_product(&mut a[1], &twice_a, &motion.alpha);
-                for i in 0..N {
-                    for l in 0..N {
-                        for j in 0..N {
-                            a[0][i][j] = a[0][i][j] + h[2][i][l] * bend[l][j];
-                        }
-                    }
-                }
-                if let Some(lower) = self.coupling(plan, body, false, sum.blocks) {
-                    for (a, lower) in a.iter_mut().zip(&lower) {
-                        for i in 0..N {
-                            for j in 0..N {
-                                a[i][j] = a[i][j] + lower[i][j];
-                            }
-                        }
-                    }
-                }
-            }
-            let upper = parent.and_then(|_| self.coupling(plan, body, true, sum.blocks));
-            // Ψ = BᵀHℬ, Z before the solution, V = Uℬ + TᵀHℬ
-            let psi = plan.pivots[body]..plan.pivots[body + 1];
-            let mut sizes = [0.0f64; N];
-            for (c, at) in free.clone().enumerate() {
-                let levels = self.columns[at];
-                let mut force = [T::ZERO; N];
-                let mut size = [0.0f64; N];
-                for (h, x) in self.h[body].iter().zip(&levels) {
-                    add_own_times(&mut force, h, x);
-                    for i in 0..N {
-                        size[i] = (0..N).fold(size[i], |s, j| s + h[i][j].size() * x[j].size());
-                    }
-                }
-                for (r, row) in free.clone().enumerate() {
-                    let b = &columns[row].b;
-                    let entry = (0..N).fold(T::ZERO, |s, i| s + force[i].scaled(b[i]));
-                    self.psi[psi.start + r * k + c] = entry;
-                }
-                let b = &columns[at].b;
-                sizes[c] = (0..N).fold(self.sizes[at], |s, i| s + size[i] * b[i].abs());
-                let z = &mut self.z[at];
-                for (z, a) in z.iter_mut().zip(&a) {
-                    *z = [T::ZERO; N];
-                    for i in 0..N {
-                        for j in 0..N {
-                            z[j] = z[j] + a[i][j].scaled(b[i]);
-                        }
-                    }
-                }
-                let v = &mut self.v[at];
-                *v = [T::ZERO; N];
-                add_transposed_times(v, &motion.t, &force);
-                if let Some(upper) = &upper {
-                    for (u, x) in upper.iter().zip(&levels) {
-                        add_own_times(v, u, x);
-                    }
-                }
-            }
-            let (factors, exchanges) = (&mut self.psi[psi], &mut self.exchanges[free.clone()]);
-            let here = factor(factors, exchanges, k, &sizes).map_err(|c| SingularMatrix {
-                row: plan.forest.rows(body)[N - k + c] as usize,
-                column: body * N,
-                pivot: 0.0,
-            })?;
-            if here > growth.0 {
-                growth = (here, body);
-            }
-            for level in 0..3 {
-                for j in 0..N {
-                    let z = &mut self.z[free.clone()];
-                    solve(factors, exchanges, k, &mut (z, level, j), |(z, level, j), c| {
-                        &mut z[c][*level][*j]
-                    });
-                }
-            }
-            // What it adds to its parent: U 𝒯 + TᵀA − V Z.
-            let Some(parent) = parent else { continue };
-            let mut add = [[[T::ZERO; N]; N]; 3];
-            for level in 0..3 {
-                add_transposed_product(&mut add[level], &motion.t, &a[level]);
-            }
-            for at in plan.free(parent) {
-                let (b, levels) = (&columns[at].b, &self.columns[at]);
-                for (add, x) in add.iter().zip(levels) {
-                    for i in 0..N {
-                        let row = (0..N).fold(0.0, |s, j| s + add[i][j].size() * x[j].size());
-                        self.sizes[at] += row * b[i].abs();
-                    }
-                }
-            }
-            let to = &mut self.h[parent];
-            for level in 0..3 {
-                for i in 0..N {
-                    for j in 0..N {
-                        to[level][i][j] = to[level][i][j] + add[level][i][j];
-                    }
-                }
-                for at in free.clone() {
-                    let (v, z) = (&self.v[at], &self.z[at][level]);
-                    for i in 0..N {
-                        for j in 0..N {
-                            to[level][i][j] = to[level][i][j] - v[i] * z[j];
-                        }
-                    }
-                }
-            }
-            if let Some([stiff, damped]) = &upper {
-                add_product(&mut to[0], stiff, &motion.t);
-                add_product(&mut to[0], &scaled(self.ratio, damped), &motion.alpha);
-                add_product(&mut to[1], damped, &motion.t);
-            }
-        }
-        Ok(growth)
+        let parts = if threads.are_several() { &plan.parts[..] } else { &[] };
+        let Self { bodies, psi, exchanges, free, columns, extra, additions, .. } = self;
+        let given =
+            Given { plan, threads, motions, made, columns, extra, step, blocks: sum.blocks };
+        let mut factors = Factors { first: 0, bodies, psi, exchanges, free };
+        let [all, _] = factors.split_at(plan, plan.tree.len());
+        let growth = given.parts(parts, all, additions)?;
+        Ok(larger(growth, given.rest(parts, &mut factors, additions)?))
     }
 
     pub(super) fn solve(
@@ -335,50 +514,52 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         blocks: &ReducedBlocks,
         multipliers: bool,
     ) {
-        let n = plan.forest.len() * N;
+        let (tree, step) = (&plan.tree, self.step);
+        let n = tree.len() * N;
         let given = right[..3 * n].iter().any(|x| x.size() != 0.0);
-        let twice = self.gamma_h.scaled(2.0);
+        let twice = step.gamma_h.scaled(2.0);
         let one = T::from(1.0);
-        for (body, phi) in self.phi.iter_mut().enumerate() {
+        for (at, phi) in self.phi.iter_mut().enumerate() {
+            let body = tree.body(at);
             *phi = std::array::from_fn(|i| right[3 * n + body * N + i]);
         }
-        for body in plan.forest.order().rev() {
-            let motion = &motions[body];
-            let free = plan.free(body);
-            let parent = plan.forest.parent(body);
+        for at in (0..tree.len()).rev() {
+            let motion = &motions[at];
+            let range = tree.free(at);
+            let parent = tree.parent(at);
             let mut g = [[T::ZERO; N]; 3];
-            let mut phi = self.phi[body];
+            let mut phi = self.phi[at];
             if given {
-                let rows = plan.forest.rows(body);
+                let rows = tree.rows(at);
                 for (level, g) in g.iter_mut().enumerate() {
                     let f: [T; N] = std::array::from_fn(|i| right[level * n + rows[i] as usize]);
                     add_times(g, one, &motion.inverse, &f);
                 }
                 let [x, y, a] = &mut g;
-                add_times(y, self.ratio.scaled(-1.0), &motion.q0, x);
-                add_times(a, self.beta_h2.scaled(-1.0), &motion.q1, x);
+                add_times(y, step.ratio.scaled(-1.0), &motion.q0, x);
+                add_times(a, step.beta_h2.scaled(-1.0), &motion.q1, x);
                 add_times(a, twice.scaled(-1.0), &motion.q0, y);
-                for (h, g) in self.h[body].iter().zip(&g) {
+                for (h, g) in self.bodies[at].h.iter().zip(&g) {
                     let minus: [T; N] = std::array::from_fn(|i| g[i].scaled(-1.0));
                     add_own_times(&mut phi, h, &minus);
                 }
             }
-            for (at, column) in free.clone().zip(&columns[free.clone()]) {
-                self.r[at] = (0..N).fold(T::ZERO, |s, i| s + phi[i].scaled(column.b[i]));
+            for (k, column) in range.clone().zip(&columns[range.clone()]) {
+                self.r[k] = (0..N).fold(T::ZERO, |s, i| s + phi[i].scaled(column.b[i]));
             }
-            let psi = &self.psi[plan.pivots[body]..plan.pivots[body + 1]];
-            let exchanges = &self.exchanges[free.clone()];
-            let mut r = &mut self.r[free.clone()];
-            solve(psi, exchanges, free.len(), &mut r, |r, c| &mut r[c]);
+            let psi = &self.psi[tree.pivots_before(at)..tree.pivots_before(at + 1)];
+            let exchanges = &self.exchanges[range.clone()];
+            let mut r = &mut self.r[range.clone()];
+            solve(psi, exchanges, range.len(), &mut r, |r, c| &mut r[c]);
             if let Some(parent) = parent {
                 let mut add = [T::ZERO; N];
                 add_transposed_times(&mut add, &motion.t, &phi);
-                for at in free {
+                for k in range {
                     for i in 0..N {
-                        add[i] = add[i] - self.v[at][i] * self.r[at];
+                        add[i] = add[i] - self.free[k].v[i] * self.r[k];
                     }
                 }
-                if given && let Some(upper) = self.coupling(plan, body, true, blocks) {
+                if given && let Some(upper) = coupling(plan, &step, &self.extra, at, true, blocks) {
                     for (u, g) in upper.iter().zip(&g) {
                         let minus: [T; N] = std::array::from_fn(|i| g[i].scaled(-1.0));
                         add_own_times(&mut add, u, &minus);
@@ -388,51 +569,51 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
                     *phi = *phi + add;
                 }
             }
-            self.w[body] = g;
+            self.w[at] = g;
         }
-        for body in plan.forest.order() {
-            let motion = &motions[body];
-            let free = plan.free(body);
-            let mut w = self.w[body];
-            let parent = plan.forest.parent(body);
+        for at in 0..tree.len() {
+            let motion = &motions[at];
+            let range = tree.free(at);
+            let mut w = self.w[at];
+            let parent = tree.parent(at);
             if let Some(parent) = parent {
                 let above = self.w[parent];
-                for at in free.clone() {
-                    let terms = self.z[at].iter().zip(&above);
-                    self.r[at] =
-                        terms.fold(self.r[at], |r, (z, w)| (0..N).fold(r, |r, j| r - z[j] * w[j]));
+                for k in range.clone() {
+                    let terms = self.free[k].z.iter().zip(&above);
+                    self.r[k] =
+                        terms.fold(self.r[k], |r, (z, w)| (0..N).fold(r, |r, j| r - z[j] * w[j]));
                 }
                 for (w, above) in w.iter_mut().zip(&above) {
                     add_times(w, one, &motion.t, above);
                 }
-                add_times(&mut w[1], self.ratio, &motion.alpha, &above[0]);
+                add_times(&mut w[1], step.ratio, &motion.alpha, &above[0]);
                 add_times(&mut w[2], twice, &motion.alpha, &above[1]);
-                add_own_times(&mut w[2], &self.bend[body], &above[0]);
+                add_own_times(&mut w[2], &self.bodies[at].bend, &above[0]);
             }
-            for at in free.clone() {
-                for (w, x) in w.iter_mut().zip(&self.columns[at]) {
+            for k in range.clone() {
+                for (w, x) in w.iter_mut().zip(&self.columns[k]) {
                     for i in 0..N {
-                        w[i] = w[i] + x[i] * self.r[at];
+                        w[i] = w[i] + x[i] * self.r[k];
                     }
                 }
             }
-            self.w[body] = w;
+            self.w[at] = w;
             for (level, w) in w.iter().enumerate() {
-                right[level * n + body * N..][..N].copy_from_slice(w);
+                right[level * n + tree.body(at) * N..][..N].copy_from_slice(w);
             }
-            let rows = plan.forest.rows(body);
-            let k = free.len();
+            let rows = tree.rows(at);
+            let last = N - range.len();
             if multipliers {
-                let mut force = self.phi[body];
+                let mut force = self.phi[at];
                 let mut subtract = |a: &Square<T, N>, x: &[T; N]| {
                     let minus: [T; N] = std::array::from_fn(|i| x[i].scaled(-1.0));
                     add_own_times(&mut force, a, &minus);
                 };
-                for (h, w) in self.h[body].iter().zip(&w) {
+                for (h, w) in self.bodies[at].h.iter().zip(&w) {
                     subtract(h, w);
                 }
                 if let Some(parent) = parent
-                    && let Some(lower) = self.coupling(plan, body, false, blocks)
+                    && let Some(lower) = coupling(plan, &step, &self.extra, at, false, blocks)
                 {
                     for (l, w) in lower.iter().zip(&self.w[parent]) {
                         subtract(l, w);
@@ -440,12 +621,12 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
                 }
                 let mut lambda = [T::ZERO; N];
                 add_transposed_times(&mut lambda, &motion.inverse, &force);
-                for (row, x) in rows[..N - k].iter().zip(lambda) {
+                for (row, x) in rows[..last].iter().zip(lambda) {
                     right[3 * n + *row as usize] = x;
                 }
             }
-            for (row, at) in rows[N - k..].iter().zip(free) {
-                right[3 * n + *row as usize] = self.r[at];
+            for (row, k) in rows[last..].iter().zip(range) {
+                right[3 * n + *row as usize] = self.r[k];
             }
         }
     }

@@ -1,27 +1,23 @@
 //! Where the entries of a tree's matrix stand, found once.
 
-use crate::reduction::{Manifold, Projection};
-use holonom_linalg::BlockForest;
-use std::sync::Arc;
+use crate::reduction::{BodyTree, ByPosition, Manifold, Projection};
+use std::ops::Range;
 
-/// Places, found once.
+/// Places, found once; bodies by their positions in the tree.
 #[derive(Debug)]
 pub(super) struct Plan {
-    pub(super) forest: Arc<BlockForest>,
-    /// (value of G, A₀ or A₁; slot), (value of the moving rows, slot), (constant, slot).
-    pub(super) jacobian: Vec<(u32, u32)>,
-    pub(super) moving: Vec<(u32, u32)>,
-    pub(super) constants: Vec<(f64, u32)>,
+    pub(super) tree: BodyTree,
+    /// (value of G, A₀ or A₁; place), (value of the moving rows, place), (constant, place) among the values of
+    /// E, then F, both by rows.
+    pub(super) jacobian: ByPosition<(u32, u32)>,
+    pub(super) moving: ByPosition<(u32, u32)>,
+    pub(super) constants: ByPosition<(f64, u32)>,
     /// First values of the blocks of K and C (b, b), (b, p), (p, b); none is `usize::MAX`.
     pub(super) blocks: Vec<[usize; 3]>,
-    /// Blocks of M: body, first row and column in it, order, first value.
-    pub(super) masses: Vec<[usize; 4]>,
-    /// First of the independent variables of each body, in a numbering of their own, and one more.
-    pub(super) first: Vec<usize>,
-    /// First value of each body's factors of order of its independent variables.
-    pub(super) pivots: Vec<usize>,
     /// Extra states, and the child of their two bodies.
     pub(super) extra: Vec<Extra>,
+    /// Subtrees that can be eliminated at the same time, ascending; none where too little is in them.
+    pub(super) parts: Vec<Range<usize>>,
 }
 
 /// An extra state and its bodies.
@@ -34,23 +30,17 @@ pub(super) struct Extra {
 
 /// No block.
 pub(super) const NONE: usize = usize::MAX;
+/// A part has at most this share of all bodies, so that a few threads get about the same.
+const SHARE: usize = 16;
 
 impl Plan {
-    pub(super) fn new(manifold: &Manifold, forest: &Arc<BlockForest>) -> Option<Self> {
+    pub(super) fn new(manifold: &Manifold) -> Option<Self> {
         let (structure, chart) = (manifold.system().structure(), manifold.chart());
-        let (n, count) = (structure.sizes.per_body, structure.sizes.bodies);
+        let tree = BodyTree::new(chart, &structure.mass_pattern)?;
+        let forest = tree.forest();
+        let (n, count) = (structure.sizes.per_body, tree.len());
         let parametrization = chart.parametrization();
         let rank = parametrization.kept.len();
-        let mut masses = Vec::new();
-        let mut offset = 0;
-        for (row, column, rows, columns) in structure.mass_pattern.shapes() {
-            let inside = row / n == (row + rows - 1) / n;
-            if !inside || (row, rows) != (column, columns) {
-                return None;
-            }
-            masses.push([row / n, row % n, rows, offset]);
-            offset += rows * columns;
-        }
         let mut blocks = vec![[NONE; 3]; count];
         let mut offset = 0;
         for (row, column, rows, columns) in structure.stiffness_pattern.shapes() {
@@ -64,47 +54,8 @@ impl Plan {
                 (false, false) if forest.parent(j) == Some(i) => (j, 2),
                 _ => return None,
             };
-            blocks[block][at] = offset;
+            blocks[tree.position(block)][at] = offset;
             offset += rows * columns;
-        }
-        let mut position = vec![None; structure.sizes.rows];
-        for (k, &row) in parametrization.kept.iter().enumerate() {
-            position[row] = Some(k);
-        }
-        let slot = |row: usize, column: usize| forest.slot(row, column) as u32;
-        let jacobian = structure.constraint_pattern.entries(0, 0).into_iter().enumerate();
-        let jacobian = jacobian
-            .filter_map(|(at, (row, column))| {
-                let row = position[row]?;
-                // What cannot differ from zero may lie elsewhere.
-                let (block, own) = (forest.place(row).0, column / n);
-                let inside = own == block || forest.parent(block) == Some(own);
-                inside.then(|| (at as u32, slot(row, column)))
-            })
-            .collect();
-        let linear = parametrization.linear();
-        let moving = chart.moving().entries();
-        let moving = moving.map(|(at, row, column)| (at as u32, slot(rank + linear + row, column)));
-        let mut constants = Vec::new();
-        match &parametrization.projection {
-            Projection::Selection(independent) => {
-                let entries = independent.iter().enumerate();
-                constants.extend(entries.map(|(k, &i)| (1.0, slot(rank + k, i))));
-            }
-            Projection::Basis(rows) => {
-                for (k, row) in rows.chunks_exact(count * n).enumerate() {
-                    let entries = row.iter().enumerate().filter(|(_, x)| **x != 0.0);
-                    constants.extend(entries.map(|(i, &x)| (x, slot(rank + k, i))));
-                }
-            }
-            Projection::Relative(_) => {}
-        }
-        let (mut first, mut pivots) = (vec![0], vec![0]);
-        for block in 0..count {
-            // Rows of a block ascend: those of P come last.
-            let free = forest.rows(block).iter().filter(|row| **row as usize >= rank).count();
-            first.push(first[block] + free);
-            pivots.push(pivots[block] + free * free);
         }
         let mut extra = Vec::new();
         for (state, ends) in structure.extra_bodies.iter().enumerate() {
@@ -114,14 +65,80 @@ impl Plan {
                 [Some(a), None] | [None, Some(a)] => a,
                 _ => return None,
             };
-            extra.push(Extra { state, bodies: *ends, child });
+            let [bodies, child] = [*ends, [Some(child), None]]
+                .map(|bodies| bodies.map(|body| body.map(|body| tree.position(body))));
+            extra.push(Extra { state, bodies, child: child[0]? });
         }
-        let moving = moving.collect();
-        let forest = forest.clone();
-        Some(Self { forest, jacobian, moving, constants, blocks, masses, first, pivots, extra })
+        let mut kept = vec![None; structure.sizes.rows];
+        for (k, &row) in parametrization.kept.iter().enumerate() {
+            kept[row] = Some(k);
+        }
+        // Position, and place among the values of E and F.
+        let place = |row: usize, column: usize| {
+            let slot = forest.slot(row, column);
+            (tree.position(slot / (2 * n * n)), (slot % (2 * n * n)) as u32)
+        };
+        let jacobian = structure.constraint_pattern.entries(0, 0).into_iter().enumerate();
+        let jacobian = jacobian.filter_map(|(at, (row, column))| {
+            let row = kept[row]?;
+            // What cannot differ from zero may lie elsewhere.
+            let (block, own) = (forest.place(row).0, column / n);
+            let inside = own == block || forest.parent(block) == Some(own);
+            let (position, place) = inside.then(|| place(row, column))?;
+            Some((position, (at as u32, place)))
+        });
+        let linear = parametrization.linear();
+        let moving = chart.moving().entries().map(|(at, row, column)| {
+            let (position, place) = place(rank + linear + row, column);
+            (position, (at as u32, place))
+        });
+        let mut constants = Vec::new();
+        let mut constant = |row: usize, column: usize, x: f64| {
+            let (position, place) = place(rank + row, column);
+            constants.push((position, (x, place)));
+        };
+        match &parametrization.projection {
+            Projection::Selection(independent) => {
+                independent.iter().enumerate().for_each(|(k, &i)| constant(k, i, 1.0));
+            }
+            Projection::Basis(rows) => {
+                for (k, row) in rows.chunks_exact(count * n).enumerate() {
+                    let entries = row.iter().enumerate().filter(|(_, x)| **x != 0.0);
+                    entries.for_each(|(i, &x)| constant(k, i, x));
+                }
+            }
+            Projection::Relative(_) => {}
+        }
+        Some(Self {
+            jacobian: ByPosition::new(count, jacobian),
+            moving: ByPosition::new(count, moving),
+            constants: ByPosition::new(count, constants),
+            blocks,
+            extra,
+            parts: parts(&tree),
+            tree,
+        })
     }
+}
 
-    pub(super) fn free(&self, block: usize) -> std::ops::Range<usize> {
-        self.first[block]..self.first[block + 1]
+/// The largest subtrees of at most a share of all bodies, if together they have most of these.
+fn parts(tree: &BodyTree) -> Vec<Range<usize>> {
+    let mut ends: Vec<usize> = (1..=tree.len()).collect();
+    for at in (0..tree.len()).rev() {
+        if let Some(parent) = tree.parent(at) {
+            ends[parent] = ends[parent].max(ends[at]);
+        }
     }
+    let most = tree.len().div_ceil(SHARE);
+    let (mut parts, mut at) = (Vec::new(), 0);
+    while at < tree.len() {
+        if ends[at] - at <= most {
+            parts.push(at..ends[at]);
+            at = ends[at];
+        } else {
+            at += 1;
+        }
+    }
+    let inside: usize = parts.iter().map(Range::len).sum();
+    if 2 * inside < tree.len() { Vec::new() } else { parts }
 }

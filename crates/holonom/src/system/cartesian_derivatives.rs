@@ -1,0 +1,198 @@
+//! Derivatives of the equations, part by part.
+
+use super::cartesian::Cartesian;
+use super::placed::{Elements, Part, PlacedForce};
+use super::space::Space;
+use super::{DerivativeBlocks, State};
+use crate::elements::{ConstraintElement, ForceBlocks, ForceElement, PairBlocks, RowBlocks};
+use crate::threads::Threads;
+use holonom_linalg::{BlockId, BlocksMut};
+
+/// The blocks of consecutive parts.
+struct Target<'a> {
+    stiffness: BlocksMut<'a>,
+    damping: BlocksMut<'a>,
+    a0: BlocksMut<'a>,
+    a1: BlocksMut<'a>,
+    /// Place in the walk of the first body, and F_t in the order of the walk.
+    first: usize,
+    time: &'a mut [f64],
+}
+
+impl Target<'_> {
+    /// What belongs to a part and those before it, and the others.
+    fn split_after(&mut self, part: &Part, per_body: usize) -> [Target<'_>; 2] {
+        let [body, of_k, of_g] = part.end;
+        let [stiffness, later_stiffness] = self.stiffness.split_at(of_k);
+        let [damping, later_damping] = self.damping.split_at(of_k);
+        let [a0, later_a0] = self.a0.split_at(of_g);
+        let [a1, later_a1] = self.a1.split_at(of_g);
+        let (time, later_time) = self.time.split_at_mut((body - self.first) * per_body);
+        [
+            Target { stiffness, damping, a0, a1, first: self.first, time },
+            Target {
+                stiffness: later_stiffness,
+                damping: later_damping,
+                a0: later_a0,
+                a1: later_a1,
+                first: body,
+                time: later_time,
+            },
+        ]
+    }
+}
+
+impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
+    /// All derivative blocks; the same sums in the same order for any number of threads.
+    pub(super) fn add_up(&self, state: &State, out: &mut DerivativeBlocks) {
+        let mut target = Target {
+            stiffness: out.stiffness.blocks_mut(),
+            damping: out.damping.blocks_mut(),
+            a0: out.a0.blocks_mut(),
+            a1: out.a1.blocks_mut(),
+            first: 0,
+            time: &mut out.time,
+        };
+        if let Some(last) = self.slots.parts.last() {
+            let [all, _] = target.split_after(last, N);
+            self.parts(&out.threads, &self.slots.parts, state, all);
+        }
+        self.elements(&self.slots.rest, state, &mut target, |force, blocks| {
+            let Some(k) = force.extra else { return };
+            for side in 0..2 {
+                let at = (2 * k + side) * N;
+                out.force_extra[at..at + N].copy_from_slice(&blocks.z[side]);
+                out.extra_position[at..at + N].copy_from_slice(&blocks.rate_q[side]);
+                out.extra_velocity[at..at + N].copy_from_slice(&blocks.rate_v[side]);
+            }
+            out.extra_extra[k] = blocks.rate_z;
+            out.extra_time[k] = blocks.rate_t;
+        });
+        out.velocity_rhs_time.fill(0.0);
+        out.acceleration_rhs_time.fill(0.0);
+        for c in &self.constraints {
+            if let Some(s) = c.element.drive(state.t) {
+                out.velocity_rhs_time[c.row] = s[2];
+                out.acceleration_rhs_time[c.row] = s[3];
+            }
+        }
+        for (body, time) in self.slots.walk.iter().zip(out.time.chunks_exact(N)) {
+            out.force_time[*body as usize * N..][..N].copy_from_slice(time);
+        }
+    }
+
+    fn parts(&self, threads: &Threads, parts: &[Part], state: &State, mut target: Target<'_>) {
+        if parts.len() > 1 {
+            let (left, right) = parts.split_at(parts.len() / 2);
+            let [first, second] = target.split_after(&left[left.len() - 1], N);
+            threads.join(
+                || self.parts(threads, left, state, first),
+                || self.parts(threads, right, state, second),
+            );
+            return;
+        }
+        let slots = &self.slots;
+        for blocks in [&mut target.stiffness, &mut target.damping] {
+            blocks.clear();
+        }
+        target.time.fill(0.0);
+        let bodies = target.first..target.first + target.time.len() / N;
+        for &b in &slots.walk[bodies] {
+            let b = b as usize;
+            let (v, a) = (Self::rate(&state.v, Some(b)), Self::rate(&state.a, Some(b)));
+            let (k, c) = (slots.diagonal[b], slots.diagonal[b]);
+            let (k, c) = (target.stiffness.block_mut(k), target.damping.block_mut(c));
+            S::inertia_blocks(&self.bodies[b].inertia, Self::pose(&state.q, Some(b)), v, a, k, c);
+            let Some(id) = slots.normalization.get(b) else { continue };
+            let l = 2.0 * state.lambda[self.structure.normalization_start + b];
+            let (a0, a1) = (target.a0.block_mut(*id), target.a1.block_mut(*id));
+            for i in D..N {
+                a0[i - D] = 2.0 * v[i];
+                a1[i - D] = 2.0 * a[i];
+                k[i * N + i] += l;
+            }
+        }
+        for part in parts {
+            self.elements(&part.elements, state, &mut target, |_, _| {});
+        }
+    }
+
+    /// Adds constraints, then forces, and lets these be looked at.
+    fn elements(
+        &self,
+        elements: &Elements,
+        state: &State,
+        target: &mut Target<'_>,
+        mut look: impl FnMut(&PlacedForce<S::Force>, &ForceBlocks<f64, N>),
+    ) {
+        let mut blocks = ForceBlocks::ZERO;
+        let mut rows = [RowBlocks([[[0.0; N]; 6]; 2]); 2];
+        let mut pairs = PairBlocks([[[[0.0; N]; N]; 2]; 2]);
+        for &k in &elements.constraints {
+            let k = k as usize;
+            let c = &self.constraints[k];
+            let q = Self::pair(&state.q, c.bodies);
+            let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
+            let (count, slots) = (c.element.rows(), &self.slots.jacobian[k]);
+            let [rows, more] = &mut rows;
+            c.element.directional(q, v, rows);
+            set_rows(&mut target.a0, slots, count, rows);
+            c.element.directional(q, a, rows);
+            c.element.curvature_gradient(q, v, more);
+            for (rows, more) in rows.0.iter_mut().zip(&more.0) {
+                for (row, more) in rows.iter_mut().zip(more) {
+                    row.iter_mut().zip(more).for_each(|(x, more)| *x += more);
+                }
+            }
+            set_rows(&mut target.a1, slots, count, rows);
+            c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
+            add_pairs(&mut target.stiffness, &self.slots.constraint_pairs[k], &pairs);
+        }
+        for &k in &elements.forces {
+            let k = k as usize;
+            let (f, slots) = (&self.forces[k], &self.slots.force_pairs[k]);
+            f.element.blocks(&Self::input(f, state), &mut blocks);
+            look(f, &blocks);
+            add_pairs(&mut target.stiffness, slots, &blocks.k);
+            add_pairs(&mut target.damping, slots, &blocks.c);
+            for (body, time) in f.bodies.iter().zip(&blocks.t) {
+                let Some(b) = body else { continue };
+                let at = (self.slots.position[*b] as usize - target.first) * N;
+                target.time[at..at + N].iter_mut().zip(time).for_each(|(out, x)| *out += x);
+            }
+        }
+    }
+}
+
+/// Makes the rows of a constraint those of `source`.
+pub(super) fn set_rows<const N: usize>(
+    target: &mut BlocksMut<'_>,
+    slots: &[Option<BlockId>; 2],
+    rows: usize,
+    source: &RowBlocks<f64, N>,
+) {
+    for side in 0..2 {
+        let Some(id) = slots[side] else { continue };
+        let block = target.block_mut(id);
+        for (out, row) in block.chunks_exact_mut(N).zip(&source.0[side]).take(rows) {
+            out.copy_from_slice(row);
+        }
+    }
+}
+
+fn add_pairs<const N: usize>(
+    target: &mut BlocksMut<'_>,
+    slots: &[[Option<BlockId>; 2]; 2],
+    source: &PairBlocks<f64, N>,
+) {
+    for i in 0..2 {
+        for j in 0..2 {
+            let Some(id) = slots[i][j] else { continue };
+            for (out, row) in target.block_mut(id).chunks_exact_mut(N).zip(&source.0[i][j]) {
+                for (o, r) in out.iter_mut().zip(row) {
+                    *o += r;
+                }
+            }
+        }
+    }
+}
