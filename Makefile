@@ -39,8 +39,10 @@ $(STAMP): $(SOURCES)
 	    $(BIN)/maturin develop --release --extras plot,xarray,parquet,netcdf,dev --quiet
 	@touch $@
 
+# Everything is built with one profile, so that nothing is built twice; `verify` runs the tests with debug
+# assertions, too.
 test: check
-	cargo test --workspace --quiet
+	cargo test --workspace --release --quiet
 	$(BIN)/pytest --quiet
 
 check: setup
@@ -48,8 +50,8 @@ check: setup
 	$(BIN)/ruff format --check python
 	$(BIN)/ruff check python
 	$(BIN)/mypy
-	cargo clippy --workspace --all-targets --quiet -- -D warnings
-	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --no-deps --quiet
+	cargo clippy --workspace --release --all-targets --quiet -- -D warnings
+	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --release --no-deps --quiet
 
 format: setup
 	cargo fmt --all
@@ -57,6 +59,7 @@ format: setup
 	$(BIN)/ruff format python
 
 verify: setup
+	cargo test --workspace
 	cargo test --workspace --release --features holonom/long
 	$(BIN)/pytest -m long
 

@@ -289,6 +289,17 @@ def test_check_counts_and_shows_the_linearized_motion(model: holonom.Model) -> N
     assert "degrees of freedom    1" in text
 
 
+def test_threads_change_no_bit(model: holonom.Model) -> None:
+    chain = holonom.Model.from_text(CHAIN).with_values({"parameters.links": 400})
+    alone = chain.simulate(newton="sparse")
+    shared = chain.simulate(newton="sparse", threads=2)
+    np.testing.assert_array_equal(alone["link_400.position"], shared["link_400.position"])
+    assert shared.options["threads"] == 2
+    assert "threads" not in alone.options
+    with pytest.raises(holonom.UsageError, match="`threads` is 5000; it must be from 1 to 1024"):
+        model.simulate(threads=5000)
+
+
 @pytest.mark.parametrize("solver", ["null_space", "reduced", "augmented"])
 def test_accelerations_come_from_the_stated_solver(model: holonom.Model, solver: str) -> None:
     found = model.simulate(accelerations=solver, end_time=0.2)

@@ -51,6 +51,7 @@ def test_parts_of_a_tolerance_that_are_not_stated_are_those_of_the_default() -> 
         ({"output_times": [0.0, math.nan]}, r"output_times\[1\]"),
         ({"fixed_step": -1e-3}, "fixed_step"),
         ({"max_steps": 0}, "max_steps"),
+        ({"threads": 0}, "threads"),
         ({"max_steps": 1.5}, "max_steps"),
         ({"repartition_factor": 1.0}, "repartition_factor"),
         ({"channels": "rod.position"}, "channels"),
