@@ -99,7 +99,11 @@ impl Matrices {
                 self.linearization = Linearization::Current;
                 factored = stages.factor(ode, step.h);
             }
-            factored.map_err(Failure::singular)?;
+            if let Err(failure) = factored {
+                // Another linearization may choose another order of elimination.
+                *self = Self::NONE;
+                return Err(Failure::singular(failure));
+            }
             self.factored = Some(step.h);
         }
         Ok(())

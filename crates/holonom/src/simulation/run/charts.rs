@@ -1,0 +1,134 @@
+//! References that move with a run, and new independent variables.
+
+use super::Run;
+use crate::error::EvaluationFailure;
+use crate::reduction::{Chart, Choice};
+use crate::simulation::dense::ChartRecord;
+use crate::simulation::reparametrization::new_chart;
+use crate::simulation::trajectory::EventKind;
+
+/// The partition is left alone while the condition of [G; P] is below this.
+const CONDITION_FLOOR: f64 = 10.0;
+/// Relative coordinates are chosen anew when the condition of [G; P] has grown by this factor: on a circle
+/// limits of 2.5, 10 and 100 cost 178, 314 and 676 steps.
+const TREE_GROWTH: f64 = 2.5;
+/// Largest change of a direction or rotation in a step of an explicit formula, rad.
+const EXPLICIT_TURN: f64 = 0.9;
+/// References of directions and rotations move at every step; those of a multistep formula, whose history
+/// would have to move along, when they are this far, rad.
+const MULTISTEP_TURN: f64 = 1.5;
+/// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
+const TANGENT_GROWTH: f64 = 2.0;
+
+impl Run<'_> {
+    /// Measures relative orientations and directions from the new state, whose independent variables and
+    /// slope are read anew.
+    pub(super) fn move_references(&mut self) -> Result<(), EvaluationFailure> {
+        let point = self.form.point_mut();
+        let ndof = point.manifold.chart().ndof();
+        let turn = if self.stepper.multistep() { MULTISTEP_TURN } else { 0.0 };
+        if !point.move_references(&self.w[..ndof], turn)? {
+            return Ok(());
+        }
+        if self.stepper.multistep() {
+            self.stepper.restart();
+            self.record_chart();
+        }
+        self.form.pack(&self.state, &mut self.w);
+        let (rates, rest) = self.g.split_at_mut(ndof);
+        rates.copy_from_slice(&self.w[ndof..2 * ndof]);
+        self.form.point().manifold.independent_acceleration(&self.state, &mut rest[..ndof]);
+        self.form.references_moved(&self.w);
+        Ok(())
+    }
+
+    /// Longest step of an explicit formula, s: what is about to tumble swings about a steady turn as fast as
+    /// it turns, which no error shows before it has grown.
+    pub(super) fn explicit_turn(&self) -> f64 {
+        let manifold = &self.form.point().manifold;
+        let Some(relatives) = manifold.chart().parametrization().relatives() else {
+            return f64::INFINITY;
+        };
+        let ndof = manifold.chart().ndof();
+        EXPLICIT_TURN / relatives.turning(self.system.as_ref(), &self.w[ndof..2 * ndof])
+    }
+
+    /// Chooses another partition when the present one has become ill-conditioned.
+    pub(super) fn check_partition(&mut self) -> Result<(), EvaluationFailure> {
+        let condition = self.form.point_mut().manifold.chart_mut().condition();
+        if let Some(last) = self.output.chunk.steps.last_mut() {
+            last.condition = condition;
+        }
+        let factor = self.options.repartition_factor;
+        let limit = match self.options.parametrization {
+            Choice::Tree => {
+                let parametrization = self.form.point().manifold.chart().parametrization();
+                if !parametrization.relatives().is_some_and(|r| r.has_alternatives) {
+                    return Ok(());
+                }
+                TREE_GROWTH * self.condition_reference
+            }
+            Choice::Partitioning => (factor * self.condition_reference).max(CONDITION_FLOOR),
+            // A tangent plane can always be renewed, and is best near its point of contact.
+            _ => factor.max(TANGENT_GROWTH) * self.condition_reference,
+        };
+        if condition > limit {
+            self.repartition(condition)?;
+        }
+        Ok(())
+    }
+
+    /// New partition at the present state.
+    pub(super) fn repartition(&mut self, condition: f64) -> Result<(), EvaluationFailure> {
+        match new_chart(self.options, &self.form.point().manifold, &self.state)? {
+            Some(chart) => self.set_chart(chart),
+            None => {
+                self.condition_reference = condition;
+                Ok(())
+            }
+        }
+    }
+
+    pub(super) fn set_chart(&mut self, chart: Chart) -> Result<(), EvaluationFailure> {
+        self.statistics.reparametrizations += 1;
+        self.note(EventKind::Reparametrization);
+        self.recorder.set_chart(chart.clone());
+        self.form.point_mut().manifold.set_chart(chart);
+        self.form.reparametrized();
+        if self.stepper.explicit() {
+            self.stepper.restart();
+        }
+        self.stepper.invalidate(false);
+        self.form.begin_step(&self.state);
+        self.recorder.begin_step(self.form.point(), &self.state);
+        self.form.pack(&self.state, &mut self.w);
+        self.record_chart();
+        self.evaluate_slope()?;
+        self.condition_reference = self.form.point_mut().manifold.chart_mut().condition();
+        Ok(())
+    }
+
+    /// Hands out the chart of the next steps, for dense output.
+    pub(super) fn record_chart(&mut self) {
+        if self.options.stores_dense_output() {
+            let parametrization = self.form.point().manifold.chart().parametrization();
+            let chart = ChartRecord {
+                t: self.state.t,
+                q: self.state.q.clone(),
+                forest: self.system.tree().forest.clone(),
+                parametrization: parametrization.clone(),
+                follows: !self.stepper.multistep(),
+            };
+            self.output.chunk.dense.push_chart(self.system.as_ref(), chart);
+        }
+    }
+
+    /// After a failed recovery: another partition at the step's start, if there is a better one.
+    pub(super) fn repartition_at_start(&mut self) -> Result<(), EvaluationFailure> {
+        self.form.begin_step(&self.state);
+        self.form.pack(&self.state, &mut self.w);
+        self.evaluate_slope()?;
+        let condition = self.form.point_mut().manifold.chart_mut().condition();
+        self.repartition(condition)
+    }
+}

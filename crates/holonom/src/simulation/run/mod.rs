@@ -1,0 +1,367 @@
+//! The run loop: steps, outputs, limits.
+
+mod charts;
+mod reporting;
+mod set_up;
+
+use crate::error::EvaluationFailure;
+use crate::method::StateSpace;
+use crate::method::stepper::{Rejection, Stepper, initial_step};
+use crate::reduction::Choice;
+use crate::reduction::assembly::PROJECTED;
+use crate::simulation::checks::RunError;
+use crate::simulation::clock::{Elapsed, Stopwatch};
+use crate::simulation::diagnosis::Stop;
+use crate::simulation::drift::Drift;
+use crate::simulation::energy_scale::EnergyScale;
+use crate::simulation::ledger::{StepPowers, powers};
+use crate::simulation::options::Options;
+use crate::simulation::output::Output;
+use crate::simulation::problem::Problem;
+use crate::simulation::recorder::{Inside, Recorder};
+use crate::simulation::reparametrization::no_longer_redundant;
+use crate::simulation::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
+use crate::simulation::step_length::{self, clip, smallest_step};
+use crate::simulation::trajectory::{EventKind, Sink};
+use crate::system::{EnergyBalance, State, System};
+use crate::watch::{stage, within};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// A position residual may reach this times max(1, L).
+const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
+/// A velocity residual may reach this times max(1, ‖q̇‖∞).
+const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
+pub(in crate::simulation) const MAX_REJECTIONS: u32 = 60;
+
+/// Summary of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Summary {
+    /// How it ended.
+    pub status: Status,
+    /// Why it ended.
+    pub stop: StopReason,
+    /// Work and residuals.
+    pub statistics: Statistics,
+    /// Energy balance.
+    pub energy: EnergySummary,
+    /// Degrees of freedom.
+    pub ndof: usize,
+    /// Last accepted state: a run can go on from here.
+    pub end: State,
+    /// Warnings of the run.
+    pub warnings: Vec<RunWarning>,
+}
+
+/// Runs a problem from its assembled start, or from `from`, to the end time.
+///
+/// # Errors
+/// [`RunError`] when the run cannot start. A run that fails later returns its summary with
+/// [`Status::Failed`], and the sink has got the trajectory so far.
+pub fn run(
+    problem: &Problem,
+    options: &Options,
+    from: Option<&State>,
+    sink: &mut dyn Sink,
+) -> Result<Summary, RunError> {
+    let begun = Stopwatch::start();
+    let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
+    let mut run = within(limit, || set_up::set_up(problem, options, from, sink, begun))
+        .map_err(|given_up| RunError::given_up(given_up, options))??;
+    let looped = Stopwatch::start();
+    let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
+    let stop = within(left, || stage("running", || run.advance()))
+        .unwrap_or_else(|given_up| Err(Stop::from(given_up)));
+    let (status, stop) = run.finish(stop);
+    let took = looped.elapsed() - run.sink_time;
+    run.statistics.run_seconds = took.wall.as_secs_f64();
+    run.statistics.run_cpu_seconds = took.processor.as_secs_f64();
+    Ok(Summary {
+        status,
+        stop,
+        ndof: run.form.point().manifold.chart().ndof(),
+        statistics: run.statistics,
+        energy: run.energy,
+        end: run.state,
+        warnings: run.warnings,
+    })
+}
+
+/// Everything of one run.
+struct Run<'a> {
+    options: &'a Options,
+    system: Arc<dyn System>,
+    form: Box<dyn StateSpace>,
+    stepper: Box<dyn Stepper>,
+    state: State,
+    row: State,
+    recorder: Recorder,
+    w: Vec<f64>,
+    g: Vec<f64>,
+    w_end: Vec<f64>,
+    g_end: Vec<f64>,
+    scratch: [Vec<f64>; 2],
+    condition_reference: f64,
+    /// Residuals at the start, position and velocity: redundant rows may contradict each other a little.
+    start_residuals: (f64, f64),
+    statistics: Statistics,
+    energy: EnergySummary,
+    kinetic_range: (f64, f64),
+    energy_scale: EnergyScale,
+    drift: Drift,
+    powers: StepPowers,
+    /// Powers in the middle of the step just accepted, if they are known.
+    middle: Option<[f64; 2]>,
+    output: Output,
+    warnings: Vec<RunWarning>,
+    sink: &'a mut dyn Sink,
+    begun: Stopwatch,
+    last_poll: Instant,
+    last_flush: Instant,
+    sink_time: Elapsed,
+}
+
+impl Run<'_> {
+    fn advance(&mut self) -> Result<(), Stop> {
+        let end = self.options.end_time;
+        self.form.begin_step(&self.state);
+        self.form.pack(&self.state, &mut self.w);
+        self.record_chart();
+        self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
+        self.condition_reference = self.form.point_mut().manifold.chart_mut().condition();
+        self.start_residuals = self.form.point_mut().manifold.residuals(&self.state);
+        self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.state.lambda);
+        while self.output.time() <= self.state.t {
+            self.output.push(self.system.as_ref(), &self.state);
+        }
+        let breakpoints = self.system.breakpoints();
+        let span = end - self.state.t;
+        let kinematic = self.form.point().manifold.chart().ndof() == 0;
+        let fixed = self.options.fixed_step.is_some();
+        let mut longest = f64::INFINITY;
+        let mut h = self.first_step().map_err(|f| failed(f, 0.0))?;
+        let mut attempts = 0;
+        let mut rejections = 0;
+        let mut repartitioned = false;
+        while self.state.t < end {
+            self.poll(h)?;
+            if attempts >= self.options.max_steps {
+                return Err(Stop::MaxSteps);
+            }
+            attempts += 1;
+            let t = self.state.t;
+            let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
+                .first()
+                .map_or(end, |&b| b.min(end));
+            if !fixed {
+                let tree = self.options.parametrization == Choice::Tree;
+                h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree));
+                if self.stepper.explicit() {
+                    h = h.min(self.explicit_turn());
+                }
+                if kinematic {
+                    let most = step_length::kinematic(self.system.as_ref(), &self.state, span);
+                    h = h.min(most).min(longest);
+                }
+            }
+            let (step, reaches) = clip(t, h, next, fixed);
+            let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
+            let t_end = if reaches { next } else { t + step };
+            let mut rejection = report.cause.take();
+            if report.accepted {
+                rejection = self.accept(t, step, t_end).err().map(Rejection::Evaluation);
+            }
+            self.record(t, step, &report, rejection.as_ref());
+            if let Some(cause) = rejection {
+                rejections += 1;
+                let retry = if report.accepted { 0.5 * step } else { report.next_step };
+                let lost = matches!(&cause, Rejection::Evaluation(_));
+                let before = self.statistics.reparametrizations;
+                if lost && !std::mem::replace(&mut repartitioned, true) {
+                    self.repartition_at_start().map_err(|f| failed(f, step))?;
+                }
+                let renewed = self.statistics.reparametrizations > before;
+                // A step of prescribed length gets one more chance, with another partition.
+                let hopeless = if fixed {
+                    !renewed
+                } else {
+                    rejections >= MAX_REJECTIONS || retry < smallest_step(t, end)
+                };
+                if hopeless {
+                    return Err(Stop::Failed { cause: Some(cause), step_size: step });
+                }
+                if !fixed {
+                    h = retry;
+                    longest = retry;
+                }
+                continue;
+            }
+            (rejections, repartitioned) = (0, false);
+            let energy = self.emit(t, step)?;
+            self.account(step, &energy);
+            h = self.options.fixed_step.unwrap_or(report.next_step);
+            // What has just been refused is approached again by doubling.
+            longest *= 2.0;
+            if reaches && next < end {
+                self.note(EventKind::Breakpoint);
+                self.stepper.restart();
+                self.form.begin_step(&self.state);
+                h = self.first_step().map_err(|f| failed(f, 0.0))?;
+            } else {
+                self.check_partition().map_err(|f| failed(f, step))?;
+            }
+            self.flush_if_due()?;
+        }
+        Ok(())
+    }
+
+    /// Slope at the present state; the form's factors then belong to it.
+    fn evaluate_slope(&mut self) -> Result<(), EvaluationFailure> {
+        self.form.derivative(self.state.t, &self.w, &mut self.g)
+    }
+
+    fn first_step(&mut self) -> Result<f64, EvaluationFailure> {
+        if let Some(h) = self.options.fixed_step.or(self.options.initial_step) {
+            return Ok(h);
+        }
+        let span = self.options.end_time - self.state.t;
+        let order = self.stepper.starting_order();
+        let (t, limit) = (self.state.t, self.options.max_step.min(span));
+        let h =
+            initial_step(self.form.as_mut(), order, t, &self.w, &self.g, limit, &mut self.scratch)?;
+        Ok(h.min(limit))
+    }
+
+    /// Takes over the end of an accepted attempt from `t` over `step`: state with accelerations at `t_end`.
+    fn accept(&mut self, t: f64, step: f64, t_end: f64) -> Result<(), EvaluationFailure> {
+        self.w_end.copy_from_slice(self.stepper.end().w);
+        if let Err(failure) = self.form.derivative(t_end, &self.w_end, &mut self.g_end) {
+            self.stepper.discard();
+            return Err(failure);
+        }
+        self.form.point_mut().complete();
+        self.check_residuals().inspect_err(|_| self.stepper.discard())?;
+        self.find_middle(t, step);
+        Ok(())
+    }
+
+    /// Powers in the middle of the accepted step, where the ledger needs them.
+    fn find_middle(&mut self, t: f64, step: f64) {
+        if self.form.integrates_powers() {
+            return;
+        }
+        // Driver power needs multipliers; without drivers the recovery is enough.
+        let full = self.system.has_drivers();
+        let stepper = &mut self.stepper;
+        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+        let middle = self.recorder.state(interpolate, t, step, 0.5, full);
+        // The middle of an accepted step failing is rare; the trapezoid serves.
+        self.middle = middle.ok().map(|middle| powers(&self.system.energy(middle)));
+        self.recorder.begin_step(self.form.point(), &self.state);
+    }
+
+    /// Residuals of the state just evaluated, whose Jacobian is at hand.
+    ///
+    /// Redundant rows are left out of all solves: a row that is no longer redundant, as when a linkage
+    /// leaves a flat position, shows by its residual only.
+    fn check_residuals(&mut self) -> Result<(), EvaluationFailure> {
+        self.row.copy_from(&self.form.point().state);
+        let (position, velocity) = self.form.point_mut().manifold.residuals(&self.row);
+        let speed = self.row.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+        let length = self.system.characteristic_length().max(1.0);
+        let allowed = [
+            10.0 * self.start_residuals.0 + PROJECTED * length,
+            10.0 * self.start_residuals.1 + PROJECTED * speed,
+        ];
+        if position > allowed[0] || velocity > allowed[1] {
+            let dropped = &self.form.point().manifold.chart().parametrization().dropped;
+            if let Some(failure) = no_longer_redundant(self.system.as_ref(), dropped, &self.row) {
+                return Err(failure);
+            }
+        }
+        let s = &mut self.statistics;
+        s.position_residual = s.position_residual.max(position);
+        s.velocity_residual = s.velocity_residual.max(velocity);
+        s.residual_ratio = s
+            .residual_ratio
+            .max(position / (POSITION_RESIDUAL_BOUND * length))
+            .max(velocity / (VELOCITY_RESIDUAL_BOUND * speed));
+        Ok(())
+    }
+
+    /// Output rows inside the step, then the new state. Returns the energy at its end.
+    fn emit(&mut self, t: f64, step: f64) -> Result<EnergyBalance, Stop> {
+        let begun = Instant::now();
+        // Here a step counts, in whole: nothing is given up before it is among the steps that are stored.
+        self.row.copy_from(&self.form.point().state);
+        self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.row.lambda);
+        std::mem::swap(&mut self.row, &mut self.state);
+        let t_end = self.state.t;
+        // `self.row` is now the state at the start, `self.state` the one at the end.
+        self.system.update_windings(t_end, &self.state.q, &mut self.state.winding);
+        self.powers.at[0] = self.powers.at[2];
+        let energy = self.system.energy(&self.state);
+        self.powers.at[2] = powers(&energy);
+        let ledger = self.row.ledger;
+        if !self.form.integrates_powers() {
+            let [start, _, end] = self.powers.at;
+            let trapezoid = || std::array::from_fn(|k| 0.5 * (start[k] + end[k]));
+            self.powers.at[1] = self.middle.unwrap_or_else(trapezoid);
+            self.state.ledger = self.powers.advance(&ledger, step, 1.0);
+        }
+        self.state.ledger.initial = ledger.initial;
+        if self.options.stores_dense_output() {
+            let powers = (!self.form.integrates_powers()).then_some(&self.powers);
+            let dense = &mut self.output.chunk.dense;
+            let chart = self.form.point().manifold.chart();
+            dense.push(&self.row, chart, step, t_end, powers, self.stepper.as_ref());
+        }
+        while self.output.time() < t_end {
+            let time = self.output.time();
+            let powers = self.powers;
+            let stepper = &mut self.stepper;
+            let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+            let mut inside = Inside { t, step, interpolate, ledger, powers };
+            let found = self.recorder.row(&mut inside, time, &mut self.row);
+            found.map_err(|f| failed(f, step))?;
+            self.output.push(self.system.as_ref(), &self.row);
+            // A step may hold any number of rows: they go out in chunks, and the run can be stopped.
+            if self.output.is_full() {
+                self.flush()?;
+                self.poll(step)?;
+            }
+        }
+        while self.output.time() <= t_end {
+            self.output.push(self.system.as_ref(), &self.state);
+        }
+        self.w.copy_from_slice(&self.w_end);
+        self.g.copy_from_slice(&self.g_end);
+        self.move_references().map_err(|f| failed(f, step))?;
+        self.form.begin_step(&self.state);
+        self.recorder.begin_step(self.form.point(), &self.state);
+        self.statistics.output_seconds += begun.elapsed().as_secs_f64();
+        Ok(energy)
+    }
+
+    /// Step sizes and energy of the new state.
+    fn account(&mut self, step: f64, energy: &EnergyBalance) {
+        let s = &mut self.statistics;
+        s.smallest_step = s.smallest_step.min(step);
+        s.largest_step = s.largest_step.max(step);
+        let ledger = &self.state.ledger;
+        let imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
+            - ledger.supplied;
+        let e = &mut self.energy;
+        e.largest_imbalance = e.largest_imbalance.max(imbalance.abs());
+        let (low, high) = self.kinetic_range;
+        self.kinetic_range = (low.min(energy.kinetic), high.max(energy.kinetic));
+        let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
+        self.energy_scale.take(system, &self.state, energy);
+        let part = self.energy_scale.part_of_velocities(imbalance);
+        self.drift.follow(system, &self.state, step, part, tolerance);
+    }
+}
+
+fn failed(failure: EvaluationFailure, step_size: f64) -> Stop {
+    Stop::Failed { cause: Some(Rejection::Evaluation(failure)), step_size }
+}
