@@ -2,7 +2,7 @@
 #
 #   make run      set up, run the 14-body vehicle over its bump, write the report
 #   make test     checks, Rust tests, Python tests
-#   make verify   the long figures
+#   make verify   tests with debug assertions, and the long figures
 #   make bench    kernel benchmarks and the questions of benchmarks/
 #   make docs     regenerate the pages that are derived from the code
 #   make clean    remove everything that was built

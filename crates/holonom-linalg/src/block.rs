@@ -100,11 +100,6 @@ impl BlockMatrix {
         &mut self.values[b.offset..b.offset + b.rows * b.columns]
     }
 
-    /// Number of values before those of a block.
-    pub fn start(&self, id: BlockId) -> usize {
-        self.blocks[id.0].offset
-    }
-
     /// All blocks, to be parted.
     pub fn blocks_mut(&mut self) -> BlocksMut<'_> {
         BlocksMut { blocks: &self.blocks, first: 0, values: &mut self.values }
@@ -230,7 +225,7 @@ pub struct BlocksMut<'a> {
 }
 
 impl BlocksMut<'_> {
-    /// The blocks whose values come before a value of the matrix (see [`BlockMatrix::start`]), and the others.
+    /// The blocks whose values come before a value of the matrix (in the order of [`BlockMatrix::values`]), and the others.
     ///
     /// # Panics
     /// If that value is not among theirs.

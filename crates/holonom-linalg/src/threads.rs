@@ -1,40 +1,44 @@
 //! Threads that share one piece of work.
 
 use rayon_core::{ThreadPool, ThreadPoolBuilder};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Threads that may share one piece of work, or the calling thread alone (the default). Clones are the same
-/// threads. How work is parted never depends on their number, so that results do not either.
+/// threads, which are started when there is work for them; where the system gives none, the calling one does all of
+/// it. How work is parted never depends on their number, so that results do not either.
 #[derive(Debug, Clone, Default)]
-pub struct Threads(Option<Arc<ThreadPool>>);
+pub struct Threads {
+    /// More than one.
+    several: Option<(usize, Arc<OnceLock<Option<ThreadPool>>>)>,
+}
 
 impl Threads {
     /// So many threads, 1 being the calling one.
-    ///
-    /// # Errors
-    /// When the system gives no thread.
-    pub fn new(count: usize) -> Result<Self, ThreadsError> {
-        if count <= 1 {
-            return Ok(Self(None));
-        }
-        let name = |index| format!("holonom-{index}");
-        let pool = ThreadPoolBuilder::new().num_threads(count).thread_name(name).build();
-        pool.map(|pool| Self(Some(Arc::new(pool)))).map_err(|e| ThreadsError(e.to_string()))
+    pub fn new(count: usize) -> Self {
+        Self { several: (count > 1).then(|| (count, Arc::default())) }
     }
 
     /// Their number.
     pub fn count(&self) -> usize {
-        self.0.as_ref().map_or(1, |pool| pool.current_num_threads())
+        self.several.as_ref().map_or(1, |(count, _)| *count)
     }
 
     /// Whether there is more than one.
     pub fn are_several(&self) -> bool {
-        self.0.is_some()
+        self.several.is_some()
     }
 
-    /// Does work that is parted by [`Threads::join`] on these threads, which are woken once for all of it.
+    fn pool(&self) -> Option<&ThreadPool> {
+        let (count, pool) = self.several.as_ref()?;
+        let name = |index| format!("holonom-{index}");
+        let build = || ThreadPoolBuilder::new().num_threads(*count).thread_name(name).build().ok();
+        pool.get_or_init(build).as_ref()
+    }
+
+    /// Does work that is parted by [`Threads::join`] on these threads, which are woken once for all of it. The
+    /// caller waits; a panic of the work is the caller's.
     pub fn share<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
-        match &self.0 {
+        match self.pool() {
             Some(pool) => pool.install(work),
             None => work(),
         }
@@ -46,10 +50,16 @@ impl Threads {
         first: impl FnOnce() -> A + Send,
         second: impl FnOnce() -> B + Send,
     ) -> (A, B) {
-        match &self.0 {
+        match self.pool() {
             Some(pool) => pool.join(first, second),
             None => (first(), second()),
         }
+    }
+
+    /// Asks every thread that has been started beside the calling one.
+    pub fn ask<R: Send>(&self, question: impl Fn() -> R + Sync) -> Vec<R> {
+        let started = self.several.as_ref().and_then(|(_, pool)| pool.get()?.as_ref());
+        started.map_or_else(Vec::new, |pool| pool.broadcast(|_| question()))
     }
 }
 
@@ -61,8 +71,3 @@ impl PartialEq for Threads {
 }
 
 impl Eq for Threads {}
-
-/// No thread to be had.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("no thread could be started: {0}")]
-pub struct ThreadsError(String);

@@ -74,7 +74,7 @@ impl Tree {
         point.complete();
         let options = MatrixOptions {
             representation: Representation::Sparse,
-            threads: Threads::new(threads).expect("threads"),
+            threads: Threads::new(threads),
             ..MatrixOptions::default()
         };
         let newton = Newton::new(&assembled.manifold, &assembled.state.q, options);

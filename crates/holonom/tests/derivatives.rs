@@ -206,6 +206,16 @@ fn vehicle_in_equilibrium_and_on_the_bump() {
     assert_derivatives(&model("hmmwv14_bushing"), &[0.55], 1e-4);
 }
 
+#[test] // more bodies than one part of the blocks has, joints between two parts, loops
+fn bodies_of_several_parts() {
+    let twist = |i: usize| if i % 3 == 0 { i / 3 } else { i / 2 };
+    let options =
+        [common::bars(true, 70, twist, [true, false]), common::bars(false, 40, twist, [false; 2])];
+    for model in options {
+        assert_derivatives(&model, &[0.05], 1e-4);
+    }
+}
+
 /// Bodies on stiff springs along axes that turn, one of them driven.
 const TURNING_SPRINGS: &str = r#"
 holonom = 1

@@ -2,8 +2,6 @@
 
 mod common;
 
-use std::fmt::Write as _;
-
 use common::{ALL_CODES, model, model_of, options, run_model};
 use holonom::method::Code;
 use holonom::model::Model;
@@ -58,78 +56,46 @@ fn a_run_on_another_thread_gives_the_same_bits() {
     }
 }
 
-/// Bars on hinges with springs, some with Maxwell elements, bar i hanging from bar `parent(i)`, the first from the
-/// ground, all stretched out; at the ends of some a bar more closes a loop.
-fn bars(planar: bool, count: usize, parent: impl Fn(usize) -> usize, loops: bool) -> Model {
-    let (dimension, zero) = if planar { ("planar", "") } else { ("spatial", ", 0.0") };
-    let inertia = if planar { "0.1" } else { "[[0.01, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]" };
-    let mut depth = vec![0; count + 1];
-    let mut text = format!("holonom = 1\ntitle = \"bars\"\ndimension = \"{dimension}\"\n");
-    writeln!(text, "gravity = [0.0, -9.81{zero}]").unwrap();
-    for i in 1..=count {
-        let above = parent(i);
-        depth[i] = depth[above] + 1;
-        let other = if above == 0 { "ground".into() } else { format!("bar_{above}") };
-        let end = if above == 0 { 0.0 } else { 0.5 };
-        let axis = match (planar, i % 2) {
-            (true, _) => "",
-            (false, 0) => "axis = [0.0, 0.0, 1.0]\n",
-            (false, _) => "axis = [0.0, 1.0, 0.0]\n",
-        };
-        let x = f64::from(depth[i]) - 0.5;
-        write!(
-            text,
-            "[bodies.bar_{i}]\nmass = 1.0\ninertia = {inertia}\nposition = [{x}, 0.0{zero}]\n\
-             [joints.hinge_{i}]\ntype = \"revolute\"\nbetween = [\"{other}\", \"bar_{i}\"]\n\
-             points_in_body = [[{end}, 0.0{zero}], [-0.5, 0.0{zero}]]\n{axis}\
-             [forces.spring_{i}]\ntype = \"rsda\"\nbetween = [\"{other}\", \"bar_{i}\"]\n\
-             stiffness = {stiffness}\ndamping = 10.0\n{axis}",
-            stiffness = 1e3 * (1.0 + (i % 7) as f64),
-        )
-        .unwrap();
-        if i % 5 == 3 {
-            write!(
-                text,
-                "[forces.relaxing_{i}]\ntype = \"maxwell\"\nbetween = [\"{other}\", \"bar_{i}\"]\n\
-                 points_in_body = [[0.1, 0.2{zero}], [0.0, 0.3{zero}]]\nstiffness = 1e4\n\
-                 damping = 50.0\nfree_length = 0.9\n",
-            )
-            .unwrap();
-        }
-        if loops && i % 10 == 0 {
-            let x = f64::from(depth[i]);
-            write!(
-                text,
-                "[joints.link_{i}]\ntype = \"distance\"\nbetween = [\"ground\", \"bar_{i}\"]\n\
-                 points_in_body = [[{x}, 3.0{zero}], [0.5, 0.0{zero}]]\nlength = 3.0\n",
-            )
-            .unwrap();
-        }
-    }
-    model_of(&text)
-}
-
 #[test] // independent truth: the calling thread alone
 fn threads_give_the_same_bits() {
     let models = [
-        ("binary tree", bars(true, 600, |i| i / 2, false)),
-        ("star", bars(true, 500, |i| usize::from(i > 1), false)),
-        ("separate bars", bars(true, 450, |_| 0, false)),
-        ("comb", bars(true, 450, |i| if i % 3 == 1 { i.max(3) - 3 } else { i - 1 }, false)),
-        ("binary tree in space", bars(false, 250, |i| i / 2, false)),
-        ("tree with loops", bars(true, 420, |i| i / 2, true)),
+        ("binary tree", common::bars(true, 600, |i| i / 2, [false, true])),
+        ("star", common::bars(true, 500, |i| usize::from(i > 1), [false, true])),
+        ("separate bars", common::bars(true, 450, |_| 0, [false, true])),
+        (
+            "comb",
+            common::bars(
+                true,
+                450,
+                |i| if i % 3 == 1 { i.max(3) - 3 } else { i - 1 },
+                [false, true],
+            ),
+        ),
+        ("binary tree in space", common::bars(false, 250, |i| i / 2, [false, true])),
+        ("tree with loops", common::bars(true, 420, |i| i / 2, [true, true])),
     ];
     for (name, model) in &models {
         for code in [Code::ForRadau, Code::ForSdirk] {
-            let run = |threads: usize| {
-                let threads = Threads::new(threads).unwrap();
-                let newton = Representation::Sparse;
+            let run = |threads: usize, newton: Representation| {
+                let threads = Threads::new(threads);
                 bits_of(model, &Options { threads, newton, ..options(code, 1e-3, 0.02) })
             };
-            let alone = run(1);
+            let alone = run(1, Representation::Sparse);
             for threads in [2, 4] {
-                assert!(run(threads) == alone, "{name} with {code:?} and {threads} threads");
+                let shared = run(threads, Representation::Sparse);
+                assert!(shared == alone, "{name} with {code:?} and {threads} threads");
             }
         }
+    }
+}
+
+#[test] // independent truth: the calling thread alone
+fn threads_change_nothing_where_the_matrix_is_chosen() {
+    for model in [model("hmmwv14"), common::bars(true, 120, |i| i / 2, [true, true])] {
+        let run = |threads: usize| {
+            let threads = Threads::new(threads);
+            bits_of(&model, &Options { threads, ..options(Code::ForRadau, 1e-3, 0.05) })
+        };
+        assert!(run(2) == run(1));
     }
 }

@@ -110,23 +110,6 @@ pub struct ForceBlocks<T, const N: usize> {
     pub rate_t: T,
 }
 
-impl<const N: usize> ForceBlocks<f64, N> {
-    /// All zero.
-    pub const ZERO: Self = {
-        let (pairs, zero) = (PairBlocks([[[[0.0; N]; N]; 2]; 2]), [[0.0; N]; 2]);
-        Self {
-            k: pairs,
-            c: pairs,
-            t: zero,
-            z: zero,
-            rate_q: zero,
-            rate_v: zero,
-            rate_z: 0.0,
-            rate_t: 0.0,
-        }
-    };
-}
-
 /// Energy terms of a force: Q·q̇ = −d(potential)/dt − dissipated + supplied.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Energy {

@@ -54,21 +54,10 @@ impl BodyTree {
         let forest = chart.forest()?.clone();
         let rank = chart.parametrization().kept.len();
         let (n, count) = (forest.size(), forest.len());
-        let mut children = vec![Vec::new(); count];
-        let mut left = Vec::new();
-        for body in forest.order() {
-            match forest.parent(body) {
-                Some(parent) => children[parent].push(body as u32),
-                None => left.push(body as u32),
-            }
-        }
-        left.reverse();
-        let (mut order, mut position) = (Vec::with_capacity(count), vec![NONE; count]);
-        while let Some(body) = left.pop() {
-            position[body as usize] = order.len() as u32;
-            order.push(body);
-            left.extend(children[body as usize].iter().rev());
-        }
+        // Parents first, subtree after subtree: see `topology::Forest::walk`.
+        let order: Vec<u32> = forest.order().map(|body| body as u32).collect();
+        let mut position = vec![NONE; count];
+        order.iter().enumerate().for_each(|(at, &body)| position[body as usize] = at as u32);
         let parent = order
             .iter()
             .map(|&body| forest.parent(body as usize).map_or(NONE, |parent| position[parent]));

@@ -43,7 +43,7 @@ impl Square {
         let sizes = system.structure().sizes;
         let tree = &system.tree().forest;
         let forest =
-            BlockForest::find(sizes.per_body, &tree.parent, &tree.order, entries.iter().copied());
+            BlockForest::find(sizes.per_body, &tree.parent, &tree.walk(), entries.iter().copied());
         if let Some(forest) = forest {
             let slots = entries.iter().map(|&(i, j)| forest.slot(i, j)).collect();
             let values = vec![0.0; forest.values()];

@@ -9,7 +9,6 @@ use crate::reduction::accelerations::Refusal;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::reduction::{Manifold, largest_index};
 use crate::system::{Channel, State, System};
-use crate::threads::ThreadsError;
 use crate::watch::GivenUp;
 use std::sync::Arc;
 
@@ -54,9 +53,6 @@ pub enum RunError {
         /// The words it knows.
         known: String,
     },
-    /// No thread to share the work with.
-    #[error(transparent)]
-    Threads(#[from] ThreadsError),
     /// Nothing says when the run ends.
     #[error("there is no end time; give `end_time`, or state it in the model's [simulation]")]
     NoEndTime,

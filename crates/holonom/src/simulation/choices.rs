@@ -138,7 +138,7 @@ impl Choices {
             newton: word("newton", newton, Representation::ALL)?.unwrap_or(usual.newton),
             accelerations: word("accelerations", accelerations, Accelerations::ALL)?
                 .unwrap_or(usual.accelerations),
-            threads: Threads::new(threads)?,
+            threads: Threads::new(threads),
             repartition_factor: (self.repartition_factor.or(file.repartition_factor))
                 .unwrap_or(usual.repartition_factor),
             dense_output: self.dense_output.or(file.dense_output),
@@ -176,7 +176,7 @@ impl Choices {
             jacobian: Some(options.jacobian.name().into()),
             newton: Some(options.newton.name().into()),
             accelerations: Some(options.accelerations.name().into()),
-            threads: Some(options.threads.count()).filter(|count| *count > 1),
+            threads: Some(options.threads.count()),
             repartition_factor: Some(options.repartition_factor),
             dense_output: Some(options.stores_dense_output()),
             profile: Some(options.profile.name().into()),

@@ -1,5 +1,6 @@
 //! The time that a run takes; it is reported, and compared with the one limit on time, `max_seconds`.
 
+use crate::threads::Threads;
 use cpu_time::ThreadTime;
 use std::ops::{AddAssign, Sub};
 use std::time::{Duration, Instant};
@@ -17,7 +18,7 @@ pub(super) struct Stopwatch {
 pub(super) struct Elapsed {
     /// Time that has passed.
     pub(super) wall: Duration,
-    /// Time in which a processor worked on this thread.
+    /// Time in which a processor worked on this thread, or on others for it.
     pub(super) processor: Duration,
 }
 
@@ -29,6 +30,12 @@ impl Stopwatch {
     /// Time that has passed.
     pub(super) fn passed(&self) -> Duration {
         self.wall.elapsed()
+    }
+
+    /// The same for the work of threads that stand beside this one, from their start on.
+    pub(super) fn of_others(threads: &Threads) -> Elapsed {
+        let worked = || ThreadTime::try_now().map(|now| now.as_duration()).unwrap_or_default();
+        Elapsed { wall: Duration::ZERO, processor: threads.ask(worked).into_iter().sum() }
     }
 
     pub(super) fn elapsed(&self) -> Elapsed {

@@ -125,9 +125,9 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         target: &mut Target<'_>,
         mut look: impl FnMut(&PlacedForce<S::Force>, &ForceBlocks<f64, N>),
     ) {
-        let mut blocks = ForceBlocks::ZERO;
-        let mut rows = [RowBlocks([[[0.0; N]; 6]; 2]); 2];
-        let mut pairs = PairBlocks([[[[0.0; N]; N]; 2]; 2]);
+        let mut blocks = ForceBlocks::zero();
+        let mut rows = [RowBlocks::zero(); 2];
+        let mut pairs = PairBlocks::zero();
         for &k in &elements.constraints {
             let k = k as usize;
             let c = &self.constraints[k];

@@ -260,6 +260,16 @@ mod tests {
         assert_eq!(Shape::new(1, &[[ground, a], [ground, a]]), shape(1, vec![]));
     }
 
+    #[test] // by hand: 0 carries 1 and 2, 2 carries 3; 4 is free
+    fn a_walk_reaches_what_hangs_on_a_body_right_after_it_and_few_before_many() {
+        let edges = [[None, Some(0)], [Some(0), Some(2)], [Some(2), Some(3)], [Some(0), Some(1)]];
+        let forest = Forest::new(&[1.0; 5], &edges.map(|ends| edge(ends, 0, 0.0)));
+        assert_eq!(forest.walk(), [0, 1, 2, 3, 4]);
+        let edges = [[None, Some(0)], [Some(0), Some(1)], [Some(1), Some(3)], [Some(0), Some(2)]];
+        let forest = Forest::new(&[1.0; 5], &edges.map(|ends| edge(ends, 0, 0.0)));
+        assert_eq!(forest.walk(), [0, 2, 1, 3, 4]);
+    }
+
     #[test] // by hand: a four-bar with a rod between its cranks, and a second joint beside the last one
     fn joints_are_next_to_each_other_where_they_share_a_body() {
         let (ground, a, b, c) = (None, Some(0), Some(1), Some(2));

@@ -10,6 +10,7 @@ use holonom::method::Code;
 use holonom::model::{Model, Tolerance};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, Status, Summary, run};
 use holonom::system::State;
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 /// Every folder of the library.
@@ -298,3 +299,59 @@ right_head = { type = "revolute", between = ["right", "platform"], point = [1.0,
 spring = { type = "rsda", between = ["ground", "left"], stiffness = 60.0, damping = 0.3, free_angle = 0.2 }
 creep = { type = "maxwell", between = ["ground", "platform"], points = [[-1.0, 0.4], [0.0, 0.4]], stiffness = 100.0, damping = 30.0, free_length = 1.0 }
 "#;
+
+/// Bars on hinges with springs, bar i hanging from bar `parent(i)`, bar 0 being the ground, all stretched out; with
+/// `loops` the ends of some keep their distances from points, with `relaxing` some have Maxwell elements.
+pub(crate) fn bars(
+    planar: bool,
+    count: usize,
+    parent: impl Fn(usize) -> usize,
+    [loops, relaxing]: [bool; 2],
+) -> Model {
+    let (dimension, zero) = if planar { ("planar", "") } else { ("spatial", ", 0.0") };
+    let inertia = if planar { "0.1" } else { "[[0.01, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]" };
+    let mut depth = vec![0; count + 1];
+    let mut text = format!("holonom = 1\ntitle = \"bars\"\ndimension = \"{dimension}\"\n");
+    writeln!(text, "gravity = [0.0, -9.81{zero}]").unwrap();
+    for i in 1..=count {
+        let above = parent(i);
+        depth[i] = depth[above] + 1;
+        let other = if above == 0 { "ground".into() } else { format!("bar_{above}") };
+        let end = if above == 0 { 0.0 } else { 0.5 };
+        let axis = match (planar, i % 2) {
+            (true, _) => "",
+            (false, 0) => "axis = [0.0, 0.0, 1.0]\n",
+            (false, _) => "axis = [0.0, 1.0, 0.0]\n",
+        };
+        let x = f64::from(depth[i]) - 0.5;
+        write!(
+            text,
+            "[bodies.bar_{i}]\nmass = 1.0\ninertia = {inertia}\nposition = [{x}, 0.0{zero}]\n\
+             [joints.hinge_{i}]\ntype = \"revolute\"\nbetween = [\"{other}\", \"bar_{i}\"]\n\
+             points_in_body = [[{end}, 0.0{zero}], [-0.5, 0.0{zero}]]\n{axis}\
+             [forces.spring_{i}]\ntype = \"rsda\"\nbetween = [\"{other}\", \"bar_{i}\"]\n\
+             stiffness = {stiffness}\ndamping = 10.0\n{axis}",
+            stiffness = 1e3 * (1.0 + (i % 7) as f64),
+        )
+        .unwrap();
+        if relaxing && i % 5 == 3 {
+            write!(
+                text,
+                "[forces.relaxing_{i}]\ntype = \"maxwell\"\nbetween = [\"{other}\", \"bar_{i}\"]\n\
+                 points_in_body = [[0.1, 0.2{zero}], [0.0, 0.3{zero}]]\nstiffness = 1e4\n\
+                 damping = 50.0\nfree_length = 0.9\n",
+            )
+            .unwrap();
+        }
+        if loops && i % 10 == 0 {
+            let x = f64::from(depth[i]);
+            write!(
+                text,
+                "[joints.link_{i}]\ntype = \"distance\"\nbetween = [\"ground\", \"bar_{i}\"]\n\
+                 points_in_body = [[{x}, 3.0{zero}], [0.5, 0.0{zero}]]\nlength = 3.0\n",
+            )
+            .unwrap();
+        }
+    }
+    model_of(&text)
+}

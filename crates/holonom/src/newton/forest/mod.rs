@@ -9,6 +9,7 @@ use crate::reduction::{BodyRows, Manifold};
 use crate::system::Structure;
 use crate::threads::Threads;
 use holonom_linalg::small::{Square, add_product, add_times, inverse, product, scaled};
+use holonom_linalg::watch::checkpoint;
 use holonom_linalg::{Complex64, SingularMatrix};
 use numbers::Numbers;
 use plan::Plan;
@@ -184,6 +185,7 @@ impl<const N: usize> Elimination<N> {
 
     fn factor(&mut self, structure: &Structure, sum: &Sum<'_, f64>) -> Result<(), SingularMatrix> {
         let Self { plan, threads, motions, columns, real, .. } = self;
+        checkpoint(plan.tree.len() * N * N * N);
         let (growth, at) =
             threads.share(|| real.factor(plan, threads, motions, columns, structure, sum))?;
         if growth <= LARGEST_GROWTH {
@@ -199,6 +201,7 @@ impl<const N: usize> Elimination<N> {
         sum: &Sum<'_, Complex64>,
     ) -> Result<(), SingularMatrix> {
         let Self { plan, threads, motions, columns, complex, .. } = self;
+        checkpoint(plan.tree.len() * N * N * N);
         let numbers = complex.get_or_insert_with(|| Numbers::new(plan));
         let factor = || numbers.factor(plan, threads, motions, columns, structure, sum);
         threads.share(factor).map(|_| ())

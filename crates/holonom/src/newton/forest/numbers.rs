@@ -10,7 +10,6 @@ use holonom_linalg::small::{
     Square, add_own_times, add_product, add_times, add_transposed_product, add_transposed_times,
     factor, scaled, solve,
 };
-use holonom_linalg::watch::checkpoint;
 use holonom_linalg::{BlockMatrix, Scalar, SingularMatrix};
 use std::ops::Range;
 
@@ -68,6 +67,11 @@ struct Addition<T, const N: usize> {
 
 impl<T: Scalar, const N: usize> Addition<T, N> {
     const ZERO: Self = Self { h: [[[T::ZERO; N]; N]; 3], sizes: [0.0; N] };
+
+    fn take(&mut self, other: &Self) {
+        self.h.iter_mut().zip(&other.h).for_each(|(h, other)| add(h, other));
+        self.sizes.iter_mut().zip(other.sizes).for_each(|(size, other)| *size += other);
+    }
 }
 
 /// Growth of numbers and the position it was at.
@@ -233,7 +237,7 @@ impl<T: Scalar, const N: usize> Factors<'_, T, N> {
 }
 
 impl<T: Scalar, const N: usize> Given<'_, T, N> {
-    /// Eliminates parts of the tree; what their first bodies add to their parents is left in `additions`.
+    /// Eliminates parts of the tree; what each adds to the parent of its first bodies is left in `additions`.
     fn parts(
         &self,
         parts: &[Range<usize>],
@@ -253,11 +257,15 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
             return Ok(larger(other?, one?));
         }
         let mut growth = (0.0, 0);
-        for (part, addition) in parts.iter().zip(additions).rev() {
+        let mut addition = Addition::ZERO;
+        for (part, outwards) in parts.iter().zip(additions).rev() {
+            *outwards = Addition::ZERO;
             for at in part.clone().rev() {
-                growth = larger(growth, self.eliminate(&mut factors, at, addition)?);
-                if at != part.start {
-                    self.add(&mut factors, at, addition);
+                growth = larger(growth, self.eliminate(&mut factors, at, &mut addition)?);
+                match self.plan.tree.parent(at) {
+                    Some(parent) if parent >= part.start => self.add(&mut factors, at, &addition),
+                    Some(_) => outwards.take(&addition),
+                    None => {}
                 }
             }
         }
@@ -487,7 +495,6 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         structure: &Structure,
         sum: &Sum<'_, T>,
     ) -> Result<Growth, SingularMatrix> {
-        checkpoint(plan.tree.len() * N * N * N);
         let step = Step { gamma_h: sum.gamma_h, beta_h2: sum.beta_h2, ratio: sum.ratio };
         self.step = step;
         begin(plan, threads, sum, &step, made, 0, &mut self.bodies, &mut self.columns);
@@ -495,14 +502,13 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         if !plan.extra.is_empty() {
             self.add_extra_states(plan, structure, sum);
         }
-        let parts = if threads.are_several() { &plan.parts[..] } else { &[] };
         let Self { bodies, psi, exchanges, free, columns, extra, additions, .. } = self;
         let given =
             Given { plan, threads, motions, made, columns, extra, step, blocks: sum.blocks };
         let mut factors = Factors { first: 0, bodies, psi, exchanges, free };
         let [all, _] = factors.split_at(plan, plan.tree.len());
-        let growth = given.parts(parts, all, additions)?;
-        Ok(larger(growth, given.rest(parts, &mut factors, additions)?))
+        let growth = given.parts(&plan.parts, all, additions)?;
+        Ok(larger(growth, given.rest(&plan.parts, &mut factors, additions)?))
     }
 
     pub(super) fn solve(

@@ -16,7 +16,7 @@ pub(super) struct Plan {
     pub(super) blocks: Vec<[usize; 3]>,
     /// Extra states, and the child of their two bodies.
     pub(super) extra: Vec<Extra>,
-    /// Subtrees that can be eliminated at the same time, ascending; none where too little is in them.
+    /// Ranges of subtrees that can be eliminated at the same time, ascending; none where too little is in them.
     pub(super) parts: Vec<Range<usize>>,
 }
 
@@ -121,7 +121,8 @@ impl Plan {
     }
 }
 
-/// The largest subtrees of at most a share of all bodies, if together they have most of these.
+/// Ranges of subtrees that hang on the same body, as large as a share of all bodies allows, if together they
+/// have most of these.
 fn parts(tree: &BodyTree) -> Vec<Range<usize>> {
     let mut ends: Vec<usize> = (1..=tree.len()).collect();
     for at in (0..tree.len()).rev() {
@@ -130,15 +131,27 @@ fn parts(tree: &BodyTree) -> Vec<Range<usize>> {
         }
     }
     let most = tree.len().div_ceil(SHARE);
-    let (mut parts, mut at) = (Vec::new(), 0);
+    let (mut parts, mut at) = (Vec::<Range<usize>>::new(), 0);
     while at < tree.len() {
-        if ends[at] - at <= most {
-            parts.push(at..ends[at]);
-            at = ends[at];
-        } else {
+        let end = ends[at];
+        if end - at > most {
             at += 1;
+            continue;
         }
+        match parts.last_mut() {
+            Some(last)
+                if last.end == at
+                    && tree.parent(last.start) == tree.parent(at)
+                    && end - last.start <= most =>
+            {
+                last.end = end;
+            }
+            _ => parts.push(at..end),
+        }
+        at = end;
     }
+    // Smaller ones are not worth the place of what they add to the rest.
+    parts.retain(|part| SHARE * part.len() >= most);
     let inside: usize = parts.iter().map(Range::len).sum();
     if 2 * inside < tree.len() { Vec::new() } else { parts }
 }

@@ -68,12 +68,13 @@ pub fn run(
     let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
     let mut run = within(limit, || set_up::set_up(problem, options, from, sink, begun))
         .map_err(|given_up| RunError::given_up(given_up, options))??;
-    let looped = Stopwatch::start();
+    let (looped, others) = (Stopwatch::start(), Stopwatch::of_others(&options.threads));
     let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
     let stop = within(left, || stage("running", || run.advance()))
         .unwrap_or_else(|given_up| Err(Stop::from(given_up)));
     let (status, stop) = run.finish(stop);
-    let took = looped.elapsed() - run.sink_time;
+    let mut took = looped.elapsed() - run.sink_time;
+    took += Stopwatch::of_others(&options.threads) - others;
     run.statistics.run_seconds = took.wall.as_secs_f64();
     run.statistics.run_cpu_seconds = took.processor.as_secs_f64();
     Ok(Summary {
