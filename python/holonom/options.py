@@ -114,8 +114,9 @@ class Options:
         ``augmented``, a sparse matrix of both, or ``auto`` (default), whichever is predicted to
         cost least. States that the others cannot solve accurately are left to the augmented one.
     threads : int, optional
-        Threads that share the work on the integration Jacobian of models with hundreds of bodies;
-        1 by default. Results are the same to the last bit for any number.
+        Threads that share the work on the integration Jacobian of models with more than some 1,000
+        bodies in a plane or 200 in space; 1 by default. Results are the same for any number, to the
+        last bit.
     repartition_factor : float, optional
         Growth of the condition at which a partition or a tangent plane is chosen anew; more
         than 1. The tree has a factor of its own, 2.5.

@@ -291,10 +291,10 @@ def test_check_counts_and_shows_the_linearized_motion(model: holonom.Model) -> N
 
 
 def test_threads_change_no_bit(model: holonom.Model) -> None:
-    chain = holonom.Model.from_text(CHAIN).with_values({"parameters.links": 400})
+    chain = holonom.Model.from_text(CHAIN).with_values({"parameters.links": 1200})
     alone = chain.simulate(newton="sparse")
     shared = chain.simulate(newton="sparse", threads=2)
-    np.testing.assert_array_equal(alone["link_400.position"], shared["link_400.position"])
+    np.testing.assert_array_equal(alone["link_1200.position"], shared["link_1200.position"])
     assert (alone.options["threads"], shared.options["threads"]) == (1, 2)
     with pytest.raises(holonom.UsageError, match="`threads` is 5000; it must be from 1 to 1024"):
         model.simulate(threads=5000)

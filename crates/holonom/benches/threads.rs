@@ -2,7 +2,7 @@
 //! springs and dampers in their hinges, in the plane and in space, by one thread and by two.
 //!
 //! `cargo bench -p holonom --bench threads` times them and prints the ratio of their medians, taken in turn.
-//! Bound on two free cores: 1.6.
+//! Bound on two free cores: 1.6. Measured on a shared x86-64 machine: 1.5 to 1.7 in space, 1.2 to 1.4 in the plane.
 
 #![allow(missing_docs)] // of the functions that criterion's macros make
 #![allow(clippy::print_stdout, reason = "the ratio is for the reader")]

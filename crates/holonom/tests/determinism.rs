@@ -59,21 +59,22 @@ fn a_run_on_another_thread_gives_the_same_bits() {
 #[test] // independent truth: the calling thread alone
 fn threads_give_the_same_bits() {
     let models = [
-        ("binary tree", common::bars(true, 600, |i| i / 2, [false, true])),
-        ("star", common::bars(true, 500, |i| usize::from(i > 1), [false, true])),
-        ("separate bars", common::bars(true, 450, |_| 0, [false, true])),
+        ("binary tree", common::bars(true, 1300, |i| i / 2, [false, true])),
+        ("star", common::bars(true, 1200, |i| usize::from(i > 1), [false, true])),
+        ("separate bars", common::bars(true, 1200, |_| 0, [false, true])),
         (
             "comb",
             common::bars(
                 true,
-                450,
+                1200,
                 |i| if i % 3 == 1 { i.max(3) - 3 } else { i - 1 },
                 [false, true],
             ),
         ),
         ("binary tree in space", common::bars(false, 250, |i| i / 2, [false, true])),
-        ("tree with loops", common::bars(true, 420, |i| i / 2, [true, true])),
+        ("tree with loops", common::bars(true, 1200, |i| i / 2, [true, true])),
     ];
+    // Enough of each that threads share the work.
     for (name, model) in &models {
         for code in [Code::ForRadau, Code::ForSdirk] {
             let run = |threads: usize, newton: Representation| {

@@ -80,8 +80,8 @@ impl Structure {
     /// Buffers for the derivative blocks, which `threads` share the work of where there is enough of it.
     pub fn derivative_blocks(&self, threads: &Threads) -> DerivativeBlocks {
         let s = &self.sizes;
-        let elements = s.bodies + self.joints.len();
-        let threads = if elements >= SHARED { threads.clone() } else { Threads::default() };
+        let work = (s.bodies + self.joints.len()) * s.per_body * s.per_body;
+        let threads = if work >= SHARED { threads.clone() } else { Threads::default() };
         DerivativeBlocks {
             time: vec![0.0; s.coordinates],
             threads,
@@ -133,8 +133,9 @@ pub struct DerivativeBlocks {
     pub(super) time: Vec<f64>,
 }
 
-/// Bodies and joints from which threads share the work.
-const SHARED: usize = 400;
+/// Bodies and joints times the square of a body's coordinates from which threads share the work: see the same of the
+/// elimination of trees, which these blocks go before.
+const SHARED: usize = 20_000;
 
 impl DerivativeBlocks {
     /// Who shares the work.
