@@ -208,7 +208,7 @@ fn vehicle_in_equilibrium_and_on_the_bump() {
 
 #[test] // more bodies than one part of the blocks has, joints between two parts, loops
 fn bodies_of_several_parts() {
-    let twist = |i: usize| if i % 3 == 0 { i / 3 } else { i / 2 };
+    let twist = |i: usize| if i.is_multiple_of(3) { i / 3 } else { i / 2 };
     let options =
         [common::bars(true, 70, twist, [true, false]), common::bars(false, 40, twist, [false; 2])];
     for model in options {
