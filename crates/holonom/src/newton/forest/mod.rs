@@ -2,6 +2,7 @@
 
 mod numbers;
 mod plan;
+mod solution;
 
 use super::blocks::ReducedBlocks;
 use super::sparse_pattern::Sum;
