@@ -273,9 +273,9 @@ def _require_positive(name: str, value: object) -> float:
 
 
 def _require_count(name: str, value: object) -> int:
-    number = _require_positive(name, value)
-    if number != int(number):
-        raise UsageError(f"`{name}` is {number}; it must be a whole number")
+    number = _require_finite(name, value)
+    if number != int(number) or number < 1.0:
+        raise UsageError(f"`{name}` is {number:g}; it must be a whole number, 1 or more")
     return int(number)
 
 
