@@ -94,16 +94,13 @@ impl Matrices {
         if self.factored != Some(step.h) {
             self.factored = None;
             let mut factored = stages.factor(ode, step.h);
-            if factored.is_err() && self.linearization == Linearization::Predicted {
+            if factored.is_err() {
+                // At the start, where the matrix may choose another order of elimination.
                 stages.linearize(ode, step)?;
                 self.linearization = Linearization::Current;
                 factored = stages.factor(ode, step.h);
             }
-            if let Err(failure) = factored {
-                // Another linearization may choose another order of elimination.
-                *self = Self::NONE;
-                return Err(Failure::singular(failure));
-            }
+            factored.map_err(Failure::singular)?;
             self.factored = Some(step.h);
         }
         Ok(())
