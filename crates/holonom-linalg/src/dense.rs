@@ -248,9 +248,27 @@ impl Cholesky {
     /// # Panics
     /// If `b` has not n·k entries.
     pub fn solve_many(&self, b: &mut [f64], k: usize) {
+        self.solve_lower(b, k);
+        self.solve_upper(b, k);
+    }
+
+    /// Solves L X = B in place; `b` is n×k by rows.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries.
+    pub fn solve_lower(&self, b: &mut [f64], k: usize) {
         let l = MatRef::from_column_major_slice(&self.factor, self.n, self.n);
-        let mut x = MatMut::from_row_major_slice_mut(b, self.n, k);
-        triangular_solve::solve_lower_triangular_in_place(l, x.as_mut(), Par::Seq);
+        let x = MatMut::from_row_major_slice_mut(b, self.n, k);
+        triangular_solve::solve_lower_triangular_in_place(l, x, Par::Seq);
+    }
+
+    /// Solves Lᵀ X = B in place; `b` is n×k by rows.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries.
+    pub fn solve_upper(&self, b: &mut [f64], k: usize) {
+        let l = MatRef::from_column_major_slice(&self.factor, self.n, self.n);
+        let x = MatMut::from_row_major_slice_mut(b, self.n, k);
         triangular_solve::solve_upper_triangular_in_place(l.transpose(), x, Par::Seq);
     }
 }

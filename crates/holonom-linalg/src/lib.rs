@@ -6,6 +6,7 @@
 //! | general sparse, fixed pattern | [`SparsePattern`], [`SparseLu`] | factor again and again |
 //! | blocks that hang on each other like a forest | [`BlockForest`], [`ForestLu`] | trees of bodies, without fill |
 //! | symmetric, small blocks, in an envelope | [`BlockGraph`], [`EnvelopePlan`], [`EnvelopeCholesky`] | reduced matrices of mechanisms |
+//! | symmetric, zeros along the branches of a tree | [`BranchedPlan`], [`BranchedCholesky`] | inertia in joint coordinates, without fill |
 //! | tall sparse, at set-up | [`independent_rows`] | rank, independent variables |
 //! | dense, square | [`DenseLu`], [`Cholesky`], [`DenseComplexLu`] | integration Jacobians |
 //! | dense, of a few rows | [`small`] | blocks of bodies |
@@ -16,6 +17,7 @@
 //! (`factor`, `refactor`, `solve…`, `multiply…`) allocates nothing after set-up.
 
 mod block;
+mod branched;
 mod complex;
 mod condition;
 mod dense;
@@ -35,6 +37,7 @@ pub mod threads;
 pub mod watch;
 
 pub use block::{BlockId, BlockMatrix, BlocksMut};
+pub use branched::{BranchedCholesky, BranchedPlan, CutRows, DenseAugmented, Operations, Stages};
 pub use complex::{Complex64, DenseComplexLu};
 pub use dense::{Cholesky, DenseLu, gram_add};
 pub use envelope::{
