@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 import holonom
-from holonom.accuracy import ComponentError
-from holonom.comparison import Row
+from holonom.study.accuracy import ComponentError
+from holonom.study.comparison import Row
 
 HERE = Path(__file__).parent
 ANGLE, RATE = "upper.angle", "upper.angular_velocity"

@@ -15,8 +15,6 @@ from typing import Any
 from holonom._core import version as _version
 from holonom.certification import Certification, ChannelError
 from holonom.check import CheckReport
-from holonom.compare import compare
-from holonom.comparison import Comparison, ComparisonInterrupted
 from holonom.errors import (
     FileError,
     HolonomError,
@@ -29,6 +27,8 @@ from holonom.errors import (
 from holonom.model import Model
 from holonom.options import Options, Tolerance, methods
 from holonom.result import Result
+from holonom.study.compare import compare
+from holonom.study.comparison import Comparison, ComparisonInterrupted
 
 __version__ = _version()
 

@@ -86,3 +86,6 @@ def methods() -> str:
 
 def version() -> str:
     """Return the version of the core."""
+
+def build() -> str:
+    """Return a JSON object: ``profile``, ``target`` and ``simd`` of this build and machine."""

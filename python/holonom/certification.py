@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.accuracy import SETS
 from holonom.model import split_component
 from holonom.options import Tolerance
 from holonom.store import STATE, Quantity, Reader
+from holonom.study.accuracy import SETS
 
 if TYPE_CHECKING:
     from holonom.model import Model

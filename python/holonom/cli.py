@@ -24,7 +24,7 @@ from holonom.progress import ComparisonProgress, RunProgress, Stages
 from holonom.result import Result
 
 if TYPE_CHECKING:
-    from holonom.comparison import Comparison
+    from holonom.study.comparison import Comparison
 
 app = typer.Typer(
     name="holonom",
@@ -562,7 +562,7 @@ def _print_summary(result: Result) -> None:
 def _print_comparison(comparison: Comparison, *, analysis: bool) -> None:
     from rich.console import Console
 
-    from holonom.comparison import as_text
+    from holonom.study.comparison import as_text
 
     parts: list[Any] = [comparison]
     if analysis and len(comparison.channels) * len(comparison.rows) <= ANALYSIS_SHOWN:

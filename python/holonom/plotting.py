@@ -29,8 +29,8 @@ except ModuleNotFoundError as error:
     ) from None
 
 if TYPE_CHECKING:
-    from holonom.comparison import Comparison
     from holonom.result import Result
+    from holonom.study.comparison import Comparison
 
 Series = NDArray[np.float64]
 

@@ -26,8 +26,8 @@ from hypothesis import strategies as st
 
 import holonom
 from holonom import Comparison, Tolerance
-from holonom.accuracy import Target, Truth, interpolate, targets
 from holonom.cli import invoke
+from holonom.study.accuracy import Target, Truth, interpolate, targets
 
 #: A mass of 1 kg on a spring, released 0.1 m from its rest: x = −0.1 + 0.1 cos(ω t), ω² = 400.
 OSCILLATOR = (
@@ -386,7 +386,7 @@ def test_times_are_medians_of_runs_taken_singly(
     oscillator: holonom.Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The timed runs happen in this process, when no worker is left."""
-    from holonom import runs
+    from holonom.study import runs
 
     alive: list[int] = []
     original = holonom.Model.simulate

@@ -32,6 +32,25 @@ fn version() -> &'static str {
     env!("CARGO_PKG_VERSION")
 }
 
+/// JSON object of what was built: profile, target and the vector instructions that kernels use on this machine.
+#[pyfunction]
+fn build() -> String {
+    let profile = if cfg!(debug_assertions) { "debug" } else { "release" };
+    let target = format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS);
+    serde_json::json!({ "profile": profile, "target": target, "simd": simd() }).to_string()
+}
+
+#[cfg(target_arch = "x86_64")]
+fn simd() -> &'static str {
+    use std::arch::is_x86_feature_detected as has;
+    if has!("avx2") && has!("fma") { "AVX2 and FMA" } else { "SSE2" }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn simd() -> &'static str {
+    if cfg!(target_feature = "neon") { "NEON" } else { "none" }
+}
+
 /// JSON list of the integration codes.
 #[pyfunction]
 fn methods() -> String {
@@ -47,6 +66,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(schema, module)?)?;
     module.add_function(wrap_pyfunction!(model_reference, module)?)?;
     module.add_function(wrap_pyfunction!(version, module)?)?;
+    module.add_function(wrap_pyfunction!(build, module)?)?;
     module.add_function(wrap_pyfunction!(methods, module)?)?;
     Ok(())
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,29 +11,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.accuracy import ComponentError, Kind, Target, Truth, targets
-from holonom.comparison import COUNTS, Comparison, ComparisonInterrupted, Reference, Row
 from holonom.errors import SimulationError, UsageError
 from holonom.model import Model
 from holonom.options import Options, Tolerance
-from holonom.options import methods as known_methods
 from holonom.result import Result
-from holonom.runs import Outcome, Task, run_task, side_by_side
 from holonom.simulation import start_state
+from holonom.study import plan
+from holonom.study.accuracy import ComponentError, Kind, Target, Truth, targets
+from holonom.study.comparison import COUNTS, Comparison, ComparisonInterrupted, Reference, Row
+from holonom.study.runs import Outcome, Task, run_task, side_by_side
 
 Series = NDArray[np.float64]
 
 #: Tolerances of the thesis's tables.
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
-#: Number of intervals between the output times, unless others are asked for.
-INTERVALS = 200
-#: The tightest tolerance compared is so many times the reference's; the least that doubles allow.
-REFERENCE_PART = 1000.0
-LEAST_TOLERANCE = 1e-12
 #: Errors less than so many times the difference between the reference and its check are in doubt.
 DOUBTFUL = 10.0
-#: Formulas by how cheaply they reach a tight tolerance on a stiff model; others come after them.
-_RANKED = ("radau5", "sdirk4_15", "sdirk4_16", "rosenbrock4")
 
 Progress = Callable[[float, int, str], None]
 
@@ -116,7 +108,7 @@ def compare(
     limits = list(
         dict.fromkeys(Tolerance.of(limit, loaded.defaults["tolerance"]) for limit in tolerances)
     )
-    codes = _codes(methods)
+    codes = plan.codes(methods)
     repeat = _count("repeat", repeat, 0)
     processes = _count("processes", 1 if processes is None else processes, 1)
     if not limits or not codes:
@@ -136,7 +128,7 @@ def compare(
     options = Options.of(
         {**choices, "end_time": end_time, "interval": interval, "output_times": output_times}
     )
-    times, end = _times(loaded, options, given)
+    times, end = plan.times(loaded, options, given)
     common = {"dense_output": False, **choices, "end_time": end, "output_times": times}
     common["channels"] = []
     pairs = [
@@ -163,12 +155,12 @@ def compare(
     )
     if given is None:
         begin = {"start_time": choices["start_time"]} if "start_time" in choices else {}
-        tolerance = _reference_tolerance(limits, reference_tolerance)
+        tolerance = plan.reference_tolerance(limits, reference_tolerance)
         ahead = {**begin, "end_time": end, "output_times": times, "channels": []}
         output = None if save_reference is None else Path(save_reference)
         work.candidates = [
             Task(name, {**ahead, "method": name, "tolerance": tolerance}, path)
-            for name, path in zip(_references(), (output, None), strict=False)
+            for name, path in zip(plan.references(), (output, None), strict=False)
         ]
     else:
         work.use(given)
@@ -261,10 +253,10 @@ class _Work:
         self.truth = Truth(self.wanted, self.times, outcome.values, self.times)
         errors: list[ComponentError] = []
         if checks:
-            errors = self.truth.errors(found[checks[0]].values, _tightest(self.limits))
+            errors = self.truth.errors(found[checks[0]].values, plan.tightest(self.limits))
         self.reference = Reference(
             method=task.label,
-            tolerance=_parts(task.choices["tolerance"]),
+            tolerance=plan.parts(task.choices["tolerance"]),
             path="" if task.output is None or chosen else str(task.output),
             steps=outcome.statistics.get("steps"),
             check_method=self.candidates[checks[0]].label if checks else "",
@@ -359,116 +351,6 @@ class _Work:
             cpu_samples=tuple(self.samples.get(pair, ())),
             errors=tuple(errors),
         )
-
-
-def _codes(asked: Sequence[str | Mapping[str, Any]] | None) -> dict[str, dict[str, Any]]:
-    """Return the options of every method by its label."""
-    known = known_methods()
-    if asked is None:
-        asked = [entry["name"] for entry in known if entry["family"] != "explicit"]
-    if isinstance(asked, str | Mapping):
-        raise UsageError("`methods` is one method; it must be a list")
-    codes = {}
-    for entry in asked:
-        options = {"method": entry} if isinstance(entry, str) else dict(entry)
-        name, formula = options.pop("method", None), options.pop("formula", None)
-        hits = [
-            code["name"]
-            for code in known
-            if name == code["name"]
-            or (name == code["family"] and formula in (code["formula"], code["name"]))
-        ]
-        if len(hits) != 1:
-            raise UsageError(_unknown(name, formula, known))
-        if "tolerance" in options or "channels" in options:
-            raise UsageError("a method carries no `tolerance` and no `channels`; these are common")
-        label = " ".join([hits[0], *(f"{key}={value}" for key, value in options.items())])
-        codes[label] = {"method": hits[0], **options}
-    return codes
-
-
-def _unknown(name: object, formula: object, known: list[dict[str, str]]) -> str:
-    names = [code["name"] for code in known]
-    pairs = [f"{code['family']} with {code['formula']}" for code in known]
-    near = difflib.get_close_matches(str(name), names, n=1)
-    hint = f"did you mean `{near[0]}`? " if near and formula is None else ""
-    asked = f"`{name}`" + (f" with the formula `{formula}`" if formula is not None else "")
-    return f"there is no method {asked}; {hint}known are {', '.join(names)}, or {', '.join(pairs)}"
-
-
-def _references() -> list[str]:
-    """Return the code that makes references and the one, of another formula, that checks them."""
-    implicit = [code for code in known_methods() if code["family"] != "explicit"]
-
-    def rank(code: dict[str, str]) -> int:
-        return _RANKED.index(code["formula"]) if code["formula"] in _RANKED else len(_RANKED)
-
-    best, *others = sorted(implicit, key=rank)
-    check = next((code for code in others if code["formula"] != best["formula"]), None)
-    return [best["name"]] + ([] if check is None else [check["name"]])
-
-
-def _times(model: Model, options: Options, given: Result | None) -> tuple[Series, float]:
-    """Return the output times of all runs and the end time, s."""
-    begin, end = options.start_time, options.end_time
-    if begin is None:
-        begin = float(model.defaults.get("start_time") or 0.0)
-    if end is None and options.output_times is not None:
-        end = options.output_times[-1]
-    if end is None:
-        end = model.defaults.get("end_time")
-        if given is not None and given.time.size and not (end and end <= given.time[-1]):
-            end = float(given.time[-1])
-    if end is None:
-        raise UsageError(
-            "there is no end time; give `end_time`, or state it in the model's [simulation]"
-        )
-    if end <= begin:
-        raise UsageError(f"`end_time` {end} s must lie after the start at {begin} s")
-    slack = 1e-9 * (end - begin)
-    if options.output_times is not None:
-        times = np.array(options.output_times)
-        if times[0] < begin - slack or times[-1] > end + slack:
-            raise UsageError(f"`output_times` must lie between {begin} s and {end} s")
-    elif options.interval is not None:
-        count = int(np.floor((end - begin + slack) / options.interval))
-        times = begin + options.interval * np.arange(count + 1)
-        times = np.append(times[times < end - slack], end)
-    elif given is not None:
-        times = given.time[(given.time >= begin - slack) & (given.time <= end + slack)]
-        kept = np.linspace(0, max(times.size - 1, 0), min(times.size, INTERVALS + 1))
-        times = times[np.unique(np.round(kept).astype(int))]
-    else:
-        times = np.linspace(begin, end, INTERVALS + 1)
-    if given is not None:
-        span = given.time
-        if not span.size or not times.size or times[-1] > span[-1] + slack:
-            until = f"ends at {span[-1]} s" if span.size else "holds nothing"
-            raise UsageError(f"the reference {until}, but errors are taken until {end} s")
-        if times[0] < span[0] - slack:
-            raise UsageError(
-                f"the reference starts at {span[0]} s, but errors are taken from {times[0]} s"
-            )
-        if end > span[-1] + slack:
-            raise UsageError(f"the reference ends at {span[-1]} s, before the end time {end} s")
-    return times, float(end)
-
-
-def _reference_tolerance(
-    limits: list[Tolerance], asked: float | Mapping[str, float] | Tolerance | None
-) -> Tolerance:
-    parts = _parts(_tightest(limits)).items()
-    made = {k: max(v / REFERENCE_PART, LEAST_TOLERANCE) for k, v in parts}
-    return Tolerance(**made) if asked is None else Tolerance.of(asked, made)
-
-
-def _tightest(limits: list[Tolerance]) -> Tolerance:
-    parts = [_parts(limit) for limit in limits]
-    return Tolerance(**{name: min(part[name] for part in parts) for name in parts[0]})
-
-
-def _parts(tolerance: Tolerance) -> dict[str, float]:
-    return {name: getattr(tolerance, name) for name in Tolerance.__dataclass_fields__}
 
 
 def _doubtful(rows: list[Row], reference: Reference | None) -> list[str]:

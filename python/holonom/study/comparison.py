@@ -11,9 +11,9 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from holonom.accuracy import ComponentError, Kind
 from holonom.errors import FileError, Interrupted
 from holonom.options import Tolerance
+from holonom.study.accuracy import ComponentError, Kind
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
