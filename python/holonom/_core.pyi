@@ -75,6 +75,9 @@ def parse(
 ) -> CoreModel:
     """Read a model; ``syntax`` is ``"toml"`` or ``"json"``."""
 
+def checksum(parts: list[bytes]) -> int:
+    """Return XXH3 (64 bits, signed) over parts, each after its length."""
+
 def schema() -> str:
     """Return the JSON Schema of model files."""
 

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from holonom.model import split_component
 from holonom.options import Tolerance
-from holonom.store import STATE, Quantity, Reader
+from holonom.store import STATE, Quantity
 from holonom.study.accuracy import SETS
 
 if TYPE_CHECKING:
     from holonom.model import Model
+    from holonom.reader import Reader
 
 Series = NDArray[np.float64]
 

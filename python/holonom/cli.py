@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import datetime as dt
 import json
 import math
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from holonom import files
 from holonom.errors import (
     Exit,
     FileError,
@@ -46,6 +50,11 @@ Values = Annotated[
     typer.Option("--set", metavar="PATH=VALUE", help="Change a value of the model; repeatable."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+Force = Annotated[
+    bool,
+    typer.Option("--force", help="Replace a file that this command did not write, too."),
+]
+Recover = Annotated[bool, typer.Option("--recover", help="Read what is left of a damaged result.")]
 Names = Annotated[
     list[str] | None,
     typer.Argument(metavar="[CHANNEL]...", help="Channels, or patterns such as 'rack_slide.*'."),
@@ -64,7 +73,8 @@ def run(
         typer.Option(
             "-o",
             "--output",
-            help="Result file, results/<model>.holonom by default; missing folders are made.",
+            help="Result file, results/<model>.holonom by default; missing folders are made. "
+            "An older one stands until the run is beyond its start.",
         ),
     ] = None,
     end_time: Annotated[float | None, _seconds("--end-time", "Time at which the run ends.")] = None,
@@ -82,7 +92,12 @@ def run(
         list[str] | None, typer.Option("-c", "--channel", help="Channel to store; repeatable.")
     ] = None,
     start: Annotated[
-        Path | None, typer.Option(metavar="RESULT", help="Start from a state of this result.")
+        Path | None,
+        typer.Option(
+            metavar="RESULT",
+            help="Start from a state of this result; from its last one, a run into the same file "
+            "is appended.",
+        ),
     ] = None,
     at: Annotated[float | None, _seconds("--at", "Which state; the last one by default.")] = None,
     fixed_step: Annotated[float | None, _seconds("--fixed-step", "Steps of this size.")] = None,
@@ -120,6 +135,11 @@ def run(
             help="Repeat at a tenth of the tolerance; report the error of every channel.",
         ),
     ] = False,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Keep an older result: write <name>-2.holonom, ….")
+    ] = False,
+    force: Force = False,
+    recover: Recover = False,
     values: Values = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
     json_: Json = False,
@@ -151,7 +171,16 @@ def run(
     }
     if at is not None and start is None:
         raise UsageError("`--at` needs `--start RESULT`")
-    state = None if start is None else Result.load(start).state(at)
+    if at is not None and not math.isfinite(at):
+        raise UsageError(f"`--at` is {at}\n  help: give a finite time, s")
+    state = None
+    if start is not None:
+        with _opened(start, recover=recover) as older:
+            state = older.state(at)
+    sources = [model, None if files.same_file(start, target) else start]
+    if not keep:
+        files.require_targets([(target, "result")], inputs=sources, force=force)
+    before = _Older(target)
     failure: SimulationError | None = None
     with RunProgress(loaded, end_time, certify=certify, shown=not (quiet or json_)) as progress:
         try:
@@ -161,6 +190,9 @@ def run(
                 progress=progress.run if progress else None,
                 watch=progress.stage if progress else None,
                 certify=certify,
+                keep=keep,
+                force=force,
+                source=start,
                 **{key: value for key, value in choices.items() if value is not None},
             )
         except SimulationError as error:
@@ -172,6 +204,7 @@ def run(
             _print_json(_facts(result) | ({"error": failure.to_json()} if failure else {}))
         elif not quiet:
             _print_summary(result)
+            before.tell(result)
     if failure is not None:
         if not json_:
             _complain(str(failure))
@@ -233,6 +266,8 @@ def compare(
         Path | None, typer.Option(help="Draw error against processor time: .svg, .pdf or .png.")
     ] = None,
     values: Values = None,
+    force: Force = False,
+    recover: Recover = False,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
     json_: Json = False,
 ) -> int:
@@ -247,7 +282,7 @@ def compare(
         "reference_tolerance": None
         if reference_tolerance is None
         else _tolerance(reference_tolerance, "--reference-tolerance"),
-        "reference": reference,
+        "reference": None if reference is None else Result.load(reference, recover=recover),
         "save_reference": save_reference,
         "channels": channels,
         "end_time": end_time,
@@ -255,10 +290,21 @@ def compare(
         "max_steps": max_steps,
         "max_seconds": max_seconds,
     }
+    picture = ""
     if plot is not None:
         from holonom import plotting
 
-        plotting.require_format(plot)  # now, not after the runs
+        picture = plotting.require_format(plot)  # now, not after the runs
+    files.require_targets(
+        [
+            (save_reference, "result"),
+            (csv, "comparison"),
+            (errors, "comparison"),
+            (plot, picture),
+        ],
+        inputs=[model, reference],
+        force=force,
+    )
     interrupted = False
     with ComparisonProgress(loaded.name, shown=not (quiet or json_)) as progress:
         try:
@@ -267,6 +313,7 @@ def compare(
                 repeat=repeat,
                 processes=jobs,
                 progress=progress,
+                force=force,
                 **{key: value for key, value in choices.items() if value not in (None, [])},
             )
         except holonom.ComparisonInterrupted as error:
@@ -274,11 +321,11 @@ def compare(
     timed = any(row.errors and row.cpu_samples for row in comparison.rows)
     try:
         if csv is not None:
-            comparison.to_csv(csv)
+            comparison.to_csv(csv, force=force)
         if errors is not None:
-            comparison.errors_to_csv(errors)
+            comparison.errors_to_csv(errors, force=force)
         if plot is not None and (timed or not interrupted):
-            comparison.plot(plot)
+            comparison.plot(plot, force=force)
     except HolonomError:
         if not (json_ or quiet):  # the work of minutes is shown all the same
             _print_comparison(comparison, analysis=bool(channels))
@@ -323,12 +370,14 @@ def plot(
         Path | None,
         typer.Option("-o", "--output", help="Picture: .svg, .pdf or .png; by default RESULT.svg."),
     ] = None,
+    force: Force = False,
+    recover: Recover = False,
     json_: Json = False,
 ) -> int:
     """Draw channels over time; without names those that the run was asked for."""
     target = output or result.with_suffix(".svg")
-    with Result.load(result) as loaded:
-        loaded.plot(*(channels or []), path=target)
+    with _opened(result, recover=recover) as loaded:
+        loaded.plot(*(channels or []), path=target, force=force)
     return _done("picture", target, json_)
 
 
@@ -338,12 +387,14 @@ def report(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Page; by default RESULT.html.")
     ] = None,
+    force: Force = False,
+    recover: Recover = False,
     json_: Json = False,
 ) -> int:
     """Write a self-contained HTML page about a run."""
     target = output or result.with_suffix(".html")
-    with Result.load(result) as loaded:
-        loaded.report(target)
+    with _opened(result, recover=recover) as loaded:
+        loaded.report(target, force=force)
     return _done("report", target, json_)
 
 
@@ -358,7 +409,7 @@ def export(
     format_: Annotated[
         str | None,
         typer.Option(
-            "--format", help="csv, parquet or netcdf; by default that of the file's name."
+            "--format", help="csv, parquet, netcdf or matlab; by default that of the file's name."
         ),
     ] = None,
     interval: Annotated[
@@ -367,21 +418,19 @@ def export(
     times: Annotated[
         str | None, typer.Option(help="Times of the rows, s, with commas: 0.1,0.25.")
     ] = None,
+    force: Force = False,
+    recover: Recover = False,
     json_: Json = False,
 ) -> int:
-    """Write channels as CSV, Parquet or NetCDF; without names those that are stored."""
-    from holonom.export import FORMATS, write_csv
+    """Write channels as CSV, Parquet, NetCDF or for MATLAB; without names those stored."""
+    from holonom.export import FORMATS, format_of, write_csv
 
-    endings = {ending: kind for kind, (ending, _) in FORMATS.items()}
-    if format_ is None:
-        format_ = endings.get(output.suffix.lower(), "csv") if output else "csv"
-    if format_ not in FORMATS:
-        raise UsageError(f"there is no format `{format_}`; known are {', '.join(FORMATS)}")
+    format_ = format_of(output, format_)
     ending, write = FORMATS[format_]
     target = output or result.with_suffix(ending)
-    with Result.load(result) as stored:
-        if target.resolve() == result.resolve():
-            raise UsageError(f"{target} is the result itself; give another name")
+    if str(target) != "-":  # now, and of the file itself: rows at other times are in memory
+        files.require_target(target, format_, inputs=[result], force=force)
+    with _opened(result, recover=recover) as stored:
         rows = _row_times(stored, interval, times)
         loaded = stored if rows is None else stored.at(rows, channels)
         if str(target) == "-":
@@ -389,7 +438,7 @@ def export(
                 raise UsageError(f"`-o -` prints CSV; name a file for {format_}")
             write_csv(loaded, sys.stdout, channels)
             return Exit.OK
-        write(loaded, target, channels)
+        write(loaded, target, channels, force=force)
         if not loaded.time.size:
             _complain("the result has no rows; the table has a heading only", "warning")
     return _done("table", target, json_)
@@ -422,9 +471,9 @@ def _row_times(result: Result, interval: float | None, times: str | None) -> lis
 
 
 @app.command()
-def info(result: ResultFile, json_: Json = False) -> int:
+def info(result: ResultFile, recover: Recover = False, json_: Json = False) -> int:
     """Say what a result file holds, and up to which time."""
-    with Result.load(result) as loaded:
+    with _opened(result, recover=recover) as loaded:
         if json_:
             _print_json(_facts(loaded))
         else:
@@ -493,6 +542,49 @@ def _load(path: Path, values: list[str] | None) -> Model:
     return model.with_values(changes) if changes else model
 
 
+class _Older:
+    """What stood at the target of a run before it began."""
+
+    def __init__(self, target: Path) -> None:
+        self._target = target
+        try:
+            self._status: os.stat_result | None = target.stat()
+        except OSError:
+            self._status = None
+
+    def tell(self, result: Result) -> None:
+        """Say what became of it."""
+        if self._status is None:
+            return
+        moment = dt.datetime.fromtimestamp(self._status.st_mtime).astimezone()
+        today = moment.date() == dt.datetime.now().astimezone().date()
+        name = f"{self._target} of {moment:{'%H:%M' if today else '%Y-%m-%d %H:%M'}}"
+        if result.path is None:
+            typer.echo(f"{'keeps':<22}{name}: this run did not get beyond its start")
+        elif result.meta.get("parts"):
+            typer.echo(f"{'continues':<22}{name}")
+        elif files.same_file(result.path, self._target):
+            typer.echo(f"{'replaces':<22}{name}")
+        else:
+            typer.echo(f"{'keeps':<22}{name}")
+
+
+@contextlib.contextmanager
+def _opened(path: Path, *, recover: bool) -> Iterator[Result]:
+    """Open a result; say in the end what of it is damaged."""
+    with Result.load(path, recover=recover) as result:
+        yield result
+        if result.damage:
+            shown = "; ".join(result.damage[:_DAMAGE_SHOWN])
+            more = len(result.damage) - _DAMAGE_SHOWN
+            text = f"{shown}; {more} more" if more > 0 else shown
+            _complain(f"{path} is damaged, and lost are: {text} [result/damaged]", "warning")
+
+
+#: Parts of a damaged result that are named.
+_DAMAGE_SHOWN = 8
+
+
 def _tolerance(text: str, flag: str = "--tolerance") -> float | dict[str, float]:
     try:
         if "=" not in text:
@@ -555,7 +647,8 @@ def _print_summary(result: Result) -> None:
 
     for warning in result.warnings:
         typer.echo(warning_line(warning))
-    for label, text in [*summarize(result), ("result", str(result.path))]:
+    stored = [] if result.path is None else [("result", str(result.path))]
+    for label, text in [*summarize(result), *stored]:
         typer.echo(f"{label:<22}{text}")
 
 

@@ -108,13 +108,20 @@ class UsageError(HolonomError, ValueError):
 
 
 class FileError(HolonomError, OSError):
-    """A file that cannot be read or written, or that is not a Holonom result."""
+    """A file that cannot be read or written, must not be replaced, or is damaged.
+
+    Attributes
+    ----------
+    code : str
+        ``file/unusable``, ``file/protected``, ``result/busy`` or ``result/damaged``.
+    """
 
     exit_code = Exit.FILES
     code = "file/unusable"
 
-    def __init__(self, message: str) -> None:
+    def __init__(self, message: str, code: str = "file/unusable") -> None:
         super().__init__(message)
+        self.code = code
 
     def to_json(self) -> dict[str, Any]:
         """Return the error as plain data."""

@@ -5,15 +5,16 @@ from __future__ import annotations
 import csv
 import importlib
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.errors import FileError, UsageError
+from holonom import files
+from holonom.errors import UsageError
 
 if TYPE_CHECKING:
     import xarray
@@ -34,6 +35,7 @@ def write_csv(result: Result, file: TextIO, channels: list[str] | None = None) -
 
     The first column is the time; a vector takes one column per component. Headings hold name,
     index and unit, ``chassis.position[2] (m)``; numbers are the shortest that read back the same.
+    A heading that a spreadsheet program would take for a formula begins with an apostrophe.
 
     Parameters
     ----------
@@ -49,9 +51,9 @@ def write_csv(result: Result, file: TextIO, channels: list[str] | None = None) -
         If a channel is unknown.
     """
     columns = list(_columns(result, channels))
-    writer = csv.writer(file)
-    writer.writerow([name + (f" ({unit})" if unit else "") for name, unit, _, _ in columns])
-    writer.writerows(np.column_stack([values for *_, values in columns]).tolist())
+    heading = [name + (f" ({unit})" if unit else "") for name, unit, _, _ in columns]
+    files.write_cells(file, [heading])
+    csv.writer(file).writerows(np.column_stack([values for *_, values in columns]).tolist())
     return _names(result, channels)
 
 
@@ -77,17 +79,22 @@ def dataset(result: Result, channels: list[str] | None = None) -> xarray.Dataset
     return made
 
 
-def write_netcdf(result: Result, path: Path, channels: list[str] | None = None) -> Path:
+def write_netcdf(
+    result: Result, path: Path, channels: list[str] | None = None, *, force: bool = False
+) -> Path:
     """Write channels as NetCDF 4; see `Result.to_netcdf`."""
     for name in ("h5netcdf", "h5py"):
         _library(name, "NetCDF files", "netcdf")
     data = dataset(result, channels)
-    with _writing(path):
-        data.to_netcdf(path, engine="h5netcdf")
+    with files.replacing(path, "netcdf", inputs=[result.path], force=force) as fresh:
+        # By way of memory: where a disk is full, the HDF5 library ends the process.
+        fresh.write_bytes(data.to_netcdf(engine="h5netcdf"))
     return path
 
 
-def write_parquet(result: Result, path: Path, channels: list[str] | None = None) -> Path:
+def write_parquet(
+    result: Result, path: Path, channels: list[str] | None = None, *, force: bool = False
+) -> Path:
     """Write channels as Parquet; see `Result.to_parquet`."""
     pa = _library("pyarrow", "Parquet files", "parquet")
     parquet = importlib.import_module("pyarrow.parquet")
@@ -97,14 +104,81 @@ def write_parquet(result: Result, path: Path, channels: list[str] | None = None)
         fields.append(pa.field(name, pa.float64(), nullable=False, metadata=metadata))
         arrays.append(pa.array(np.ascontiguousarray(values)))
     schema = pa.schema(fields, metadata={"holonom": json.dumps(_facts(result))})
-    with _writing(path):
-        parquet.write_table(pa.Table.from_arrays(arrays, schema=schema), path)
+    with files.replacing(path, "parquet", inputs=[result.path], force=force) as fresh:
+        parquet.write_table(pa.Table.from_arrays(arrays, schema=schema), fresh)
     return path
 
 
-def write_csv_file(result: Result, path: Path, channels: list[str] | None = None) -> Path:
+def write_matlab(
+    result: Result, path: Path, channels: list[str] | None = None, *, force: bool = False
+) -> Path:
+    """Write channels as a MATLAB file; see `Result.to_matlab`."""
+    io = _library("scipy.io", "MATLAB files", "matlab")
+    names = _names(result, channels)
+    variables = dict(zip(names, matlab_names(names), strict=True))
+    arrays = {"time": result.time, **{variables[name]: result[name] for name in names}}
+    for name, array in arrays.items():
+        if array.nbytes >= _MATLAB_LIMIT:
+            raise UsageError(
+                f"`{name}` takes {array.nbytes / 1e9:.1f} GB, and a variable of a MATLAB 5 file at "
+                "most 2 GB\n  help: export fewer rows with `--interval`, or write NetCDF"
+            )
+    texts = {
+        "channel": names,
+        "variable": list(variables.values()),
+        "unit": [result.unit(name) for name in names],
+        "frame": [result.frame(name) for name in names],
+    }
+    facts = {key: np.array(values, dtype=object) for key, values in texts.items()}
+    arrays["holonom"] = {**_facts(result), **facts}  # type: ignore[assignment]
+    with files.replacing(path, "matlab", inputs=[result.path], force=force) as fresh:
+        io.savemat(fresh, arrays, appendmat=False, long_field_names=True, oned_as="column")
+    return path
+
+
+#: A variable of MATLAB 5 files holds less, bytes.
+_MATLAB_LIMIT = 2**31
+#: The longest name of a variable in MATLAB.
+_MATLAB_LENGTH = 63
+_MATLAB_KEYWORDS = (
+    *("break", "case", "catch", "classdef", "continue", "else", "elseif", "end", "for"),
+    *("function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd"),
+    *("switch", "try", "while", "time", "holonom"),
+)
+
+
+def matlab_names(names: Sequence[str]) -> list[str]:
+    """Return names of channels as names of variables in MATLAB, all of them different.
+
+    What is no letter, digit or underscore becomes an underscore, ``chassis_position_2_`` for
+    ``chassis.position[2]``; a name that does not begin with a letter gets an ``x`` before it, a
+    keyword an underscore behind it; it is cut at 63 characters, and the second of equal names ends
+    in ``_2``.
+    """
+    taken: set[str] = set()
+    found = []
+    for name in names:
+        plain = re.sub(r"[^A-Za-z0-9_]", "_", name)
+        plain = plain if re.match("[A-Za-z]", plain) else f"x{plain}"
+        plain = f"{plain}_" if plain in _MATLAB_KEYWORDS else plain[:_MATLAB_LENGTH]
+        unique, number = plain, 1
+        while unique in taken:
+            number += 1
+            ending = f"_{number}"
+            unique = plain[: _MATLAB_LENGTH - len(ending)] + ending
+        taken.add(unique)
+        found.append(unique)
+    return found
+
+
+def write_csv_file(
+    result: Result, path: Path, channels: list[str] | None = None, *, force: bool = False
+) -> Path:
     """Write channels as a CSV file; see `write_csv`."""
-    with _writing(path), path.open("w", encoding="utf-8", newline="") as file:
+    with (
+        files.replacing(path, "csv", inputs=[result.path], force=force) as fresh,
+        fresh.open("w", encoding="utf-8", newline="") as file,
+    ):
         write_csv(result, file, channels)
     return path
 
@@ -114,7 +188,37 @@ FORMATS = {
     "csv": (".csv", write_csv_file),
     "parquet": (".parquet", write_parquet),
     "netcdf": (".nc", write_netcdf),
+    "matlab": (".mat", write_matlab),
 }
+
+
+def format_of(path: Path | None, stated: str | None) -> str:
+    """Return the format that is stated, or that the ending of a file tells.
+
+    Raises
+    ------
+    UsageError
+        If there is no such format, or the ending is that of another one.
+    """
+    endings = {ending: kind for kind, (ending, _) in FORMATS.items()}
+    known = ", ".join(f"{kind} ({ending})" for ending, kind in endings.items())
+    if stated is not None and stated not in FORMATS:
+        raise UsageError(f"there is no format `{stated}`\n  help: known are {known}")
+    ending = "" if path is None or str(path) == "-" else path.suffix.lower()
+    told = endings.get(ending)
+    if stated is None:
+        if ending and told is None:
+            raise UsageError(
+                f"{path}: no format ends in `{ending}`\n  help: known are {known}; `--format` "
+                "states one for any other ending"
+            )
+        return told or "csv"
+    if told not in (None, stated):
+        raise UsageError(
+            f"{path} is to be {stated}, but `{ending}` is the ending of {told}\n  help: name it "
+            f"`{path.with_suffix(FORMATS[stated][0]) if path else ''}`"
+        )
+    return stated
 
 
 def _names(result: Result, channels: list[str] | None) -> list[str]:
@@ -153,19 +257,9 @@ def _library(name: str, what: str, extra: str) -> Any:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != name:
+        if (error.name or "").partition(".")[0] != name.partition(".")[0]:
             raise
         raise UsageError(
-            f"{what} need {name}, which is not installed; it comes with the extra `{extra}`, as in "
-            f"`pip install '.[{extra}]'`"
+            f"{what} need {name.partition('.')[0]}, which is not installed; it comes with the "
+            f"extra `{extra}`, as in `pip install '.[{extra}]'`"
         ) from None
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Make the folder and name the file in what the system says."""
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}") from None

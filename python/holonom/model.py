@@ -171,6 +171,9 @@ class Model:
         progress: Progress | None = None,
         watch: Watch | None = None,
         certify: bool = False,
+        keep: bool = False,
+        force: bool = False,
+        source: str | Path | None = None,
         **choices: Any,
     ) -> Result:
         """Run the model.
@@ -181,7 +184,9 @@ class Model:
             State to start from, as `Result.state` returns it; else the model's initial state.
         output : path, optional
             Result file, written while the run goes on; missing folders are made. Without it the
-            result stays in memory.
+            result stays in memory. An older result there stands until this run has got beyond its
+            start; one whose last state is `start` is continued, and one whose other states are
+            is not replaced: the run then takes a new name, as with `keep`.
         on_failure : {"raise", "return"}
             What to do when the run ends early: raise, or return what there is with its `status`.
         progress : callable, optional
@@ -193,6 +198,12 @@ class Model:
         certify : bool
             Whether to repeat the run at a tenth of the tolerance and to measure the error of every
             channel: see `Result.certification`. The result is that of the first run, unchanged.
+        keep : bool
+            Whether to keep an older file at `output` and to write ``<name>-2``, … instead.
+        force : bool
+            Whether `output` may also replace a file that is no result.
+        source : path, optional
+            The result file that `start` was read from, where no row of it is `start`.
         **choices
             Those of `Options`: ``end_time``, ``tolerance``, ``method``, ``interval``,
             ``channels``, …; what is not stated comes from the model.
@@ -205,6 +216,8 @@ class Model:
             If the initial state cannot be assembled.
         SimulationError
             If the run ends before its end time; its ``result`` holds what was computed.
+        FileError
+            If the file cannot be written, is there and is not a result, or is being written.
         Interrupted
             If Ctrl-C ended the run; likewise. In the second run of `certify` the ``result`` is
             whole, and not certified.
@@ -215,7 +228,19 @@ class Model:
             raise UsageError(f"`on_failure` is {on_failure!r}; it must be 'raise' or 'return'")
         options = Options.of(choices)
         target = None if output is None else Path(output)
-        return run(self, options, start, target, on_failure == "raise", progress, watch, certify)
+        return run(
+            self,
+            options,
+            start,
+            target,
+            on_failure == "raise",
+            progress,
+            watch,
+            certify,
+            keep=keep,
+            force=force,
+            source=None if source is None else Path(source),
+        )
 
     @property
     def title(self) -> str:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.errors import FileError, UsageError
+from holonom import files
+from holonom.errors import UsageError
 
 try:
     import matplotlib as mpl
@@ -70,14 +71,16 @@ _STYLE: dict[Any, Any] = {
 }
 
 
-def plot(result: Result, patterns: Sequence[str], path: Path | None = None) -> Figure:
+def plot(
+    result: Result, patterns: Sequence[str], path: Path | None = None, *, force: bool = False
+) -> Figure:
     """Draw channels one below the other; see `Result.plot`."""
     names = result.expand(list(patterns)) if patterns else result.requested
     if not names:
         raise UsageError("name at least one channel; the run was asked for none")
     figure = channels(result, names)
     if path is not None:
-        save(figure, path)
+        save(figure, path, inputs=[result.path], force=force)
     return figure
 
 
@@ -162,7 +165,9 @@ def energy(result: Result, names: Sequence[str]) -> Figure:
     return figure
 
 
-def work_precision(comparison: Comparison, path: Path | None = None) -> Figure:
+def work_precision(
+    comparison: Comparison, path: Path | None = None, *, force: bool = False
+) -> Figure:
     """Draw errors against processor time; see `Comparison.plot`."""
     lines = {
         method: [
@@ -198,11 +203,13 @@ def work_precision(comparison: Comparison, path: Path | None = None) -> Figure:
         axes.set_title(comparison.model, loc="left", fontsize=9)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
     if path is not None:
-        save(figure, path)
+        save(figure, path, force=force)
     return figure
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(
+    figure: Figure, path: Path, *, inputs: Iterable[Path | None] = (), force: bool = False
+) -> None:
     """Write a figure; the ending tells the format.
 
     Raises
@@ -213,13 +220,17 @@ def save(figure: Figure, path: Path) -> None:
         If the file cannot be written.
     """
     kind = require_format(path)
-    metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with mpl.rc_context(_STYLE):
-            figure.savefig(path, dpi=160, facecolor="white", metadata=metadata)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}") from None
+    dated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})
+    metadata = {("Software" if kind == "png" else "Creator"): "Holonom", **dated}
+    drawn = io.BytesIO()
+    with mpl.rc_context(_STYLE):
+        figure.savefig(drawn, dpi=160, facecolor="white", metadata=metadata, format=kind)
+    with files.replacing(path, kind, inputs=inputs, force=force) as fresh:
+        fresh.write_bytes(drawn.getbuffer())
+
+
+#: Formats of pictures, by the ending of the file.
+PICTURES = ("svg", "pdf", "png")
 
 
 def require_format(path: Path) -> str:
@@ -231,9 +242,8 @@ def require_format(path: Path) -> str:
         If it is not known.
     """
     kind = path.suffix.lower().removeprefix(".")
-    known = Figure().canvas.get_supported_filetypes()
-    if kind not in known:
-        raise UsageError(f"{path}: pictures end in {', '.join(f'.{k}' for k in sorted(known))}")
+    if kind not in PICTURES:
+        raise UsageError(f"{path}: pictures end in {', '.join(f'.{k}' for k in PICTURES)}")
     return kind
 
 

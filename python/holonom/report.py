@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from holonom import plotting
+from holonom import files, plotting
 from holonom.check import plain
-from holonom.errors import FileError
 from holonom.summary import STATUS, certified, summarize, with_unit
 
 if TYPE_CHECKING:
@@ -62,21 +61,16 @@ summary { cursor: pointer; }
 """
 
 
-def write(result: Result, path: Path) -> Path:
-    """Write the page.
+def write(result: Result, path: Path, *, force: bool = False) -> Path:
+    """Write the page; `force` replaces a file that is no report, too.
 
     Raises
     ------
     FileError
-        If it cannot be written.
+        If it cannot be written, or would replace what is no report or the result itself.
     """
-    text = render(result)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}") from None
-    return path
+    files.require_target(path, "html", inputs=[result.path], force=force)
+    return files.write_text(path, "html", render(result), inputs=[result.path], force=force)
 
 
 def render(result: Result) -> str:
@@ -100,6 +94,7 @@ def render(result: Result) -> str:
     sections += [_provenance(result)]
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="generator" content="Holonom">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>{_CSS}</style>\n</head>\n<body>\n<main>\n"
         + "\n".join(section for section in sections if section)

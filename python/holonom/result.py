@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,10 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from holonom import files
 from holonom.certification import Certification
-from holonom.errors import UsageError
+from holonom.errors import FileError, UsageError
 from holonom.model import Model, expand, split_component
-from holonom.store import STATE, Quantity, Reader, Writer
+from holonom.reader import Reader
+from holonom.store import STATE, Quantity
+from holonom.writer import Writer
 
 if TYPE_CHECKING:
     import xarray
@@ -72,15 +76,28 @@ class Result:
         self._model: Model | None = None
 
     @classmethod
-    def load(cls, path: str | Path) -> Result:
+    def load(cls, path: str | Path, *, recover: bool = False) -> Result:
         """Open a result file; also one whose run is going on or was killed.
+
+        Parameters
+        ----------
+        path : path
+        recover : bool
+            Whether to read what is left of a damaged file: rows whose times are lost are left out,
+            other numbers that are lost are NaN, and `damage` names them.
 
         Raises
         ------
         FileError
-            If the file cannot be read or is not a result.
+            If the file cannot be read or is not a result; ``result/damaged`` if a part of it is
+            not what was written, also later, when that part is first used.
         """
-        return cls(Reader.open(Path(path)))
+        return cls(Reader.open(Path(path), recover=recover))
+
+    @property
+    def damage(self) -> list[str]:
+        """Parts of the file that were found damaged so far; always empty without ``recover``."""
+        return list(getattr(self._reader, "damage", []))
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """Return a channel, one of its components, or ``time``, ``q``, ``qd``, ….
@@ -172,6 +189,10 @@ class Result:
             If the run has no such time, or stored no steps and none of its output times is there.
         """
         times = self.time
+        if time is not None and not math.isfinite(time):
+            raise UsageError(
+                f"there is no state at {time} s\n  help: give a finite time, or none for the last"
+            )
         if time is None:
             if not times.size:
                 raise UsageError(_NO_ROWS)
@@ -307,6 +328,8 @@ class Result:
     def model(self) -> Model:
         """The model that was run, read back from the result."""
         if self._model is None:
+            if "model" not in self.meta:
+                raise FileError(f"{self.path}: its model is lost", "result/damaged")
             text = json.dumps(self.meta["model"], ensure_ascii=False)
             name = str(self.meta.get("name", "model"))
             self._model = Model.from_text(text, "json", name)
@@ -390,18 +413,24 @@ class Result:
         whole = {split_component(pattern)[0] for pattern in patterns}
         return expand(patterns, stored if whole <= stored.keys() else self.model.channels)
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the result as one file and return its path.
+
+        Parameters
+        ----------
+        path : path
+        force : bool
+            Whether a file that is no result may be replaced.
 
         Raises
         ------
         FileError
-            If it cannot be written, or something else than a result is there.
+            If it cannot be written, something else than a result is there, or it is this result.
         """
-        self._reader.save(Path(path))
+        self._reader.save(Path(path), force=force)
         return Path(path)
 
-    def plot(self, *channels: str, path: str | Path | None = None) -> Figure:
+    def plot(self, *channels: str, path: str | Path | None = None, force: bool = False) -> Figure:
         """Draw channels over time, one plot below the other.
 
         Parameters
@@ -410,6 +439,8 @@ class Result:
             Names or patterns; what the run was asked for when none is given.
         path : path, optional
             Picture file to write: SVG, PDF or PNG by its ending.
+        force : bool
+            Whether a file that is no picture by Holonom may be replaced.
 
         Returns
         -------
@@ -422,19 +453,82 @@ class Result:
         """
         from holonom import plotting  # here: matplotlib is an extra
 
-        return plotting.plot(self, list(channels), None if path is None else Path(path))
+        target = None if path is None else Path(path)
+        if target is not None:  # before the work, not after it
+            kind = plotting.require_format(target)
+            files.require_target(target, kind, inputs=[self.path], force=force)
+        return plotting.plot(self, list(channels), target, force=force)
 
-    def report(self, path: str | Path) -> Path:
-        """Write a self-contained HTML page about the run and return its path."""
+    def report(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write a self-contained HTML page about the run and return its path.
+
+        Parameters
+        ----------
+        path : path
+        force : bool
+            Whether a file that is no such page may be replaced.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written, or would replace another file.
+        """
         from holonom import report  # here: matplotlib is an extra
 
-        return report.write(self, Path(path))
+        return report.write(self, Path(path), force=force)
 
-    def to_csv(self, path: str | Path, channels: list[str] | None = None) -> Path:
-        """Write channels as CSV and return the path; the stored ones when none are given."""
+    def to_csv(
+        self, path: str | Path, channels: list[str] | None = None, *, force: bool = False
+    ) -> Path:
+        """Write channels as CSV and return the path; the stored ones when none are given.
+
+        Parameters
+        ----------
+        path : path
+        channels : list of str, optional
+            Names or patterns.
+        force : bool
+            Whether a file that is no such table may be replaced.
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown.
+        FileError
+            If the file cannot be written, or would replace another one.
+        """
         from holonom import export
 
-        return export.write_csv_file(self, Path(path), channels)
+        return export.write_csv_file(self, Path(path), channels, force=force)
+
+    def to_matlab(
+        self, path: str | Path, channels: list[str] | None = None, *, force: bool = False
+    ) -> Path:
+        """Write channels as a MATLAB 5 file and return the path; the stored ones without names.
+
+        Every channel is a variable, (n_times, 1) or (n_times, n), beside ``time`` (s). Variables
+        are named after channels, with underscores for what MATLAB does not allow:
+        ``chassis_position`` for ``chassis.position``. The structure ``holonom`` lists ``channel``,
+        ``variable``, ``unit`` and ``frame``, and says which run it was.
+
+        Parameters
+        ----------
+        path : path
+        channels : list of str, optional
+            Names or patterns.
+        force : bool
+            Whether a file that is no MATLAB file by Holonom may be replaced.
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown or takes 2 GB or more, or scipy is not installed.
+        FileError
+            If the file cannot be written, or would replace another one.
+        """
+        from holonom import export
+
+        return export.write_matlab(self, Path(path), channels, force=force)
 
     def to_xarray(self, channels: list[str] | None = None) -> xarray.Dataset:
         """Return channels as a dataset of xarray; the stored ones when none are given.
@@ -452,8 +546,10 @@ class Result:
 
         return export.dataset(self, channels)
 
-    def to_netcdf(self, path: str | Path, channels: list[str] | None = None) -> Path:
-        """Write `to_xarray` as NetCDF 4 and return the path.
+    def to_netcdf(
+        self, path: str | Path, channels: list[str] | None = None, *, force: bool = False
+    ) -> Path:
+        """Write `to_xarray` as NetCDF 4 and return the path; `force` as of `to_csv`.
 
         Raises
         ------
@@ -464,10 +560,14 @@ class Result:
         """
         from holonom import export
 
-        return export.write_netcdf(self, Path(path), channels)
+        return export.write_netcdf(self, Path(path), channels, force=force)
 
-    def to_parquet(self, path: str | Path, channels: list[str] | None = None) -> Path:
+    def to_parquet(
+        self, path: str | Path, channels: list[str] | None = None, *, force: bool = False
+    ) -> Path:
         """Write channels as Parquet and return the path; the stored ones when none are given.
+
+        `force` is that of `to_csv`.
 
         One column for the time (s) and one per component, ``chassis.position[2]``; unit and frame
         are metadata of the column, what the run was is metadata of the file, ``holonom``: JSON.
@@ -481,7 +581,7 @@ class Result:
         """
         from holonom import export
 
-        return export.write_parquet(self, Path(path), channels)
+        return export.write_parquet(self, Path(path), channels, force=force)
 
     def close(self) -> None:
         """Let go of the file; arrays that were read stay."""

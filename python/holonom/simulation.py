@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom import _core
+from holonom import _core, files
 from holonom.certification import (
     NO_SECOND_RUN,
     Certification,
@@ -24,10 +24,14 @@ from holonom.certification import (
     tightened,
     unfinished,
 )
+from holonom.continuation import destination, merged, part
 from holonom.errors import HolonomError, Interrupted, SimulationError, UsageError, translated
+from holonom.locks import require_unwritten
 from holonom.model import split_component
+from holonom.reader import Reader
 from holonom.result import Result
-from holonom.store import STATE, Reader, Writer, require_replaceable
+from holonom.store import STATE
+from holonom.writer import Writer
 
 if TYPE_CHECKING:
     from holonom.model import Model, Progress, Watch
@@ -46,8 +50,12 @@ def run(
     progress: Progress | None,
     watch: Watch | None,
     certify: bool,
+    *,
+    keep: bool = False,
+    force: bool = False,
+    source: Path | None = None,
 ) -> Result:
-    """Run a model; see `Model.simulate`."""
+    """Run a model; see `Model.simulate`. `source` is the result that `start` was read from."""
     state = None if start is None else start_state(start)
     chosen = _resolved(model, options, state)
     requested = model.expand(chosen["channels"])
@@ -55,12 +63,32 @@ def run(
     whole = [split_component(name)[0] for name in requested]
     chosen["channels"] = list(dict.fromkeys([*whole, *always]))
 
-    if output is not None:
-        require_replaceable(output)
     if certify:
         _require_error_control(chosen)
+    continues = None
+    if output is not None:
+        alone = keep or certify
+        output, continues = destination(model, chosen, state, output, source, alone=alone)
+        output = files.numbered(output) if keep else output
+        require_unwritten(files.require_target(output, "result", force=force), output)
 
-    recorder = _Recorder(model, chosen, requested, output, certify)
+    recorder = _Recorder(model, chosen, requested, output, certify, continues, force)
+    try:
+        return _recorded(model, chosen, state, recorder, raise_failure, progress, watch, certify)
+    finally:
+        recorder.release()
+
+
+def _recorded(
+    model: Model,
+    chosen: dict[str, Any],
+    state: dict[str, NDArray[np.float64]] | None,
+    recorder: _Recorder,
+    raise_failure: bool,
+    progress: Progress | None,
+    watch: Watch | None,
+    certify: bool,
+) -> Result:
     ended = False
     try:
         with _deferred_interrupts() as heed:
@@ -233,7 +261,12 @@ class _Recorder:
         requested: list[str],
         output: Path | None,
         certified: bool,
+        continues: Reader | None,
+        force: bool,
     ) -> None:
+        self._continues = continues
+        self._older = dict(continues.meta) if continues is not None else {}
+        self._force = force
         self._model = model
         self._chosen = chosen
         self._requested = requested
@@ -254,11 +287,19 @@ class _Recorder:
         if self._certified:
             none = Certification(tightened(self._chosen["tolerance"]), reason=NO_SECOND_RUN)
             summary["certification"] = none.to_json()
-        self._open().finish(summary | {"warnings": warnings, "finished": _now()})
+        summary |= {"warnings": warnings, "finished": _now()}
+        if self._older:
+            summary = merged(self._older, summary)
+        self._open().finish(summary)
 
     def close(self) -> None:
         if self._writer is not None:
             self._writer.close()
+
+    def release(self) -> None:
+        """Let other runs write the file."""
+        if self._writer is not None:
+            self._writer.release()
 
     @property
     def reader(self) -> Reader:
@@ -285,7 +326,20 @@ class _Recorder:
                 "status": "running",
                 "started": _now(),
             }
-            self._writer = Writer(self._output, meta, model.channels)
+            older = self._continues
+            if older is not None:
+                until = float(older.row(older.count - 1)["time"][0])
+                start = self._older.get("options", {}).get("start_time", 0.0)
+                meta = {
+                    "options": self._chosen | {"start_time": start},
+                    "parts": [*self._older.get("parts", []), part(self._older, until)],
+                    "status": "running",
+                }
+            self._writer = Writer(
+                self._output, meta, model.channels, continues=older, force=self._force
+            )
+            if older is not None:
+                older.close()
         return self._writer
 
 

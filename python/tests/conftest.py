@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from holonom.store import Quantity, Writer
+from holonom.store import Quantity
+from holonom.writer import Writer
 
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = ROOT / "models"

@@ -15,7 +15,7 @@ import pytest
 from conftest import MODELS, PENDULUM
 
 import holonom
-from holonom.store import Writer
+from holonom.writer import Writer
 
 
 @pytest.fixture

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 import holonom
 from holonom.certification import BOUND, Certification
 from holonom.cli import invoke
+from holonom.reader import Reader
 from holonom.report import render
 from holonom.result import Result
-from holonom.store import Reader
 
 HOLONOM = [sys.executable, "-m", "holonom.cli"]
 INTERRUPTED = 130

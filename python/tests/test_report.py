@@ -21,8 +21,8 @@ from holonom import plotting
 from holonom.errors import FileError, UsageError
 from holonom.report import render
 from holonom.result import Result
-from holonom.store import Writer
 from holonom.summary import summarize
+from holonom.writer import Writer
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 SVG = "{http://www.w3.org/2000/svg}"

@@ -16,8 +16,10 @@ import pytest
 from conftest import CHANNELS, META, SUMMARY, synthetic_chunk, write_result
 
 from holonom.errors import FileError, UsageError
+from holonom.reader import Reader
 from holonom.result import Result
-from holonom.store import APPLICATION_ID, FORMAT, Reader, Writer
+from holonom.store import APPLICATION_ID, FORMAT
+from holonom.writer import Writer
 
 WHOLE = synthetic_chunk(0, 200)
 
@@ -150,12 +152,19 @@ def test_where_wal_cannot_work_the_rollback_journal_serves(
 
 def test_an_older_result_is_replaced_with_its_companions(tmp_path: Path) -> None:
     path = tmp_path / "rod.holonom"
-    abandoned = Writer(path, META, CHANNELS)  # keeps its -wal, as a killed run does
-    abandoned.append(synthetic_chunk(0, 200))
+    process = subprocess.Popen(
+        [sys.executable, "-c", _ENDLESS, str(path), str(Path(__file__).parent)],
+        stdout=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    process.stdout.readline()
+    process.kill()
+    process.communicate()
+    assert path.with_name("rod.holonom-wal").exists()
     write_result(path, chunks=1).close()
     with Result.load(path) as result:
         assert result.time.size == 50
-    abandoned.close()
+    assert [entry.name for entry in path.parent.iterdir()] == [path.name]
 
 
 @pytest.mark.parametrize("content", ["notes of a user\n" * 100, "x"])
@@ -218,7 +227,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import CHANNELS, META, synthetic_chunk
-from holonom.store import Writer
+from holonom.writer import Writer
 writer = Writer(Path(sys.argv[1]), META, CHANNELS)
 first = 0
 while True:

@@ -1,5 +1,6 @@
 //! Python binding of Holonom: conversions only. Text marked JSON in `_core.pyi` is made here.
 
+mod checksum;
 mod dense;
 mod model;
 mod report;
@@ -63,6 +64,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("SimulationError", module.py().get_type::<SimulationError>())?;
     module.add_class::<model::CoreModel>()?;
     module.add_function(wrap_pyfunction!(model::parse, module)?)?;
+    module.add_function(wrap_pyfunction!(checksum::checksum, module)?)?;
     module.add_function(wrap_pyfunction!(schema, module)?)?;
     module.add_function(wrap_pyfunction!(model_reference, module)?)?;
     module.add_function(wrap_pyfunction!(version, module)?)?;

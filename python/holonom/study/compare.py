@@ -43,6 +43,7 @@ def compare(
     reference: Result | str | Path | None = None,
     reference_tolerance: float | Mapping[str, float] | Tolerance | None = None,
     save_reference: str | Path | None = None,
+    force: bool = False,
     start: Mapping[str, NDArray[np.float64]] | None = None,
     repeat: int = 3,
     processes: int | None = None,
@@ -74,6 +75,8 @@ def compare(
         Of the reference made on the spot; by default 1/1000 of the tightest tolerance.
     save_reference : path, optional
         Result file for the reference made on the spot.
+    force : bool
+        Whether `save_reference` may replace a file that is no result.
     start : mapping, optional
         State to start from, as `Result.state` returns it.
     repeat : int, optional
@@ -159,7 +162,7 @@ def compare(
         ahead = {**begin, "end_time": end, "output_times": times, "channels": []}
         output = None if save_reference is None else Path(save_reference)
         work.candidates = [
-            Task(name, {**ahead, "method": name, "tolerance": tolerance}, path)
+            Task(name, {**ahead, "method": name, "tolerance": tolerance}, path, force)
             for name, path in zip(plan.references(), (output, None), strict=False)
         ]
     else:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import math
 import statistics
-from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from holonom.errors import FileError, Interrupted
+from holonom import files
+from holonom.errors import Interrupted
 from holonom.options import Tolerance
 from holonom.study.accuracy import ComponentError, Kind
 
@@ -291,13 +290,19 @@ class Comparison:
             "interrupted": self.interrupted,
         }
 
-    def to_csv(self, path: str | Path) -> Path:
+    def to_csv(self, path: str | Path, *, force: bool = False) -> Path:
         """Write one line per row and return the path; times in s, errors in SI.
+
+        Parameters
+        ----------
+        path : path
+        force : bool
+            Whether a file that is no such table may be replaced.
 
         Raises
         ------
         FileError
-            If the file cannot be written.
+            If the file cannot be written, or would replace another one.
         """
         lines = []
         for row in self.rows:
@@ -310,15 +315,13 @@ class Comparison:
         skipped = {*head, "choices", "cpu_samples", "errors"}
         rest = Row(method="", choices={}, tolerance=Tolerance(1.0), status="").to_json()
         head += [name for name in rest if name not in skipped]
-        return _write_csv(path, head, ([line[name] for name in head] for line in lines))
+        table = [head, *([line[name] for name in head] for line in lines)]
+        return files.write_table(Path(path), "comparison", table, force=force)
 
-    def errors_to_csv(self, path: str | Path) -> Path:
+    def errors_to_csv(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the error analysis, one line per row and scalar, and return the path.
 
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        Parameters and errors are those of `to_csv`.
         """
         head = list(ComponentError.__dataclass_fields__)
         lines = (
@@ -326,15 +329,18 @@ class Comparison:
             for row in self.rows
             for error in row.errors
         )
-        return _write_csv(path, ["method", "tolerance", *head], lines)
+        table = [["method", "tolerance", *head], *lines]
+        return files.write_table(Path(path), "comparison", table, force=force)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
+    def plot(self, path: str | Path | None = None, *, force: bool = False) -> Figure:
         """Draw the work-precision diagram: `error` against processor time, a line per method.
 
         Parameters
         ----------
         path : path, optional
             Picture file to write: SVG, PDF or PNG by its ending.
+        force : bool
+            Whether a file that is no picture by Holonom may be replaced.
 
         Raises
         ------
@@ -343,7 +349,7 @@ class Comparison:
         """
         from holonom import plotting  # here: matplotlib is an extra
 
-        return plotting.work_precision(self, None if path is None else Path(path))
+        return plotting.work_precision(self, None if path is None else Path(path), force=force)
 
     def table(self) -> Table:
         """Return the rows as a table of `rich`."""
@@ -483,16 +489,3 @@ def _limit(tolerance: Tolerance) -> str:
 
 def _causes(row: Row) -> str:
     return ", ".join(f"{cause} {count}" for cause, count in row.rejections().items())
-
-
-def _write_csv(path: str | Path, head: Sequence[str], lines: Iterable[Sequence[Any]]) -> Path:
-    path = Path(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(head)
-            writer.writerows(lines)
-    except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}") from None
-    return path

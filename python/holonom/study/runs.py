@@ -36,11 +36,14 @@ class Task:
         Options of the run, as for `Model.simulate`.
     output : Path, optional
         Result file; none is written without it.
+    force : bool
+        Whether it may replace a file that is no result.
     """
 
     label: str
     choices: dict[str, Any]
     output: Path | None = None
+    force: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +96,7 @@ def run_task(
         result = model.simulate(
             start=start,
             output=task.output,
+            force=task.force,
             on_failure="return",
             progress=progress,
             **task.choices,

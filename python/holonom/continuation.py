@@ -1,0 +1,124 @@
+"""Runs that go on from a result: whether their rows belong behind its own, and what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom import files
+from holonom.errors import FileError
+from holonom.reader import Reader
+from holonom.store import STATE
+
+if TYPE_CHECKING:
+    from holonom.model import Model
+
+State = Mapping[str, NDArray[np.float64]]
+
+#: Statistics that are not summed over the parts of a result.
+_EXTREMES = {"smallest_step": min, "largest_step": max}
+
+
+def destination(
+    model: Model,
+    chosen: Mapping[str, Any],
+    state: State | None,
+    output: Path,
+    source: Path | None,
+    *,
+    alone: bool,
+) -> tuple[Path, Reader | None]:
+    """Return the file of a run, and the result there that it goes on from.
+
+    A run from the last state of the result at `output` is appended to it. One from another of its
+    states, or with another model or other channels, takes a new name, so that no row is lost.
+
+    Parameters
+    ----------
+    model : Model
+    chosen : mapping
+        Options of the run.
+    state : mapping or None
+        What it starts from.
+    output : Path
+        The file asked for.
+    source : Path or None
+        The result that the state is from, where known.
+    alone : bool
+        Whether the run needs a file of its own.
+    """
+    if state is None or not files.same_file(output, output):
+        return output, None
+    try:
+        older = Reader.open(output)
+    except FileError:
+        if files.same_file(source, output):
+            raise
+        return output, None  # whatever it is, the writer says whether it may be replaced
+    if not (files.same_file(source, output) or _holds(older, state)):
+        older.close()
+        return output, None
+    channels = {name for name in older.quantities if name not in STATE}
+    fits = older.meta.get("model_hash") == model.hash and channels == set(chosen["channels"])
+    if fits and not alone and older.count and _is_row(older, older.count - 1, state):
+        return output, older
+    older.close()
+    return files.numbered(output), None
+
+
+def merged(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what describes the whole of a result, from that of its parts."""
+    whole = dict(newer)
+    before, after = older.get("statistics") or {}, newer.get("statistics") or {}
+    whole["statistics"] = after | {
+        key: _EXTREMES.get(key, lambda a, b: a + b)(value, after[key])
+        for key, value in before.items()
+        if key in after
+    }
+    whole["residuals"] = _largest(older.get("residuals"), newer.get("residuals"))
+    energy = dict(newer.get("energy") or {})
+    for key in ("largest_imbalance", "range", "moved"):
+        energy |= _largest({key: (older.get("energy") or {}).get(key, 0.0)}, energy, (key,))
+    whole["energy"] = energy | {
+        key: value for key, value in (older.get("energy") or {}).items() if key == "initial"
+    }
+    if older.get("cpu_seconds") is not None and newer.get("cpu_seconds") is not None:
+        whole["cpu_seconds"] = older["cpu_seconds"] + newer["cpu_seconds"]
+    seen = list(older.get("warnings") or [])
+    whole["warnings"] = seen + [w for w in newer.get("warnings") or [] if w not in seen]
+    return whole
+
+
+def part(meta: Mapping[str, Any], until: float) -> dict[str, Any]:
+    """Return what is kept of the description of a part: how it was run, and how far (s)."""
+    keys = ("options", "status", "stop_reason", "statistics", "started", "finished", "holonom")
+    return {key: meta[key] for key in keys if key in meta} | {"until": until}
+
+
+def _largest(
+    older: Mapping[str, Any] | None, newer: Mapping[str, Any] | None, keys: Iterable[str] = ()
+) -> dict[str, Any]:
+    first, second = dict(older or {}), dict(newer or {})
+    return {
+        key: max(first.get(key, second.get(key, 0.0)), second.get(key, first.get(key, 0.0)))
+        for key in keys or {**first, **second}
+    }
+
+
+def _holds(older: Reader, state: State) -> bool:
+    """Return whether a state is one of a result, at an output time."""
+    if not older.count:
+        return False
+    for index in np.nonzero(older.read("time") == state["time"][0])[0]:
+        if _is_row(older, int(index), state):
+            return True
+    return False
+
+
+def _is_row(older: Reader, index: int, state: State) -> bool:
+    row = older.row(index)
+    return all(np.array_equal(row[name], part) for name, part in state.items() if name in row)

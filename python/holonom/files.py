@@ -1,0 +1,302 @@
+"""Files that commands write: which may be replaced, and how that is done without losing one.
+
+Everything is written beside its target and renamed, so that a full disk, a kill or an error leaves
+the older file whole. An older file is replaced only if it is one that the same command writes, and
+it is never one that the command reads.
+"""
+
+from __future__ import annotations
+
+import csv
+import errno
+import itertools
+import os
+import stat
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+from holonom.errors import FileError
+
+APPLICATION_ID = 0x486F6C6F  # "Holo"
+
+#: Name in files that Holonom made, by which they are known again.
+MARK = b"Holonom"
+
+#: So much of the beginning and of the end of a file is searched for the mark.
+_SEARCHED = 1 << 16
+
+#: So far a file name is counted up, `rod-2.holonom`, …, when older ones are kept.
+_MOST_NUMBERS = 100_000
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of file and how one that Holonom made is known.
+
+    Parameters
+    ----------
+    title : str
+        What it is called in messages.
+    starts : tuple of bytes
+        How such a file may begin.
+    marked : bool
+        Whether it also bears Holonom's name, near its beginning or end.
+    """
+
+    title: str
+    starts: tuple[bytes, ...]
+    marked: bool = True
+
+    def made(self, file: Any) -> bool:
+        """Return whether an open file is one that Holonom made."""
+        head: bytes = file.read(_SEARCHED)
+        if self.title == RESULT:
+            return is_result(head)
+        if not head.startswith(self.starts):
+            return False
+        if not self.marked or MARK in head:
+            return True
+        file.seek(max(0, os.fstat(file.fileno()).st_size - _SEARCHED))
+        return MARK in file.read(_SEARCHED)
+
+
+RESULT = "Holonom result"
+
+#: Kinds of files by name. A table has no place for a mark; its heading tells it.
+KINDS = {
+    "result": Kind(RESULT, ()),
+    "svg": Kind("picture by Holonom", (b"<svg", b"<?xml")),
+    "pdf": Kind("picture by Holonom", (b"%PDF-",)),
+    "png": Kind("picture by Holonom", (b"\x89PNG\r\n\x1a\n",)),
+    "html": Kind("report by Holonom", (b"<!doctype html>",)),
+    "csv": Kind("table of channels", (b"time (s)",), marked=False),
+    "comparison": Kind("table of a comparison", (b"method,tolerance,",), marked=False),
+    "parquet": Kind("table of channels by Holonom", (b"PAR1",)),
+    "netcdf": Kind("data set by Holonom", (b"\x89HDF\r\n\x1a\n",)),
+    "matlab": Kind("MATLAB file by Holonom", (b"MATLAB 5.0 MAT-file",)),
+}
+
+
+def is_result(head: bytes) -> bool:
+    """Return whether a file that begins so is a result, of whatever format."""
+    number = APPLICATION_ID.to_bytes(4, "big")
+    return head.startswith(b"SQLite format 3\0") and head[68:72] == number
+
+
+def require_target(
+    path: Path, kind: str, *, inputs: Iterable[Path | None] = (), force: bool = False
+) -> Path:
+    """Refuse a target that must not be written, and return the file that it stands for.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file, or nothing; a link stands for what it points to.
+    kind : str
+        One of `KINDS`: an older file must be one of these.
+    inputs : iterable of Path or None
+        Files that the same command reads; they are refused even with `force`.
+    force : bool
+        Whether any other regular file may be replaced.
+
+    Raises
+    ------
+    FileError
+        If writing there would destroy something.
+    """
+    real = Path(os.path.realpath(path))
+    try:
+        there = real.lstat()
+    except FileNotFoundError:
+        return real
+    except (OSError, ValueError) as error:
+        raise unusable(path, error) from None
+    if stat.S_ISDIR(there.st_mode):
+        raise FileError(f"{path} is a folder\n  help: give the name of a file in it")
+    if not stat.S_ISREG(there.st_mode):
+        raise FileError(
+            f"{path} is not a regular file; only files are replaced\n  help: give another name"
+        )
+    for source in inputs:
+        if source is not None and _same(source, there):
+            raise FileError(
+                f"{path} is a file that this command reads ({source}); it is not overwritten"
+                "\n  help: give another name with `-o`",
+                "file/protected",
+            )
+    if force or not there.st_size:
+        return real
+    if not os.access(real, os.W_OK):
+        raise FileError(
+            f"{path} is write-protected; it is not overwritten\n  help: give another name, or "
+            "`--force` (`force=True`)",
+            "file/protected",
+        )
+    known = KINDS[kind]
+    try:
+        with real.open("rb") as file:
+            made = known.made(file)
+    except OSError as error:
+        raise unusable(path, error) from None
+    if not made:
+        raise FileError(
+            f"{path} is there and is not a {known.title}; it is not overwritten\n  help: give "
+            "another name, or `--force` (`force=True`) to replace it",
+            "file/protected",
+        )
+    return real
+
+
+def require_targets(
+    targets: Sequence[tuple[Path | None, str]],
+    *,
+    inputs: Iterable[Path | None] = (),
+    force: bool = False,
+) -> None:
+    """Refuse targets of one command before its work begins; they must be different files, too."""
+    sources = tuple(inputs)
+    seen: dict[Path, Path] = {}
+    for path, kind in targets:
+        if path is None:
+            continue
+        real = require_target(path, kind, inputs=sources, force=force)
+        if real in seen:
+            raise FileError(
+                f"{path} and {seen[real]} are the same file, for two things to be written"
+                "\n  help: give each a name of its own",
+                "file/protected",
+            )
+        seen[real] = path
+
+
+@contextmanager
+def replacing(
+    path: Path, kind: str, *, inputs: Iterable[Path | None] = (), force: bool = False
+) -> Iterator[Path]:
+    """Yield a new name beside a target; what is written there takes its place at the end.
+
+    Parameters are those of `require_target`. If the block raises, the target is as it was.
+
+    Raises
+    ------
+    FileError
+        As `require_target`, and if the system refuses to write.
+    """
+    real = require_target(path, kind, inputs=inputs, force=force)
+    fresh = real.with_name(f".holonom-{os.getpid()}-{next(_numbers)}.new")
+    try:
+        real.parent.mkdir(parents=True, exist_ok=True)
+        yield fresh
+        put_in_place(fresh, real)
+    except FileError:
+        raise
+    except (OSError, ValueError) as error:
+        if isinstance(error, ValueError) and "null byte" not in str(error):
+            raise
+        raise unusable(path, error) from error
+    finally:
+        with suppress(OSError, ValueError):
+            fresh.unlink(missing_ok=True)
+
+
+def put_in_place(fresh: Path, real: Path) -> None:
+    """Rename a file that is complete over an older one, with the older one's mode and owner."""
+    with fresh.open("rb") as file:
+        os.fsync(file.fileno())  # a disk that is full may say so only now
+    with suppress(FileNotFoundError):
+        older = real.stat()
+        with suppress(OSError):  # only root may give files away
+            os.chown(fresh, older.st_uid, older.st_gid)
+        fresh.chmod(stat.S_IMODE(older.st_mode))
+    fresh.replace(real)
+
+
+def write_text(
+    path: Path, kind: str, text: str, *, inputs: Iterable[Path | None] = (), force: bool = False
+) -> Path:
+    """Write a text as UTF-8; see `replacing`."""
+    with replacing(path, kind, inputs=inputs, force=force) as fresh:
+        fresh.write_text(text, encoding="utf-8", newline="")
+    return path
+
+
+def write_table(
+    path: Path,
+    kind: str,
+    lines: Iterable[Sequence[Any]],
+    *,
+    inputs: Iterable[Path | None] = (),
+    force: bool = False,
+) -> Path:
+    """Write lines of cells as CSV; see `replacing` and `write_cells`."""
+    with (
+        replacing(path, kind, inputs=inputs, force=force) as fresh,
+        fresh.open("w", encoding="utf-8", newline="") as file,
+    ):
+        write_cells(file, lines)
+    return path
+
+
+def write_cells(file: TextIO, lines: Iterable[Sequence[Any]]) -> None:
+    """Write lines of cells as CSV; no text of a cell is a formula to a spreadsheet program."""
+    csv.writer(file).writerows([_defused(cell) for cell in line] for line in lines)
+
+
+def numbered(path: Path) -> Path:
+    """Return the first name that is free: ``rod-2.holonom`` where ``rod.holonom`` is there."""
+    if not os.path.lexists(path):
+        return path
+    for number in range(2, _MOST_NUMBERS):
+        candidate = path.with_name(f"{path.stem}-{number}{path.suffix}")
+        if not os.path.lexists(candidate):
+            return candidate
+    raise FileError(f"{path}: there is no free name of that kind\n  help: give another one")
+
+
+def same_file(one: Path | None, other: Path | None) -> bool:
+    """Return whether two names are those of one file that is there, through whatever links."""
+    if one is None or other is None:
+        return False
+    try:
+        return _same(one, other.stat())
+    except (OSError, ValueError):
+        return False
+
+
+def unusable(path: Path, error: Exception) -> FileError:
+    """Return what the system says about a file as an error with something to try."""
+    said = getattr(error, "strerror", None) or str(error)
+    number = getattr(error, "errno", None) or 0
+    return FileError(
+        f"{path}: {said}\n  help: {_HELP.get(number, 'check the name and the folder')}"
+    )
+
+
+_HELP = {
+    errno.ENOSPC: "make room or write to another folder; a file that was there is as it was",
+    errno.EDQUOT: "make room or write to another folder; a file that was there is as it was",
+    errno.EFBIG: "allow larger files (`ulimit -f`); a file that was there is as it was",
+    errno.EACCES: "ask for access to the file and its folder, or write to another folder",
+    errno.EPERM: "ask for access to the file and its folder, or write to another folder",
+    errno.EROFS: "write to another folder; this one is read-only",
+    errno.ENAMETOOLONG: "give a shorter name",
+    errno.ELOOP: "the link points to itself; give another name",
+}
+
+_numbers = itertools.count(1)
+
+
+def _same(path: Path, other: os.stat_result) -> bool:
+    try:
+        return os.path.samestat(path.stat(), other)
+    except (OSError, ValueError):
+        return False
+
+
+def _defused(cell: Any) -> Any:
+    if isinstance(cell, str) and cell.startswith(("=", "+", "-", "@", "\t", "\r", "\n")):
+        return f"'{cell}"
+    return cell

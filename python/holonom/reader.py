@@ -1,0 +1,503 @@
+"""Reads the result store, and trusts nothing of what it finds there.
+
+A file may be damaged, or made to harm. So its schema is compared with the one that is written, to
+the letter, before any row is asked for; every row is looked up by its key and checked against its
+checksum; and no array is larger than the file. See `holonom.store` for the checksums.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sqlite3
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom import files, legacy
+from holonom.errors import FileError
+from holonom.facts import require_facts
+from holonom.integrity import (
+    BROKEN,
+    DamagedRow,
+    checked_schema,
+    damaged,
+    may_write,
+    require,
+    require_result,
+    require_schema,
+    size_of,
+    verified_row,
+)
+from holonom.locks import WriteLock, sweep, writer_of
+from holonom.store import (
+    DENSE,
+    FORMAT,
+    STATE,
+    TABLES,
+    Quantity,
+    as_file_errors,
+    connect,
+    leave_wal,
+    put_meta,
+)
+
+#: Whole numbers that are told apart from all others as floats.
+_LARGEST = 2**53
+
+
+class Reader:
+    """Reads a store up to the last chunk that was there when it was opened.
+
+    Parameters
+    ----------
+    db : sqlite3.Connection
+    path : Path or None
+    recover : bool
+        Whether to go on where something is damaged: chunks whose times are lost are left out, and
+        what else is lost is NaN or absent. `damage` says what.
+
+    Attributes
+    ----------
+    path : Path or None
+    meta : dict
+        Entries of the table ``meta``, decoded.
+    quantities : dict of str to Quantity
+        What is stored, in the order of storing.
+    count : int
+        Number of output times.
+    damage : list of str
+        Parts that were found damaged so far, where reading went on all the same.
+
+    Raises
+    ------
+    FileError
+        ``result/damaged``, if a part that is read is not what was written and `recover` is not
+        asked for.
+    """
+
+    def __init__(self, db: sqlite3.Connection, path: Path | None, *, recover: bool = False) -> None:
+        self.path = path
+        self.damage: list[str] = []
+        self._db = db
+        self._recover = recover
+        self._limit = size_of(path.resolve()) if path is not None else _LARGEST
+        self.meta = self._read_meta()
+        self._chunks = self._read_chunks()
+        last = self._chunks[-1] if self._chunks else dict.fromkeys(TABLES["chunk"], 0)
+        self._last = last
+        self._ids: dict[str, int] = {}
+        self.quantities: dict[str, Quantity] = {}
+        self._read_quantities(max((c["quantities"] for c in self._chunks), default=0))
+        self._rows = [chunk for chunk in self._chunks if chunk["count"]]
+        self._require_times()
+        self.count = sum(chunk["count"] for chunk in self._rows)
+        self._starts = [0, *np.cumsum([chunk["count"] for chunk in self._rows]).tolist()]
+        self._dense = self._spans()
+
+    @classmethod
+    def open(cls, path: Path, *, recover: bool = False, written_here: bool = False) -> Reader:
+        """Open a file; what a killed run left in its ``-wal`` companion is recovered.
+
+        Parameters
+        ----------
+        path : Path
+        recover : bool
+            See the class.
+        written_here : bool
+            Whether the caller holds the lock on the file and has finished writing it.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read, is not a result, or is damaged.
+        """
+        real, version = require_result(path)
+        companions = any(os.path.lexists(f"{real}{ending}") for ending in ("-wal", "-journal"))
+        writing = not written_here and writer_of(real) is not None
+        if companions and not writing and may_write(real):
+            with as_file_errors(path), closing(connect(real, "rw")) as db:
+                companions = not leave_wal(db)  # nobody else has it open: it now stands alone
+        # What nobody writes is read without locks and companions: those beside the name may come
+        # from a run that replaces the file, while this process goes on reading the older one.
+        live = companions or writing
+        mode = ("rw" if may_write(real) else "ro") if live else "ro&immutable=1"
+        with as_file_errors(path):
+            db = connect(real, mode)
+        try:
+            schema = checked_schema(db, path, size := size_of(real))
+            if version < FORMAT:
+                db = legacy.converted(db, version, schema, path, size)
+            else:
+                require_schema(schema, path)
+                db.set_progress_handler(None, 0)
+            reader = cls(db, path, recover=recover)
+            if reader.meta.get("status") == "running" and not writing:
+                reader.meta["status"] = "killed"
+                sweep(real)
+        except BaseException:
+            db.close()
+            raise
+        return reader
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._db.close()
+
+    def __del__(self) -> None:
+        if hasattr(self, "_db"):
+            self._db.close()
+
+    @property
+    def quantity_ids(self) -> dict[str, int]:
+        """Number of each quantity in the file."""
+        return dict(self._ids)
+
+    @property
+    def last_chunk(self) -> dict[str, Any]:
+        """The last row of the table ``chunk``."""
+        return dict(self._last)
+
+    def read(self, name: str) -> NDArray[np.float64]:
+        r"""Return a stored quantity.
+
+        Returns
+        -------
+        ndarray, shape (n_times, \*shape)
+        """
+        blobs, total = [], 0
+        for chunk in self._rows:
+            blob = self._blob(chunk, name)
+            total += len(blob)
+            if total > self._limit:
+                raise self._damaged(f"`{name}` is larger than the file")
+            blobs.append(blob)
+        values = np.frombuffer(b"".join(blobs), dtype="<f8").astype(np.float64, copy=False)
+        return values.reshape(self.count, *self.quantities[name].shape)
+
+    def rows(self, name: str, first: int, count: int) -> NDArray[np.float64]:
+        r"""Return a part of a stored quantity, without reading the rest.
+
+        Parameters
+        ----------
+        name : str
+        first, count : int
+            The first output time and how many; what lies beyond the last is left out.
+
+        Returns
+        -------
+        ndarray, shape (at most count, \*shape)
+        """
+        quantity = self.quantities[name]
+        begin = max(0, bisect_right(self._starts, first) - 1)
+        end = bisect_right(self._starts, first + count - 1)
+        blobs = [self._blob(chunk, name) for chunk in self._rows[begin:end]]
+        there = sum(chunk["count"] for chunk in self._rows[begin:end])
+        values = np.frombuffer(b"".join(blobs), dtype="<f8").astype(np.float64, copy=False)
+        skipped = first - self._starts[begin]
+        return values.reshape(there, *quantity.shape)[skipped : skipped + count]
+
+    def row(self, index: int) -> dict[str, NDArray[np.float64]]:
+        """Return the state at one output time, each part as a vector."""
+        return {
+            name: np.array(self.rows(name, index, 1), dtype=np.float64).reshape(-1)
+            for name in STATE
+            if name in self._ids
+        }
+
+    @property
+    def dense_span(self) -> tuple[float, float] | None:
+        """First and last time (s) that states can be computed at; None without dense output."""
+        if not len(self._dense):
+            return None
+        return float(self._dense[0, 1]), float(self._dense[-1, 2])
+
+    def dense_chunks(
+        self, times: NDArray[np.float64]
+    ) -> Iterator[tuple[NDArray[np.intp], dict[str, Any]]]:
+        """Yield indices of times (s) within `dense_span` with the steps that hold them."""
+        places = np.searchsorted(self._dense[:, 1], times, side="right") - 1
+        gaps = times > self._dense[places, 2] + 1e-9 * np.maximum(1.0, np.abs(times))
+        if gaps.any():
+            raise self._damaged(f"the steps at {times[gaps][0]} s")
+        for place in np.unique(places):
+            yield np.nonzero(places == place)[0], self._dense_steps(int(self._dense[place, 0]))
+
+    def steps(self) -> dict[str, NDArray[Any]]:
+        """Return the step log by column; texts are an object array."""
+        logs = [log for chunk in self._chunks if chunk["steps"] and (log := self._step_log(chunk))]
+        names = dict.fromkeys(name for log in logs for name in log)
+        found: dict[str, NDArray[Any]] = {}
+        for name in names or dict.fromkeys(_STEP_COLUMNS):
+            kind: Any = object if name == "cause" else np.float64
+            empty = "" if name == "cause" else np.nan
+            parts = [log.get(name, np.full(log["t"].size, empty, dtype=kind)) for log in logs]
+            found[name] = np.concatenate(parts) if parts else np.zeros(0, dtype=kind)
+        return found
+
+    def step_totals(self) -> list[tuple[bool, str, int, float, float, float]]:
+        """Return accepted or not, cause, count and least, largest and mean size (s) of attempts."""
+        log = self.steps()
+        accepted, sizes = log["accepted"] > 0, log["h"]
+        causes = log.get("cause", np.full(sizes.size, "", dtype=object))
+        totals = []
+        for good, cause in set(zip(accepted.tolist(), causes.tolist(), strict=True)):
+            h = sizes[(accepted == good) & (causes == cause)]
+            totals.append((good, str(cause), h.size, h.min(), h.max(), h.mean()))
+        ordered = sorted(totals, key=lambda total: (not total[0], -total[2], total[1]))
+        return [(*total[:3], *map(float, total[3:])) for total in ordered]
+
+    def events(self) -> list[dict[str, Any]]:
+        """Return the events in the order in which they happened."""
+        found = []
+        for number in range(1, self._last["events"] + 1):
+            try:
+                event = json.loads(verified_row(self._db, "event", number)["data"])
+                require(isinstance(event, dict))
+            except (DamagedRow, *BROKEN):
+                self._note(f"event {number}")
+                if len(self.damage) > _MOST_DAMAGE:
+                    break
+            else:
+                found.append(event)
+        return found
+
+    def amend(self, meta: Mapping[str, Any]) -> None:
+        """Store more entries of ``meta``, what is learnt about a run after its end."""
+        if self.path is None:
+            put_meta(self._db, meta)
+            self._db.commit()
+        else:
+            real = self.path.resolve()
+            with as_file_errors(self.path), closing(connect(real, "rw")) as db:
+                put_meta(db, meta)
+                db.commit()
+            self._db.close()  # it reads without locks, and must not keep older pages
+            self._db = connect(real, "ro&immutable=1")
+        self.meta |= json.loads(json.dumps(meta))
+
+    def copy_into(self, db: sqlite3.Connection) -> None:
+        """Copy the store into an empty database."""
+        with as_file_errors(self.path):
+            self._db.backup(db)
+
+    def save(self, path: Path, *, force: bool = False) -> None:
+        """Write a copy as one file, in one move.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written, is there and is not a result, or is this result itself.
+        """
+        with (
+            files.replacing(path, "result", inputs=[self.path], force=force) as fresh,
+            as_file_errors(path),
+        ):
+            lock = WriteLock(Path(os.path.realpath(path)), path)
+            try:
+                with closing(sqlite3.connect(fresh)) as copy:
+                    self._db.backup(copy)
+                    leave_wal(copy)
+            finally:
+                lock.release()
+
+    def _damaged(self, part: str) -> FileError:
+        return damaged(self.path, part)
+
+    def _note(self, part: str) -> None:
+        """Go on without a part, or refuse to."""
+        if not self._recover:
+            raise self._damaged(part) from None
+        if part not in self.damage:
+            self.damage.append(part)
+
+    def _entry(self, key: str) -> Any:
+        try:
+            return json.loads(verified_row(self._db, "meta", key)["value"])
+        except (DamagedRow, *BROKEN):
+            self._note(f"the entry `{key}` of its description")
+            return None
+
+    def _read_meta(self) -> dict[str, Any]:
+        keys = self._entry("keys")
+        if not isinstance(keys, list) or not all(isinstance(key, str) for key in keys):
+            self._note("the list of what describes the run")
+            keys = list(_KNOWN)
+        found = {}
+        for key in keys:
+            lost = len(self.damage)
+            value = self._entry(key)
+            if len(self.damage) == lost:
+                found[key] = value
+        for key in require_facts(found):
+            self._note(f"the entry `{key}` of its description")
+            found.pop(key)
+        return found
+
+    def _read_chunks(self) -> list[dict[str, Any]]:
+        number = self.meta.pop("chunks", None)
+        if number is None:  # it did not end, or that is lost: as far as there are rows
+            try:
+                (number,) = self._db.execute("SELECT max(id) FROM chunk").fetchone()
+            except BROKEN:
+                self._note("the list of chunks")
+        chunks: list[dict[str, Any]] = []
+        rows = 0
+        for key in range(1, (number or 0) + 1):
+            try:
+                chunk = verified_row(self._db, "chunk", key)
+                counts = [v for v in chunk.values() if isinstance(v, int)]
+                require(all(0 <= value < _LARGEST for value in counts))
+                require(self._recover or chunk["first"] == rows)
+            except DamagedRow:
+                self._note(f"chunk {key}")
+                if len(self.damage) > _MOST_DAMAGE:
+                    break
+                continue
+            rows = chunk["first"] + chunk["count"]
+            chunks.append(chunk)
+        return chunks
+
+    def _read_quantities(self, number: int) -> None:
+        for key in range(1, number + 1):
+            try:
+                row = verified_row(self._db, "quantity", key)
+                shape = json.loads(row["shape"])
+                require(row["name"] not in self._ids and _is_shape(shape))
+            except (DamagedRow, *BROKEN):
+                self._note(f"quantity {key}")
+                if len(self.damage) > _MOST_DAMAGE:
+                    break
+                continue
+            name = row["name"]
+            self._ids[name] = key
+            self.quantities[name] = Quantity(name, row["unit"], row["frame"], tuple(shape))
+
+    def _require_times(self) -> None:
+        """Leave out the chunks whose times are lost; without any, nothing has a row."""
+        if not self._rows:
+            return
+        if "time" not in self.quantities or self.quantities["time"].shape != ():
+            self._note("the output times")
+            self._rows = []
+        for chunk in list(self._rows):
+            try:
+                require(len(self._data(chunk, "time")) == 8 * chunk["count"])
+            except DamagedRow:
+                self._note(f"the times of rows {_span(chunk)}")
+                self._rows.remove(chunk)
+
+    def _data(self, chunk: dict[str, Any], name: str) -> bytes:
+        number = self._ids[name]
+        row = verified_row(self._db, "data", chunk["data"] + number - 1)
+        require((row["chunk"], row["quantity"]) == (chunk["id"], number))
+        blob: bytes = row["blob"]
+        return blob
+
+    def _blob(self, chunk: dict[str, Any], name: str) -> bytes:
+        """Return the numbers of a quantity in a chunk; NaN for those that are lost."""
+        expected = 8 * chunk["count"] * self.quantities[name].size
+        try:
+            blob = self._data(chunk, name)
+            require(len(blob) == expected)
+        except DamagedRow:
+            self._note(f"`{name}` in rows {_span(chunk)}")
+            if expected > self._limit:
+                raise self._damaged(f"`{name}` is larger than the file") from None
+            return np.full(expected // 8, np.nan, dtype="<f8").tobytes()
+        return blob
+
+    def _spans(self) -> NDArray[np.float64]:
+        """Return chunk, start and end (s) of the steps that states are computed from, in order."""
+        spans: list[tuple[int, float, float]] = []
+        for chunk in self._chunks:
+            if chunk["start"] is None or chunk["end"] is None:
+                continue
+            start, end = chunk["start"], chunk["end"]
+            if not (math.isfinite(start) and math.isfinite(end)):
+                self._note(f"the steps of chunk {chunk['id']}")
+                continue
+            # A run that went on from its last row says anew what was beyond it.
+            while spans and spans[-1][1] >= start:
+                spans.pop()
+            spans.append((chunk["id"], start, end))
+        return np.array(spans, dtype=np.float64).reshape(-1, 3)
+
+    def _dense_steps(self, number: int) -> dict[str, Any]:
+        part = f"the steps of chunk {number}"
+        try:
+            row = verified_row(self._db, "dense", number)
+            steps: dict[str, Any] = {name: _numbers(row[name]) for name in DENSE}
+            require({steps[n].size for n in ("t", "h", "chart", "degree")} == {row["count"]})
+            charts = steps["chart"]
+            require(row["count"] > 0 and _are_indices(charts, self._last["charts"]))
+            first, last = int(charts.min()), int(charts.max())
+            rows = [verified_row(self._db, "chart", key) for key in range(first, last + 1)]
+            steps["charts"] = [(r["t"], r["text"], _numbers(r["numbers"])) for r in rows]
+        except (DamagedRow, *BROKEN):
+            raise self._damaged(part) from None
+        return steps | {
+            "charts_before": first,
+            "end": row["end"],
+            "dimension": row["dimension"],
+        }
+
+    def _step_log(self, chunk: dict[str, Any]) -> dict[str, NDArray[Any]] | None:
+        try:
+            row = verified_row(self._db, "step", chunk["id"])
+            columns, causes = json.loads(row["columns"]), json.loads(row["causes"])
+            require(_are_texts(columns) and _are_texts(causes))
+            table = _numbers(row["blob"]).reshape(len(columns), row["count"])
+            log: dict[str, NDArray[Any]] = dict(zip(columns, table, strict=True))
+            require(log.keys() >= {"t", "h", "accepted"} and row["count"] == chunk["steps"])
+            if "cause" in log:
+                require(_are_indices(log["cause"], len(causes)))
+                log["cause"] = np.array(causes, dtype=object)[log["cause"].astype(np.intp)]
+        except (DamagedRow, *BROKEN):
+            self._note(f"the step log of chunk {chunk['id']}")
+            return None
+        return log
+
+
+#: Columns of a step log without entries.
+_STEP_COLUMNS = ("t", "h", "error", "accepted", "cause", "iterations")
+
+#: So many parts are told; a file with more of them is nearly nothing else.
+_MOST_DAMAGE = 10_000
+
+#: Entries of ``meta`` that are looked for where the list of them is lost.
+_KNOWN = (
+    *("holonom", "name", "title", "model", "model_hash", "options", "requested", "warnings"),
+    *("status", "started", "finished", "stop_reason", "statistics", "residuals", "energy", "dof"),
+    *("method", "end_time", "cpu_seconds", "certification", "parts", "chunks"),
+)
+
+
+def _span(chunk: dict[str, Any]) -> str:
+    return f"{chunk['first']} to {chunk['first'] + chunk['count'] - 1}"
+
+
+def _is_shape(shape: object) -> bool:
+    return (
+        isinstance(shape, list)
+        and len(shape) <= 4
+        and all(type(n) is int and 0 <= n < 2**31 for n in shape)
+    )
+
+
+def _are_texts(values: object) -> bool:
+    return isinstance(values, list) and all(isinstance(value, str) for value in values)
+
+
+def _are_indices(values: NDArray[np.float64], limit: int) -> bool:
+    return bool(np.all((values >= 0) & (values < limit) & (values == np.floor(values))))
+
+
+def _numbers(blob: bytes) -> NDArray[np.float64]:
+    return np.frombuffer(blob, dtype="<f8").astype(np.float64)
