@@ -98,7 +98,7 @@ pub(crate) fn check(
         .iter()
         .map(|a| {
             json!({
-                "body": a.body, "translation": a.translation, "rotation": a.rotation,
+                "item": a.item, "translation": a.translation, "rotation": a.rotation,
                 "velocity": a.velocity, "angular_velocity": a.angular_velocity,
             })
         })

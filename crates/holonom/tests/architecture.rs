@@ -12,7 +12,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("topology", &["model"]),
     ("elements", &["math", "model"]),
     ("system", &["elements", "topology", "model", "math"]),
-    ("reduction", &["system", "model"]),
+    ("reduction", &["system", "model", "math"]),
     ("newton", &["reduction", "system"]),
     ("formula", &[]),
     ("control", &[]),

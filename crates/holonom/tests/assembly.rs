@@ -77,7 +77,7 @@ fn a_stated_position_against_a_joint_is_refused_and_with_adjust_moved() {
     let problem = four_bar(&format!("{CLOSED}{adjusted}"));
     let assembled = problem.assemble().unwrap();
     assert_eq!(assembled.adjustments.len(), 1);
-    assert_eq!(assembled.adjustments[0].body, "crank");
+    assert_eq!(assembled.adjustments[0].item, "crank");
     assert!(assembled.adjustments[0].translation > 0.01);
 }
 

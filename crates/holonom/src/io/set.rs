@@ -8,6 +8,9 @@ use super::shape::{Shape, Tagged, model_shape};
 use super::tree::{Entry, Node, Span, Step, Table, Value, join, node_at, parse_path};
 use crate::error::{Code, Diagnostic};
 
+/// Tables whose names are those of items defined elsewhere.
+const INITIAL: [&str; 3] = ["initial.bodies", "initial.joints", "initial.extra_states"];
+
 /// Puts `value` where `path` leads. The path must exist in the file, in the format, or in `expanded`,
 /// the file with its patterns written out: what is set there is laid over what the pattern writes.
 pub(super) fn set(
@@ -48,6 +51,7 @@ pub(super) fn set(
         [Step::Field(initial), Step::Field(of), Step::Field(name), ..] if initial == "initial" => {
             match of.as_str() {
                 "bodies" => Some(("bodies", name)),
+                "joints" => Some(("joints", name)),
                 "extra_states" => Some(("forces", name)),
                 _ => None,
             }
@@ -71,7 +75,7 @@ pub(super) fn set(
     for step in &steps {
         let kind = node.kind();
         let guide = seen.filter(|_| node.field("type").is_none()).unwrap_or(node);
-        let of_names = ["initial.bodies", "initial.extra_states"].contains(&walked.as_str());
+        let of_names = INITIAL.contains(&walked.as_str());
         let known = if of_names { Vec::new() } else { fields(shape, guide) };
         shape = shape.and_then(|shape| inner(shape, guide, step));
         seen = seen.and_then(|seen| match (&seen.value, step) {

@@ -370,6 +370,8 @@ pub struct Initial {
     pub assembly: Assembly,
     /// One entry per body, in the order of [`Model::bodies`].
     pub bodies: Vec<InitialBody>,
+    /// Stated relative coordinates of joints.
+    pub joints: Vec<InitialCoordinate>,
     /// Initial extra states by force name; unstated ones start unloaded (Maxwell: f = 0).
     pub extra_states: Vec<(String, f64)>,
 }
@@ -395,6 +397,24 @@ pub struct InitialBody {
     pub velocity: Option<[f64; 3]>,
     /// Angular velocity, rad/s, ground axes; planar models use the third component.
     pub angular_velocity: Option<[f64; 3]>,
+}
+
+/// A stated relative coordinate of a joint, or its rate.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InitialCoordinate {
+    /// The joint, by its place in [`Model::joints`].
+    pub joint: usize,
+    /// Name of the field that states it: `angle`, `angles[1]`, `velocity`, …
+    pub field: String,
+    /// Displacement along h (planar: f), or angle about h (planar: z) of the first of `frames`.
+    pub kind: DriverKind,
+    /// Whether `value` is the rate of the coordinate.
+    pub is_rate: bool,
+    /// m or rad, m/s or rad/s.
+    pub value: f64,
+    /// Frames between which it is measured: those of the joint, of a universal joint about one of its
+    /// axes.
+    pub frames: [Frame; 2],
 }
 
 /// Channels and interval asked for by the file.

@@ -5,25 +5,23 @@
 
 use super::accelerations::{Accelerations, Accelerator};
 use super::chart::Chart;
+use super::closing::{closed, scale};
 use super::manifold::Manifold;
-use super::parametrization::{Parametrization, largest_index};
+use super::parametrization::Parametrization;
 use super::saddle::Saddle;
+use super::stated_joints::{Level, carry, moved, place, wind};
 use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
-use crate::model::{Assembly, Body, InitialBody, Model, Orientation};
-use crate::system::{BodyPose, Measure, State, System};
-use holonom_linalg::{BlockMatrix, Cholesky, least_norm, sparse_least_norm};
+use crate::model::{Body, InitialBody, Model, Orientation};
+use crate::system::{BodyPose, State, System};
+use holonom_linalg::{BlockMatrix, Cholesky};
 use std::sync::Arc;
 
 /// Residuals of stated values up to this size are projected away (m, rad, m/s, rad/s).
 pub const PROJECTED: f64 = 1e-6;
-/// Relative rank tolerance of the least-change solves.
-const RANK: f64 = 1e-10;
-/// Beyond about as many operations corrections come from a sparse matrix, which knows no rank but damps what
-/// depends on other rows.
-const DENSE_OPERATIONS: f64 = 1e8;
-const MAX_ITERATIONS: usize = 60;
+/// Stated values that moved less moved by round-off.
+pub(super) const MOVED: f64 = 1e-10;
 
 /// Why no consistent start was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -40,6 +38,27 @@ pub enum AssemblyError {
         /// Name of the joint, driver or body.
         item: String,
         /// Residual, m, rad, m/s or rad/s.
+        residual: f64,
+        /// Largest residual that is projected away.
+        allowed: f64,
+    },
+    /// A stated coordinate of a joint contradicts the joints or other stated values.
+    #[error(
+        "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: residual \
+         {residual:.3e}, allowed {allowed:.0e}"
+    )]
+    StatedJoint {
+        /// Name of the field, `angle`.
+        field: String,
+        /// Name of the joint.
+        item: String,
+        /// The stated value.
+        value: f64,
+        /// Its unit.
+        unit: &'static str,
+        /// Joint and row that keep the largest residual.
+        row: String,
+        /// That residual, m, rad, m/s or rad/s.
         residual: f64,
         /// Largest residual that is projected away.
         allowed: f64,
@@ -83,7 +102,7 @@ impl AssemblyError {
     /// Stable code.
     pub fn code(&self) -> &'static str {
         match self {
-            Self::Inconsistent { .. } => "assembly/inconsistent",
+            Self::Inconsistent { .. } | Self::StatedJoint { .. } => "assembly/inconsistent",
             Self::Unreachable { .. } => "assembly/unreachable",
             Self::Contradiction { .. } => "assembly/contradiction",
             Self::SingularMass { .. } => "assembly/singular-mass",
@@ -95,6 +114,7 @@ impl AssemblyError {
     pub fn item(&self) -> Option<&str> {
         match self {
             Self::Inconsistent { item, .. }
+            | Self::StatedJoint { item, .. }
             | Self::Unreachable { item, .. }
             | Self::Contradiction { item, .. }
             | Self::SingularMass { body: item, .. } => Some(item),
@@ -105,7 +125,7 @@ impl AssemblyError {
     /// What to try.
     pub fn help(&self) -> &'static str {
         match self {
-            Self::Inconsistent { .. } => {
+            Self::Inconsistent { .. } | Self::StatedJoint { .. } => {
                 "state fewer values, or set `initial.assembly = \"adjust\"` to treat them as guesses"
             }
             Self::Unreachable { .. } => {
@@ -120,11 +140,11 @@ impl AssemblyError {
     }
 }
 
-/// How far a body's stated values were moved.
-#[derive(Debug, Clone, PartialEq)]
+/// How far the stated values of a body or of a joint were moved.
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Adjustment {
-    /// Body.
-    pub body: String,
+    /// Body or joint.
+    pub item: String,
     /// m.
     pub translation: f64,
     /// rad (Euler parameters: 2|δp|).
@@ -148,14 +168,6 @@ pub struct Assembled {
     pub stated_residuals: (f64, f64),
 }
 
-/// Dense helper over free unknowns, with the couplings of bodies whose origin is stated while their
-/// orientation is free and their centre of mass lies elsewhere.
-struct Unknowns {
-    free: Vec<usize>,
-    /// Per such body: first coordinate and W = ∂(A c)/∂p (3×4, planar 2×1) by rows.
-    coupled: Vec<usize>,
-}
-
 /// Finds a consistent start of a model. `template`: the manifold of a model that differs in numbers
 /// only, whose symbolic work serves again.
 ///
@@ -175,49 +187,10 @@ pub fn assemble(
         system.set_body(b, &stated_pose(body, stated(b)), &mut state.q, &mut state.v);
     }
     let wanted = state.clone();
-    let keep = model.initial.assembly == Assembly::Keep;
-    let (n, d) = (sizes.per_body, sizes.translations);
-    let unknowns = |fixed: &dyn Fn(&InitialBody) -> (bool, bool)| {
-        let mut out = Unknowns { free: Vec::new(), coupled: Vec::new() };
-        for (b, body) in model.bodies.iter().enumerate() {
-            let (translation, rotation) = if keep { fixed(stated(b)) } else { (false, false) };
-            if !translation {
-                out.free.extend(b * n..b * n + d);
-            }
-            if !rotation {
-                out.free.extend(b * n + d..(b + 1) * n);
-            }
-            if translation && !rotation && body.center_of_mass.iter().any(|c| *c != 0.0) {
-                out.coupled.push(b);
-            }
-        }
-        out
-    };
+    place(system.as_ref(), model, &mut state);
+    let (mut state, worst) = closed(system, model, Level::Position, &state)?;
 
-    // Positions: first the unstated ones alone, then all to remove what is left.
-    let by_position = unknowns(&|b| (b.position.is_some(), b.orientation.is_some()));
-    let mut g = system.structure().constraint_pattern.clone();
-    let solver = Solver { system: system.as_ref(), model };
-    let residual = solver.close(&mut state, &by_position, &mut g);
-    let (worst, row) = residual;
-    if worst > PROJECTED || worst.is_nan() {
-        let (row_name, item) = (system.row_name(row), system.row_item(row).0.to_owned());
-        return Err(if by_position.free.len() < sizes.coordinates {
-            AssemblyError::Inconsistent {
-                level: "positions",
-                row: row_name,
-                item,
-                residual: worst,
-                allowed: PROJECTED,
-            }
-        } else {
-            AssemblyError::Unreachable { row: row_name, item, residual: worst }
-        });
-    }
-    let everything = Unknowns { free: (0..sizes.coordinates).collect(), coupled: Vec::new() };
-    solver.close(&mut state, &everything, &mut g);
-
-    // Velocities in the same way; the Euler-parameter rates follow the projected parameters.
+    // The Euler-parameter rates follow the projected parameters.
     let mut q = state.q.clone();
     for (b, body) in model.bodies.iter().enumerate() {
         let mut pose = system.body(b, &state.q, &state.v);
@@ -227,24 +200,15 @@ pub fn assemble(
         system.set_body(b, &pose, &mut q, &mut state.v);
     }
     let before = state.v.clone();
-    system.constraint_jacobian(&state.q, &mut g);
-    let by_velocity = unknowns(&|b| (b.velocity.is_some(), b.angular_velocity.is_some()));
-    let (worst_velocity, row) = solver.close_velocities(&mut state, &by_velocity, &g);
-    if worst_velocity > PROJECTED || worst_velocity.is_nan() {
-        return Err(AssemblyError::Inconsistent {
-            level: "velocities",
-            row: system.row_name(row),
-            item: system.row_item(row).0.to_owned(),
-            residual: worst_velocity,
-            allowed: PROJECTED,
-        });
-    }
-    solver.close_velocities(&mut state, &everything, &g);
+    carry(system.as_ref(), model, &mut state);
+    let (mut state, worst_velocity) = closed(system, model, Level::Velocity, &state)?;
 
     set_extra_states(model, &mut state.z);
+    wind(system.as_ref(), model, &mut state);
     system.update_windings(state.t, &state.q, &mut state.winding);
     let (manifold, state) = start(system, state, template)?;
-    let adjustments = adjustments(model, system.as_ref(), &wanted, &before, &state);
+    let mut adjustments = adjustments(model, system.as_ref(), &wanted, &before, &state);
+    adjustments.extend(moved(model, &state));
     Ok(Assembled { state, manifold, adjustments, stated_residuals: (worst, worst_velocity) })
 }
 
@@ -412,13 +376,6 @@ fn check_mass(
     }
 }
 
-fn scale(system: &dyn System, coordinate: usize) -> f64 {
-    match system.structure().coordinate_measure(coordinate) {
-        Measure::Length => 1.0 / system.characteristic_length(),
-        Measure::Angle => 1.0,
-    }
-}
-
 fn largest_diagonal(mass: &BlockMatrix, system: &dyn System) -> f64 {
     let entries = mass.entries(0, 0).into_iter().zip(mass.values());
     entries
@@ -469,7 +426,7 @@ fn adjustments(
         let (r, p) = (b * n..b * n + d, b * n + d..(b + 1) * n);
         let moved = |is_stated: bool, x: f64| if is_stated { x } else { 0.0 };
         let adjustment = Adjustment {
-            body: model.bodies[b].name.clone(),
+            item: model.bodies[b].name.clone(),
             translation: moved(
                 stated.position.is_some(),
                 distance(&state.q[r.clone()], &wanted.q[r.clone()]),
@@ -492,186 +449,9 @@ fn adjustments(
             .max(adjustment.rotation)
             .max(adjustment.velocity)
             .max(adjustment.angular_velocity);
-        if largest > 1e-10 {
+        if largest > MOVED {
             out.push(adjustment);
         }
     }
     out
-}
-
-/// Least-change solves over a set of free unknowns.
-struct Solver<'a> {
-    system: &'a dyn System,
-    model: &'a Model,
-}
-
-impl Solver<'_> {
-    /// Gauss-Newton with minimum-norm corrections on Φ(q) = 0; returns the largest residual and its
-    /// row. Without progress it stops; the residual then tells.
-    fn close(&self, state: &mut State, unknowns: &Unknowns, g: &mut BlockMatrix) -> (f64, usize) {
-        let rows = self.system.structure().sizes.rows;
-        let mut phi = vec![0.0; rows];
-        let mut best = f64::INFINITY;
-        let mut stalled = 0;
-        for _ in 0..MAX_ITERATIONS {
-            self.system.position_constraints(state.t, &state.q, &mut phi);
-            let size = phi.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-            if size < 1e-14 || unknowns.free.is_empty() || !size.is_finite() {
-                break;
-            }
-            stalled = if size < 0.9 * best { 0 } else { stalled + 1 };
-            best = best.min(size);
-            if stalled > if best < 1e-9 { 1 } else { 12 } {
-                break;
-            }
-            self.system.constraint_jacobian(&state.q, g);
-            let Some(mut step) = self.least_change(g, &phi, unknowns, &state.q) else { break };
-            // Long steps are shortened: the joints' equations are nonlinear in angles.
-            let longest = step
-                .iter()
-                .enumerate()
-                .fold(0.0f64, |m, (i, x)| m.max((x * scale(self.system, i)).abs()));
-            if longest > 0.5 {
-                step.iter_mut().for_each(|x| *x *= 0.5 / longest);
-            }
-            for (q, x) in state.q.iter_mut().zip(&step) {
-                *q -= x;
-            }
-            self.restore_origins(state, unknowns);
-        }
-        self.system.position_constraints(state.t, &state.q, &mut phi);
-        let worst = largest_index(&phi);
-        if phi.is_empty() { (0.0, 0) } else { (phi[worst].abs(), worst) }
-    }
-
-    /// Minimum-norm correction of velocities; returns the largest residual left and its row.
-    fn close_velocities(
-        &self,
-        state: &mut State,
-        unknowns: &Unknowns,
-        g: &BlockMatrix,
-    ) -> (f64, usize) {
-        let rows = self.system.structure().sizes.rows;
-        let mut residual = vec![0.0; rows];
-        let evaluate = |v: &[f64], residual: &mut Vec<f64>| {
-            self.system.velocity_rhs(state.t, residual);
-            residual.iter_mut().for_each(|x| *x = -*x);
-            g.multiply_add(1.0, v, residual);
-        };
-        // Twice: the second solve removes the round-off of the first.
-        for _ in 0..2 {
-            evaluate(&state.v, &mut residual);
-            if unknowns.free.is_empty() || residual.iter().all(|x| x.abs() < 1e-14) {
-                break;
-            }
-            let Some(step) = self.least_change(g, &residual, unknowns, &state.q) else { break };
-            for (v, x) in state.v.iter_mut().zip(&step) {
-                *v -= x;
-            }
-        }
-        evaluate(&state.v, &mut residual);
-        let worst = largest_index(&residual);
-        if rows == 0 { (0.0, 0) } else { (residual[worst].abs(), worst) }
-    }
-
-    /// Minimum-norm x over the free unknowns with G x = r, lengths measured against the
-    /// characteristic length; coupled translations follow their orientations.
-    fn least_change(
-        &self,
-        g: &BlockMatrix,
-        r: &[f64],
-        unknowns: &Unknowns,
-        q: &[f64],
-    ) -> Option<Vec<f64>> {
-        let sizes = self.system.structure().sizes;
-        let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
-        let (per_body, d) = (sizes.per_body, sizes.translations);
-        let couplings: Vec<(usize, Vec<f64>)> =
-            unknowns.coupled.iter().map(|&b| (b, self.coupling(b, q))).collect();
-        let mut column = vec![None; n];
-        for (at, &i) in unknowns.free.iter().enumerate() {
-            column[i] = Some(at);
-        }
-        let weights: Vec<f64> =
-            unknowns.free.iter().map(|&i| 1.0 / scale(self.system, i)).collect();
-        let mut coupled = vec![None; sizes.bodies];
-        for (b, w) in &couplings {
-            coupled[*b] = Some(w);
-        }
-        let mut entries = Vec::new();
-        for ((row, i), x) in g.entries(0, 0).into_iter().zip(g.values()) {
-            let mut add = |i: usize, x: f64| {
-                if let Some(at) = column[i] {
-                    entries.push((row, at, x * weights[at]));
-                }
-            };
-            add(i, *x);
-            if let (Some(w), true) = (coupled[i / per_body], i % per_body < d) {
-                for c in 0..per_body - d {
-                    let factor = w[i % per_body * (per_body - d) + c];
-                    add(i / per_body * per_body + d + c, x * factor);
-                }
-            }
-        }
-        let solution = if (m * m) as f64 * k as f64 <= DENSE_OPERATIONS {
-            let mut a = vec![0.0; m * k];
-            for (row, at, x) in entries {
-                a[row * k + at] += x;
-            }
-            least_norm(m, k, &a, r, RANK).ok()?.x
-        } else {
-            sparse_least_norm(m, k, &entries, r).ok()?
-        };
-        let mut x = vec![0.0; n];
-        for ((&i, y), w) in unknowns.free.iter().zip(&solution).zip(&weights) {
-            x[i] = y * w;
-        }
-        for (b, w) in &couplings {
-            for i in 0..d {
-                x[b * per_body + i] = (0..per_body - d)
-                    .map(|c| w[i * (per_body - d) + c] * x[b * per_body + d + c])
-                    .sum();
-            }
-        }
-        Some(x)
-    }
-
-    /// ∂(A c)/∂p of a body, D×(N−D) by rows; A is quadratic in the Euler parameters, so central
-    /// differences are exact for them and accurate to 1e-10 for an angle.
-    fn coupling(&self, body: usize, q: &[f64]) -> Vec<f64> {
-        let sizes = self.system.structure().sizes;
-        let (n, d) = (sizes.per_body, sizes.translations);
-        let h = 1e-5;
-        let arm = |shift: f64, c: usize| {
-            let mut moved = q.to_vec();
-            moved[body * n + d + c] += shift;
-            let rest = vec![0.0; q.len()];
-            let pose = self.system.body(body, &moved, &rest);
-            let r = &moved[body * n..];
-            [
-                r[0] - pose.position[0],
-                r[1] - pose.position[1],
-                r.get(2).unwrap_or(&0.0) - pose.position[2],
-            ]
-        };
-        let mut w = vec![0.0; d * (n - d)];
-        for c in 0..n - d {
-            let (plus, minus) = (arm(h, c), arm(-h, c));
-            for i in 0..d {
-                w[i * (n - d) + c] = (plus[i] - minus[i]) / (2.0 * h);
-            }
-        }
-        w
-    }
-
-    /// Puts the origins of coupled bodies back to their stated places.
-    fn restore_origins(&self, state: &mut State, unknowns: &Unknowns) {
-        for &b in &unknowns.coupled {
-            let Some(position) = self.model.initial.bodies[b].position else { continue };
-            let mut pose = self.system.body(b, &state.q, &state.v);
-            pose.position = position;
-            let mut v = state.v.clone();
-            self.system.set_body(b, &pose, &mut state.q, &mut v);
-        }
-    }
 }

@@ -393,6 +393,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         }
     }
 
+    fn winding_of_joint(&self, joint: usize) -> Option<usize> {
+        self.constraints[joint].turns.as_ref().map(|turns| turns.index)
+    }
+
     fn extra_state_scales(&self) -> Vec<f64> {
         let with_state = self.forces.iter().filter(|f| f.extra.is_some());
         with_state.map(|f| f.element.extra_state_scale()).collect()

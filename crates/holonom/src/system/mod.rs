@@ -168,6 +168,9 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// the branch to stay near; the angle of a driver follows its motion.
     fn update_windings(&self, t: f64, q: &[f64], winding: &mut [f64]);
 
+    /// The winding that counts the turns of a joint's angle, by the place of the joint in the model.
+    fn winding_of_joint(&self, joint: usize) -> Option<usize>;
+
     /// For each extra state the error that counts like a metre or a metre per second, m.
     fn extra_state_scales(&self) -> Vec<f64>;
 

@@ -19,13 +19,14 @@ use super::tree::{Node, Value, node_at, parse_path, path_of};
 use crate::error::{Code, Diagnostic};
 
 /// Tables of items that patterns repeat: the same path in a pattern and in the file.
-const SECTIONS: [&[&str]; 7] = [
+const SECTIONS: [&[&str]; 8] = [
     &["bodies"],
     &["joints"],
     &["forces"],
     &["drivers"],
     &["tables"],
     &["initial", "bodies"],
+    &["initial", "joints"],
     &["initial", "extra_states"],
 ];
 const CHANNELS: [&str; 2] = ["outputs", "channels"];

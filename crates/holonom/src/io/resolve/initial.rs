@@ -1,17 +1,81 @@
 //! Initial state, outputs and defaults of a run.
 
-use indexmap::IndexSet;
+use indexmap::{IndexMap, IndexSet};
 
 use super::Context;
+use super::orientations::Turned;
 use crate::error::Code;
 use crate::io::names::suggest;
 use crate::io::schema::{self, Rotational, Tolerance as Stated, Vector};
 use crate::model::{
-    self, Assembly, Initial, InitialBody, Orientation, Outputs, SimulationDefaults, Tolerance,
+    self, Assembly, DriverKind, Frame, Initial, InitialBody, InitialCoordinate, Joint, JointKind,
+    Orientation, Outputs, SimulationDefaults, Tolerance,
 };
 
+/// What joints have, as help.
+const HAVE: &str = "revolute joints have `angle` and `angular_velocity`, translational ones `displacement` \
+    and `velocity`, cylindrical ones all four, universal ones `angles` and `angular_velocities`";
+
+/// Field, kind, whether it is a rate, and value of what is stated of a joint.
+fn coordinates(
+    stated: &schema::InitialJoint,
+) -> impl Iterator<Item = (&'static str, DriverKind, bool, f64)> {
+    let [first, second] = [0, 1].map(|k| stated.angles.map(|angles| angles[k]));
+    let [first_rate, second_rate] = [0, 1].map(|k| stated.angular_velocities.map(|rates| rates[k]));
+    [
+        ("displacement", DriverKind::Translation, false, stated.displacement),
+        ("velocity", DriverKind::Translation, true, stated.velocity),
+        ("angle", DriverKind::Rotation, false, stated.angle),
+        ("angular_velocity", DriverKind::Rotation, true, stated.angular_velocity),
+        ("angles[0]", DriverKind::Rotation, false, first),
+        ("angles[1]", DriverKind::Rotation, false, second),
+        ("angular_velocities[0]", DriverKind::Rotation, true, first_rate),
+        ("angular_velocities[1]", DriverKind::Rotation, true, second_rate),
+    ]
+    .into_iter()
+    .filter_map(|(field, kind, is_rate, value)| Some((field, kind, is_rate, value?)))
+}
+
+/// Frames between which a field of `initial.joints` is measured; `None` where the joint has no such
+/// coordinate.
+fn frames_of(joint: &Joint, field: &str, kind: DriverKind) -> Option<[Frame; 2]> {
+    let entry = field.split_once('[').map(|(_, at)| at);
+    match (joint.kind, kind, entry) {
+        (JointKind::Universal, _, Some(entry)) => {
+            Some(universal_frames(&joint.frames, entry.starts_with('0')))
+        }
+        (JointKind::Revolute | JointKind::Cylindrical, DriverKind::Rotation, None)
+        | (JointKind::Translational | JointKind::Cylindrical, DriverKind::Translation, None) => {
+            Some(joint.frames)
+        }
+        _ => None,
+    }
+}
+
+/// Frames whose angle is that of a universal joint about its first or second axis. The joint's axes h
+/// lie across each other with f of both frames along their common perpendicular, so that in the design
+/// configuration the second h is −g of the first frame, and the first h is g of the second.
+fn universal_frames([first, second]: &[Frame; 2], about_first: bool) -> [Frame; 2] {
+    let turned = |frame: &Frame, columns: [(usize, f64); 3]| Frame {
+        axes: frame.axes.map(|row| columns.map(|(column, sign)| sign * row[column])),
+        ..*frame
+    };
+    if about_first {
+        [
+            turned(first, [(1, -1.0), (0, 1.0), (2, 1.0)]),
+            turned(second, [(2, 1.0), (0, 1.0), (1, 1.0)]),
+        ]
+    } else {
+        // Seen from the second body, about −h, so that the sign is that of the second against the first.
+        [
+            turned(second, [(1, 1.0), (0, 1.0), (2, -1.0)]),
+            turned(first, [(2, 1.0), (0, 1.0), (1, 1.0)]),
+        ]
+    }
+}
+
 impl Context<'_> {
-    pub(super) fn initial(&mut self) -> Initial {
+    pub(super) fn initial(&mut self, joints: &[Joint]) -> Initial {
         let stated = &self.file.initial;
         for name in stated.bodies.keys() {
             self.moving_body(&format!("initial.bodies.{name}"), name);
@@ -34,15 +98,49 @@ impl Context<'_> {
                 schema::Assembly::Adjust => Assembly::Adjust,
             },
             bodies,
+            joints: self.initial_joints(joints),
             extra_states: self.extra_states(),
         }
     }
 
     fn initial_orientation(&mut self, name: &str, b: &schema::InitialBody) -> Option<Orientation> {
-        let stated = b
-            .euler_parameters
-            .map(|p| self.euler_parameters(format!("initial.bodies.{name}.euler_parameters"), p));
-        stated.or(b.angle.map(Orientation::Angle))
+        let path = format!("initial.bodies.{name}");
+        let stated = Turned::of_initial(b).euler_parameters(&path, &mut self.errors);
+        stated.map(Orientation::EulerParameters).or(b.angle.map(Orientation::Angle))
+    }
+
+    fn initial_joints(&mut self, joints: &[Joint]) -> Vec<InitialCoordinate> {
+        let file = self.file;
+        let places: IndexMap<&str, usize> =
+            joints.iter().enumerate().map(|(at, joint)| (joint.name.as_str(), at)).collect();
+        let mut out = Vec::new();
+        for (name, stated) in &file.initial.joints {
+            let path = format!("initial.joints.{name}");
+            if !file.joints.contains_key(name) {
+                let message = format!("`{path}` names the joint `{name}`, which is not there");
+                let known = file.joints.keys().map(String::as_str);
+                let help = suggest(&self.errors, name, "joints", known);
+                self.refuse(Code::UnknownName, path, message, &help);
+                continue;
+            }
+            // Absent: the joint has errors of its own.
+            let Some(&at) = places.get(name.as_str()) else { continue };
+            for (field, kind, is_rate, value) in coordinates(stated) {
+                if let Some(frames) = frames_of(&joints[at], field, kind) {
+                    let field = field.to_owned();
+                    out.push(InitialCoordinate { joint: at, field, kind, is_rate, value, frames });
+                    continue;
+                }
+                let stem = field.split('[').next().unwrap_or_default();
+                let message = format!("the joint `{name}` of `{path}` has no `{stem}`");
+                let help = HAVE;
+                self.refuse(Code::ConflictingFields, format!("{path}.{stem}"), message, help);
+                if field.ends_with(']') {
+                    break; // said of both entries
+                }
+            }
+        }
+        out
     }
 
     fn extra_states(&mut self) -> Vec<(String, f64)> {

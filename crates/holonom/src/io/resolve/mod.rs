@@ -7,11 +7,13 @@ mod geometry;
 mod initial;
 mod joints;
 mod motions;
+mod orientations;
 mod places;
 
 use indexmap::IndexMap;
 
 use self::geometry::{Pose, Vec3, planar_rotation, spatial_rotation};
+use self::orientations::Turned;
 use super::names::suggest;
 use super::schema::{self, Dimension, Inertia, ModelFile};
 use crate::error::{Code, Diagnostic};
@@ -43,7 +45,7 @@ pub(super) fn model(file: &ModelFile) -> (model::Model, Vec<Diagnostic>) {
         },
         gravity: file.gravity.map_or([0.0; 3], schema::Vector::components),
         forces: context.forces(),
-        initial: context.initial(),
+        initial: context.initial(&joints),
         outputs: context.outputs(),
         simulation: context.simulation(),
         bodies,
@@ -146,30 +148,11 @@ impl<'a> Context<'a> {
             }
         }
     }
-
-    /// Euler parameters of unit length; rounding in their last digits is taken out.
-    fn euler_parameters(&mut self, path: String, p: [f64; 4]) -> model::Orientation {
-        let (p, error) = unit_euler_parameters(path, p);
-        self.errors.extend(error);
-        model::Orientation::EulerParameters(p)
-    }
 }
 
 enum Choice<'a, A, B> {
     First(&'a A),
     Second(&'a B),
-}
-
-fn unit_euler_parameters(path: String, p: [f64; 4]) -> ([f64; 4], Option<Diagnostic>) {
-    let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if (length - 1.0).abs() <= 1e-6 {
-        return (p.map(|x| x / length), None);
-    }
-    let message = format!("`{path}` has length {length:.9}; expected 1 within 1e-6");
-    let error = Diagnostic::new(Code::NotUnit, path, message).help(
-        "Euler parameters are cos(φ/2) and sin(φ/2) times the unit axis; no turn is [1, 0, 0, 0]",
-    );
-    ([1.0, 0.0, 0.0, 0.0], Some(error))
 }
 
 fn rigid_body(
@@ -181,10 +164,9 @@ fn rigid_body(
     let (orientation, rotation) = match dimension {
         Dimension::Planar => (model::Orientation::Angle(body.angle), planar_rotation(body.angle)),
         Dimension::Spatial => {
-            let stated = body.euler_parameters.unwrap_or([1.0, 0.0, 0.0, 0.0]);
-            let (p, error) =
-                unit_euler_parameters(format!("bodies.{name}.euler_parameters"), stated);
-            errors.extend(error);
+            let stated = Turned::of_body(body);
+            let p = stated.euler_parameters(&format!("bodies.{name}"), errors);
+            let p = p.unwrap_or([1.0, 0.0, 0.0, 0.0]);
             (model::Orientation::EulerParameters(p), spatial_rotation(p))
         }
     };

@@ -1,4 +1,4 @@
-//! Parameters, bodies, joints, drivers, initial state, outputs and run defaults.
+//! Parameters, bodies, joints, drivers and the initial state.
 
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -44,12 +44,84 @@ item! {
         /// length. Default: body axes parallel to ground axes.
         #[schemars(extend("x-dimension" = "spatial"))]
         pub(crate) euler_parameters: Option<[f64; 4]>,
+        /// Instead of `euler_parameters`: the turn about one axis.
+        #[schemars(extend("x-dimension" = "spatial"))]
+        pub(crate) axis_angle: Option<AxisAngle>,
+        /// Instead of `euler_parameters`: yaw about z, then pitch about the turned y axis, then roll
+        /// about the turned x axis.
+        #[schemars(extend("x-unit" = "rad", "x-dimension" = "spatial"))]
+        pub(crate) yaw_pitch_roll: Option<[f64; 3]>,
+        /// Instead of `euler_parameters`: three turns about body axes, one after the other.
+        #[schemars(extend("x-dimension" = "spatial"))]
+        pub(crate) euler_angles: Option<EulerAngles>,
         /// Centre of mass from the body origin, body axes. Default: the body origin.
         #[schemars(extend("x-unit" = "m"))]
         pub(crate) center_of_mass: Option<Vector>,
         /// Named points of the body, used as `"body.marker"` wherever a point is asked for.
         #[serde(default)]
         pub(crate) markers: IndexMap<String, Marker>,
+    }
+}
+
+/// A turn about one axis.
+#[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "Axis and angle")]
+pub(crate) struct AxisAngle {
+    /// The axis, ground axes (the same numbers in body axes); any length but zero.
+    pub(crate) axis: [f64; 3],
+    /// The turn, right-handed about the axis.
+    #[schemars(extend("x-unit" = "rad"))]
+    pub(crate) angle: f64,
+}
+
+/// Three turns, each about an axis of the body as the turns before have left it.
+#[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "Euler angles")]
+pub(crate) struct EulerAngles {
+    /// The axes in the order of the turns. About axes of the ground the order is the reverse.
+    pub(crate) sequence: Sequence,
+    /// The turns in the same order.
+    #[schemars(extend("x-unit" = "rad"))]
+    pub(crate) angles: [f64; 3],
+}
+
+/// Axes of three turns, no two neighbours alike.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Sequence {
+    Xyz,
+    Xzy,
+    Yxz,
+    Yzx,
+    Zxy,
+    Zyx,
+    Xyx,
+    Xzx,
+    Yxy,
+    Yzy,
+    Zxz,
+    Zyz,
+}
+
+impl Sequence {
+    /// x, y, z as 0, 1, 2.
+    pub(crate) fn axes(self) -> [usize; 3] {
+        match self {
+            Self::Xyz => [0, 1, 2],
+            Self::Xzy => [0, 2, 1],
+            Self::Yxz => [1, 0, 2],
+            Self::Yzx => [1, 2, 0],
+            Self::Zxy => [2, 0, 1],
+            Self::Zyx => [2, 1, 0],
+            Self::Xyx => [0, 1, 0],
+            Self::Xzx => [0, 2, 0],
+            Self::Yxy => [1, 0, 1],
+            Self::Yzy => [1, 2, 1],
+            Self::Zxz => [2, 0, 2],
+            Self::Zyz => [2, 1, 2],
+        }
     }
 }
 
@@ -262,6 +334,9 @@ pub(crate) struct Initial {
     /// Stated values of single bodies, by name.
     #[serde(default)]
     pub(crate) bodies: IndexMap<String, InitialBody>,
+    /// Stated coordinates of single joints, by name.
+    #[serde(default)]
+    pub(crate) joints: IndexMap<String, InitialJoint>,
     /// Extra states by the name of their force: extension of the spring of a Maxwell element, m.
     /// Default: the force is zero.
     #[serde(default)]
@@ -292,6 +367,16 @@ pub(crate) struct InitialBody {
     /// Euler parameters e0, e1, e2, e3 of unit length.
     #[schemars(extend("x-dimension" = "spatial"))]
     pub(crate) euler_parameters: Option<[f64; 4]>,
+    /// Instead of `euler_parameters`: the turn about one axis.
+    #[schemars(extend("x-dimension" = "spatial"))]
+    pub(crate) axis_angle: Option<AxisAngle>,
+    /// Instead of `euler_parameters`: yaw about z, then pitch about the turned y axis, then roll about
+    /// the turned x axis.
+    #[schemars(extend("x-unit" = "rad", "x-dimension" = "spatial"))]
+    pub(crate) yaw_pitch_roll: Option<[f64; 3]>,
+    /// Instead of `euler_parameters`: three turns about body axes, one after the other.
+    #[schemars(extend("x-dimension" = "spatial"))]
+    pub(crate) euler_angles: Option<EulerAngles>,
     /// Velocity of the body origin, ground axes.
     #[schemars(extend("x-unit" = "m/s"))]
     pub(crate) velocity: Option<Vector>,
@@ -300,204 +385,29 @@ pub(crate) struct InitialBody {
     pub(crate) angular_velocity: Option<Rotational>,
 }
 
-/// What a run writes.
+/// Stated relative coordinates of one joint and their rates, of the second body relative to the first.
+/// They are measured as the joint's channels are. Bodies further out are carried along.
 #[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(title = "Outputs")]
-pub(crate) struct Outputs {
-    /// Channels `item.quantity`; `item.*` stands for all quantities of the item.
-    #[serde(default)]
-    pub(crate) channels: Vec<String>,
-    /// Time between two outputs, positive.
-    #[schemars(extend("x-unit" = "s"))]
-    pub(crate) interval: Option<f64>,
-}
-
-/// Defaults of a run; flags of the command and arguments of the call come before them.
-#[derive(Debug, Clone, Default, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(title = "Run defaults")]
-pub(crate) struct Simulation {
-    /// Start. Default: 0.
-    #[schemars(extend("x-unit" = "s"))]
-    pub(crate) start_time: Option<f64>,
-    /// End, not before the start.
-    #[schemars(extend("x-unit" = "s"))]
-    pub(crate) end_time: Option<f64>,
-    /// One number for all parts, or the parts.
-    pub(crate) tolerance: Option<Tolerance>,
-    /// Name of a code (`ForSDIRK`) or of a family of methods (`first_order`).
-    pub(crate) method: Option<String>,
-    /// Formula within a family of methods.
-    pub(crate) formula: Option<String>,
-    /// Step size of a run without step-size control, positive.
-    #[schemars(extend("x-unit" = "s"))]
-    pub(crate) fixed_step: Option<f64>,
-    /// Largest step size, positive.
-    #[schemars(extend("x-unit" = "s"))]
-    pub(crate) max_step: Option<f64>,
-    /// First step size, positive.
-    #[schemars(extend("x-unit" = "s"))]
-    pub(crate) initial_step: Option<f64>,
-    /// Largest number of steps.
-    pub(crate) max_steps: Option<u64>,
-    /// Largest wall time of a run with its assembly, positive.
-    #[schemars(extend("x-unit" = "s"))]
-    pub(crate) max_seconds: Option<f64>,
-    /// Growth of the condition number at which a partition or a tangent plane is chosen anew, above 1.
-    pub(crate) repartition_factor: Option<f64>,
-    /// Whether all that states between output times are made of is stored; by default where the code is
-    /// implicit.
-    pub(crate) dense_output: Option<bool>,
-    /// What the independent variables are; unless stated tree, with the profile `thesis` partitioning.
-    pub(crate) parametrization: Option<Parametrization>,
-    /// Where the integration Jacobian comes from; analytic unless stated.
-    pub(crate) jacobian: Option<JacobianSource>,
-    /// How the integration Jacobian is represented; by predicted cost unless stated.
-    pub(crate) newton: Option<Newton>,
-    /// Where accelerations and multipliers come from; by predicted cost unless stated.
-    pub(crate) accelerations: Option<Accelerations>,
-    /// Choices that go with a code; improved unless stated.
-    pub(crate) profile: Option<Profile>,
-}
-
-/// What the independent variables are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Parametrization {
-    /// Relative coordinates of a spanning forest of the bodies.
-    Tree,
-    /// Some of the coordinates.
-    Partitioning,
-    /// Combinations of coordinates along the tangent plane of the constraints, by QR.
-    TangentPlane,
-    /// The same by singular values.
-    TangentPlaneSvd,
-}
-
-impl Parametrization {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Tree => "tree",
-            Self::Partitioning => "partitioning",
-            Self::TangentPlane => "tangent_plane",
-            Self::TangentPlaneSvd => "tangent_plane_svd",
-        }
-    }
-}
-
-/// Where the integration Jacobian comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum JacobianSource {
-    /// Derivatives of the elements' equations.
-    Analytic,
-    /// Differences of accelerations; not for ForRosen.
-    Differences,
-}
-
-impl JacobianSource {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Analytic => "analytic",
-            Self::Differences => "differences",
-        }
-    }
-}
-
-/// How the integration Jacobian is represented.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Newton {
-    /// By predicted cost.
-    Auto,
-    /// Of the independent variables alone.
-    Dense,
-    /// With the graph of the mechanism: its cost grows like the number of bodies.
-    Sparse,
-}
-
-impl Newton {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Dense => "dense",
-            Self::Sparse => "sparse",
-        }
-    }
-}
-
-/// Where accelerations and multipliers come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Accelerations {
-    /// By predicted cost.
-    Auto,
-    /// From body to body along a tree; there are no loops.
-    Recursive,
-    /// A dense matrix of the independent variables alone.
-    NullSpace,
-    /// A matrix of the multipliers alone, by blocks of joints; every body needs mass and inertia.
-    Reduced,
-    /// A sparse matrix of accelerations and multipliers.
-    Augmented,
-}
-
-impl Accelerations {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Recursive => "recursive",
-            Self::NullSpace => "null_space",
-            Self::Reduced => "reduced",
-            Self::Augmented => "augmented",
-        }
-    }
-}
-
-/// Choices that go with a code.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Profile {
-    /// Norm over all coordinates, filtered estimates, reuse of Jacobians.
-    Improved,
-    /// As in the thesis that the codes come from.
-    Thesis,
-}
-
-impl Profile {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Improved => "improved",
-            Self::Thesis => "thesis",
-        }
-    }
-}
-
-/// Tolerances of a run.
-#[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
-#[serde(untagged)]
-pub(crate) enum Tolerance {
-    Uniform(f64),
-    Parts(ToleranceParts),
-}
-
-/// Tolerances by part.
-#[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(title = "Tolerances")]
-pub(crate) struct ToleranceParts {
-    /// Relative part: of the movement since the start (positions) or of the value (velocities).
-    pub(crate) relative: f64,
-    /// Absolute part of translations (m, m/s).
-    #[schemars(extend("x-unit" = "m"))]
-    pub(crate) translation: f64,
-    /// Absolute part of rotations (rad, rad/s).
+#[schemars(title = "Initial state of a joint")]
+pub(crate) struct InitialJoint {
+    /// Angle of a revolute or cylindrical joint; whole turns count.
     #[schemars(extend("x-unit" = "rad"))]
-    pub(crate) rotation: f64,
+    pub(crate) angle: Option<f64>,
+    /// Rate of that angle.
+    #[schemars(extend("x-unit" = "rad/s"))]
+    pub(crate) angular_velocity: Option<f64>,
+    /// Displacement of a translational or cylindrical joint.
+    #[schemars(extend("x-unit" = "m"))]
+    pub(crate) displacement: Option<f64>,
+    /// Rate of that displacement.
+    #[schemars(extend("x-unit" = "m/s"))]
+    pub(crate) velocity: Option<f64>,
+    /// Angles of a universal joint, about its first and about its second axis; zero in the design
+    /// configuration.
+    #[schemars(extend("x-unit" = "rad", "x-dimension" = "spatial"))]
+    pub(crate) angles: Option<[f64; 2]>,
+    /// Rates of these angles.
+    #[schemars(extend("x-unit" = "rad/s", "x-dimension" = "spatial"))]
+    pub(crate) angular_velocities: Option<[f64; 2]>,
 }

@@ -8,6 +8,7 @@ mod forces;
 mod items;
 mod motions;
 mod patterns;
+mod run;
 
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -19,6 +20,7 @@ pub(super) use forces::*;
 pub(super) use items::*;
 pub(super) use motions::*;
 pub(super) use patterns::*;
+pub(super) use run::*;
 
 /// Fields that every item has, added to each.
 macro_rules! item {

@@ -4,7 +4,7 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Body, DataTable, Driver, Force, InitialBody, Joint, item};
+use super::{Body, DataTable, Driver, Force, InitialBody, InitialJoint, Joint, item};
 
 item! {
     /// Items that are written once and repeated over one or more indices. Names, and texts that name
@@ -60,6 +60,9 @@ pub(crate) struct RepeatedInitial {
     /// Stated values of single bodies, by name.
     #[serde(default)]
     pub(crate) bodies: IndexMap<String, InitialBody>,
+    /// Stated coordinates of single joints, by name.
+    #[serde(default)]
+    pub(crate) joints: IndexMap<String, InitialJoint>,
     /// Extra states by the name of their force, m.
     #[serde(default)]
     pub(crate) extra_states: IndexMap<String, f64>,

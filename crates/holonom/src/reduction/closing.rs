@@ -1,0 +1,358 @@
+//! Closing the joints with least change of what is free.
+
+use super::assembly::{AssemblyError, PROJECTED};
+use super::parametrization::largest_index;
+use super::stated_joints::{Level, conditions, stated};
+use crate::model::{Assembly, DriverKind, InitialBody, InitialCoordinate, Model};
+use crate::system::{Measure, State, System};
+use holonom_linalg::{BlockMatrix, least_norm, sparse_least_norm};
+use std::sync::Arc;
+
+/// Relative rank tolerance of the least-change solves.
+const RANK: f64 = 1e-10;
+/// Beyond about as many operations corrections come from a sparse matrix, which knows no rank but damps what
+/// depends on other rows.
+const DENSE_OPERATIONS: f64 = 1e8;
+const MAX_ITERATIONS: usize = 60;
+
+/// The state with its positions or velocities closed: first what is not stated, with the stated
+/// coordinates of joints as conditions, then all to remove what is left. With the largest residual of the
+/// stated values.
+pub(super) fn closed(
+    system: &Arc<dyn System>,
+    model: &Model,
+    level: Level,
+    from: &State,
+) -> Result<(State, f64), AssemblyError> {
+    let coordinates = stated(model, level);
+    let keep = model.initial.assembly == Assembly::Keep;
+    let attempt = |count: usize| Attempt::new(system, model, level, from, &coordinates[..count]);
+    let all = attempt(coordinates.len());
+    if all.residual <= PROJECTED {
+        return Ok((all.finished(model, level), all.residual));
+    }
+    let plain = attempt(0);
+    if plain.residual <= PROJECTED {
+        if !keep {
+            // What the conditions have reached serves as a guess.
+            let near = Attempt::new(system, model, level, &all.state, &[]);
+            let better = if near.residual <= PROJECTED { near } else { plain };
+            return Ok((better.finished(model, level), all.residual));
+        }
+        // The first condition that cannot be kept together with those before it.
+        for (count, c) in coordinates.iter().enumerate() {
+            let failed = attempt(count + 1);
+            if failed.residual <= PROJECTED {
+                continue;
+            }
+            let (field, value) = (c.field.clone(), c.value);
+            return Err(AssemblyError::StatedJoint {
+                field,
+                value,
+                item: model.joints[c.joint].name.clone(),
+                unit: unit(c),
+                row: failed.system.row_name(failed.row),
+                residual: failed.residual,
+                allowed: PROJECTED,
+            });
+        }
+    }
+    let row = system.row_name(plain.row);
+    let item = system.row_item(plain.row).0.to_owned();
+    let residual = plain.residual;
+    Err(match level {
+        Level::Position if !plain.has_stated => AssemblyError::Unreachable { row, item, residual },
+        _ => AssemblyError::Inconsistent {
+            level: if level == Level::Position { "positions" } else { "velocities" },
+            row,
+            item,
+            residual,
+            allowed: PROJECTED,
+        },
+    })
+}
+
+fn unit(c: &InitialCoordinate) -> &'static str {
+    match (c.kind, c.is_rate) {
+        (DriverKind::Translation, false) => "m",
+        (DriverKind::Translation, true) => "m/s",
+        (DriverKind::Rotation, false) => "rad",
+        (DriverKind::Rotation, true) => "rad/s",
+    }
+}
+
+/// The unstated closed to the joints and some conditions.
+struct Attempt {
+    /// With the conditions as drivers.
+    system: Arc<dyn System>,
+    state: State,
+    residual: f64,
+    row: usize,
+    /// Whether something is not free.
+    has_stated: bool,
+}
+
+impl Attempt {
+    fn new(
+        system: &Arc<dyn System>,
+        model: &Model,
+        level: Level,
+        from: &State,
+        coordinates: &[&InitialCoordinate],
+    ) -> Self {
+        let system = conditions(model, coordinates, from.t).unwrap_or_else(|| Arc::clone(system));
+        let mut state = from.clone();
+        let free = unknowns(system.as_ref(), model, level);
+        let has_stated = free.free.len() < system.structure().sizes.coordinates;
+        let (residual, row) = solve(system.as_ref(), model, level, &mut state, &free);
+        // No comparison holds for a residual that is not a number.
+        let residual = if residual.is_nan() { f64::INFINITY } else { residual };
+        Self { system, state, residual, row, has_stated }
+    }
+
+    /// The state with what is left of the residual removed.
+    fn finished(&self, model: &Model, level: Level) -> State {
+        let mut state = self.state.clone();
+        let coordinates = self.system.structure().sizes.coordinates;
+        let everything = Unknowns { free: (0..coordinates).collect(), coupled: Vec::new() };
+        solve(self.system.as_ref(), model, level, &mut state, &everything);
+        state
+    }
+}
+
+/// Closes positions or velocities over `unknowns`; the largest residual left and its row.
+fn solve(
+    system: &dyn System,
+    model: &Model,
+    level: Level,
+    state: &mut State,
+    unknowns: &Unknowns,
+) -> (f64, usize) {
+    let solver = Solver { system, model };
+    let mut g = system.structure().constraint_pattern.clone();
+    if level == Level::Position {
+        return solver.close(state, unknowns, &mut g);
+    }
+    system.constraint_jacobian(&state.q, &mut g);
+    solver.close_velocities(state, unknowns, &g)
+}
+
+/// Coordinates that are not stated; all of them where stated values are guesses.
+fn unknowns(system: &dyn System, model: &Model, level: Level) -> Unknowns {
+    let sizes = system.structure().sizes;
+    let (n, d) = (sizes.per_body, sizes.translations);
+    let keep = model.initial.assembly == Assembly::Keep;
+    let none = InitialBody::default();
+    let mut out = Unknowns { free: Vec::new(), coupled: Vec::new() };
+    for (b, body) in model.bodies.iter().enumerate() {
+        let own = model.initial.bodies.get(b).unwrap_or(&none);
+        let (translation, rotation) = match level {
+            _ if !keep => (false, false),
+            Level::Position => (own.position.is_some(), own.orientation.is_some()),
+            Level::Velocity => (own.velocity.is_some(), own.angular_velocity.is_some()),
+        };
+        if !translation {
+            out.free.extend(b * n..b * n + d);
+        }
+        if !rotation {
+            out.free.extend(b * n + d..(b + 1) * n);
+        }
+        if translation && !rotation && body.center_of_mass.iter().any(|c| *c != 0.0) {
+            out.coupled.push(b);
+        }
+    }
+    out
+}
+
+/// Dense helper over free unknowns, with the couplings of bodies whose origin is stated while their
+/// orientation is free and their centre of mass lies elsewhere.
+struct Unknowns {
+    free: Vec<usize>,
+    /// Per such body: first coordinate and W = ∂(A c)/∂p (3×4, planar 2×1) by rows.
+    coupled: Vec<usize>,
+}
+
+/// Least-change solves over a set of free unknowns.
+struct Solver<'a> {
+    system: &'a dyn System,
+    model: &'a Model,
+}
+
+impl Solver<'_> {
+    /// Gauss-Newton with minimum-norm corrections on Φ(q) = 0; returns the largest residual and its
+    /// row. Without progress it stops; the residual then tells.
+    fn close(&self, state: &mut State, unknowns: &Unknowns, g: &mut BlockMatrix) -> (f64, usize) {
+        let rows = self.system.structure().sizes.rows;
+        let mut phi = vec![0.0; rows];
+        let mut best = f64::INFINITY;
+        let mut stalled = 0;
+        for _ in 0..MAX_ITERATIONS {
+            self.system.position_constraints(state.t, &state.q, &mut phi);
+            let size = phi.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+            if size < 1e-14 || unknowns.free.is_empty() || !size.is_finite() {
+                break;
+            }
+            stalled = if size < 0.9 * best { 0 } else { stalled + 1 };
+            best = best.min(size);
+            if stalled > if best < 1e-9 { 1 } else { 12 } {
+                break;
+            }
+            self.system.constraint_jacobian(&state.q, g);
+            let Some(mut step) = self.least_change(g, &phi, unknowns, &state.q) else { break };
+            // Long steps are shortened: the joints' equations are nonlinear in angles.
+            let longest = step
+                .iter()
+                .enumerate()
+                .fold(0.0f64, |m, (i, x)| m.max((x * scale(self.system, i)).abs()));
+            if longest > 0.5 {
+                step.iter_mut().for_each(|x| *x *= 0.5 / longest);
+            }
+            for (q, x) in state.q.iter_mut().zip(&step) {
+                *q -= x;
+            }
+            self.restore_origins(state, unknowns);
+        }
+        self.system.position_constraints(state.t, &state.q, &mut phi);
+        let worst = largest_index(&phi);
+        if phi.is_empty() { (0.0, 0) } else { (phi[worst].abs(), worst) }
+    }
+
+    /// Minimum-norm correction of velocities; returns the largest residual left and its row.
+    fn close_velocities(
+        &self,
+        state: &mut State,
+        unknowns: &Unknowns,
+        g: &BlockMatrix,
+    ) -> (f64, usize) {
+        let rows = self.system.structure().sizes.rows;
+        let mut residual = vec![0.0; rows];
+        let evaluate = |v: &[f64], residual: &mut Vec<f64>| {
+            self.system.velocity_rhs(state.t, residual);
+            residual.iter_mut().for_each(|x| *x = -*x);
+            g.multiply_add(1.0, v, residual);
+        };
+        // Twice: the second solve removes the round-off of the first.
+        for _ in 0..2 {
+            evaluate(&state.v, &mut residual);
+            if unknowns.free.is_empty() || residual.iter().all(|x| x.abs() < 1e-14) {
+                break;
+            }
+            let Some(step) = self.least_change(g, &residual, unknowns, &state.q) else { break };
+            for (v, x) in state.v.iter_mut().zip(&step) {
+                *v -= x;
+            }
+        }
+        evaluate(&state.v, &mut residual);
+        let worst = largest_index(&residual);
+        if rows == 0 { (0.0, 0) } else { (residual[worst].abs(), worst) }
+    }
+
+    /// Minimum-norm x over the free unknowns with G x = r, lengths measured against the
+    /// characteristic length; coupled translations follow their orientations.
+    fn least_change(
+        &self,
+        g: &BlockMatrix,
+        r: &[f64],
+        unknowns: &Unknowns,
+        q: &[f64],
+    ) -> Option<Vec<f64>> {
+        let sizes = self.system.structure().sizes;
+        let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
+        let (per_body, d) = (sizes.per_body, sizes.translations);
+        let couplings: Vec<(usize, Vec<f64>)> =
+            unknowns.coupled.iter().map(|&b| (b, self.coupling(b, q))).collect();
+        let mut column = vec![None; n];
+        for (at, &i) in unknowns.free.iter().enumerate() {
+            column[i] = Some(at);
+        }
+        let weights: Vec<f64> =
+            unknowns.free.iter().map(|&i| 1.0 / scale(self.system, i)).collect();
+        let mut coupled = vec![None; sizes.bodies];
+        for (b, w) in &couplings {
+            coupled[*b] = Some(w);
+        }
+        let mut entries = Vec::new();
+        for ((row, i), x) in g.entries(0, 0).into_iter().zip(g.values()) {
+            let mut add = |i: usize, x: f64| {
+                if let Some(at) = column[i] {
+                    entries.push((row, at, x * weights[at]));
+                }
+            };
+            add(i, *x);
+            if let (Some(w), true) = (coupled[i / per_body], i % per_body < d) {
+                for c in 0..per_body - d {
+                    let factor = w[i % per_body * (per_body - d) + c];
+                    add(i / per_body * per_body + d + c, x * factor);
+                }
+            }
+        }
+        let solution = if (m * m) as f64 * k as f64 <= DENSE_OPERATIONS {
+            let mut a = vec![0.0; m * k];
+            for (row, at, x) in entries {
+                a[row * k + at] += x;
+            }
+            least_norm(m, k, &a, r, RANK).ok()?.x
+        } else {
+            sparse_least_norm(m, k, &entries, r).ok()?
+        };
+        let mut x = vec![0.0; n];
+        for ((&i, y), w) in unknowns.free.iter().zip(&solution).zip(&weights) {
+            x[i] = y * w;
+        }
+        for (b, w) in &couplings {
+            for i in 0..d {
+                x[b * per_body + i] = (0..per_body - d)
+                    .map(|c| w[i * (per_body - d) + c] * x[b * per_body + d + c])
+                    .sum();
+            }
+        }
+        Some(x)
+    }
+
+    /// ∂(A c)/∂p of a body, D×(N−D) by rows; A is quadratic in the Euler parameters, so central
+    /// differences are exact for them and accurate to 1e-10 for an angle.
+    fn coupling(&self, body: usize, q: &[f64]) -> Vec<f64> {
+        let sizes = self.system.structure().sizes;
+        let (n, d) = (sizes.per_body, sizes.translations);
+        let h = 1e-5;
+        let arm = |shift: f64, c: usize| {
+            let mut moved = q.to_vec();
+            moved[body * n + d + c] += shift;
+            let rest = vec![0.0; q.len()];
+            let pose = self.system.body(body, &moved, &rest);
+            let r = &moved[body * n..];
+            [
+                r[0] - pose.position[0],
+                r[1] - pose.position[1],
+                r.get(2).unwrap_or(&0.0) - pose.position[2],
+            ]
+        };
+        let mut w = vec![0.0; d * (n - d)];
+        for c in 0..n - d {
+            let (plus, minus) = (arm(h, c), arm(-h, c));
+            for i in 0..d {
+                w[i * (n - d) + c] = (plus[i] - minus[i]) / (2.0 * h);
+            }
+        }
+        w
+    }
+
+    /// Puts the origins of coupled bodies back to their stated places.
+    fn restore_origins(&self, state: &mut State, unknowns: &Unknowns) {
+        for &b in &unknowns.coupled {
+            let Some(position) = self.model.initial.bodies[b].position else { continue };
+            let mut pose = self.system.body(b, &state.q, &state.v);
+            pose.position = position;
+            let mut v = state.v.clone();
+            self.system.set_body(b, &pose, &mut state.q, &mut v);
+        }
+    }
+}
+
+/// What makes changes of a coordinate comparable: 1/m for lengths.
+pub(super) fn scale(system: &dyn System, coordinate: usize) -> f64 {
+    match system.structure().coordinate_measure(coordinate) {
+        Measure::Length => 1.0 / system.characteristic_length(),
+        Measure::Angle => 1.0,
+    }
+}
