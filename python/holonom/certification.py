@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from holonom.memory import Stored
 from holonom.model import split_component
 from holonom.options import Tolerance
 from holonom.store import STATE, Quantity
@@ -22,7 +23,6 @@ from holonom.study.accuracy import SETS
 
 if TYPE_CHECKING:
     from holonom.model import Model
-    from holonom.reader import Reader
 
 Series = NDArray[np.float64]
 
@@ -200,7 +200,7 @@ class Measurement:
     model : Model
     names : sequence of str
         Channels and components.
-    first : Reader
+    first : Reader or Memory
         The first run.
     tolerance : mapping of str to float
         Of the first run, each part.
@@ -212,7 +212,7 @@ class Measurement:
         self,
         model: Model,
         names: Sequence[str],
-        first: Reader,
+        first: Stored,
         tolerance: Mapping[str, float],
         ahead: int = 0,
     ) -> None:

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 #: Largest model file, bytes; the core states the same limit for text.
 MAX_FILE_SIZE = 64 * 1024**2
 
+#: Beginnings of the names of channels that every run stores.
+DIAGNOSTICS = ("energy.", "constraint.")
+
 Progress = Callable[[float, float, int], None]
 #: Told what long work is doing: ``reading``, ``compiling``, ``assembling``, ``analysing``,
 #: ``running``; about twenty times a second, also within a step. What it raises ends the work.
@@ -49,6 +52,10 @@ class Model:
         self._core = core
         self._channels: dict[str, Quantity] | None = None
         self._defaults: dict[str, Any] | None = None
+        self._diagnostics: tuple[str, ...] | None = None
+        self._text: str | None = None
+        self._hash: str | None = None
+        self._warnings: str | None = None
         self.name = name
 
     @classmethod
@@ -250,7 +257,9 @@ class Model:
     @property
     def hash(self) -> str:
         """Hash of the merged model text: equal for equal models."""
-        return self._core.hash()
+        if self._hash is None:
+            self._hash = self._core.hash()
+        return self._hash
 
     @property
     def defaults(self) -> dict[str, Any]:
@@ -262,7 +271,9 @@ class Model:
     @property
     def warnings(self) -> list[dict[str, str]]:
         """What is legal but implausible: ``code``, ``message`` and ``path`` of each."""
-        found: list[dict[str, str]] = json.loads(self._core.warnings())
+        if self._warnings is None:
+            self._warnings = self._core.warnings()
+        found: list[dict[str, str]] = json.loads(self._warnings)
         return found
 
     @property
@@ -274,6 +285,17 @@ class Model:
                 for name, unit, frame, shape in self._core.channels()
             }
         return self._channels
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """Channels that every run stores: residuals and the energy ledger.
+
+        The path integrals among them cannot be computed from states afterwards.
+        """
+        if self._diagnostics is None:
+            names = (name for name in self.channels if name.startswith(DIAGNOSTICS))
+            self._diagnostics = tuple(names)
+        return self._diagnostics
 
     def expand(self, patterns: Iterable[str]) -> list[str]:
         """Return the channels meant by names and patterns such as ``rack_slide.*``.
@@ -326,7 +348,11 @@ class Model:
         plain : bool, default False
             Write out what patterns repeat, so that every item stands under its name.
         """
-        return self._core.to_plain_json() if plain else self._core.to_json()
+        if plain:
+            return self._core.to_plain_json()
+        if self._text is None:
+            self._text = self._core.to_json()
+        return self._text
 
     def __repr__(self) -> str:
         return f"<holonom.Model {self.name!r}, {self.defaults.get('dimension')}, {self.hash[:12]}>"

@@ -40,6 +40,7 @@ from holonom.store import (
     DENSE,
     FORMAT,
     STATE,
+    STEP_COLUMNS,
     TABLES,
     Quantity,
     as_file_errors,
@@ -234,7 +235,7 @@ class Reader:
         logs = [log for chunk in self._chunks if chunk["steps"] and (log := self._step_log(chunk))]
         names = dict.fromkeys(name for log in logs for name in log)
         found: dict[str, NDArray[Any]] = {}
-        for name in names or dict.fromkeys(_STEP_COLUMNS):
+        for name in names or dict.fromkeys(STEP_COLUMNS):
             kind: Any = object if name == "cause" else np.float64
             empty = "" if name == "cause" else np.nan
             parts = [log.get(name, np.full(log["t"].size, empty, dtype=kind)) for log in logs]
@@ -464,9 +465,6 @@ class Reader:
             return None
         return log
 
-
-#: Columns of a step log without entries.
-_STEP_COLUMNS = ("t", "h", "error", "accepted", "cause", "iterations")
 
 #: So many parts are told; a file with more of them is nearly nothing else.
 _MOST_DAMAGE = 10_000

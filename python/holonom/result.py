@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from holonom import files
 from holonom.certification import Certification
 from holonom.errors import FileError, UsageError
+from holonom.memory import Memory, Stored
 from holonom.model import Model, expand, split_component
 from holonom.reader import Reader
 from holonom.store import STATE, Quantity
-from holonom.writer import Writer
 
 if TYPE_CHECKING:
     import xarray
@@ -70,10 +70,10 @@ class Result:
     they are kept and must not be written to.
     """
 
-    def __init__(self, reader: Reader) -> None:
+    def __init__(self, reader: Stored, model: Model | None = None) -> None:
         self._reader = reader
         self._kept: dict[str, NDArray[np.float64]] = {}
-        self._model: Model | None = None
+        self._model = model
 
     @classmethod
     def load(cls, path: str | Path, *, recover: bool = False) -> Result:
@@ -265,11 +265,11 @@ class Result:
         names = list(dict.fromkeys(split_component(name)[0] for name in names))
         states = [name for name in STATE if name in self._reader.quantities and name != "time"]
         parts = self.sample(wanted, [*states, *names])
-        writer = Writer(None, self.meta, self.model.channels)
+        memory = Memory(self.meta, self.model.channels)
         if wanted.size:
             rows = {name: parts[name] for name in ("time", *states)}
-            writer.append(rows | {"channels": {name: parts[name] for name in names}})
-        return Result(writer.into_reader())
+            memory.append(rows | {"channels": {name: parts[name] for name in names}})
+        return Result(memory, self._model)
 
     @property
     def span(self) -> tuple[float, float] | None:
@@ -326,7 +326,7 @@ class Result:
 
     @property
     def model(self) -> Model:
-        """The model that was run, read back from the result."""
+        """The model that was run; of a file read back from it."""
         if self._model is None:
             if "model" not in self.meta:
                 raise FileError(f"{self.path}: its model is lost", "result/damaged")

@@ -27,6 +27,7 @@ from holonom.certification import (
 from holonom.continuation import destination, merged, part
 from holonom.errors import HolonomError, Interrupted, SimulationError, UsageError, translated
 from holonom.locks import require_unwritten
+from holonom.memory import Memory, Stored
 from holonom.model import split_component
 from holonom.reader import Reader
 from holonom.result import Result
@@ -36,9 +37,6 @@ from holonom.writer import Writer
 if TYPE_CHECKING:
     from holonom.model import Model, Progress, Watch
     from holonom.options import Options
-
-#: Stored with every run: the path integrals among them cannot be computed from states afterwards.
-DIAGNOSTICS = ("energy.", "constraint.")
 
 
 def run(
@@ -59,9 +57,8 @@ def run(
     state = None if start is None else start_state(start)
     chosen = _resolved(model, options, state)
     requested = model.expand(chosen["channels"])
-    always = [name for name in model.channels if name.startswith(DIAGNOSTICS)]
     whole = [split_component(name)[0] for name in requested]
-    chosen["channels"] = list(dict.fromkeys([*whole, *always]))
+    chosen["channels"] = list(dict.fromkeys([*whole, *model.diagnostics]))
 
     if certify:
         _require_error_control(chosen)
@@ -140,7 +137,7 @@ def _certify(
     model: Model,
     chosen: dict[str, Any],
     state: dict[str, NDArray[np.float64]] | None,
-    reader: Reader,
+    reader: Stored,
     progress: Progress | None,
     watch: Watch | None,
 ) -> bool:
@@ -272,8 +269,8 @@ class _Recorder:
         self._requested = requested
         self._output = output
         self._certified = certified
-        self._writer: Writer | None = None
-        self._reader: Reader | None = None
+        self._writer: Writer | Memory | None = None
+        self._reader: Stored | None = None
 
     def append(self, chunk: dict[str, Any]) -> None:
         """Store a chunk of the core."""
@@ -282,7 +279,7 @@ class _Recorder:
     def finish(self, summary: dict[str, Any]) -> None:
         """Store the summary and complete the file."""
         summary = dict(summary)
-        warnings = [*self._model.warnings]
+        warnings = self._model.warnings
         warnings += [w for w in summary.pop("warnings", None) or [] if w not in warnings]
         if self._certified:
             none = Certification(tightened(self._chosen["tolerance"]), reason=NO_SECOND_RUN)
@@ -302,16 +299,16 @@ class _Recorder:
             self._writer.release()
 
     @property
-    def reader(self) -> Reader:
+    def reader(self) -> Stored:
         """What was written; nothing is appended after it was first asked for."""
         if self._reader is None:
             self._reader = self._open().into_reader()
         return self._reader
 
     def result(self) -> Result:
-        return Result(self.reader)
+        return Result(self.reader, self._model)
 
-    def _open(self) -> Writer:
+    def _open(self) -> Writer | Memory:
         if self._writer is None:
             model = self._model
             meta = {
@@ -326,6 +323,9 @@ class _Recorder:
                 "status": "running",
                 "started": _now(),
             }
+            if self._output is None:
+                self._writer = Memory(meta, model.channels)
+                return self._writer
             older = self._continues
             if older is not None:
                 until = float(older.row(older.count - 1)["time"][0])

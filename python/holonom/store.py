@@ -73,6 +73,9 @@ STATE = ("time", "q", "qd", "qdd", "lambda", "z", "winding", "ledger")
 #: Blobs of a row of the table `dense`.
 DENSE = ("t", "h", "chart", "degree", "q", "winding", "normals", "ledger", "powers", "w")
 
+#: Columns of a step log without entries.
+STEP_COLUMNS = ("t", "h", "error", "accepted", "cause", "iterations")
+
 #: Columns of each table with their types, the key first; a ``?`` allows null.
 TABLES: dict[str, dict[str, str]] = {
     "meta": {"key": "TEXT", "value": "TEXT"},

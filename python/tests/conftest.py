@@ -122,7 +122,7 @@ SUMMARY: dict[str, Any] = {
 }
 
 
-def write_result(path: Path | None, chunks: int = 4, rows: int = 50) -> Writer:
+def write_result(path: Path, chunks: int = 4, rows: int = 50) -> Writer:
     """Write a finished synthetic result."""
     writer = Writer(path, META, CHANNELS)
     for number in range(chunks):

@@ -15,6 +15,7 @@ import pytest
 from conftest import MODELS, PENDULUM
 
 import holonom
+from holonom.memory import Memory
 from holonom.writer import Writer
 
 
@@ -128,18 +129,20 @@ def test_a_run_at_a_limit_keeps_its_last_state_and_goes_on(model: holonom.Model)
     np.testing.assert_allclose(rest["rod.angle"][-1], whole["rod.angle"][-1], atol=1e-4)
 
 
+@pytest.mark.parametrize("store", [Writer, Memory])
 def test_ctrl_c_while_rows_are_stored_loses_none(
-    model: holonom.Model, monkeypatch: pytest.MonkeyPatch
+    store: Any, model: holonom.Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plain = Writer.append
+    plain = store.append
 
-    def append(self: Writer, chunk: Any) -> None:
+    def append(self: Any, chunk: Any) -> None:
         signal.raise_signal(signal.SIGINT)
         plain(self, chunk)
 
-    monkeypatch.setattr(Writer, "append", append)
+    monkeypatch.setattr(store, "append", append)
+    output = tmp_path / "rod.holonom" if store is Writer else None
     with pytest.raises(holonom.Interrupted) as ended:
-        model.simulate(end_time=1e4, tolerance=1e-9, interval=0.01)
+        model.simulate(end_time=1e4, tolerance=1e-9, interval=0.01, output=output)
     result = ended.value.result
     assert result is not None
     assert result.status == "interrupted"

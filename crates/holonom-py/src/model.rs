@@ -8,6 +8,7 @@ use holonom::analysis::spectrum;
 use holonom::error::{Diagnostic, ModelErrors};
 use holonom::io::{Document, Syntax};
 use holonom::simulation::{Choices, DenseOutput, Options, Problem, RunError, run};
+use holonom::system::Sample;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -229,6 +230,7 @@ impl CoreModel {
         let system = self.problem.system();
         let states = Rows::read(state, &system.structure().sizes)?.states;
         let out = PyDict::new(py);
+        let samples: Vec<Sample<'_>> = states.iter().map(Sample::new).collect();
         for name in names {
             let channel = self
                 .problem
@@ -236,8 +238,8 @@ impl CoreModel {
                 .ok_or_else(|| PyRuntimeError::new_err(format!("there is no channel `{name}`")))?;
             let size = channel.size();
             let mut values = vec![0.0; size * states.len()];
-            for (row, state) in values.chunks_exact_mut(size).zip(&states) {
-                system.channel(channel, state, row);
+            for (row, sample) in values.chunks_exact_mut(size).zip(&samples) {
+                system.channel(channel, sample, row);
             }
             out.set_item(&channel.name, rows(py, &values, states.len(), &channel.shape)?)?;
         }

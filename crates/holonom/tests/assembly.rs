@@ -6,6 +6,7 @@ mod common;
 use common::model_of;
 use holonom::reduction::assembly::AssemblyError;
 use holonom::simulation::{Memory, Options, Problem, run};
+use holonom::system::Sample;
 
 const FOUR_BAR: &str = r#"
 holonom = 1
@@ -197,7 +198,7 @@ high = { type = "revolute", between = ["ground", "door"], point = [0.0, 0.0, 0.5
     let read = |name: &str| {
         let channel = problem.channels().iter().find(|c| c.name == name).unwrap().clone();
         let mut out = vec![0.0; channel.size()];
-        problem.system().channel(&channel, &state, &mut out);
+        problem.system().channel(&channel, &Sample::new(&state), &mut out);
         out
     };
     let (low, high) = (read("low.force"), read("high.force"));

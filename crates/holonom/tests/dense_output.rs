@@ -12,7 +12,7 @@ use holonom::reduction::Choice;
 use holonom::simulation::{
     ChartRecord, Chunk, DenseOutput, Flow, Options, OutputTimes, Problem, Segments, Sink, run,
 };
-use holonom::system::State;
+use holonom::system::{Sample, State};
 
 /// What turns many times, and what is measured by directions and rotations: a free wheel, a tumbling body, a
 /// bob on a rod, another on a stiff spring.
@@ -223,7 +223,7 @@ fn states_between_steps_are_as_accurate_as_at_steps() {
             let state = dense.state(t).expect("a state");
             for (channel, expected) in [(&angle, 40.0 * t), (&mirror, -40.0 * t)] {
                 let mut found = [0.0];
-                problem.system().channel(channel, &state, &mut found);
+                problem.system().channel(channel, &Sample::new(&state), &mut found);
                 let error = (found[0] - expected).abs();
                 assert!(error < 1e-9, "{code:?}, {}: {error:.1e} rad at {t} s", channel.name);
             }
@@ -235,7 +235,7 @@ fn states_between_steps_are_as_accurate_as_at_steps() {
                 let mut found = vec![0.0; channel.size()];
                 let mut worst = 0.0f64;
                 for (state, expected) in states.iter().zip(truth.chunks_exact(channel.size())) {
-                    problem.system().channel(&channel, state, &mut found);
+                    problem.system().channel(&channel, &Sample::new(state), &mut found);
                     for (x, y) in found.iter().zip(expected) {
                         worst = worst.max((x - y).abs());
                     }

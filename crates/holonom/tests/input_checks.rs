@@ -8,7 +8,7 @@ use holonom::model::{Model, Tolerance};
 use holonom::simulation::{
     Chunk, Flow, Memory, Options, OutputTimes, Problem, RunError, Sink, Status, run,
 };
-use holonom::system::State;
+use holonom::system::{Sample, State};
 
 /// Refusal of a run of the slider-crank.
 fn refusal(change: impl FnOnce(&mut Options)) -> RunError {
@@ -276,7 +276,7 @@ fn vectors_of_planar_models_have_two_components_and_angular_ones_one() {
     let value = |name: &str| {
         let channel = problem.channels().iter().find(|c| c.name == name).unwrap();
         let mut out = vec![f64::NAN; channel.size()];
-        problem.system().channel(channel, state, &mut out);
+        problem.system().channel(channel, &Sample::new(state), &mut out);
         out
     };
     assert_eq!(value("pull.force"), [2.0 * 0.5f64.sin(), -4.0]);

@@ -126,15 +126,15 @@ impl SecondOrder for Descriptor {
     fn end_step(&mut self, x: &[f64]) {
         let [end, q, v] = &mut self.ends[1];
         end.copy_from_slice(x);
+        q.copy_from_slice(&self.base.point.state.q);
+        v.copy_from_slice(&self.base.point.state.v);
         let manifold = &mut self.base.point.manifold;
         if manifold.chart().moving().len() > 0 {
             // q̈ that has v̈ in the state it belongs to: the corrections of q̈ have it only to first
             // order, which would come back as an error of the next start.
             let rate = &x[x.len() - self.psi.len()..];
-            manifold.extend_acceleration(rate, &mut end[..q.len()]);
+            manifold.extend_acceleration(q, v, rate, &mut end[..q.len()]);
         }
-        q.copy_from_slice(&self.base.point.state.q);
-        v.copy_from_slice(&self.base.point.state.v);
     }
 
     fn start_step(&mut self) {

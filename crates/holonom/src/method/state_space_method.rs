@@ -77,7 +77,7 @@ impl<M: FirstOrderMatrix> SecondOrder for FirstOrder<M> {
         let [q, v, a] = &mut self.stage.ends[1];
         q.copy_from_slice(&self.point.state.q);
         v.copy_from_slice(&self.point.state.v);
-        self.point.manifold.extend_acceleration(x, a);
+        self.point.manifold.extend_acceleration(q, v, x, a);
     }
 
     fn start_step(&mut self) {

@@ -54,7 +54,7 @@ pub struct Manifold {
     correction: Vec<f64>,
     predictor: Vec<f64>,
     independent: Vec<f64>,
-    /// What v̈ has beside P q̈ at the last evaluation of accelerations.
+    /// What v̈ has beside P q̈.
     curvature: Vec<f64>,
     force: Vec<f64>,
     tau: Vec<f64>,
@@ -506,7 +506,6 @@ impl Manifold {
         let State { q, a, lambda, .. } = state;
         let at = Known { q, jacobian: &self.g, force: &self.force, tau: &self.tau };
         self.accelerator.accelerate(system, &mut self.chart, &at, a, lambda)?;
-        self.set_curvature(state);
         if state.a.iter().sum::<f64>().is_finite() {
             return Ok(());
         }
@@ -557,8 +556,8 @@ impl Manifold {
         self.accelerator.forget_multipliers();
         system.forces(state, &mut self.force, z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
-        self.set_curvature(state);
-        self.extend_acceleration(p_rate, &mut state.a);
+        let State { q, v, a, .. } = state;
+        self.extend_acceleration(q, v, p_rate, a);
         let system = self.system.as_ref();
         self.force.iter_mut().for_each(|x| *x = -*x);
         self.accelerator.evaluate_mass(system, &state.q).multiply_add(
@@ -579,18 +578,15 @@ impl Manifold {
         self.chart.solve_transposed(&self.force, &mut self.rows, out);
     }
 
-    /// q̈ = D (v̈ − curvature) + S τ with τ and the factors of the last [`Manifold::reduced_residual`]
-    /// or [`Manifold::accelerate`].
-    pub fn extend_acceleration(&mut self, p_rate: &[f64], a: &mut [f64]) {
+    /// q̈ = D (v̈ − curvature) + S τ at the q and q̇ of the last [`Manifold::reduced_residual`] or
+    /// [`Manifold::accelerate`], with its τ and factors.
+    pub fn extend_acceleration(&mut self, q: &[f64], v: &[f64], p_rate: &[f64], a: &mut [f64]) {
+        let parametrization = self.chart.parametrization();
+        parametrization.curvature(self.system.as_ref(), q, v, &mut self.curvature);
         for ((out, rate), bend) in self.independent.iter_mut().zip(p_rate).zip(&self.curvature) {
             *out = rate - bend;
         }
         self.chart.solve(&self.tau, &self.independent, a);
-    }
-
-    fn set_curvature(&mut self, state: &State) {
-        let parametrization = self.chart.parametrization();
-        parametrization.curvature(self.system.as_ref(), &state.q, &state.v, &mut self.curvature);
     }
 
     /// (v, v̇) of a state.

@@ -2,7 +2,7 @@
 
 use super::options::{Options, OutputTimes};
 use super::trajectory::Chunk;
-use crate::system::{Channel, State, System};
+use crate::system::{Channel, Sample, State, System};
 
 /// An output time beyond an end of the run by this part of it is that end.
 pub(super) const OUTPUT_SLACK: f64 = 1e-12;
@@ -85,9 +85,10 @@ impl Output {
 
     pub(super) fn push(&mut self, system: &dyn System, state: &State) {
         self.chunk.push(state);
+        let sample = Sample::new(state);
         for (channel, rows) in self.channels.iter().zip(&mut self.chunk.channels) {
             let values = &mut self.values[..channel.size()];
-            system.channel(channel, state, values);
+            system.channel(channel, &sample, values);
             rows.extend_from_slice(values);
         }
         self.next += 1;

@@ -120,8 +120,11 @@ impl Problem {
         }
     }
 
-    /// The same problem with another start time, s.
+    /// The same problem starting at t, s; where it does already, the assembled start is shared.
     pub fn starting_at(&self, t: f64) -> Self {
+        if self.model.simulation.start_time.unwrap_or_default() == t {
+            return self.clone();
+        }
         let mut model = self.model.as_ref().clone();
         model.simulation.start_time = Some(t);
         Self { model: Arc::new(model), assembled: Arc::default(), ..self.clone() }

@@ -101,42 +101,41 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             && self.forces.iter().zip(forces).all(|(a, b)| same_force(a, b))
     }
 
-    /// ‖Φ‖∞, ‖G q̇ − ν‖∞ or ‖G q̈ − τ‖∞ (level 0, 1, 2) over all rows, redundant ones included.
-    pub(super) fn largest_residual(&self, state: &State, level: usize) -> f64 {
-        let mut largest = 0.0f64;
-        let mut u = [0.0; 6];
+    /// ‖Φ‖∞, ‖G q̇ − ν‖∞ and ‖G q̈ − τ‖∞ over all rows, redundant ones included.
+    pub(super) fn largest_residuals(&self, state: &State) -> [f64; 3] {
+        let mut largest = [0.0f64; 3];
         let mut g = RowBlocks([[[0.0; N]; 6]; 2]);
         for c in &self.constraints {
             let q = Self::pair(&state.q, c.bodies);
             let v = Self::rates(&state.v, c.bodies);
-            match level {
-                0 => Self::constraint_value(c, state.t, q, &mut u),
-                1 => u = [0.0; 6],
-                _ => c.element.curvature(q, v, &mut u),
-            }
-            if level > 0 {
-                let rates = if level == 1 { v } else { Self::rates(&state.a, c.bodies) };
-                c.element.jacobian(q, &mut g);
+            let rows = c.element.rows();
+            let mut u = [[0.0; 6]; 3];
+            Self::constraint_value(c, state.t, q, &mut u[0]);
+            c.element.curvature(q, v, &mut u[2]);
+            c.element.jacobian(q, &mut g);
+            for (u, rates) in u[1..].iter_mut().zip([v, Self::rates(&state.a, c.bodies)]) {
                 for side in 0..2 {
-                    for (u, row) in u.iter_mut().zip(&g.0[side]).take(c.element.rows()) {
+                    for (u, row) in u.iter_mut().zip(&g.0[side]).take(rows) {
                         *u += row.iter().zip(rates[side]).map(|(g, v)| g * v).sum::<f64>();
                     }
                 }
-                u[0] -= c.element.drive(state.t).map_or(0.0, |s| s[level]);
             }
-            largest = u[..c.element.rows()].iter().fold(largest, |m, x| m.max(x.abs()));
+            if let Some(drive) = c.element.drive(state.t) {
+                u[1][0] -= drive[1];
+                u[2][0] -= drive[2];
+            }
+            for (largest, u) in largest.iter_mut().zip(&u) {
+                *largest = u[..rows].iter().fold(*largest, |m, x| m.max(x.abs()));
+            }
         }
         if S::NORMALIZED {
             let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>();
             for b in 0..self.bodies.len() {
                 let (q, v) = (Self::pose(&state.q, Some(b)), Self::rate(&state.v, Some(b)));
                 let (e, rate) = (&q[D..], &v[D..]);
-                let u = match level {
-                    0 => dot(e, e) - 1.0,
-                    1 => 2.0 * dot(e, rate),
-                    _ => 2.0 * (dot(e, &Self::rate(&state.a, Some(b))[D..]) + dot(rate, rate)),
-                };
-                largest = largest.max(u.abs());
+                let bend = dot(e, &Self::rate(&state.a, Some(b))[D..]) + dot(rate, rate);
+                let u = [dot(e, e) - 1.0, 2.0 * dot(e, rate), 2.0 * bend];
+                largest = std::array::from_fn(|level| largest[level].max(u[level].abs()));
             }
         }
         largest

@@ -2,7 +2,7 @@
 
 use super::cartesian::Cartesian;
 use super::placed::PlacedForce;
-use super::quantities::{Channel, evaluate_channel};
+use super::quantities::{Channel, Sample, evaluate_channel};
 use super::space::Space;
 use super::{Directory, State};
 use crate::elements::row::RowKind;
@@ -22,8 +22,8 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Directory for Cartesian<S, 
         Some(channel(&self.by_name[at]))
     }
 
-    fn channel(&self, channel: &Channel, state: &State, out: &mut [f64]) {
-        evaluate_channel(self, channel, state, out);
+    fn channel(&self, channel: &Channel, sample: &Sample<'_>, out: &mut [f64]) {
+        evaluate_channel(self, channel, sample, out);
     }
 
     fn coordinate_name(&self, coordinate: usize) -> String {

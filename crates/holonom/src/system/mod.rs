@@ -20,7 +20,7 @@ mod turns;
 
 pub use compile::{compile, compile_along};
 pub use forest::{Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge};
-pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity};
+pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity, Sample};
 pub use structure::{DerivativeBlocks, JointRows, Sizes, Structure};
 
 use crate::model::Model;
@@ -276,7 +276,7 @@ pub trait Directory {
     fn channel_named(&self, name: &str) -> Option<&Channel>;
 
     /// Value of a channel at a state; `out` has the channel's size.
-    fn channel(&self, channel: &Channel, state: &State, out: &mut [f64]);
+    fn channel(&self, channel: &Channel, sample: &Sample<'_>, out: &mut [f64]);
 
     /// The mobile parts of a body's coordinates for messages: `name.x`, `name.e2`, …
     fn coordinate_name(&self, coordinate: usize) -> String;

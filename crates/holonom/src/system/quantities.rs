@@ -2,9 +2,10 @@
 
 use super::cartesian::Cartesian;
 use super::space::Space;
-use super::{Equations, State};
+use super::{EnergyBalance, Equations, State};
 use crate::elements::ForceElement;
 use crate::watch::{NAMED, checkpoint};
+use std::cell::OnceCell;
 
 /// A named output.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +26,21 @@ impl Channel {
     /// Number of components.
     pub fn size(&self) -> usize {
         self.shape.iter().product()
+    }
+}
+
+/// A state that channels are computed at: what several of them share is computed once.
+#[derive(Debug)]
+pub struct Sample<'a> {
+    state: &'a State,
+    energy: OnceCell<EnergyBalance>,
+    residuals: OnceCell<[f64; 3]>,
+}
+
+impl<'a> Sample<'a> {
+    /// A state with accelerations and multipliers.
+    pub fn new(state: &'a State) -> Self {
+        Self { state, energy: OnceCell::new(), residuals: OnceCell::new() }
     }
 }
 
@@ -166,9 +182,10 @@ pub(super) fn list<S: Space<D, N>, const D: usize, const N: usize>(
 pub(super) fn evaluate_channel<S: Space<D, N>, const D: usize, const N: usize>(
     system: &Cartesian<S, D, N>,
     channel: &Channel,
-    state: &State,
+    sample: &Sample<'_>,
     out: &mut [f64],
 ) {
+    let state = sample.state;
     let pair = |bodies: [Option<usize>; 2]| {
         let q = bodies.map(|b| Cartesian::<S, D, N>::pose(&state.q, b));
         (q, bodies.map(|b| Cartesian::<S, D, N>::rate(&state.v, b)))
@@ -202,20 +219,23 @@ pub(super) fn evaluate_channel<S: Space<D, N>, const D: usize, const N: usize>(
             f.element.quantity(i, &Cartesian::<S, D, N>::input(f, state), out);
         }
         ChannelSource::Energy(kind) => {
-            let e = system.energy(state);
-            let (total, ledger) = (e.kinetic + e.potential, &state.ledger);
+            let balance = || sample.energy.get_or_init(|| system.energy(state));
+            let total = || balance().kinetic + balance().potential;
+            let ledger = &state.ledger;
             out[0] = match kind {
-                EnergyQuantity::Kinetic => e.kinetic,
-                EnergyQuantity::Potential => e.potential,
+                EnergyQuantity::Kinetic => balance().kinetic,
+                EnergyQuantity::Potential => balance().potential,
                 EnergyQuantity::Dissipated => ledger.dissipated,
                 EnergyQuantity::DriverWork => ledger.supplied,
-                EnergyQuantity::Total => total,
+                EnergyQuantity::Total => total(),
                 EnergyQuantity::Imbalance => {
-                    total - ledger.initial + ledger.dissipated - ledger.supplied
+                    total() - ledger.initial + ledger.dissipated - ledger.supplied
                 }
             };
         }
-        ChannelSource::Residual(level) => out[0] = system.largest_residual(state, level),
+        ChannelSource::Residual(level) => {
+            out[0] = sample.residuals.get_or_init(|| system.largest_residuals(state))[level];
+        }
     }
 }
 
