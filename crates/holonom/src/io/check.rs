@@ -12,6 +12,7 @@ use super::patterns::parameters;
 use super::schema::Dimension;
 use super::shape::{Field, Record, Shape, Variant, alternatives, describe, model_file};
 use super::tree::{Node, Table, Value, join};
+use super::units::{self, Units};
 use crate::error::{Code, Diagnostic, shown};
 use crate::watch::{NAMED, checkpoint};
 
@@ -27,25 +28,34 @@ pub(super) fn check_file(root: &Node) -> (Json, Vec<Diagnostic>) {
         Some("spatial") => Some(Dimension::Spatial),
         _ => None, // reported below
     };
-    let mut checker = Checker { dimension, parameters: parameters(root), errors: Vec::new() };
+    let mut checker = Checker {
+        dimension,
+        parameters: parameters(root),
+        units: Units::of(root),
+        tables: root.field("tables").and_then(Node::table),
+        errors: Vec::new(),
+    };
     let Some(table) = root.table() else {
         let message = format!("the file holds {}; expected a table of fields", root.kind());
         return (Json::Null, vec![Diagnostic::new(Code::WrongType, "", message)]);
     };
     checker.unique_names(table);
-    let json = checker.record(model_file(), table, "");
+    let json = checker.record_of_type(model_file(), table, "", (None, None));
     (json, checker.errors)
 }
 
-struct Checker {
+struct Checker<'a> {
     /// `None` when the file does not say, so that only that is reported.
     dimension: Option<Dimension>,
     /// What is wrong with a parameter is reported where it is defined.
     parameters: BTreeMap<String, Option<f64>>,
+    units: Units,
+    /// Tables that laws and motions refer to.
+    tables: Option<&'a Table>,
     errors: Vec<Diagnostic>,
 }
 
-impl Checker {
+impl Checker<'_> {
     fn refuse(&mut self, code: Code, path: &str, message: String, help: impl Into<String>) -> Json {
         self.errors.push(Diagnostic::new(code, path, message).help(help));
         Json::Null
@@ -68,7 +78,7 @@ impl Checker {
     }
 
     fn wrong_type(&mut self, shape: &Shape, node: &Node, path: &str, unit: Option<&str>) -> Json {
-        let expected = describe(shape, unit, self.dimension);
+        let expected = self.describe(shape, unit);
         let message = format!("`{path}` is {}; expected {expected}", node.kind());
         let takes_number =
             alternatives(shape, self.dimension).iter().any(|s| matches!(s, Shape::Number));
@@ -97,9 +107,10 @@ impl Checker {
 
     fn value(&mut self, shape: &Shape, node: &Node, path: &str, unit: Option<&str>) -> Json {
         match (shape, &node.value) {
-            (Shape::Number, Value::Number(x)) => (*x).into(),
+            (Shape::Number, Value::Number(x)) => self.in_si(*x, path, unit).into(),
             (Shape::Number, Value::Text(text)) if text.starts_with('=') => {
-                self.expression(&text[1..], path)
+                let value = self.expression(&text[1..], path);
+                value.as_f64().map_or(value, |x| self.in_si(x, path, unit).into())
             }
             (Shape::Integer { min, max }, Value::Number(x)) => self.integer(*x, *min, *max, path),
             (Shape::Bool, Value::Bool(b)) => (*b).into(),
@@ -120,14 +131,14 @@ impl Checker {
                     && list.iter().all(|node| matches!(node.value, Value::Number(_))) =>
             {
                 // One error for a row in place of a matrix, not one per entry.
-                let expected = describe(shape, unit, self.dimension);
+                let expected = self.describe(shape, unit);
                 let message = format!("`{path}` is a list of numbers; expected {expected}");
                 let help = "give every row as a list of its own, zeros included";
                 self.refuse(Code::WrongType, path, message, help)
             }
             (Shape::List { item, min, max }, Value::List(list)) => {
                 if list.len() < *min || max.is_some_and(|max| list.len() > max) {
-                    let expected = describe(shape, unit, self.dimension);
+                    let expected = self.describe(shape, unit);
                     let message =
                         format!("`{path}` has {}; expected {expected}", entries(list.len()));
                     return self.refuse(Code::WrongSize, path, message, "");
@@ -135,14 +146,29 @@ impl Checker {
                 let entries = list.iter().enumerate();
                 entries.map(|(i, n)| self.value(item, n, &format!("{path}[{i}]"), unit)).collect()
             }
-            (Shape::Record(record), Value::Table(table)) => self.record(record, table, path),
+            (Shape::Record(record), Value::Table(table)) => {
+                self.record_of_type(record, table, path, (None, unit))
+            }
             (Shape::Tagged(tagged), Value::Table(table)) => {
-                self.tagged(&tagged.variants, table, path)
+                self.tagged(&tagged.variants, table, path, unit)
             }
             (Shape::Map(item), Value::Table(table)) => self.map(item, table, path, unit),
             (Shape::Either(_), _) => self.either(shape, node, path, unit),
             _ => self.wrong_type(shape, node, path, unit),
         }
+    }
+
+    /// A number of the file in SI.
+    fn in_si(&self, x: f64, path: &str, unit: Option<&str>) -> f64 {
+        match unit {
+            Some(unit) if !self.units.are_si() => self.units.to_si(units::entry(unit, path), x),
+            _ => x,
+        }
+    }
+
+    /// What a shape expects, for messages.
+    fn describe(&self, shape: &Shape, unit: Option<&str>) -> String {
+        describe(shape, unit.map(|unit| self.units.name(unit)).as_deref(), self.dimension)
     }
 
     fn expression(&mut self, text: &str, path: &str) -> Json {
@@ -212,7 +238,7 @@ impl Checker {
         if let (None, Some(dimension)) = (exact, self.dimension)
             && alternatives(shape, None).iter().any(fits)
         {
-            let expected = describe(shape, unit, self.dimension);
+            let expected = self.describe(shape, unit);
             let have = match &node.value {
                 Value::List(list) => format!("has {}", entries(list.len())),
                 _ => format!("is {}", node.kind()),
@@ -234,7 +260,13 @@ impl Checker {
         }
     }
 
-    fn tagged(&mut self, variants: &[Variant], table: &Table, path: &str) -> Json {
+    fn tagged(
+        &mut self,
+        variants: &[Variant],
+        table: &Table,
+        path: &str,
+        unit: Option<&str>,
+    ) -> Json {
         let exists = |of: Option<Dimension>| {
             of.is_none() || self.dimension.is_none() || of == self.dimension
         };
@@ -262,7 +294,7 @@ impl Checker {
             let help = format!("types of this model's dimension: {choices}");
             return self.refuse(Code::WrongDimension, &at, message, help);
         }
-        let mut json = self.record_of_type(&variant.record, table, path, Some(name));
+        let mut json = self.record_of_type(&variant.record, table, path, (Some(name), unit));
         json["type"] = name.into();
         json
     }
@@ -292,16 +324,12 @@ impl Checker {
         out.into()
     }
 
-    fn record(&mut self, record: &Record, table: &Table, path: &str) -> Json {
-        self.record_of_type(record, table, path, None)
-    }
-
     fn record_of_type(
         &mut self,
         record: &Record,
         table: &Table,
         path: &str,
-        kind: Option<&str>,
+        (kind, outer): (Option<&str>, Option<&str>),
     ) -> Json {
         let owner = match (path, kind) {
             ("", _) => "the model".to_owned(),
@@ -319,7 +347,7 @@ impl Checker {
             let at = join(path, name);
             match record.field(name) {
                 Some(field) if exists(&field) => {
-                    let unit = field.unit.as_deref();
+                    let unit = units::within(unit_of(field, record, table), outer);
                     out.insert(name.clone(), self.value(&field.shape, &entry.node, &at, unit));
                 }
                 Some(field) => {
@@ -339,7 +367,8 @@ impl Checker {
         for field in record.fields.iter().filter(exists).filter(|field| field.required) {
             // A misspelled field is not missing too.
             if !table.contains_key(&field.name) && !meant.contains(&field.name.as_str()) {
-                let expected = describe(&field.shape, field.unit.as_deref(), dimension);
+                let unit = units::within(unit_of(field, record, table), outer);
+                let expected = self.describe(&field.shape, unit);
                 let message = format!("{owner} has no `{}`; expected {expected}", field.name);
                 self.refuse(
                     Code::MissingField,
@@ -349,8 +378,46 @@ impl Checker {
                 );
             }
         }
+        self.put_in_table(record, &mut out, outer);
         out.into()
     }
+
+    /// A named table has the units of the field that refers to it: where they are not SI its columns take
+    /// the place of its name.
+    fn put_in_table(
+        &mut self,
+        record: &Record,
+        out: &mut serde_json::Map<String, Json>,
+        outer: Option<&str>,
+    ) {
+        let (Some(tables), Some(_)) = (self.tables, record.field("table")) else { return };
+        let named = out.get("table").and_then(Json::as_str).and_then(|name| tables.get(name));
+        let Some(table) = named.and_then(|entry| entry.node.table()) else { return };
+        if self.units.are_si() || out.contains_key("x") || out.contains_key("y") {
+            return;
+        }
+        let reported = self.errors.len();
+        for column in ["x", "y"] {
+            let (Some(field), Some(entry)) = (record.field(column), table.get(column)) else {
+                return;
+            };
+            let unit = units::within(field.unit.as_deref(), outer);
+            let values = self.value(&field.shape, &entry.node, column, unit);
+            out.insert(column.to_owned(), values);
+        }
+        self.errors.truncate(reported); // they are reported at the table
+        out.shift_remove("table");
+    }
+}
+
+/// The unit of a field; of one that depends on a choice made beside it, that of the choice.
+fn unit_of<'a>(field: &'a Field, record: &Record, table: &Table) -> Option<&'a str> {
+    let (Some(unit), Some(by)) = (field.unit.as_deref(), &field.unit_by) else {
+        return field.unit.as_deref();
+    };
+    let chosen = table.get(by).and_then(|entry| entry.node.text())?;
+    let Shape::Choice(words) = &record.field(by)?.shape else { return None };
+    unit.split(" or ").zip(words).find(|(_, (word, _))| word == chosen).map(|(unit, _)| unit)
 }
 
 /// The beginning of a description, as help: "mass; zero is allowed …".

@@ -15,6 +15,7 @@ use super::resolve;
 use super::schema::ModelFile;
 use super::set::set;
 use super::tree::{Node, Places, Source, Span, Value, location, marks_key, node_at, span_of};
+use super::units::Units;
 use crate::error::{Code, Diagnostic, ModelErrors, Severity, Warning};
 use crate::model::Model;
 use crate::watch::{NAMED, checkpoint, stage};
@@ -51,7 +52,7 @@ impl Document {
         Ok(Self { root, sources })
     }
 
-    /// The document with new values: `forces.front.stiffness[2]`, `parameters.spring`,
+    /// The document with new values, in the units of the file: `forces.front.stiffness[2]`, `parameters.spring`,
     /// `simulation.end_time`. A path that is not written in the file but that the format knows is
     /// added.
     ///
@@ -79,7 +80,8 @@ impl Document {
         if errors.is_empty() { Ok(document) } else { Err(ModelErrors { errors, omitted: 0 }) }
     }
 
-    /// The merged file as JSON, without what is switched off; reading it gives the same model.
+    /// The merged file as JSON, in its own units and without what is switched off; reading it gives the same
+    /// model.
     pub fn to_json(&self) -> String {
         // An item of a pattern is switched off by what is laid over it, which then has to stay.
         let root = self.root.clone();
@@ -87,7 +89,8 @@ impl Document {
         format!("{:#}\n", root.to_json())
     }
 
-    /// The same with its patterns written out: all items under their names.
+    /// The same with its patterns written out: all items under their names. Of a file in units of its own
+    /// all numbers are SI, with values in the place of expressions.
     ///
     /// # Errors
     /// What is wrong with the patterns.
@@ -99,6 +102,19 @@ impl Document {
         }
         if let Value::Table(file) = &mut expanded.root.value {
             file.shift_remove("patterns");
+        }
+        if !Units::of(&expanded.root).are_si() {
+            let (mut json, errors) = check_file(&expanded.root);
+            if !errors.is_empty() {
+                return Err(self.collect(errors, &expanded));
+            }
+            if let Some(file) = json.as_object_mut() {
+                // Values stand in the place of expressions, columns in that of the names of tables.
+                for done in ["units", "parameters", "tables"] {
+                    file.shift_remove(done);
+                }
+            }
+            return Ok(format!("{json:#}\n"));
         }
         Ok(format!("{:#}\n", expanded.root.to_json()))
     }

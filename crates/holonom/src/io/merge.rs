@@ -3,7 +3,8 @@
 use super::check::COLLECTIONS;
 use super::limits;
 use super::read::{Syntax, read};
-use super::tree::{Entry, Node, Source, Span, Table, Value, location};
+use super::tree::{Entry, Node, Source, Span, Table, Value, join, location};
+use super::units::QUANTITIES;
 use crate::error::{Code, Diagnostic, ModelErrors};
 use crate::watch::{NAMED, checkpoint};
 
@@ -34,6 +35,7 @@ pub(super) fn read_chain(
     }
     let mut merged = layers.pop().unwrap_or(Node { value: Value::Bool(false), span: Span::SET });
     while let Some(layer) = layers.pop() {
+        check_units(&merged, &layer, sources)?;
         merge(&mut merged, layer);
     }
     Ok(merged)
@@ -57,6 +59,26 @@ fn check_version(root: &Node, sources: &[Source], file: usize) -> Result<(), Mod
             fail(Code::Version, message, node.span)
         }
     }
+}
+
+/// A file that changes another one has its units: half of an item would else be in others.
+fn check_units(base: &Node, layer: &Node, sources: &[Source]) -> Result<(), ModelErrors> {
+    let Some(stated) = layer.field("units").and_then(Node::table) else { return Ok(()) };
+    for (field, si, _) in QUANTITIES {
+        let Some(entry) = stated.get(field) else { continue };
+        let there = base.field("units").and_then(|units| units.field(field)?.text()).unwrap_or(si);
+        if entry.node.text().is_some_and(|own| own != there) {
+            let path = join("units", field);
+            let message = format!(
+                "`{path}` is {}, but the file that this one extends has {there:?}",
+                entry.node.kind()
+            );
+            let error = Diagnostic::new(Code::ConflictingFields, path, message)
+                .help("files that extend each other have the same units: leave `units` out here");
+            return Err(Diagnostic { location: location(entry.node.span, sources), ..error }.into());
+        }
+    }
+    Ok(())
 }
 
 /// The file that `extends` names.

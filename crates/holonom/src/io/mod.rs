@@ -19,6 +19,7 @@ mod schema;
 mod set;
 mod shape;
 mod tree;
+mod units;
 
 pub use document::Document;
 pub use read::Syntax;

@@ -65,6 +65,8 @@ pub(super) struct Field {
     pub(super) name: String,
     pub(super) doc: String,
     pub(super) unit: Option<String>,
+    /// The field whose choice decides between the units: they stand in the order of its words.
+    pub(super) unit_by: Option<String>,
     pub(super) dimension: Option<Dimension>,
     pub(super) required: bool,
     pub(super) default: Option<Value>,
@@ -183,6 +185,7 @@ impl Compiler<'_> {
                     _ => own,
                 },
                 unit: property["x-unit"].as_str().map(str::to_owned),
+                unit_by: property["x-unit-by"].as_str().map(str::to_owned),
                 dimension: dimension(property),
                 required: required.iter().any(|r| r.as_str() == Some(name)),
                 default: property.get("default").cloned(),

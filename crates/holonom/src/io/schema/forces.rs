@@ -30,8 +30,10 @@ pub(crate) struct Law {
     /// Name of a table of the model.
     pub(crate) table: Option<String>,
     /// Extensions (m) or angles (rad) from the free value, increasing.
+    #[schemars(extend("x-unit" = "abscissa of the field"))]
     pub(crate) x: Option<Vec<f64>>,
     /// Tension (N) or torque (N m) there.
+    #[schemars(extend("x-unit" = "ordinate of the field"))]
     pub(crate) y: Option<Vec<f64>>,
 }
 
@@ -53,6 +55,7 @@ item! {
         #[schemars(extend("x-unit" = "N/m"))]
         pub(crate) stiffness: Option<f64>,
         /// Instead of `stiffness`: tension (N) over extension l − `free_length` (m).
+        #[schemars(extend("x-unit" = "N over m"))]
         pub(crate) force: Option<Law>,
         /// Damping, not negative.
         #[serde(default)]
@@ -82,6 +85,7 @@ item! {
         #[schemars(extend("x-unit" = "N m/rad"))]
         pub(crate) stiffness: Option<f64>,
         /// Instead of `stiffness`: torque (N m) over θ − `free_angle` (rad).
+        #[schemars(extend("x-unit" = "N m over rad"))]
         pub(crate) torque: Option<Law>,
         /// Damping, not negative.
         #[serde(default)]
@@ -150,10 +154,12 @@ item! {
         #[schemars(extend("x-unit" = "N m s/rad"))]
         pub(crate) rotational_damping: Option<[f64; 3]>,
         /// Instead of `stiffness` and `rotational_stiffness`: the symmetric, positive semidefinite
-        /// matrix over (d, e), in N/m, N, N m/rad.
+        /// matrix over (d, e), with e in rad always.
+        #[schemars(extend("x-unit" = "N/m, N, N m"))]
         pub(crate) stiffness_matrix: Option<[[f64; 6]; 6]>,
         /// Instead of `damping` and `rotational_damping`: the symmetric, positive semidefinite matrix
-        /// over (ḋ, ė), in N s/m, N s, N m s/rad.
+        /// over (ḋ, ė), with ė in rad/s always.
+        #[schemars(extend("x-unit" = "N s/m, N s, N m s"))]
         pub(crate) damping_matrix: Option<[[f64; 6]; 6]>,
     }
 }

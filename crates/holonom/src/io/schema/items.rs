@@ -303,6 +303,7 @@ item! {
         /// The prescribed displacement (m, from the first point to the second along the axis) or
         /// angle (rad; spatial: zero in the design configuration, planar: difference of the body
         /// angles).
+        #[schemars(extend("x-unit" = "m or rad", "x-unit-by" = "coordinate"))]
         pub(crate) motion: Motion,
     }
 }

@@ -9,6 +9,7 @@ mod items;
 mod motions;
 mod patterns;
 mod run;
+mod units;
 
 use indexmap::IndexMap;
 use schemars::JsonSchema;
@@ -21,6 +22,7 @@ pub(super) use items::*;
 pub(super) use motions::*;
 pub(super) use patterns::*;
 pub(super) use run::*;
+pub(super) use units::*;
 
 /// Fields that every item has, added to each.
 macro_rules! item {
@@ -46,7 +48,8 @@ pub(super) fn yes() -> bool {
     true
 }
 
-/// A model of a mechanism: bodies, joints, forces and drivers in SI units and radians.
+/// A model of a mechanism: bodies, joints, forces and drivers, in SI units and radians unless `units` says
+/// otherwise.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Holonom model file")]
@@ -62,6 +65,10 @@ pub(crate) struct ModelFile {
     pub(crate) extends: Option<String>,
     /// Planar models move in x-y and turn about z; spatial models move in three dimensions.
     pub(crate) dimension: Dimension,
+    /// Units of the numbers of this file.
+    #[allow(dead_code, reason = "applied while the file is checked")]
+    #[serde(default)]
+    pub(crate) units: Units,
     /// Acceleration of gravity, ground axes. Where it is left out there is none, and a warning says so.
     #[schemars(extend("x-unit" = "m/s²"))]
     pub(crate) gravity: Option<Vector>,

@@ -31,6 +31,7 @@ pub(crate) enum TimeFunction {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Constant {
     /// The value.
+    #[schemars(extend("x-unit" = "of the field"))]
     pub(crate) value: f64,
 }
 
@@ -38,8 +39,8 @@ pub(crate) struct Constant {
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Polynomial {
-    /// c0, c1, c2, …; at least one.
-    #[schemars(length(min = 1))]
+    /// c0, c1, c2, …; at least one. Of c1 the unit is divided by s, of c2 by s², and so on.
+    #[schemars(length(min = 1), extend("x-unit" = "of the field"))]
     pub(crate) coefficients: Vec<f64>,
     /// Time from which s counts.
     #[serde(default)]
@@ -52,6 +53,7 @@ pub(crate) struct Polynomial {
 #[serde(deny_unknown_fields)]
 pub(crate) struct Harmonic {
     /// Amplitude.
+    #[schemars(extend("x-unit" = "of the field"))]
     pub(crate) amplitude: f64,
     /// Angular frequency, 2π times the frequency.
     #[schemars(extend("x-unit" = "rad/s"))]
@@ -62,6 +64,7 @@ pub(crate) struct Harmonic {
     pub(crate) phase: f64,
     /// Mean value.
     #[serde(default)]
+    #[schemars(extend("x-unit" = "of the field"))]
     pub(crate) offset: f64,
 }
 
@@ -70,8 +73,10 @@ pub(crate) struct Harmonic {
 #[serde(deny_unknown_fields)]
 pub(crate) struct SmoothStep {
     /// Value until `start`.
+    #[schemars(extend("x-unit" = "of the field"))]
     pub(crate) from: f64,
     /// Value from `end` on.
+    #[schemars(extend("x-unit" = "of the field"))]
     pub(crate) to: f64,
     /// Where the change begins.
     #[schemars(extend("x-unit" = "s"))]
@@ -92,6 +97,7 @@ pub(crate) struct TableFunction {
     #[schemars(extend("x-unit" = "s"))]
     pub(crate) x: Option<Vec<f64>>,
     /// Values at these times.
+    #[schemars(extend("x-unit" = "of the field"))]
     pub(crate) y: Option<Vec<f64>>,
 }
 
@@ -101,7 +107,7 @@ item! {
     #[schemars(title = "Tables")]
     struct DataTable {
         /// Abscissas, increasing, two or more: extension (m) or angle (rad) of a law, time (s) of a
-        /// motion.
+        /// motion; in the units of the field that uses the table.
         pub(crate) x: Vec<f64>,
         /// Ordinates, as many as `x`.
         pub(crate) y: Vec<f64>,
