@@ -18,7 +18,7 @@ ALLOWED_MB = 150.0
 def peak(arguments: list[str]) -> float:
     """Largest resident set of a child process, MB (of the largest child so far)."""
     subprocess.run(
-        [sys.executable, "-m", "holonom.cli", *arguments], check=True, stdout=subprocess.DEVNULL
+        [sys.executable, "-m", "holonom", *arguments], check=True, stdout=subprocess.DEVNULL
     )
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 / 1e6
 

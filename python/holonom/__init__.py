@@ -9,28 +9,29 @@
     result.plot("upper.angle", "energy.imbalance")
 """
 
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from holonom._core import version as _version
-from holonom.certification import Certification, ChannelError
-from holonom.check import CheckReport
-from holonom.errors import (
-    FileError,
-    HolonomError,
-    Interrupted,
-    ModelError,
-    Problem,
-    SimulationError,
-    UsageError,
-)
-from holonom.model import Model
-from holonom.options import Options, Tolerance, methods
-from holonom.result import Result
-from holonom.study.compare import compare
-from holonom.study.comparison import Comparison, ComparisonInterrupted
+if TYPE_CHECKING:
+    from holonom.certification import Certification, ChannelError
+    from holonom.check import CheckReport
+    from holonom.errors import (
+        FileError,
+        HolonomError,
+        Interrupted,
+        ModelError,
+        Problem,
+        SimulationError,
+        UsageError,
+    )
+    from holonom.model import Model
+    from holonom.options import Options, Tolerance, methods
+    from holonom.result import Result
+    from holonom.study.compare import compare
+    from holonom.study.comparison import Comparison, ComparisonInterrupted
 
-__version__ = _version()
+    __version__: str
 
 __all__ = [
     "Certification",
@@ -55,12 +56,53 @@ __all__ = [
     "simulate",
 ]
 
+#: Where public names live. They are read when they are first used, so that the command line can
+#: heed signals before NumPy and the engine are there.
+_HOMES = {
+    "certification": ("Certification", "ChannelError"),
+    "check": ("CheckReport",),
+    "errors": (
+        "FileError",
+        "HolonomError",
+        "Interrupted",
+        "ModelError",
+        "Problem",
+        "SimulationError",
+        "UsageError",
+    ),
+    "model": ("Model",),
+    "options": ("Options", "Tolerance", "methods"),
+    "result": ("Result",),
+    "study.compare": ("compare",),
+    "study.comparison": ("Comparison", "ComparisonInterrupted"),
+}
 
-def load(path: str | Path) -> Result:
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        value: Any = import_module("holonom._core").version()
+    else:
+        home = next((home for home, names in _HOMES.items() if name in names), None)
+        if home is None:
+            raise AttributeError(f"module 'holonom' has no attribute {name!r}", name=name)
+        value = getattr(import_module(f"holonom.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])
+
+
+def load(path: "str | Path") -> "Result":
     """Open a result file; the same as `Result.load`."""
+    from holonom.result import Result
+
     return Result.load(path)
 
 
-def simulate(path: str | Path, **choices: Any) -> Result:
+def simulate(path: "str | Path", **choices: Any) -> "Result":
     """Run a model file; the same as ``Model.load(path).simulate(...)``."""
+    from holonom.model import Model
+
     return Model.load(path).simulate(**choices)

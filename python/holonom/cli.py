@@ -7,10 +7,11 @@ import datetime as dt
 import json
 import math
 import os
+import platform
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
@@ -24,8 +25,10 @@ from holonom.errors import (
     describe,
 )
 from holonom.model import Model
+from holonom.names import COMMANDS, OPTIONS, did_you_mean, nearest
 from holonom.progress import ComparisonProgress, RunProgress, Stages
 from holonom.result import Result
+from holonom.text import as_json, one_line, shown
 
 if TYPE_CHECKING:
     from holonom.study.comparison import Comparison
@@ -33,11 +36,10 @@ if TYPE_CHECKING:
 app = typer.Typer(
     name="holonom",
     help="Implicit integration of constrained multibody systems.",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Exit status: 0 ok, 1 usage, 2 invalid model, 3 solver failure, 4 some runs "
-    "failed, 5 files, 130 interrupted.",
+    "failed, 5 files, 70 a defect, 130 interrupted, 141 the output was closed.",
 )
 
 #: Lines of an error analysis that are printed; a longer one goes to a file.
@@ -63,6 +65,19 @@ Names = Annotated[
 
 def _seconds(name: str, text: str) -> Any:
     return typer.Option(name, metavar="SECONDS", help=text)
+
+
+@app.callback(invoke_without_command=True)
+def command(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and how it was built.")
+    ] = False,
+    json_: Json = False,
+) -> None:
+    """Implicit integration of constrained multibody systems."""
+    if version:
+        _print_version(json_)
+        raise typer.Exit(Exit.OK)
 
 
 @app.command()
@@ -358,7 +373,7 @@ def check(
     if json_:
         _print_json(report.to_json())
     else:
-        typer.echo("\n".join([str(report), *(report.tree_lines() if verbose else [])]))
+        _say("\n".join([str(report), *(report.tree_lines() if verbose else [])]))
     return Exit.OK
 
 
@@ -479,11 +494,11 @@ def info(result: ResultFile, recover: Recover = False, json_: Json = False) -> i
         else:
             _print_summary(loaded)
             if loaded.status != "completed" and loaded.stop_reason:
-                typer.echo(describe(loaded.stop_reason))
+                _say(describe(loaded.stop_reason))
             for name in loaded.channels:
                 quantity = loaded.quantities[name]
                 shape = f" {list(quantity.shape)}" if quantity.shape else ""
-                typer.echo(f"  {name}{shape} {quantity.unit} {quantity.frame}".rstrip())
+                _say(one_line(f"  {name}{shape} {quantity.unit} {quantity.frame}").rstrip())
     return Exit.OK
 
 
@@ -501,33 +516,113 @@ def schema(
     return Exit.OK
 
 
-def main() -> None:
-    """Run the command line and exit with its status."""
-    sys.exit(invoke(sys.argv[1:]))
+def invoke(arguments: Sequence[str], received: Sequence[int] = ()) -> int:
+    """Run a command line and return its exit status; errors of the user are one message.
 
-
-def invoke(arguments: Sequence[str]) -> int:
-    """Run a command line and return its exit status; errors of the user are one message."""
+    Parameters
+    ----------
+    arguments : sequence of str
+        None of them shows the help.
+    received : sequence of int, optional
+        Numbers of the signals that came, filled while the command runs.
+    """
+    line = list(arguments) or ["--help"]
     try:
-        return int(app(list(arguments), prog_name="holonom", standalone_mode=False) or Exit.OK)
+        status = _run(line)
+        return 128 + received[0] if received and status == Exit.INTERRUPTED else status
+    except KeyboardInterrupt as error:
+        return _interrupted(error, line, received)
     except HolonomError as error:
-        return _fail(error.exit_code, error.to_json(), arguments)
+        return _fail(error.exit_code, error.to_json(), line)
     except typer.TyperException as error:  # an unknown flag, a missing argument
-        text = error.format_message() or "a command is needed; try 'holonom --help'"
-        return _fail(Exit.USAGE, {"code": "usage/command-line", "message": text}, arguments)
-    except (KeyboardInterrupt, typer.Abort):
-        reason = {"code": "simulation/interrupted", "message": "interrupted"}
-        return _fail(Exit.INTERRUPTED, reason, arguments)
+        text = f"{error.format_message()}\n  help: {_usage_help(error, line)}"
+        return _fail(Exit.USAGE, {"code": "usage/command-line", "message": shown(text)}, line)
+    except BrokenPipeError:  # who reads has had enough, as `head`: nothing is wrong
+        return Exit.PIPE
     except OSError as error:
-        name = f"{error.filename}: " if error.filename else ""
-        text = f"{name}{error.strerror or error}"
-        return _fail(Exit.FILES, {"code": FileError.code, "message": text}, arguments)
+        name = error.filename or "standard output"
+        tip = "" if error.filename else "see where the output goes, or whether its disk is full"
+        found = FileError(f"{name}: {error.strerror or error}", tip)
+        return _fail(found.exit_code, found.to_json(), line)
     except Exception as error:  # noqa: BLE001 - whatever it is, it is not the user's fault
+        if received:  # what an interrupt became on its way
+            return _interrupted(error, line, received)
         import traceback
 
-        traceback.print_exc()
-        text = f"this is a defect in Holonom, not in your model: {error!r}"
-        return _fail(Exit.DEFECT, {"code": "holonom/defect", "message": text}, arguments)
+        typer.echo(shown(traceback.format_exc()), err=True)
+        text = (
+            f"this is a defect in Holonom, not in your model: {shown(repr(error))}\n"
+            "  help: please report it with the model and the command line"
+        )
+        return _fail(Exit.DEFECT, {"code": "holonom/defect", "message": text}, line)
+
+
+def _run(line: list[str]) -> int:
+    """Read a command line and do what it says.
+
+    The library of the command line parses; its own way to run one would end broken pipes and Ctrl-C
+    silently, with statuses of its own.
+    """
+    for command in app.registered_commands:
+        for hint in get_type_hints(command.callback, include_extras=True).values():
+            for info in getattr(hint, "__metadata__", ()):
+                info.readable = False  # files are opened by Holonom, and not looked at before
+    group: Any = typer.main.get_command(app)
+    if "_HOLONOM_COMPLETE" in os.environ:  # a shell asks what could come next
+        group.main(line, prog_name="holonom")
+    try:
+        with group.make_context("holonom", line) as context:
+            return int(group.invoke(context) or Exit.OK)
+    except typer.Exit as done:  # `--help`
+        return int(done.exit_code)
+
+
+def _interrupted(error: BaseException, line: Sequence[str], received: Sequence[int]) -> int:
+    status = 128 + received[0] if received else int(Exit.INTERRUPTED)
+    facts = {"code": "simulation/interrupted", "message": "interrupted"}
+    if isinstance(error, HolonomError):
+        facts = error.to_json()
+    return _fail(status, facts, line)
+
+
+def _usage_help(error: typer.TyperException, line: Sequence[str]) -> str:
+    """Say what was meant by a word of the command line, or where its words are listed."""
+    group: Any = typer.main.get_command(app)
+    command = next((word for word in line if word in group.commands), None)
+    text = error.format_message()
+    if command is None:
+        asked = next((word for word in line if not word.startswith("-")), "")
+        meant = [f"holonom {name}" for name in nearest(asked, group.commands, COMMANDS)]
+        return did_you_mean(meant, "`holonom --help` lists the commands")
+    if text.startswith("No such option"):
+        known = {
+            name.lstrip("-").replace("-", "_"): name
+            for parameter in group.commands[command].params
+            for name in parameter.opts
+            if name.startswith("--")
+        }
+        asked = getattr(error, "option_name", "").lstrip("-").replace("-", "_")
+        meant = [known[name] for name in nearest(asked, known, OPTIONS)]
+        return did_you_mean(meant, f"`holonom {command} --help` lists the options")
+    return f"`holonom {command} --help` lists arguments and options"
+
+
+def _print_version(json_: bool) -> None:
+    import numpy as np
+
+    from holonom import _core
+
+    facts = {
+        "holonom": _core.version(),
+        **json.loads(_core.build()),
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+    }
+    if json_:
+        _print_json(facts)
+    else:
+        _say("holonom {holonom}, {profile} build for {target} with {simd}".format(**facts))
+        _say("Python {python}, NumPy {numpy}".format(**facts))
 
 
 def _load(path: Path, values: list[str] | None) -> Model:
@@ -646,10 +741,10 @@ def _print_summary(result: Result) -> None:
     from holonom.summary import summarize
 
     for warning in result.warnings:
-        typer.echo(warning_line(warning))
+        _say(one_line(warning_line(warning)))
     stored = [] if result.path is None else [("result", str(result.path))]
     for label, text in [*summarize(result), *stored]:
-        typer.echo(f"{label:<22}{text}")
+        _say(f"{label:<22}{one_line(text)}")
 
 
 def _print_comparison(comparison: Comparison, *, analysis: bool) -> None:
@@ -670,30 +765,37 @@ def _print_comparison(comparison: Comparison, *, analysis: bool) -> None:
 
 
 def _print_json(data: Any) -> None:
-    typer.echo(json.dumps(data, indent=2, ensure_ascii=False, default=str))
+    typer.echo(as_json(data))
+
+
+def _say(text: str) -> None:
+    """Print text that may hold names and titles of files: every line of it is safe to show."""
+    typer.echo(shown(text))
 
 
 def _done(what: str, path: Path, json_: bool) -> int:
     if json_:
         _print_json({what: str(path)})
     else:
-        typer.echo(f"{what:<22}{path}")
+        _say(f"{what:<22}{one_line(path)}")
     return Exit.OK
 
 
-def _fail(status: Exit, error: dict[str, Any], arguments: Sequence[str]) -> int:
+def _fail(status: int, error: dict[str, Any], arguments: Sequence[str]) -> int:
     if "--json" in arguments:
-        _print_json({"error": error, "exit_status": int(status)})
+        try:
+            _print_json({"error": error, "exit_status": int(status)})
+        except BrokenPipeError:
+            return Exit.PIPE
+        except OSError:  # standard output is what is wrong
+            _complain(error["message"])
     else:
         _complain(error["message"])
-    return status
+    return int(status)
 
 
 def _complain(message: str, kind: str = "error") -> None:
     # The core renders findings with their own heading, `error[model/…]: …`.
-    text = message if message.startswith(kind) else f"{kind}: {message}"
-    typer.echo(typer.style(text, fg="red") if sys.stderr.isatty() else text, err=True)
-
-
-if __name__ == "__main__":
-    main()
+    text = shown(message if message.startswith(kind) else f"{kind}: {message}")
+    with contextlib.suppress(OSError):  # who closes this stream does not want to be told
+        typer.echo(typer.style(text, fg="red") if sys.stderr.isatty() else text, err=True)

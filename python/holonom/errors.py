@@ -10,6 +10,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 from holonom import _core
+from holonom.text import shown
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -26,6 +27,8 @@ class Exit(IntEnum):
     FILES = 5
     DEFECT = 70
     INTERRUPTED = 130
+    #: What read the output has closed it: as a program that SIGPIPE ends.
+    PIPE = 141
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,9 +83,23 @@ class HolonomError(Exception):
     ----------
     exit_code : Exit
         Status with which the command line ends.
+
+    The text ends in a line ``help:`` that says what to try. Control characters of names and paths
+    are written as escapes in it, and long names are cut.
     """
 
     exit_code = Exit.USAGE
+    #: What to try where nothing better is known.
+    usual_help = "docs/errors.md lists every code with its meaning and what to try"
+
+    def __init__(self, message: str, help: str = "") -> None:  # noqa: A002 - as in `Problem`
+        if help or "help: " not in message:
+            message = f"{message.rstrip()}\n  help: {help or self.usual_help}"
+        super().__init__(shown(message))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # By its parts: the arguments of most classes are not those that the text came from.
+        return _restored, (type(self), self.args, self.__dict__)
 
     def to_json(self) -> dict[str, Any]:
         """Return the error as plain data, for ``--json``."""
@@ -98,8 +115,15 @@ class UsageError(HolonomError, ValueError):
         Stable code, such as ``simulation/unknown-method``.
     """
 
-    def __init__(self, message: str, code: str = "simulation/option") -> None:
-        super().__init__(message)
+    usual_help = "`holonom COMMAND --help` and help(holonom.Options) say what there is"
+
+    def __init__(
+        self,
+        message: str,
+        code: str = "simulation/option",
+        help: str = "",  # noqa: A002
+    ) -> None:
+        super().__init__(message, help)
         self.code = code
 
     def to_json(self) -> dict[str, Any]:
@@ -118,9 +142,15 @@ class FileError(HolonomError, OSError):
 
     exit_code = Exit.FILES
     code = "file/unusable"
+    usual_help = "look whether the file is there, and whether its folder lets you read and write"
 
-    def __init__(self, message: str, code: str = "file/unusable") -> None:
-        super().__init__(message)
+    def __init__(
+        self,
+        message: str,
+        code: str = "file/unusable",
+        help: str = "",  # noqa: A002
+    ) -> None:
+        super().__init__(message, help)
         self.code = code
 
     def to_json(self) -> dict[str, Any]:
@@ -221,6 +251,14 @@ _USAGE = (
     "simulation/start-state",
     "simulation/short-table",
 )
+
+
+def _restored(kind: type[HolonomError], args: tuple[Any, ...], state: dict[str, Any]) -> Any:
+    """Make an error again that was pickled or copied."""
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(state)
+    return error
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from holonom.reader import Reader
 from holonom.report import render
 from holonom.result import Result
 
-HOLONOM = [sys.executable, "-m", "holonom.cli"]
+HOLONOM = [sys.executable, "-m", "holonom"]
 INTERRUPTED = 130
 TOLERANCE = 1e-4
 

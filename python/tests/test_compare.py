@@ -470,7 +470,7 @@ def test_the_command_shows_progress_and_ends_with_130(model_file: Path, tmp_path
     arguments = ["--method", "DEABM,ForRosen,fixed_step=1e-6", "--tolerance", "1e-2"]
     table = tmp_path / "rows.csv"
     process = subprocess.Popen(
-        [sys.executable, "-m", "holonom.cli", "compare", str(model_file), *arguments,
+        [sys.executable, "-m", "holonom", "compare", str(model_file), *arguments,
          "--end-time", "500", "--repeat", "1", "--reference-tolerance", "1e-3",
          "--csv", str(table)],
         stderr=theirs,
