@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import itertools
 import json
 import multiprocessing
@@ -25,7 +26,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import holonom
-from holonom import Comparison, Tolerance
+from holonom import Comparison, Tolerance, files
 from holonom.cli import invoke
 from holonom.study.accuracy import Target, Truth, interpolate, targets
 
@@ -613,10 +614,21 @@ def test_what_cannot_be_compared_is_refused_before_anything_runs(
 
 
 def test_a_table_that_cannot_be_written_is_shown(
-    model_file: Path, capsys: pytest.CaptureFixture[str]
+    model_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     line = ["compare", str(model_file), "--method", "DEABM", "--tolerance", "1e-2"]
+    # What can be known is refused before the runs.
     assert invoke([*line, "--csv", str(model_file / "t.csv")]) == 5
+    assert not capsys.readouterr().out
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(files, "put_in_place", full)
+    assert invoke([*line, "--csv", str(tmp_path / "t.csv")]) == 5
     said = capsys.readouterr()
     assert "DEABM" in said.out
     assert "t.csv" in said.err

@@ -1,0 +1,350 @@
+"""Runs into files: what was there stays until there is something better, whoever else is at it."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import holonom
+from holonom.cli import invoke
+from holonom.errors import FileError, UsageError
+from holonom.result import Result
+
+#: Runs until it is stopped, and says when its first rows are in the file asked for.
+_ENDLESS = """
+import os, sys
+import holonom
+
+before = os.stat(sys.argv[2]).st_ino if os.path.exists(sys.argv[2]) else None
+told = False
+
+def progress(time, step_size, steps):
+    global told
+    if not told and os.path.exists(sys.argv[2]) and os.stat(sys.argv[2]).st_ino != before:
+        told = True
+        print("placed", flush=True)
+
+model = holonom.Model.load(sys.argv[1])
+model.simulate(end_time=1e5, interval=0.02, output=sys.argv[2], progress=progress)
+"""
+
+
+def _endless(model: Path, path: Path) -> subprocess.Popen[str]:
+    """Start a run without end and wait for its rows."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", _ENDLESS, str(model), str(path)], stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "placed\n"
+    return process
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    process.kill()
+    process.communicate()
+
+
+def _names(folder: Path) -> list[str]:
+    return sorted(entry.name for entry in folder.iterdir())
+
+
+@pytest.fixture
+def model(pendulum: Path) -> holonom.Model:
+    return holonom.Model.load(pendulum)
+
+
+@pytest.fixture
+def older(model: holonom.Model, tmp_path: Path) -> Path:
+    path = tmp_path / "results" / "rod.holonom"
+    model.simulate(output=path).close()
+    return path
+
+
+def test_a_run_says_what_it_replaces(
+    pendulum: Path, older: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert invoke(["run", str(pendulum), "-o", str(older), "--end-time", "0.5"]) == 0
+    said = capsys.readouterr().out
+    assert re.search(rf"^replaces +{re.escape(str(older))} of \d\d:\d\d$", said, re.MULTILINE)
+    with Result.load(older) as result:
+        assert result.time[-1] == 0.5
+
+
+def test_keep_counts_names_up(
+    pendulum: Path, older: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = older.read_bytes()
+    for number in (2, 3):
+        assert invoke(["run", str(pendulum), "-o", str(older), "--keep"]) == 0
+        assert f"rod-{number}.holonom" in capsys.readouterr().out
+    assert older.read_bytes() == before
+    assert _names(older.parent) == ["rod-2.holonom", "rod-3.holonom", "rod.holonom"]
+
+
+def test_a_run_that_gets_nowhere_replaces_nothing(
+    pendulum: Path, model: holonom.Model, older: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = older.read_bytes()
+    line = ["run", str(pendulum), "-o", str(older), "--max-seconds", "1e-9"]
+    assert invoke(line) == 3
+    assert older.read_bytes() == before
+    # One that fails after its start has one row, and no step that was accepted.
+    result = model.simulate(
+        output=older, on_failure="return", method="ForRadau", fixed_step=0.5, interval=0.5
+    )
+    if result.status != "completed":
+        assert result.path is None
+        assert older.read_bytes() == before
+    result.close()
+    assert _names(older.parent) == ["rod.holonom"]
+
+
+def test_a_limit_within_the_first_step_keeps_the_older_result(
+    model: holonom.Model, older: Path, tmp_path: Path
+) -> None:
+    """The engine delivers the row at the start, then the run ends: one row is no replacement."""
+    from holonom.writer import Writer  # as a run does it
+
+    before = older.read_bytes()
+    with Result.load(older) as result:
+        row = {name: part[None] for name, part in result.state(0.0).items()}
+        row["time"] = row["time"][0]
+        row["channels"] = {name: result[name][:1] for name in result.channels}
+        meta = {**result.meta, "status": "running"}
+    for ending in ("limit", "failed", "interrupted"):
+        writer = Writer(older, meta, model.channels)
+        writer.append(row)
+        writer.finish({"status": ending, "stop_reason": {"code": "x", "message": "y"}})
+        with Result(writer.into_reader()) as kept:
+            assert kept.path is None
+            assert kept.status == ending
+            assert kept.time.size == 1
+        writer.release()
+        assert older.read_bytes() == before
+        assert _names(older.parent) == ["rod.holonom"]
+    # Where nothing stood before, the one row is all there is, and is kept.
+    first = tmp_path / "first.holonom"
+    writer = Writer(first, meta, model.channels)
+    writer.append(row)
+    writer.finish({"status": "limit"})
+    writer.close()
+    with Result.load(first) as result:
+        assert result.time.size == 1
+
+
+def test_the_second_of_two_runs_into_a_file_is_refused(
+    pendulum: Path, model: holonom.Model, older: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    process = _endless(pendulum, older)
+    try:
+        assert invoke(["run", str(pendulum), "-o", str(older), "--json"]) == 5
+        error = json.loads(capsys.readouterr().out)["error"]
+        assert error["code"] == "result/busy"
+        assert f"is being written by process {process.pid}" in error["message"]
+        with Result.load(older) as running:
+            assert running.status == "running"
+            assert running.time.size > 1
+        with model.simulate() as other, pytest.raises(FileError, match="is being written"):
+            other.save(older)
+    finally:
+        _end(process)
+    # The lock ended with the process.
+    assert invoke(["info", str(older)]) == 0
+    assert "killed" in capsys.readouterr().out
+    assert _names(older.parent) == ["rod.holonom"]
+    assert invoke(["run", str(pendulum), "-o", str(older), "-q"]) == 0
+    with Result.load(older) as result:
+        assert result.status == "completed"
+    assert _names(older.parent) == ["rod.holonom"]
+
+
+def test_of_two_runs_of_one_process_the_second_is_refused(
+    model: holonom.Model, older: Path
+) -> None:
+    refused: list[FileError] = []
+
+    def progress(*_: float) -> None:
+        if refused:
+            return
+        try:
+            model.simulate(output=older).close()
+        except FileError as error:
+            refused.append(error)
+
+    model.simulate(output=older, end_time=100.0, progress=progress).close()
+    if refused:  # the run may end before the first report of its progress
+        assert refused[0].code == "result/busy"
+
+
+def test_runs_of_threads_into_one_file_leave_one_whole_result(
+    model: holonom.Model, older: Path
+) -> None:
+    codes: list[str] = []
+
+    def run(end: float) -> None:
+        try:
+            model.simulate(output=older, end_time=end).close()
+            codes.append("whole")
+        except FileError as error:
+            codes.append(error.code)
+
+    threads = [threading.Thread(target=run, args=(5.0 + k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert set(codes) <= {"whole", "result/busy"}
+    assert "whole" in codes
+    with Result.load(older) as result:
+        assert result.status == "completed"
+        assert result.time[-1] >= 5.0
+    assert _names(older.parent) == ["rod.holonom"]
+
+
+def test_a_reader_keeps_reading_while_the_file_is_replaced(
+    pendulum: Path, model: holonom.Model, older: Path
+) -> None:
+    expected = model.simulate()
+    with Result.load(older) as reading:
+        assert reading.time.size == 101
+        process = _endless(pendulum, older)
+        try:
+            # Not read before, so that it comes from the file that is no longer there.
+            for name in ("q", "qd", "lambda", "rod.position"):
+                assert reading[name].tobytes() == expected[name].tobytes()
+            assert reading.state(0.555)["q"].tobytes() == expected.state(0.555)["q"].tobytes()
+        finally:
+            _end(process)
+        assert reading["pin.force"].tobytes() == expected["pin.force"].tobytes()
+
+
+def test_a_result_in_use_can_be_replaced_by_the_same_process(
+    model: holonom.Model, older: Path
+) -> None:
+    first = model.simulate(output=older)
+    second = model.simulate(output=older, end_time=0.5)
+    assert first["q"].shape[0] == 101
+    assert second["q"].shape[0] == 51
+    first.close()
+    second.close()
+
+
+def test_what_is_continued_is_appended(
+    pendulum: Path, model: holonom.Model, older: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Result.load(older) as first:
+        rows = {name: first[name].copy() for name in ("time", "q", "qd", "rod.position")}
+        after = model.simulate(start=first.state(), end_time=2.0)
+        steps = first.statistics.steps
+        inside = first.state(0.7531)
+    line = ["run", str(pendulum), "-o", str(older), "--start", str(older), "--end-time", "2"]
+    assert invoke(line) == 0
+    assert "continues" in capsys.readouterr().out
+    with Result.load(older) as result:
+        assert result.status == "completed"
+        for name, values in rows.items():
+            whole = np.concatenate([values, after[name][1:]])
+            assert result[name].tobytes() == whole.tobytes()
+        assert result.span == (0.0, 2.0)
+        assert result.options["start_time"] == 0.0
+        assert result.statistics.steps == steps + after.statistics.steps
+        assert result.steps["t"].size == result.statistics.steps + result.statistics.rejected
+        assert [part["until"] for part in result.meta["parts"]] == [1.0]
+        for time in (0.7531, 1.2345):
+            expected = inside if time < 1.0 else after.state(time)
+            for name, part in result.state(time).items():
+                assert part.tobytes() == expected[name].tobytes()
+    assert _names(older.parent) == ["rod.holonom"]
+    assert invoke([*line[:-1], "3"]) == 0
+    with Result.load(older) as result:
+        assert result.time[-1] == 3.0
+        assert np.all(np.diff(result.time) > 0.0)
+        assert len(result.meta["parts"]) == 2
+
+
+def test_by_default_a_run_goes_on_into_the_file_it_starts_from(
+    pendulum: Path,
+    model: holonom.Model,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert invoke(["run", str(pendulum)]) == 0
+    path = Path("results") / f"{model.name}.holonom"
+    assert path.exists()
+    assert invoke(["run", str(pendulum), "--start", str(path), "--end-time", "2"]) == 0
+    with Result.load(path) as result:
+        assert (result.time[0], result.time[-1]) == (0.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    "more", [["--at", "0.5"], ["--at", "0.5037"], ["--set", "gravity[1]=-1.62"], ["-c", "rod.*"]]
+)
+def test_what_cannot_be_appended_takes_a_new_name(
+    pendulum: Path, older: Path, more: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = older.read_bytes()
+    line = ["run", str(pendulum), "-o", str(older), "--start", str(older), "--end-time", "2"]
+    assert invoke([*line, *more]) == 0
+    assert "rod-2.holonom" in capsys.readouterr().out
+    assert older.read_bytes() == before
+    with Result.load(older.with_name("rod-2.holonom")) as result:
+        assert result.time[-1] == 2.0
+
+
+def test_python_continues_too(model: holonom.Model, older: Path) -> None:
+    with Result.load(older) as result:
+        last, inner = result.state(), result.state(0.5)
+    with model.simulate(start=last, end_time=1.5, output=older) as result:
+        assert (result.path, result.time[0], result.time[-1]) == (older, 0.0, 1.5)
+    with model.simulate(start=inner, end_time=1.5, output=older) as result:
+        assert result.path == older.with_name("rod-2.holonom")
+
+
+def test_a_continuation_that_gets_nowhere_changes_nothing(
+    pendulum: Path, older: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = older.read_bytes()
+    line = ["run", str(pendulum), "-o", str(older), "--start", str(older), "--end-time", "2"]
+    assert invoke([*line, "--max-seconds", "1e-9"]) == 3
+    assert older.read_bytes() == before
+    assert _names(older.parent) == ["rod.holonom"]
+
+
+@pytest.mark.parametrize("time", ["nan", "inf", "-inf"])
+def test_a_state_at_no_time_is_refused(
+    pendulum: Path, older: Path, time: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["run", str(pendulum), "--start", str(older), "--at", time]
+    assert invoke(line) == 1
+    assert "finite" in capsys.readouterr().err
+    with Result.load(older) as result:
+        with pytest.raises(UsageError, match="finite"):
+            result.state(float(time))
+        with pytest.raises(UsageError, match="finite"):
+            result.sample([0.1, float(time)])
+
+
+def test_an_interrupted_run_is_continued_to_the_rows_of_a_run_from_its_last_state(
+    pendulum: Path, model: holonom.Model, tmp_path: Path
+) -> None:
+    path = tmp_path / "rod.holonom"
+    process = _endless(pendulum, path)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    with Result.load(path) as killed:
+        assert killed.status == "killed"
+        rows, state = killed["q"].copy(), killed.state()
+    end = float(state["time"][0]) + 0.5
+    expected = model.simulate(start=state, end_time=end, interval=0.02)
+    with model.simulate(start=state, end_time=end, interval=0.02, output=path) as whole:
+        assert whole["q"].tobytes() == np.concatenate([rows, expected["q"][1:]]).tobytes()
