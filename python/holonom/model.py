@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
+import html
 import json
 import re
+import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom import _core
+from holonom import _core, toml
 from holonom.check import CheckReport
 from holonom.errors import FileError, ModelError, Problem, UsageError, translated
+from holonom.names import did_you_mean, nearest_channels
 from holonom.options import Options
+from holonom.plain import as_path, frozen, plain, require_text
 from holonom.store import Quantity
+from holonom.text import as_name, as_text, quoted, shown
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -56,6 +61,7 @@ class Model:
         self._text: str | None = None
         self._hash: str | None = None
         self._warnings: str | None = None
+        self._tree: Mapping[str, Any] | None = None
         self.name = name
 
     @classmethod
@@ -77,21 +83,21 @@ class Model:
         ModelError
             If it is not a valid model; the message names file, line and item.
         """
-        path = Path(path)
+        path = as_path(path)
         text = _read(path)
         tree = path.resolve().parent.parent
 
         def read(name: str) -> str:  # the core has joined `extends` to the name of its file
-            target = Path(name).resolve()
+            target = Path(as_name(name)).resolve()
             if not target.is_relative_to(tree):
-                raise FileError(f"it lies outside the folder tree {tree}")
+                raise FileError(f"it lies outside the folder tree {tree}", "copy it into this tree")
             return _read(target)
 
         syntax = "json" if path.suffix.lower() == ".json" else "toml"
         with translated():
-            core = _core.parse(text, syntax, str(path), read, watch)
+            core = _core.parse(text, syntax, as_text(str(path)), read, watch)
         folder = path.resolve().parent.name
-        return cls(core, folder if path.stem == "model" and folder else path.stem)
+        return cls(core, shown(folder if path.stem == "model" and folder else path.stem))
 
     @classmethod
     def from_text(
@@ -104,20 +110,122 @@ class Model:
         ModelError
             If it is not a valid model.
         """
+        if isinstance(text, Mapping):
+            raise UsageError(
+                "`text` is a mapping, not the text of a model",
+                help="`Model.from_dict(data)` takes plain data",
+            )
+        if not isinstance(text, str):
+            raise UsageError(
+                f"`text` is {quoted(repr(text))}, not the text of a model",
+                help="pass TOML or JSON, or read a file with `Model.load(path)`",
+            )
+        if syntax not in ("toml", "json"):
+            raise UsageError(
+                f"`syntax` is {quoted(syntax)}", help='it is "toml" or "json", without a dot'
+            )
         if "\n" not in text and text.strip().lower().endswith((".toml", ".json")):
             raise ModelError(
                 Problem(
                     code="model/syntax",
-                    message=f"`{text.strip()}` is the name of a file, not the text of a model",
+                    message=f"{quoted(text.strip())} is the name of a file, not a model's text",
                     help="read files with `Model.load(path)`",
                 )
             )
+        require_text(text, "the text of the model")
 
         def read(_: str) -> str:
-            raise FileError("a model given as text cannot extend a file; use `Model.load(path)`")
+            raise FileError("a model given as text cannot extend a file", "use `Model.load(path)`")
 
         with translated():
-            return cls(_core.parse(text, syntax, name, read, None), name)
+            return cls(_core.parse(text, syntax, as_text(name), read, None), shown(name))
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], name: str = "model") -> Model:
+        """Read a model from plain data: the tables of a model file as dictionaries.
+
+        NumPy numbers and arrays are taken as well. It cannot use ``extends``.
+
+        Raises
+        ------
+        UsageError
+            If `data` is no mapping.
+        ModelError
+            If it is not a valid model.
+        """
+        if not isinstance(data, Mapping):
+            raise UsageError(
+                f"`data` is {quoted(repr(data))}, not a mapping",
+                help="`Model.from_text` reads text, `Model.load` a file",
+            )
+        return cls.from_text(json.dumps(plain(data, "")), "json", name)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the merged model as plain data, from which `from_dict` makes the same one."""
+        data: dict[str, Any] = json.loads(self.to_json())
+        return data
+
+    def save(self, path: str | Path) -> Path:
+        """Write the merged model, TOML or (with the ending ``.json``) JSON; return the path.
+
+        A model that is there is replaced, in one move.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written, or something else than a model is there.
+        """
+        path = as_path(path)
+        is_json = path.suffix.lower() == ".json"
+        text = json.dumps(self.to_dict(), indent=2) if is_json else toml.written(self.to_dict())
+        if path.exists():
+            try:
+                Model.load(path)
+            except ModelError:
+                raise FileError(
+                    f"{path} is there and is no model; it is not overwritten", "take another name"
+                ) from None
+        try:
+            path = path.resolve()
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=path.parent, prefix=".holonom-") as folder:
+                fresh = Path(folder) / path.name
+                fresh.write_text(text, encoding="utf-8")
+                fresh.replace(path)
+        except OSError as error:
+            raise FileError(f"{path}: {error.strerror or error}") from None
+        return path
+
+    @property
+    def bodies(self) -> Mapping[str, Any]:
+        """Bodies by name, as the file states them, patterns written out; read-only."""
+        return self._items("bodies")
+
+    @property
+    def joints(self) -> Mapping[str, Any]:
+        """Joints by name, as `bodies`."""
+        return self._items("joints")
+
+    @property
+    def forces(self) -> Mapping[str, Any]:
+        """Forces by name, as `bodies`."""
+        return self._items("forces")
+
+    @property
+    def drivers(self) -> Mapping[str, Any]:
+        """Drivers by name, as `bodies`."""
+        return self._items("drivers")
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Parameters by name, as `bodies`: each a mapping with ``value``, ``unit``, ``title``."""
+        return self._items("parameters")
+
+    def _items(self, kind: str) -> Mapping[str, Any]:
+        if self._tree is None:
+            self._tree = frozen(json.loads(self.to_json(plain=True)))
+        found: Mapping[str, Any] = self._tree.get(kind, MappingProxyType({}))
+        return found
 
     def with_values(self, values: Mapping[str, Any]) -> Model:
         """Return the model with other values.
@@ -135,20 +243,22 @@ class Model:
         ModelError
             If a path does not exist or a value does not fit.
         """
-        plain = {path: _plain(value) for path, value in values.items()}
-        for path, value in plain.items():
-            try:
-                json.dumps(value, allow_nan=False)
-            except ValueError:
-                raise ModelError(
-                    Problem(
-                        code="model/not-finite",
-                        message=f"the new value of `{path}` holds a number that is not finite",
-                        path=path,
-                    )
-                ) from None
+        if not isinstance(values, Mapping):
+            raise UsageError(
+                f"`values` is {quoted(repr(values))}, not a mapping",
+                help='pass new values by path: {"bodies.rod.mass": 2.0}',
+            )
+        changed = {}
+        for path, value in values.items():
+            if not isinstance(path, str):
+                raise UsageError(
+                    f"{quoted(repr(path))} is no path of a value",
+                    help="a path is a text, such as bodies.rod.mass",
+                )
+            require_text(path, "a path")
+            changed[path] = plain(value, path)
         with translated():
-            return Model(self._core.with_values(json.dumps(plain)), self.name)
+            return Model(self._core.with_values(json.dumps(changed)), self.name)
 
     def check(self, *, spectrum: bool = True, watch: Watch | None = None) -> CheckReport:
         """Assemble the initial state and count what there is.
@@ -232,9 +342,11 @@ class Model:
         from holonom.simulation import run  # here, because it needs `Model` itself
 
         if on_failure not in ("raise", "return"):
-            raise UsageError(f"`on_failure` is {on_failure!r}; it must be 'raise' or 'return'")
+            raise UsageError(
+                f"`on_failure` is {quoted(on_failure)}", help="it is 'raise' or 'return'"
+            )
         options = Options.of(choices)
-        target = None if output is None else Path(output)
+        target = None if output is None else as_path(output)
         return run(
             self,
             options,
@@ -246,7 +358,7 @@ class Model:
             certify,
             keep=keep,
             force=force,
-            source=None if source is None else Path(source),
+            source=None if source is None else as_path(source),
         )
 
     @property
@@ -324,6 +436,14 @@ class Model:
         -------
         dict of str to ndarray, shape (n_times, \*shape)
         """
+        for name in names:
+            if name not in self.channels:
+                tip = did_you_mean(
+                    nearest_channels(name, self.channels), "`Model.channels` lists them"
+                )
+                raise UsageError(
+                    f"there is no channel {quoted(name)}", "simulation/unknown-channel", tip
+                )
         with translated():
             return self._core.evaluate_channels(names, state)
 
@@ -354,6 +474,25 @@ class Model:
             self._text = self._core.to_json()
         return self._text
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Model.from_text, (self.to_json(), "json", self.name)
+
+    def __copy__(self) -> Model:
+        return self  # a model never changes
+
+    def __deepcopy__(self, _: dict[int, Any]) -> Model:
+        return self
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><th>{kind}</th><td>{len(self._items(kind))}</td>"
+            f"<td>{html.escape(shown(', '.join(list(self._items(kind))[:12])))}</td></tr>"
+            for kind in ("bodies", "joints", "forces", "drivers", "parameters")
+            if self._items(kind)
+        )
+        title = html.escape(shown(f"{self.title} ({self.defaults.get('dimension')})"))
+        return f"<table><caption>{title}</caption>{rows}</table>"
+
     def __repr__(self) -> str:
         return f"<holonom.Model {self.name!r}, {self.defaults.get('dimension')}, {self.hash[:12]}>"
 
@@ -370,7 +509,9 @@ def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
     A name may end in the index of a component, ``chassis.position[2]``.
     """
     found: dict[str, None] = {}
-    for pattern in patterns:
+    if isinstance(patterns, str):
+        raise UsageError("channels are one text", help=f"pass a list: [{patterns!r}]")
+    for pattern in map(str, patterns):
         name, index = split_component(pattern)
         if pattern in known:  # thousands of names are looked up, not compared
             hits = [pattern]
@@ -380,29 +521,31 @@ def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
         else:
             hits = [pattern] if name in known else []
             if hits and not (len(known[name].shape) == 1 and index < known[name].size):
+                shape = known[name].shape
                 raise UsageError(
-                    f"`{name}` has no component {index}; its shape is {list(known[name].shape)}"
+                    f"{quoted(name)} has no component {index}; its shape is {list(shape)}",
+                    "simulation/unknown-channel",
+                    f"take one from 0 to {shape[0] - 1}" if shape else "leave the index out",
                 )
         if not hits:
-            near = difflib.get_close_matches(pattern, known, n=3, cutoff=0.5)
-            hint = f"; did you mean {', '.join(f'`{n}`' for n in near)}?" if near else ""
-            raise UsageError(f"there is no channel `{pattern}`{hint}")
+            tip = did_you_mean(
+                nearest_channels(pattern, known), "`Model.channels` and `holonom info` list them"
+            )
+            raise UsageError(
+                f"there is no channel {quoted(pattern)}", "simulation/unknown-channel", tip
+            )
         found |= dict.fromkeys(hits)
     return list(found)
 
 
-def _plain(value: Any) -> Any:
-    """Turn NumPy values into what JSON knows."""
-    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
-
-
 def _read(path: Path) -> str:
     if path.is_dir():
-        hint = f"; did you mean {path / 'model.toml'}?" if (path / "model.toml").is_file() else ""
-        raise FileError(f"{path} is a folder, not a model file{hint}")
+        meant = path / "model.toml"
+        tip = f"did you mean {meant}?" if meant.is_file() else "name the model file in it"
+        raise FileError(f"{path} is a folder, not a model file", tip)
     try:
         if path.exists() and not path.is_file():
-            raise FileError(f"{path} is not a regular file")
+            raise FileError(f"{path} is not a regular file", "save the model in a file first")
         if path.stat().st_size > MAX_FILE_SIZE:
             raise ModelError(
                 Problem(
@@ -410,6 +553,7 @@ def _read(path: Path) -> str:
                     message=f"the file has {path.stat().st_size} bytes",
                     file=str(path),
                     expected=f"at most {MAX_FILE_SIZE} bytes",
+                    help="repeat items by [patterns], or look whether this is a model at all",
                 )
             )
         return path.read_text(encoding="utf-8-sig")
@@ -420,6 +564,7 @@ def _read(path: Path) -> str:
                 message=f"byte {error.start} of the file is not UTF-8",
                 file=str(path),
                 expected="a text file in UTF-8",
+                help="save it as UTF-8; a result file is opened by `Result.load`",
             )
         ) from None
     except OSError as error:

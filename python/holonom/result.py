@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import html
 import json
 import math
+import sqlite3
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,10 +19,14 @@ from holonom.certification import Certification
 from holonom.errors import FileError, UsageError
 from holonom.memory import Memory, Stored
 from holonom.model import Model, expand, split_component
+from holonom.names import did_you_mean, nearest, nearest_channels
+from holonom.plain import as_path
 from holonom.reader import Reader
 from holonom.store import STATE, Quantity
+from holonom.text import quoted, shown
 
 if TYPE_CHECKING:
+    import pandas as pd  # type: ignore[import-untyped]
     import xarray
     from matplotlib.figure import Figure
 
@@ -44,7 +51,8 @@ class Record(Mapping[str, Any]):
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in self._data:
-            raise AttributeError(f"no entry `{name}`; there are {', '.join(self._data)}")
+            near = did_you_mean(nearest(name, self._data), f"there are {', '.join(self._data)}")
+            raise AttributeError(f"there is no entry {quoted(name)}; {near}")
         return self[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -92,7 +100,7 @@ class Result:
             If the file cannot be read or is not a result; ``result/damaged`` if a part of it is
             not what was written, also later, when that part is first used.
         """
-        return cls(Reader.open(Path(path), recover=recover))
+        return cls(Reader.open(as_path(path), recover=recover))
 
     @property
     def damage(self) -> list[str]:
@@ -112,6 +120,12 @@ class Result:
         UsageError
             If there is no such channel.
         """
+        if not isinstance(name, str):
+            raise UsageError(
+                f"{quoted(repr(name))} is no channel",
+                "simulation/unknown-channel",
+                "`result[name]` takes one name; rows are those of the array it returns",
+            )
         whole, index = split_component(name)
         if index is not None:
             self._quantity(name)  # refuses components that are not there
@@ -135,8 +149,38 @@ class Result:
         return self[name].reshape(self.time.size, size)
 
     def __contains__(self, name: object) -> bool:
-        whole = split_component(name)[0] if isinstance(name, str) else name
-        return whole in self._reader.quantities or whole in self.model.channels
+        """Whether `self[name]` is an array: stored, computable, or a component of such."""
+        if not isinstance(name, str):
+            return False
+        whole, index = split_component(name)
+        stored = self._reader.quantities
+        quantity = stored.get(whole) or self.model.channels.get(whole)
+        if quantity is None or index is None:
+            return quantity is not None
+        return len(quantity.shape) == 1 and index < quantity.size
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())
+
+    def __len__(self) -> int:
+        return len(self.keys())
+
+    def keys(self) -> list[str]:
+        """Return ``time`` and the names of the stored channels: ``dict(result)`` has them all.
+
+        More names can be asked for: those of ``model.channels``, components, ``q``, ``qd``, ….
+        """
+        return ["time", *self.channels]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(dict.fromkeys([*self.keys(), *self.quantities, *self.model.channels]))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy by the file where there is one, else by its bytes."""
+        if self.path is not None:
+            return Result.load, (self.path.absolute(),)
+        with tempfile.TemporaryDirectory() as folder:
+            return _from_bytes, (self.save(Path(folder) / "result.holonom").read_bytes(),)
 
     @property
     def time(self) -> NDArray[np.float64]:
@@ -226,7 +270,9 @@ class Result:
         """
         wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
         if wanted.ndim != 1:
-            raise UsageError(f"`times` has the shape {wanted.shape}; it must be a vector")
+            raise UsageError(
+                f"`times` has the shape {wanted.shape}", help="pass a vector of times, s"
+            )
         names = self.channels if channels is None else list(channels)
         states = [name for name in names if name in STATE]
         names = self.model.expand([name for name in names if name not in STATE])
@@ -546,6 +592,31 @@ class Result:
 
         return export.dataset(self, channels)
 
+    def to_pandas(self, channels: list[str] | None = None) -> pd.DataFrame:
+        """Return channels as a data frame of pandas; the stored ones when none are given.
+
+        The index is the time (s); a vector takes one column per component,
+        ``chassis.position[2]``. ``attrs["units"]`` holds the SI unit of every column.
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown, or pandas is not installed.
+        """
+        from holonom import export
+
+        made = export._library("pandas", "data frames of pandas", "pandas")
+        names = self.channels if channels is None else self.expand(channels)
+        columns, units = {}, {}
+        for name in names:
+            values = self.matrix(name)
+            for i, column in enumerate(values.T):
+                label = name if values.shape[1] == 1 else f"{name}[{i}]"
+                columns[label], units[label] = column, self.unit(name)
+        frame: pd.DataFrame = made.DataFrame(columns, index=made.Index(self.time, name="time"))
+        frame.attrs["units"] = units
+        return frame
+
     def to_netcdf(
         self, path: str | Path, channels: list[str] | None = None, *, force: bool = False
     ) -> Path:
@@ -593,15 +664,41 @@ class Result:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _repr_html_(self) -> str:
+        from holonom.summary import summarize
+
+        rows = "".join(
+            f"<tr><th>{html.escape(shown(label))}</th><td>{html.escape(shown(text))}</td></tr>"
+            for label, text in summarize(self)
+        )
+        return f"<table>{rows}</table>"
+
     def __repr__(self) -> str:
         until = f"{self.time[-1]:.6g} s" if self.time.size else "no states"
         return f"<holonom.Result {self.meta.get('name')!r}: {self.status}, {until}>"
 
     def _quantity(self, name: str) -> Quantity:
-        whole = split_component(name)[0]
         stored = self._reader.quantities
-        known = stored if whole in stored else self.model.channels
-        return known[split_component(expand([name], known)[0])[0]]
+        whole, index = split_component(name)
+        quantity = stored.get(whole) or self.model.channels.get(whole)
+        if quantity is None:
+            known = [*stored, *self.model.channels]
+            tip = did_you_mean(nearest_channels(whole, known), "`Result.model.channels` lists them")
+            if any(sign in whole for sign in "*?["):
+                tip = "a pattern means several: `Result.expand([pattern])` lists them"
+            raise UsageError(
+                f"there is no channel {quoted(name)}", "simulation/unknown-channel", tip
+            )
+        if index is not None:
+            expand([name], {whole: quantity})  # refuses components that are not there
+        return quantity
+
+
+def _from_bytes(data: bytes) -> Result:
+    """Return the result in memory that a file of these bytes holds."""
+    db = sqlite3.connect(":memory:", check_same_thread=False)
+    db.deserialize(data)
+    return Result(Reader(db, None))
 
 
 def _no_state(

@@ -1,0 +1,97 @@
+"""What users pass, as plain data that the engine can take; what it cannot is refused by name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from holonom.errors import FileError, ModelError, Problem, UsageError
+from holonom.text import quoted
+
+#: Deepest nesting of a value; the core states the same limit for files.
+MAX_DEPTH = 64
+
+
+def frozen(value: Any) -> Any:
+    """Return plain data that cannot be changed: mappings that refuse, tuples for lists."""
+    if isinstance(value, dict):
+        return MappingProxyType({key: frozen(entry) for key, entry in value.items()})
+    return tuple(map(frozen, value)) if isinstance(value, list) else value
+
+
+def as_path(path: str | Path) -> Path:
+    """Return what a user names a file by as a path.
+
+    Raises
+    ------
+    FileError
+        If no file can have this name.
+    UsageError
+        If it is no name at all.
+    """
+    try:
+        found = Path(path)
+    except TypeError:
+        raise UsageError(
+            f"{quoted(repr(path))} is no path", help="pass a text or a pathlib.Path"
+        ) from None
+    if "\0" in str(found):
+        raise FileError(f"{quoted(found)} holds a NUL, which no file name can", "leave it out")
+    return found
+
+
+def plain(value: Any, path: str, depth: int = 0) -> Any:
+    """Return a value as what JSON knows, NumPy's included; refuse what no model can hold."""
+
+    def refused(code: str, message: str, tip: str) -> ModelError:
+        where = f"the new value of {quoted(path)}" if path else "the data of the model"
+        return ModelError(
+            Problem(code=code, message=f"{where} {message}", path=quoted(path)[1:-1], help=tip)
+        )
+
+    if depth > MAX_DEPTH:
+        tip = f"take fewer levels; no model needs more than {MAX_DEPTH}"
+        raise refused("model/too-deep", "is nested too deeply", tip)
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
+    if value is None or isinstance(value, bool):
+        return value
+    if isinstance(value, int | float):
+        if (isinstance(value, int) and abs(value) > 10**100) or not math.isfinite(value):
+            tip = "take a number between -1e100 and 1e100"
+            raise refused("model/not-finite", "holds a number that is not finite", tip)
+        return value
+    if isinstance(value, str):
+        try:
+            value.encode()
+        except UnicodeEncodeError:
+            tip = "take valid Unicode text"
+            raise refused("model/unusable-value", "holds half a character", tip) from None
+        return value
+    if isinstance(value, Mapping):
+        return {
+            plain(str(key), path): plain(entry, path, depth + 1) for key, entry in value.items()
+        }
+    if isinstance(value, list | tuple):
+        return [plain(entry, path, depth + 1) for entry in value]
+    tip = "take numbers, texts, lists and tables"
+    raise refused("model/unusable-value", f"holds {quoted(repr(value))}", tip)
+
+
+def require_text(text: str, what: str) -> None:
+    """Refuse text that cannot be written in any file."""
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        raise ModelError(
+            Problem(
+                code="model/syntax",
+                message=f"{what} holds half a character at position {error.start}",
+                help="take valid Unicode text",
+            )
+        ) from None
