@@ -263,6 +263,9 @@ class Model:
     def check(self, *, spectrum: bool = True, watch: Watch | None = None) -> CheckReport:
         """Assemble the initial state and count what there is.
 
+        Refuses whatever a run with the choices of the model file would refuse before its first
+        step, and says which initial velocities were chosen where nothing determines them.
+
         Parameters
         ----------
         spectrum : bool
@@ -274,10 +277,14 @@ class Model:
         ------
         ModelError
             If the initial state cannot be assembled.
+        SimulationError, UsageError
+            If a choice or an output channel of the file cannot be used.
         """
         with translated():
             data = json.loads(self._core.check(spectrum, watch))
-        return CheckReport(name=self.name, data=data, warnings=self.warnings)
+        self.expand(data.pop("channels"))
+        warnings = [*self.warnings, *data.pop("warnings")]
+        return CheckReport(name=self.name, data=data, warnings=warnings)
 
     def simulate(
         self,

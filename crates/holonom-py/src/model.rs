@@ -5,9 +5,10 @@ use crate::state::{Rows, foreign, rows};
 use crate::watched::watched;
 use crate::{ModelError, SimulationError, dense, report, state};
 use holonom::analysis::spectrum;
-use holonom::error::{Diagnostic, ModelErrors};
+use holonom::error::{Diagnostic, EvaluationFailure, ModelErrors};
 use holonom::io::{Document, Syntax};
-use holonom::simulation::{Choices, DenseOutput, Options, Problem, RunError, run};
+use holonom::reduction::assembly::AssemblyError;
+use holonom::simulation::{Choices, DenseOutput, Options, Problem, RunError, check_run, run};
 use holonom::system::Sample;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -135,25 +136,19 @@ impl CoreModel {
     ) -> PyResult<String> {
         let problem = &self.problem;
         let work = || {
-            let assembled = problem.assemble().map_err(|e| report::assembly_error(&e))?;
-            let values = if spectrum {
-                Some(self::spectrum(assembled).map_err(|e| {
-                    report::assembly_error(
-                        &holonom::reduction::assembly::AssemblyError::Evaluation(
-                            holonom::error::EvaluationFailure::new(
-                                "simulation/spectrum",
-                                e.to_string(),
-                            ),
-                        ),
-                    )
-                })?)
-            } else {
-                None
-            };
+            // Names of channels may be patterns, which the caller expands as for a run.
+            let mut options = Choices::of_file(problem.model())?;
+            let channels = std::mem::take(&mut options.channels);
+            let warnings = check_run(problem, &options)?;
+            let assembled = problem.assemble()?;
+            let values = spectrum.then(|| self::spectrum(assembled)).transpose().map_err(|e| {
+                let failure = EvaluationFailure::new("simulation/spectrum", e.to_string());
+                RunError::Assembly(AssemblyError::Evaluation(failure))
+            })?;
             let summary = problem.summary(assembled);
-            Ok(report::check(problem, assembled, &summary, values))
+            Ok(report::check(problem, assembled, &summary, values, &warnings, &channels))
         };
-        watched(py, on_stage.as_ref(), work).whole()?.map_err(ModelError::new_err::<String>)
+        watched(py, on_stage.as_ref(), work).whole()?.map_err(not_run)
     }
 
     fn options(&self, choices_json: &str, start_time: Option<f64>) -> PyResult<String> {

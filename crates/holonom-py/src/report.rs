@@ -5,7 +5,9 @@ use holonom::error::{Diagnostic, ModelErrors};
 use holonom::method::{CODES, Code};
 use holonom::model::{Dimension, Model};
 use holonom::reduction::assembly::{Assembled, AssemblyError};
-use holonom::simulation::{AccelerationSummary, Choices, ModelSummary, Problem, Status, Summary};
+use holonom::simulation::{
+    AccelerationSummary, Choices, ModelSummary, Problem, RunWarning, Status, Summary,
+};
 use serde_json::{Value, json};
 
 pub(crate) fn methods() -> String {
@@ -75,6 +77,8 @@ pub(crate) fn check(
     assembled: &Assembled,
     summary: &ModelSummary,
     spectrum: Option<Spectrum>,
+    warnings: &[RunWarning],
+    channels: &[String],
 ) -> String {
     let model = problem.model();
     let tree: Vec<Value> = (summary.tree.iter())
@@ -114,6 +118,8 @@ pub(crate) fn check(
         "independent_coordinates": summary.independent, "tree": tree,
         "accelerations": accelerations(&summary.accelerations),
         "adjustments": adjustments,
+        "chosen_velocities": chosen_velocities(problem),
+        "warnings": run_warnings(warnings), "channels": channels,
         "initial_residuals": {
             "position": assembled.stated_residuals.0, "velocity": assembled.stated_residuals.1,
         },
@@ -122,6 +128,13 @@ pub(crate) fn check(
             .map(|s| s.values.iter().map(|(re, im)| json!([re, im])).collect::<Vec<_>>()),
     })
     .to_string()
+}
+
+/// Initial velocities that nothing determines and that are not zero.
+fn chosen_velocities(problem: &Problem) -> Vec<Value> {
+    (problem.chosen_velocities().iter())
+        .map(|c| json!({"coordinate": c.coordinate, "rate": c.rate, "unit": c.unit}))
+        .collect()
 }
 
 fn accelerations(summary: &AccelerationSummary) -> Value {
@@ -192,11 +205,14 @@ pub(crate) fn summary(summary: &Summary, code: Code, simulated: f64) -> String {
             "range": e.range,
             "moved": e.moved,
         },
-        "warnings": summary.warnings.iter()
-            .map(|w| json!({"code": w.code, "message": w.message, "path": ""}))
-            .collect::<Vec<_>>(),
+        "warnings": run_warnings(&summary.warnings),
     })
     .to_string()
+}
+
+fn run_warnings(warnings: &[RunWarning]) -> Vec<Value> {
+    let data = |w: &RunWarning| json!({"code": w.code, "message": w.message, "path": ""});
+    warnings.iter().map(data).collect()
 }
 
 /// Why the run ended; what does not apply is left out.

@@ -13,8 +13,8 @@ use super::stated_joints::{Level, carry, moved, place, wind};
 use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
-use crate::model::{Body, InitialBody, Model, Orientation};
-use crate::system::{BodyPose, State, System};
+use crate::model::{Body, ElasticLaw, ForceKind, InitialBody, Model, Orientation};
+use crate::system::{BodyPose, Sample, State, System};
 use holonom_linalg::{BlockMatrix, Cholesky};
 use std::sync::Arc;
 
@@ -22,6 +22,9 @@ use std::sync::Arc;
 pub const PROJECTED: f64 = 1e-6;
 /// Stated values that moved less moved by round-off.
 pub(super) const MOVED: f64 = 1e-10;
+
+/// Points nearer than this part of a free length, or of the size of a model, are one.
+const COINCIDENT: f64 = 1e-8;
 
 /// Why no consistent start was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -93,6 +96,16 @@ pub enum AssemblyError {
         /// Body and direction.
         coordinate: String,
     },
+    /// The ends of a spring are at one place, where its force has no direction.
+    #[error(
+        "the ends of spring `{item}` coincide at the start, where its force of {force:.3e} N has no direction"
+    )]
+    CoincidentEnds {
+        /// Name of the spring.
+        item: String,
+        /// Elastic force, N.
+        force: f64,
+    },
     /// The equations could not be evaluated at the start.
     #[error("{0}")]
     Evaluation(#[from] EvaluationFailure),
@@ -106,6 +119,7 @@ impl AssemblyError {
             Self::Unreachable { .. } => "assembly/unreachable",
             Self::Contradiction { .. } => "assembly/contradiction",
             Self::SingularMass { .. } => "assembly/singular-mass",
+            Self::CoincidentEnds { .. } => "assembly/coincident-ends",
             Self::Evaluation(failure) => failure.code,
         }
     }
@@ -117,6 +131,7 @@ impl AssemblyError {
             | Self::StatedJoint { item, .. }
             | Self::Unreachable { item, .. }
             | Self::Contradiction { item, .. }
+            | Self::CoincidentEnds { item, .. }
             | Self::SingularMass { body: item, .. } => Some(item),
             Self::Evaluation(_) => None,
         }
@@ -135,6 +150,9 @@ impl AssemblyError {
                 "two joints prescribe the same motion differently; remove or change one of them"
             }
             Self::SingularMass { .. } => "give the body a mass and inertia, or hold it by a joint",
+            Self::CoincidentEnds { .. } => {
+                "move one of its points, or start where they are apart; only a spring of free length zero may begin there"
+            }
             Self::Evaluation(_) => "check the model near its initial state",
         }
     }
@@ -206,6 +224,7 @@ pub fn assemble(
     set_extra_states(model, &mut state.z);
     wind(system.as_ref(), model, &mut state);
     system.update_windings(state.t, &state.q, &mut state.winding);
+    refuse_coincident_ends(system.as_ref(), model, &state)?;
     let (manifold, state) = start(system, state, template)?;
     let mut adjustments = adjustments(model, system.as_ref(), &wanted, &before, &state);
     adjustments.extend(moved(model, &state));
@@ -310,6 +329,32 @@ fn check_dropped(
                     residual: residuals[k][row],
                 });
             }
+        }
+    }
+    Ok(())
+}
+
+/// A spring pushes along the line of its points.
+fn refuse_coincident_ends(
+    system: &dyn System,
+    model: &Model,
+    state: &State,
+) -> Result<(), AssemblyError> {
+    let sample = Sample::new(state);
+    for force in &model.forces {
+        let ForceKind::Tsda { law, free_length, .. } = &force.kind else { continue };
+        let elastic = match law {
+            ElasticLaw::Linear(stiffness) => -stiffness * free_length,
+            ElasticLaw::Table(table) => table.value_and_slope(-free_length).0,
+        };
+        let name = format!("{}.length", force.name);
+        let Some(channel) = system.channel_named(&name).filter(|_| elastic != 0.0) else {
+            continue;
+        };
+        let mut length = [0.0];
+        system.channel(channel, &sample, &mut length);
+        if length[0] <= COINCIDENT * free_length.max(system.characteristic_length()) {
+            return Err(AssemblyError::CoincidentEnds { item: force.name.clone(), force: elastic });
         }
     }
     Ok(())

@@ -138,7 +138,7 @@ fn solve(
 }
 
 /// Coordinates that are not stated; all of them where stated values are guesses.
-fn unknowns(system: &dyn System, model: &Model, level: Level) -> Unknowns {
+pub(super) fn unknowns(system: &dyn System, model: &Model, level: Level) -> Unknowns {
     let sizes = system.structure().sizes;
     let (n, d) = (sizes.per_body, sizes.translations);
     let keep = model.initial.assembly == Assembly::Keep;
@@ -166,8 +166,8 @@ fn unknowns(system: &dyn System, model: &Model, level: Level) -> Unknowns {
 
 /// Dense helper over free unknowns, with the couplings of bodies whose origin is stated while their
 /// orientation is free and their centre of mass lies elsewhere.
-struct Unknowns {
-    free: Vec<usize>,
+pub(super) struct Unknowns {
+    pub(super) free: Vec<usize>,
     /// Per such body: first coordinate and W = ∂(A c)/∂p (3×4, planar 2×1) by rows.
     coupled: Vec<usize>,
 }

@@ -278,7 +278,13 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
             return refuse("newmark_gamma", gamma, rule);
         }
     }
-    positive("repartition_factor", options.repartition_factor)?;
+    if !(options.repartition_factor.is_finite() && options.repartition_factor > 1.0) {
+        return refuse("repartition_factor", options.repartition_factor, "above 1");
+    }
+    positive("max_seconds", options.max_seconds)?;
+    if options.max_steps == 0 {
+        return refuse("max_steps", 0.0, "at least 1");
+    }
     let end = options.end_time;
     if !end.is_finite() {
         return refuse("end_time", end, "finite");

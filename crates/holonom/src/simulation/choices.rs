@@ -145,6 +145,17 @@ impl Choices {
         })
     }
 
+    /// Options with which a model is checked: those of its file. Where that states no end, the run ends at
+    /// once.
+    ///
+    /// # Errors
+    /// As [`Choices::resolve`].
+    pub fn of_file(model: &Model) -> Result<Options, RunError> {
+        let start = model.simulation.start_time.unwrap_or_default();
+        let end_time = model.simulation.end_time.or(Some(start));
+        Self { end_time, ..Self::default() }.resolve(model, start)
+    }
+
     /// Options of a run from `start`, s, as choices that state all of them.
     pub fn of(options: &Options, start: f64) -> Self {
         let Tolerance { relative, translation, rotation } = options.tolerance;

@@ -26,6 +26,6 @@ pub use options::{Options, OutputTimes};
 pub use problem::{
     AccelerationSummary, EdgeCoordinate, EdgeSummary, ModelSummary, Problem, RedundantRow,
 };
-pub use run::{Summary, run};
+pub use run::{Summary, check_run, run};
 pub use statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 pub use trajectory::{Chunk, EventKind, EventRecord, Flow, Memory, Sink, StepOutcome, StepRecord};

@@ -4,7 +4,9 @@ use super::checks::{RunError, check_state, why};
 use crate::model::{Dimension, Model};
 use crate::reduction::accelerations::{AccelerationCosts, Accelerations};
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
-use crate::reduction::{Manifold, Parametrization, Relatives, Source};
+use crate::reduction::{
+    ChosenVelocity, Manifold, Parametrization, Relatives, Source, chosen_velocities,
+};
 use crate::system::{Channel, EdgeSource, RowKind, State, System, compile, compile_along};
 use crate::topology::{Forest, Shape};
 use crate::watch::stage;
@@ -16,6 +18,7 @@ pub struct Problem {
     model: Arc<Model>,
     system: Arc<dyn System>,
     assembled: Arc<OnceLock<Result<Assembled, AssemblyError>>>,
+    chosen: Arc<OnceLock<Vec<ChosenVelocity>>>,
     /// The problem that this one differs from in numbers only: its symbolic work serves here too.
     base: Option<Arc<Problem>>,
 }
@@ -105,7 +108,13 @@ impl Problem {
     /// Compiles a model.
     pub fn new(model: Model) -> Self {
         let system = compile(&model);
-        Self { model: Arc::new(model), system, assembled: Arc::default(), base: None }
+        Self {
+            model: Arc::new(model),
+            system,
+            assembled: Arc::default(),
+            chosen: Arc::default(),
+            base: None,
+        }
     }
 
     /// The problem of a model that may differ in numbers only: patterns and pivot orders are then
@@ -114,7 +123,13 @@ impl Problem {
         match self.system.with_values(&model) {
             Some(system) => {
                 let base = self.base.clone().unwrap_or_else(|| Arc::new(self.clone()));
-                Self { model: Arc::new(model), system, assembled: Arc::default(), base: Some(base) }
+                Self {
+                    model: Arc::new(model),
+                    system,
+                    assembled: Arc::default(),
+                    chosen: Arc::default(),
+                    base: Some(base),
+                }
             }
             None => Self::new(model),
         }
@@ -127,7 +142,12 @@ impl Problem {
         }
         let mut model = self.model.as_ref().clone();
         model.simulation.start_time = Some(t);
-        Self { model: Arc::new(model), assembled: Arc::default(), ..self.clone() }
+        Self {
+            model: Arc::new(model),
+            assembled: Arc::default(),
+            chosen: Arc::default(),
+            ..self.clone()
+        }
     }
 
     /// The same problem along the forest of another that differs in numbers only; `None` if it differs in more.
@@ -140,7 +160,13 @@ impl Problem {
             return None;
         }
         let system = compile_along(&self.model, forest);
-        Some(Self { model: self.model.clone(), system, assembled: Arc::default(), base: None })
+        Some(Self {
+            model: self.model.clone(),
+            system,
+            assembled: Arc::default(),
+            chosen: Arc::default(),
+            base: None,
+        })
     }
 
     /// The model.
@@ -174,6 +200,12 @@ impl Problem {
         check_state(self.system.as_ref(), state)?;
         let template = self.base.as_deref().unwrap_or(self).manifold();
         Ok(start(&self.system, state.clone(), template)?)
+    }
+
+    /// Initial velocities that nothing determines and that are not zero.
+    pub fn chosen_velocities(&self) -> &[ChosenVelocity] {
+        let Ok(assembled) = self.assemble() else { return &[] };
+        self.chosen.get_or_init(|| chosen_velocities(&self.system, &self.model, assembled))
     }
 
     fn manifold(&self) -> Option<&Manifold> {

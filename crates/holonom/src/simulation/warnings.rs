@@ -1,7 +1,9 @@
 //! What a finished run warns of.
 
 use super::statistics::{EnergySummary, RunWarning, Statistics};
+use crate::error::shown;
 use crate::model::Tolerance;
+use crate::reduction::ChosenVelocity;
 use crate::system::System;
 
 /// Share of the energy moved that may be missing without a warning, however tight the tolerance.
@@ -12,6 +14,8 @@ const TOLERANCES: f64 = 10.0;
 const LARGEST_DRIFT: f64 = 30.0;
 /// Redundant constraints that a warning names.
 const REDUNDANT_SHOWN: usize = 8;
+/// Chosen velocities that a warning names.
+const CHOSEN_SHOWN: usize = 8;
 
 /// Warnings of a run with the redundant rows `dropped`; an imbalance of `negligible` joules says nothing, `drift` is
 /// that of [`super::drift`] in tolerances.
@@ -55,6 +59,23 @@ pub(super) fn warnings(
         out.push(RunWarning { code: "simulation/energy-imbalance", message });
     }
     out
+}
+
+/// Says which initial velocities nothing determines.
+pub(super) fn chosen(chosen: &[ChosenVelocity]) -> Option<RunWarning> {
+    let shown: Vec<String> = (chosen.iter().take(CHOSEN_SHOWN))
+        .map(|c| format!("`{}` {} {}", c.coordinate, shown(c.rate), c.unit))
+        .collect();
+    let more = match chosen.len().saturating_sub(CHOSEN_SHOWN) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    let message = format!(
+        "nothing states or determines these initial velocities, which were chosen with least change from \
+         rest: {}{more}; state them under [initial.joints] or [initial.bodies], zeros included",
+        shown.join(", ")
+    );
+    (!chosen.is_empty()).then_some(RunWarning { code: "model/not-stated", message })
 }
 
 /// Names redundant constraints and says what that means for reactions.

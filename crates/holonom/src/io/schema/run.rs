@@ -43,6 +43,7 @@ pub(crate) struct Simulation {
     #[schemars(extend("x-unit" = "s"))]
     pub(crate) initial_step: Option<f64>,
     /// Largest number of steps.
+    #[schemars(range(min = 1))]
     pub(crate) max_steps: Option<u64>,
     /// Largest wall time of a run with its assembly, positive.
     #[schemars(extend("x-unit" = "s"))]

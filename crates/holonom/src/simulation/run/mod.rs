@@ -8,7 +8,7 @@ use crate::error::EvaluationFailure;
 use crate::method::StateSpace;
 use crate::method::stepper::{Rejection, Stepper, initial_step};
 use crate::reduction::Choice;
-use crate::reduction::assembly::PROJECTED;
+use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::simulation::checks::RunError;
 use crate::simulation::clock::{Elapsed, Stopwatch};
 use crate::simulation::diagnosis::Stop;
@@ -22,7 +22,8 @@ use crate::simulation::recorder::{Inside, Recorder};
 use crate::simulation::reparametrization::no_longer_redundant;
 use crate::simulation::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 use crate::simulation::step_length::{self, clip, smallest_step};
-use crate::simulation::trajectory::{EventKind, Sink};
+use crate::simulation::trajectory::{EventKind, Memory, Sink};
+use crate::simulation::warnings::chosen;
 use crate::system::{EnergyBalance, State, System};
 use crate::watch::{stage, within};
 use std::sync::Arc;
@@ -77,6 +78,9 @@ pub fn run(
     took += Stopwatch::of_others(&options.threads) - others;
     run.statistics.run_seconds = took.wall.as_secs_f64();
     run.statistics.run_cpu_seconds = took.processor.as_secs_f64();
+    if from.is_none() {
+        run.warnings.extend(chosen(problem.chosen_velocities()));
+    }
     Ok(Summary {
         status,
         stop,
@@ -86,6 +90,21 @@ pub fn run(
         end: run.state,
         warnings: run.warnings,
     })
+}
+
+/// Refuses what [`run`] refuses, before the first step: choices, channels, tables, the initial state, and
+/// equations that cannot be evaluated there. The warnings say what was chosen where nothing is stated.
+///
+/// # Errors
+/// As [`run`].
+pub fn check_run(problem: &Problem, options: &Options) -> Result<Vec<RunWarning>, RunError> {
+    let mut none = Memory::default();
+    let mut run = set_up::set_up(problem, options, None, &mut none, Stopwatch::start())?;
+    run.form.begin_step(&run.state);
+    run.form.pack(&run.state, &mut run.w);
+    run.evaluate_slope()
+        .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?;
+    Ok(chosen(problem.chosen_velocities()).into_iter().collect())
 }
 
 /// Everything of one run.

@@ -1,0 +1,70 @@
+//! Initial velocities that nothing determines.
+
+use super::assembly::Assembled;
+use super::closing::{closed, unknowns};
+use super::stated_joints::Level;
+use crate::model::{Assembly, InitialBody, Model};
+use crate::system::{Measure, System};
+use std::sync::Arc;
+
+/// A velocity below this counts as rest, m/s or rad/s.
+const REST: f64 = 1e-9;
+/// Part of a disturbance that what is determined may follow by round-off.
+const FOLLOWS: f64 = 1e-6;
+
+/// An initial velocity that neither stated values nor joints and drivers determine: the one of least change
+/// was taken.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ChosenVelocity {
+    /// The relative coordinate, `slide.displacement`.
+    pub coordinate: String,
+    /// Its rate.
+    pub rate: f64,
+    /// m/s or rad/s.
+    pub unit: &'static str,
+}
+
+/// The chosen velocities that are not zero, by independent coordinate. Whatever follows a disturbance of the
+/// unstated velocities is not determined.
+pub fn chosen_velocities(
+    system: &Arc<dyn System>,
+    model: &Model,
+    assembled: &Assembled,
+) -> Vec<ChosenVelocity> {
+    let state = &assembled.state;
+    let none = InitialBody::default();
+    let moves = |x: [f64; 3]| x.iter().any(|x| x.abs() > REST);
+    let unstated_moves = (0..model.bodies.len()).any(|b| {
+        let pose = system.body(b, &state.q, &state.v);
+        let own = model.initial.bodies.get(b).unwrap_or(&none);
+        (own.velocity.is_none() && moves(pose.velocity))
+            || (own.angular_velocity.is_none() && moves(pose.angular_velocity))
+    });
+    if !unstated_moves || model.initial.assembly == Assembly::Adjust {
+        return Vec::new();
+    }
+    let mut disturbed = state.clone();
+    for (k, i) in unknowns(system.as_ref(), model, Level::Velocity).free.into_iter().enumerate() {
+        // Any numbers of which none is a multiple of another by chance.
+        disturbed.v[i] += 0.5 + (0.618_033_988_749_895 * k as f64).fract();
+    }
+    let Ok((disturbed, _)) = closed(system, model, Level::Velocity, &disturbed) else {
+        return Vec::new();
+    };
+    let parametrization = assembled.manifold.chart().parametrization();
+    let mut rates = vec![0.0; parametrization.ndof];
+    let mut others = rates.clone();
+    parametrization.rates(system.as_ref(), &state.q, &state.v, &mut rates);
+    parametrization.rates(system.as_ref(), &state.q, &disturbed.v, &mut others);
+    (0..parametrization.ndof)
+        .filter(|&k| rates[k].abs() > REST && (others[k] - rates[k]).abs() > FOLLOWS)
+        .map(|k| ChosenVelocity {
+            coordinate: parametrization.name(system.as_ref(), k),
+            rate: rates[k],
+            unit: match parametrization.measure(system.as_ref(), k) {
+                Measure::Length => "m/s",
+                Measure::Angle => "rad/s",
+            },
+        })
+        .collect()
+}
