@@ -437,6 +437,7 @@ class Reader:
             steps: dict[str, Any] = {name: _numbers(row[name]) for name in DENSE}
             require({steps[n].size for n in ("t", "h", "chart", "degree")} == {row["count"]})
             charts = steps["chart"]
+            require(0 <= row["dimension"] < 2**31)
             require(row["count"] > 0 and _are_indices(charts, self._last["charts"]))
             first, last = int(charts.min()), int(charts.max())
             rows = [verified_row(self._db, "chart", key) for key in range(first, last + 1)]

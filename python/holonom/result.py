@@ -357,6 +357,9 @@ class Result:
                 for name, part in states.items():
                     values = part.reshape(places.size, -1)
                     found.setdefault(name, np.empty((times.size, values.shape[1])))
+                    if found[name].shape[1] != values.shape[1]:
+                        text = f"{self.path}: `{name}` in its steps does not fit its rows"
+                        raise FileError(f"{text}\n  help: run it again", "result/damaged")
                     found[name][index[places]] = values
         return found
 

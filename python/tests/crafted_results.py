@@ -43,6 +43,10 @@ def meta(key: str, value: Any) -> Change:
     text = value if isinstance(value, str) else json.dumps(value)
 
     def change(db: sqlite3.Connection) -> None:
+        if key != "keys":  # an entry that is not listed there is never read
+            (listed,) = db.execute("SELECT value FROM meta WHERE key = 'keys'").fetchone()
+            keys = json.dumps(sorted({*json.loads(listed), key}))
+            insert(db, "meta", ("keys", keys), "INSERT OR REPLACE")
         insert(db, "meta", (key, text), "INSERT OR REPLACE")
 
     return change
