@@ -39,8 +39,8 @@ class CoreModel:
     def check(self, spectrum: bool, on_stage: Callable[[str], None] | None) -> str:
         """Return JSON: counts, degrees of freedom, redundancy, adjustments, spectrum."""
 
-    def options(self, choices_json: str, start_time: float | None) -> str:
-        """Return JSON: all options of a run with these choices, from a state at ``start_time``."""
+    def options(self, choices_json: str, start_time: float | None) -> dict[str, Any]:
+        """Return all options of a run with these choices, from a state at ``start_time``."""
 
     def simulate(
         self,
@@ -49,8 +49,8 @@ class CoreModel:
         on_chunk: Callable[[dict[str, Any]], None],
         on_progress: Callable[[float, float, int], None],
         on_stage: Callable[[str], None],
-    ) -> str:
-        """Run and return a JSON summary; chunks of results go to ``on_chunk``.
+    ) -> dict[str, Any]:
+        """Run and return a summary; chunks of results go to ``on_chunk``.
 
         ``on_progress`` is called between steps, ``on_stage`` also within: what it raises ends the
         run at once.

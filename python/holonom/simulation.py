@@ -120,7 +120,7 @@ def _resolved(
     """Return what the run uses: what is stated, the rest from the model or by default."""
     start = None if state is None else float(state["time"][0])
     with translated():
-        chosen = json.loads(model._core.options(json.dumps(options.to_dict()), start))
+        chosen = model._core.options(json.dumps(options.to_dict()), start)
     return {name: value for name, value in chosen.items() if value is not None}
 
 
@@ -243,9 +243,7 @@ def _simulate(
             watch(stage)
 
     with translated():
-        text = model._core.simulate(json.dumps(chosen), state, on_chunk, on_progress, on_stage)
-    summary: dict[str, Any] = json.loads(text)
-    return summary
+        return model._core.simulate(json.dumps(chosen), state, on_chunk, on_progress, on_stage)
 
 
 class _Recorder:
@@ -349,17 +347,20 @@ def _deferred_interrupts() -> Iterator[Callable[[], None]]:
 
     So the core ends in good order, and what is written is whole.
     """
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(before):
+    if threading.current_thread() is not threading.main_thread():
         yield lambda: None
         return
     asked: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
+    if not callable(before):
+        signal.signal(signal.SIGINT, before)
+        yield lambda: None
+        return
 
     def heed() -> None:
         if asked:
             before(asked.pop(), None)
 
-    signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
     try:
         yield heed
     finally:

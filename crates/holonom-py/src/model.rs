@@ -151,9 +151,14 @@ impl CoreModel {
         watched(py, on_stage.as_ref(), work).whole()?.map_err(not_run)
     }
 
-    fn options(&self, choices_json: &str, start_time: Option<f64>) -> PyResult<String> {
+    fn options(
+        &self,
+        py: Python<'_>,
+        choices_json: &str,
+        start_time: Option<f64>,
+    ) -> PyResult<Py<PyAny>> {
         let (start, options) = self.resolve(choices_json, start_time)?;
-        Ok(serde_json::json!(Choices::of(&options, start)).to_string())
+        report::to_python(py, &serde_json::json!(Choices::of(&options, start)))
     }
 
     fn simulate(
@@ -164,7 +169,7 @@ impl CoreModel {
         on_chunk: Py<PyAny>,
         on_progress: Py<PyAny>,
         on_stage: Py<PyAny>,
-    ) -> PyResult<String> {
+    ) -> PyResult<Py<PyAny>> {
         let sizes = self.problem.system().structure().sizes;
         let from = match start {
             None => None,
@@ -194,7 +199,7 @@ impl CoreModel {
             return Err(error);
         }
         let summary = outcome.in_good_order()?.map_err(not_run)?;
-        Ok(report::summary(&summary, options.code, summary.end.t - first))
+        report::to_python(py, &report::summary(&summary, options.code, summary.end.t - first))
     }
 
     fn dense_states<'py>(

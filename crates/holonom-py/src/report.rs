@@ -8,7 +8,38 @@ use holonom::reduction::assembly::{Assembled, AssemblyError};
 use holonom::simulation::{
     AccelerationSummary, Choices, ModelSummary, Problem, RunWarning, Status, Summary,
 };
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList};
+use pyo3::{IntoPyObjectExt, Py, PyAny};
 use serde_json::{Value, json};
+
+/// Plain data as Python has it.
+pub(crate) fn to_python(py: Python<'_>, value: &Value) -> PyResult<Py<PyAny>> {
+    match value {
+        Value::Null => Ok(py.None()),
+        Value::Bool(flag) => flag.into_py_any(py),
+        Value::String(text) => text.into_py_any(py),
+        Value::Number(number) => match (number.as_i64(), number.as_u64()) {
+            (Some(whole), _) => whole.into_py_any(py),
+            (None, Some(whole)) => whole.into_py_any(py),
+            (None, None) => number.as_f64().into_py_any(py),
+        },
+        Value::Array(items) => {
+            let list = PyList::empty(py);
+            for item in items {
+                list.append(to_python(py, item)?)?;
+            }
+            list.into_py_any(py)
+        }
+        Value::Object(entries) => {
+            let dict = PyDict::new(py);
+            for (key, item) in entries {
+                dict.set_item(key, to_python(py, item)?)?;
+            }
+            dict.into_py_any(py)
+        }
+    }
+}
 
 pub(crate) fn methods() -> String {
     let list: Vec<Value> = CODES
@@ -148,7 +179,7 @@ fn accelerations(summary: &AccelerationSummary) -> Value {
     })
 }
 
-pub(crate) fn summary(summary: &Summary, code: Code, simulated: f64) -> String {
+pub(crate) fn summary(summary: &Summary, code: Code, simulated: f64) -> Value {
     let (s, e) = (&summary.statistics, &summary.energy);
     let cpu_seconds = s.assembly_cpu_seconds + s.run_cpu_seconds;
     let per_second = if simulated > 0.0 { cpu_seconds / simulated } else { 0.0 };
@@ -207,7 +238,6 @@ pub(crate) fn summary(summary: &Summary, code: Code, simulated: f64) -> String {
         },
         "warnings": run_warnings(&summary.warnings),
     })
-    .to_string()
 }
 
 fn run_warnings(warnings: &[RunWarning]) -> Vec<Value> {
