@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from holonom import files, plotting
+from holonom import files, pictures, svg
 from holonom.check import plain
 from holonom.summary import STATUS, certified, summarize, with_unit
 
@@ -46,7 +46,8 @@ h2 { font-size: 1.15rem; margin: 2.6rem 0 .7rem; }
 .tiles b { display: block; font-size: 1.25rem; font-weight: 600; }
 .tiles span { color: var(--faint); font-size: .82rem; }
 figure { overflow-x: auto; }
-figure svg { width: 100%; height: auto; min-width: 34rem; display: block; color: var(--ink); }
+figure svg { width: 100%; max-width: 46rem; height: auto; min-width: 24rem; margin: 0 auto;
+  display: block;  color: var(--ink); }
 figcaption, p.note { color: var(--faint); font-size: .88rem; margin: .4rem 0 0; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { text-align: left; vertical-align: top; padding: .28rem .8rem .28rem 0;
@@ -173,16 +174,15 @@ def _channels(result: Result) -> str:
     if not names:
         return ""
     figures = [
-        _figure(plotting.channels(result, [name]), name, _frame_note(result, name))
-        for name in names
+        _figure(pictures.channels(result, [name]), _frame_note(result, name)) for name in names
     ]
     return "<h2>Channels</h2>" + "".join(figures) + note
 
 
 def _frame_note(result: Result, name: str) -> str:
     stored = "stored" if name in result.channels else "computed from the stored states"
-    unit = plotting.unit_text(result.unit(name)) or "no unit"
-    parts = filter(None, (unit, plotting.frame_text(result.frame(name)), stored))
+    unit = pictures.unit_text(result.unit(name)) or "no unit"
+    parts = filter(None, (unit, pictures.frame_text(result.frame(name)), stored))
     return f"{name}: {', '.join(parts)}"
 
 
@@ -191,7 +191,7 @@ def _steps(result: Result) -> str:
     if not log["t"].size:
         return ""
     caption = "Size of every attempted step; crosses mark attempts that were rejected."
-    return "<h2>Step size</h2>" + _figure(plotting.step_sizes(log), "step size", caption)
+    return "<h2>Step size</h2>" + _figure(pictures.step_sizes(log), caption)
 
 
 def _residuals(result: Result) -> str:
@@ -199,7 +199,7 @@ def _residuals(result: Result) -> str:
     if not any(np.any(result[name]) for name in names):
         return ""
     caption = "Largest residual of all constraints at each output time; exact zeros are not drawn."
-    figure = _figure(plotting.residuals(result, names), "constraint residuals", caption)
+    figure = _figure(pictures.residuals(result, names), caption)
     return "<h2>Constraint residuals</h2>" + figure
 
 
@@ -219,7 +219,7 @@ def _energy(result: Result) -> str:
     caption = "The imbalance is what the ledger of the other terms does not account for."
     return (
         "<h2>Energy</h2>"
-        + _figure(plotting.energy(result, names), "energy", caption)
+        + _figure(pictures.energy(result, names), caption)
         + _card(_grid(("J", "at the start", "at the end", "largest size"), rows))
     )
 
@@ -307,6 +307,5 @@ def _card(body: str) -> str:
     return f'<div class="card">{body}</div>'
 
 
-def _figure(figure: Any, title: str, caption: str) -> str:
-    svg = plotting.inline_svg(figure, title)
-    return f"<figure>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+def _figure(picture: pictures.Picture, caption: str) -> str:
+    return f"<figure>{svg.element(picture)}<figcaption>{escape(caption)}</figcaption></figure>"

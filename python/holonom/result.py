@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from holonom import files
+from holonom import files, pictures
 from holonom.certification import Certification
 from holonom.errors import FileError, UsageError
 from holonom.memory import Memory, Stored
@@ -28,7 +28,9 @@ from holonom.text import quoted, shown
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]
     import xarray
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+
+    from holonom.pictures import Picture
 
 
 #: Times that differ by this part of a second, or of themselves, are the same.
@@ -479,34 +481,53 @@ class Result:
         self._reader.save(Path(path), force=force)
         return Path(path)
 
-    def plot(self, *channels: str, path: str | Path | None = None, force: bool = False) -> Figure:
-        """Draw channels over time, one plot below the other.
+    def plot(
+        self,
+        *channels: str,
+        path: str | Path | None = None,
+        axes: Axes | Sequence[Axes] | None = None,
+        force: bool = False,
+    ) -> Picture:
+        """Draw channels over time, one panel below the other.
+
+        A notebook shows what is returned.
 
         Parameters
         ----------
         *channels : str
             Names or patterns; what the run was asked for when none is given.
         path : path, optional
-            Picture file to write: SVG, PDF or PNG by its ending.
+            Picture file to write: SVG, or with matplotlib PDF or PNG, by its ending.
+        axes : matplotlib axes, or a sequence of them, optional
+            Draw on these, one for each panel.
         force : bool
             Whether a file that is no picture by Holonom may be replaced.
 
         Returns
         -------
-        matplotlib.figure.Figure
+        Picture
+            ``figure()`` makes a figure of matplotlib of it, ``save(path)`` a file.
 
         Raises
         ------
         UsageError
-            If a channel is unknown, or matplotlib is not installed.
+            If a channel is unknown, there are not as many axes as panels, or the format is not
+            known or needs matplotlib, which is not installed.
+        FileError
+            If the file cannot be written.
         """
-        from holonom import plotting  # here: matplotlib is an extra
-
-        target = None if path is None else Path(path)
+        target = None if path is None else as_path(path)
         if target is not None:  # before the work, not after it
+            from holonom import plotting
+
             kind = plotting.require_format(target)
             files.require_target(target, kind, inputs=[self.path], force=force)
-        return plotting.plot(self, list(channels), target, force=force)
+        picture = pictures.plot(self, list(channels))
+        if axes is not None:
+            picture.draw(axes)
+        if target is not None:
+            picture.save(target, inputs=[self.path], force=force)
+        return picture
 
     def report(self, path: str | Path, *, force: bool = False) -> Path:
         """Write a self-contained HTML page about the run and return its path.
@@ -522,7 +543,7 @@ class Result:
         FileError
             If it cannot be written, or would replace another file.
         """
-        from holonom import report  # here: matplotlib is an extra
+        from holonom import report
 
         return report.write(self, Path(path), force=force)
 

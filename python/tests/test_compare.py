@@ -543,14 +543,15 @@ def test_csv_and_json_hold_the_same_rows(compared: Comparison, tmp_path: Path) -
 
 
 def test_the_diagram_has_a_line_of_points_per_method(compared: Comparison, tmp_path: Path) -> None:
-    figure = compared.plot(tmp_path / "work.svg")
-    (axes,) = figure.axes
-    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
-    for method, line in zip(("ForSDIRK", "ForRosen"), axes.lines, strict=False):
+    picture = compared.plot(tmp_path / "work.svg")
+    (panel,) = picture.panels
+    assert picture.logarithmic
+    assert panel.logarithmic
+    for method, line in zip(("ForSDIRK", "ForRosen"), panel.lines, strict=False):
         rows = compared.of(method)
-        assert line.get_label() == method
-        np.testing.assert_array_equal(line.get_xdata(), [row.cpu_seconds for row in rows])
-        np.testing.assert_array_equal(line.get_ydata(), [compared.error(row) for row in rows])
+        assert line.label == method
+        np.testing.assert_array_equal(line.x, [row.cpu_seconds for row in rows])
+        np.testing.assert_array_equal(line.y, [compared.error(row) for row in rows])
     assert ET.parse(tmp_path / "work.svg").getroot().tag.endswith("svg")
 
 

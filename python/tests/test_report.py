@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from holonom import plotting
+from holonom import pictures, svg
 from holonom.errors import FileError, UsageError
 from holonom.report import render
 from holonom.result import Result
@@ -82,18 +82,19 @@ def test_the_report_says_what_the_result_holds(stored: Path) -> None:
 
 def test_every_rejected_step_is_marked(stored: Path) -> None:
     with Result.load(stored) as result:
-        svg = ET.fromstring(plotting.inline_svg(plotting.step_sizes(result.steps), "steps"))
-    crosses = [use for use in svg.iter(f"{SVG}use") if plotting.REJECTED in use.get("style", "")]
+        picture = ET.fromstring(svg.element(pictures.step_sizes(result.steps)))
+    crosses = [g for g in picture.iter(f"{SVG}g") if g.get("class") == "cross"]
+    assert all(g.get("stroke") == pictures.REJECTED for g in crosses)
     legend = 1
-    assert len(crosses) == 20 + legend
+    assert sum(len(g) for g in crosses) == 20 + legend
 
 
 def test_pictures_take_the_ink_of_their_page(stored: Path) -> None:
     with Result.load(stored) as result:
-        svg = plotting.inline_svg(plotting.channels(result, ["rod.position"]), "position")
-    assert "currentColor" in svg
-    assert plotting._INK not in svg
-    assert "rod.position" in svg  # text is text, not outlines
+        text = svg.element(pictures.channels(result, ["rod.position"]))
+    assert "currentColor" in text
+    assert svg._INK not in text
+    assert "rod.position" in text  # text is text, not outlines
 
 
 def test_the_same_result_gives_the_same_picture(stored: Path, tmp_path: Path) -> None:
@@ -110,7 +111,7 @@ def test_pictures_are_written_by_their_ending(stored: Path, tmp_path: Path, endi
     target = tmp_path / "new" / f"picture{ending}"
     with Result.load(stored) as result:
         result.plot(path=target)
-    start = {".svg": b"<?xml", ".pdf": b"%PDF", ".png": b"\x89PNG"}[ending]
+    start = {".svg": b"<svg", ".pdf": b"%PDF", ".png": b"\x89PNG"}[ending]
     assert target.read_bytes().startswith(start)
 
 
@@ -147,10 +148,10 @@ def test_a_report_that_cannot_be_written_names_its_file(stored: Path) -> None:
 def test_small_movements_get_a_plot_of_their_own() -> None:
     t = np.linspace(0.0, 1.0, 50)
     travel = np.stack([10.0 * t, np.zeros(50), 0.1 * np.sin(t)], axis=1)
-    assert plotting._grouped(travel) == [[0, 1], [2]]
-    assert plotting._grouped(travel[:, :1]) == [[0]]
-    assert plotting._grouped(np.stack([0.45 + 0.004 * t, 0.0 * t], axis=1)) == [[0], [1]]
-    assert plotting._grouped(np.zeros((5, 3))) == [[0, 1, 2]]
+    assert pictures.grouped(travel) == [[0, 1], [2]]
+    assert pictures.grouped(travel[:, :1]) == [[0]]
+    assert pictures.grouped(np.stack([0.45 + 0.004 * t, 0.0 * t], axis=1)) == [[0], [1]]
+    assert pictures.grouped(np.zeros((5, 3))) == [[0, 1, 2]]
 
 
 def test_a_component_is_a_channel_of_its_own(stored: Path) -> None:
@@ -192,20 +193,38 @@ finite = st.floats(-1e6, 1e6)
 @given(arrays(float, st.integers(2, 20000), elements=finite, fill=finite))
 def test_thinning_keeps_ends_and_extremes(values: np.ndarray) -> None:
     t = np.arange(values.size, dtype=float)
-    thin_t, thin = plotting.thinned(t, values)
-    assert thin_t.size <= plotting.POINTS + 2
+    thin_t, thin = pictures.thinned(t, values)
+    assert thin_t.size <= pictures.POINTS + 2
     assert (thin.min(), thin.max()) == (values.min(), values.max())
     assert (thin_t[0], thin_t[-1]) == (t[0], t[-1])
     np.testing.assert_array_equal(thin, values[thin_t.astype(int)])
 
 
-def test_without_matplotlib_the_missing_extra_is_named(stored: Path) -> None:
-    script = (
-        "import sys; sys.modules['matplotlib'] = None\n"
-        "from holonom.cli import invoke\n"
-        f"sys.exit(invoke(['report', {str(stored)!r}]))"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+#: Runs a command line in an interpreter without libraries that a plain install lacks.
+PLAIN = """
+import sys
+for name in ("matplotlib", "pandas", "xarray", "scipy"):
+    sys.modules[name] = None
+from holonom.cli import invoke
+sys.exit(invoke(sys.argv[1:]))
+"""
+
+
+def plain(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", PLAIN, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+def test_a_plain_install_plots_and_reports(stored: Path, tmp_path: Path) -> None:
+    for command, target in (("plot", "rod.svg"), ("report", "rod.html")):
+        done = plain(command, stored, "-o", tmp_path / target)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert "<svg" in (tmp_path / target).read_text(encoding="utf-8")
+
+
+def test_what_needs_matplotlib_names_the_extra_and_what_does_not(stored: Path) -> None:
+    done = plain("plot", stored, "-o", stored.with_suffix(".png"))
     assert done.returncode == 1
     assert "extra `plot`" in done.stderr
+    assert ".svg" in done.stderr
     assert "Traceback" not in done.stderr

@@ -15,9 +15,10 @@ from holonom.options import Tolerance
 from holonom.study.accuracy import ComponentError, Kind
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
+
+    from holonom.pictures import Picture
 
 #: Counts of work in the order of reading, with their headings.
 COUNTS = {
@@ -332,24 +333,28 @@ class Comparison:
         table = [["method", "tolerance", *head], *lines]
         return files.write_table(Path(path), "comparison", table, force=force)
 
-    def plot(self, path: str | Path | None = None, *, force: bool = False) -> Figure:
+    def plot(self, path: str | Path | None = None, *, force: bool = False) -> Picture:
         """Draw the work-precision diagram: `error` against processor time, a line per method.
 
         Parameters
         ----------
         path : path, optional
-            Picture file to write: SVG, PDF or PNG by its ending.
+            Picture file to write: SVG, or with matplotlib PDF or PNG, by its ending.
         force : bool
             Whether a file that is no picture by Holonom may be replaced.
 
         Raises
         ------
         UsageError
-            If nothing completed, or matplotlib is not installed.
+            If nothing completed, or the format is not known or needs matplotlib, which is not
+            installed.
         """
-        from holonom import plotting  # here: matplotlib is an extra
+        from holonom import pictures
 
-        return plotting.work_precision(self, None if path is None else Path(path), force=force)
+        picture = pictures.work_precision(self)
+        if path is not None:
+            picture.save(path, force=force)
+        return picture
 
     def table(self) -> Table:
         """Return the rows as a table of `rich`."""
