@@ -1,4 +1,4 @@
-"""The command line: ``holonom run | compare | check | plot | report | export | info | schema``."""
+"""The command line: ``holonom run | check | models | …``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from holonom import files
+from holonom import files, library
 from holonom.errors import (
     Exit,
     FileError,
@@ -45,7 +45,12 @@ app = typer.Typer(
 #: Lines of an error analysis that are printed; a longer one goes to a file.
 ANALYSIS_SHOWN = 240
 
-ModelFile = Annotated[Path, typer.Argument(metavar="MODEL", help="Model file, TOML or JSON.")]
+#: Begins a model argument that names one of the library.
+LIBRARY = "library:"
+
+ModelFile = Annotated[
+    Path, typer.Argument(metavar="MODEL", help="Model file, TOML or JSON, or library:NAME.")
+]
 ResultFile = Annotated[Path, typer.Argument(metavar="RESULT", help="Result file.")]
 Values = Annotated[
     list[str] | None,
@@ -503,6 +508,39 @@ def info(result: ResultFile, recover: Recover = False, json_: Json = False) -> i
 
 
 @app.command()
+def models(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="What one of them is, and its source.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", metavar="FOLDER", help="Copy it there, to change it."),
+    ] = None,
+    json_: Json = False,
+) -> int:
+    """List the models that come with Holonom; MODEL is `library:NAME` in other commands."""
+    if name is None:
+        if output is not None:
+            raise UsageError("`-o` needs the name of a model; `holonom models` lists them")
+        found = library.entries()
+        if json_:
+            _print_json([{"name": e.name, "title": e.title, "model": str(e.path)} for e in found])
+        else:
+            typer.echo("\n".join(f"{e.name:<22}{e.title}" for e in found))
+    elif output is None:
+        entry = library.entry(name)
+        text = (entry.path.parent / "README.md").read_text(encoding="utf-8").rstrip("\n")
+        if json_:
+            facts = {"name": entry.name, "title": entry.title, "model": str(entry.path)}
+            _print_json(facts | {"text": text})
+        else:
+            typer.echo(f"{text}\n\nmodel file: {entry.path}")
+    else:
+        return _done("model", library.copy(name, output)[0] / "model.toml", json_)
+    return Exit.OK
+
+
+@app.command()
 def schema(
     reference: Annotated[
         bool, typer.Option("--reference", help="Print the reference page, in Markdown.")
@@ -626,6 +664,8 @@ def _print_version(json_: bool) -> None:
 
 
 def _load(path: Path, values: list[str] | None) -> Model:
+    if str(path).startswith(LIBRARY):
+        path = library.entry(str(path).removeprefix(LIBRARY)).path
     with Stages(path.name) as watch:
         model = Model.load(path, watch=watch)
     changes = {}

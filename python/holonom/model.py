@@ -6,7 +6,6 @@ import fnmatch
 import html
 import json
 import re
-import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom import _core, toml
+from holonom import _core, files, library, toml
 from holonom.check import CheckReport
 from holonom.errors import FileError, ModelError, Problem, UsageError, translated
 from holonom.names import did_you_mean, nearest_channels
@@ -42,7 +41,7 @@ Watch = Callable[[str], None]
 class Model:
     """A validated model: bodies, joints, forces, drivers and their initial state.
 
-    Make one with `Model.load` or `Model.from_text`. A model never changes.
+    Make one with `Model.load`, `Model.from_text` or `Model.library`. A model never changes.
 
     Examples
     --------
@@ -90,7 +89,9 @@ class Model:
         def read(name: str) -> str:  # the core has joined `extends` to the name of its file
             target = Path(as_name(name)).resolve()
             if not target.is_relative_to(tree):
-                raise FileError(f"it lies outside the folder tree {tree}", "copy it into this tree")
+                raise FileError(
+                    f"it lies outside the folder tree {tree}", help="copy it into this tree"
+                )
             return _read(target)
 
         syntax = "json" if path.suffix.lower() == ".json" else "toml"
@@ -135,7 +136,9 @@ class Model:
         require_text(text, "the text of the model")
 
         def read(_: str) -> str:
-            raise FileError("a model given as text cannot extend a file", "use `Model.load(path)`")
+            raise FileError(
+                "a model given as text cannot extend a file", help="use `Model.load(path)`"
+            )
 
         with translated():
             return cls(_core.parse(text, syntax, as_text(name), read, None), shown(name))
@@ -183,18 +186,12 @@ class Model:
                 Model.load(path)
             except ModelError:
                 raise FileError(
-                    f"{path} is there and is no model; it is not overwritten", "take another name"
+                    f"{path} is there and is no model; it is not overwritten",
+                    "file/protected",
+                    "take another name",
                 ) from None
-        try:
-            path = path.resolve()
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(dir=path.parent, prefix=".holonom-") as folder:
-                fresh = Path(folder) / path.name
-                fresh.write_text(text, encoding="utf-8")
-                fresh.replace(path)
-        except OSError as error:
-            raise FileError(f"{path}: {error.strerror or error}") from None
-        return path
+        # What is there is a model, or nothing.
+        return files.write_text(path, "model", text, force=True)
 
     @property
     def bodies(self) -> Mapping[str, Any]:
@@ -226,6 +223,17 @@ class Model:
             self._tree = frozen(json.loads(self.to_json(plain=True)))
         found: Mapping[str, Any] = self._tree.get(kind, MappingProxyType({}))
         return found
+
+    @classmethod
+    def library(cls, name: str) -> Model:
+        """Read a model that comes with Holonom, such as ``hmmwv14``; ``holonom models`` lists them.
+
+        Raises
+        ------
+        UsageError
+            If there is none of this name; it tells the nearest ones.
+        """
+        return cls.load(library.entry(name).path)
 
     def with_values(self, values: Mapping[str, Any]) -> Model:
         """Return the model with other values.
@@ -552,7 +560,7 @@ def _read(path: Path) -> str:
         raise FileError(f"{path} is a folder, not a model file", tip)
     try:
         if path.exists() and not path.is_file():
-            raise FileError(f"{path} is not a regular file", "save the model in a file first")
+            raise FileError(f"{path} is not a regular file", help="save the model in a file first")
         if path.stat().st_size > MAX_FILE_SIZE:
             raise ModelError(
                 Problem(

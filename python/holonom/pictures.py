@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from holonom.comparison import Comparison
     from holonom.result import Result
+    from holonom.study.comparison import Comparison
 
 Series = NDArray[np.float64]
 

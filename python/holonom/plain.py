@@ -41,7 +41,7 @@ def as_path(path: str | Path) -> Path:
             f"{quoted(repr(path))} is no path", help="pass a text or a pathlib.Path"
         ) from None
     if "\0" in str(found):
-        raise FileError(f"{quoted(found)} holds a NUL, which no file name can", "leave it out")
+        raise FileError(f"{quoted(found)} holds a NUL, which no file name can", help="leave it out")
     return found
 
 

@@ -1,0 +1,106 @@
+"""The models that come with Holonom: mechanisms with a source, and values to compare with."""
+
+from __future__ import annotations
+
+import difflib
+import re
+import shutil
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from holonom.errors import FileError, UsageError
+
+#: A folder for each model; in the repository a link to `models/`.
+FOLDER = Path(__file__).parent / "models"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A model of the library.
+
+    Attributes
+    ----------
+    name : str
+        Name of its folder.
+    title : str
+        What it is, in one line.
+    path : Path
+        The model file; ``README.md`` beside it tells source and reference values.
+    """
+
+    name: str
+    title: str
+    path: Path
+
+
+def entries() -> list[Entry]:
+    """Return the models of the library by name."""
+    found = []
+    for path in sorted(FOLDER.glob("*/model.toml")):
+        title = tomllib.loads(path.read_text(encoding="utf-8")).get("title", "")
+        found.append(Entry(path.parent.name, title, path))
+    return found
+
+
+def entry(name: str) -> Entry:
+    """Return a model of the library.
+
+    Raises
+    ------
+    UsageError
+        If there is none of this name; it tells the nearest ones.
+    """
+    known = {found.name: found for found in entries()}
+    if isinstance(name, str) and name in known:
+        return known[name]
+    near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.4)
+    raise UsageError(
+        f"the library has no model {name!r}"
+        + (f"; did you mean {' or '.join(f'`{n}`' for n in near)}?" if near else "")
+        + "\n  help: `holonom models` lists all of them"
+    )
+
+
+def copy(name: str, folder: Path) -> list[Path]:
+    """Copy a model with all that belongs to it, and those it extends, into a folder.
+
+    Returns
+    -------
+    list of Path
+        The new folders, each with ``model.toml`` and README; that of the model is the first.
+
+    Raises
+    ------
+    UsageError
+        If there is no such model.
+    FileError
+        If one of the folders is there already, or cannot be written.
+    """
+    sources = list(_extended(entry(name)))
+    targets = [folder / source.name for source in sources]
+    for target in targets:
+        if target.exists():
+            raise FileError(
+                f"{target} is there already; it is not overwritten"
+                "\n  help: give another folder, or move this one away"
+            )
+    try:
+        for source, target in zip(sources, targets, strict=True):
+            target.mkdir(parents=True)
+            for file in sorted(source.path.parent.iterdir()):
+                if file.is_file():
+                    # Contents only: what is installed may be read-only.
+                    shutil.copyfile(file, target / file.name)
+    except OSError as error:
+        raise FileError(f"{error.filename or folder}: {error.strerror or error}") from None
+    return targets
+
+
+def _extended(found: Entry) -> Iterable[Entry]:
+    """Yield a model and those that it extends."""
+    yield found
+    base = tomllib.loads(found.path.read_text(encoding="utf-8")).get("extends", "")
+    if match := re.fullmatch(r"\.\./(\w+)/model\.toml", base):
+        yield from _extended(entry(match[1]))
