@@ -16,6 +16,14 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from holonom import files, library
+from holonom.cli_options import (
+    read_changes,
+    read_methods,
+    read_times,
+    read_tolerance,
+    read_tolerances,
+    takes_options,
+)
 from holonom.errors import (
     Exit,
     FileError,
@@ -86,6 +94,7 @@ def command(
 
 
 @app.command()
+@takes_options
 def run(
     model: ModelFile,
     output: Annotated[
@@ -97,20 +106,6 @@ def run(
             "An older one stands until the run is beyond its start.",
         ),
     ] = None,
-    end_time: Annotated[float | None, _seconds("--end-time", "Time at which the run ends.")] = None,
-    tolerance: Annotated[
-        str | None,
-        typer.Option(
-            help="A number, or some of relative=1e-3,translation=1e-4,rotation=1e-4 (SI); "
-            "the others are the model's."
-        ),
-    ] = None,
-    method: Annotated[str | None, typer.Option(help="Integration code, such as ForSDIRK.")] = None,
-    formula: Annotated[str | None, typer.Option(help="Formula, when METHOD is a family.")] = None,
-    interval: Annotated[float | None, _seconds("--interval", "Time between outputs.")] = None,
-    channel: Annotated[
-        list[str] | None, typer.Option("-c", "--channel", help="Channel to store; repeatable.")
-    ] = None,
     start: Annotated[
         Path | None,
         typer.Option(
@@ -120,34 +115,6 @@ def run(
         ),
     ] = None,
     at: Annotated[float | None, _seconds("--at", "Which state; the last one by default.")] = None,
-    fixed_step: Annotated[float | None, _seconds("--fixed-step", "Steps of this size.")] = None,
-    max_step: Annotated[float | None, _seconds("--max-step", "Largest step size.")] = None,
-    initial_step: Annotated[float | None, _seconds("--initial-step", "First step size.")] = None,
-    max_steps: Annotated[int | None, typer.Option(help="Largest number of steps.")] = None,
-    max_seconds: Annotated[float | None, _seconds("--max-seconds", "Largest wall time.")] = None,
-    parametrization: Annotated[
-        str | None, typer.Option(help="tree, partitioning, tangent_plane or tangent_plane_svd.")
-    ] = None,
-    jacobian: Annotated[str | None, typer.Option(help="analytic or differences.")] = None,
-    newton: Annotated[str | None, typer.Option(help="auto, dense or sparse.")] = None,
-    accelerations: Annotated[
-        str | None, typer.Option(help="auto, recursive, null_space, reduced or augmented.")
-    ] = None,
-    threads: Annotated[
-        int | None, typer.Option(help="Threads that share the work on large models; 1 by default.")
-    ] = None,
-    profile: Annotated[str | None, typer.Option(help="improved or thesis.")] = None,
-    dense_output: Annotated[
-        bool | None,
-        typer.Option(
-            "--dense-output/--no-dense-output",
-            help="Store what states at any time are made of; by default with implicit codes.",
-        ),
-    ] = None,
-    newmark_gamma: Annotated[
-        float | None, typer.Option(help="γ of Newmark's formula, for SspTrap and InflTrap.")
-    ] = None,
-    newmark_beta: Annotated[float | None, typer.Option(help="β of the same.")] = None,
     certify: Annotated[
         bool,
         typer.Option(
@@ -163,36 +130,16 @@ def run(
     values: Values = None,
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
     json_: Json = False,
+    *,
+    choices: dict[str, Any],
 ) -> int:
     """Run a model and store the result."""
     loaded = _load(model, values)
     target = output or Path("results") / f"{loaded.name}.holonom"
-    choices: dict[str, Any] = {
-        "end_time": end_time,
-        "tolerance": None if tolerance is None else _tolerance(tolerance),
-        "method": method,
-        "formula": formula,
-        "interval": interval,
-        "channels": channel,
-        "fixed_step": fixed_step,
-        "max_step": max_step,
-        "initial_step": initial_step,
-        "max_steps": max_steps,
-        "max_seconds": max_seconds,
-        "parametrization": parametrization,
-        "jacobian": jacobian,
-        "newton": newton,
-        "accelerations": accelerations,
-        "threads": threads,
-        "profile": profile,
-        "dense_output": dense_output,
-        "newmark_gamma": newmark_gamma,
-        "newmark_beta": newmark_beta,
-    }
     if at is not None and start is None:
-        raise UsageError("`--at` needs `--start RESULT`")
+        raise UsageError("`--at` is given without a result", help="add `--start RESULT`")
     if at is not None and not math.isfinite(at):
-        raise UsageError(f"`--at` is {at}\n  help: give a finite time, s")
+        raise UsageError(f"`--at` is {at}", help="give a finite time, s")
     state = None
     if start is not None:
         with _opened(start, recover=recover) as older:
@@ -202,7 +149,9 @@ def run(
         files.require_targets([(target, "result")], inputs=sources, force=force)
     before = _Older(target)
     failure: SimulationError | None = None
-    with RunProgress(loaded, end_time, certify=certify, shown=not (quiet or json_)) as progress:
+    with RunProgress(
+        loaded, choices.get("end_time"), certify=certify, shown=not (quiet or json_)
+    ) as progress:
         try:
             result = loaded.simulate(
                 start=state,
@@ -213,7 +162,7 @@ def run(
                 keep=keep,
                 force=force,
                 source=start,
-                **{key: value for key, value in choices.items() if value is not None},
+                **choices,
             )
         except SimulationError as error:
             if error.result is None:
@@ -297,11 +246,11 @@ def compare(
     loaded = _load(model, values)
     channels = [name for text in channel or [] for name in text.split(",")]
     choices: dict[str, Any] = {
-        "methods": _methods(method or []),
-        "tolerances": [limit for text in tolerance or [] for limit in _tolerances(text)],
+        "methods": read_methods(method or []),
+        "tolerances": [limit for text in tolerance or [] for limit in read_tolerances(text)],
         "reference_tolerance": None
         if reference_tolerance is None
-        else _tolerance(reference_tolerance, "--reference-tolerance"),
+        else read_tolerance(reference_tolerance, "--reference-tolerance"),
         "reference": None if reference is None else Result.load(reference, recover=recover),
         "save_reference": save_reference,
         "channels": channels,
@@ -471,21 +420,24 @@ _MOST_ROWS = 1e7
 def _row_times(result: Result, interval: float | None, times: str | None) -> list[float] | None:
     """Return the times that rows are wanted at; None for those that are stored."""
     if interval is not None and times is not None:
-        raise UsageError("give either `--interval` or `--times`, not both")
+        raise UsageError("both `--interval` and `--times` are given", help="leave one of them out")
     if times is not None:
-        try:
-            return [float(text) for text in times.split(",")]
-        except ValueError:
-            raise UsageError(f"`--times` is {times!r}; it must be numbers with commas") from None
+        return read_times(times, "--times")
     if interval is None:
         return None
     if not (interval > 0.0 and math.isfinite(interval)):
-        raise UsageError(f"`--interval` is {interval}; it must be positive and finite")
+        raise UsageError(f"`--interval` is {interval}", help="it must be positive and finite, s")
     if result.span is None and not result.time.size:
-        raise UsageError("the result has no rows and no stored steps: nothing to export")
+        raise UsageError(
+            "the result has no rows and no stored steps: nothing to export",
+            help="run the model again; `holonom info` says why this run ended",
+        )
     first, last = result.span or (float(result.time[0]), float(result.time[-1]))
     if (last - first) / interval > _MOST_ROWS:
-        raise UsageError(f"`--interval` is {interval}; more than {_MOST_ROWS:.0e} rows are refused")
+        raise UsageError(
+            f"`--interval` is {interval}, which makes more than {_MOST_ROWS:.0e} rows",
+            help="take a longer interval",
+        )
     count = math.floor((last - first) / interval * (1.0 + 1e-12))
     return [min(first + k * interval, last) for k in range(count + 1)]
 
@@ -668,12 +620,7 @@ def _load(path: Path, values: list[str] | None) -> Model:
         path = library.entry(str(path).removeprefix(LIBRARY)).path
     with Stages(path.name) as watch:
         model = Model.load(path, watch=watch)
-    changes = {}
-    for text in values or []:
-        name, equals, value = text.partition("=")
-        if not equals or not name.strip():
-            raise UsageError(f"`--set {text}`: expected PATH=VALUE, as in gravity[1]=-1.62")
-        changes[name.strip()] = _value(value)
+    changes = read_changes(values or [])
     return model.with_values(changes) if changes else model
 
 
@@ -718,47 +665,6 @@ def _opened(path: Path, *, recover: bool) -> Iterator[Result]:
 
 #: Parts of a damaged result that are named.
 _DAMAGE_SHOWN = 8
-
-
-def _tolerance(text: str, flag: str = "--tolerance") -> float | dict[str, float]:
-    try:
-        if "=" not in text:
-            return float(text)
-        parts = (part.partition("=") for part in text.split(","))
-        return {name.strip(): float(value) for name, _, value in parts}
-    except ValueError:
-        raise UsageError(
-            f"`{flag} {text}`: expected a number, or relative=1e-3,translation=1e-4,…"
-        ) from None
-
-
-def _tolerances(text: str) -> list[float | dict[str, float]]:
-    """Read one tolerance in parts, or several numbers."""
-    return [_tolerance(part) for part in ([text] if "=" in text else text.split(","))]
-
-
-def _methods(texts: list[str]) -> list[dict[str, Any]]:
-    """Read codes with their options: ``ForRosen,ForSDIRK,jacobian=differences`` are two."""
-    methods: list[dict[str, Any]] = []
-    for text in texts:
-        first = len(methods)
-        for part in text.split(","):
-            name, equals, value = part.partition("=")
-            if not equals:
-                methods.append({"method": part.strip()})
-            elif len(methods) == first:
-                raise UsageError(f"`--method {text}`: expected a code before `{part}`")
-            else:
-                methods[-1][name.strip()] = _value(value)
-    return methods
-
-
-def _value(text: str) -> Any:
-    """Read a number, a list, true or false; anything else is a text."""
-    try:
-        return json.loads(text)
-    except ValueError:
-        return text.strip()
 
 
 def _facts(result: Result) -> dict[str, Any]:

@@ -289,7 +289,7 @@ class Model:
             If a choice or an output channel of the file cannot be used.
         """
         with translated():
-            data = json.loads(self._core.check(spectrum, watch))
+            data = json.loads(self._core.check(bool(spectrum), watch))
         self.expand(data.pop("channels"))
         warnings = [*self.warnings, *data.pop("warnings")]
         return CheckReport(name=self.name, data=data, warnings=warnings)
@@ -360,6 +360,11 @@ class Model:
             raise UsageError(
                 f"`on_failure` is {quoted(on_failure)}", help="it is 'raise' or 'return'"
             )
+        for name, callback in (("progress", progress), ("watch", watch)):
+            if callback is not None and not callable(callback):
+                raise UsageError(
+                    f"`{name}` is {quoted(repr(callback))}", help="pass a function, or leave it out"
+                )
         options = Options.of(choices)
         target = None if output is None else as_path(output)
         return run(

@@ -35,6 +35,13 @@ OPTIONS = {
     "parametrization": "coordinates",
 }
 
+#: Words for the parts of a tolerance.
+TOLERANCES = {
+    "relative": "rel rtol reltol relative_tolerance",
+    "translation": "atol abs abstol absolute position translational length",
+    "rotation": "angle rotational orientation angular",
+}
+
 #: Names of other codes for methods; where there is no such method, the one that serves its purpose.
 METHODS = {
     "ForRadau": "radau radau5 radauiia bdf lsoda ode15s cvode ida dassl daspk gstiff wstiff si2"

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+import textwrap
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from holonom import _core
 from holonom.errors import UsageError
+from holonom.names import METHODS, TOLERANCES, did_you_mean, listed, nearest
+from holonom.names import OPTIONS as WORDS_OF_OTHERS
+from holonom.text import quoted
+
+#: Largest count: whole numbers up to here are exact as numbers of any file.
+MOST = 2.0**53
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,11 +44,11 @@ class Tolerance:
     rotation: float | None = None
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for part in fields(self):
+            value = getattr(self, part.name)
             value = self.relative if value is None else value
-            _require_positive(f"tolerance.{field.name}", value)
-            object.__setattr__(self, field.name, float(value))
+            number = require_positive(f"tolerance.{part.name}", value)
+            object.__setattr__(self, part.name, number)
 
     @classmethod
     def of(
@@ -59,155 +65,132 @@ class Tolerance:
         return cls(value)
 
 
-# Options that are one word out of few.
-_WORDS = {
-    "parametrization": ("tree", "partitioning", "tangent_plane", "tangent_plane_svd"),
-    "jacobian": ("analytic", "differences"),
-    "newton": ("auto", "dense", "sparse"),
-    "accelerations": ("auto", "recursive", "null_space", "reduced", "augmented"),
-    "profile": ("improved", "thesis"),
-}
+def _choice(kind: str, text: str, unit: str = "", words: Sequence[str] = ()) -> Any:
+    """Return a field of `Options` with all there is to say about it.
+
+    Validation, the docstring, the options of the command line and their help follow from it.
+    """
+    about = {"kind": kind, "text": text, "unit": unit, "words": tuple(words)}
+    return field(default=None, metadata=about)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """Choices for one run; what is None is taken from the model, or is the default of the core.
+    """Choices for one run; what is None is taken from the model, or is the default of the core."""
 
-    Parameters
-    ----------
-    end_time, start_time : float, optional
-        s. The start time is that of `start` when a run continues from a state.
-    tolerance : float, mapping or Tolerance, optional
-        One number for all parts, or some of ``relative``, ``translation`` (m; m/s), ``rotation``
-        (rad; rad/s); the others are then the model's.
-    method, formula : str, optional
-        A code such as ``ForSDIRK``, or a family with a formula; `holonom.methods` lists them.
-    interval : float, optional
-        Time between outputs, s.
-    output_times : sequence of float, optional
-        Output times, s, rising; instead of `interval`.
-    channels : sequence of str, optional
-        Channels to store, such as ``chassis.position`` or ``rack_slide.*``.
-    fixed_step, max_step, initial_step : float, optional
-        s.
-    max_steps : int, optional
-        Largest number of steps.
-    max_seconds : float, optional
-        Largest wall time from the call on, s: assembly and every part of a step count. Reading the
-        model does not.
-    parametrization : str, optional
-        What the independent variables are: ``tree`` (default) takes relative coordinates of a
-        spanning forest of the bodies, ``partitioning`` some of the bodies' coordinates,
-        ``tangent_plane`` a basis of the constraints' tangent plane by QR, ``tangent_plane_svd``
-        the same by SVD.
-    jacobian : str, optional
-        Where the integration Jacobian comes from: ``analytic`` (default) or ``differences`` of
-        accelerations; ForRosen needs the analytic one.
-    newton : str, optional
-        How the integration Jacobian is represented: ``dense`` of the independent variables alone,
-        ``sparse`` with the graph of the mechanism, so that its cost grows like the number of
-        bodies, or ``auto`` (default), whichever is predicted to cost less.
-    accelerations : str, optional
-        Where accelerations and multipliers come from: ``recursive``, from body to body along a
-        tree, ``null_space``, a dense matrix of the independent variables, ``reduced``, a matrix of
-        the multipliers by blocks of joints, for which every body needs mass and inertia,
-        ``augmented``, a sparse matrix of both, or ``auto`` (default), whichever is predicted to
-        cost least. States that the others cannot solve accurately are left to the augmented one.
-    threads : int, optional
-        Threads that share the work on the integration Jacobian of models with more than some 1,000
-        bodies in a plane or 200 in space; 1 by default. Results are the same for any number, to the
-        last bit.
-    repartition_factor : float, optional
-        Growth of the condition at which a partition or a tangent plane is chosen anew; more
-        than 1. The tree has a factor of its own, 2.5.
-    dense_output : bool, optional
-        Whether all that states between output times are made of is stored, so that `Result.state`
-        and `Result.sample` know any time. By default where the code is implicit: explicit ones may
-        take millions of steps.
-    profile : str, optional
-        ``improved`` or ``thesis``, which partitions coordinates unless `parametrization` is stated.
-    newmark_gamma, newmark_beta : float, optional
-        Another member of Newmark's family in place of the trapezoidal rule of ``SspTrap`` and
-        ``InflTrap``: γ from 0.5 (order 2) to 1, more damps high frequencies, at order 1 and with
-        a `fixed_step` only; β is (γ + ½)²/4 by default.
-
-    Raises
-    ------
-    UsageError
-        If a value is of the wrong kind or out of range.
-    """
-
-    end_time: float | None = None
-    start_time: float | None = None
-    tolerance: float | Mapping[str, float] | Tolerance | None = None
-    method: str | None = None
-    formula: str | None = None
-    interval: float | None = None
-    output_times: Sequence[float] | None = None
-    channels: Sequence[str] | None = None
-    fixed_step: float | None = None
-    max_step: float | None = None
-    initial_step: float | None = None
-    max_steps: int | None = None
-    max_seconds: float | None = None
-    parametrization: str | None = None
-    jacobian: str | None = None
-    newton: str | None = None
-    accelerations: str | None = None
-    threads: int | None = None
-    repartition_factor: float | None = None
-    dense_output: bool | None = None
-    profile: str | None = None
-    newmark_gamma: float | None = None
-    newmark_beta: float | None = None
+    end_time: float | None = _choice("number", "Time at which the run ends.", "s")
+    start_time: float | None = _choice(
+        "number", "Time at which it starts; that of the state when it continues from one.", "s"
+    )
+    tolerance: float | Mapping[str, float] | Tolerance | None = _choice(  # noqa: RUF009
+        "tolerance",
+        "One number for all parts, or some of relative, translation (m; m/s) and rotation "
+        "(rad; rad/s); the others are then the model's.",
+    )
+    method: str | None = _choice(
+        "method", "Integration code such as ForSDIRK, or a family; `holonom.methods` lists them."
+    )
+    formula: str | None = _choice("text", "Formula, when the method is a family.")
+    interval: float | None = _choice("positive", "Time between outputs.", "s")
+    output_times: Sequence[float] | None = _choice(
+        "times", "Output times, rising; instead of the interval.", "s"
+    )
+    channels: Sequence[str] | None = _choice(
+        "names", "Channels to store, such as chassis.position, or patterns such as rack_slide.*."
+    )
+    fixed_step: float | None = _choice(
+        "positive", "Steps of this size, without control of the error.", "s"
+    )
+    max_step: float | None = _choice("positive", "Largest step size.", "s")
+    initial_step: float | None = _choice("positive", "First step size.", "s")
+    max_steps: int | None = _choice("count", "Largest number of steps.")
+    max_seconds: float | None = _choice(
+        "positive",
+        "Largest wall time from the call on: assembly and every part of a step count, reading the "
+        "model does not.",
+        "s",
+    )
+    parametrization: str | None = _choice(
+        "word",
+        "What the independent variables are: relative coordinates of a spanning forest of the "
+        "bodies (tree, the default), some of the bodies' coordinates (partitioning), or a basis of "
+        "the constraints' tangent plane by QR or SVD.",
+        words=("tree", "partitioning", "tangent_plane", "tangent_plane_svd"),
+    )
+    jacobian: str | None = _choice(
+        "word",
+        "Where the integration Jacobian comes from; analytic by default, which ForRosen needs.",
+        words=("analytic", "differences"),
+    )
+    newton: str | None = _choice(
+        "word",
+        "How the integration Jacobian is represented: dense, of the independent variables alone; "
+        "sparse, with the graph of the mechanism, so that its cost grows like the number of "
+        "bodies; or auto (default), whichever is predicted to cost less.",
+        words=("auto", "dense", "sparse"),
+    )
+    accelerations: str | None = _choice(
+        "word",
+        "Where accelerations and multipliers come from: from body to body along a tree "
+        "(recursive), a dense matrix of the independent variables (null_space), one of the "
+        "multipliers, for which every body needs mass and inertia (reduced), a sparse matrix of "
+        "both (augmented), or auto (default), whichever is predicted to cost least. States that "
+        "the others cannot solve accurately are left to the augmented one.",
+        words=("auto", "recursive", "null_space", "reduced", "augmented"),
+    )
+    threads: int | None = _choice(
+        "count",
+        "Threads that share the work on the integration Jacobian of models with more than some "
+        "1,000 bodies in a plane or 200 in space; 1 by default. Results are the same for any "
+        "number, to the last bit.",
+    )
+    repartition_factor: float | None = _choice(
+        "factor",
+        "Growth of the condition at which a partition or a tangent plane is chosen anew; more than "
+        "1. The tree has a factor of its own, 2.5.",
+    )
+    dense_output: bool | None = _choice(
+        "flag",
+        "Whether all that states between output times are made of is stored, so that any time can "
+        "be asked for; by default where the code is implicit: explicit ones may take millions of "
+        "steps.",
+    )
+    profile: str | None = _choice(
+        "word",
+        "Choices that go together; thesis partitions coordinates unless told otherwise.",
+        words=("improved", "thesis"),
+    )
+    newmark_gamma: float | None = _choice(
+        "positive",
+        "γ of Newmark's formula, another than the trapezoidal rule of SspTrap and InflTrap: from "
+        "0.5 (order 2) to 1; more damps high frequencies, at order 1 and with a fixed step only.",
+    )
+    newmark_beta: float | None = _choice("positive", "β of the same; (γ + ½)²/4 by default.")
 
     def __post_init__(self) -> None:
-        def put(name: str, value: object) -> None:
-            object.__setattr__(self, name, value)
-
-        for name in ("end_time", "start_time"):
-            if (value := getattr(self, name)) is not None:
-                put(name, _require_finite(name, value))
-        for name in ("interval", "fixed_step", "max_step", "initial_step", "max_seconds"):
-            if (value := getattr(self, name)) is not None:
-                put(name, _require_positive(name, value))
-        if self.tolerance is not None:
-            stated = self.tolerance
-            if isinstance(stated, Mapping):
-                put("tolerance", _parts(stated))
-            elif not isinstance(stated, Tolerance):
-                put("tolerance", Tolerance(stated))
-        for name in ("newmark_gamma", "newmark_beta"):
-            if (value := getattr(self, name)) is not None:
-                put(name, _require_positive(name, value))
-        for name in ("max_steps", "threads"):
-            if (value := getattr(self, name)) is not None:
-                put(name, _require_count(name, value))
-        for name, known in _WORDS.items():
-            if (value := getattr(self, name)) is not None and value not in known:
-                raise UsageError(f"`{name}` is {value!r}; it must be one of {_listed(known)}")
-        if self.dense_output is not None and not isinstance(self.dense_output, bool):
-            raise UsageError(f"`dense_output` is {self.dense_output!r}; it must be True or False")
-        if self.repartition_factor is not None:
-            factor = _require_finite("repartition_factor", self.repartition_factor)
-            if factor <= 1.0:
-                raise UsageError(f"`repartition_factor` is {factor}; it must be more than 1")
-            put("repartition_factor", factor)
-        if self.channels is not None:
-            if isinstance(self.channels, str):
-                raise UsageError("`channels` is one text; it must be a list of channel names")
-            put("channels", tuple(map(str, self.channels)))
-        if self.output_times is not None:
-            put("output_times", _require_rising("output_times", self.output_times))
-            if self.interval is not None:
-                raise UsageError("give either `interval` or `output_times`, not both")
+        for about in fields(self):
+            value = getattr(self, about.name)
+            if value is not None:
+                value = _CHECKS[about.metadata["kind"]](about.name, value)
+                object.__setattr__(self, about.name, value)
+        for name, words in WORDS.items():
+            if (value := getattr(self, name)) is not None and value not in words:
+                near = did_you_mean(nearest(value, words), f"it is one of {listed(words)}")
+                raise UsageError(f"`{name}` is {quoted(value)}, which it does not know", help=near)
+        if self.method is not None:
+            _require_method(self.method, self.formula)
+        if self.output_times is not None and self.interval is not None:
+            raise UsageError(
+                "both `interval` and `output_times` are given", help="leave one of them out"
+            )
         if (
             self.start_time is not None
             and self.end_time is not None
             and self.end_time < self.start_time
         ):
             raise UsageError(
-                f"`end_time` {self.end_time} s lies before `start_time` {self.start_time} s"
+                f"`end_time` {self.end_time} s lies before `start_time` {self.start_time} s",
+                help="exchange them, or leave `start_time` out",
             )
 
     @classmethod
@@ -219,35 +202,46 @@ class Options:
         UsageError
             If there is no such option, or its value cannot be used.
         """
-        known = list(cls.__dataclass_fields__)
+        known = cls.__dataclass_fields__
         for name in choices:
             if name not in known:
-                near = difflib.get_close_matches(name, known, n=1)
-                hint = f"; did you mean `{near[0]}`?" if near else f"; known are {', '.join(known)}"
-                raise UsageError(f"there is no option `{name}`{hint}")
+                near = did_you_mean(
+                    nearest(name, known, WORDS_OF_OTHERS), f"there are {listed(known)}"
+                )
+                raise UsageError(f"there is no option {quoted(name)}", help=near)
         return cls(**choices)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the stated choices as plain data."""
         data: dict[str, Any] = {}
-        for field in fields(self):
-            value = getattr(self, field.name)
+        for about in fields(self):
+            value = getattr(self, about.name)
             if isinstance(value, Tolerance):
                 value = {part.name: getattr(value, part.name) for part in fields(value)}
             if value is not None:
-                data[field.name] = list(value) if isinstance(value, tuple) else value
+                data[about.name] = list(value) if isinstance(value, tuple) else value
         return data
 
 
-def _parts(stated: Mapping[str, float]) -> dict[str, float]:
-    """Check the parts of a tolerance that are stated."""
-    known = Tolerance.__dataclass_fields__
-    for name in stated:
-        if name not in known:
-            raise UsageError(f"`tolerance` has no part `{name}`; known are {_listed(list(known))}")
-    if not stated:
-        raise UsageError(f"`tolerance` is empty; it needs one of {_listed(list(known))}")
-    return {name: _require_positive(f"tolerance.{name}", part) for name, part in stated.items()}
+#: Options that are one word out of few, with their words.
+WORDS: dict[str, tuple[str, ...]] = {
+    about.name: about.metadata["words"]
+    for about in fields(Options)
+    if about.metadata["kind"] == "word"
+}
+
+
+def _described() -> str:
+    """Return the docstring of `Options`, with a paragraph for each of its fields."""
+    lines = [str(Options.__doc__), "", "    Parameters", "    ----------"]
+    for about in fields(Options):
+        unit = f" In {about.metadata['unit']}." if about.metadata["unit"] else ""
+        words = f" One of {', '.join(about.metadata['words'])}." if about.metadata["words"] else ""
+        text = about.metadata["text"] + unit + words
+        lines += [f"    {about.name} : {str(about.type).removesuffix(' | None')}, optional"]
+        lines += textwrap.wrap(text, 96, initial_indent=" " * 8, subsequent_indent=" " * 8)
+    lines += ["", "    Raises", "    ------", "    UsageError"]
+    return "\n".join([*lines, "        If a value is of the wrong kind, or out of range.", "    "])
 
 
 def methods() -> list[dict[str, str]]:
@@ -256,38 +250,129 @@ def methods() -> list[dict[str, str]]:
     return known
 
 
-def _require_finite(name: str, value: object) -> float:
+def unknown_method(method: object, formula: object = None) -> UsageError:
+    """Return the error for a code, or a pair of family and formula, that there is none of."""
+    known = methods()
+    asked = quoted(method) + ("" if formula is None else f" with the formula {quoted(formula)}")
+    pairs = ", ".join(f"{code['name']} ({code['family']} with {code['formula']})" for code in known)
+    names = [code["name"] for code in known]
+    tip = f"known are {pairs}"
+    if formula is None and (near := nearest(method, names, METHODS)):
+        tip = f"{did_you_mean(near, '')} known are {', '.join(names)}"
+    return UsageError(f"there is no method {asked}", "simulation/unknown-method", tip)
+
+
+def _require_method(method: str, formula: str | None) -> None:
+    for code in methods():
+        if method == code["name"] and formula in (None, code["formula"]):
+            return
+        if method == code["family"] and formula in (None, code["formula"], code["name"]):
+            return
+    raise unknown_method(method, formula)
+
+
+def _parts(stated: Mapping[str, float]) -> dict[str, float]:
+    """Check the parts of a tolerance that are stated."""
+    known = list(Tolerance.__dataclass_fields__)
+    for name in stated:
+        if name not in known:
+            near = did_you_mean(nearest(name, known, TOLERANCES), f"there are {listed(known)}")
+            raise UsageError(f"`tolerance` has no part {quoted(name)}", help=near)
+    if not stated:
+        raise UsageError("`tolerance` is empty", help=f"give one of {listed(known)}")
+    return {name: require_positive(f"tolerance.{name}", part) for name, part in stated.items()}
+
+
+def _tolerance(_: str, value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return _parts(value)
+    return value if isinstance(value, Tolerance) else Tolerance(value)
+
+
+def require_finite(name: str, value: object) -> float:
+    """Return a number that is finite."""
     if isinstance(value, bool) or not hasattr(value, "__float__"):
-        raise UsageError(f"`{name}` is {value!r}; it must be a number")
-    number = float(value)
+        raise UsageError(f"`{name}` is {quoted(repr(value))}", help="it must be a number")
+    try:
+        number = float(value)
+    except (OverflowError, TypeError, ValueError):
+        number = math.inf
     if not math.isfinite(number):
-        raise UsageError(f"`{name}` is {number}; it must be a finite number")
+        raise UsageError(f"`{name}` is {number}", help="it must be a finite number")
     return number
 
 
-def _require_positive(name: str, value: object) -> float:
-    number = _require_finite(name, value)
+def require_positive(name: str, value: object) -> float:
+    """Return a number above zero."""
+    number = require_finite(name, value)
     if number <= 0.0:
-        raise UsageError(f"`{name}` is {number}; it must be positive")
+        raise UsageError(f"`{name}` is {number}", help="it must be positive")
+    return number
+
+
+def _require_factor(name: str, value: object) -> float:
+    number = require_finite(name, value)
+    if number <= 1.0:
+        raise UsageError(f"`{name}` is {number}", help="it must be more than 1")
     return number
 
 
 def _require_count(name: str, value: object) -> int:
-    number = _require_finite(name, value)
-    if number != int(number) or number < 1.0:
-        raise UsageError(f"`{name}` is {number:g}; it must be a whole number, 1 or more")
+    number = require_finite(name, value)
+    if number != int(number) or not 1.0 <= number <= MOST:
+        rule = f"it must be a whole number from 1 to {MOST:.0e}"
+        raise UsageError(f"`{name}` is {number:g}", help=rule)
     return int(number)
 
 
-def _require_rising(name: str, values: Sequence[float]) -> tuple[float, ...]:
-    times = tuple(_require_finite(f"{name}[{i}]", value) for i, value in enumerate(values))
+def _require_times(name: str, values: Any) -> tuple[float, ...]:
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise UsageError(
+            f"`{name}` is {quoted(repr(values))}", help="pass a list of times, s, that rise"
+        )
+    times = tuple(require_finite(f"{name}[{i}]", value) for i, value in enumerate(values))
     if not times:
-        raise UsageError(f"`{name}` is empty; it must hold at least one time")
+        raise UsageError(f"`{name}` is empty", help="it must hold at least one time, s")
     for i, (earlier, later) in enumerate(itertools.pairwise(times)):
         if later <= earlier:
-            raise UsageError(f"`{name}[{i + 1}]` is {later} s after {earlier} s; times must rise")
+            raise UsageError(
+                f"`{name}[{i + 1}]` is {later} s after {earlier} s", help="times must rise"
+            )
     return times
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names)
+def _require_names(name: str, values: Any) -> tuple[str, ...]:
+    if isinstance(values, str):
+        raise UsageError(f"`{name}` is one text", help="pass a list of channel names")
+    if not isinstance(values, Iterable) or not all(isinstance(entry, str) for entry in values):
+        raise UsageError(f"`{name}` is {quoted(repr(values))}", help="pass a list of channel names")
+    return tuple(map(str, values))
+
+
+def _require_text(name: str, value: object) -> str:
+    if not isinstance(value, str):
+        raise UsageError(f"`{name}` is {quoted(repr(value))}", help="it must be a text")
+    return value
+
+
+def _require_flag(name: str, value: object) -> bool:
+    if not isinstance(value, bool):
+        raise UsageError(f"`{name}` is {quoted(repr(value))}", help="it must be True or False")
+    return value
+
+
+_CHECKS: dict[str, Callable[[str, Any], Any]] = {
+    "number": require_finite,
+    "positive": require_positive,
+    "factor": _require_factor,
+    "count": _require_count,
+    "tolerance": _tolerance,
+    "times": _require_times,
+    "names": _require_names,
+    "method": _require_text,
+    "text": _require_text,
+    "word": _require_text,
+    "flag": _require_flag,
+}
+
+Options.__doc__ = _described()

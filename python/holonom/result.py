@@ -20,6 +20,7 @@ from holonom.errors import FileError, UsageError
 from holonom.memory import Memory, Stored
 from holonom.model import Model, expand, split_component
 from holonom.names import did_you_mean, nearest, nearest_channels
+from holonom.options import require_finite
 from holonom.plain import as_path
 from holonom.reader import Reader
 from holonom.store import STATE, Quantity
@@ -36,7 +37,12 @@ if TYPE_CHECKING:
 #: Times that differ by this part of a second, or of themselves, are the same.
 _SLACK = 1e-9
 
-_NO_ROWS = "the result has no rows: nothing was stored before the run ended"
+
+def _no_rows() -> UsageError:
+    return UsageError(
+        "the result has no rows: nothing was stored before the run ended",
+        help="`Result.stop_reason` says why it ended; run the model again",
+    )
 
 
 class Record(Mapping[str, Any]):
@@ -241,11 +247,12 @@ class Result:
             )
         if time is None:
             if not times.size:
-                raise UsageError(_NO_ROWS)
+                raise _no_rows()
             return self._reader.row(times.size - 1)
-        for index in np.nonzero(times == time)[0][:1]:
+        wanted = np.array([require_finite("time", time)])
+        for index in np.nonzero(times == wanted)[0][:1]:
             return self._reader.row(int(index))
-        return {name: part[0] for name, part in self._states(np.array([float(time)])).items()}
+        return {name: part[0] for name, part in self._states(wanted).items()}
 
     def sample(
         self, times: ArrayLike, channels: Sequence[str] | None = None
@@ -270,11 +277,7 @@ class Result:
         UsageError
             As `state`; if a channel is unknown.
         """
-        wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        if wanted.ndim != 1:
-            raise UsageError(
-                f"`times` has the shape {wanted.shape}", help="pass a vector of times, s"
-            )
+        wanted = _vector(times)
         names = self.channels if channels is None else list(channels)
         states = [name for name in names if name in STATE]
         names = self.model.expand([name for name in names if name not in STATE])
@@ -306,9 +309,9 @@ class Result:
         UsageError
             As `sample`.
         """
-        wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        if wanted.ndim != 1 or not np.all(np.diff(wanted) > 0.0):
-            raise UsageError("`times` must be a vector of rising times")
+        wanted = _vector(times)
+        if not np.all(np.diff(wanted) > 0.0):
+            raise UsageError("`times` do not rise", help="sort them, and leave out equal ones")
         names = self.channels if channels is None else self.model.expand(channels)
         names = list(dict.fromkeys(split_component(name)[0] for name in names))
         states = [name for name in STATE if name in self._reader.quantities and name != "time"]
@@ -331,9 +334,9 @@ class Result:
         """Return states at times: computed where steps are stored, else stored rows."""
         rows, span = self.time, self.span
         if not rows.size and span is None:
-            raise UsageError(_NO_ROWS)
+            raise _no_rows()
         if not np.isfinite(times).all():
-            raise UsageError("times must be finite numbers")
+            raise UsageError("times are not finite numbers", help="leave NaN and infinity out")
         slack = _SLACK * np.maximum(1.0, np.abs(times))
         inside = np.zeros(times.size, dtype=bool)
         if span is not None:
@@ -345,10 +348,13 @@ class Result:
         for k in np.nonzero(~inside)[0]:
             if not rows.size:
                 # A run that ended before its first output row.
-                raise UsageError(f"there is no state at {times[k]} s; the run covers {span} s")
+                raise UsageError(
+                    f"there is no state at {times[k]} s; the run covers {span} s",
+                    help="take a time of the run",
+                )
             nearest = int(np.argmin(np.abs(rows - times[k])))
             if not abs(rows[nearest] - times[k]) <= slack[k]:
-                raise UsageError(_no_state(float(times[k]), rows, nearest, span))
+                raise _no_state(float(times[k]), rows, nearest, span)
             for name, part in self._reader.row(nearest).items():
                 found[name][k] = part
         if span is not None:
@@ -725,16 +731,34 @@ def _from_bytes(data: bytes) -> Result:
     return Result(Reader(db, None))
 
 
+def _vector(times: ArrayLike) -> NDArray[np.float64]:
+    """Return times as a vector of numbers."""
+    try:
+        wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    except (TypeError, ValueError, OverflowError):
+        raise UsageError(
+            f"`times` is {quoted(repr(times))}", help="pass a vector of times, s"
+        ) from None
+    if wanted.ndim != 1:
+        raise UsageError(f"`times` has the shape {wanted.shape}", help="pass a vector of times, s")
+    return wanted
+
+
 def _no_state(
     time: float, rows: NDArray[np.float64], nearest: int, span: tuple[float, float] | None
-) -> str:
+) -> UsageError:
     """Say why there is no state at a time, and at which there are."""
     first, last = float(rows[0]), float(rows[-1])
     if span is not None:
         first, last = min(first, span[0]), max(last, span[1])
     if not first <= time <= last:
-        return f"there is no state at {time} s; the run covers {first} s to {last} s"
+        return UsageError(
+            f"there is no state at {time} s; the run covers {first} s to {last} s",
+            help="take a time of the run",
+        )
     text = f"no state is stored at {time} s; the nearest one is at {rows[nearest]} s"
     if span is None:
-        return f"{text}\n  help: run with `dense_output = true` to have states at any time"
-    return f"{text}, and steps are stored from {span[0]} s to {span[1]} s"
+        return UsageError(text, help="run with `dense_output = true` to have states at any time")
+    return UsageError(
+        f"{text}, and steps are stored from {span[0]} s to {span[1]} s", help="take one of these"
+    )

@@ -299,9 +299,9 @@ def test_the_command_exports_rows_at_other_times(wheel: holonom.Model, tmp_path:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--interval", "0.1", "--times", "0.1"], "not both"),
+        (["--interval", "0.1", "--times", "0.1"], "both `"),
         (["--times", "0.1,b"], "numbers with commas"),
-        (["--times", "0.2,0.1"], "rising"),
+        (["--times", "0.2,0.1"], "do not rise"),
         (["--times", "3.0"], "covers"),
         (["--interval", "0"], "positive"),
     ],

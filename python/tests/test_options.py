@@ -55,7 +55,8 @@ def test_parts_of_a_tolerance_that_are_not_stated_are_those_of_the_default() -> 
         ({"max_steps": 1.5}, "max_steps"),
         ({"repartition_factor": 1.0}, "repartition_factor"),
         ({"channels": "rod.position"}, "channels"),
-        ({"parametrization": "tangent"}, "tangent_plane_svd"),
+        ({"parametrization": "tangent"}, "did you mean `tangent_plane`"),
+        ({"parametrization": "lagrange"}, "tangent_plane_svd"),
         ({"jacobian": "numeric"}, "differences"),
     ],
 )

@@ -132,7 +132,7 @@ def targets(model: Model, patterns: Sequence[str] | None) -> list[Target]:
         If a name fits nothing.
     """
     if isinstance(patterns, str):
-        raise UsageError("`channels` is one text; it must be a list of channel names")
+        raise UsageError("`channels` is one text", help="pass a list of channel names")
     tree = json.loads(model.to_json(plain=True))
     named: list[str] = []
     for pattern in ("positions",) if patterns is None else patterns:
@@ -144,7 +144,7 @@ def targets(model: Model, patterns: Sequence[str] | None) -> list[Target]:
             named += model.expand([pattern])
     found = [target for name in dict.fromkeys(named) for target in _components(model, tree, name)]
     if not found:
-        raise UsageError("there is nothing to compare; name at least one channel")
+        raise UsageError("there is nothing to compare", help="name at least one channel")
     return list(dict.fromkeys(found))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import reprlib
 from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,7 @@ from holonom.study import plan
 from holonom.study.accuracy import ComponentError, Kind, Target, Truth, targets
 from holonom.study.comparison import COUNTS, Comparison, ComparisonInterrupted, Reference, Row
 from holonom.study.runs import Outcome, Task, run_task, side_by_side
+from holonom.text import quoted
 
 Series = NDArray[np.float64]
 
@@ -108,6 +110,13 @@ def compare(
     """
     loaded = model if isinstance(model, Model) else Model.load(model)
     wanted = targets(loaded, channels)
+    for name, listed in (("methods", methods or ()), ("tolerances", tolerances)):
+        if isinstance(listed, str | Mapping) or not isinstance(listed, Sequence):
+            raise UsageError(f"`{name}` is {quoted(repr(listed))}", help="pass a list of them")
+    if not (reference is None or isinstance(reference, Result | str | Path)):
+        raise UsageError(
+            f"`reference` is {quoted(repr(reference))}", help="pass a result, or its file"
+        )
     limits = list(
         dict.fromkeys(Tolerance.of(limit, loaded.defaults["tolerance"]) for limit in tolerances)
     )
@@ -115,15 +124,17 @@ def compare(
     repeat = _count("repeat", repeat, 0)
     processes = _count("processes", 1 if processes is None else processes, 1)
     if not limits or not codes:
-        raise UsageError("give at least one method and one tolerance")
+        raise UsageError(
+            "there is nothing to compare", help="give at least one method and one tolerance"
+        )
     if reference is not None and (reference_tolerance is not None or save_reference is not None):
         raise UsageError(
-            "`reference_tolerance` and `save_reference` belong to a reference made on the spot; "
-            "give them or `reference`"
+            "`reference_tolerance` and `save_reference` belong to a reference made on the spot",
+            help="give them or `reference`",
         )
     for name, instead in (("method", "methods"), ("tolerance", "tolerances")):
         if name in choices:
-            raise UsageError(f"give `{instead}`, a list, instead of `{name}`")
+            raise UsageError(f"a comparison has no `{name}`", help=f"give `{instead}`, a list")
     if start is not None:
         start = start_state(start)
         choices = {**choices, "start_time": float(start["time"][0])}
@@ -404,5 +415,7 @@ def _said(outcome: Outcome) -> str:
 
 def _count(name: str, value: object, least: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise UsageError(f"`{name}` is {value!r}; it must be a whole number of at least {least}")
+        raise UsageError(
+            f"`{name}` is {reprlib.repr(value)}", help=f"it must be a whole number, {least} or more"
+        )
     return value

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 
 from holonom.errors import UsageError
 from holonom.model import Model
-from holonom.options import Options, Tolerance
+from holonom.options import Options, Tolerance, unknown_method
 from holonom.options import methods as known_methods
 from holonom.result import Result
 
@@ -25,6 +24,9 @@ LEAST_TOLERANCE = 1e-12
 #: Formulas by how cheaply they reach a tight tolerance on a stiff model; others come after them.
 _RANKED = ("radau5", "sdirk4_15", "sdirk4_16", "rosenbrock4")
 
+#: What to try where a reference does not cover the run.
+_LONGER = "compare within its span, or let the reference be made on the spot"
+
 
 def codes(asked: Sequence[str | Mapping[str, Any]] | None) -> dict[str, dict[str, Any]]:
     """Return the options of every method by its label."""
@@ -32,7 +34,7 @@ def codes(asked: Sequence[str | Mapping[str, Any]] | None) -> dict[str, dict[str
     if asked is None:
         asked = [entry["name"] for entry in known if entry["family"] != "explicit"]
     if isinstance(asked, str | Mapping):
-        raise UsageError("`methods` is one method; it must be a list")
+        raise UsageError("`methods` is one method", help="pass a list of them")
     found = {}
     for entry in asked:
         options = {"method": entry} if isinstance(entry, str) else dict(entry)
@@ -44,21 +46,15 @@ def codes(asked: Sequence[str | Mapping[str, Any]] | None) -> dict[str, dict[str
             or (name == code["family"] and formula in (code["formula"], code["name"]))
         ]
         if len(hits) != 1:
-            raise UsageError(_unknown(name, formula, known))
+            raise unknown_method(name, formula)
         if "tolerance" in options or "channels" in options:
-            raise UsageError("a method carries no `tolerance` and no `channels`; these are common")
+            raise UsageError(
+                "a method carries no `tolerance` and no `channels`",
+                help="these are common to all methods: give them beside the methods",
+            )
         label = " ".join([hits[0], *(f"{key}={value}" for key, value in options.items())])
         found[label] = {"method": hits[0], **options}
     return found
-
-
-def _unknown(name: object, formula: object, known: list[dict[str, str]]) -> str:
-    names = [code["name"] for code in known]
-    pairs = [f"{code['family']} with {code['formula']}" for code in known]
-    near = difflib.get_close_matches(str(name), names, n=1)
-    hint = f"did you mean `{near[0]}`? " if near and formula is None else ""
-    asked = f"`{name}`" + (f" with the formula `{formula}`" if formula is not None else "")
-    return f"there is no method {asked}; {hint}known are {', '.join(names)}, or {', '.join(pairs)}"
 
 
 def references() -> list[str]:
@@ -86,15 +82,20 @@ def times(model: Model, options: Options, given: Result | None) -> tuple[Series,
             end = float(given.time[-1])
     if end is None:
         raise UsageError(
-            "there is no end time; give `end_time`, or state it in the model's [simulation]"
+            "there is no end time", help="give `end_time`, or state it in the model's [simulation]"
         )
     if end <= begin:
-        raise UsageError(f"`end_time` {end} s must lie after the start at {begin} s")
+        raise UsageError(
+            f"`end_time` is {end} s, the start {begin} s", help="the end must lie after the start"
+        )
     slack = 1e-9 * (end - begin)
     if options.output_times is not None:
         taken = np.array(options.output_times)
         if taken[0] < begin - slack or taken[-1] > end + slack:
-            raise UsageError(f"`output_times` must lie between {begin} s and {end} s")
+            raise UsageError(
+                "`output_times` reach beyond the run",
+                help=f"they must lie between {begin} s and {end} s",
+            )
     elif options.interval is not None:
         count = int(np.floor((end - begin + slack) / options.interval))
         taken = begin + options.interval * np.arange(count + 1)
@@ -109,13 +110,18 @@ def times(model: Model, options: Options, given: Result | None) -> tuple[Series,
         span = given.time
         if not span.size or not taken.size or taken[-1] > span[-1] + slack:
             until = f"ends at {span[-1]} s" if span.size else "holds nothing"
-            raise UsageError(f"the reference {until}, but errors are taken until {end} s")
+            raise UsageError(
+                f"the reference {until}, but errors are taken until {end} s", help=_LONGER
+            )
         if taken[0] < span[0] - slack:
             raise UsageError(
-                f"the reference starts at {span[0]} s, but errors are taken from {taken[0]} s"
+                f"the reference starts at {span[0]} s, but errors are taken from {taken[0]} s",
+                help=_LONGER,
             )
         if end > span[-1] + slack:
-            raise UsageError(f"the reference ends at {span[-1]} s, before the end time {end} s")
+            raise UsageError(
+                f"the reference ends at {span[-1]} s, before the end time {end} s", help=_LONGER
+            )
     return taken, float(end)
 
 

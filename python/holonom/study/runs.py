@@ -150,8 +150,9 @@ def side_by_side(
             yield futures[future], future.result()
     except BrokenProcessPool:
         raise UsageError(
-            "a process of the comparison died; a script that asks for several processes must do "
-            'so under `if __name__ == "__main__":`'
+            "a process of the comparison died",
+            help="a script that asks for several processes must do so under "
+            '`if __name__ == "__main__":`; and each needs memory for the model',
         ) from None
     finally:
         stop.set()

@@ -1,0 +1,145 @@
+"""Flags of the command line that are made of `Options`, and the words that users write there."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import json
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Annotated, Any, get_type_hints
+
+import typer
+
+from holonom.errors import UsageError
+from holonom.options import Options
+from holonom.text import quoted
+
+#: Types of the flags by what an option is; a list may be repeated.
+_TYPES: dict[str, Any] = {
+    "number": float | None,
+    "positive": float | None,
+    "factor": float | None,
+    "count": int | None,
+    "flag": bool | None,
+    "names": list[str] | None,
+}
+#: Flags that are not called as their options are.
+_FLAGS = {"channels": ("-c", "--channel", "--channels")}
+
+
+def takes_options(command: Callable[..., int]) -> Callable[..., int]:
+    """Give a command a flag for every choice of a run; those stated reach it as `choices`."""
+
+    @functools.wraps(command)
+    def wrapper(**given: Any) -> int:
+        choices = {}
+        for about in fields(Options):
+            value = given.pop(about.name)
+            if value is not None:
+                choices[about.name] = _read(about.name, about.metadata["kind"], value)
+        return command(**given, choices=choices)
+
+    hints = get_type_hints(command, include_extras=True)
+    own = [
+        parameter.replace(annotation=hints[name])
+        for name, parameter in inspect.signature(command).parameters.items()
+        if name != "choices"
+    ]
+    flags = [
+        inspect.Parameter(
+            about.name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_flag(about)
+        )
+        for about in fields(Options)
+    ]
+    own = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own]
+    every = [own[0], *flags, *own[1:]]
+    wrapper.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]
+    wrapper.__annotations__ = {entry.name: entry.annotation for entry in every}
+    return wrapper
+
+
+def _flag(about: Any) -> Any:
+    kind, words = about.metadata["kind"], about.metadata["words"]
+    name = about.name.replace("_", "-")
+    flags = _FLAGS.get(about.name, (f"--{name}/--no-{name}" if kind == "flag" else f"--{name}",))
+    text = about.metadata["text"] + (f" One of {', '.join(words)}." if words else "")
+    metavar = "SECONDS" if about.metadata["unit"] == "s" else None
+    option = typer.Option(*flags, help=text, metavar=metavar)
+    return Annotated[_TYPES.get(kind, str | None), option]
+
+
+def _read(name: str, kind: str, value: Any) -> Any:
+    flag = f"--{name.replace('_', '-')}"
+    if kind == "tolerance":
+        return read_tolerance(value, flag)
+    return read_times(value, flag) if kind == "times" else value
+
+
+def read_tolerance(text: str, flag: str = "--tolerance") -> float | dict[str, float]:
+    """Return the tolerance of a flag: a number, or parts by name."""
+    try:
+        if "=" not in text:
+            return float(text)
+        parts = (part.partition("=") for part in text.split(","))
+        return {name.strip(): float(value) for name, _, value in parts}
+    except ValueError:
+        tip = "give a number, or relative=1e-3,translation=1e-4,rotation=1e-4"
+        raise UsageError(f"`{flag} {quoted(text)[1:]} is no tolerance", help=tip) from None
+
+
+def read_tolerances(text: str) -> list[float | dict[str, float]]:
+    """Return one tolerance in parts, or several numbers."""
+    return [read_tolerance(part) for part in ([text] if "=" in text else text.split(","))]
+
+
+def read_times(text: str, flag: str) -> list[float]:
+    """Return numbers with commas between them."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        tip = "give numbers with commas, s: 0.1,0.25"
+        raise UsageError(f"`{flag} {quoted(text)[1:]} are no times", help=tip) from None
+
+
+def read_methods(texts: list[str]) -> list[dict[str, Any]]:
+    """Return codes with their options: ``ForRosen,ForSDIRK,jacobian=differences`` are two."""
+    methods: list[dict[str, Any]] = []
+    for text in texts:
+        first = len(methods)
+        for part in text.split(","):
+            name, equals, value = part.partition("=")
+            if not equals:
+                methods.append({"method": part.strip()})
+            elif len(methods) == first:
+                raise UsageError(
+                    f"`--method {quoted(text)[1:]} has no code before {quoted(part)}",
+                    help="write the code first: ForSDIRK,jacobian=differences",
+                )
+            else:
+                methods[-1][name.strip()] = read_value(value)
+    return methods
+
+
+def read_changes(texts: list[str]) -> dict[str, Any]:
+    """Return new values of a model by path, of ``PATH=VALUE``."""
+    changes = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip():
+            raise UsageError(
+                f"`--set {quoted(text)[1:]} is not PATH=VALUE", help="as in gravity[1]=-1.62"
+            )
+        changes[name.strip()] = read_value(value)
+    return changes
+
+
+def read_value(text: str) -> Any:
+    """Return a number, a list, true or false; anything else is a text."""
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text.strip()
+    except RecursionError:
+        tip = "take fewer levels"
+        raise UsageError(f"{quoted(text)} is nested too deeply", help=tip) from None
