@@ -4,6 +4,7 @@
 #   make test     checks, Rust tests, Python tests
 #   make verify   tests with debug assertions, and the long figures
 #   make bench    kernel benchmarks and the questions of benchmarks/
+#   make viewer   rebuild the 3-D page from viewer/; needs node
 #   make docs     regenerate the pages that are derived from the code
 #   make clean    remove everything that was built
 #
@@ -20,7 +21,7 @@ export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
 export CARGO_TARGET_DIR := $(CURDIR)/target
 export MPLBACKEND := Agg
 
-.PHONY: run setup test check format verify bench docs wheel clean
+.PHONY: run setup test check format verify bench docs viewer wheel clean
 
 run: setup
 	$(BIN)/holonom run models/hmmwv14/model.toml -o results/hmmwv14.holonom
@@ -61,7 +62,7 @@ format: setup
 verify: setup
 	cargo test --workspace
 	cargo test --workspace --release --features holonom/long
-	$(BIN)/pytest -m long
+	HOLONOM_BROWSER=required $(BIN)/pytest -m 'long or browser'
 
 bench: setup
 	cargo bench --workspace
@@ -71,6 +72,9 @@ docs: run
 	$(BIN)/holonom schema --reference > docs/model-file.md
 	$(BIN)/holonom plot results/hmmwv14.holonom 'chassis.position[2]' 'chassis.yaw_pitch_roll[1]' \
 	    -o docs/images/hmmwv14.svg
+
+viewer:
+	cd viewer && npm install --no-package-lock --no-audit --no-fund && npm run build
 
 wheel: setup
 	$(BIN)/maturin build --release --out dist

@@ -30,6 +30,17 @@ class CoreModel:
     def defaults(self) -> str:
         """Return JSON: title, dimension, span and tolerance of a run that states none."""
 
+    def geometry(self) -> str:
+        """Return JSON: how a model is drawn.
+
+        ``bodies`` in their design configuration; ``elements``: joints, forces and drivers with
+        their ``frames``: ``body`` (an index, None for the ground), ``point`` (m) and ``axes``
+        (columns) in body axes.
+        """
+
+    def road_heights(self, tyre: str, places: list[float]) -> list[float]:
+        """Return the height (m) of the road under a tyre at places x (m)."""
+
     def channels(self) -> list[tuple[str, str, str, list[int]]]:
         """Return name, unit, frame and shape of each."""
 

@@ -25,8 +25,8 @@ class CheckReport:
         ``coordinate``, ``rate``, ``unit``), ``initial_residuals``, ``spectrum`` (1/s, real and
         imaginary parts; only the fastest of large models, ``spectrum_is_complete`` tells),
         ``tree`` (edges of the spanning forest with their relative coordinates and the role of
-        each), ``accelerations`` (``solver``, whether it is ``stated`` by the model, predicted ``operations`` of each solver,
-        ``refusal`` where one cannot be).
+        each), ``accelerations`` (``solver``, whether it is ``stated`` by the model, predicted
+        ``operations`` of each solver, ``refusal`` where one cannot be).
     warnings : list of dict
         ``code``, ``message``, ``path``.
     """

@@ -368,6 +368,33 @@ def report(
 
 
 @app.command()
+def view(
+    result: Annotated[
+        list[Path], typer.Argument(metavar="RESULT...", help="Result files, laid over each other.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Page; by default RESULT.view.html."),
+    ] = None,
+    open_: Annotated[bool, typer.Option("--open", help="Open the page in the browser.")] = False,
+    force: Force = False,
+    recover: Recover = False,
+    json_: Json = False,
+) -> int:
+    """Write a page in which the bodies move: one HTML file that needs nothing else."""
+    from holonom.view import open_page
+
+    target = output or result[0].with_suffix(".view.html")
+    files.require_targets([(target, "html")], inputs=result, force=force)
+    with contextlib.ExitStack() as opened:
+        first, *others = [opened.enter_context(_opened(path, recover=recover)) for path in result]
+        first.view(*others).save(target, force=force)
+    if open_ and not open_page(target):
+        _complain(f"there is no browser to open; the page is {target}", "warning")
+    return _done("page", target, json_)
+
+
+@app.command()
 def export(
     result: ResultFile,
     channels: Names = None,

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from holonom import _core, files, library, toml
 from holonom.check import CheckReport
@@ -61,6 +61,7 @@ class Model:
         self._hash: str | None = None
         self._warnings: str | None = None
         self._tree: Mapping[str, Any] | None = None
+        self._geometry: dict[str, Any] | None = None
         self.name = name
 
     @classmethod
@@ -428,6 +429,33 @@ class Model:
             names = (name for name in self.channels if name.startswith(DIAGNOSTICS))
             self._diagnostics = tuple(names)
         return self._diagnostics
+
+    @property
+    def geometry(self) -> dict[str, Any]:
+        """What is needed to draw the model, as plain data; lengths in m.
+
+        ``dimension``, ``gravity``; ``bodies`` in the design configuration; ``elements``: joints,
+        forces and drivers with ``collection``, ``name``, ``type`` and ``frames``. A frame is
+        a ``body`` (its number, None for the ground) with a ``point`` and ``axes`` (columns) in
+        body axes.
+        """
+        if self._geometry is None:
+            self._geometry = json.loads(self._core.geometry())
+        return self._geometry
+
+    def road_heights(self, tyre: str, places: ArrayLike) -> NDArray[np.float64]:
+        """Return the height of the road under a tyre at places x (m), ndarray, m.
+
+        Raises
+        ------
+        UsageError
+            If there is no such tyre.
+        """
+        tyres = [e["name"] for e in self.geometry["elements"] if e["type"] == "tyre"]
+        if tyre not in tyres:
+            raise UsageError(f"there is no tyre `{tyre}`; there are {', '.join(tyres) or 'none'}")
+        x = np.atleast_1d(np.asarray(places, dtype=np.float64))
+        return np.array(self._core.road_heights(tyre, x.tolist()))
 
     def expand(self, patterns: Iterable[str]) -> list[str]:
         """Return the channels meant by names and patterns such as ``rack_slide.*``.

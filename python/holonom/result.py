@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from holonom.pictures import Picture
+    from holonom.view import View
 
 
 #: Times that differ by this part of a second, or of themselves, are the same.
@@ -552,6 +553,25 @@ class Result:
         from holonom import report
 
         return report.write(self, Path(path), force=force)
+
+    def view(self, *others: Result) -> View:
+        """Return a page in which the bodies of the run move; a notebook shows it in place.
+
+        ``result.view().save("page.html")`` writes it: one file that needs nothing else.
+
+        Parameters
+        ----------
+        *others : Result
+            Further runs, laid over this one.
+
+        Raises
+        ------
+        UsageError
+            If a result has no rows, or there are too many.
+        """
+        from holonom import view  # here: most runs are not looked at
+
+        return view.show([self, *others])
 
     def to_csv(
         self, path: str | Path, channels: list[str] | None = None, *, force: bool = False

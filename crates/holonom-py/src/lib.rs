@@ -2,6 +2,7 @@
 
 mod checksum;
 mod dense;
+mod geometry;
 mod model;
 mod report;
 mod sink;

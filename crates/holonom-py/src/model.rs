@@ -3,7 +3,7 @@
 use crate::sink::Callbacks;
 use crate::state::{Rows, foreign, rows};
 use crate::watched::watched;
-use crate::{ModelError, SimulationError, dense, report, state};
+use crate::{ModelError, SimulationError, dense, geometry, report, state};
 use holonom::analysis::spectrum;
 use holonom::error::{Diagnostic, EvaluationFailure, ModelErrors};
 use holonom::io::{Document, Syntax};
@@ -116,6 +116,15 @@ impl CoreModel {
 
     fn defaults(&self) -> String {
         report::defaults(self.problem.model())
+    }
+
+    fn geometry(&self) -> String {
+        geometry::geometry(self.problem.model())
+    }
+
+    fn road_heights(&self, tyre: &str, places: Vec<f64>) -> PyResult<Vec<f64>> {
+        geometry::road_heights(self.problem.model(), tyre, &places)
+            .ok_or_else(|| PyRuntimeError::new_err(format!("there is no tyre `{tyre}`")))
     }
 
     /// Name, unit, frame and shape of each; text would take longer than signals may wait.

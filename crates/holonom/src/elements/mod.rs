@@ -25,6 +25,8 @@ mod vector_function;
 use crate::math::Real;
 use row::RowKind;
 
+pub use forces::road_height;
+
 /// Rows of one constraint against the coordinates of its two bodies: `[side][row][coordinate]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RowBlocks<T, const N: usize>(pub [[[T; N]; 6]; 2]);

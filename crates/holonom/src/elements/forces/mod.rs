@@ -28,6 +28,11 @@ pub(super) fn bodies(force: &model::Force) -> [model::BodyIndex; 2] {
     }
 }
 
+/// Height of a road at x under a wheel of the given unloaded radius, m.
+pub fn road_height(road: &model::Road, wheel_radius: f64, x: f64) -> f64 {
+    road::height(road, wheel_radius, x)[0]
+}
+
 const fn quantity(
     name: &'static str,
     unit: &'static str,

@@ -1,0 +1,402 @@
+"""The 3-D page: what Python puts into it, and what a browser shows of it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+import shutil
+import time
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import META, MODELS, PENDULUM, oscillator_text
+
+import holonom
+from holonom.cli import invoke
+from holonom.errors import UsageError
+from holonom.result import Result
+from holonom.store import Writer
+from holonom.view import View, show
+from holonom.view.encoding import curves, floats, turns
+from holonom.view.scene import frame_times, scene
+
+#: Types a key in the page.
+PRESS = (
+    "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: arguments[0], bubbles: true}))"
+)
+KINDS = {"f4": "<f4", "i2": "<i2", "u2": "<u2"}
+
+
+def unpacked(blob: dict[str, Any], width: int) -> np.ndarray:
+    raw = np.frombuffer(base64.b64decode(blob["data"]), KINDS[blob["kind"]])
+    return raw.astype(float).reshape(-1, width)
+
+
+def rotated(p: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Turn body axes into ground axes by Euler parameters, row by row."""
+    e0, e = p[:, :1], p[:, 1:]
+    return v + 2.0 * np.cross(e, np.cross(e, v) + e0 * v)
+
+
+class Loaded(HTMLParser):
+    """What the elements of a page name as their source."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.targets: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.targets += [value or "" for key, value in attrs if key in ("src", "href", "srcdoc")]
+
+
+def page_data(html: str) -> dict[str, Any]:
+    text = html.partition('<script id="holonom-data" type="application/json">')[2]
+    found: dict[str, Any] = json.loads(text.partition("</script>")[0])
+    return found
+
+
+@pytest.fixture(scope="module")
+def vehicle() -> Result:
+    return holonom.Model.load(MODELS / "hmmwv14" / "model.toml").simulate()
+
+
+@pytest.fixture(scope="module")
+def slider() -> Result:
+    return holonom.Model.load(MODELS / "slider_crank" / "model.toml").simulate()
+
+
+def test_curves_come_back_within_half_a_step_of_their_range() -> None:
+    values = np.stack([np.sin(np.arange(100.0)), 1e9 + np.arange(100.0), np.full(100, 3.0)], axis=1)
+    values[7, 0] = np.nan
+    packed = curves(values)
+    codes, low, high = unpacked(packed, 3), np.array(packed["low"]), np.array(packed["high"])
+    back = low + codes * (high - low) / 65534.0
+    assert codes[7, 0] == 65535
+    back[7, 0] = np.nan
+    assert np.all(np.abs(back - values)[np.isfinite(values)] <= 0.51 * (high - low).max() / 65534.0)
+    np.testing.assert_array_equal(back[:, 2], 3.0)
+
+
+def test_orientations_take_the_short_way() -> None:
+    angle = np.linspace(0.0, 20.0, 400)
+    p = np.stack([np.cos(angle / 2), 0 * angle, 0 * angle, np.sin(angle / 2)], axis=1)
+    p[150:] *= -1.0  # the same orientations
+    back = unpacked(turns(p), 4) / 32767.0
+    assert np.all(np.sum(back[1:] * back[:-1], axis=1) > 0.99)
+    np.testing.assert_allclose(np.abs(np.sum(back * p, axis=1)), 1.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("name", ["slider", "vehicle"])
+def test_drawn_bodies_meet_at_their_joints(name: str, request: pytest.FixtureRequest) -> None:
+    drawn = scene(request.getfixturevalue(name))
+    count = unpacked(drawn["times"], 1).shape[0]
+
+    def places(frame: dict[str, Any]) -> np.ndarray:
+        point = np.broadcast_to(np.array(frame["point"]), (count, 3))
+        if frame["body"] is None:
+            return point
+        body = drawn["bodies"][frame["body"]]
+        origin = np.array(body["origin"]) + unpacked(body["position"], 3)
+        return origin + rotated(unpacked(body["rotation"], 4) / 32767.0, point)
+
+    tied = [e for e in drawn["elements"] if e["type"] in ("revolute", "spherical")]
+    assert tied
+    for joint in tied:
+        apart = np.linalg.norm(places(joint["frames"][0]) - places(joint["frames"][1]), axis=1)
+        assert apart.max() < 4e-4 * drawn["size"], joint["name"]
+
+
+def test_frames_and_channels_are_those_of_the_result(vehicle: Result) -> None:
+    drawn = scene(vehicle)
+    times = drawn["start"] + unpacked(drawn["times"], 1)[:, 0]
+    np.testing.assert_allclose(times, frame_times(vehicle), atol=1e-6)
+    chassis = drawn["bodies"][0]
+    truth = vehicle.sample(frame_times(vehicle), ["chassis.position", "tyre_front_left.deflection"])
+    np.testing.assert_allclose(
+        np.array(chassis["origin"]) + unpacked(chassis["position"], 3),
+        truth["chassis.position"],
+        atol=2e-6,
+    )
+    (channel,) = [c for c in drawn["channels"] if c["name"] == "tyre_front_left.deflection"]
+    assert (channel["unit"], channel["item"], channel["components"]) == (
+        "m", "tyre_front_left", [""],
+    )  # fmt: skip
+    low, high = channel["low"][0], channel["high"][0]
+    back = low + unpacked(channel, 1)[:, 0] * (high - low) / 65534.0
+    np.testing.assert_allclose(back, truth["tyre_front_left.deflection"], atol=(high - low) / 1e5)
+
+
+def test_the_vehicle_is_followed_on_its_road(vehicle: Result) -> None:
+    drawn = scene(vehicle)
+    assert drawn["bodies"][drawn["follow"]]["name"] == "chassis"
+    (road,) = drawn["roads"]
+    assert max(road["height"]) == pytest.approx(0.05, rel=1e-2)  # the bump of the model file
+    assert road["x"][int(np.argmax(road["height"]))] == pytest.approx(4.2335, abs=0.03)
+    wheels = [s for b in drawn["bodies"] for s in b["shapes"] if s["type"] == "wheel"]
+    assert [w["radius"] for w in wheels] == [0.4699] * 4
+
+
+def test_the_page_of_the_vehicle_is_one_small_file(vehicle: Result) -> None:
+    view = vehicle.view()
+    assert len(view.html.encode()) < 3e6
+    page = Loaded()
+    page.feed(view.html)
+    assert all(target.startswith("data:") for target in page.targets)
+    assert "@import" not in view.html
+    assert page_data(view.html)["runs"][0]["title"] == vehicle.meta["title"]
+
+
+def test_texts_of_a_model_cannot_leave_their_place() -> None:
+    text = PENDULUM.replace("Rod on a pin", "</script><b>&\\u2028")
+    html = holonom.Model.from_text(text).simulate().view().html
+    assert "</script><b>" not in html
+    assert page_data(html)["runs"][0]["title"] == "</script><b>&\u2028"
+
+
+def test_without_steps_the_stored_rows_are_the_frames() -> None:
+    result = holonom.Model.from_text(PENDULUM).simulate(dense_output=False)
+    assert result.span is None
+    np.testing.assert_array_equal(frame_times(result), result.time)
+
+
+def test_a_fast_turn_is_not_told_by_too_few_frames() -> None:
+    text = PENDULUM + "[initial.bodies]\nrod = { angular_velocity = 2000.0 }\n"
+    result = holonom.Model.from_text(text).simulate(end_time=1.0)
+    step = np.diff(frame_times(result)).max()
+    assert 2000.0 * step < np.pi / 4
+
+
+def test_what_cannot_be_shown_is_refused(slider: Result, vehicle: Result) -> None:
+    writer = Writer(None, META, {})
+    writer.finish({"status": "failed", "stop_reason": {"code": "simulation/x", "message": "no"}})
+    with Result(writer.into_reader()) as empty, pytest.raises(UsageError, match="no rows"):
+        empty.view()
+    with pytest.raises(UsageError, match="planar and spatial"):
+        slider.view(vehicle)
+    with pytest.raises(UsageError, match="1 to 4"):
+        show([])
+
+
+def test_a_notebook_shows_the_page_in_a_frame(slider: Result) -> None:
+    shown = slider.view()._repr_html_()
+    assert shown.startswith("<iframe srcdoc=")
+    assert shown.count("<") == 2  # the frame's own tags: the page is escaped
+
+
+def test_the_command_writes_the_page(pendulum: Path, tmp_path: Path) -> None:
+    result = tmp_path / "rod.holonom"
+    assert invoke(["run", str(pendulum), "-q", "-o", str(result)]) == 0
+    assert invoke(["view", str(result), str(result), "-o", str(tmp_path / "new" / "rod.html")]) == 0
+    data = page_data((tmp_path / "new" / "rod.html").read_text(encoding="utf-8"))
+    assert [run["file"] for run in data["runs"]] == ["rod.holonom"] * 2
+    assert invoke(["view", str(result), "-o", str(result)]) == 1
+    assert invoke(["view", str(tmp_path / "none.holonom")]) == 5
+
+
+def test_single_precision_is_written_little_endian() -> None:
+    assert base64.b64decode(floats(np.array([1.0]))["data"]) == b"\x00\x00\x80\x3f"
+
+
+# --- in a browser
+
+
+class Browser:
+    """Chromium without a window, and what it said."""
+
+    def __init__(self, profile: Path) -> None:
+        from selenium import webdriver
+        from selenium.webdriver.chrome.service import Service
+
+        options = webdriver.ChromeOptions()
+        options.binary_location = str(shutil.which("chromium"))
+        for flag in (
+            "headless=new", "no-sandbox", "disable-dev-shm-usage", "enable-unsafe-swiftshader",
+            "disable-background-networking", "no-first-run", f"user-data-dir={profile}",
+        ):  # fmt: skip
+            options.add_argument(f"--{flag}")
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+        service = Service(str(shutil.which("chromedriver")))
+        self.driver = webdriver.Chrome(options=options, service=service)
+
+    def open(self, view: View, path: Path, width: int = 1280, height: int = 720) -> None:
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
+        self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        self.driver.get(view.save(path).as_uri())
+        self.wait("return document.documentElement.dataset.ready === 'true'")
+        self.wait("return holonom.drawn > 0")
+
+    def run(self, script: str, *values: Any) -> Any:
+        return self.driver.execute_script(script, *values)
+
+    def wait(self, script: str, seconds: float = 60.0) -> None:
+        end = time.monotonic() + seconds
+        while not self.run(script):
+            assert time.monotonic() < end, f"not within {seconds} s: {script}"
+            time.sleep(0.05)
+
+    def picture(self) -> bytes:
+        from selenium.webdriver.common.by import By
+
+        return self.driver.find_element(By.ID, "stage").screenshot_as_png
+
+    def click(self, x: float, y: float) -> None:
+        for kind in ("mousePressed", "mouseReleased"):
+            event = {"type": kind, "x": x, "y": y, "button": "left", "clickCount": 1}
+            self.driver.execute_cdp_cmd("Input.dispatchMouseEvent", event)
+
+    def complaints(self) -> list[str]:
+        # Reading pixels for a screenshot is slow in software, and Chromium says so.
+        said = [e["message"] for e in self.driver.get_log("browser")]
+        return [text for text in said if "GPU stall due to ReadPixels" not in text]
+
+    def requests(self) -> list[str]:
+        events = [json.loads(e["message"])["message"] for e in self.driver.get_log("performance")]
+        sent = [e["params"] for e in events if e["method"] == "Network.requestWillBeSent"]
+        return [s["request"]["url"] for s in sent]
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    missing = [name for name in ("chromium", "chromedriver") if shutil.which(name) is None]
+    if missing:
+        text = f"{' and '.join(missing)} not found: the page is not shown in a browser"
+        if os.environ.get("HOLONOM_BROWSER") == "required":
+            pytest.fail(text)
+        pytest.skip(text)
+    one = Browser(tmp_path_factory.mktemp("profile"))
+    yield one
+    one.driver.quit()
+
+
+@pytest.mark.browser
+def test_the_page_plays_and_asks_nobody(browser: Browser, vehicle: Result, tmp_path: Path) -> None:
+    browser.requests()
+    browser.open(vehicle.view(), tmp_path / "vehicle.html")
+    still = browser.picture()
+    browser.run("document.getElementById('play').click()")
+    browser.wait("return holonom.time > 0.3")
+    browser.run("document.getElementById('play').click()")
+    assert browser.picture() != still
+    assert browser.run("return holonom.playing") is False
+    schemes = {url.partition(":")[0] for url in browser.requests()}
+    assert schemes <= {"file", "data", "chrome"}  # the last is the browser's own first page
+    assert browser.complaints() == []
+
+
+@pytest.mark.browser
+def test_what_is_drawn_is_where_the_run_has_it(
+    browser: Browser, vehicle: Result, slider: Result, tmp_path: Path
+) -> None:
+    for result, body in ((vehicle, "spindle_front_left"), (slider, "crank")):
+        browser.open(result.view(), tmp_path / "page.html")
+        turn = "angle" if body == "crank" else "euler_parameters"
+        names = [f"{body}.position", f"{body}.{turn}"]
+        for moment in (0.0, 0.5203, 0.7777, 1.9):  # between frames
+            drawn = np.array(
+                browser.run(
+                    "holonom.seek(arguments[0]); return holonom.where(arguments[1])", moment, body
+                )
+            )
+            truth = result.sample([moment], names)
+            place, turned = truth[names[0]][0], np.atleast_1d(truth[names[1]][0])
+            if turned.size == 1:
+                half = 0.5 * turned[0]
+                turned = np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+            np.testing.assert_allclose(drawn[: place.size], place, atol=2e-4)
+            assert abs(drawn[3:] @ turned) == pytest.approx(1.0, abs=1e-5)
+
+
+@pytest.mark.browser
+def test_picking_shows_the_channels(browser: Browser, slider: Result, tmp_path: Path) -> None:
+    browser.open(slider.view(), tmp_path / "slider.html")
+    browser.run("holonom.seek(0.3)")
+    for item, channel in (("pin", "force"), ("return_spring", "length"), ("rod", "velocity")):
+        browser.click(*_seen(browser, item))
+        browser.wait(f"return holonom.picked === '{item}'", 10.0)
+        heads = browser.run(
+            "return [...document.querySelectorAll('.plot h3')].map((one) => one.textContent)"
+        )
+        assert any(channel in head for head in heads), heads
+    inked = browser.run(
+        "const c = document.querySelector('.plot canvas');"
+        "return c.getContext('2d').getImageData(0, 0, c.width, c.height).data.some((v) => v > 0)"
+    )
+    assert inked
+    moved = browser.run(
+        "const style = document.querySelector('.cursor').style; const before = style.transform;"
+        "holonom.seek(1.2); return before !== style.transform"
+    )
+    assert moved
+    browser.run(PRESS, "Escape")
+    assert browser.run("return holonom.picked") is None
+
+
+def _seen(browser: Browser, item: str) -> tuple[float, float]:
+    x, y = browser.run("return holonom.project(arguments[0])", item)
+    if item == "return_spring":  # its first point is on the ground; its coils are beside it
+        other = browser.run("return holonom.project('slider')")
+        return 0.4 * x + 0.6 * other[0], 0.4 * y + 0.6 * other[1]
+    return x, y
+
+
+@pytest.mark.browser
+def test_keys_step_and_play(browser: Browser, slider: Result, tmp_path: Path) -> None:
+    browser.open(slider.view(), tmp_path / "slider.html")
+    browser.run(PRESS, "ArrowRight")
+    assert 0.0 < browser.run("return holonom.time") < 0.01
+    browser.run(PRESS, "End")
+    assert browser.run("return holonom.time") == pytest.approx(2.0)
+    browser.run(PRESS, "Home")
+    browser.run(PRESS, " ")
+    browser.wait("return holonom.time > 0.05", 20.0)
+    browser.run(PRESS, "d")
+    assert browser.run("return document.documentElement.dataset.theme") == "dark"
+
+
+@pytest.mark.browser
+def test_a_telephone_shows_it_whole(browser: Browser, vehicle: Result, tmp_path: Path) -> None:
+    browser.open(vehicle.view(), tmp_path / "vehicle.html", 400, 800)
+    assert browser.run("return document.documentElement.scrollWidth") <= 400
+    outside = browser.run(
+        "return [...document.querySelectorAll('button, input, select, canvas')]"
+        ".filter((one) => one.getClientRects().length && one.getBoundingClientRect().right > 400.5)"
+        ".map((one) => one.id)"
+    )
+    assert outside == []
+    browser.run("holonom.select('chassis')")
+    assert browser.run("return document.getElementById('panel').clientHeight") > 200
+    assert browser.complaints() == []
+
+
+@pytest.mark.browser
+def test_two_runs_lie_over_each_other(browser: Browser, tmp_path: Path) -> None:
+    runs = [
+        holonom.Model.from_text(
+            oscillator_text(mass=1.0, x=0.2, stiffness=k, free_length=1.0)
+        ).simulate(end_time=1.0, channels=["block.position"])
+        for k in (50.0, 80.0)
+    ]
+    browser.open(runs[0].view(runs[1]), tmp_path / "two.html")
+    assert browser.run("return document.querySelectorAll('#legend div').length") == 2
+    assert browser.run("return document.querySelectorAll('.plot .dash').length") == 2
+    assert browser.complaints() == []
+
+
+@pytest.mark.browser
+@pytest.mark.long
+def test_the_vehicle_is_smooth_without_a_graphics_card(
+    browser: Browser, vehicle: Result, tmp_path: Path
+) -> None:
+    browser.open(vehicle.view(), tmp_path / "vehicle.html")
+    browser.run("holonom.play(true)")
+    time.sleep(4.0)  # the page finds the resolution that it can hold
+    first = browser.run("return [holonom.drawn, performance.now()]")
+    time.sleep(4.0)
+    last = browser.run("return [holonom.drawn, performance.now()]")
+    rate = 1000.0 * (last[0] - first[0]) / (last[1] - first[1])
+    assert rate >= 30.0, f"{rate:.1f} frames per second"

@@ -1,0 +1,210 @@
+// Curves of one channel over time, with a cursor that keeps step with the motion.
+
+import type { Channel, Run } from "./data";
+import { placeAt, valueAt } from "./motion";
+import { CURVES, GHOSTS_CSS, theme } from "./theme";
+
+export interface Line {
+  run: Run;
+  number: number;
+  channel: Channel;
+}
+
+const LEFT = 58;
+const RIGHT = 8;
+const TOP = 6;
+const BOTTOM = 18;
+/** Curves whose range is this much smaller than the largest get axes of their own. */
+const SMALLER = 0.1;
+
+const html = (tag: string, name = "", text = "") => {
+  const element = document.createElement(tag);
+  if (name) element.className = name;
+  if (text) element.textContent = text;
+  return element;
+};
+
+export const unitText = (unit: string) => unit.replace(/\^2/g, "²").replace(/\*/g, " ");
+
+/** A number to the digits that a plot can tell. */
+export function short(value: number, span = Math.abs(value)): string {
+  if (!Number.isFinite(value)) return "–";
+  if (value === 0 || Math.abs(value) < 1e-9 * span) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e5 || size < 1e-3) return value.toExponential(2).replace("e+", "e").replace("-", "−").replace("e-", "e−");
+  const digits = Math.max(0, Math.min(5, 3 - Math.floor(Math.log10(size))));
+  return value.toFixed(digits).replace("-", "−");
+}
+
+/** Round steps of an axis. */
+function ticks(low: number, high: number, most: number): [number, string][] {
+  const raw = (high - low) / most;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = power * ([1, 2, 5, 10].find((k) => k * power >= raw) ?? 10);
+  const digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  const plain = size < 1e6 && digits <= 5;
+  const out: [number, string][] = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) {
+    const value = k * step;
+    const text = plain ? value.toFixed(digits) : value.toExponential(Math.max(0, Math.floor(Math.log10(size)) + digits));
+    out.push([value, k === 0 ? "0" : text.replace("e+", "e").replace(/-/g, "−")]);
+  }
+  return out;
+}
+
+export class Plot {
+  readonly root = html("section", "plot");
+  private canvases: { canvas: HTMLCanvasElement; cursor: HTMLElement; components: number[]; height: number }[] = [];
+  private values: { cell: HTMLElement; curve: Float32Array; run: Run; span: number }[] = [];
+
+  constructor(private lines: Line[], private span: [number, number], floor: number, seek: (time: number) => void) {
+    const { channel } = lines[0];
+    const title = html("h3", "", channel.quantity.replace(/_/g, " ").replace(/\./g, " · "));
+    const unit = unitText(channel.unit);
+    if (unit) title.append(html("span", "unit", unit));
+    const frame: Record<string, string> = { first: "axes of the first body", along: "" };
+    if (frame[channel.frame]) title.append(html("span", "unit", frame[channel.frame]));
+    this.root.append(title);
+    const key = html("div", "key");
+    for (const { run, number, channel: one } of lines) {
+      one.curves.forEach((curve, k) => {
+        const cell = html("span", "value");
+        const entry = html("span", "entry");
+        const dot = html("i", number ? "dash" : "");
+        dot.style.background = number && one.curves.length === 1 ? GHOSTS_CSS[(number - 1) % 3] : CURVES[k % CURVES.length];
+        entry.append(dot, html("span", "", one.components[k]), cell);
+        key.append(entry);
+        this.values.push({ cell, curve, run, span: one.high[k] - one.low[k] });
+      });
+    }
+    this.root.append(key);
+    for (const components of this.grouped(floor)) {
+      const box = html("div", "curves");
+      const canvas = document.createElement("canvas");
+      const cursor = html("div", "cursor");
+      box.append(canvas, cursor);
+      this.root.append(box);
+      this.canvases.push({ canvas, cursor, components, height: 104 });
+      const drag = (event: PointerEvent) => {
+        const bounds = canvas.getBoundingClientRect();
+        const part = (event.clientX - bounds.left - LEFT) / (bounds.width - LEFT - RIGHT);
+        seek(span[0] + Math.min(1, Math.max(0, part)) * (span[1] - span[0]));
+      };
+      canvas.addEventListener("pointerdown", (event) => {
+        canvas.setPointerCapture(event.pointerId);
+        drag(event);
+      });
+      canvas.addEventListener("pointermove", (event) => event.buttons && drag(event));
+    }
+    this.floor = floor;
+  }
+
+  private floor: number;
+
+  /** Components that share axes: what moves little is not drawn beside what moves far. */
+  private grouped(floor: number): number[][] {
+    const { channel } = this.lines[0];
+    const spans = channel.components.map((_, k) =>
+      Math.max(...this.lines.map(({ channel: one }) => one.high[k] - one.low[k])),
+    );
+    const order = spans.map((_, k) => k).sort((a, b) => spans[b] - spans[a]);
+    const groups: number[][] = [];
+    for (const k of order) {
+      const last = groups[groups.length - 1];
+      if (last && spans[k] <= floor) groups[0].push(k); // what does not move at all needs no axes
+      else if (last && spans[k] > SMALLER * spans[last[0]]) last.push(k);
+      else groups.push([k]);
+    }
+    return groups.map((group) => group.sort((a, b) => a - b));
+  }
+
+  draw(): void {
+    for (const { canvas, components, height } of this.canvases) {
+      const width = canvas.parentElement!.clientWidth;
+      if (!width) continue;
+      const ratio = window.devicePixelRatio || 1;
+      canvas.width = width * ratio;
+      canvas.height = height * ratio;
+      canvas.style.height = `${height}px`;
+      const pen = canvas.getContext("2d")!;
+      pen.scale(ratio, ratio);
+      this.drawOne(pen, components, width, height);
+    }
+  }
+
+  private drawOne(pen: CanvasRenderingContext2D, components: number[], width: number, height: number): void {
+    let low = Infinity;
+    let high = -Infinity;
+    for (const { channel } of this.lines) {
+      for (const k of components) {
+        low = Math.min(low, channel.low[k]);
+        high = Math.max(high, channel.high[k]);
+      }
+    }
+    const middle = (low + high) / 2;
+    const half = Math.max((high - low) / 2, this.floor, 1e-6 * Math.abs(middle), 1e-30) * 1.06;
+    [low, high] = [middle - half, middle + half];
+    const [t0, t1] = this.span;
+    const x = (t: number) => LEFT + ((t - t0) / Math.max(t1 - t0, 1e-30)) * (width - LEFT - RIGHT);
+    const y = (v: number) => TOP + ((high - v) / (high - low)) * (height - TOP - BOTTOM);
+    const ink = theme.now.dark ? "#a2adb5" : "#5f6a72";
+    const faint = theme.now.dark ? "rgba(200,212,220,.13)" : "rgba(60,75,85,.13)";
+    pen.font = "10.5px system-ui, sans-serif";
+    pen.lineWidth = 1;
+    pen.textAlign = "right";
+    pen.textBaseline = "middle";
+    for (const [value, text] of ticks(low, high, 4)) {
+      pen.strokeStyle = faint;
+      pen.beginPath();
+      pen.moveTo(LEFT, Math.round(y(value)) + 0.5);
+      pen.lineTo(width - RIGHT, Math.round(y(value)) + 0.5);
+      pen.stroke();
+      pen.fillStyle = ink;
+      pen.fillText(text, LEFT - 6, y(value));
+    }
+    pen.textBaseline = "top";
+    pen.textAlign = "center";
+    for (const [time, text] of ticks(t0, t1, Math.max(2, Math.floor(width / 80)))) {
+      pen.fillStyle = ink;
+      pen.fillText(text, Math.min(x(time), width - 12), height - BOTTOM + 5);
+    }
+    pen.save();
+    pen.beginPath();
+    pen.rect(LEFT, TOP - 2, width - LEFT - RIGHT, height - TOP - BOTTOM + 4);
+    pen.clip();
+    pen.lineJoin = "round";
+    for (const { run, number, channel } of this.lines) {
+      pen.setLineDash(number ? [5, 3] : []);
+      for (const k of components) {
+        pen.strokeStyle = number && channel.curves.length === 1 ? GHOSTS_CSS[(number - 1) % 3] : CURVES[k % CURVES.length];
+        pen.lineWidth = 1.5;
+        pen.beginPath();
+        const curve = channel.curves[k];
+        let drawn = false;
+        for (let i = 0; i < curve.length; i++) {
+          if (Number.isNaN(curve[i])) drawn = false;
+          else if (drawn) pen.lineTo(x(run.start + run.times[i]), y(curve[i]));
+          else {
+            pen.moveTo(x(run.start + run.times[i]), y(curve[i]));
+            drawn = true;
+          }
+        }
+        pen.stroke();
+      }
+    }
+    pen.restore();
+  }
+
+  move(time: number): void {
+    const [t0, t1] = this.span;
+    const part = (time - t0) / Math.max(t1 - t0, 1e-30);
+    for (const { canvas, cursor } of this.canvases) {
+      cursor.style.transform = `translateX(${LEFT + part * (canvas.clientWidth - LEFT - RIGHT)}px)`;
+    }
+    for (const { cell, curve, run, span } of this.values) {
+      const text = short(valueAt(curve, placeAt(run, time)), Math.max(span, this.floor * 1e3));
+      if (cell.textContent !== text) cell.textContent = text;
+    }
+  }
+}
