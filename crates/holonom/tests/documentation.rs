@@ -61,7 +61,7 @@ fn sources(folder: &Path, ending: &str, out: &mut Vec<String>) {
 
 /// Codes of the form `family/some-words` between quotation marks, models' left out.
 fn codes(text: &str, quote: char, out: &mut BTreeSet<String>) {
-    const FAMILIES: [&str; 5] = ["assembly", "simulation", "usage", "file", "holonom"];
+    const FAMILIES: [&str; 6] = ["assembly", "simulation", "usage", "file", "result", "holonom"];
     for part in text.split(quote) {
         let words =
             |s: &str| !s.is_empty() && s.chars().all(|c| c.is_ascii_lowercase() || c == '-');
