@@ -82,6 +82,7 @@ def _seconds(name: str, text: str) -> Any:
 
 @app.callback(invoke_without_command=True)
 def command(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", help="Print the version and how it was built.")
     ] = False,
@@ -91,6 +92,8 @@ def command(
     if version:
         _print_version(json_)
         raise typer.Exit(Exit.OK)
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @app.command()

@@ -147,8 +147,9 @@ class FileError(HolonomError, OSError):
     def __init__(
         self,
         message: str,
-        code: str = "file/unusable",
         help: str = "",  # noqa: A002
+        *,
+        code: str = "file/unusable",
     ) -> None:
         super().__init__(message, help)
         self.code = code

@@ -125,7 +125,7 @@ def require_target(
             raise FileError(
                 f"{path} is a file that this command reads ({source}); it is not overwritten"
                 "\n  help: give another name with `-o`",
-                "file/protected",
+                code="file/protected",
             )
     if force or not there.st_size:
         return real
@@ -133,7 +133,7 @@ def require_target(
         raise FileError(
             f"{path} is write-protected; it is not overwritten\n  help: give another name, or "
             "`--force` (`force=True`)",
-            "file/protected",
+            code="file/protected",
         )
     known = KINDS[kind]
     try:
@@ -145,7 +145,7 @@ def require_target(
         raise FileError(
             f"{path} is there and is not a {known.title}; it is not overwritten\n  help: give "
             "another name, or `--force` (`force=True`) to replace it",
-            "file/protected",
+            code="file/protected",
         )
     return real
 
@@ -167,7 +167,7 @@ def require_targets(
             raise FileError(
                 f"{path} and {seen[real]} are the same file, for two things to be written"
                 "\n  help: give each a name of its own",
-                "file/protected",
+                code="file/protected",
             )
         seen[real] = path
 

@@ -59,7 +59,7 @@ def damaged(path: Path | None, part: str) -> FileError:
     return FileError(
         f"{path or 'the result'} is damaged: {part}\n  help: `--recover`, or "
         "`Result.load(path, recover=True)`, reads the rest; a copy or a new run has all",
-        "result/damaged",
+        code="result/damaged",
     )
 
 

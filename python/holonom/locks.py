@@ -118,7 +118,7 @@ def _busy(shown: Path, process: int | None) -> FileError:
     return FileError(
         f"{shown} is being written by process {process or 'unknown'}\n  help: wait for its end, or "
         "give this run another name with `-o`",
-        "result/busy",
+        code="result/busy",
     )
 
 

@@ -188,8 +188,8 @@ class Model:
             except ModelError:
                 raise FileError(
                     f"{path} is there and is no model; it is not overwritten",
-                    "file/protected",
                     "take another name",
+                    code="file/protected",
                 ) from None
         # What is there is a model, or nothing.
         return files.write_text(path, "model", text, force=True)
@@ -591,9 +591,9 @@ def _read(path: Path) -> str:
         meant = path / "model.toml"
         tip = f"did you mean {meant}?" if meant.is_file() else "name the model file in it"
         raise FileError(f"{path} is a folder, not a model file", tip)
+    if path.exists() and not path.is_file():
+        raise FileError(f"{path} is not a regular file", "save the model in a file first")
     try:
-        if path.exists() and not path.is_file():
-            raise FileError(f"{path} is not a regular file", help="save the model in a file first")
         if path.stat().st_size > MAX_FILE_SIZE:
             raise ModelError(
                 Problem(

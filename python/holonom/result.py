@@ -368,7 +368,7 @@ class Result:
                     found.setdefault(name, np.empty((times.size, values.shape[1])))
                     if found[name].shape[1] != values.shape[1]:
                         text = f"{self.path}: `{name}` in its steps does not fit its rows"
-                        raise FileError(f"{text}\n  help: run it again", "result/damaged")
+                        raise FileError(f"{text}\n  help: run it again", code="result/damaged")
                     found[name][index[places]] = values
         return found
 
@@ -387,7 +387,7 @@ class Result:
         """The model that was run; of a file read back from it."""
         if self._model is None:
             if "model" not in self.meta:
-                raise FileError(f"{self.path}: its model is lost", "result/damaged")
+                raise FileError(f"{self.path}: its model is lost", code="result/damaged")
             text = json.dumps(self.meta["model"], ensure_ascii=False)
             name = str(self.meta.get("name", "model"))
             self._model = Model.from_text(text, "json", name)
@@ -485,8 +485,9 @@ class Result:
         FileError
             If it cannot be written, something else than a result is there, or it is this result.
         """
-        self._reader.save(Path(path), force=force)
-        return Path(path)
+        path = as_path(path)
+        self._reader.save(path, force=force)
+        return path
 
     def plot(
         self,

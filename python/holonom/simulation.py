@@ -203,7 +203,7 @@ def start_state(start: object) -> dict[str, NDArray[np.float64]]:
             raise refused(f"`start` has an entry {name!r}; known are {', '.join(STATE)}")
         try:
             state[name] = np.atleast_1d(np.asarray(values, dtype=np.float64))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise refused(
                 f"`start[{name!r}]` is {reprlib.repr(values)}; it must hold numbers"
             ) from None

@@ -13,6 +13,7 @@ from holonom.model import Model
 from holonom.options import Options, Tolerance, unknown_method
 from holonom.options import methods as known_methods
 from holonom.result import Result
+from holonom.text import quoted
 
 Series = NDArray[np.float64]
 
@@ -37,6 +38,10 @@ def codes(asked: Sequence[str | Mapping[str, Any]] | None) -> dict[str, dict[str
         raise UsageError("`methods` is one method", help="pass a list of them")
     found = {}
     for entry in asked:
+        if not isinstance(entry, str | Mapping):
+            raise UsageError(
+                f"`methods` holds {quoted(repr(entry))}", help="pass names, or options of a run"
+            )
         options = {"method": entry} if isinstance(entry, str) else dict(entry)
         name, formula = options.pop("method", None), options.pop("formula", None)
         hits = [
