@@ -4,6 +4,7 @@ import {
   BoxGeometry, BufferGeometry, Color, Group, Mesh, Object3D, Quaternion,
   SphereGeometry, TorusGeometry, Vector3,
 } from "three";
+import type { Bundle } from "./bundle";
 import type { Element, Frame, Run } from "./data";
 import {
   alongZ, axisOf, ball, coil, cylinder, merge, paint, rod, roundArrow, spiral, standing, turnOf, tyre, vector,
@@ -14,7 +15,7 @@ import { DAMPER, DRIVER, FORCE, RUBBER, SPRING, STEEL, theme, TYRE } from "./the
 
 export interface Symbol {
   element: Element;
-  /** What can be picked; they carry the name of the element. */
+  /** What moves by itself; it carries the name of the element. */
   meshes: Mesh[];
   move?: () => void;
 }
@@ -26,6 +27,8 @@ export interface Stage {
   /** Where a frame is, ground axes. */
   place(frame: Frame, target: Vector3): Vector3;
   up: Vector3;
+  /** Takes what is fixed in a body or in the ground. */
+  bundle(body: number | null): Bundle;
 }
 
 const ORIGIN = new Vector3();
@@ -43,14 +46,17 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     symbol.meshes.push(mesh);
     return mesh;
   };
+  const fix = (geometry: BufferGeometry, body: number | null, color?: number) => {
+    const painted = color === undefined ? geometry : paint(geometry, new Color(color));
+    stage.bundle(body).add(element.name, painted, element.collection !== "forces");
+  };
   const dark = new Color(theme.now.joint);
   const light = new Color(theme.now.jointLight);
   const at = vector(first.point);
-  const holder = stage.holder(first.body);
   const axis = axisOf(first, planar && element.type === "translational" ? 0 : 2);
   /** A symbol that sits where the frame of the first body is. */
   const onFirst = (parts: BufferGeometry[], turn = turnOf(first)) =>
-    add(merge(parts).applyQuaternion(turn).translate(at.x, at.y, at.z), holder);
+    fix(merge(parts).applyQuaternion(turn).translate(at.x, at.y, at.z), first.body);
   const onGround = () => {
     const frame = element.frames.find((one) => one.body === null);
     if (!frame || element.frames.length < 2) return;
@@ -58,8 +64,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     if (!planar) stand.applyQuaternion(new Quaternion().setFromUnitVectors(Z, stage.up));
     else stand.translate(0, 0, -1.5 * s);
     stand.translate(frame.point[0], frame.point[1], frame.point[2]);
-    const mesh = add(stand, stage.holder(null), theme.now.ground);
-    mesh.renderOrder = -0.5;
+    fix(stand, null, theme.now.ground);
   };
   const along = (half: number) => [new Vector3(0, 0, -half), new Vector3(0, 0, half)] as const;
 
@@ -79,7 +84,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
       const pin = (frame: Frame) => {
         const [a, b] = along(2.2 * s);
         const geometry = paint(cylinder(a, b, 0.6 * s), dark).applyQuaternion(turnOf(frame));
-        add(geometry.translate(...frame.point), stage.holder(frame.body));
+        fix(geometry.translate(...frame.point), frame.body);
       };
       pin(first);
       pin(second);
@@ -99,16 +104,15 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
       for (const [end, way] of [[a, 1], [b, -1]] as const) {
         parts.push(paint(cylinder(end, end.clone().addScaledVector(axis, 0.6 * s * way), 2.2 * r), dark));
       }
-      add(merge(parts), holder);
+      fix(merge(parts), first.body);
       break;
     }
     case "distance": {
       const mesh = add(cylinder(ORIGIN, Z, 1), holderless(stage), STEEL);
-      const ends = [first, second].map((frame) =>
-        add(new SphereGeometry(0.95 * s, 12, 8).translate(...frame.point), stage.holder(frame.body), theme.now.joint),
-      );
+      for (const frame of [first, second]) {
+        fix(new SphereGeometry(0.95 * s, 12, 8).translate(...frame.point), frame.body, theme.now.joint);
+      }
       symbol.move = between(stage, first, second, mesh, 0.5 * s, true);
-      ends.forEach((end) => (end.name = element.name));
       break;
     }
     case "tsda":
@@ -121,7 +125,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
       const turn = planar ? new Quaternion() : turnOf(first);
       const geometry = paint(spiral(2.1 * s), new Color(SPRING)).applyQuaternion(turn).translate(...frame.point);
       if (planar) geometry.translate(0, 0, 2 * s);
-      add(geometry, stage.holder(frame.body));
+      fix(geometry, frame.body);
       break;
     }
     case "bushing":
@@ -133,7 +137,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     case "tyre": {
       const wheel = stage.run.bodies[first.body!].shapes.find((shape) => shape.type === "wheel" && near(shape.at, first.point));
       if (wheel?.type === "wheel") {
-        add(tyre(at, vector(wheel.axis).normalize(), element.radius!), holder, TYRE);
+        fix(tyre(at, vector(wheel.axis).normalize(), element.radius!), first.body, TYRE);
       }
       break;
     }
@@ -155,7 +159,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     }
     case "translation":
     case "point_force":
-      add(ball(at, 0.8 * s), holder, element.collection === "drivers" ? DRIVER : FORCE);
+      fix(ball(at, 0.8 * s), first.body, element.collection === "drivers" ? DRIVER : FORCE);
       break;
     default:
       return null;

@@ -6,7 +6,7 @@ import {
   Shape as Outline, TorusGeometry, TubeGeometry, Vector2, Vector3, Curve,
 } from "three";
 import { ConvexGeometry } from "three/examples/jsm/geometries/ConvexGeometry.js";
-import { mergeGeometries } from "three/examples/jsm/utils/BufferGeometryUtils.js";
+import { mergeGeometries, mergeVertices } from "three/examples/jsm/utils/BufferGeometryUtils.js";
 import type { Frame, Shape, Triple } from "./data";
 
 const Y = new Vector3(0, 1, 0);
@@ -24,8 +24,9 @@ export const turnOf = (frame: Frame) =>
   );
 
 export function paint(geometry: BufferGeometry, color: Color): BufferGeometry {
-  const plain = geometry.index ? geometry.toNonIndexed() : geometry;
-  plain.deleteAttribute("uv");
+  geometry.deleteAttribute("uv");
+  // Corners that triangles share are lit once.
+  const plain = geometry.index ? geometry : mergeVertices(geometry);
   const count = plain.getAttribute("position").count;
   const colors = new Float32Array(3 * count);
   for (let i = 0; i < count; i++) color.toArray(colors, 3 * i);

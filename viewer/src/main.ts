@@ -257,12 +257,7 @@ class Page {
     const at = new Vector2(((x - bounds.left) / bounds.width) * 2 - 1, 1 - ((y - bounds.top) / bounds.height) * 2);
     const ray = new Raycaster();
     ray.setFromCamera(at, this.camera.camera);
-    const symbols = this.worlds[0].symbols.flatMap((symbol) => symbol.meshes).filter((mesh) => mesh.visible);
-    const first = ray.intersectObjects([...this.worlds[0].meshes, ...symbols], false);
-    if (!first.length) return null;
-    // A joint inside a body is meant where it is hit just behind its surface.
-    const joint = first.find((one) => symbols.includes(one.object as never) && one.distance - first[0].distance < 0.03 * this.run.size);
-    return (joint ?? first[0]).object.name;
+    return this.worlds[0].hit(ray);
   }
 
   /** Where an item is in the window, px. */

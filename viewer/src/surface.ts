@@ -1,7 +1,7 @@
 // The one surface of the picture: matte, lit per vertex. A renderer in software has to be fast
 // with it, too, so that a pixel costs no more than its colour.
 
-import { Color, DoubleSide, FrontSide, ShaderMaterial, Vector3, type ShaderMaterialParameters } from "three";
+import { Color, DoubleSide, FrontSide, ShaderMaterial, Vector3, type Mesh, type ShaderMaterialParameters } from "three";
 import { PICKED } from "./theme";
 
 /** Shared by all surfaces: the sun, what is up, and how bright it is. */
@@ -16,8 +16,7 @@ export function setLight(sun: Vector3, up: Vector3): void {
 }
 
 const VERTEX = `
-  uniform vec3 sun, up, tint, mark;
-  uniform float marked;
+  uniform vec3 sun, up, tint;
   varying vec3 shade;
   void main() {
     vec4 place = vec4(position, 1.0);
@@ -34,7 +33,9 @@ const VERTEX = `
     float sky = 0.5 + 0.5 * dot(face, up);
     float direct = max(0.0, dot(face, sun));
     shade = paint * (0.42 + 0.24 * sky + 0.4 * direct) + 0.03 * direct;
-    shade = mix(shade, mark * (0.72 + 0.5 * direct), marked);
+    #ifdef MARKED
+      shade = mix(shade, vec3(MARKED) * (0.72 + 0.5 * direct), 0.6);
+    #endif
     gl_Position = projectionMatrix * modelViewMatrix * place;
   }`;
 
@@ -49,9 +50,16 @@ interface Look extends ShaderMaterialParameters {
   bothSides?: boolean;
 }
 
+/** What looks alike is one material: changing it costs more than drawing a small symbol. */
+const made = new Map<string, ShaderMaterial>();
+const marked = new Map<ShaderMaterial, ShaderMaterial>();
+
 /** Without a colour the geometry brings its own. */
 export function surface({ color, opacity = 1, bothSides = false, ...more }: Look = {}): ShaderMaterial {
-  return new ShaderMaterial({
+  const key = JSON.stringify([color, opacity, bothSides, more]);
+  const known = made.get(key);
+  if (known) return known;
+  const material = new ShaderMaterial({
     vertexShader: VERTEX,
     fragmentShader: FRAGMENT,
     vertexColors: color === undefined,
@@ -60,12 +68,27 @@ export function surface({ color, opacity = 1, bothSides = false, ...more }: Look
     uniforms: {
       ...light,
       tint: { value: new Color(color ?? 0xffffff) },
-      mark: { value: new Color(PICKED) },
-      marked: { value: 0 },
       opacity: { value: opacity },
     },
     ...more,
   });
+  made.set(key, material);
+  const picked = material.clone();
+  const { r, g, b } = new Color(PICKED);
+  picked.defines = { MARKED: [r, g, b].map((part) => part.toFixed(3)).join(", ") };
+  Object.assign(picked.uniforms, light, { tint: material.uniforms.tint });
+  marked.set(material, picked);
+  return material;
+}
+
+/** The same material for what is picked. */
+export const markedOf = (material: ShaderMaterial) => marked.get(material) ?? material;
+
+/** Shows that an object is picked, or that it is not. */
+export function mark(mesh: Mesh, on: boolean): void {
+  mesh.userData.material ??= mesh.material;
+  const own = mesh.userData.material as ShaderMaterial;
+  mesh.material = on ? markedOf(own) : own;
 }
 
 /** One colour, no light: what shadows are made of. */

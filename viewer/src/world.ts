@@ -2,14 +2,15 @@
 
 import {
   BufferAttribute, BufferGeometry, Color, EdgesGeometry, Group, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh,
-  Object3D, Quaternion, ShaderMaterial, Sphere, Vector3, AxesHelper,
+  Object3D, Quaternion, Raycaster, ShaderMaterial, Sphere, Vector3, AxesHelper,
 } from "three";
 import { Arrows } from "./arrows";
+import { Bundle } from "./bundle";
 import type { Frame, Road, Run } from "./data";
 import { symbolOf, type Symbol } from "./elements";
 import { merge, paint, shapeGeometry, vector } from "./geometry";
 import { placeAt, poseAt, type Place } from "./motion";
-import { plain, setTint, surface } from "./surface";
+import { mark, plain, setTint, surface } from "./surface";
 import { BODIES, GHOSTS, STEEL, theme } from "./theme";
 
 export interface Shows {
@@ -24,6 +25,7 @@ export class World {
   readonly bodies: Group[] = [];
   readonly meshes: Mesh[] = [];
   readonly symbols: Symbol[] = [];
+  private bundles = new Map<number | null, Bundle>();
   readonly arrows: Arrows;
   place: Place = { frame: 0, part: 0 };
   private ground = new Group();
@@ -51,11 +53,16 @@ export class World {
         up: this.up,
         holder: (body: number | null) => (body === null ? this.ground : this.bodies[body]),
         place: (frame: Frame, target: Vector3) => this.placeOf(frame, target),
+        bundle: (body: number | null) => {
+          if (!this.bundles.has(body)) this.bundles.set(body, new Bundle());
+          return this.bundles.get(body)!;
+        },
       };
       for (const element of run.elements) {
         const symbol = symbolOf(stage, element);
         if (symbol) this.symbols.push(symbol);
       }
+      for (const [body, bundle] of this.bundles) bundle.build(stage.holder(body));
       this.addShadows();
       run.roads.forEach((road) => this.roads.push(roadMesh(road)));
       this.roads.forEach((road) => this.ground.add(road));
@@ -102,9 +109,10 @@ export class World {
   show(shows: Shows): void {
     for (const symbol of this.symbols) {
       for (const mesh of symbol.meshes) {
-        mesh.visible = symbol.element.collection === "forces" ? true : shows.joints || symbol.element.type === "distance";
+        mesh.visible = symbol.element.collection === "forces" || shows.joints || symbol.element.type === "distance";
       }
     }
+    this.bundles.forEach((bundle) => bundle.show(shows.joints));
     this.arrows.shown = shows.forces ? "all" : "none";
     this.trails.forEach((trail) => (trail.visible = shows.trails));
     this.axes.forEach((axes) => (axes.visible = shows.axes));
@@ -117,12 +125,24 @@ export class World {
   /** Marks an item, and says whether there is one of that name. */
   pick(name: string | null): void {
     this.arrows.picked = name;
-    const mark = (mesh: Mesh) => {
-      const { marked } = (mesh.material as ShaderMaterial).uniforms;
-      marked.value = mesh.name === name ? 0.6 : 0;
-    };
-    this.meshes.forEach(mark);
-    this.symbols.forEach((symbol) => symbol.meshes.forEach(mark));
+    for (const mesh of [...this.meshes, ...this.symbols.flatMap((symbol) => symbol.meshes)]) mark(mesh, mesh.name === name);
+    this.bundles.forEach((bundle) => bundle.mark(name));
+  }
+
+  private get fixed(): Mesh[] {
+    return [...this.bundles.values()].map((bundle) => bundle.mesh);
+  }
+
+  /** The item that a ray meets first; a joint just behind the surface of a body is meant, too. */
+  hit(ray: Raycaster): string | null {
+    const moving = this.symbols.flatMap((symbol) => symbol.meshes).filter((mesh) => mesh.visible);
+    const symbols = new Set<Object3D>([...moving, ...this.fixed]);
+    const hits = ray.intersectObjects([...this.meshes, ...symbols], false);
+    if (!hits.length) return null;
+    const near = hits.filter((hit) => hit.distance - hits[0].distance < 0.03 * this.run.size);
+    const best = near.find((hit) => symbols.has(hit.object)) ?? hits[0];
+    const bundle = [...this.bundles.values()].find((one) => one.mesh === best.object);
+    return bundle ? bundle.nameAt(best.faceIndex!) : best.object.name;
   }
 
   /** Colours that follow the theme. */
@@ -178,7 +198,7 @@ export class World {
       mesh.name = body.name;
       this.meshes.push(mesh);
       this.bodies[k].add(mesh);
-      const sharp = body.shapes.filter((shape) => shape.type === "box" || shape.type === "hull" || shape.type === "plate");
+      const sharp = body.shapes.filter((shape) => shape.type === "box" || shape.type === "hull");
       if (sharp.length && !ghost) {
         const outlines = sharp.map((shape) => new EdgesGeometry(shapeGeometry(shape), 24));
         const edges = new LineSegments(merge(outlines), new LineBasicMaterial({ transparent: true, opacity: 0.45 }));
@@ -197,15 +217,19 @@ export class World {
   private addShadows(): void {
     // Opaque, before everything that stands on the ground: neither blending nor depth is paid for.
     const material = plain({ depthTest: false, depthWrite: false });
-    const tyres = this.symbols.filter((symbol) => symbol.element.type === "tyre").flatMap((symbol) => symbol.meshes);
-    for (const mesh of [...this.meshes, ...tyres]) {
-      const shadow = new Mesh(mesh.geometry, material);
+    const cast = (of: Mesh, geometry: BufferGeometry) => {
+      const shadow = new Mesh(geometry, material);
       shadow.matrixAutoUpdate = shadow.matrixWorldAutoUpdate = false;
       shadow.frustumCulled = false;
       shadow.renderOrder = -2;
-      shadow.userData.of = mesh;
+      shadow.userData.of = of;
       this.shadows.push(shadow);
       this.shadowRoot.add(shadow);
+    };
+    this.meshes.forEach((mesh) => cast(mesh, mesh.geometry));
+    for (const bundle of this.bundles.values()) {
+      const { solid } = bundle;
+      if (solid) cast(bundle.mesh, solid);
     }
   }
 
