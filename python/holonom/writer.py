@@ -209,6 +209,7 @@ class Writer:
             for statement in SCHEMA.values():
                 self._db.execute(statement)
         else:
+            self._require_unchanged(continues)
             continues.copy_into(self._db)
             self._ids, self._last = continues.quantity_ids, continues.last_chunk
             self._sizes = {name: q.size for name, q in continues.quantities.items()}
@@ -216,6 +217,20 @@ class Writer:
             self._charts_before = self._last["charts"]
         put_meta(self._db, meta)
         self._db.commit()
+
+    def _require_unchanged(self, continues: Reader) -> None:
+        """Refuse to go on from what another run has replaced before this one got the lock."""
+        from holonom.reader import Reader  # which knows this module
+
+        assert self.path is not None
+        now = Reader.open(self.path, written_here=True)
+        same = now.last_chunk == continues.last_chunk and now.meta == continues.meta
+        now.close()
+        if not same:
+            raise FileError(
+                f"{self.path} was replaced while this run began\n  help: start it again",
+                "result/busy",
+            )
 
     def _renumbered(self, chunk: Mapping[str, Any]) -> dict[str, Any]:
         """Return a chunk of a run that goes on, without the row that is there."""

@@ -16,7 +16,9 @@ import pytest
 import holonom
 from holonom.cli import invoke
 from holonom.errors import FileError, UsageError
+from holonom.reader import Reader
 from holonom.result import Result
+from holonom.writer import Writer
 
 #: Runs until it is stopped, and says when its first rows are in the file asked for.
 _ENDLESS = """
@@ -111,8 +113,6 @@ def test_a_limit_within_the_first_step_keeps_the_older_result(
     model: holonom.Model, older: Path, tmp_path: Path
 ) -> None:
     """The engine delivers the row at the start, then the run ends: one row is no replacement."""
-    from holonom.writer import Writer  # as a run does it
-
     before = older.read_bytes()
     with Result.load(older) as result:
         row = {name: part[None] for name, part in result.state(0.0).items()}
@@ -308,6 +308,19 @@ def test_python_continues_too(model: holonom.Model, older: Path) -> None:
         assert (result.path, result.time[0], result.time[-1]) == (older, 0.0, 1.5)
     with model.simulate(start=inner, end_time=1.5, output=older) as result:
         assert result.path == older.with_name("rod-2.holonom")
+
+
+def test_what_another_run_replaced_meanwhile_is_not_continued(
+    model: holonom.Model, older: Path
+) -> None:
+    seen = Reader.open(older)
+    model.simulate(output=older, end_time=1.2).close()
+    before = older.read_bytes()
+    with pytest.raises(FileError, match="was replaced") as refused:
+        Writer(older, {"status": "running"}, model.channels, continues=seen)
+    assert refused.value.code == "result/busy"
+    assert older.read_bytes() == before
+    assert _names(older.parent) == ["rod.holonom"]
 
 
 def test_a_continuation_that_gets_nowhere_changes_nothing(
