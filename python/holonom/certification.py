@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.memory import Stored
 from holonom.model import split_component
 from holonom.options import Tolerance
 from holonom.store import STATE, Quantity
 from holonom.study.accuracy import SETS
 
 if TYPE_CHECKING:
+    from holonom.memory import Stored
     from holonom.model import Model
 
 Series = NDArray[np.float64]

@@ -15,6 +15,9 @@ import { DARK, GHOSTS_CSS, LIGHT, theme } from "./theme";
 import { upOf, World, type Shows } from "./world";
 
 const SPEEDS = [0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 4, 8];
+/** Frames per second below which the picture gets coarser, and how coarse it may get. */
+const SMOOTH = 34;
+const COARSEST = 0.5;
 const byId = <T extends HTMLElement>(name: string) => document.getElementById(name) as T;
 
 /** Whether pictures are made by the processor: then every pixel counts. */
@@ -51,7 +54,9 @@ class Page {
   private hovered: string | null = null;
   private followed: number | null;
   private stale = true;
-  private ratio = Math.min(2, window.devicePixelRatio || 1);
+  /** Pixels per pixel of the page: standing still, and in motion. */
+  private sharpest = Math.min(2, window.devicePixelRatio || 1);
+  private ratio = this.sharpest;
   private frames: number[] = [];
   /** Frames drawn since the page was opened. */
   drawn = 0;
@@ -121,12 +126,12 @@ class Page {
     if (this.stale) this.draw();
   };
 
-  /** Coarser where the machine is slow, as with a renderer in software. */
+  /** Coarser in motion where the machine is slow, as with a renderer in software. */
   private adapt(): void {
-    if (this.frames.length < 24 || this.ratio <= 0.75) return;
+    if (this.frames.length < 24 || this.ratio <= COARSEST) return;
     const mean = (this.frames[this.frames.length - 1] - this.frames[0]) / (this.frames.length - 1);
-    if (mean < 31) return;
-    this.ratio = Math.max(0.75, this.ratio - 0.25);
+    if (mean < 1000 / SMOOTH) return;
+    this.ratio = Math.max(COARSEST, 0.8 * this.ratio);
     this.frames = [];
     this.resize();
   }
@@ -154,6 +159,7 @@ class Page {
     if (on && this.time >= this.span[1]) this.setTime(this.span[0]);
     this.playing = on;
     this.frames = [];
+    if (this.ratio !== this.sharpest) this.resize();
     const button = byId("play");
     button.innerHTML = on ? ICONS.pause : ICONS.play;
     button.setAttribute("aria-label", on ? "pause" : "play");
@@ -204,7 +210,7 @@ class Page {
   private resize(): void {
     const { clientWidth: width, clientHeight: height } = byId("stage");
     if (!width || !height) return;
-    this.renderer.setPixelRatio(this.ratio);
+    this.renderer.setPixelRatio(this.playing ? this.ratio : this.sharpest);
     this.renderer.setSize(width, height, false);
     this.camera.resize(width, height);
     this.stale = true;

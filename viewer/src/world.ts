@@ -246,7 +246,7 @@ export class World {
       const geometry = new BufferGeometry();
       geometry.setAttribute("position", new BufferAttribute(places, 3));
       const color = this.number > 0 ? GHOSTS[(this.number - 1) % GHOSTS.length] : BODIES[body.kind % BODIES.length];
-      const trail = new Line(geometry, new LineBasicMaterial({ color, transparent: true, opacity: 0.8 }));
+      const trail = new Line(geometry, new LineBasicMaterial({ color, transparent: true, opacity: 0.9, depthTest: false }));
       trail.frustumCulled = false;
       trail.visible = false;
       this.trails.push(trail);
