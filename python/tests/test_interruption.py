@@ -39,6 +39,7 @@ STAGES = {"", "reading", "compiling", "assembling", "analysing", "running"}
 SCRIPT = """
 import sys, time
 import holonom
+holonom.Model  # the engine is read when it is first used
 print("ready", flush=True)
 try:
     model = holonom.Model.load(sys.argv[1])
