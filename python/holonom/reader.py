@@ -86,6 +86,7 @@ class Reader:
     def __init__(self, db: sqlite3.Connection, path: Path | None, *, recover: bool = False) -> None:
         self.path = path
         self.damage: list[str] = []
+        self._noted: set[str] = set()
         self._db = db
         self._recover = recover
         self._limit = size_of(path.resolve()) if path is not None else _LARGEST
@@ -315,7 +316,8 @@ class Reader:
         """Go on without a part, or refuse to."""
         if not self._recover:
             raise self._damaged(part) from None
-        if part not in self.damage:
+        if part not in self._noted:
+            self._noted.add(part)
             self.damage.append(part)
 
     def _entry(self, key: str) -> Any:
