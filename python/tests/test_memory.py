@@ -10,8 +10,9 @@ from conftest import CHANNELS, META, SUMMARY, synthetic_chunk
 
 import holonom
 from holonom.memory import Memory
+from holonom.reader import Reader
 from holonom.result import Result
-from holonom.store import Reader, Writer
+from holonom.writer import Writer
 
 MODEL = Path(__file__).parents[2] / "models" / "slider_crank" / "model.toml"
 

@@ -20,10 +20,10 @@ import holonom
 from holonom.cli import invoke
 from holonom.errors import UsageError
 from holonom.result import Result
-from holonom.store import Writer
 from holonom.view import View, show
 from holonom.view.encoding import curves, floats, turns
 from holonom.view.scene import frame_times, scene
+from holonom.writer import Writer
 
 #: Types a key in the page.
 PRESS = (
