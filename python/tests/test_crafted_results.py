@@ -15,7 +15,7 @@ from older_results import write_older
 import holonom
 from holonom.cli import invoke
 
-#: All commands together may not take longer on such a file, s, nor more memory than it has, in bytes.
+#: All commands together may take so long on such a file, s, and so much more memory, bytes.
 PATIENCE = 60
 MEMORY = 1_500_000_000
 
