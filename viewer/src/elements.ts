@@ -11,7 +11,7 @@ import {
 } from "./geometry";
 import { poseAt } from "./motion";
 import { surface } from "./surface";
-import { DAMPER, DRIVER, FORCE, RUBBER, SPRING, STEEL, theme, TYRE } from "./theme";
+import { BEARING, DAMPER, DRIVER, FORCE, JOINT, JOINT_LIGHT, RUBBER, SPRING, STEEL, TYRE } from "./theme";
 
 export interface Symbol {
   element: Element;
@@ -50,8 +50,8 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     const painted = color === undefined ? geometry : paint(geometry, new Color(color));
     stage.bundle(body).add(element.name, painted, element.collection !== "forces");
   };
-  const dark = new Color(theme.now.joint);
-  const light = new Color(theme.now.jointLight);
+  const dark = new Color(JOINT);
+  const light = new Color(JOINT_LIGHT);
   const at = vector(first.point);
   const axis = axisOf(first, planar && element.type === "translational" ? 0 : 2);
   /** A symbol that sits where the frame of the first body is. */
@@ -64,7 +64,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     if (!planar) stand.applyQuaternion(new Quaternion().setFromUnitVectors(Z, stage.up));
     else stand.translate(0, 0, -1.5 * s);
     stand.translate(frame.point[0], frame.point[1], frame.point[2]);
-    fix(stand, null, theme.now.ground);
+    fix(stand, null, BEARING);
   };
   const along = (half: number) => [new Vector3(0, 0, -half), new Vector3(0, 0, half)] as const;
 
@@ -110,7 +110,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     case "distance": {
       const mesh = add(cylinder(ORIGIN, Z, 1), holderless(stage), STEEL);
       for (const frame of [first, second]) {
-        fix(new SphereGeometry(0.95 * s, 12, 8).translate(...frame.point), frame.body, theme.now.joint);
+        fix(new SphereGeometry(0.95 * s, 12, 8).translate(...frame.point), frame.body, JOINT);
       }
       symbol.move = between(stage, first, second, mesh, 0.5 * s, true);
       break;

@@ -10,9 +10,6 @@ export interface Theme {
   shadow: number;
   roadShadow: number;
   edge: number;
-  joint: number;
-  jointLight: number;
-  ground: number;
 }
 
 export const LIGHT: Theme = {
@@ -24,9 +21,6 @@ export const LIGHT: Theme = {
   shadow: 0xcfd4d6,
   roadShadow: 0xb9bec1,
   edge: 0x3a444c,
-  joint: 0x2f3a44,
-  jointLight: 0xe8ebec,
-  ground: 0x8d979e,
 };
 
 export const DARK: Theme = {
@@ -38,15 +32,16 @@ export const DARK: Theme = {
   shadow: 0x0f1113,
   roadShadow: 0x1b1f22,
   edge: 0x0c0e10,
-  joint: 0xaab4bc,
-  jointLight: 0x33393f,
-  ground: 0x66707a,
 };
 
 /** Bodies, the heaviest first; equal bodies have one colour. */
 export const BODIES = [
   0x8797a5, 0x3f678f, 0xb8744a, 0x6a9276, 0xc2a04a, 0x85709c, 0x4b8b8d, 0xa96464, 0x7c8a55, 0x9a7f6c,
 ];
+/** Joints and bearings on the ground: seen on light and on dark. */
+export const JOINT = 0x475460;
+export const JOINT_LIGHT = 0xe4e8ea;
+export const BEARING = 0x87929b;
 export const SPRING = 0xd98324;
 export const DAMPER = 0x56636d;
 export const STEEL = 0xb9c2c8;
