@@ -23,9 +23,9 @@ class CheckReport:
         ``redundant``, ``dof``, ``extra_states``, ``characteristic_length`` (m), ``adjustments``,
         ``chosen_velocities`` (initial velocities that nothing determines and that are not zero:
         ``coordinate``, ``rate``, ``unit``), ``initial_residuals``, ``spectrum`` (1/s, real and
-        imaginary parts; only the fastest of large models, ``spectrum_is_complete`` tells),
-        ``tree`` (edges of the spanning forest with their relative coordinates and the role of
-        each), ``accelerations`` (``solver``, whether it is ``stated`` by the model, predicted
+        imaginary parts; only the fastest of large models, ``spectrum_is_complete`` tells), ``tree``
+        (edges of the spanning forest with their relative coordinates and the role of each),
+        ``accelerations`` (``solver``, whether it is ``stated`` by the model, predicted
         ``operations`` of each solver, ``refusal`` where one cannot be).
     warnings : list of dict
         ``code``, ``message``, ``path``.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -40,6 +41,7 @@ def summarize(result: Result) -> list[tuple[str, str]]:
     facts += _sizes(result)
     facts += [("outputs", _outputs(result))]
     facts += _steps(result)
+    facts += _limits(result)
     facts += _work(result)
     facts += _residuals(result)
     facts += _energy(result)
@@ -120,6 +122,28 @@ def _steps(result: Result) -> list[tuple[str, str]]:
     for _, _, _, least, largest, mean in accepted:
         facts.append(("step size", f"{least:.2e} to {largest:.2e} s, mean {mean:.2e} s"))
     return facts
+
+
+def _limits(result: Result) -> list[tuple[str, str]]:
+    text = limits(result.meta.get("limited_by") or {})
+    return [("limited by", text)] if text else []
+
+
+def limits(found: Mapping[str, Any]) -> str:
+    """Return in one sentence what made a run take many steps, from its ``limited_by``."""
+    parts = []
+    if found.get("coordinate"):
+        parts.append(
+            f"the error of {found['coordinate']} was the largest in {found['steps']} of "
+            f"{found['of']} steps that errors limited"
+        )
+    rejected = found.get("rejected") or {}
+    if rejected.get("coordinate"):
+        behind = rejected.get("force") or rejected["coordinate"]
+        parts.append(
+            f"{behind} stands behind {rejected['steps']} of {rejected['of']} rejected ones"
+        )
+    return "; ".join(parts)
 
 
 def _work(result: Result) -> list[tuple[str, str]]:

@@ -41,7 +41,12 @@ impl CoreModel {
     /// Start, s, and options of a run from the choices of a call, perhaps from a state at `from`, s.
     fn resolve(&self, choices_json: &str, from: Option<f64>) -> PyResult<(f64, Options)> {
         let choices: Choices = serde_json::from_str(choices_json).map_err(|e| {
-            let text = report::refusal("simulation/option", &e.to_string(), None, "");
+            let text = report::refusal(
+                "simulation/option",
+                &e.to_string(),
+                None,
+                "see `Options` for the choices of a run and their kinds",
+            );
             SimulationError::new_err(text)
         })?;
         let model = self.problem.model();
@@ -224,7 +229,12 @@ impl CoreModel {
             times.into_iter().map(|t| dense.state(t)).collect::<Result<Vec<_>, _>>()
         };
         let states = watched(py, None, work).whole()?.map_err(|failure| {
-            let text = report::refusal(failure.code, &failure.message, None, "");
+            let text = report::refusal(
+                failure.code,
+                &failure.message,
+                None,
+                "ask for a time within the span of the result",
+            );
             SimulationError::new_err(text)
         })?;
         state::to_python(py, &states, &problem.system().structure().sizes)

@@ -6,7 +6,7 @@ use holonom::method::{CODES, Code};
 use holonom::model::{Dimension, Model};
 use holonom::reduction::assembly::{Assembled, AssemblyError};
 use holonom::simulation::{
-    AccelerationSummary, Choices, ModelSummary, Problem, RunWarning, Status, Summary,
+    AccelerationSummary, Choices, LimitedBy, ModelSummary, Problem, RunWarning, Status, Summary,
 };
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -236,7 +236,22 @@ pub(crate) fn summary(summary: &Summary, code: Code, simulated: f64) -> Value {
             "range": e.range,
             "moved": e.moved,
         },
+        "limited_by": limited_by(&summary.limited_by),
         "warnings": run_warnings(&summary.warnings),
+    })
+}
+
+fn limited_by(limited: &LimitedBy) -> Value {
+    let (coordinate, count) = limited.coordinate.clone().unzip();
+    let (at, force, rejected) = match limited.rejected.clone() {
+        Some((coordinate, force, count)) => (Some(coordinate), force, count),
+        None => (None, None, 0),
+    };
+    json!({
+        "coordinate": coordinate, "steps": count.unwrap_or(0), "of": limited.steps,
+        "rejected": {
+            "coordinate": at, "force": force, "steps": rejected, "of": limited.rejected_steps,
+        },
     })
 }
 

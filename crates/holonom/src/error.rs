@@ -99,6 +99,55 @@ codes! {
     NotStated = "model/not-stated", Warning;
 }
 
+impl Code {
+    /// What to try where a finding says nothing better.
+    pub fn usual_help(self) -> &'static str {
+        match self {
+            Self::Syntax => "the format is described in docs/model-file.md",
+            Self::TooLarge => "split what is too large, or keep long records in files of their own",
+            Self::TooDeep => "a model needs about six levels; a bracket may be missing",
+            Self::NotFinite => "look for a slip in the exponent, or leave the field out",
+            Self::UnusableValue => "write a number, a text in quotes, a list or a table",
+            Self::DuplicateName => "give each item and each field once, under one name",
+            Self::BadName => "choose another name, of letters, digits, `_` and `-`",
+            Self::Version => "write `holonom = 1` at the top of the file",
+            Self::UnknownField => "`holonom schema --reference` lists the fields",
+            Self::UnknownChoice => "choose one of the words that are named",
+            Self::MissingField => {
+                "state the field, or see `holonom schema --reference` for what it means"
+            }
+            Self::ConflictingFields => "leave one of them out",
+            Self::WrongType => "write a value of the kind that is expected",
+            Self::WrongSize => "state exactly as many entries as are expected",
+            Self::WrongDimension => "leave it out, or change `dimension`",
+            Self::UnknownName => "name an item that the model has",
+            Self::Expression => "expressions are arithmetic of numbers and parameters, `\"=2*k\"`",
+            Self::UnknownPath => {
+                "write it like `forces.front.stiffness[2]`, as the item stands in the file"
+            }
+            Self::OutOfRange => {
+                "state a value in the range that is expected; look for a slip in its sign, exponent or unit"
+            }
+            Self::Inertia => "check units, signs and the reference point, the centre of mass",
+            Self::Matrix => "state a symmetric matrix without negative eigenvalues",
+            Self::ZeroAxis => "give a vector along the axis, of any length",
+            Self::NotPerpendicular => "choose the second axis perpendicular to the first",
+            Self::NotUnit => {
+                "Euler parameters are cos(φ/2) and sin(φ/2) times the unit axis; no turn is [1, 0, 0, 0]"
+            }
+            Self::SameBody => "name two different bodies",
+            Self::CoincidentPoints => "move one of the points",
+            Self::Table => "state two or more finite points with `x` increasing",
+            Self::Extends => "name a model beside this one, such as \"../other/model.toml\"",
+            Self::ExtendsCircle => "let one of the files stand by itself",
+            Self::UnusedParameter => "remove it, or use it",
+            Self::Implausible => "check the unit of the value",
+            Self::ShortTable => "extend the table, or let the run begin and end within it",
+            Self::NotStated => "state it, zeros included",
+        }
+    }
+}
+
 /// Whether a finding refuses the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Severity {
@@ -174,7 +223,7 @@ pub struct Diagnostic {
     pub path: String,
     /// What is wrong and what was expected, naming the item.
     pub message: String,
-    /// What to try; may be empty.
+    /// What to try.
     pub help: String,
     /// Where it is written, if it is written in a text.
     pub location: Option<Location>,
@@ -186,14 +235,18 @@ pub type Warning = Diagnostic;
 impl Diagnostic {
     /// A finding without a location yet.
     pub fn new(code: Code, path: impl Into<String>, message: impl Into<String>) -> Self {
-        let (path, message) = (path.into(), message.into());
-        Self { code, path, message, help: String::new(), location: None }
+        let message = told(&message.into());
+        let help = code.usual_help().to_owned();
+        Self { code, path: path.into(), message, help, location: None }
     }
 
-    /// Adds what to try.
+    /// Says what to try, instead of what is usual; an empty text says nothing.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = help.into();
+        let help = help.into();
+        if !help.is_empty() {
+            self.help = told(&help);
+        }
         self
     }
 
@@ -212,7 +265,7 @@ impl Diagnostic {
             lines.push(format!("{} | {}", at.line, at.excerpt));
             lines.push(format!("{gutter} | {}{}", " ".repeat(first), "^".repeat(length)));
         } else if !self.path.is_empty() {
-            lines.push(format!("  at {}", self.path));
+            lines.push(format!("  at {}", told(&self.path)));
         }
         if !self.help.is_empty() {
             lines.push(format!("  help: {}", self.help));
@@ -251,6 +304,34 @@ impl ModelErrors {
         let findings: String = self.errors.iter().map(|e| e.render() + "\n").collect();
         format!("{findings}the model is refused: {total} error{plural}{hidden}\n")
     }
+}
+
+/// Longest word that messages show in whole, in characters.
+const WORD: usize = 160;
+
+/// Text of a file or a caller as messages show it: control characters escaped, endless words cut in the
+/// middle.
+pub fn told(text: &str) -> String {
+    if text.len() <= WORD && !text.contains(char::is_control) {
+        return text.to_owned();
+    }
+    let mut out = String::with_capacity(text.len().min(4 * WORD));
+    for (k, word) in text.split(' ').enumerate() {
+        out += if k > 0 { " " } else { "" };
+        let length = word.chars().count();
+        let mut add = |c: char| match c {
+            c if c.is_control() => out.extend(c.escape_debug()),
+            c => out.push(c),
+        };
+        if length <= WORD {
+            word.chars().for_each(add);
+            continue;
+        }
+        word.chars().take(WORD / 2).for_each(&mut add);
+        add('…');
+        word.chars().skip(length - WORD / 2).for_each(add);
+    }
+    out
 }
 
 /// A number as messages show it: short, and exact enough to be recognised.
@@ -302,6 +383,25 @@ mod tests {
                 let at = Location::of("f", text, start, end);
                 assert!(at.line >= 1 && at.line <= 3 && at.mark.1 >= 1);
             }
+        }
+    }
+
+    #[test]
+    fn texts_of_others_are_told_without_control_characters_and_endless_words() {
+        assert_eq!(told("a \u{1b}[31mred\n"), "a \\u{1b}[31mred\\n");
+        let long = told(&format!("the name `{}` is long", "é".repeat(100_000)));
+        assert!(
+            long.chars().count() < 200 && long.starts_with("the name `é") && long.contains('…')
+        );
+        let plain = "a sentence of ordinary words ".repeat(20);
+        assert_eq!(told(&plain), plain);
+    }
+
+    #[test] // independent truth: no code is without
+    fn every_finding_has_a_help_line() {
+        for &code in Code::ALL {
+            let found = Diagnostic::new(code, "a.b", "something is wrong").help("").render();
+            assert!(found.contains("\n  help: "), "{found}");
         }
     }
 

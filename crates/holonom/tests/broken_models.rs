@@ -65,6 +65,9 @@ fn every_message_says_where_and_errors_are_in_file_order() {
         let mut last = (String::new(), 0, 0);
         for error in &errors.errors {
             let at = error.location.as_ref().unwrap_or_else(|| panic!("{name}: {error}"));
+            assert!(!error.help.is_empty(), "{name} says nothing to try: {error}");
+            assert!(error.render().chars().count() < 2000, "{name}: an endless message");
+            assert!(!error.message.contains(|c: char| c.is_control()), "{name}: {error}");
             let here = (at.file.clone(), at.line, at.column);
             assert!(last.0 != here.0 || last <= here, "{name}: {last:?} {here:?}");
             last = here;

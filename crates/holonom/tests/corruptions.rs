@@ -9,11 +9,12 @@ use holonom::model::Model;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
-const FILES: [(&str, &str); 4] = [
+const FILES: [(&str, &str); 5] = [
     ("double_pendulum", include_str!("files/double_pendulum.toml")),
     ("spatial", include_str!("files/spatial.toml")),
     ("alternatives", include_str!("files/alternatives.toml")),
     ("planar", include_str!("files/planar.toml")),
+    ("units", include_str!("files/units.toml")),
 ];
 
 fn parse(text: &str, syntax: Syntax) -> Result<Document, ModelErrors> {

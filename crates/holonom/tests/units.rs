@@ -1,5 +1,7 @@
 //! Files in units of their own.
 
+use std::fmt::Write;
+
 use holonom::error::ModelErrors;
 use holonom::io::{Document, Syntax};
 
@@ -37,7 +39,7 @@ fn assert_same(si: &str, other: &str) {
         match (a, b) {
             // The quotients of π with 180 of the file itself are rounded too.
             (Ok(a), Ok(b)) => {
-                assert!((a - b).abs() <= 1e-15 * a.abs().max(b.abs()), "{a} {b}\n{si}")
+                assert!((a - b).abs() <= 1e-15 * a.abs().max(b.abs()), "{a} {b}\n{si}");
             }
             (a, b) => assert_eq!(a, b),
         }
@@ -108,13 +110,13 @@ fn written(units: &str, factors: [(f64, f64); 4]) -> String {
             let Some(k) = known.iter().position(|s| *s == symbol.trim_end_matches('²')) else {
                 continue;
             };
-            for _ in 0..1 + u8::from(squared) {
+            for _ in 0..=u8::from(squared) {
                 let (n, d) = factors[k];
                 x = if above { x * d / n } else { x * n / d };
             }
         }
         out += before;
-        out += &format!("{x:?}");
+        write!(out, "{x:?}").unwrap();
         rest = tail.to_owned();
     }
     out + &rest

@@ -217,7 +217,8 @@ impl Checker<'_> {
         if x.fract() == 0.0 && x >= low as f64 && x <= high as f64 {
             return (x as u64).into();
         }
-        let range = if max.is_none() { String::new() } else { format!(" up to {high}") };
+        let small = max.is_none() && x <= high as f64;
+        let range = if small { String::new() } else { format!(" up to {high}") };
         let message =
             format!("`{path}` is {}; expected a whole number from {low}{range}", shown(x));
         self.refuse(Code::OutOfRange, path, message, "")

@@ -16,7 +16,7 @@ use super::schema::ModelFile;
 use super::set::set;
 use super::tree::{Node, Places, Source, Span, Value, location, marks_key, node_at, span_of};
 use super::units::Units;
-use crate::error::{Code, Diagnostic, ModelErrors, Severity, Warning};
+use crate::error::{Code, Diagnostic, ModelErrors, Severity, Warning, told};
 use crate::model::Model;
 use crate::watch::{NAMED, checkpoint, stage};
 
@@ -180,6 +180,7 @@ impl Document {
         let mut errors = Vec::with_capacity(placed.len());
         for (span, mut error) in placed {
             error.location = location(span, &self.sources);
+            error.path = told(&error.path);
             errors.push(error);
         }
         ModelErrors { errors, omitted }
@@ -217,7 +218,8 @@ impl Document {
             out.push((span, finding));
         }
         for (_, finding) in &mut out {
-            finding.message += &self.note(finding);
+            let note = told(&self.note(finding));
+            finding.message += &note;
         }
         for Repeated { index, more, pattern, at } in seen.into_values() {
             let others = if more == 0 { String::new() } else { format!(" and {more} more") };

@@ -140,20 +140,20 @@ pub(super) fn parse_path(path: &str) -> Option<Vec<Step>> {
     loop {
         let name = match rest.strip_prefix('"') {
             Some(quoted) => {
-                let (name, tail) = quoted.split_once('"')?;
+                let (name, tail) = unquoted(quoted)?;
                 rest = tail;
                 name
             }
             None => {
                 let (name, tail) = rest.split_at(rest.find(['.', '[']).unwrap_or(rest.len()));
+                if name.is_empty() {
+                    return None;
+                }
                 rest = tail;
-                name
+                name.to_owned()
             }
         };
-        if name.is_empty() {
-            return None;
-        }
-        steps.push(Step::Field(name.to_owned()));
+        steps.push(Step::Field(name));
         while let Some(index) = rest.strip_prefix('[') {
             let (digits, tail) = index.split_once(']')?;
             steps.push(Step::Index(digits.parse().ok()?));
@@ -174,11 +174,47 @@ pub(super) fn path_of(steps: &[Step]) -> String {
     })
 }
 
-/// Appends a field to a path; names of patterns stand in quotes.
+/// The name that begins after a quotation mark, and what comes after its end.
+fn unquoted(text: &str) -> Option<(String, &str)> {
+    let mut name = String::new();
+    let mut characters = text.char_indices();
+    while let Some((at, c)) = characters.next() {
+        match c {
+            '"' => return Some((name, &text[at + 1..])),
+            '\\' => match characters.next()?.1 {
+                'n' => name.push('\n'),
+                'r' => name.push('\r'),
+                't' => name.push('\t'),
+                'u' => {
+                    let (digits, _) = text[at + 2..].strip_prefix('{')?.split_once('}')?;
+                    name.push(char::from_u32(u32::from_str_radix(digits, 16).ok()?)?);
+                    characters.nth(digits.chars().count() + 1)?;
+                }
+                c => name.push(c),
+            },
+            c => name.push(c),
+        }
+    }
+    None
+}
+
+/// Appends a field to a path; names that a path would take apart stand in quotes, those of patterns too.
 pub(super) fn join(path: &str, field: &str) -> String {
-    let quote = if field.contains(['{', '}']) { "\"" } else { "" };
     let dot = if path.is_empty() { "" } else { "." };
-    [path, dot, quote, field, quote].concat()
+    let apart = |c: char| ".[]{}\"\\".contains(c) || c.is_control();
+    if !field.is_empty() && !field.contains(apart) {
+        return [path, dot, field].concat();
+    }
+    let mut out = [path, dot, "\""].concat();
+    for c in field.chars() {
+        if c == '"' || c == '\\' || c.is_control() {
+            out.extend(c.escape_default());
+        } else {
+            out.push(c);
+        }
+    }
+    out.push('"');
+    out
 }
 
 /// A file that was read.
@@ -246,5 +282,28 @@ impl<'a> Places<'a> {
         let source = self.sources.get(span.file)?;
         let line = self.ends[span.file].partition_point(|&end| end < span.start) + 1;
         Some(Location::on_line(line, &source.name, &source.text, span.start, span.end))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test] // independent truth: the steps that the path was made of
+    fn every_name_comes_back_from_a_path() {
+        for name in
+            ["a", "a.b", "a[0]", "link_{i - 1}", "", "q\"\\", "x\u{1b}\n\t", "é", "\u{0}u{41}"]
+        {
+            let steps = [
+                Step::Field("joints".into()),
+                Step::Field(name.into()),
+                Step::Index(2),
+                Step::Field("x".into()),
+            ];
+            assert_eq!(parse_path(&path_of(&steps)).as_deref(), Some(&steps[..]), "{name:?}");
+        }
+        for broken in ["", "a..b", "a.", "\"a", "a[x]", "a\"b\"[", "\"\\u{110000}\""] {
+            assert!(parse_path(broken).is_none(), "{broken}");
+        }
     }
 }

@@ -9,6 +9,7 @@ use super::sdirk::SdirkStepper;
 use super::stepper::{Stepper, StepperOptions};
 use super::{Descriptor, ExplicitForm, FirstOrder, Iterate, StateSpace, Weights};
 use crate::control::NewtonControl;
+use crate::error::told;
 use crate::formula::{DOPRI5, Nystrom, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16};
 use crate::model::Tolerance;
 use crate::newton::{Chosen, ReducedMatrix};
@@ -184,7 +185,7 @@ impl Code {
             })
             .map(|i| i.code)
             .ok_or_else(|| UnknownMethod {
-                asked: formula.map_or(method.into(), |f| format!("{method} with {f}")),
+                asked: told(&formula.map_or(method.into(), |f| format!("{method} with {f}"))),
                 known: CODES
                     .iter()
                     .map(|i| format!("{} ({} with {})", i.name, i.family, i.formula))

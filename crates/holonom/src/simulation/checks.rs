@@ -2,6 +2,7 @@
 
 use super::options::{Options, OutputTimes};
 use super::output::OUTPUT_SLACK;
+use crate::error::told;
 use crate::method::{Code, Newmark, UnknownMethod};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
 use crate::newton::{JacobianSource, Representation};
@@ -219,7 +220,7 @@ impl RunError {
         }
     }
 
-    /// What to try; may be empty.
+    /// What to try.
     pub fn help(&self) -> &'static str {
         match self {
             Self::Assembly(error) => error.help(),
@@ -234,7 +235,23 @@ impl RunError {
             Self::Tolerance { .. } => "ask for less, 1e-10 for a reference",
             Self::OutputTime { .. } => "leave the time out, or change the span of the run",
             Self::TooManyRows { .. } => "ask for a longer interval",
-            _ => "",
+            Self::UnknownChannel { .. } => {
+                "channels are `item.quantity`, such as `chassis.position`; `item.*` stands for all of an item"
+            }
+            Self::Interrupted => "run it again; there is nothing to keep before the first step",
+            Self::UnknownMethod(_) => "leave `method` and `formula` out for the default, ForRadau",
+            Self::Word { .. } => "choose one of the known words, or leave the option out",
+            Self::NoEndTime => {
+                "state `end_time`, s, in the call or under [simulation] of the model"
+            }
+            Self::StartTime { .. } => {
+                "leave `start_time` out: the run begins at the time of the state"
+            }
+            Self::Option { .. } => "change the option, or leave it out for its default",
+            Self::InexactJacobian { .. } | Self::SparseDifferences => {
+                "leave `jacobian` out for the analytic one"
+            }
+            Self::Accelerations { .. } => "leave `accelerations` out",
         }
     }
 }
@@ -432,7 +449,7 @@ pub(super) fn find_channels(
         .iter()
         .map(|name| {
             let nearest = || nearest(name, system.channels());
-            let unknown = || RunError::UnknownChannel { name: name.clone(), nearest: nearest() };
+            let unknown = || RunError::UnknownChannel { name: told(name), nearest: nearest() };
             system.channel_named(name).cloned().ok_or_else(unknown)
         })
         .collect()

@@ -2,15 +2,19 @@
 
 use super::checks::RunError;
 use super::options::{Options, OutputTimes};
+use crate::error::told;
 use crate::method::{Code, Newmark, Profile};
 use crate::model::{Model, Tolerance};
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::Choice;
 use crate::reduction::accelerations::Accelerations;
 use crate::threads::Threads;
-use serde::{Deserialize, Serialize};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 
 const MOST_THREADS: usize = 1024;
+/// 2⁵³: beyond, not every whole number is one of 64 bits of a file.
+const LARGEST_WHOLE: f64 = 9_007_199_254_740_992.0;
 
 /// Choices stated for a run, by the names of options; what is absent comes from the model, or is a default.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize, Serialize)]
@@ -28,12 +32,14 @@ pub struct Choices {
     pub fixed_step: Option<f64>,
     pub max_step: Option<f64>,
     pub initial_step: Option<f64>,
+    #[serde(deserialize_with = "whole")]
     pub max_steps: Option<u64>,
     pub max_seconds: Option<f64>,
     pub parametrization: Option<String>,
     pub jacobian: Option<String>,
     pub newton: Option<String>,
     pub accelerations: Option<String>,
+    #[serde(deserialize_with = "whole")]
     pub threads: Option<usize>,
     pub repartition_factor: Option<f64>,
     pub dense_output: Option<bool>,
@@ -197,6 +203,22 @@ impl Choices {
     }
 }
 
+/// A whole number that is not negative, in the words of people.
+fn whole<'de, D, T>(from: D) -> Result<Option<T>, D::Error>
+where
+    D: Deserializer<'de>,
+    T: TryFrom<u64>,
+{
+    let Some(number) = Option::<serde_json::Number>::deserialize(from)? else { return Ok(None) };
+    let whole =
+        |x: f64| (x.fract() == 0.0 && (0.0..=LARGEST_WHOLE).contains(&x)).then_some(x as u64);
+    let value = number.as_u64().or_else(|| number.as_f64().and_then(whole));
+    let value = value.and_then(|value| T::try_from(value).ok());
+    value.map(Some).ok_or_else(|| {
+        D::Error::custom(format!("{number} is no whole number from 0 up to {LARGEST_WHOLE}"))
+    })
+}
+
 /// What a word stated for an option means.
 fn word<T: Copy>(
     option: &'static str,
@@ -206,7 +228,7 @@ fn word<T: Copy>(
     let meant = |word: &str| {
         let known = || all.iter().map(|entry| entry.1).collect::<Vec<_>>().join(", ");
         let found = all.iter().find(|entry| entry.1 == word).map(|entry| entry.0);
-        found.ok_or_else(|| RunError::Word { option, word: word.into(), known: known() })
+        found.ok_or_else(|| RunError::Word { option, word: told(word), known: known() })
     };
     stated.map(meant).transpose()
 }

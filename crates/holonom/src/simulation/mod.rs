@@ -14,6 +14,7 @@ mod problem;
 mod recorder;
 mod reparametrization;
 mod run;
+mod slowness;
 mod statistics;
 mod step_length;
 mod trajectory;
@@ -27,5 +28,6 @@ pub use problem::{
     AccelerationSummary, EdgeCoordinate, EdgeSummary, ModelSummary, Problem, RedundantRow,
 };
 pub use run::{Summary, check_run, run};
+pub use slowness::LimitedBy;
 pub use statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 pub use trajectory::{Chunk, EventKind, EventRecord, Flow, Memory, Sink, StepOutcome, StepRecord};

@@ -158,7 +158,7 @@ impl Expander {
                 continue;
             }
             let first = self.out.templates.len();
-            let below = join(&path, &place);
+            let below = format!("{path}.{place}");
             self.out.templates.extend(items.keys().map(|key| join(&below, key)));
             self.keys[section].extend(items.keys().map(|key| (key.clone(), pattern)));
             let mut failed = vec![false; items.len()];
@@ -173,7 +173,7 @@ impl Expander {
             }
         }
         let first = self.out.templates.len();
-        let place = join(&path, &CHANNELS.join("."));
+        let place = format!("{path}.{}", CHANNELS.join("."));
         self.out.templates.extend((0..channels.len()).map(|k| format!("{place}[{k}]")));
         for row in 0..count {
             for (k, channel) in channels.iter().enumerate() {

@@ -92,6 +92,13 @@ impl Run<'_> {
     pub(super) fn set_chart(&mut self, chart: Chart) -> Result<(), EvaluationFailure> {
         self.statistics.reparametrizations += 1;
         self.note(EventKind::Reparametrization);
+        let former = self.form.point().manifold.chart().parametrization();
+        self.slowness.set_chart(
+            self.system.as_ref(),
+            Some((former, &self.state)),
+            chart.parametrization(),
+            &self.options.tolerance,
+        );
         self.recorder.set_chart(chart.clone());
         self.form.point_mut().manifold.set_chart(chart);
         self.form.reparametrized();

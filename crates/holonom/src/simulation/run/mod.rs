@@ -20,6 +20,7 @@ use crate::simulation::output::Output;
 use crate::simulation::problem::Problem;
 use crate::simulation::recorder::{Inside, Recorder};
 use crate::simulation::reparametrization::no_longer_redundant;
+use crate::simulation::slowness::{LimitedBy, Slowness};
 use crate::simulation::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 use crate::simulation::step_length::{self, clip, smallest_step};
 use crate::simulation::trajectory::{EventKind, Memory, Sink};
@@ -52,6 +53,8 @@ pub struct Summary {
     pub end: State,
     /// Warnings of the run.
     pub warnings: Vec<RunWarning>,
+    /// What limited its steps.
+    pub limited_by: LimitedBy,
 }
 
 /// Runs a problem from its assembled start, or from `from`, to the end time.
@@ -81,6 +84,8 @@ pub fn run(
     if from.is_none() {
         run.warnings.extend(chosen(problem.chosen_velocities()));
     }
+    let chart = run.form.point().manifold.chart().parametrization();
+    let limited_by = run.slowness.told(run.system.as_ref(), chart, &run.state);
     Ok(Summary {
         status,
         stop,
@@ -89,6 +94,7 @@ pub fn run(
         energy: run.energy,
         end: run.state,
         warnings: run.warnings,
+        limited_by,
     })
 }
 
@@ -125,6 +131,7 @@ struct Run<'a> {
     /// Residuals at the start, position and velocity: redundant rows may contradict each other a little.
     start_residuals: (f64, f64),
     statistics: Statistics,
+    slowness: Slowness,
     energy: EnergySummary,
     kinetic_range: (f64, f64),
     energy_scale: EnergyScale,
@@ -147,6 +154,8 @@ impl Run<'_> {
         self.form.begin_step(&self.state);
         self.form.pack(&self.state, &mut self.w);
         self.record_chart();
+        let chart = self.form.point().manifold.chart().parametrization();
+        self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);
         self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
         self.condition_reference = self.form.point_mut().manifold.chart_mut().condition();
         self.start_residuals = self.form.point_mut().manifold.residuals(&self.state);
@@ -192,6 +201,8 @@ impl Run<'_> {
                 rejection = self.accept(t, step, t_end).err().map(Rejection::Evaluation);
             }
             self.record(t, step, &report, rejection.as_ref());
+            let (accepted, change) = (rejection.is_none(), self.stepper.last_change());
+            self.slowness.count(accepted, report.error, change, &self.w);
             if let Some(cause) = rejection {
                 rejections += 1;
                 let retry = if report.accepted { 0.5 * step } else { report.next_step };

@@ -17,6 +17,7 @@ use crate::simulation::output::Output;
 use crate::simulation::problem::Problem;
 use crate::simulation::recorder::Recorder;
 use crate::simulation::reparametrization::new_chart;
+use crate::simulation::slowness::Slowness;
 use crate::simulation::statistics::{EnergySummary, Statistics};
 use crate::simulation::trajectory::Sink;
 use crate::system::State;
@@ -124,6 +125,7 @@ pub(super) fn set_up<'a>(
         form,
         stepper,
         statistics,
+        slowness: Slowness::default(),
         warnings: Vec::new(),
         sink,
         begun,
