@@ -503,7 +503,7 @@ def models(
     """List the models that come with Holonom; MODEL is `library:NAME` in other commands."""
     if name is None:
         if output is not None:
-            raise UsageError("`-o` needs the name of a model; `holonom models` lists them")
+            raise UsageError("`-o` needs the name of a model", help="`holonom models` lists them")
         found = library.entries()
         if json_:
             _print_json([{"name": e.name, "title": e.title, "model": str(e.path)} for e in found])

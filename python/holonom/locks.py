@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import os
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,17 @@ class WriteLock:
             self._path.unlink(missing_ok=True)
             os.close(self._handle)
             self._handle = None
+
+
+@contextlib.contextmanager
+def only_writer(real: Path, shown: Path) -> Iterator[None]:
+    """Keep other writers of a file out of a block, as `WriteLock`; its folder is made."""
+    real.parent.mkdir(parents=True, exist_ok=True)
+    lock = WriteLock(real, shown)
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def writer_of(real: Path) -> int | None:

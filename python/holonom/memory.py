@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom import files
+from holonom.locks import only_writer
 from holonom.reader import Reader
-from holonom.store import STATE, STEP_COLUMNS, Quantity
+from holonom.store import STATE, STEP_COLUMNS, Quantity, as_file_errors
 from holonom.writer import Writer
 
 #: Rows that a file takes in one commit.
@@ -167,7 +168,12 @@ class Memory:
         FileError
             If it cannot be written, or something else than a result is there.
         """
-        with files.replacing(path, "result", force=force) as fresh:
+        real = files.require_target(path, "result", force=force)
+        with (
+            as_file_errors(path),
+            only_writer(real, path),
+            files.replacing(path, "result", force=force) as fresh,
+        ):
             writer = Writer(fresh, self.meta, self.quantities)
             try:
                 for chunk in self._pieces():

@@ -453,7 +453,10 @@ class Model:
         """
         tyres = [e["name"] for e in self.geometry["elements"] if e["type"] == "tyre"]
         if tyre not in tyres:
-            raise UsageError(f"there is no tyre `{tyre}`; there are {', '.join(tyres) or 'none'}")
+            raise UsageError(
+                f"there is no tyre {quoted(tyre)}",
+                help=did_you_mean(tyres, "") if tyres else "the model has no tyres",
+            )
         x = np.atleast_1d(np.asarray(places, dtype=np.float64))
         return np.array(self._core.road_heights(tyre, x.tolist()))
 

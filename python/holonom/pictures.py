@@ -167,7 +167,7 @@ def plot(result: Result, patterns: Sequence[str]) -> Picture:
     """Return the picture of channels one below the other; see `Result.plot`."""
     names = result.expand(list(patterns)) if patterns else result.requested
     if not names:
-        raise UsageError("name at least one channel; the run was asked for none")
+        raise UsageError("the run was asked for no channel", help="name at least one")
     return channels(result, names)
 
 
@@ -251,7 +251,10 @@ def work_precision(comparison: Comparison) -> Picture:
             color, marker = COLORS[number % len(COLORS)], MARKERS[number % len(MARKERS)]
             lines.append(Line(x, y, method, color, marker))
     if not lines:
-        raise UsageError("there is nothing to draw: no run completed and was timed")
+        raise UsageError(
+            "there is nothing to draw: no run completed and was timed",
+            help="the table says how each run ended",
+        )
     level = (comparison.doubt, "reference, by its check") if comparison.doubt else None
     panel = Panel(lines, comparison.error_label, comparison.model, logarithmic=True, level=level)
     label = "processor time, s"

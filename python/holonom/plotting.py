@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -81,8 +82,11 @@ def save(
             # The mark by which the file is known again, and nothing that changes from day to day.
             metadata = {"Software" if kind == "png" else "Creator": "Holonom"}
             dated = {"CreationDate": None} if kind == "pdf" else {}
+            # In memory first: on a full disk the library's own clean-up would fail once more.
+            drawn = io.BytesIO()
             made = figure(picture)
-            made.savefig(fresh, dpi=160, metadata=metadata | dated, format=kind, facecolor="white")
+            made.savefig(drawn, dpi=160, metadata=metadata | dated, format=kind, facecolor="white")
+            fresh.write_bytes(drawn.getbuffer())
     return path
 
 

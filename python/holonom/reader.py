@@ -35,7 +35,7 @@ from holonom.integrity import (
     size_of,
     verified_row,
 )
-from holonom.locks import WriteLock, sweep, writer_of
+from holonom.locks import only_writer, sweep, writer_of
 from holonom.store import (
     DENSE,
     FORMAT,
@@ -297,17 +297,15 @@ class Reader:
         FileError
             If it cannot be written, is there and is not a result, or is this result itself.
         """
+        real = files.require_target(path, "result", inputs=[self.path], force=force)
         with (
-            files.replacing(path, "result", inputs=[self.path], force=force) as fresh,
             as_file_errors(path),
+            only_writer(real, path),
+            files.replacing(path, "result", inputs=[self.path], force=force) as fresh,
+            closing(sqlite3.connect(fresh)) as copy,
         ):
-            lock = WriteLock(Path(os.path.realpath(path)), path)
-            try:
-                with closing(sqlite3.connect(fresh)) as copy:
-                    self._db.backup(copy)
-                    leave_wal(copy)
-            finally:
-                lock.release()
+            self._db.backup(copy)
+            leave_wal(copy)
 
     def _damaged(self, part: str) -> FileError:
         return damaged(self.path, part)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import json
-import math
 import sqlite3
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -242,10 +241,6 @@ class Result:
             If the run has no such time, or stored no steps and none of its output times is there.
         """
         times = self.time
-        if time is not None and not math.isfinite(time):
-            raise UsageError(
-                f"there is no state at {time} s\n  help: give a finite time, or none for the last"
-            )
         if time is None:
             if not times.size:
                 raise _no_rows()

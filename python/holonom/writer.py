@@ -229,7 +229,7 @@ class Writer:
         if not same:
             raise FileError(
                 f"{self.path} was replaced while this run began\n  help: start it again",
-                "result/busy",
+                code="result/busy",
             )
 
     def _renumbered(self, chunk: Mapping[str, Any]) -> dict[str, Any]:

@@ -73,10 +73,15 @@ def show(results: Sequence[Result]) -> View:
         If a result has no rows, or there are more than `MOST_RUNS`.
     """
     if not 1 <= len(results) <= MOST_RUNS:
-        raise UsageError(f"a page shows 1 to {MOST_RUNS} results; {len(results)} are given")
+        raise UsageError(
+            f"{len(results)} results are given", help=f"a page shows 1 to {MOST_RUNS} of them"
+        )
     scenes = [scene(result) for result in results]
     if len({one["dimension"] for one in scenes}) > 1:
-        raise UsageError("planar and spatial results cannot be laid over each other")
+        raise UsageError(
+            "planar and spatial results cannot be laid over each other",
+            help="make a page for each kind",
+        )
     title = str(scenes[0]["title"])
     # `</script` in a text would end the element that carries the data.
     data = json.dumps({"format": 1, "runs": scenes}, ensure_ascii=False, allow_nan=False)

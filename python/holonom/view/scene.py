@@ -112,7 +112,9 @@ def frame_times(result: Result) -> Array:
     if span is None or span[1] <= span[0]:
         rows = result.time
         if not rows.size:
-            raise UsageError("the result has no rows: there is nothing to show")
+            raise UsageError(
+                "the result has no rows: there is nothing to show", help="run it again, for longer"
+            )
         chosen = np.linspace(0, rows.size - 1, min(rows.size, most)).round().astype(int)
         return np.asarray(rows[chosen])
     first, last = span
