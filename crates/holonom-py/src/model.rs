@@ -213,7 +213,15 @@ impl CoreModel {
             return Err(error);
         }
         let summary = outcome.in_good_order()?.map_err(not_run)?;
-        report::to_python(py, &report::summary(&summary, options.code, summary.end.t - first))
+        report::to_python(
+            py,
+            &report::summary(
+                &summary,
+                problem.system().as_ref(),
+                options.code,
+                summary.end.t - first,
+            ),
+        )
     }
 
     fn dense_states<'py>(

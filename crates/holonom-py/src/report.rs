@@ -8,6 +8,7 @@ use holonom::reduction::assembly::{Assembled, AssemblyError};
 use holonom::simulation::{
     AccelerationSummary, Choices, LimitedBy, ModelSummary, Problem, RunWarning, Status, Summary,
 };
+use holonom::system::System;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use pyo3::{IntoPyObjectExt, Py, PyAny};
@@ -179,7 +180,7 @@ fn accelerations(summary: &AccelerationSummary) -> Value {
     })
 }
 
-pub(crate) fn summary(summary: &Summary, code: Code, simulated: f64) -> Value {
+pub(crate) fn summary(summary: &Summary, system: &dyn System, code: Code, simulated: f64) -> Value {
     let (s, e) = (&summary.statistics, &summary.energy);
     let cpu_seconds = s.assembly_cpu_seconds + s.run_cpu_seconds;
     let per_second = if simulated > 0.0 { cpu_seconds / simulated } else { 0.0 };
@@ -236,7 +237,7 @@ pub(crate) fn summary(summary: &Summary, code: Code, simulated: f64) -> Value {
             "range": e.range,
             "moved": e.moved,
         },
-        "limited_by": limited_by(&summary.limited_by),
+        "limited_by": limited_by(&summary.limited_by(system)),
         "warnings": run_warnings(&summary.warnings),
     })
 }

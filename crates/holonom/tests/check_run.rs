@@ -4,6 +4,7 @@ mod common;
 
 use common::model_of;
 use holonom::simulation::{Choices, Problem, check_run};
+use holonom::system::Sample;
 
 fn checked(text: &str) -> Result<Vec<String>, String> {
     let problem = Problem::new(model_of(text));
@@ -40,7 +41,8 @@ fn chosen_velocities_are_told_and_determined_ones_are_not() {
     let chosen = problem.chosen_velocities();
     let channel = problem.channel("rail.rate").unwrap();
     let mut rate = [0.0];
-    problem.system().channel(channel, &problem.assemble().unwrap().state, &mut rate);
+    let state = &problem.assemble().unwrap().state;
+    problem.system().channel(channel, &Sample::new(state), &mut rate);
     assert!((chosen[0].rate - rate[0]).abs() < 1e-12 && rate[0].abs() > 0.1, "{chosen:?}");
 }
 

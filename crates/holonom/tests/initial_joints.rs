@@ -6,6 +6,7 @@ use common::model_of;
 use holonom::io::{Document, Syntax};
 use holonom::reduction::assembly::AssemblyError;
 use holonom::simulation::Problem;
+use holonom::system::Sample;
 
 const PENDULUM: &str = r#"
 holonom = 1
@@ -38,7 +39,7 @@ fn read(problem: &Problem, name: &str) -> Vec<f64> {
     let assembled = problem.assemble().unwrap();
     let channel = problem.channel(name).unwrap_or_else(|| panic!("no channel {name}"));
     let mut out = vec![0.0; channel.size()];
-    problem.system().channel(channel, &assembled.state, &mut out);
+    problem.system().channel(channel, &Sample::new(&assembled.state), &mut out);
     out
 }
 

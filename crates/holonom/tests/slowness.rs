@@ -24,7 +24,7 @@ hard = { type = "tsda", between = ["ground", "fast"], points = [[0.0, 1.0], [1.0
     let problem = Problem::new(model_of(text));
     let mut rows = Memory::default();
     let summary = run(&problem, &Options::new(5.0), None, &mut rows).unwrap();
-    let limited = summary.limited_by;
+    let limited = summary.limited_by(problem.system().as_ref());
     let (name, count) = limited.coordinate.unwrap();
     assert_eq!(name, "fast_rail.displacement");
     assert!(count <= limited.steps && limited.steps <= summary.statistics.steps);

@@ -28,6 +28,6 @@ pub use problem::{
     AccelerationSummary, EdgeCoordinate, EdgeSummary, ModelSummary, Problem, RedundantRow,
 };
 pub use run::{Summary, check_run, run};
-pub use slowness::LimitedBy;
+pub use slowness::{LimitedBy, Limits};
 pub use statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 pub use trajectory::{Chunk, EventKind, EventRecord, Flow, Memory, Sink, StepOutcome, StepRecord};

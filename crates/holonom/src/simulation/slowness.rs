@@ -22,8 +22,22 @@ pub struct LimitedBy {
     pub rejected_steps: u64,
 }
 
+/// The counts of a run with its last chart: names are found when they are asked for, since that allocates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Limits {
+    pub(super) counts: Slowness,
+    pub(super) chart: Parametrization,
+}
+
+impl Limits {
+    /// What limited most steps of a run of `system` that ended in `state`.
+    pub fn told(&self, system: &dyn System, state: &State) -> LimitedBy {
+        self.counts.clone().told(system, &self.chart, state)
+    }
+}
+
 /// Counts by coordinate: those of the present chart by place, those of former charts by name.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Slowness {
     absolute: Vec<f64>,
     relative: f64,
@@ -32,7 +46,7 @@ pub(super) struct Slowness {
     named: Vec<Named>,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 struct Named {
     name: String,
     force: Option<String>,
@@ -108,12 +122,7 @@ impl Slowness {
     }
 
     /// What limited most steps; `chart` and `state` are the last ones.
-    pub(super) fn told(
-        &mut self,
-        system: &dyn System,
-        chart: &Parametrization,
-        state: &State,
-    ) -> LimitedBy {
+    fn told(mut self, system: &dyn System, chart: &Parametrization, state: &State) -> LimitedBy {
         self.name(system, chart, state);
         let most = |count: fn(&Named) -> u64| {
             self.named.iter().filter(|n| count(n) > 0).max_by_key(|n| count(n))

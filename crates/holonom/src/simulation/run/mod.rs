@@ -20,7 +20,7 @@ use crate::simulation::output::Output;
 use crate::simulation::problem::Problem;
 use crate::simulation::recorder::{Inside, Recorder};
 use crate::simulation::reparametrization::no_longer_redundant;
-use crate::simulation::slowness::{LimitedBy, Slowness};
+use crate::simulation::slowness::{LimitedBy, Limits, Slowness};
 use crate::simulation::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 use crate::simulation::step_length::{self, clip, smallest_step};
 use crate::simulation::trajectory::{EventKind, Memory, Sink};
@@ -53,8 +53,15 @@ pub struct Summary {
     pub end: State,
     /// Warnings of the run.
     pub warnings: Vec<RunWarning>,
-    /// What limited its steps.
-    pub limited_by: LimitedBy,
+    /// What limited its steps; see [`Summary::limited_by`].
+    pub limits: Limits,
+}
+
+impl Summary {
+    /// What limited the steps of this run of `system`, by names.
+    pub fn limited_by(&self, system: &dyn System) -> LimitedBy {
+        self.limits.told(system, &self.end)
+    }
 }
 
 /// Runs a problem from its assembled start, or from `from`, to the end time.
@@ -84,8 +91,7 @@ pub fn run(
     if from.is_none() {
         run.warnings.extend(chosen(problem.chosen_velocities()));
     }
-    let chart = run.form.point().manifold.chart().parametrization();
-    let limited_by = run.slowness.told(run.system.as_ref(), chart, &run.state);
+    let chart = run.form.point().manifold.chart().parametrization().clone();
     Ok(Summary {
         status,
         stop,
@@ -94,7 +100,7 @@ pub fn run(
         energy: run.energy,
         end: run.state,
         warnings: run.warnings,
-        limited_by,
+        limits: Limits { counts: run.slowness, chart },
     })
 }
 
