@@ -553,7 +553,7 @@ def invoke(arguments: Sequence[str], received: Sequence[int] = ()) -> int:
     except KeyboardInterrupt as error:
         return _interrupted(error, line, received)
     except HolonomError as error:
-        return _fail(error.exit_code, error.to_json(), line)
+        return _fail(error.exit_code, error.to_json(), line, str(error))
     except typer.TyperException as error:  # an unknown flag, a missing argument
         text = f"{error.format_message()}\n  help: {_usage_help(error, line)}"
         return _fail(Exit.USAGE, {"code": "usage/command-line", "message": shown(text)}, line)
@@ -563,7 +563,7 @@ def invoke(arguments: Sequence[str], received: Sequence[int] = ()) -> int:
         name = error.filename or "standard output"
         tip = "" if error.filename else "see where the output goes, or whether its disk is full"
         found = FileError(f"{name}: {error.strerror or error}", tip)
-        return _fail(found.exit_code, found.to_json(), line)
+        return _fail(found.exit_code, found.to_json(), line, str(found))
     except Exception as error:  # noqa: BLE001 - whatever it is, it is not the user's fault
         if received:  # what an interrupt became on its way
             return _interrupted(error, line, received)
@@ -757,16 +757,18 @@ def _done(what: str, path: Path, json_: bool) -> int:
     return Exit.OK
 
 
-def _fail(status: int, error: dict[str, Any], arguments: Sequence[str]) -> int:
+def _fail(status: int, error: dict[str, Any], arguments: Sequence[str], text: str = "") -> int:
+    """Tell an error, as data or as `text`, and return the exit status."""
+    text = text or error["message"]
     if "--json" in arguments:
         try:
             _print_json({"error": error, "exit_status": int(status)})
         except BrokenPipeError:
             return Exit.PIPE
         except OSError:  # standard output is what is wrong
-            _complain(error["message"])
+            _complain(text)
     else:
-        _complain(error["message"])
+        _complain(text)
     return int(status)
 
 
