@@ -71,8 +71,9 @@ def linear(low: float, high: float, most: int) -> Ticks:
         scale = f"×{power_of_ten(exponent)}"
     if offset:
         scale = f"{scale} {'−' if offset < 0.0 else '+'} {abs(offset):.12g}".strip()
-    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
-    if round(step, decimals) != round(step, decimals + 2):  # 2.5
+    # Zero alone needs none.
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9)) if largest else 0
+    if largest and round(step, decimals) != round(step, decimals + 2):  # 2.5
         decimals += 1
     labels = tuple(f"{value:.{decimals}f}".replace("-", "−") for value in shown)
     return Ticks(tuple(values), labels, scale)

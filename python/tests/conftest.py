@@ -9,9 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from holonom.store import Quantity
 from holonom.writer import Writer
+
+# The same cases at every run; `--hypothesis-profile=default` searches for other ones.
+settings.register_profile("same", derandomize=True)
+settings.load_profile("same")
 
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = ROOT / "models"
