@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import datetime as dt
-import json
 import math
 import os
-import platform
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -36,10 +34,21 @@ from holonom.model import Model
 from holonom.names import COMMANDS, OPTIONS, did_you_mean, nearest
 from holonom.progress import ComparisonProgress, RunProgress, Stages
 from holonom.result import Result
-from holonom.text import as_json, one_line, shown
+from holonom.terminal import (
+    complain,
+    done,
+    facts,
+    fail,
+    print_comparison,
+    print_json,
+    print_summary,
+    print_version,
+    say,
+)
+from holonom.text import one_line, shown
 
 if TYPE_CHECKING:
-    from holonom.study.comparison import Comparison
+    pass
 
 app = typer.Typer(
     name="holonom",
@@ -49,9 +58,6 @@ app = typer.Typer(
     epilog="Exit status: 0 ok, 1 usage, 2 invalid model, 3 solver failure, 4 some runs "
     "failed, 5 files, 70 a defect, 130 interrupted, 141 the output was closed.",
 )
-
-#: Lines of an error analysis that are printed; a longer one goes to a file.
-ANALYSIS_SHOWN = 240
 
 #: Begins a model argument that names one of the library.
 LIBRARY = "library:"
@@ -90,7 +96,7 @@ def command(
 ) -> None:
     """Implicit integration of constrained multibody systems."""
     if version:
-        _print_version(json_)
+        print_version(json_)
         raise typer.Exit(Exit.OK)
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
@@ -173,13 +179,13 @@ def run(
             result, failure = error.result, error
     with result:
         if json_:
-            _print_json(_facts(result) | ({"error": failure.to_json()} if failure else {}))
+            print_json(facts(result) | ({"error": failure.to_json()} if failure else {}))
         elif not quiet:
-            _print_summary(result)
+            print_summary(result)
             before.tell(result)
     if failure is not None:
         if not json_:
-            _complain(str(failure))
+            complain(str(failure))
         return failure.exit_code
     return Exit.OK
 
@@ -300,15 +306,15 @@ def compare(
             comparison.plot(plot, force=force)
     except HolonomError:
         if not (json_ or quiet):  # the work of minutes is shown all the same
-            _print_comparison(comparison, analysis=bool(channels))
+            print_comparison(comparison, analysis=bool(channels))
         raise
     if json_:
-        _print_json(comparison.to_json())
+        print_json(comparison.to_json())
     elif not quiet:
-        _print_comparison(comparison, analysis=bool(channels))
+        print_comparison(comparison, analysis=bool(channels))
     if interrupted:
         if not json_:
-            _complain("the comparison was interrupted; the rows that were finished are kept")
+            complain("the comparison was interrupted; the rows that were finished are kept")
         return Exit.INTERRUPTED
     failed = sum(row.status != "completed" for row in comparison.rows)
     if failed:
@@ -328,9 +334,9 @@ def check(
     """Validate and assemble a model; print counts, redundancy and stiffness."""
     report = _load(model, values).check()
     if json_:
-        _print_json(report.to_json())
+        print_json(report.to_json())
     else:
-        _say("\n".join([str(report), *(report.tree_lines() if verbose else [])]))
+        say("\n".join([str(report), *(report.tree_lines() if verbose else [])]))
     return Exit.OK
 
 
@@ -350,7 +356,7 @@ def plot(
     target = output or result.with_suffix(".svg")
     with _opened(result, recover=recover) as loaded:
         loaded.plot(*(channels or []), path=target, force=force)
-    return _done("picture", target, json_)
+    return done("picture", target, json_)
 
 
 @app.command()
@@ -367,7 +373,7 @@ def report(
     target = output or result.with_suffix(".html")
     with _opened(result, recover=recover) as loaded:
         loaded.report(target, force=force)
-    return _done("report", target, json_)
+    return done("report", target, json_)
 
 
 @app.command()
@@ -393,8 +399,8 @@ def view(
         first, *others = [opened.enter_context(_opened(path, recover=recover)) for path in result]
         first.view(*others).save(target, force=force)
     if open_ and not open_page(target):
-        _complain(f"there is no browser to open; the page is {target}", "warning")
-    return _done("page", target, json_)
+        complain(f"there is no browser to open; the page is {target}", "warning")
+    return done("page", target, json_)
 
 
 @app.command()
@@ -439,8 +445,8 @@ def export(
             return Exit.OK
         write(loaded, target, channels, force=force)
         if not loaded.time.size:
-            _complain("the result has no rows; the table has a heading only", "warning")
-    return _done("table", target, json_)
+            complain("the result has no rows; the table has a heading only", "warning")
+    return done("table", target, json_)
 
 
 #: Rows that an export makes at most, as a run.
@@ -477,15 +483,15 @@ def info(result: ResultFile, recover: Recover = False, json_: Json = False) -> i
     """Say what a result file holds, and up to which time."""
     with _opened(result, recover=recover) as loaded:
         if json_:
-            _print_json(_facts(loaded))
+            print_json(facts(loaded))
         else:
-            _print_summary(loaded)
+            print_summary(loaded)
             if loaded.status != "completed" and loaded.stop_reason:
-                _say(describe(loaded.stop_reason))
+                say(describe(loaded.stop_reason))
             for name in loaded.channels:
                 quantity = loaded.quantities[name]
                 shape = f" {list(quantity.shape)}" if quantity.shape else ""
-                _say(one_line(f"  {name}{shape} {quantity.unit} {quantity.frame}").rstrip())
+                say(one_line(f"  {name}{shape} {quantity.unit} {quantity.frame}").rstrip())
     return Exit.OK
 
 
@@ -506,7 +512,7 @@ def models(
             raise UsageError("`-o` needs the name of a model", help="`holonom models` lists them")
         found = library.entries()
         if json_:
-            _print_json([{"name": e.name, "title": e.title, "model": str(e.path)} for e in found])
+            print_json([{"name": e.name, "title": e.title, "model": str(e.path)} for e in found])
         else:
             typer.echo("\n".join(f"{e.name:<22}{e.title}" for e in found))
     elif output is None:
@@ -514,11 +520,11 @@ def models(
         text = (entry.path.parent / "README.md").read_text(encoding="utf-8").rstrip("\n")
         if json_:
             facts = {"name": entry.name, "title": entry.title, "model": str(entry.path)}
-            _print_json(facts | {"text": text})
+            print_json(facts | {"text": text})
         else:
             typer.echo(f"{text}\n\nmodel file: {entry.path}")
     else:
-        return _done("model", library.copy(name, output)[0] / "model.toml", json_)
+        return done("model", library.copy(name, output)[0] / "model.toml", json_)
     return Exit.OK
 
 
@@ -553,17 +559,17 @@ def invoke(arguments: Sequence[str], received: Sequence[int] = ()) -> int:
     except KeyboardInterrupt as error:
         return _interrupted(error, line, received)
     except HolonomError as error:
-        return _fail(error.exit_code, error.to_json(), line, str(error))
+        return fail(error.exit_code, error.to_json(), line, str(error))
     except typer.TyperException as error:  # an unknown flag, a missing argument
         text = f"{error.format_message()}\n  help: {_usage_help(error, line)}"
-        return _fail(Exit.USAGE, {"code": "usage/command-line", "message": shown(text)}, line)
+        return fail(Exit.USAGE, {"code": "usage/command-line", "message": shown(text)}, line)
     except BrokenPipeError:  # who reads has had enough, as `head`: nothing is wrong
         return Exit.PIPE
     except OSError as error:
         name = error.filename or "standard output"
         tip = "" if error.filename else "see where the output goes, or whether its disk is full"
         found = FileError(f"{name}: {error.strerror or error}", tip)
-        return _fail(found.exit_code, found.to_json(), line, str(found))
+        return fail(found.exit_code, found.to_json(), line, str(found))
     except Exception as error:  # noqa: BLE001 - whatever it is, it is not the user's fault
         if received:  # what an interrupt became on its way
             return _interrupted(error, line, received)
@@ -574,7 +580,7 @@ def invoke(arguments: Sequence[str], received: Sequence[int] = ()) -> int:
             f"this is a defect in Holonom, not in your model: {shown(repr(error))}\n"
             "  help: please report it with the model and the command line"
         )
-        return _fail(Exit.DEFECT, {"code": "holonom/defect", "message": text}, line)
+        return fail(Exit.DEFECT, {"code": "holonom/defect", "message": text}, line)
 
 
 def _run(line: list[str]) -> int:
@@ -602,7 +608,7 @@ def _interrupted(error: BaseException, line: Sequence[str], received: Sequence[i
     facts = {"code": "simulation/interrupted", "message": "interrupted"}
     if isinstance(error, HolonomError):
         facts = error.to_json()
-    return _fail(status, facts, line)
+    return fail(status, facts, line)
 
 
 def _usage_help(error: typer.TyperException, line: Sequence[str]) -> str:
@@ -625,24 +631,6 @@ def _usage_help(error: typer.TyperException, line: Sequence[str]) -> str:
         meant = [known[name] for name in nearest(asked, known, OPTIONS)]
         return did_you_mean(meant, f"`holonom {command} --help` lists the options")
     return f"`holonom {command} --help` lists arguments and options"
-
-
-def _print_version(json_: bool) -> None:
-    import numpy as np
-
-    from holonom import _core
-
-    facts = {
-        "holonom": _core.version(),
-        **json.loads(_core.build()),
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-    }
-    if json_:
-        _print_json(facts)
-    else:
-        _say("holonom {holonom}, {profile} build for {target} with {simd}".format(**facts))
-        _say("Python {python}, NumPy {numpy}".format(**facts))
 
 
 def _load(path: Path, values: list[str] | None) -> Model:
@@ -672,13 +660,13 @@ class _Older:
         today = moment.date() == dt.datetime.now().astimezone().date()
         name = f"{self._target} of {moment:{'%H:%M' if today else '%Y-%m-%d %H:%M'}}"
         if result.path is None:
-            typer.echo(f"{'keeps':<22}{name}: this run did not get beyond its start")
+            say(f"{'keeps':<22}{name}: this run did not get beyond its start")
         elif result.meta.get("parts"):
-            typer.echo(f"{'continues':<22}{name}")
+            say(f"{'continues':<22}{name}")
         elif files.same_file(result.path, self._target):
-            typer.echo(f"{'replaces':<22}{name}")
+            say(f"{'replaces':<22}{name}")
         else:
-            typer.echo(f"{'keeps':<22}{name}")
+            say(f"{'keeps':<22}{name}")
 
 
 @contextlib.contextmanager
@@ -690,90 +678,8 @@ def _opened(path: Path, *, recover: bool) -> Iterator[Result]:
             shown = "; ".join(result.damage[:_DAMAGE_SHOWN])
             more = len(result.damage) - _DAMAGE_SHOWN
             text = f"{shown}; {more} more" if more > 0 else shown
-            _complain(f"{path} is damaged, and lost are: {text} [result/damaged]", "warning")
+            complain(f"{path} is damaged, and lost are: {text} [result/damaged]", "warning")
 
 
 #: Parts of a damaged result that are named.
 _DAMAGE_SHOWN = 8
-
-
-def _facts(result: Result) -> dict[str, Any]:
-    """Return what is known about a result, without the model's text."""
-    facts = {key: value for key, value in result.meta.items() if key != "model"}
-    facts |= {
-        "result": str(result.path),
-        "n_times": result.time.size,
-        "stored_until": float(result.time[-1]) if result.time.size else None,
-        "channels": [
-            {"name": q.name, "unit": q.unit, "frame": q.frame, "shape": list(q.shape)}
-            for q in (result.quantities[name] for name in result.channels)
-        ],
-    }
-    return facts
-
-
-def _print_summary(result: Result) -> None:
-    from holonom.check import warning_line
-    from holonom.summary import summarize
-
-    for warning in result.warnings:
-        _say(one_line(warning_line(warning)))
-    stored = [] if result.path is None else [("result", str(result.path))]
-    for label, text in [*summarize(result), *stored]:
-        _say(f"{label:<22}{one_line(text)}")
-
-
-def _print_comparison(comparison: Comparison, *, analysis: bool) -> None:
-    from rich.console import Console
-
-    from holonom.study.comparison import as_text
-
-    parts: list[Any] = [comparison]
-    if analysis and len(comparison.channels) * len(comparison.rows) <= ANALYSIS_SHOWN:
-        parts.append(comparison.error_table())
-    elif analysis:
-        parts.append("the error analysis is long; `--errors FILE` writes it as CSV")
-    for part in parts:
-        if sys.stdout.isatty():
-            Console(highlight=False, markup=False).print(part)
-        else:
-            typer.echo(as_text(part))
-
-
-def _print_json(data: Any) -> None:
-    typer.echo(as_json(data))
-
-
-def _say(text: str) -> None:
-    """Print text that may hold names and titles of files: every line of it is safe to show."""
-    typer.echo(shown(text))
-
-
-def _done(what: str, path: Path, json_: bool) -> int:
-    if json_:
-        _print_json({what: str(path)})
-    else:
-        _say(f"{what:<22}{one_line(path)}")
-    return Exit.OK
-
-
-def _fail(status: int, error: dict[str, Any], arguments: Sequence[str], text: str = "") -> int:
-    """Tell an error, as data or as `text`, and return the exit status."""
-    text = text or error["message"]
-    if "--json" in arguments:
-        try:
-            _print_json({"error": error, "exit_status": int(status)})
-        except BrokenPipeError:
-            return Exit.PIPE
-        except OSError:  # standard output is what is wrong
-            _complain(text)
-    else:
-        _complain(text)
-    return int(status)
-
-
-def _complain(message: str, kind: str = "error") -> None:
-    # The core renders findings with their own heading, `error[model/…]: …`.
-    text = shown(message if message.startswith(kind) else f"{kind}: {message}")
-    with contextlib.suppress(OSError):  # who closes this stream does not want to be told
-        typer.echo(typer.style(text, fg="red") if sys.stderr.isatty() else text, err=True)

@@ -17,6 +17,7 @@ from holonom import files
 from holonom.errors import UsageError
 
 if TYPE_CHECKING:
+    import pandas as pd  # type: ignore[import-untyped]
     import xarray
 
     from holonom.result import Result
@@ -77,6 +78,20 @@ def dataset(result: Result, channels: list[str] | None = None) -> xarray.Dataset
     facts = {key: text for key, text in _facts(result).items() if text}
     made: xarray.Dataset = xr.Dataset(variables, coordinates, facts)
     return made
+
+
+def frame(result: Result, channels: list[str] | None = None) -> pd.DataFrame:
+    """Return channels as a data frame; see `Result.to_pandas`."""
+    made = _library("pandas", "data frames of pandas", "pandas")
+    columns, units = {}, {}
+    for name in result.channels if channels is None else result.expand(channels):
+        values = result.matrix(name)
+        for i, column in enumerate(values.T):
+            label = name if values.shape[1] == 1 else f"{name}[{i}]"
+            columns[label], units[label] = column, result.unit(name)
+    table: pd.DataFrame = made.DataFrame(columns, index=made.Index(result.time, name="time"))
+    table.attrs["units"] = units
+    return table
 
 
 def write_netcdf(

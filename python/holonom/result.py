@@ -6,7 +6,7 @@ import html
 import json
 import sqlite3
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +18,12 @@ from holonom.certification import Certification
 from holonom.errors import FileError, UsageError
 from holonom.memory import Memory, Stored
 from holonom.model import Model, expand, split_component
-from holonom.names import did_you_mean, nearest, nearest_channels
+from holonom.names import did_you_mean, nearest_channels
 from holonom.options import require_finite
 from holonom.plain import as_path
 from holonom.reader import Reader
+from holonom.record import Record
+from holonom.states import no_rows, states_at, vector
 from holonom.store import STATE, Quantity
 from holonom.text import quoted, shown
 
@@ -32,48 +34,6 @@ if TYPE_CHECKING:
 
     from holonom.pictures import Picture
     from holonom.view import View
-
-
-#: Times that differ by this part of a second, or of themselves, are the same.
-_SLACK = 1e-9
-
-
-def _no_rows() -> UsageError:
-    return UsageError(
-        "the result has no rows: nothing was stored before the run ended",
-        help="`Result.stop_reason` says why it ended; run the model again",
-    )
-
-
-class Record(Mapping[str, Any]):
-    """Plain data with its entries as attributes: ``statistics.steps``."""
-
-    __slots__ = ("_data",)
-
-    def __init__(self, data: Mapping[str, Any]) -> None:
-        self._data = dict(data)
-
-    def __getitem__(self, key: str) -> Any:
-        value = self._data[key]
-        return Record(value) if isinstance(value, dict) else value
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name not in self._data:
-            near = did_you_mean(nearest(name, self._data), f"there are {', '.join(self._data)}")
-            raise AttributeError(f"there is no entry {quoted(name)}; {near}")
-        return self[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._data)
-
-    def __len__(self) -> int:
-        return len(self._data)
-
-    def __dir__(self) -> list[str]:
-        return [*super().__dir__(), *self._data]
-
-    def __repr__(self) -> str:
-        return repr(self._data)
 
 
 class Result:
@@ -243,12 +203,12 @@ class Result:
         times = self.time
         if time is None:
             if not times.size:
-                raise _no_rows()
+                raise no_rows()
             return self._reader.row(times.size - 1)
         wanted = np.array([require_finite("time", time)])
         for index in np.nonzero(times == wanted)[0][:1]:
             return self._reader.row(int(index))
-        return {name: part[0] for name, part in self._states(wanted).items()}
+        return {name: part[0] for name, part in states_at(self._reader, self.model, wanted).items()}
 
     def sample(
         self, times: ArrayLike, channels: Sequence[str] | None = None
@@ -273,11 +233,11 @@ class Result:
         UsageError
             As `state`; if a channel is unknown.
         """
-        wanted = _vector(times)
+        wanted = vector(times)
         names = self.channels if channels is None else list(channels)
         states = [name for name in names if name in STATE]
         names = self.model.expand([name for name in names if name not in STATE])
-        parts = self._states(wanted)
+        parts = states_at(self._reader, self.model, wanted)
         whole = list(dict.fromkeys(split_component(name)[0] for name in names))
         values = self.model.evaluate(whole, parts) if wanted.size else {}
         found = {"time": wanted} | {name: parts[name] for name in states}
@@ -305,7 +265,7 @@ class Result:
         UsageError
             As `sample`.
         """
-        wanted = _vector(times)
+        wanted = vector(times)
         if not np.all(np.diff(wanted) > 0.0):
             raise UsageError("`times` do not rise", help="sort them, and leave out equal ones")
         names = self.channels if channels is None else self.model.expand(channels)
@@ -325,47 +285,6 @@ class Result:
         None where the run has no steps, or was made without ``dense_output``.
         """
         return self._reader.dense_span
-
-    def _states(self, times: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-        """Return states at times: computed where steps are stored, else stored rows."""
-        rows, span = self.time, self.span
-        if not rows.size and span is None:
-            raise _no_rows()
-        if not np.isfinite(times).all():
-            raise UsageError("times are not finite numbers", help="leave NaN and infinity out")
-        slack = _SLACK * np.maximum(1.0, np.abs(times))
-        inside = np.zeros(times.size, dtype=bool)
-        if span is not None:
-            inside = (times >= span[0] - slack) & (times <= span[1] + slack)
-        stored = self._reader.quantities
-        found = {
-            name: np.empty((times.size, stored[name].size)) for name in STATE if name in stored
-        }
-        for k in np.nonzero(~inside)[0]:
-            if not rows.size:
-                # A run that ended before its first output row.
-                raise UsageError(
-                    f"there is no state at {times[k]} s; the run covers {span} s",
-                    help="take a time of the run",
-                )
-            nearest = int(np.argmin(np.abs(rows - times[k])))
-            if not abs(rows[nearest] - times[k]) <= slack[k]:
-                raise _no_state(float(times[k]), rows, nearest, span)
-            for name, part in self._reader.row(nearest).items():
-                found[name][k] = part
-        if span is not None:
-            index = np.nonzero(inside)[0]
-            clipped = np.clip(times[index], *span)
-            for places, steps in self._reader.dense_chunks(clipped):
-                states = self.model.dense_states(steps, clipped[places])
-                for name, part in states.items():
-                    values = part.reshape(places.size, -1)
-                    found.setdefault(name, np.empty((times.size, values.shape[1])))
-                    if found[name].shape[1] != values.shape[1]:
-                        text = f"{self.path}: `{name}` in its steps does not fit its rows"
-                        raise FileError(f"{text}\n  help: run it again", code="result/damaged")
-                    found[name][index[places]] = values
-        return found
 
     @property
     def meta(self) -> dict[str, Any]:
@@ -651,17 +570,7 @@ class Result:
         """
         from holonom import export
 
-        made = export._library("pandas", "data frames of pandas", "pandas")
-        names = self.channels if channels is None else self.expand(channels)
-        columns, units = {}, {}
-        for name in names:
-            values = self.matrix(name)
-            for i, column in enumerate(values.T):
-                label = name if values.shape[1] == 1 else f"{name}[{i}]"
-                columns[label], units[label] = column, self.unit(name)
-        frame: pd.DataFrame = made.DataFrame(columns, index=made.Index(self.time, name="time"))
-        frame.attrs["units"] = units
-        return frame
+        return export.frame(self, channels)
 
     def to_netcdf(
         self, path: str | Path, channels: list[str] | None = None, *, force: bool = False
@@ -745,36 +654,3 @@ def _from_bytes(data: bytes) -> Result:
     db = sqlite3.connect(":memory:", check_same_thread=False)
     db.deserialize(data)
     return Result(Reader(db, None))
-
-
-def _vector(times: ArrayLike) -> NDArray[np.float64]:
-    """Return times as a vector of numbers."""
-    try:
-        wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
-    except (TypeError, ValueError, OverflowError):
-        raise UsageError(
-            f"`times` is {quoted(repr(times))}", help="pass a vector of times, s"
-        ) from None
-    if wanted.ndim != 1:
-        raise UsageError(f"`times` has the shape {wanted.shape}", help="pass a vector of times, s")
-    return wanted
-
-
-def _no_state(
-    time: float, rows: NDArray[np.float64], nearest: int, span: tuple[float, float] | None
-) -> UsageError:
-    """Say why there is no state at a time, and at which there are."""
-    first, last = float(rows[0]), float(rows[-1])
-    if span is not None:
-        first, last = min(first, span[0]), max(last, span[1])
-    if not first <= time <= last:
-        return UsageError(
-            f"there is no state at {time} s; the run covers {first} s to {last} s",
-            help="take a time of the run",
-        )
-    text = f"no state is stored at {time} s; the nearest one is at {rows[nearest]} s"
-    if span is None:
-        return UsageError(text, help="run with `dense_output = true` to have states at any time")
-    return UsageError(
-        f"{text}, and steps are stored from {span[0]} s to {span[1]} s", help="take one of these"
-    )

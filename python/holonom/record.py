@@ -1,0 +1,40 @@
+"""Plain data with attributes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from holonom.names import did_you_mean, nearest
+from holonom.text import quoted
+
+
+class Record(Mapping[str, Any]):
+    """Plain data with its entries as attributes: ``statistics.steps``."""
+
+    __slots__ = ("_data",)
+
+    def __init__(self, data: Mapping[str, Any]) -> None:
+        self._data = dict(data)
+
+    def __getitem__(self, key: str) -> Any:
+        value = self._data[key]
+        return Record(value) if isinstance(value, dict) else value
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("_") or name not in self._data:
+            near = did_you_mean(nearest(name, self._data), f"there are {', '.join(self._data)}")
+            raise AttributeError(f"there is no entry {quoted(name)}; {near}")
+        return self[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._data)
+
+    def __len__(self) -> int:
+        return len(self._data)
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self._data]
+
+    def __repr__(self) -> str:
+        return repr(self._data)
