@@ -3,31 +3,15 @@
 
 #![allow(missing_docs)] // of the functions that criterion's macros make
 
+#[path = "../tests/common/vehicle.rs"]
+mod vehicle;
+
 use criterion::{
     BenchmarkGroup, Criterion, criterion_group, criterion_main, measurement::WallTime,
 };
-use holonom_linalg::{BranchedCholesky, BranchedPlan, CutRows, DenseAugmented, DenseLu};
+use holonom_linalg::{BranchedCholesky, BranchedPlan, DenseAugmented, DenseLu};
 use std::hint::black_box;
 use std::sync::Arc;
-
-/// Chassis, four upper arms with their spindles, rack, four lower arms; ball joints and rods are cut.
-fn vehicle() -> BranchedPlan {
-    let mut parents = vec![None];
-    let mut sizes = vec![6];
-    for _ in 0..4 {
-        parents.extend([Some(0), Some(parents.len())]);
-        sizes.extend([1, 3]);
-    }
-    parents.extend([Some(0); 5]);
-    sizes.extend([1; 5]);
-    let spindle = |corner: usize| Some(2 + 2 * corner);
-    let mut cuts: Vec<CutRows> =
-        (0..4).map(|i| CutRows { nodes: [spindle(i), Some(10 + i)], rows: 3 }).collect();
-    cuts.extend(
-        (0..4).map(|i| CutRows { nodes: [spindle(i), Some(if i < 2 { 9 } else { 0 })], rows: 1 }),
-    );
-    BranchedPlan::new(&parents, &sizes, &cuts)
-}
 
 /// Deterministic numbers in (-1, 1).
 fn noise(index: usize) -> f64 {
@@ -64,7 +48,8 @@ fn branched<const W: usize>(group: &mut BenchmarkGroup<'_, WallTime>, plan: &Arc
 }
 
 fn vehicle_in_joint_coordinates(c: &mut Criterion) {
-    let plan = Arc::new(vehicle());
+    let (parents, sizes, cuts) = vehicle::vehicle();
+    let plan = Arc::new(BranchedPlan::new(&parents, &sizes, &cuts));
     let (n, m) = (plan.len(), plan.rows());
     let mut group = c.benchmark_group("vehicle in joint coordinates");
     branched::<1>(&mut group, &plan);

@@ -4,6 +4,9 @@
 
 #![allow(clippy::print_stdout, reason = "an example talks to its reader")]
 
+#[path = "../tests/common/vehicle.rs"]
+mod vehicle;
+
 use cpu_time::ThreadTime;
 use faer::linalg::solvers::{Lblt, Solve};
 use faer::{MatMut, MatRef, Side};
@@ -217,31 +220,12 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-/// The vehicle of the thesis: chassis, four upper arms with their spindles, rack, four lower arms; ball joints
-/// of the lower arms and rods are cut.
-fn vehicle() -> Case {
-    let mut parents = vec![None];
-    let mut sizes = vec![6];
-    for _ in 0..4 {
-        parents.extend([Some(0), Some(parents.len())]);
-        sizes.extend([1, 3]);
-    }
-    parents.extend([Some(0); 5]);
-    sizes.extend([1; 5]);
-    let spindle = |corner: usize| Some(2 + 2 * corner);
-    let mut cuts: Vec<CutRows> =
-        (0..4).map(|i| CutRows { nodes: [spindle(i), Some(10 + i)], rows: 3 }).collect();
-    cuts.extend(
-        (0..4).map(|i| CutRows { nodes: [spindle(i), Some(if i < 2 { 9 } else { 0 })], rows: 1 }),
-    );
-    Case::new("vehicle", &parents, &sizes, &cuts)
-}
-
 fn main() {
     println!(
         "model,coordinates,rows,solver,additions,multiplications,divisions,microseconds,residual"
     );
-    measure(&vehicle());
+    let (parents, sizes, cuts) = vehicle::vehicle();
+    measure(&Case::new("vehicle", &parents, &sizes, &cuts));
     let chain: Vec<Option<usize>> = (0..50usize).map(|i| i.checked_sub(1)).collect();
     measure(&Case::new("chain of 50", &chain, &[1; 50], &[]));
     let binary: Vec<Option<usize>> =

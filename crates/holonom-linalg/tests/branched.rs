@@ -1,6 +1,8 @@
 //! Algorithm 4 against dense elimination of the augmented matrix, and its counts against those by hand.
 
 mod common;
+#[path = "common/vehicle.rs"]
+mod vehicle;
 
 use common::{cases, dense_solve, noise};
 use holonom_linalg::{
@@ -121,23 +123,8 @@ fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs())) / size.max(1.0)
 }
 
-/// The vehicle of the thesis in joint coordinates: chassis, four upper arms with their spindles, rack, four
-/// lower arms; ball joints of the lower arms and rods are cut.
 fn vehicle() -> Tree {
-    let mut parents = vec![None];
-    let mut sizes = vec![6];
-    for _ in 0..4 {
-        parents.extend([Some(0), Some(parents.len())]);
-        sizes.extend([1, 3]);
-    }
-    parents.extend([Some(0); 5]);
-    sizes.extend([1; 5]);
-    let spindle = |corner: usize| Some(2 + 2 * corner);
-    let mut cuts: Vec<CutRows> =
-        (0..4).map(|i| CutRows { nodes: [spindle(i), Some(10 + i)], rows: 3 }).collect();
-    cuts.extend(
-        (0..4).map(|i| CutRows { nodes: [spindle(i), Some(if i < 2 { 9 } else { 0 })], rows: 1 }),
-    );
+    let (parents, sizes, cuts) = vehicle::vehicle();
     Tree { parents, sizes, cuts }
 }
 
