@@ -172,3 +172,69 @@ fn legal_extremes_run_on_the_tangent_plane() {
         }
     }
 }
+
+/// Three bodies that only elements of force tie to each other, the lighter one named first in each.
+fn tied_by(force: &str, between: [&str; 2], second: [&str; 2], spatial: bool) -> Model {
+    let (dimension, zero, inertia, turn) = if spatial {
+        let inertia = "[[0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.25]]";
+        ("spatial", ", 0.0", inertia, "[0.5, -1.0, 2.0]")
+    } else {
+        ("planar", "", "0.3", "2.0")
+    };
+    let [a, b] = between;
+    let [c, d] = second;
+    model_of(&format!(
+        r#"
+holonom = 1
+dimension = "{dimension}"
+gravity = [0.0, 0.0{zero}]
+[bodies]
+heavy = {{ mass = 3.0, inertia = {inertia}, position = [0.5, 0.2{zero}] }}
+light = {{ mass = 1.0, inertia = {inertia}, position = [2.0, 0.4{zero}] }}
+last = {{ mass = 0.5, inertia = {inertia}, position = [3.2, 1.0{zero}] }}
+[forces]
+near = {{ between = ["{a}", "{b}"], {force} }}
+far = {{ between = ["{c}", "{d}"], {force} }}
+[initial.bodies]
+heavy = {{ position = [0.5, 0.2{zero}], velocity = [0.1, 0.2{zero}], angular_velocity = {turn} }}
+light = {{ position = [2.0, 0.4{zero}], velocity = [0.3, -0.2{zero}], angular_velocity = {turn} }}
+last = {{ position = [3.2, 1.0{zero}], velocity = [-0.3, 0.5{zero}] }}
+"#
+    ))
+}
+
+#[test] // independent truth: coordinates of the ground as independent variables, which know no forest
+fn bodies_that_only_forces_tie_move_alike_in_tree_coordinates() {
+    let channels = &["heavy.position", "light.position", "last.position", "last.velocity"][..];
+    let point = |spatial: bool| {
+        if spatial {
+            "points_in_body = [[0.3, 0.0, 0.1], [0.0, 0.1, 0.0]]"
+        } else {
+            "points_in_body = [[0.3, 0.0], [0.0, 0.1]]"
+        }
+    };
+    for spatial in [false, true] {
+        let at = point(spatial);
+        let soft =
+            format!("type = \"tsda\", {at}, stiffness = 2.0, damping = 0.1, free_length = 1.0");
+        let stiff =
+            format!("type = \"tsda\", {at}, stiffness = 2e5, damping = 2e3, free_length = 1.3");
+        let series =
+            format!("type = \"maxwell\", {at}, stiffness = 5.0, damping = 2.0, free_length = 1.0");
+        for force in [&soft, &stiff, &series] {
+            for (between, second) in [
+                (["light", "heavy"], ["last", "light"]),
+                (["heavy", "light"], ["light", "last"]),
+                (["light", "heavy"], ["heavy", "last"]),
+            ] {
+                let model = tied_by(force, between, second, spatial);
+                for code in [Code::ForRadau, Code::ForSdirk] {
+                    let tree = with(Choice::Tree, code, 1e-7, 2.0, channels);
+                    let ground = with(Choice::Partitioning, Code::ForRadau, 1e-9, 2.0, channels);
+                    let (difference, _) = distance(&model, &tree, &ground);
+                    assert!(difference < 3e-5, "{force}, {between:?}, {code:?}: {difference:.1e}");
+                }
+            }
+        }
+    }
+}

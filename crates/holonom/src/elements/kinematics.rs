@@ -148,6 +148,12 @@ where
                 S::chain(&S::exponential(&theta), &anchor.orientation)
             }
         };
+        if let (Turns::Free, Link::Components(_)) = (self.turns, self.link) {
+            // Against the ground, whatever body the edge hangs on.
+            let mut child = S::oriented(&relative);
+            child[..D].copy_from_slice(&link);
+            return child;
+        }
         let mut child = if self.turns == Turns::Free {
             S::oriented(&relative)
         } else if parent_is_first {
