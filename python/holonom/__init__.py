@@ -14,9 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from holonom.certification import Certification, ChannelError
-    from holonom.check import CheckReport
-    from holonom.errors import (
+    from holonom.base.errors import (
         FileError,
         HolonomError,
         Interrupted,
@@ -25,6 +23,8 @@ if TYPE_CHECKING:
         SimulationError,
         UsageError,
     )
+    from holonom.certificate import Certification, ChannelError
+    from holonom.check import CheckReport
     from holonom.model import Model
     from holonom.options import Options, Tolerance, methods
     from holonom.result import Result
@@ -59,9 +59,9 @@ __all__ = [
 #: Where public names live. They are read when they are first used, so that the command line can
 #: heed signals before NumPy and the engine are there.
 _HOMES = {
-    "certification": ("Certification", "ChannelError"),
+    "certificate": ("Certification", "ChannelError"),
     "check": ("CheckReport",),
-    "errors": (
+    "base.errors": (
         "FileError",
         "HolonomError",
         "Interrupted",

@@ -25,7 +25,7 @@ def main() -> None:
     try:
         # What is drawn goes to files, whatever window system the environment asks for.
         os.environ["MPLBACKEND"] = "Agg"
-        from holonom.cli import invoke
+        from holonom.cli.commands import invoke
 
         process.ready = True
         status = invoke(sys.argv[1:], process.received)

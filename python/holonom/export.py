@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom import files
-from holonom.errors import UsageError
+from holonom.base import files
+from holonom.base.errors import UsageError
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]

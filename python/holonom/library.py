@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from holonom.errors import FileError, UsageError
+from holonom.base.errors import FileError, UsageError
 
 #: A folder for each model; in the repository a link to `models/`.
 FOLDER = Path(__file__).parent / "models"

@@ -14,14 +14,15 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from holonom import _core, files, library, toml
+from holonom import _core, library
+from holonom.base import files, toml
+from holonom.base.errors import FileError, ModelError, Problem, UsageError, translated
+from holonom.base.names import did_you_mean, nearest_channels
+from holonom.base.plain import as_path, frozen, plain, require_text
+from holonom.base.text import as_name, as_text, quoted, shown
 from holonom.check import CheckReport
-from holonom.errors import FileError, ModelError, Problem, UsageError, translated
-from holonom.names import did_you_mean, nearest_channels
 from holonom.options import Options
-from holonom.plain import as_path, frozen, plain, require_text
-from holonom.store import Quantity
-from holonom.text import as_name, as_text, quoted, shown
+from holonom.store.layout import Quantity
 
 if TYPE_CHECKING:
     from holonom.result import Result

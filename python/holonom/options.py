@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from holonom import _core
-from holonom.errors import UsageError
-from holonom.names import METHODS, TOLERANCES, did_you_mean, listed, nearest
-from holonom.names import OPTIONS as WORDS_OF_OTHERS
-from holonom.text import quoted
+from holonom.base.errors import UsageError
+from holonom.base.names import METHODS, TOLERANCES, did_you_mean, listed, nearest
+from holonom.base.names import OPTIONS as WORDS_OF_OTHERS
+from holonom.base.text import quoted
 
 #: Largest count: whole numbers up to here are exact as numbers of any file.
 MOST = 2.0**53

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from holonom import files, pictures, svg
+from holonom.base import files
 from holonom.check import plain
+from holonom.pictures import runs as pictures
+from holonom.pictures import svg
+from holonom.pictures.picture import Picture
 from holonom.summary import STATUS, certified, summarize, with_unit
 
 if TYPE_CHECKING:
@@ -307,5 +310,5 @@ def _card(body: str) -> str:
     return f'<div class="card">{body}</div>'
 
 
-def _figure(picture: pictures.Picture, caption: str) -> str:
+def _figure(picture: Picture, caption: str) -> str:
     return f"<figure>{svg.element(picture)}<figcaption>{escape(caption)}</figcaption></figure>"

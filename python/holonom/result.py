@@ -13,26 +13,27 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from holonom import files, pictures
-from holonom.certification import Certification
-from holonom.errors import FileError, UsageError
-from holonom.memory import Memory, Stored
+from holonom.base import files
+from holonom.base.errors import FileError, UsageError
+from holonom.base.names import did_you_mean, nearest_channels
+from holonom.base.plain import as_path
+from holonom.base.record import Record
+from holonom.base.text import quoted, shown
+from holonom.certificate import Certification
 from holonom.model import Model, expand, split_component
-from holonom.names import did_you_mean, nearest_channels
 from holonom.options import require_finite
-from holonom.plain import as_path
-from holonom.reader import Reader
-from holonom.record import Record
+from holonom.pictures import runs as pictures
 from holonom.states import no_rows, states_at, vector
-from holonom.store import STATE, Quantity
-from holonom.text import quoted, shown
+from holonom.store.layout import STATE, Quantity
+from holonom.store.memory import Memory, Stored
+from holonom.store.reader import Reader
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]
     import xarray
     from matplotlib.axes import Axes
 
-    from holonom.pictures import Picture
+    from holonom.pictures.picture import Picture
     from holonom.view import View
 
 
@@ -440,7 +441,7 @@ class Result:
         """
         target = None if path is None else as_path(path)
         if target is not None:  # before the work, not after it
-            from holonom import plotting
+            from holonom.pictures import plotting
 
             kind = plotting.require_format(target)
             files.require_target(target, kind, inputs=[self.path], force=force)

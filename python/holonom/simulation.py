@@ -15,24 +15,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom import _core, files
+from holonom import _core
+from holonom.base import files
+from holonom.base.errors import HolonomError, Interrupted, SimulationError, UsageError, translated
+from holonom.certificate import Certification
 from holonom.certification import (
     NO_SECOND_RUN,
-    Certification,
     Measurement,
     certified_channels,
     tightened,
     unfinished,
 )
-from holonom.continuation import destination, merged, part
-from holonom.errors import HolonomError, Interrupted, SimulationError, UsageError, translated
-from holonom.locks import require_unwritten
-from holonom.memory import Memory, Stored
 from holonom.model import split_component
-from holonom.reader import Reader
 from holonom.result import Result
-from holonom.store import STATE
-from holonom.writer import Writer
+from holonom.store.continuation import destination, merged, part
+from holonom.store.layout import STATE
+from holonom.store.locks import require_unwritten
+from holonom.store.memory import Memory, Stored
+from holonom.store.reader import Reader
+from holonom.store.writer import Writer
 
 if TYPE_CHECKING:
     from holonom.model import Model, Progress, Watch
@@ -300,7 +301,8 @@ class _Recorder:
     def reader(self) -> Stored:
         """What was written; nothing is appended after it was first asked for."""
         if self._reader is None:
-            self._reader = self._open().into_reader()
+            written = self._open()
+            self._reader = written if isinstance(written, Memory) else Reader.of(written)
         return self._reader
 
     def result(self) -> Result:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from holonom.errors import FileError, UsageError
-from holonom.store import STATE
-from holonom.text import quoted
+from holonom.base.errors import FileError, UsageError
+from holonom.base.text import quoted
+from holonom.store.layout import STATE
 
 if TYPE_CHECKING:
-    from holonom.memory import Stored
     from holonom.model import Model
+    from holonom.store.memory import Stored
 
 #: Times that differ by this part of a second, or of themselves, are the same.
 _SLACK = 1e-9
@@ -27,7 +27,7 @@ def states_at(
     Returns
     -------
     dict of str to ndarray, shape (n_times, size)
-        By the names of `holonom.store.STATE`.
+        By the names of `holonom.store.layout.STATE`.
 
     Raises
     ------

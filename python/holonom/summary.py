@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from holonom.certification import Certification
+    from holonom.certificate import Certification
     from holonom.result import Result
 
 #: Channels whose measured error is listed; the others are in the report and in the result.

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from holonom.store import Quantity
-from holonom.writer import Writer
+from holonom.store.layout import Quantity
+from holonom.store.writer import Writer
 
 # The same cases at every run; `--hypothesis-profile=default` searches for other ones.
 settings.register_profile("same", derandomize=True)

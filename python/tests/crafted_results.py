@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from holonom.store import FORMAT, SCHEMA, TABLES, insert, row_checksum
+from holonom.store.layout import FORMAT, SCHEMA, TABLES, insert, row_checksum
 
 Change = Callable[[sqlite3.Connection], object]
 HUGE = 2**62

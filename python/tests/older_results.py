@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from holonom import legacy
-from holonom.store import APPLICATION_ID, DENSE
+from holonom.store import legacy
+from holonom.store.layout import APPLICATION_ID, DENSE
 
 
 def write_older(stored: Path, path: Path, version: int) -> None:

@@ -15,8 +15,8 @@ import pytest
 from conftest import MODELS, PENDULUM
 
 import holonom
-from holonom.memory import Memory
-from holonom.writer import Writer
+from holonom.store.memory import Memory
+from holonom.store.writer import Writer
 
 
 @pytest.fixture

@@ -18,11 +18,11 @@ from conftest import oscillator_text, write_result
 from numpy.typing import NDArray
 
 import holonom
-from holonom.certification import BOUND, Certification
-from holonom.cli import invoke
-from holonom.reader import Reader
+from holonom.certificate import BOUND, Certification
+from holonom.cli.commands import invoke
 from holonom.report import render
 from holonom.result import Result
+from holonom.store.reader import Reader
 
 HOLONOM = [sys.executable, "-m", "holonom"]
 INTERRUPTED = 130

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from conftest import PENDULUM, write_result
 
-from holonom.cli import invoke
-from holonom.errors import UsageError
+from holonom.base.errors import UsageError
+from holonom.cli.commands import invoke
 from holonom.result import Result
 
 HOLONOM = [sys.executable, "-m", "holonom"]

@@ -26,8 +26,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import holonom
-from holonom import Comparison, Tolerance, files
-from holonom.cli import invoke
+from holonom import Comparison, Tolerance
+from holonom.base import files
+from holonom.cli.commands import invoke
 from holonom.study.accuracy import Target, Truth, interpolate, targets
 
 #: A mass of 1 kg on a spring, released 0.1 m from its rest: x = −0.1 + 0.1 cos(ω t), ω² = 400.

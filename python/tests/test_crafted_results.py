@@ -13,7 +13,7 @@ from crafted_results import AT_ONCE, HARMLESS, WHERE_USED, craft, sql
 from older_results import write_older
 
 import holonom
-from holonom.cli import invoke
+from holonom.cli.commands import invoke
 
 #: All commands together may take so long on such a file, s, and so much more memory, bytes.
 PATIENCE = 60

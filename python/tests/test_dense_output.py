@@ -17,8 +17,8 @@ from conftest import PENDULUM
 from older_results import write_older
 
 import holonom
-from holonom.cli import invoke
-from holonom.errors import UsageError
+from holonom.base.errors import UsageError
+from holonom.cli.commands import invoke
 from holonom.result import Result
 
 #: A wheel turning freely at 40 rad/s, with a rod that swings on its axle.

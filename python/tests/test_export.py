@@ -23,8 +23,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import holonom
-from holonom import files
-from holonom.cli import invoke
+from holonom.base import files
+from holonom.cli.commands import invoke
 from holonom.export import matlab_names
 from holonom.result import Result
 

@@ -15,9 +15,9 @@ import pytest
 from conftest import write_result
 
 import holonom
-from holonom import files
-from holonom.cli import invoke
-from holonom.errors import FileError
+from holonom.base import files
+from holonom.base.errors import FileError
+from holonom.cli.commands import invoke
 from holonom.result import Result
 
 #: Commands that write a file of a result, by the ending of what they write.
@@ -212,7 +212,8 @@ def test_a_full_disk_leaves_the_old_file_whole(stored: Path, ending: str) -> Non
     assert invoke(WRITERS[ending](stored, target)) == 0
     before = target.read_bytes()
     script = (
-        "import resource, sys; from holonom.cli import invoke; from holonom import plotting;"
+        "import resource, sys; from holonom.cli.commands import invoke;"
+        "from holonom.pictures import plotting;"
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({len(before) // 2}, resource.RLIM_INFINITY));"
         "sys.exit(invoke(sys.argv[1:]))"
     )
@@ -237,7 +238,7 @@ def test_a_run_onto_a_full_disk_keeps_the_older_result(
     with holonom.Model.load(pendulum).simulate(output=target) as result:
         expected = result["rod.position"]
     script = (
-        "import resource, sys; from holonom.cli import invoke;"
+        "import resource, sys; from holonom.cli.commands import invoke;"
         f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, resource.RLIM_INFINITY));"
         "sys.exit(invoke(sys.argv[1:]))"
     )

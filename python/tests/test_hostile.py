@@ -16,7 +16,7 @@ import pytest
 from conftest import PENDULUM
 
 import holonom
-from holonom.cli import invoke
+from holonom.cli.commands import invoke
 
 CASES = Path(__file__).parent / "hostile"
 ALLOWED = {0, 1, 2, 3, 5}

@@ -9,7 +9,7 @@ import pytest
 
 import holonom
 from holonom import library
-from holonom.cli import invoke
+from holonom.cli.commands import invoke
 
 MODELS = Path(__file__).parents[2] / "models"
 

@@ -9,10 +9,10 @@ import pytest
 from conftest import CHANNELS, META, SUMMARY, synthetic_chunk
 
 import holonom
-from holonom.memory import Memory
-from holonom.reader import Reader
 from holonom.result import Result
-from holonom.writer import Writer
+from holonom.store.memory import Memory
+from holonom.store.reader import Reader
+from holonom.store.writer import Writer
 
 MODEL = Path(__file__).parents[2] / "models" / "slider_crank" / "model.toml"
 

@@ -16,9 +16,10 @@ import typer
 from conftest import MODELS, PENDULUM
 
 import holonom
-from holonom import _core, cli
-from holonom.names import METHODS, OPTIONS, nearest, nearest_channels
-from holonom.text import as_name, as_text, one_line, quoted, shown
+from holonom import _core
+from holonom.base.names import METHODS, OPTIONS, nearest, nearest_channels
+from holonom.base.text import as_name, as_text, one_line, quoted, shown
+from holonom.cli import commands as cli
 
 SOURCES = Path(holonom.__file__).parent
 #: Their help is that of the class, or stands in the message.

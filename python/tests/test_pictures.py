@@ -13,10 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import holonom
-from holonom import svg
-from holonom.pictures import MARKERS, Line, Panel, Picture, thinned
+from holonom.pictures import svg
+from holonom.pictures.picture import MARKERS, Line, Panel, Picture, thinned
+from holonom.pictures.ticks import limits, linear, logarithmic
 from holonom.result import Result
-from holonom.ticks import limits, linear, logarithmic
 
 SVG = "{http://www.w3.org/2000/svg}"
 T = np.linspace(0.0, 2.0, 101)

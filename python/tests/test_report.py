@@ -17,12 +17,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from holonom import pictures, svg
-from holonom.errors import FileError, UsageError
+from holonom.base.errors import FileError, UsageError
+from holonom.pictures import runs as pictures
+from holonom.pictures import svg
+from holonom.pictures.picture import POINTS, thinned
 from holonom.report import render
 from holonom.result import Result
+from holonom.store.reader import Reader
+from holonom.store.writer import Writer
 from holonom.summary import summarize
-from holonom.writer import Writer
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 SVG = "{http://www.w3.org/2000/svg}"
@@ -126,7 +129,7 @@ def test_an_early_end_is_told_with_its_reason(tmp_path: Path, status: str) -> No
     writer.append(synthetic_chunk(0, 50))
     reason = {"code": "simulation/newton-divergence", "message": "gave up", "item": "forces.b"}
     writer.finish(SUMMARY | {"status": status, "stop_reason": reason})
-    with Result(writer.into_reader()) as result:
+    with Result(Reader.of(writer)) as result:
         text = render(result)
         assert "gave up [simulation/newton-divergence]" in text
         assert "item: forces.b" in text
@@ -136,7 +139,7 @@ def test_an_early_end_is_told_with_its_reason(tmp_path: Path, status: str) -> No
 def test_a_run_that_stored_nothing_still_has_a_report(tmp_path: Path) -> None:
     writer = Writer(tmp_path / "rod.holonom", META, CHANNELS)
     writer.finish({"status": "failed", "stop_reason": {"code": "simulation/x", "message": "no"}})
-    with Result(writer.into_reader()) as result:
+    with Result(Reader.of(writer)) as result:
         assert "nothing stored" in render(result)
 
 
@@ -193,8 +196,8 @@ finite = st.floats(-1e6, 1e6)
 @given(arrays(float, st.integers(2, 20000), elements=finite, fill=finite))
 def test_thinning_keeps_ends_and_extremes(values: np.ndarray) -> None:
     t = np.arange(values.size, dtype=float)
-    thin_t, thin = pictures.thinned(t, values)
-    assert thin_t.size <= pictures.POINTS + 2
+    thin_t, thin = thinned(t, values)
+    assert thin_t.size <= POINTS + 2
     assert (thin.min(), thin.max()) == (values.min(), values.max())
     assert (thin_t[0], thin_t[-1]) == (t[0], t[-1])
     np.testing.assert_array_equal(thin, values[thin_t.astype(int)])
@@ -205,7 +208,7 @@ PLAIN = """
 import sys
 for name in ("matplotlib", "pandas", "xarray", "scipy"):
     sys.modules[name] = None
-from holonom.cli import invoke
+from holonom.cli.commands import invoke
 sys.exit(invoke(sys.argv[1:]))
 """
 

@@ -19,8 +19,9 @@ import pytest
 from conftest import MODELS, PENDULUM, oscillator_text, write_result
 
 import holonom
-from holonom.errors import FileError
+from holonom.base.errors import FileError
 from holonom.result import Result
+from holonom.store.reader import Reader
 
 #: Trials on all the small results together, in `make test` and in `make verify`.
 QUICK, LONG = 2_000, 10_000
@@ -188,7 +189,8 @@ import os, signal, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import CHANNELS, META, synthetic_chunk
-from holonom.writer import Writer
+from holonom.store.reader import Reader
+from holonom.store.writer import Writer
 writer = Writer(Path(sys.argv[1]), META, CHANNELS)
 for number in range(4):
     writer.append(synthetic_chunk(50 * number, 50))
@@ -205,7 +207,7 @@ def test_a_damaged_companion_of_a_killed_run_costs_its_last_commits_only(tmp_pat
     copy = tmp_path / "copy" / path.name
     copy.parent.mkdir()
     chance = random.Random(3)
-    truth = write_result(None).into_reader()
+    truth = Reader.of(write_result(None))
     counts: set[int] = set()
     codes: set[str] = set()
     for _ in range(60):

@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import holonom
-from holonom.cli import invoke
-from holonom.errors import FileError, UsageError
-from holonom.reader import Reader
+from holonom.base.errors import FileError, UsageError
+from holonom.cli.commands import invoke
 from holonom.result import Result
-from holonom.writer import Writer
+from holonom.store.reader import Reader
+from holonom.store.writer import Writer
 
 #: Runs until it is stopped, and says when its first rows are in the file asked for.
 _ENDLESS = """
@@ -123,7 +123,7 @@ def test_a_limit_within_the_first_step_keeps_the_older_result(
         writer = Writer(older, meta, model.channels)
         writer.append(row)
         writer.finish({"status": ending, "stop_reason": {"code": "x", "message": "y"}})
-        with Result(writer.into_reader()) as kept:
+        with Result(Reader.of(writer)) as kept:
             assert kept.path is None
             assert kept.status == ending
             assert kept.time.size == 1

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from conftest import CHANNELS, META, SUMMARY, synthetic_chunk, write_result
 
-from holonom.errors import FileError, UsageError
-from holonom.reader import Reader
+from holonom.base.errors import FileError, UsageError
 from holonom.result import Result
-from holonom.store import APPLICATION_ID, FORMAT
-from holonom.writer import Writer
+from holonom.store.layout import APPLICATION_ID, FORMAT
+from holonom.store.reader import Reader
+from holonom.store.writer import Writer
 
 WHOLE = synthetic_chunk(0, 200)
 
@@ -80,7 +80,7 @@ def test_a_state_is_one_row_of_the_arrays(stored: Path) -> None:
 
 def test_a_result_can_be_saved_elsewhere(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "copy.holonom"
-    with Result(write_result(tmp_path / "rod.holonom").into_reader()) as result:
+    with Result(Reader.of(write_result(tmp_path / "rod.holonom"))) as result:
         np.testing.assert_array_equal(result["q"], WHOLE["q"])
         assert result.save(path) == path
     with Result.load(path) as copy:
@@ -227,7 +227,7 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
 from conftest import CHANNELS, META, synthetic_chunk
-from holonom.writer import Writer
+from holonom.store.writer import Writer
 writer = Writer(Path(sys.argv[1]), META, CHANNELS)
 first = 0
 while True:

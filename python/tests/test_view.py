@@ -17,13 +17,14 @@ import pytest
 from conftest import META, MODELS, PENDULUM, oscillator_text
 
 import holonom
-from holonom.cli import invoke
-from holonom.errors import UsageError
+from holonom.base.errors import UsageError
+from holonom.cli.commands import invoke
 from holonom.result import Result
+from holonom.store.reader import Reader
+from holonom.store.writer import Writer
 from holonom.view import View, show
 from holonom.view.encoding import curves, floats, turns
 from holonom.view.scene import frame_times, scene
-from holonom.writer import Writer
 
 #: Types a key in the page.
 PRESS = (
@@ -174,7 +175,7 @@ def test_a_fast_turn_is_not_told_by_too_few_frames() -> None:
 def test_what_cannot_be_shown_is_refused(slider: Result, vehicle: Result) -> None:
     writer = Writer(None, META, {})
     writer.finish({"status": "failed", "stop_reason": {"code": "simulation/x", "message": "no"}})
-    with Result(writer.into_reader()) as empty, pytest.raises(UsageError, match="no rows"):
+    with Result(Reader.of(writer)) as empty, pytest.raises(UsageError, match="no rows"):
         empty.view()
     with pytest.raises(UsageError, match="planar and spatial"):
         slider.view(vehicle)

@@ -21,7 +21,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.errors import UsageError
+from holonom.base.errors import UsageError
+from holonom.certification import SETS
 from holonom.model import split_component
 
 if TYPE_CHECKING:
@@ -30,11 +31,6 @@ if TYPE_CHECKING:
 
 Series = NDArray[np.float64]
 
-#: Words that stand for channels of every body.
-SETS = {
-    "positions": ("position", "angle", "euler_parameters"),
-    "velocities": ("velocity", "angular_velocity"),
-}
 #: Units of positions and of velocities, which a tolerance knows; each with its absolute part.
 _ABSOLUTE = {
     "position": {"m": "translation", "rad": "rotation"},

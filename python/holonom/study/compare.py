@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.errors import SimulationError, UsageError
+from holonom.base.errors import SimulationError, UsageError
+from holonom.base.text import quoted
 from holonom.model import Model
 from holonom.options import Options, Tolerance
 from holonom.result import Result
@@ -21,7 +22,6 @@ from holonom.study import plan
 from holonom.study.accuracy import ComponentError, Kind, Target, Truth, targets
 from holonom.study.comparison import COUNTS, Comparison, ComparisonInterrupted, Reference, Row
 from holonom.study.runs import Outcome, Task, run_task, side_by_side
-from holonom.text import quoted
 
 Series = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from holonom import files
-from holonom.errors import Interrupted
+from holonom.base import files
+from holonom.base.errors import Interrupted
 from holonom.options import Tolerance
 from holonom.study.accuracy import ComponentError, Kind
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
     from rich.table import Table
 
-    from holonom.pictures import Picture
+    from holonom.pictures.picture import Picture
 
 #: Counts of work in the order of reading, with their headings.
 COUNTS = {
@@ -349,7 +349,7 @@ class Comparison:
             If nothing completed, or the format is not known or needs matplotlib, which is not
             installed.
         """
-        from holonom import pictures
+        from holonom.pictures import runs as pictures
 
         picture = pictures.work_precision(self)
         if path is not None:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.errors import UsageError
+from holonom.base.errors import UsageError
+from holonom.base.text import quoted
 from holonom.model import Model
 from holonom.options import Options, Tolerance, unknown_method
 from holonom.options import methods as known_methods
 from holonom.result import Result
-from holonom.text import quoted
 
 Series = NDArray[np.float64]
 

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.errors import SimulationError, UsageError
+from holonom.base.errors import SimulationError, UsageError
 from holonom.model import Model
 from holonom.result import Result
-from holonom.store import STATE
+from holonom.store.layout import STATE
 
 Series = NDArray[np.float64]
 Start = Mapping[str, Series] | None

@@ -14,9 +14,9 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from holonom import files
-from holonom.errors import UsageError
-from holonom.plain import as_path
+from holonom.base import files
+from holonom.base.errors import UsageError
+from holonom.base.plain import as_path
 from holonom.view.scene import scene
 
 if TYPE_CHECKING:

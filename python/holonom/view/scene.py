@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom.errors import UsageError
+from holonom.base.errors import UsageError
 from holonom.summary import STATUS
 from holonom.view.encoding import curves, floats, turns
 from holonom.view.shapes import Attachments, outline

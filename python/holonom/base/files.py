@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from holonom.errors import FileError
+from holonom.base.errors import FileError
 
 APPLICATION_ID = 0x486F6C6F  # "Holo"
 

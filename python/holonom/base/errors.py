@@ -10,7 +10,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
 from holonom import _core
-from holonom.text import shown
+from holonom.base.text import shown
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -278,3 +278,15 @@ def translated() -> Iterator[None]:
             if data.get("code") in _USAGE
             else SimulationError(data)
         ) from None
+
+
+for _public in (
+    Problem,
+    HolonomError,
+    UsageError,
+    FileError,
+    ModelError,
+    SimulationError,
+    Interrupted,
+):
+    _public.__module__ = "holonom"  # the name that a traceback shows is the one to catch

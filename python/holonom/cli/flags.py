@@ -11,9 +11,9 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from holonom.errors import UsageError
+from holonom.base.errors import UsageError
+from holonom.base.text import quoted
 from holonom.options import Options
-from holonom.text import quoted
 
 #: Types of the flags by what an option is; a list may be repeated.
 _TYPES: dict[str, Any] = {

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from holonom.errors import FileError, ModelError, Problem, UsageError
-from holonom.text import quoted
+from holonom.base.errors import FileError, ModelError, Problem, UsageError
+from holonom.base.text import quoted
 
 #: Deepest nesting of a value; the core states the same limit for files.
 MAX_DEPTH = 64

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from holonom.names import did_you_mean, nearest
-from holonom.text import quoted
+from holonom.base.names import did_you_mean, nearest
+from holonom.base.text import quoted
 
 
 class Record(Mapping[str, Any]):

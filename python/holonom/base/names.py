@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection, Iterable, Mapping
 
-from holonom.text import NAME, quoted
+from holonom.base.text import NAME, quoted
 
 #: Words of other codes for the options of a run.
 OPTIONS = {

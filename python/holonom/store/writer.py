@@ -1,4 +1,4 @@
-"""Writes the result store, chunk by chunk; see `holonom.store` for what stands where."""
+"""Writes the result store, chunk by chunk; see `holonom.store.layout` for what stands where."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom import files
-from holonom.errors import FileError
-from holonom.locks import WriteLock
-from holonom.store import (
+from holonom.base import files
+from holonom.base.errors import FileError
+from holonom.store.layout import (
     APPLICATION_ID,
     DENSE,
     FORMAT,
@@ -29,9 +28,10 @@ from holonom.store import (
     leave_wal,
     put_meta,
 )
+from holonom.store.locks import WriteLock
 
 if TYPE_CHECKING:
-    from holonom.reader import Reader
+    from holonom.store.reader import Reader
 
 #: What SQLite may leave beside a file.
 _COMPANIONS = ("-wal", "-shm", "-journal")
@@ -173,13 +173,11 @@ class Writer:
             self._lock.release()
             self._lock = None
 
-    def into_reader(self) -> Reader:
-        """Return a reader of what was written; the writer is closed, but its lock is kept."""
-        from holonom.reader import Reader  # which knows this module
-
+    def hand_over(self) -> sqlite3.Connection | None:
+        """Write no more and return the database, or None where it is the file; keep the lock."""
         if self.path is not None and not self.kept:
             self._db.close()
-            return Reader.open(self.path, written_here=self._lock is not None)
+            return None
         if self._fresh is not None:  # the older result stands: this one stays in memory
             memory = sqlite3.connect(":memory:", check_same_thread=False)
             with as_file_errors(self.path):
@@ -187,12 +185,12 @@ class Writer:
             self._db.close()
             self._db = memory
             self._discard()
-        return Reader(self._db, None)
+        return self._db
 
     @property
-    def connection(self) -> sqlite3.Connection:
-        """The database."""
-        return self._db
+    def locked(self) -> bool:
+        """Whether no other process can write the file."""
+        return self._lock is not None
 
     def describe(self, quantities: Iterable[Quantity]) -> None:
         """State the quantities before their first rows, where none may come."""
@@ -209,7 +207,7 @@ class Writer:
             for statement in SCHEMA.values():
                 self._db.execute(statement)
         else:
-            self._require_unchanged(continues)
+            continues.require_unchanged()
             continues.copy_into(self._db)
             self._ids, self._last = continues.quantity_ids, continues.last_chunk
             self._sizes = {name: q.size for name, q in continues.quantities.items()}
@@ -217,20 +215,6 @@ class Writer:
             self._charts_before = self._last["charts"]
         put_meta(self._db, meta)
         self._db.commit()
-
-    def _require_unchanged(self, continues: Reader) -> None:
-        """Refuse to go on from what another run has replaced before this one got the lock."""
-        from holonom.reader import Reader  # which knows this module
-
-        assert self.path is not None
-        now = Reader.open(self.path, written_here=True)
-        same = now.last_chunk == continues.last_chunk and now.meta == continues.meta
-        now.close()
-        if not same:
-            raise FileError(
-                f"{self.path} was replaced while this run began\n  help: start it again",
-                code="result/busy",
-            )
 
     def _renumbered(self, chunk: Mapping[str, Any]) -> dict[str, Any]:
         """Return a chunk of a run that goes on, without the row that is there."""

@@ -8,9 +8,9 @@ import stat
 from pathlib import Path
 from typing import Any
 
-from holonom import files
-from holonom.errors import FileError
-from holonom.store import FORMAT, SCHEMA, TABLES, row_checksum
+from holonom.base import files
+from holonom.base.errors import FileError
+from holonom.store.layout import FORMAT, SCHEMA, TABLES, row_checksum
 
 _SELECT = {
     table: 'SELECT {}, "checksum" FROM {} WHERE "{}" = ?'.format(  # noqa: S608

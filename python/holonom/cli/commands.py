@@ -13,16 +13,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from holonom import files, library
-from holonom.cli_options import (
-    read_changes,
-    read_methods,
-    read_times,
-    read_tolerance,
-    read_tolerances,
-    takes_options,
-)
-from holonom.errors import (
+from holonom import library
+from holonom.base import files
+from holonom.base.errors import (
     Exit,
     FileError,
     HolonomError,
@@ -30,11 +23,18 @@ from holonom.errors import (
     UsageError,
     describe,
 )
-from holonom.model import Model
-from holonom.names import COMMANDS, OPTIONS, did_you_mean, nearest
-from holonom.progress import ComparisonProgress, RunProgress, Stages
-from holonom.result import Result
-from holonom.terminal import (
+from holonom.base.names import COMMANDS, OPTIONS, did_you_mean, nearest
+from holonom.base.text import one_line, shown
+from holonom.cli.flags import (
+    read_changes,
+    read_methods,
+    read_times,
+    read_tolerance,
+    read_tolerances,
+    takes_options,
+)
+from holonom.cli.progress import ComparisonProgress, RunProgress, Stages
+from holonom.cli.terminal import (
     complain,
     done,
     facts,
@@ -45,7 +45,8 @@ from holonom.terminal import (
     print_version,
     say,
 )
-from holonom.text import one_line, shown
+from holonom.model import Model
+from holonom.result import Result
 
 if TYPE_CHECKING:
     pass
@@ -270,7 +271,7 @@ def compare(
     }
     picture = ""
     if plot is not None:
-        from holonom import plotting
+        from holonom.pictures import plotting
 
         picture = plotting.require_format(plot)  # now, not after the runs
     files.require_targets(

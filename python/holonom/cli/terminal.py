@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from holonom.errors import Exit
-from holonom.text import as_json, one_line, shown
+from holonom.base.errors import Exit
+from holonom.base.text import as_json, one_line, shown
 
 if TYPE_CHECKING:
     from holonom.result import Result

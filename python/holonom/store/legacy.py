@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from holonom.errors import FileError
-from holonom.integrity import BROKEN, damaged
-from holonom.store import DENSE, STATE, Quantity
-from holonom.writer import Writer
+from holonom.base.errors import FileError
+from holonom.store.integrity import BROKEN, damaged
+from holonom.store.layout import DENSE, STATE, Quantity
+from holonom.store.writer import Writer
 
 _BLOBS = ", ".join(f"{name} BLOB NOT NULL" for name in DENSE)
 _STEP = (
@@ -77,7 +77,9 @@ def converted(
     except (*BROKEN, ArithmeticError, LookupError, TypeError, AttributeError, FileError) as error:
         raise damaged(path, f"what it holds does not fit together ({error})") from None
     db.close()
-    return writer.connection
+    converted_db = writer.hand_over()
+    assert converted_db is not None  # it has no file
+    return converted_db
 
 
 def _require_schema(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from holonom.certification import Certification
+from holonom.certificate import Certification
 
 #: How a run can have ended, or not yet.
 STATUSES = ("completed", "interrupted", "failed", "limit", "killed", "running")

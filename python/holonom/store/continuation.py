@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom import files
-from holonom.errors import FileError
-from holonom.reader import Reader
-from holonom.store import STATE
+from holonom.base import files
+from holonom.base.errors import FileError
+from holonom.store.layout import STATE
+from holonom.store.reader import Reader
 
 if TYPE_CHECKING:
     from holonom.model import Model

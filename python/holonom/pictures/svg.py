@@ -10,8 +10,8 @@ from html import escape
 
 import numpy as np
 
-from holonom.pictures import Line, Panel, Picture, Series
-from holonom.ticks import Ticks, limits, linear, logarithmic
+from holonom.pictures.picture import Line, Panel, Picture, Series
+from holonom.pictures.ticks import Ticks, limits, linear, logarithmic
 
 #: Width of a picture; heights follow. It is readable where this is shown as 400 px.
 WIDTH = 600.0

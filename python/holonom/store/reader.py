@@ -2,7 +2,7 @@
 
 A file may be damaged, or made to harm. So its schema is compared with the one that is written, to
 the letter, before any row is asked for; every row is looked up by its key and checked against its
-checksum; and no array is larger than the file. See `holonom.store` for the checksums.
+checksum; and no array is larger than the file. See `holonom.store.layout` for the checksums.
 """
 
 from __future__ import annotations
@@ -15,15 +15,16 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom import files, legacy
-from holonom.errors import FileError
-from holonom.facts import require_facts
-from holonom.integrity import (
+from holonom.base import files
+from holonom.base.errors import FileError
+from holonom.store import legacy
+from holonom.store.facts import require_facts
+from holonom.store.integrity import (
     BROKEN,
     DamagedRow,
     checked_schema,
@@ -35,8 +36,7 @@ from holonom.integrity import (
     size_of,
     verified_row,
 )
-from holonom.locks import only_writer, sweep, writer_of
-from holonom.store import (
+from holonom.store.layout import (
     DENSE,
     FORMAT,
     STATE,
@@ -48,6 +48,10 @@ from holonom.store import (
     leave_wal,
     put_meta,
 )
+from holonom.store.locks import only_writer, sweep, writer_of
+
+if TYPE_CHECKING:
+    from holonom.store.writer import Writer
 
 #: Whole numbers that are told apart from all others as floats.
 _LARGEST = 2**53
@@ -147,6 +151,15 @@ class Reader:
             db.close()
             raise
         return reader
+
+    @classmethod
+    def of(cls, writer: Writer) -> Reader:
+        """Return a reader of what was written; the writer writes no more, but keeps its lock."""
+        db = writer.hand_over()
+        if db is None:
+            assert writer.path is not None
+            return cls.open(writer.path, written_here=writer.locked)
+        return cls(db, None)
 
     def close(self) -> None:
         """Let go of the file."""
@@ -283,6 +296,18 @@ class Reader:
             self._db.close()  # it reads without locks, and must not keep older pages
             self._db = connect(real, "ro&immutable=1")
         self.meta |= json.loads(json.dumps(meta))
+
+    def require_unchanged(self) -> None:
+        """Refuse to go on from what another run has replaced before this process got the lock."""
+        assert self.path is not None
+        now = Reader.open(self.path, written_here=True)
+        same = now.last_chunk == self.last_chunk and now.meta == self.meta
+        now.close()
+        if not same:
+            raise FileError(
+                f"{self.path} was replaced while this run began\n  help: start it again",
+                code="result/busy",
+            )
 
     def copy_into(self, db: sqlite3.Connection) -> None:
         """Copy the store into an empty database."""

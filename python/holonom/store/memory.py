@@ -1,4 +1,4 @@
-"""A result in memory: arrays as the core made them, with the interface of `holonom.store`."""
+"""A result in memory: arrays as the core made them, with the interface of a result file."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from holonom import files
-from holonom.locks import only_writer
-from holonom.reader import Reader
-from holonom.store import STATE, STEP_COLUMNS, Quantity, as_file_errors
-from holonom.writer import Writer
+from holonom.base import files
+from holonom.store.layout import STATE, STEP_COLUMNS, Quantity, as_file_errors
+from holonom.store.locks import only_writer
+from holonom.store.reader import Reader
+from holonom.store.writer import Writer
 
 #: Rows that a file takes in one commit.
 _ROWS = 4096
@@ -75,10 +75,6 @@ class Memory:
     def _dense(self) -> list[dict[str, Any]]:
         """Accepted steps, chunk by chunk."""
         return [chunk["dense"] for chunk in self._chunks if chunk.get("dense")]
-
-    def into_reader(self) -> Memory:
-        """Return this; nothing is appended afterwards."""
-        return self
 
     def close(self) -> None:
         """Do nothing: there is no file."""

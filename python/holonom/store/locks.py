@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from holonom.errors import FileError
+from holonom.base.errors import FileError
 
 fcntl: Any
 try:

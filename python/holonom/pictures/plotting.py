@@ -8,9 +8,10 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from holonom import files, svg
-from holonom.errors import UsageError
-from holonom.pictures import COLORS, Line, Picture
+from holonom.base import files
+from holonom.base.errors import UsageError
+from holonom.pictures import svg
+from holonom.pictures.picture import COLORS, Line, Picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -60,8 +60,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from holonom import _core, files
-from holonom.errors import FileError
+from holonom import _core
+from holonom.base import files
+from holonom.base.errors import FileError
 
 APPLICATION_ID = files.APPLICATION_ID
 FORMAT = 3

@@ -1,0 +1,128 @@
+"""What a second run says about how far a result is off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+#: What is further off, in tolerances, is not certified: the digit by which the two runs' tolerances
+#: differ is lost, and how far it is off is then known to an order of magnitude only.
+BOUND = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelError:
+    """Measured error of one channel, where it is largest in tolerances.
+
+    Attributes
+    ----------
+    name, unit : str
+        The channel or component; ``rad`` for an orientation by Euler parameters.
+    time : float
+        Where it is largest, s.
+    error : float
+        The distance between the two runs there, in `unit`; of a vector its length.
+    tolerance : float
+        The tolerance there, in `unit`.
+    tolerances : float
+        The error in tolerances: 1 is on tolerance.
+    """
+
+    name: str
+    unit: str
+    time: float
+    error: float
+    tolerance: float
+    tolerances: float
+
+
+@dataclass(frozen=True, slots=True)
+class Certification:
+    """What a second run at a tenth of the tolerance says about a result.
+
+    Attributes
+    ----------
+    tolerance : dict of str to float
+        Of the second run: ``relative``, ``translation`` (m; m/s), ``rotation`` (rad; rad/s).
+    bound : float
+        A result is certified when every channel is at most so many tolerances off.
+    channels : tuple of ChannelError
+        The channels that the run was asked for; without any, the positions, orientations,
+        velocities and angular velocities of all bodies.
+    until : float or None
+        Time up to which the runs were compared, s; None when the second run did not begin.
+    reason : dict
+        Why there is no second run that reached its end: ``code``, ``message`` and, where known,
+        ``time``, ``help``, …; empty when there is.
+    statistics : dict
+        Counts and times of the second run.
+    """
+
+    tolerance: dict[str, float]
+    bound: float = BOUND
+    channels: tuple[ChannelError, ...] = ()
+    until: float | None = None
+    reason: dict[str, Any] = field(default_factory=dict)
+    statistics: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def certified(self) -> bool:
+        """Whether the second run reached its end and every channel is within the bound."""
+        return not self.reason and not self.exceeding
+
+    @property
+    def exceeding(self) -> tuple[ChannelError, ...]:
+        """The channels beyond the bound, the worst first."""
+        return tuple(c for c in self.ranked if c.tolerances > self.bound)
+
+    @property
+    def ranked(self) -> tuple[ChannelError, ...]:
+        """The channels by their error in tolerances, the worst first."""
+        return tuple(sorted(self.channels, key=lambda c: -c.tolerances))
+
+    @property
+    def worst(self) -> ChannelError | None:
+        """The channel that is furthest off, in tolerances."""
+        return max(self.channels, key=lambda c: c.tolerances, default=None)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain data, as a result file stores it."""
+        channels = [{f: getattr(c, f) for f in ChannelError.__slots__} for c in self.channels]
+        data = {f: getattr(self, f) for f in Certification.__slots__}
+        return {"certified": self.certified, **data, "channels": channels}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Certification:
+        """Read what `to_json` returns."""
+        known = {f: data[f] for f in cls.__slots__ if f in data}
+        return cls(**known | {"channels": tuple(ChannelError(**c) for c in data["channels"])})
+
+    def warning(self) -> dict[str, str] | None:
+        """Return the warning of a result that is not certified: ``code``, ``message``, ``path``."""
+        if self.certified:
+            return None
+        return {"code": "simulation/not-certified", "message": self._said(), "path": ""}
+
+    def _said(self) -> str:
+        if self.reason:
+            text = f"not certified, but kept: {self.reason['message']} ({self.reason['code']})"
+            if self.until is not None and (worst := self.worst) is not None:
+                text += f"; up to {self.until:.6g} s `{worst.name}` is furthest off"
+                text += f", {worst.tolerances:.3g} tolerances"
+            return f"{text}: certify at a looser tolerance, with other limits or another code"
+        worst, others = self.exceeding[0], len(self.exceeding) - 1
+        text = (
+            f"not certified: `{worst.name}` is {worst.tolerances:.3g} tolerances off the run at "
+            f"a tenth of the tolerance, {f'{worst.error:.1e} {worst.unit}'.rstrip()} at "
+            f"{worst.time:.6g} s"
+        )
+        if others:
+            text += f"; {others} more of {len(self.channels)} channels " + (
+                "is" if others == 1 else "are"
+            )
+            text += f" more than {self.bound:g} off"
+        return (
+            f"{text}: tighten the tolerance to {self.tolerance['relative']:g} or further and "
+            "certify that, or compare with another code"
+        )
