@@ -1,5 +1,6 @@
 //! Runs a model file and prints what came out: `cargo run --release --example run_model --
-//! models/hmmwv14/model.toml ForSDIRK 1e-3`. Method, tolerance and end time are optional.
+//! models/hmmwv14/model.toml ForSDIRK 1e-3`. Method, tolerance, end time and
+//! coordinates (`joint`) are optional.
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "an example talks to its reader")]
 
@@ -10,7 +11,9 @@ use std::path::Path;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let file = arguments.first().ok_or("usage: run_model FILE [METHOD [TOLERANCE [END_TIME]]]")?;
+    let file = arguments
+        .first()
+        .ok_or("usage: run_model FILE [METHOD [TOLERANCE [END_TIME [COORDINATES]]]]")?;
 
     // The engine opens no file: the caller resolves what a model extends.
     let text = std::fs::read_to_string(file)?;
@@ -26,6 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         method: arguments.get(1).cloned(),
         tolerance: ToleranceParts { relative: part, translation: part, rotation: part },
         end_time: number(3)?,
+        coordinates: arguments.get(4).cloned(),
         channels: Some(Vec::new()),
         ..Choices::default()
     };

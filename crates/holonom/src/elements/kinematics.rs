@@ -84,8 +84,39 @@ impl<S, const D: usize, const N: usize, const R: usize> Kinematics<S, D, N, R> {
     }
 }
 
+/// How the outer body of an edge moves against the inner one: a column for each rate, in ground axes.
+///
+/// Rates are those of the coordinates, but for a rotation vector, whose rates are the components of the
+/// relative angular velocity in the axes of `first`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct EdgeScrews {
+    /// Body that carries the outer one; none where the coordinates are those against the ground.
+    pub base: Option<usize>,
+    /// Body in whose axes the columns are constant, the ground if none.
+    pub first: Option<usize>,
+    /// Whether the outer body is the second one.
+    pub outward: bool,
+    /// Number of columns.
+    pub count: usize,
+    /// The point that rotations are about, m.
+    pub center: [f64; 3],
+    /// Velocity of the second body's point there against the first, and angular velocity.
+    pub columns: [[[f64; 3]; 2]; 6],
+    /// A column is carried along by those of lower stages.
+    pub stage: [u8; 6],
+    /// First of three columns of a rotation vector.
+    pub rotation: Option<usize>,
+}
+
 /// Services of an edge of the forest.
 pub trait EdgeKinematics<const N: usize> {
+    /// Columns at the poses of first and second body; none where no such columns exist (lines). Which bodies
+    /// these are is left to the caller, but for `base` and `first` of coordinates against the ground.
+    fn screws(&self, q: [&[f64; N]; 2], child: &[f64; N]) -> Option<EdgeScrews>;
+
+    /// Whether coordinates are those of the child against the ground.
+    fn is_free(&self) -> bool;
+
     /// Pose of the child from that of its parent.
     fn place(
         &self,
@@ -104,6 +135,54 @@ impl<S, const D: usize, const N: usize, const R: usize> EdgeKinematics<N> for Ki
 where
     S: Orientation<D, N, R>,
 {
+    fn is_free(&self) -> bool {
+        matches!((self.turns, self.link), (Turns::Free, Link::Components(_)))
+    }
+
+    fn screws(&self, q: [&[f64; N]; 2], child: &[f64; N]) -> Option<EdgeScrews> {
+        let free = self.is_free();
+        let ([first, second], outer) = (q, if free { child } else { q[1] });
+        let vector = |a: [f64; D]| std::array::from_fn(|k| if k < D { a[k] } else { 0.0 });
+        let arm = if free { [0.0; D] } else { S::rotate(second, &self.points[1]) };
+        let mut out = EdgeScrews::default();
+        let center: [f64; D] = std::array::from_fn(|k| outer[k] + arm[k]);
+        out.center = vector(center);
+        let mut push = |linear, angular, stage| {
+            (out.columns[out.count], out.stage[out.count]) = ([linear, angular], stage);
+            out.count += 1;
+        };
+        let rest = [0.0; 3];
+        let in_ground = |axis: &[f64; D]| vector(if free { *axis } else { S::rotate(first, axis) });
+        match &self.link {
+            Link::Coincides => {}
+            Link::Slides(axis) => push(in_ground(axis), rest, 0),
+            Link::Components(axes) => {
+                axes.iter().for_each(|axis| push(in_ground(axis), rest, 0));
+            }
+            Link::Line(_) => return None,
+        }
+        match &self.turns {
+            Turns::Rigid => {}
+            Turns::About(axis) => push(rest, S::turning_axis(first, axis), 1),
+            Turns::Cross([inner, outer]) => {
+                push(rest, S::turning_axis(first, inner), 1);
+                push(rest, S::turning_axis(second, outer).map(|x| -x), 2);
+            }
+            Turns::Any | Turns::Free => {
+                let start = D;
+                for k in 0..2 * D - 3 {
+                    let unit = std::array::from_fn(|i| f64::from(u8::from(i == k)));
+                    let axis =
+                        if free { S::fixed_axis(&unit) } else { S::turning_axis(first, &unit) };
+                    push(rest, axis, 1);
+                }
+                let start = if matches!(self.link, Link::Components(_)) { start } else { 0 };
+                out.rotation = (D == 3).then_some(start);
+            }
+        }
+        Some(out)
+    }
+
     fn orientation(&self, q: [&[f64; N]; 2], child: &[f64; N]) -> [f64; 4] {
         if self.turns == Turns::Free { S::orientation(child) } else { S::relative_orientation(q) }
     }
@@ -148,7 +227,7 @@ where
                 S::chain(&S::exponential(&theta), &anchor.orientation)
             }
         };
-        if let (Turns::Free, Link::Components(_)) = (self.turns, self.link) {
+        if self.is_free() {
             // Against the ground, whatever body the edge hangs on.
             let mut child = S::oriented(&relative);
             child[..D].copy_from_slice(&link);
@@ -194,6 +273,10 @@ pub trait Orientation<const D: usize, const N: usize, const R: usize>: Space<D, 
     fn first_from_second(second: &[f64; N], relative: &[f64; 4]) -> [f64; N];
     /// The direction of these coordinates.
     fn direction(x: &[f64], reference: &Reference) -> [f64; D];
+    /// A rotation axis of a body in ground axes; in the plane the normal of the plane.
+    fn turning_axis(q: &[f64; N], axis: &[f64; D]) -> [f64; 3];
+    /// The same of the ground.
+    fn fixed_axis(axis: &[f64; D]) -> [f64; 3];
     /// The coordinates of a joint as an edge.
     fn joint_form(kind: &JointKind, frames: &[Triad<D>; 2]) -> Form<Self, D, N, R>;
     /// The direction of the line between two points.
@@ -238,6 +321,14 @@ impl Orientation<2, 3, 1> for Planar {
     fn direction(x: &[f64], _reference: &Reference) -> [f64; 2] {
         let (sin, cos) = x[0].sin_cos();
         [cos, sin]
+    }
+
+    fn turning_axis(_q: &[f64; 3], _axis: &[f64; 2]) -> [f64; 3] {
+        [0.0, 0.0, 1.0]
+    }
+
+    fn fixed_axis(_axis: &[f64; 2]) -> [f64; 3] {
+        [0.0, 0.0, 1.0]
     }
 
     fn joint_form(kind: &JointKind, frames: &[Triad<2>; 2]) -> Form<Self, 2, 3, 1> {
@@ -305,6 +396,14 @@ impl Orientation<3, 7, 4> for Spatial {
         let c = cross(&u, &b);
         let turn: [f64; 3] = std::array::from_fn(|k| x[0] * b[k] + x[1] * c[k]);
         crate::math::spatial::rotate(&exponential(&turn), &u)
+    }
+
+    fn turning_axis(q: &[f64; 7], axis: &[f64; 3]) -> [f64; 3] {
+        Self::rotate(q, axis)
+    }
+
+    fn fixed_axis(axis: &[f64; 3]) -> [f64; 3] {
+        *axis
     }
 
     fn joint_form(kind: &JointKind, frames: &[Triad<3>; 2]) -> Form<Self, 3, 7, 4> {

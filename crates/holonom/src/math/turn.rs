@@ -11,6 +11,7 @@
 //! which loses digits like |n|⁻⁶: near n = 0 a series takes its place (`docs/theory/math.md` (7)-(14)).
 
 use super::Real;
+use super::spatial::cross;
 use super::vector::dot;
 
 /// Below this |n|/c the series serves: the recursion would lose the third derivatives before.
@@ -166,25 +167,89 @@ pub fn exponential(theta: &[f64; 3]) -> [f64; 4] {
 /// J of ω = J(θ) θ̇, the angular velocity in the axes that θ is given in:
 /// I + (1 − cos|θ|)/|θ|² θ̃ + (|θ| − sin|θ|)/|θ|³ θ̃².
 pub fn rate_matrix(theta: &[f64; 3]) -> [[f64; 3]; 3] {
-    let square = dot(theta, theta);
-    let angle = square.sqrt();
-    let (first, second) = if angle < 1e-2 {
-        (
-            0.5 - square / 24.0 + square * square / 720.0,
-            1.0 / 6.0 - square / 120.0 + square * square / 5040.0,
-        )
-    } else {
-        ((1.0 - angle.cos()) / square, (angle - angle.sin()) / (square * angle))
-    };
-    let [x, y, z] = *theta;
-    let skew = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let unit = f64::from(u8::from(i == j));
-            let twice = theta[i] * theta[j] - unit * square; // θ̃²
-            unit + first * skew[i][j] + second * twice
+    let at = TurnRate::new(theta);
+    let columns: [[f64; 3]; 3] =
+        std::array::from_fn(|k| at.times(&std::array::from_fn(|i| f64::from(u8::from(i == k)))));
+    std::array::from_fn(|i| std::array::from_fn(|k| columns[k][i]))
+}
+
+/// J(θ) of [`rate_matrix`] and its derivatives at one rotation vector.
+///
+/// With s = θ·θ and cₖ = Σⱼ (−s)ʲ/(k+2j)! it is J a = a + c₂ θ×a + c₃ θ×(θ×a), and cₖ' = ½(k cₖ₊₂ − cₖ₊₁).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TurnRate {
+    theta: [f64; 3],
+    /// c₂ and c₃ with their first two derivatives.
+    c: [[f64; 2]; 3],
+}
+
+/// Terms of the series of c₆ and c₇: up to a whole turn what is left is below round-off.
+const RATE_TERMS: u32 = 16;
+
+impl TurnRate {
+    /// At a rotation vector of at most a whole turn.
+    pub fn new(theta: &[f64; 3]) -> Self {
+        let s = dot(theta, theta);
+        // Σⱼ (−s)ʲ/(k+2j)! by Horner's scheme, times k!.
+        let series = |k: u32| {
+            (0..RATE_TERMS).rev().fold(1.0, |sum, j| {
+                let next = f64::from(k + 2 * j);
+                1.0 - sum * s / ((next + 1.0) * (next + 2.0))
+            })
+        };
+        let (c6, c7) = (series(6) / 720.0, series(7) / 5040.0);
+        let (c4, c5) = (1.0 / 24.0 - s * c6, 1.0 / 120.0 - s * c7);
+        let (c2, c3) = (0.5 - s * c4, 1.0 / 6.0 - s * c5);
+        let slope = |k: f64, two_up: f64, one_up: f64| 0.5 * (k * two_up - one_up);
+        let (c4_s, c5_s) = (slope(4.0, c6, c5), slope(5.0, c7, c6));
+        let (c2_s, c3_s) = (slope(2.0, c4, c3), slope(3.0, c5, c4));
+        let bend = [slope(2.0, c4_s, c3_s), slope(3.0, c5_s, c4_s)];
+        Self { theta: *theta, c: [[c2, c3], [c2_s, c3_s], bend] }
+    }
+
+    /// a θ×x + b θ×(θ×x).
+    fn turned(&self, [a, b]: [f64; 2], x: &[f64; 3]) -> [f64; 3] {
+        let once = cross(&self.theta, x);
+        let twice = cross(&self.theta, &once);
+        std::array::from_fn(|i| a * once[i] + b * twice[i])
+    }
+
+    /// The change of [`TurnRate::turned`] with θ.
+    fn turned_by(&self, [a, b]: [f64; 2], d: &[f64; 3], x: &[f64; 3]) -> [f64; 3] {
+        let once = cross(d, x);
+        let (outer, inner) = (cross(d, &cross(&self.theta, x)), cross(&self.theta, &once));
+        std::array::from_fn(|i| a * once[i] + b * (outer[i] + inner[i]))
+    }
+
+    /// J x.
+    pub fn times(&self, x: &[f64; 3]) -> [f64; 3] {
+        let turned = self.turned(self.c[0], x);
+        std::array::from_fn(|i| x[i] + turned[i])
+    }
+
+    /// (J x)_θ d.
+    pub fn first(&self, d: &[f64; 3], x: &[f64; 3]) -> [f64; 3] {
+        let along = 2.0 * dot(&self.theta, d);
+        let (a, b) = (self.turned(self.c[1], x), self.turned_by(self.c[0], d, x));
+        std::array::from_fn(|i| along * a[i] + b[i])
+    }
+
+    /// (J x)_θθ d e.
+    pub fn second(&self, d: &[f64; 3], e: &[f64; 3], x: &[f64; 3]) -> [f64; 3] {
+        let [by_d, by_e] = [d, e].map(|d| 2.0 * dot(&self.theta, d));
+        let plain = self.turned(self.c[1], x);
+        let twice = self.turned(self.c[2], x);
+        let (of_d, of_e) = (self.turned_by(self.c[1], d, x), self.turned_by(self.c[1], e, x));
+        let (inner, outer) = (cross(d, &cross(e, x)), cross(e, &cross(d, x)));
+        let product = 2.0 * dot(d, e);
+        std::array::from_fn(|i| {
+            product * plain[i]
+                + by_d * by_e * twice[i]
+                + by_d * of_e[i]
+                + by_e * of_d[i]
+                + self.c[0][1] * (inner[i] + outer[i])
         })
-    })
+    }
 }
 
 #[cfg(test)]
@@ -272,6 +337,24 @@ mod tests {
             let j = rate_matrix(&theta);
             let found = j.map(|row| dot(&row, &rate));
             close(&found, &expected, 1e-8, "rate");
+        }
+    }
+
+    #[test] // independent truth: Richardson differences of J itself
+    fn derivatives_of_the_rate_are_those_of_differences() {
+        let mut random = Random::new(8);
+        for size in [0.0, 1e-6, 0.1, 1.0, 3.0, 4.7] {
+            let theta = random.unit::<3>().map(|x| x * size);
+            let [d, e, x]: [[f64; 3]; 3] = std::array::from_fn(|_| random.array(1.0));
+            let moved = |s: f64, by: &[f64; 3]| -> [f64; 3] {
+                std::array::from_fn(|k| theta[k] + s * by[k])
+            };
+            let three = |v: Vec<f64>| [v[0], v[1], v[2]];
+            let at = TurnRate::new(&theta);
+            let slope = richardson(1e-3, |s| TurnRate::new(&moved(s, &d)).times(&x).to_vec());
+            close(&at.first(&d, &x), &three(slope), 1e-10, "first");
+            let slope = richardson(1e-3, |s| TurnRate::new(&moved(s, &e)).first(&d, &x).to_vec());
+            close(&at.second(&d, &e, &x), &three(slope), 1e-10, "second");
         }
     }
 }

@@ -92,7 +92,9 @@ impl<M: Matrix> FirstOrder<M> {
         if self.weights.are_independent() {
             self.set_independent_weights(state);
         }
-        self.newton.begin_step(self.point.manifold.chart());
+        if !self.newton.is_linearized() {
+            self.newton.begin_step(self.point.manifold.chart_mut());
+        }
     }
 
     fn set_independent_weights(&mut self, state: &State) {
@@ -159,6 +161,7 @@ impl<M: Matrix> FirstOrder<M> {
         let (state, z_rate) = (&mut self.point.state, &mut self.point.z_rate);
         let rates = &slope[ndof..2 * ndof];
         self.point.manifold.reduced_residual(state, rates, z_rate, &mut self.rates);
+        self.point.manifold.complete_residual(state);
         self.newton.linearize(&mut self.point, w)
     }
 
@@ -216,7 +219,8 @@ impl<M: Matrix> Ode for FirstOrder<M> {
         require_finite(t, w)?;
         self.evaluate(t, w, true)?;
         g[..ndof].copy_from_slice(&w[ndof..2 * ndof]);
-        self.point.manifold.independent_acceleration(&self.point.state, &mut g[ndof..2 * ndof]);
+        let Point { manifold, state, .. } = &mut self.point;
+        manifold.independent_acceleration_anew(state, &mut g[ndof..2 * ndof]);
         g[2 * ndof..].copy_from_slice(&self.point.z_rate);
         Ok(())
     }

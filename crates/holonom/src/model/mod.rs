@@ -461,6 +461,8 @@ pub struct SimulationDefaults {
     pub newton: Option<&'static str>,
     /// Name of the way to accelerations.
     pub accelerations: Option<&'static str>,
+    /// Name of the coordinates.
+    pub coordinates: Option<&'static str>,
     /// Name of the profile of the code.
     pub profile: Option<&'static str>,
 }

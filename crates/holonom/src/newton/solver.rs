@@ -60,6 +60,11 @@ impl<M: Matrix> Newton<M> {
         &self.parts.blocks
     }
 
+    /// Whether there has been a linearization.
+    pub fn is_linearized(&self) -> bool {
+        self.parts.made
+    }
+
     /// A step starts where this is the chart: changes are measured there until the first linearization.
     pub fn begin_step(&mut self, chart: &Chart) {
         self.parts.begin_step(chart);
@@ -71,6 +76,7 @@ impl<M: Matrix> Newton<M> {
     /// # Errors
     /// Where a neighbouring point for differences cannot be evaluated; the point is then elsewhere.
     pub fn linearize(&mut self, point: &mut Point, w: &[f64]) -> Result<(), EvaluationFailure> {
+        point.manifold.catch_up()?;
         if let Some(differences) = &mut self.differences {
             self.parts.take_differences(differences, point, w)?;
             self.matrix.take_blocks(&self.parts, &point.manifold);

@@ -2,6 +2,7 @@
 
 use super::accelerations::{Accelerations, Accelerator, Known, Refusal};
 use super::chart::Chart;
+use super::joint::{JointForm, joint_form};
 use super::parametrization::largest_index;
 use super::recent::RecentPoints;
 use super::redundant::Redundant;
@@ -59,7 +60,17 @@ pub struct Manifold {
     force: Vec<f64>,
     tau: Vec<f64>,
     z_rate: Vec<f64>,
+    /// Sign of det [G; P] on the branch that is followed; zero where the next evaluation tells it.
     orientation: f64,
+    /// Recoveries in joint coordinates. The chart, G and M are then those of a configuration before, until they are
+    /// needed.
+    joint: Option<Box<dyn JointForm>>,
+    /// Time and configuration of the last evaluation in joint coordinates.
+    at_time: f64,
+    at: Vec<f64>,
+    stale: bool,
+    /// Whether accelerations came from joint coordinates, and multipliers of the tree's joints have not been asked for.
+    multipliers_wait: bool,
     /// Counters.
     pub counters: RecoveryCounters,
 }
@@ -94,6 +105,11 @@ impl Manifold {
             chart,
             g,
             orientation,
+            joint: None,
+            at_time: 0.0,
+            at: Vec::new(),
+            stale: false,
+            multipliers_wait: false,
             counters: RecoveryCounters::default(),
         }
     }
@@ -110,7 +126,52 @@ impl Manifold {
 
     /// The same, for solves.
     pub fn chart_mut(&mut self) -> &mut Chart {
+        // What cannot be factored solves to no finite numbers, which every iteration refuses.
+        let _ = self.catch_up();
         &mut self.chart
+    }
+
+    /// Recovers in joint coordinates from now on, in other parametrizations too; at the configuration q whose factors
+    /// are at hand. Returns whether it can: lines are no edges there.
+    pub fn use_joint_coordinates(&mut self, q: &[f64]) -> bool {
+        self.at = q.to_vec();
+        self.stale = false;
+        self.joint = joint_form(&self.system, self.chart.parametrization(), q);
+        self.joint.is_some() && self.refactor_joint().is_ok()
+    }
+
+    /// Whether it does.
+    pub fn has_joint_coordinates(&self) -> bool {
+        self.joint.is_some()
+    }
+
+    fn refactor_joint(&mut self) -> Result<(), EvaluationFailure> {
+        let Some(joint) = &mut self.joint else { return Ok(()) };
+        joint.factor(self.chart.parametrization(), &self.edges, &self.at)?;
+        self.orientation = joint.determinant_sign();
+        Ok(())
+    }
+
+    /// Makes chart, G and M those of the last evaluation.
+    ///
+    /// # Errors
+    /// `simulation/singular-configuration`.
+    pub fn catch_up(&mut self) -> Result<(), EvaluationFailure> {
+        if !std::mem::take(&mut self.stale) {
+            return Ok(());
+        }
+        self.accelerator.forget();
+        self.system.constraint_jacobian(&self.at, &mut self.g);
+        self.accelerator.evaluate_mass(self.system.as_ref(), &self.at);
+        self.chart.refactor(self.system.as_ref(), &self.at, &self.g)
+    }
+
+    /// Condition of what independent variables and joints leave to solve for.
+    pub fn condition(&mut self) -> f64 {
+        match &mut self.joint {
+            Some(joint) => joint.condition(),
+            None => self.chart.condition(),
+        }
     }
 
     /// Makes room for solves with [G; P] for several right-hand sides at a time.
@@ -165,6 +226,12 @@ impl Manifold {
         self.edges = anchored(&chart);
         self.recent = RecentPoints::new(&chart, self.correction.len(), self.edges.len());
         self.chart = chart;
+        if self.joint.is_some() {
+            let q = std::mem::take(&mut self.at);
+            if !self.use_joint_coordinates(&q) {
+                (self.joint, self.orientation) = (None, 0.0);
+            }
+        }
     }
 
     /// Largest entry of a vector over the coordinates, lengths divided by the characteristic length.
@@ -204,6 +271,12 @@ impl Manifold {
         q: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
         self.counters.recoveries += 1;
+        if let Some(joint) = &mut self.joint {
+            let parametrization = self.chart.parametrization();
+            let corrections = joint.recover_position(parametrization, t, p, &mut self.edges, q)?;
+            self.counters.corrections += corrections;
+            return Ok(());
+        }
         self.recent.go_near(t, &mut self.chart, q, &mut self.edges);
         let noise = 8.0 * f64::EPSILON * self.size_of(q).max(1.0);
         let mut predicted = 0.0;
@@ -323,7 +396,14 @@ impl Manifold {
         self.recent.forget();
         let turning = turn == 0.0 || relatives.turning(system, p) > turn;
         relatives.move_references(system, q, Some(p), &mut self.edges, turning);
-        if !(relatives.moves && turning) {
+        let changed = relatives.moves && turning;
+        if self.joint.is_some() {
+            self.at.copy_from_slice(q);
+            self.stale = true;
+            self.refactor_joint()?;
+            return Ok(changed);
+        }
+        if !changed {
             return Ok(false);
         }
         self.accelerator.forget();
@@ -339,7 +419,7 @@ impl Manifold {
             to.references.copy_from_slice(&from.references);
             to.anchors.copy_from_slice(&from.anchors);
         }
-        self.orientation = other.orientation;
+        self.orientation = if other.joint.is_some() { 0.0 } else { other.orientation };
         self.return_to_anchor();
     }
 
@@ -449,6 +529,11 @@ impl Manifold {
 
     fn factor_at(&mut self, q: &[f64]) -> Result<(), EvaluationFailure> {
         self.counters.factorizations += 1;
+        if let Some(joint) = &mut self.joint {
+            self.at.copy_from_slice(q);
+            self.stale = true;
+            return joint.factor(self.chart.parametrization(), &self.edges, q);
+        }
         self.accelerator.forget();
         self.recent.keep_factors(&mut self.chart);
         self.system.constraint_jacobian(q, &mut self.g);
@@ -468,12 +553,24 @@ impl Manifold {
         full: bool,
     ) -> Result<(), EvaluationFailure> {
         self.factor_at(q)?;
-        if self.chart.determinant_sign() != self.orientation {
+        let sign = match &self.joint {
+            Some(joint) => joint.determinant_sign(),
+            None => self.chart.determinant_sign(),
+        };
+        if self.orientation == 0.0 {
+            self.orientation = sign;
+        }
+        if sign != self.orientation {
             return Err(EvaluationFailure::new(
                 "simulation/branch",
                 "the mechanism would pass through a singular configuration onto another \
                           branch",
             ));
+        }
+        if let Some(joint) = &mut self.joint {
+            self.at_time = t;
+            joint.recover_velocity(t, p_rate, v, q);
+            return Ok(());
         }
         let at_hand = full && !self.system.has_drivers();
         if at_hand && let Some(form) = self.accelerator.null_space(&mut self.chart) {
@@ -501,18 +598,21 @@ impl Manifold {
         let system = self.system.as_ref();
         system.forces(state, &mut self.force, &mut self.z_rate);
         z_rate.copy_from_slice(&self.z_rate);
+        self.multipliers_wait = false;
+        if let Some(joint) = &mut self.joint {
+            self.multipliers_wait = joint.accelerate(&self.force, state);
+            if self.multipliers_wait {
+                return finite(state);
+            }
+            self.catch_up()?;
+        }
+        let system = self.system.as_ref();
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
         self.accelerator.evaluate_mass(system, &state.q);
         let State { q, a, lambda, .. } = state;
         let at = Known { q, jacobian: &self.g, force: &self.force, tau: &self.tau };
         self.accelerator.accelerate(system, &mut self.chart, &at, a, lambda)?;
-        if state.a.iter().sum::<f64>().is_finite() {
-            return Ok(());
-        }
-        Err(EvaluationFailure::new(
-            "simulation/not-finite",
-            format!("an acceleration is not a finite number at t = {:.6} s", state.t),
-        ))
+        finite(state)
     }
 
     /// What forces alone give: M̂⁻¹Dᵀ `force` at the configuration q last evaluated with accelerations.
@@ -525,6 +625,7 @@ impl Manifold {
         force: &[f64],
         p_rate: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
+        self.catch_up()?;
         let system = self.system.as_ref();
         self.tau.fill(0.0);
         let (a, lambda) = (&mut self.correction, &mut self.rows);
@@ -536,6 +637,11 @@ impl Manifold {
 
     /// Multipliers of the state whose accelerations were the last to be computed.
     pub fn multipliers(&mut self, state: &mut State) {
+        if let (true, Some(joint)) = (self.multipliers_wait, &mut self.joint) {
+            joint.complete_multipliers(&self.force, state);
+            self.multipliers_wait = false;
+            return;
+        }
         let State { a, lambda, .. } = state;
         self.accelerator.multipliers(&mut self.chart, &self.force, a, lambda);
     }
@@ -554,7 +660,12 @@ impl Manifold {
     ) {
         let system = self.system.as_ref();
         self.accelerator.forget_multipliers();
+        self.multipliers_wait = false;
         system.forces(state, &mut self.force, z_rate);
+        if let Some(joint) = &mut self.joint {
+            joint.residual(self.chart.parametrization(), &self.force, p_rate, state, psi);
+            return;
+        }
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
         let State { q, v, a, .. } = state;
         self.extend_acceleration(q, v, p_rate, a);
@@ -569,8 +680,45 @@ impl Manifold {
         state.lambda.iter_mut().for_each(|x| *x = -*x);
     }
 
+    /// Multipliers of all joints for the accelerations of the last [`Manifold::reduced_residual`], which in joint
+    /// coordinates finds those of the closures only.
+    pub fn complete_residual(&mut self, state: &mut State) {
+        if let Some(joint) = &mut self.joint {
+            joint.complete_multipliers(&self.force, state);
+        }
+    }
+
+    /// A change of independent variables and their rates on all coordinates, at the state of the last evaluation:
+    /// δq = D δp, δq̇ = D δṗ − [S D] (A₀ δq). `rows` and `rates` are scratch of the lengths of λ and p.
+    pub fn spread(
+        &mut self,
+        state: &State,
+        change: [&[f64]; 2],
+        [dq, dv]: [&mut [f64]; 2],
+        [rows, rates]: [&mut [f64]; 2],
+    ) {
+        let [dp, dp_rate] = change;
+        if let Some(joint) = &mut self.joint {
+            joint.spread(self.chart.parametrization(), state, change, [dq, dv]);
+            return;
+        }
+        rows.fill(0.0);
+        self.chart.solve(rows, dp, dq);
+        self.system.rate_change(&state.q, &state.v, dq, rows);
+        rows.iter_mut().for_each(|x| *x = -*x);
+        self.chart.parametrization().rate_change(self.system.as_ref(), state, dq, rates);
+        for (out, rate) in rates.iter_mut().zip(dp_rate) {
+            *out = rate - *out;
+        }
+        self.chart.solve(rows, rates, dv);
+    }
+
     /// M̂ p = DᵀM D p with M and the factors of the last [`Manifold::reduced_residual`].
     pub fn reduced_mass_times(&mut self, p: &[f64], out: &mut [f64]) {
+        if let Some(joint) = &mut self.joint {
+            joint.mass_times(p, &self.at, out);
+            return;
+        }
         self.rows.fill(0.0);
         self.chart.solve(&self.rows, p, &mut self.correction);
         self.force.fill(0.0);
@@ -581,6 +729,11 @@ impl Manifold {
     /// q̈ = D (v̈ − curvature) + S τ at the q and q̇ of the last [`Manifold::reduced_residual`] or
     /// [`Manifold::accelerate`], with its τ and factors.
     pub fn extend_acceleration(&mut self, q: &[f64], v: &[f64], p_rate: &[f64], a: &mut [f64]) {
+        if self.joint.is_some() {
+            // τ is not at hand either; what cannot be factored gives no finite numbers.
+            let _ = self.catch_up();
+            self.system.acceleration_rhs(self.at_time, q, v, &mut self.tau);
+        }
         let parametrization = self.chart.parametrization();
         parametrization.curvature(self.system.as_ref(), q, v, &mut self.curvature);
         for ((out, rate), bend) in self.independent.iter_mut().zip(p_rate).zip(&self.curvature) {
@@ -594,6 +747,15 @@ impl Manifold {
         let (system, parametrization) = (self.system.as_ref(), self.chart.parametrization());
         parametrization.positions(system, &state.q, positions);
         parametrization.rates(system, &state.q, &state.v, rates);
+    }
+
+    /// v̈ of the state whose accelerations were the last to be evaluated.
+    pub fn independent_acceleration_anew(&mut self, state: &State, p_rate: &mut [f64]) {
+        if let (true, Some(joint)) = (self.multipliers_wait, &mut self.joint) {
+            joint.independent_acceleration(self.chart.parametrization(), state, p_rate);
+        } else {
+            self.independent_acceleration(state, p_rate);
+        }
     }
 
     /// v̈ of a state with accelerations.
@@ -613,6 +775,7 @@ impl Manifold {
         force: &mut [f64],
         rows: &mut [f64],
     ) {
+        let _ = self.catch_up();
         let system = self.system.as_ref();
         system.forces(state, force, z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, rows);
@@ -624,6 +787,7 @@ impl Manifold {
 
     /// ‖Φ‖∞ and ‖G q̇ − ν‖∞ over all rows (redundant ones too) at a state whose G is current.
     pub fn residuals(&mut self, state: &State) -> (f64, f64) {
+        let _ = self.catch_up();
         let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         self.system.position_constraints(state.t, &state.q, &mut self.phi);
         let position = largest(&self.phi);
@@ -638,10 +802,23 @@ impl Manifold {
     /// rows nothing changes.
     pub fn minimum_norm_multipliers(&mut self, lambda: &mut [f64]) {
         let joint_rows = self.system.structure().sizes.joint_rows;
+        if self.redundant.is_some() {
+            let _ = self.catch_up();
+        }
         if let Some(redundant) = &mut self.redundant {
             redundant.distribute(&self.g, joint_rows, lambda);
         }
     }
+}
+
+fn finite(state: &State) -> Result<(), EvaluationFailure> {
+    if state.a.iter().sum::<f64>().is_finite() {
+        return Ok(());
+    }
+    Err(EvaluationFailure::new(
+        "simulation/not-finite",
+        format!("an acceleration is not a finite number at t = {:.6} s", state.t),
+    ))
 }
 
 /// Coordinates of the edges where references were last moved.

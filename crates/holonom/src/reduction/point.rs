@@ -76,9 +76,7 @@ impl Point {
         recovered
     }
 
-    /// A change of independent variables and their rates on all coordinates, with the factors of the last
-    /// evaluation: δq = D δp, δq̇ = D δṗ − [S D] (A₀ δq). `rows` and `rates` are scratch of the lengths
-    /// of λ and p.
+    /// A change of independent variables and their rates on all coordinates, as [`Manifold::spread`].
     pub fn spread(
         &mut self,
         dp: &[f64],
@@ -88,17 +86,7 @@ impl Point {
         rows: &mut [f64],
         rates: &mut [f64],
     ) {
-        let system = self.manifold.system().clone();
-        rows.fill(0.0);
-        self.manifold.chart_mut().solve(rows, dp, dq);
-        system.rate_change(&self.state.q, &self.state.v, dq, rows);
-        rows.iter_mut().for_each(|x| *x = -*x);
-        let parametrization = self.manifold.chart().parametrization();
-        parametrization.rate_change(system.as_ref(), &self.state, dq, rates);
-        for (out, rate) in rates.iter_mut().zip(dp_rate) {
-            *out = rate - *out;
-        }
-        self.manifold.chart_mut().solve(rows, rates, dv);
+        self.manifold.spread(&self.state, [dp, dp_rate], [dq, dv], [rows, rates]);
     }
 
     /// Multipliers of the state of the last evaluation.

@@ -6,8 +6,8 @@ use crate::error::told;
 use crate::method::{Code, Newmark, Profile};
 use crate::model::{Model, Tolerance};
 use crate::newton::{JacobianSource, Representation};
-use crate::reduction::Choice;
 use crate::reduction::accelerations::Accelerations;
+use crate::reduction::{Choice, Coordinates};
 use crate::threads::Threads;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -39,6 +39,7 @@ pub struct Choices {
     pub jacobian: Option<String>,
     pub newton: Option<String>,
     pub accelerations: Option<String>,
+    pub coordinates: Option<String>,
     #[serde(deserialize_with = "whole")]
     pub threads: Option<usize>,
     pub repartition_factor: Option<f64>,
@@ -110,6 +111,7 @@ impl Choices {
         let jacobian = self.jacobian.as_deref().or(file.jacobian);
         let newton = self.newton.as_deref().or(file.newton);
         let accelerations = self.accelerations.as_deref().or(file.accelerations);
+        let coordinates = self.coordinates.as_deref().or(file.coordinates);
         let threads = self.threads.unwrap_or(1);
         if !(1..=MOST_THREADS).contains(&threads) {
             let rule = "from 1 to 1024";
@@ -144,6 +146,8 @@ impl Choices {
             newton: word("newton", newton, Representation::ALL)?.unwrap_or(usual.newton),
             accelerations: word("accelerations", accelerations, Accelerations::ALL)?
                 .unwrap_or(usual.accelerations),
+            coordinates: word("coordinates", coordinates, Coordinates::ALL)?
+                .unwrap_or(usual.coordinates),
             threads: Threads::new(threads),
             repartition_factor: (self.repartition_factor.or(file.repartition_factor))
                 .unwrap_or(usual.repartition_factor),
@@ -193,6 +197,7 @@ impl Choices {
             jacobian: Some(options.jacobian.name().into()),
             newton: Some(options.newton.name().into()),
             accelerations: Some(options.accelerations.name().into()),
+            coordinates: Some(options.coordinates.name().into()),
             threads: Some(options.threads.count()),
             repartition_factor: Some(options.repartition_factor),
             dense_output: Some(options.stores_dense_output()),

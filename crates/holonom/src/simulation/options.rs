@@ -3,8 +3,8 @@
 use crate::method::{Code, DEFAULT_CODE, Newmark, Profile};
 use crate::model::Tolerance;
 use crate::newton::{JacobianSource, Representation};
-use crate::reduction::Choice;
 use crate::reduction::accelerations::Accelerations;
+use crate::reduction::{Choice, Coordinates};
 use crate::threads::Threads;
 
 /// When states are stored.
@@ -58,6 +58,8 @@ pub struct Options {
     pub newton: Representation,
     /// Where accelerations and multipliers come from.
     pub accelerations: Accelerations,
+    /// Which coordinates recoveries and derivatives go through.
+    pub coordinates: Coordinates,
     /// Who shares the work on the integration Jacobian of large models; results do not depend on it.
     pub threads: Threads,
     /// A new partition is tried when the condition of [G; P] has grown by this factor.
@@ -87,6 +89,7 @@ impl Options {
             jacobian: JacobianSource::default(),
             newton: Representation::default(),
             accelerations: Accelerations::default(),
+            coordinates: Coordinates::default(),
             threads: Threads::default(),
             repartition_factor: 1.25,
             dense_output: None,

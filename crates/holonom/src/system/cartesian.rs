@@ -1,5 +1,6 @@
 //! Cartesian coordinates, planar or spatial: assembly of Φ, M, Q and all blocks from the elements.
 
+use super::cartesian_bodies::set;
 use super::cartesian_derivatives::set_rows;
 use super::compile::build;
 use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, ResistanceLaw, Tree};
@@ -368,9 +369,39 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         self.constraints.iter().any(|c| c.element.drive(0.0).is_some())
     }
 
-    fn prescribed(&self, row: usize, t: f64) -> f64 {
+    fn drive(&self, row: usize, t: f64) -> [f64; 4] {
         let at = self.constraints.partition_point(|c| c.row <= row) - 1;
-        self.constraints[at].element.drive(t).map_or(0.0, |s| s[0])
+        self.constraints[at].element.drive(t).unwrap_or_default()
+    }
+
+    fn joint_value(&self, joint: usize, t: f64, q: &[f64], phi: &mut [f64; 6]) {
+        let c = &self.constraints[joint];
+        Self::constraint_value(c, t, Self::pair(q, c.bodies), phi);
+    }
+
+    fn joint_gradient(&self, joint: usize, q: &[f64], out: &mut [f64]) {
+        let c = &self.constraints[joint];
+        let mut rows = RowBlocks::zero();
+        c.element.jacobian(Self::pair(q, c.bodies), &mut rows);
+        set(&rows, out, false);
+    }
+
+    fn joint_curvature(&self, joint: usize, q: &[f64], v: &[f64], out: &mut [f64; 6]) {
+        let c = &self.constraints[joint];
+        c.element.curvature(Self::pair(q, c.bodies), Self::rates(v, c.bodies), out);
+    }
+
+    fn joint_blocks(&self, joint: usize, state: &State, a0: &mut [f64], a1: &mut [f64]) {
+        let c = &self.constraints[joint];
+        let q = Self::pair(&state.q, c.bodies);
+        let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
+        let mut rows = RowBlocks::zero();
+        c.element.directional(q, v, &mut rows);
+        set(&rows, a0, false);
+        c.element.directional(q, a, &mut rows);
+        set(&rows, a1, false);
+        c.element.curvature_gradient(q, v, &mut rows);
+        set(&rows, a1, true);
     }
 
     fn gravity(&self) -> f64 {

@@ -5,7 +5,7 @@ use super::forest::{RelativeGroup, Resistance, Tree};
 use super::space::Space;
 use super::{Bodies, BodyPose, State};
 use crate::elements::RowBlocks;
-use crate::elements::kinematics::{Anchor, EdgeKinematics};
+use crate::elements::kinematics::{Anchor, EdgeKinematics, EdgeScrews};
 use crate::elements::relative::{Reference, RelativeElement};
 
 impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, N> {
@@ -124,6 +124,20 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, 
         q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);
     }
 
+    fn edge_screws(&self, edge: usize, form: usize, q: &[f64]) -> Option<EdgeScrews> {
+        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
+        let kinematics = &placed.kinematics[form];
+        let child = Self::pose(q, Some(tree.body));
+        let mut out = kinematics.screws(Self::pair(q, placed.bodies), child)?;
+        if kinematics.is_free() {
+            out.outward = true;
+        } else {
+            (out.base, out.first) = (tree.parent, placed.bodies[0]);
+            out.outward = placed.bodies[0] == tree.parent;
+        }
+        Some(out)
+    }
+
     fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance {
         self.resistances[elastic].at(row, value)
     }
@@ -144,7 +158,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
 }
 
 /// Entries of rows over the coordinates of two bodies, row by row.
-fn set<const N: usize>(rows: &RowBlocks<f64, N>, out: &mut [f64], add: bool) {
+pub(super) fn set<const N: usize>(rows: &RowBlocks<f64, N>, out: &mut [f64], add: bool) {
     for (k, out) in out.chunks_exact_mut(2 * N).enumerate() {
         for (side, out) in out.chunks_exact_mut(N).enumerate() {
             for (out, x) in out.iter_mut().zip(&rows.0[side][k]) {

@@ -25,7 +25,7 @@ pub use structure::{DerivativeBlocks, JointRows, Sizes, Structure};
 
 use crate::model::Model;
 
-pub use crate::elements::kinematics::Anchor;
+pub use crate::elements::kinematics::{Anchor, EdgeScrews};
 pub use crate::elements::relative::{Reference, RelativeKind};
 pub use crate::elements::row::RowKind;
 use holonom_linalg::BlockMatrix;
@@ -159,7 +159,24 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     fn has_drivers(&self) -> bool;
 
     /// s(t) of the driver with this row, m or rad.
-    fn prescribed(&self, row: usize, t: f64) -> f64;
+    fn prescribed(&self, row: usize, t: f64) -> f64 {
+        self.drive(row, t)[0]
+    }
+
+    /// s, ṡ, s̈ and s⃛ of the driver with this row; zeros for a joint's.
+    fn drive(&self, row: usize, t: f64) -> [f64; 4];
+
+    /// Φ of one joint or driver, by its place in [`Structure::joints`].
+    fn joint_value(&self, joint: usize, t: f64, q: &[f64], phi: &mut [f64; 6]);
+
+    /// G of one joint or driver: row by row over the coordinates of its first and its second body.
+    fn joint_gradient(&self, joint: usize, q: &[f64], out: &mut [f64]);
+
+    /// (G q̇)_q q̇ of one joint or driver.
+    fn joint_curvature(&self, joint: usize, q: &[f64], v: &[f64], out: &mut [f64; 6]);
+
+    /// (G q̇)_q of one joint or driver, and (G q̈ + (G q̇)_q q̇)_q, in the layout of the gradient.
+    fn joint_blocks(&self, joint: usize, state: &State, a0: &mut [f64], a1: &mut [f64]);
 
     /// Size of the acceleration of gravity, m/s².
     fn gravity(&self) -> f64;
@@ -259,6 +276,10 @@ pub trait Bodies {
         anchor: &Anchor,
         q: &mut [f64],
     );
+
+    /// How the outer body of an edge moves against the inner one, at a configuration; `None` for the
+    /// direction of a line.
+    fn edge_screws(&self, edge: usize, form: usize, q: &[f64]) -> Option<EdgeScrews>;
 
     /// What an elastic loop of the tree sets against its deformation `row`, whose value is given.
     fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance;

@@ -224,6 +224,7 @@ impl Context<'_> {
             jacobian: stated.jacobian.map(schema::JacobianSource::name),
             newton: stated.newton.map(schema::Newton::name),
             accelerations: stated.accelerations.map(schema::Accelerations::name),
+            coordinates: stated.coordinates.map(schema::Coordinates::name),
             profile: stated.profile.map(schema::Profile::name),
         }
     }

@@ -61,6 +61,8 @@ pub(crate) struct Simulation {
     pub(crate) newton: Option<Newton>,
     /// Where accelerations and multipliers come from; by predicted cost unless stated.
     pub(crate) accelerations: Option<Accelerations>,
+    /// Which coordinates recoveries and derivatives go through; by predicted cost unless stated.
+    pub(crate) coordinates: Option<Coordinates>,
     /// Choices that go with a code; improved unless stated.
     pub(crate) profile: Option<Profile>,
 }
@@ -159,6 +161,29 @@ impl Accelerations {
             Self::NullSpace => "null_space",
             Self::Reduced => "reduced",
             Self::Augmented => "augmented",
+        }
+    }
+}
+
+/// Which coordinates recoveries and derivatives go through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Coordinates {
+    /// By predicted cost.
+    Auto,
+    /// Poses of bodies, with equations for every joint.
+    Cartesian,
+    /// Relative coordinates along the spanning tree, with equations for what closes loops.
+    Joint,
+}
+
+impl Coordinates {
+    /// Name in files and options.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Cartesian => "cartesian",
+            Self::Joint => "joint",
         }
     }
 }

@@ -55,7 +55,7 @@ impl Run<'_> {
 
     /// Chooses another partition when the present one has become ill-conditioned.
     pub(super) fn check_partition(&mut self) -> Result<(), EvaluationFailure> {
-        let condition = self.form.point_mut().manifold.chart_mut().condition();
+        let condition = self.form.point_mut().manifold.condition();
         if let Some(last) = self.output.chunk.steps.last_mut() {
             last.condition = condition;
         }
@@ -111,7 +111,7 @@ impl Run<'_> {
         self.form.pack(&self.state, &mut self.w);
         self.record_chart();
         self.evaluate_slope()?;
-        self.condition_reference = self.form.point_mut().manifold.chart_mut().condition();
+        self.condition_reference = self.form.point_mut().manifold.condition();
         Ok(())
     }
 
@@ -135,7 +135,7 @@ impl Run<'_> {
         self.form.begin_step(&self.state);
         self.form.pack(&self.state, &mut self.w);
         self.evaluate_slope()?;
-        let condition = self.form.point_mut().manifold.chart_mut().condition();
+        let condition = self.form.point_mut().manifold.condition();
         self.repartition(condition)
     }
 }

@@ -163,7 +163,7 @@ impl Run<'_> {
         let chart = self.form.point().manifold.chart().parametrization();
         self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);
         self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
-        self.condition_reference = self.form.point_mut().manifold.chart_mut().condition();
+        self.condition_reference = self.form.point_mut().manifold.condition();
         self.start_residuals = self.form.point_mut().manifold.residuals(&self.state);
         self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.state.lambda);
         while self.output.time() <= self.state.t {

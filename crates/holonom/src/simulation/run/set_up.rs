@@ -5,7 +5,7 @@ use crate::method::{build_state_space, build_stepper};
 use crate::newton::MatrixOptions;
 use crate::reduction::assembly::AssemblyError;
 use crate::simulation::checks::{
-    RunError, check_options, check_tables, find_channels, set_accelerations,
+    RunError, check_options, check_tables, find_channels, set_accelerations, set_coordinates,
 };
 use crate::simulation::clock::{Elapsed, Stopwatch};
 use crate::simulation::dense::{STEP_POWERS, Segments};
@@ -56,6 +56,7 @@ pub(super) fn set_up<'a>(
         manifold.set_chart(chart);
     }
     set_accelerations(options, &mut manifold)?;
+    set_coordinates(options, &mut manifold, &state.q)?;
     let energy = system.energy(&state);
     if from.is_none() {
         state.ledger.initial = energy.kinetic + energy.potential;

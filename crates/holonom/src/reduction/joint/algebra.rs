@@ -1,0 +1,335 @@
+//! Motions and forces of bodies about a fixed point, in a plane and in space.
+//!
+//! A twist is the velocity of the body-fixed point that passes the reference point O, then the angular velocity; a wrench
+//! the force, then the moment about O. No transformation stands between bodies then (`docs/theory/joint.md` (1)-(6);
+//! thesis (3.133)).
+
+use crate::math::spatial::{cross, e_times, e_transposed_times, rotate, rotate_back};
+use crate::math::vector::{add_scaled, difference, sum};
+
+/// Twists and wrenches of `W` numbers for poses of `N` coordinates.
+pub(super) trait Algebra<const N: usize, const W: usize>:
+    std::fmt::Debug + Clone + Send + Sync + 'static
+{
+    /// Twist of a velocity at `center` with an angular velocity.
+    fn screw(linear: &[f64; 3], angular: &[f64; 3], center: &[f64; 3], o: &[f64; 3]) -> [f64; W];
+
+    /// Rate of a twist that is fixed in what moves with twist `a`.
+    fn cross(a: &[f64; W], b: &[f64; W]) -> [f64; W];
+
+    /// Reference point at a pose.
+    fn center(q: &[f64; N]) -> [f64; 3];
+
+    /// q̇ of a twist, or δq of a displacement.
+    fn rates(q: &[f64; N], o: &[f64; 3], y: &[f64; W]) -> [f64; N];
+
+    /// q̈ of a twist with rates q̇ = `v`, and its rate.
+    fn second_rates(
+        q: &[f64; N],
+        v: &[f64; N],
+        o: &[f64; 3],
+        y: &[f64; W],
+        yd: &[f64; W],
+    ) -> [f64; N];
+
+    /// Change of [`Algebra::rates`] at a fixed twist with a displacement by δq.
+    fn rates_change(v: &[f64; N], dq: &[f64; N], y: &[f64; W]) -> [f64; N];
+
+    /// Change of [`Algebra::second_rates`] at fixed y and ẏ with δq and the whole change of q̇.
+    fn second_rates_change(
+        v: &[f64; N],
+        dq: &[f64; N],
+        dv: &[f64; N],
+        y: &[f64; W],
+        dy: &[f64; W],
+        yd: &[f64; W],
+    ) -> [f64; N];
+
+    /// Wrench of a generalized force on the pose, or the row on twists of one on q̇.
+    fn wrench(q: &[f64; N], o: &[f64; 3], force: &[f64; N]) -> [f64; W];
+
+    /// A wrench about another point.
+    fn moved(w: &[f64; W], from: &[f64; 3], to: &[f64; 3]) -> [f64; W];
+
+    /// A wrench with its moments multiplied.
+    fn scaled(w: &[f64; W], factor: f64) -> [f64; W];
+
+    /// Its change with δq at a fixed generalized force.
+    fn wrench_change(q: &[f64; N], dq: &[f64; N], force: &[f64; N]) -> [f64; W];
+
+    /// Inertia times the rate of a twist, velocities left out.
+    fn inertia_times(
+        mass: f64,
+        inertia: &[[f64; 3]; 3],
+        q: &[f64; N],
+        o: &[f64; 3],
+        yd: &[f64; W],
+    ) -> [f64; W];
+
+    /// The wrench that accelerates a body: rate of momentum without the gyroscopic part, which counts among the
+    /// forces, for its twist, its rate, and q̇.
+    fn inertia_force(
+        mass: f64,
+        inertia: &[[f64; 3]; 3],
+        q: &[f64; N],
+        a: &[f64; N],
+        o: &[f64; 3],
+        yd: &[f64; W],
+    ) -> [f64; W];
+}
+
+/// In space: three of a velocity, three of an angular velocity.
+#[derive(Debug, Clone)]
+pub(super) struct Spatial;
+
+/// In a plane.
+#[derive(Debug, Clone)]
+pub(super) struct Planar;
+
+fn parts(y: &[f64; 6]) -> ([f64; 3], [f64; 3]) {
+    ([y[0], y[1], y[2]], [y[3], y[4], y[5]])
+}
+
+fn joined(a: &[f64; 3], b: &[f64; 3]) -> [f64; 6] {
+    [a[0], a[1], a[2], b[0], b[1], b[2]]
+}
+
+fn place(q: &[f64; 7]) -> [f64; 3] {
+    [q[0], q[1], q[2]]
+}
+
+fn euler(q: &[f64; 7]) -> [f64; 4] {
+    [q[3], q[4], q[5], q[6]]
+}
+
+/// ½ Eᵀ(p) ω.
+fn euler_rate(p: &[f64; 4], w: &[f64; 3]) -> [f64; 4] {
+    e_transposed_times(p, w).map(|x| 0.5 * x)
+}
+
+fn pose(r: &[f64; 3], p: &[f64; 4]) -> [f64; 7] {
+    [r[0], r[1], r[2], p[0], p[1], p[2], p[3]]
+}
+
+impl Algebra<7, 6> for Spatial {
+    fn screw(linear: &[f64; 3], angular: &[f64; 3], center: &[f64; 3], o: &[f64; 3]) -> [f64; 6] {
+        joined(&sum(linear, &cross(angular, &difference(o, center))), angular)
+    }
+
+    fn cross(a: &[f64; 6], b: &[f64; 6]) -> [f64; 6] {
+        let ((av, aw), (bv, bw)) = (parts(a), parts(b));
+        joined(&sum(&cross(&aw, &bv), &cross(&av, &bw)), &cross(&aw, &bw))
+    }
+
+    fn center(q: &[f64; 7]) -> [f64; 3] {
+        place(q)
+    }
+
+    fn rates(q: &[f64; 7], o: &[f64; 3], y: &[f64; 6]) -> [f64; 7] {
+        let (v, w) = parts(y);
+        let v = sum(&v, &cross(&w, &difference(&place(q), o)));
+        pose(&v, &euler_rate(&euler(q), &w))
+    }
+
+    fn second_rates(
+        q: &[f64; 7],
+        v: &[f64; 7],
+        o: &[f64; 3],
+        y: &[f64; 6],
+        yd: &[f64; 6],
+    ) -> [f64; 7] {
+        let ((_, w), (a, alpha)) = (parts(y), parts(yd));
+        let mut a = sum(&a, &cross(&alpha, &difference(&place(q), o)));
+        a = sum(&a, &cross(&w, &place(v)));
+        let p = sum(&euler_rate(&euler(q), &alpha), &euler_rate(&euler(v), &w));
+        pose(&a, &p)
+    }
+
+    fn rates_change(_v: &[f64; 7], dq: &[f64; 7], y: &[f64; 6]) -> [f64; 7] {
+        let (_, w) = parts(y);
+        pose(&cross(&w, &place(dq)), &euler_rate(&euler(dq), &w))
+    }
+
+    fn second_rates_change(
+        v: &[f64; 7],
+        dq: &[f64; 7],
+        dv: &[f64; 7],
+        y: &[f64; 6],
+        dy: &[f64; 6],
+        yd: &[f64; 6],
+    ) -> [f64; 7] {
+        let ((_, w), (_, dw), (_, alpha)) = (parts(y), parts(dy), parts(yd));
+        let mut a = cross(&alpha, &place(dq));
+        a = sum(&a, &sum(&cross(&dw, &place(v)), &cross(&w, &place(dv))));
+        let mut p = euler_rate(&euler(dq), &alpha);
+        p = sum(&p, &sum(&euler_rate(&euler(dv), &w), &euler_rate(&euler(v), &dw)));
+        pose(&a, &p)
+    }
+
+    fn wrench(q: &[f64; 7], o: &[f64; 3], force: &[f64; 7]) -> [f64; 6] {
+        let f = place(force);
+        let moment = e_times(&euler(q), &euler(force)).map(|x| 0.5 * x);
+        joined(&f, &sum(&moment, &cross(&difference(&place(q), o), &f)))
+    }
+
+    fn moved(w: &[f64; 6], from: &[f64; 3], to: &[f64; 3]) -> [f64; 6] {
+        let (f, n) = parts(w);
+        joined(&f, &sum(&n, &cross(&difference(from, to), &f)))
+    }
+
+    fn scaled(w: &[f64; 6], factor: f64) -> [f64; 6] {
+        let (f, n) = parts(w);
+        joined(&f, &n.map(|x| factor * x))
+    }
+
+    fn wrench_change(_q: &[f64; 7], dq: &[f64; 7], force: &[f64; 7]) -> [f64; 6] {
+        let moment = e_times(&euler(dq), &euler(force)).map(|x| 0.5 * x);
+        joined(&[0.0; 3], &sum(&moment, &cross(&place(dq), &place(force))))
+    }
+
+    fn inertia_times(
+        mass: f64,
+        inertia: &[[f64; 3]; 3],
+        q: &[f64; 7],
+        o: &[f64; 3],
+        yd: &[f64; 6],
+    ) -> [f64; 6] {
+        let (a, alpha) = parts(yd);
+        let arm = difference(&place(q), o);
+        let f = sum(&a, &cross(&alpha, &arm)).map(|x| mass * x);
+        joined(&f, &sum(&turned(inertia, q, &alpha), &cross(&arm, &f)))
+    }
+
+    fn inertia_force(
+        mass: f64,
+        inertia: &[[f64; 3]; 3],
+        q: &[f64; 7],
+        a: &[f64; 7],
+        o: &[f64; 3],
+        yd: &[f64; 6],
+    ) -> [f64; 6] {
+        let (_, alpha) = parts(yd);
+        let f = place(a).map(|x| mass * x);
+        joined(&f, &sum(&turned(inertia, q, &alpha), &cross(&difference(&place(q), o), &f)))
+    }
+}
+
+/// A J Aᵀ x.
+fn turned(inertia: &[[f64; 3]; 3], q: &[f64; 7], x: &[f64; 3]) -> [f64; 3] {
+    let p = euler(q);
+    let own = rotate_back(&p, x);
+    let mut out = [0.0; 3];
+    for (row, x) in inertia.iter().zip(own) {
+        add_scaled(&mut out, x, row); // J is symmetric
+    }
+    rotate(&p, &out)
+}
+
+/// ω × a.
+fn across(w: f64, a: &[f64; 2]) -> [f64; 2] {
+    [-w * a[1], w * a[0]]
+}
+
+fn moment(arm: &[f64; 2], f: &[f64; 2]) -> f64 {
+    arm[0] * f[1] - arm[1] * f[0]
+}
+
+fn arm(q: &[f64; 3], o: &[f64; 3]) -> [f64; 2] {
+    [q[0] - o[0], q[1] - o[1]]
+}
+
+impl Algebra<3, 3> for Planar {
+    fn screw(linear: &[f64; 3], angular: &[f64; 3], center: &[f64; 3], o: &[f64; 3]) -> [f64; 3] {
+        let w = angular[2];
+        let [x, y] = across(w, &[o[0] - center[0], o[1] - center[1]]);
+        [linear[0] + x, linear[1] + y, w]
+    }
+
+    fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
+        let ([x, y], [u, v]) = (across(a[2], &[b[0], b[1]]), across(b[2], &[a[0], a[1]]));
+        [x - u, y - v, 0.0]
+    }
+
+    fn center(q: &[f64; 3]) -> [f64; 3] {
+        [q[0], q[1], 0.0]
+    }
+
+    fn rates(q: &[f64; 3], o: &[f64; 3], y: &[f64; 3]) -> [f64; 3] {
+        let [u, v] = across(y[2], &arm(q, o));
+        [y[0] + u, y[1] + v, y[2]]
+    }
+
+    fn second_rates(
+        q: &[f64; 3],
+        v: &[f64; 3],
+        o: &[f64; 3],
+        y: &[f64; 3],
+        yd: &[f64; 3],
+    ) -> [f64; 3] {
+        let ([a, b], [c, d]) = (across(yd[2], &arm(q, o)), across(y[2], &[v[0], v[1]]));
+        [yd[0] + a + c, yd[1] + b + d, yd[2]]
+    }
+
+    fn rates_change(_v: &[f64; 3], dq: &[f64; 3], y: &[f64; 3]) -> [f64; 3] {
+        let [u, v] = across(y[2], &[dq[0], dq[1]]);
+        [u, v, 0.0]
+    }
+
+    fn second_rates_change(
+        v: &[f64; 3],
+        dq: &[f64; 3],
+        dv: &[f64; 3],
+        y: &[f64; 3],
+        dy: &[f64; 3],
+        yd: &[f64; 3],
+    ) -> [f64; 3] {
+        let parts = [
+            across(yd[2], &[dq[0], dq[1]]),
+            across(dy[2], &[v[0], v[1]]),
+            across(y[2], &[dv[0], dv[1]]),
+        ];
+        [parts.iter().map(|p| p[0]).sum(), parts.iter().map(|p| p[1]).sum(), 0.0]
+    }
+
+    fn wrench(q: &[f64; 3], o: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
+        let [x, y, n] = *force;
+        [x, y, n + moment(&arm(q, o), &[x, y])]
+    }
+
+    fn moved(w: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
+        [w[0], w[1], w[2] + moment(&[from[0] - to[0], from[1] - to[1]], &[w[0], w[1]])]
+    }
+
+    fn scaled(w: &[f64; 3], factor: f64) -> [f64; 3] {
+        [w[0], w[1], factor * w[2]]
+    }
+
+    fn wrench_change(_q: &[f64; 3], dq: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
+        [0.0, 0.0, moment(&[dq[0], dq[1]], &[force[0], force[1]])]
+    }
+
+    fn inertia_times(
+        mass: f64,
+        inertia: &[[f64; 3]; 3],
+        q: &[f64; 3],
+        o: &[f64; 3],
+        yd: &[f64; 3],
+    ) -> [f64; 3] {
+        let arm = arm(q, o);
+        let [u, v] = across(yd[2], &arm);
+        let f = [mass * (yd[0] + u), mass * (yd[1] + v)];
+        [f[0], f[1], inertia[2][2] * yd[2] + moment(&arm, &f)]
+    }
+
+    fn inertia_force(
+        mass: f64,
+        inertia: &[[f64; 3]; 3],
+        q: &[f64; 3],
+        a: &[f64; 3],
+        o: &[f64; 3],
+        yd: &[f64; 3],
+    ) -> [f64; 3] {
+        let f = [mass * a[0], mass * a[1]];
+        [f[0], f[1], inertia[2][2] * yd[2] + moment(&arm(q, o), &f)]
+    }
+}

@@ -1,0 +1,340 @@
+//! What closes loops: rows of cut joints, and deformations that are independent variables.
+
+use crate::reduction::parametrization::Parametrization;
+use crate::reduction::relatives::{Relatives, Source};
+use crate::system::{Measure, System};
+use holonom_linalg::{DenseLu, SingularMatrix};
+use std::ops::Range;
+
+/// Where the rows of a closure come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// A joint or driver, by its place in the structure.
+    Joint(usize),
+    /// A group of relative coordinates.
+    Deformations(usize),
+}
+
+/// Rows between two bodies.
+#[derive(Debug, Clone)]
+pub(super) struct Closure {
+    pub(super) origin: Origin,
+    pub(super) ends: [Option<usize>; 2],
+    /// Rows of the element that are in use, each with its constraint row or independent variable.
+    pub(super) rows: Vec<(usize, usize)>,
+    /// Place of the first of them among all.
+    pub(super) first: usize,
+    /// Number of rows of the element.
+    pub(super) count: usize,
+    /// Coordinates between the bodies: those of an edge, and the end that it moves.
+    pub(super) path: Vec<(Range<usize>, usize)>,
+}
+
+/// Closures whose dependent coordinates are their own: loops with no coordinate in common are solved apart.
+#[derive(Debug, Clone)]
+pub(super) struct Cluster {
+    /// Its rows, and the places of its dependent coordinates in [`Closures::dependent`].
+    rows: Vec<usize>,
+    dependent: Vec<usize>,
+    /// Independent variables that move its dependent coordinates: as coordinates, or as deformations of a row.
+    pub(super) free: Vec<(usize, Free)>,
+    square: Vec<f64>,
+    lu: DenseLu,
+    /// Dependent coordinates by independent variables, by rows; see [`Closures::evaluate_maps`].
+    pub(super) map: Vec<f64>,
+}
+
+/// How an independent variable moves a cluster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Free {
+    /// As this coordinate.
+    Coordinate(usize),
+    /// As what this row measures.
+    Row(usize),
+}
+
+/// All of them, with the matrix N of their rows over the coordinates and the factors of its dependent columns, scaled to
+/// pure numbers.
+#[derive(Debug, Clone)]
+pub(super) struct Closures {
+    pub(super) all: Vec<Closure>,
+    /// Columns of the dependent coordinates.
+    pub(super) dependent: Vec<usize>,
+    pub(super) clusters: Vec<Cluster>,
+    /// Rows × coordinates; only what is on the paths is ever written or read.
+    pub(super) matrix: Vec<f64>,
+    pub(super) coordinates: usize,
+    row_scale: Vec<f64>,
+    pub(super) column_scale: Vec<f64>,
+    work: Vec<f64>,
+    right: Vec<f64>,
+}
+
+/// Clusters of closures; `None` where one has not as many rows as dependent coordinates.
+fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<Vec<Cluster>> {
+    // Each closure's cluster is the first closure it is tied to by a dependent coordinate.
+    let mut cluster: Vec<usize> = (0..all.len()).collect();
+    let mut owner = vec![None; sources.len()];
+    for (at, closure) in all.iter().enumerate() {
+        for (range, _) in &closure.path {
+            for k in range.clone().filter(|&k| sources[k] == Source::Dependent) {
+                let other = *owner[k].get_or_insert(at);
+                let (from, to) = (cluster[at].max(cluster[other]), cluster[at].min(cluster[other]));
+                cluster.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
+            }
+        }
+    }
+    let mut out = Vec::new();
+    for first in 0..all.len() {
+        let own = || all.iter().zip(&cluster).filter(|(_, c)| **c == first).map(|(own, _)| own);
+        let rows: Vec<usize> = own().flat_map(|c| c.first..c.first + c.rows.len()).collect();
+        if rows.is_empty() {
+            continue;
+        }
+        let (mut columns, mut free) = (Vec::new(), Vec::new());
+        for closure in own() {
+            for k in closure.path.iter().flat_map(|(range, _)| range.clone()) {
+                match sources[k] {
+                    Source::Dependent => columns.push(dependent.binary_search(&k).ok()?),
+                    Source::Independent(p) => free.push((p, Free::Coordinate(k))),
+                    Source::Driven(..) => {}
+                }
+            }
+            if let Origin::Deformations(_) = closure.origin {
+                for (at, (_, p)) in closure.rows.iter().enumerate() {
+                    free.push((*p, Free::Row(closure.first + at)));
+                }
+            }
+        }
+        columns.sort_unstable();
+        columns.dedup();
+        free.sort_unstable_by_key(|(p, _)| *p);
+        free.dedup();
+        let n = rows.len();
+        if columns.len() != n {
+            return None;
+        }
+        out.push(Cluster {
+            square: vec![0.0; n * n],
+            lu: DenseLu::new(n),
+            map: vec![0.0; n * free.len()],
+            rows,
+            dependent: columns,
+            free,
+        });
+    }
+    let solved: usize = out.iter().map(|c| c.rows.len()).sum();
+    (solved == dependent.len()).then_some(out)
+}
+
+impl Closures {
+    /// `path` lists the coordinates of the edges from a body to its root, each with its body.
+    pub(super) fn new(
+        system: &dyn System,
+        parametrization: &Parametrization,
+        relatives: &Relatives,
+        coordinates: &[(Source, Measure)],
+        path: impl Fn(Option<usize>) -> Vec<Range<usize>>,
+    ) -> Option<Self> {
+        let structure = system.structure();
+        let length = system.characteristic_length();
+        let scale = |measure: Measure| if measure == Measure::Length { length } else { 1.0 };
+        let between = |ends: [Option<usize>; 2]| {
+            let [a, b] = ends.map(&path);
+            let only = |own: &[Range<usize>], other: &[Range<usize>], end: usize| {
+                let own = own.iter().filter(|range| !other.contains(range));
+                own.map(|range| (range.clone(), end)).collect::<Vec<_>>()
+            };
+            let mut out = only(&a, &b, 0);
+            out.extend(only(&b, &a, 1));
+            out
+        };
+        let (mut all, mut row_scale) = (Vec::new(), Vec::new());
+        for closure in &system.tree().closures {
+            let joint = structure.joints.iter().position(|joint| joint.row == closure.row)?;
+            let kept = (0..closure.rows)
+                .map(|k| (k, closure.row + k))
+                .filter(|(_, row)| parametrization.kept.binary_search(row).is_ok());
+            let rows: Vec<_> = kept.collect();
+            let first = row_scale.len();
+            row_scale.extend(rows.iter().map(|r| 1.0 / scale(structure.row_measure[r.1])));
+            let (ends, count) = (closure.ends, closure.rows);
+            let path = between(ends);
+            all.push(Closure { origin: Origin::Joint(joint), ends, rows, first, count, path });
+        }
+        let own: Vec<usize> = coordinates
+            .iter()
+            .filter_map(|(source, _)| match source {
+                Source::Independent(k) => Some(*k),
+                _ => None,
+            })
+            .collect();
+        for (group, range) in relatives.runs() {
+            let rows: Vec<_> =
+                range.filter(|k| !own.contains(k)).map(|k| (relatives.rows[k].1, k)).collect();
+            if rows.is_empty() {
+                continue;
+            }
+            let info = &system.relative_groups()[group];
+            let measure = if info.kind.turns() { Measure::Angle } else { Measure::Length };
+            let first = row_scale.len();
+            row_scale.extend(rows.iter().map(|_| 1.0 / scale(measure)));
+            let (ends, count) = (info.bodies, info.rows);
+            let path = between(ends);
+            let origin = Origin::Deformations(group);
+            all.push(Closure { origin, ends, rows, first, count, path });
+        }
+        let dependent: Vec<usize> =
+            (0..coordinates.len()).filter(|&k| coordinates[k].0 == Source::Dependent).collect();
+        let rows = row_scale.len();
+        if dependent.len() != rows {
+            return None;
+        }
+        let sources: Vec<Source> = coordinates.iter().map(|c| c.0).collect();
+        Some(Self {
+            clusters: clusters(&all, &dependent, &sources)?,
+            all,
+            dependent,
+            matrix: vec![0.0; rows * coordinates.len()],
+            coordinates: coordinates.len(),
+            row_scale,
+            column_scale: coordinates.iter().map(|(_, measure)| scale(*measure)).collect(),
+            work: vec![0.0; rows],
+            right: vec![0.0; rows],
+        })
+    }
+
+    pub(super) fn rows(&self) -> usize {
+        self.row_scale.len()
+    }
+
+    /// Factors the dependent columns.
+    ///
+    /// # Errors
+    /// With the place of the coordinate in `dependent`.
+    pub(super) fn factor(&mut self) -> Result<(), SingularMatrix> {
+        for cluster in &mut self.clusters {
+            let n = cluster.rows.len();
+            for (out, &row) in cluster.square.chunks_exact_mut(n).zip(&cluster.rows) {
+                let line = &self.matrix[row * self.coordinates..][..self.coordinates];
+                for (out, &at) in out.iter_mut().zip(&cluster.dependent) {
+                    let k = self.dependent[at];
+                    *out = line[k] * self.row_scale[row] * self.column_scale[k];
+                }
+            }
+            cluster.lu.factor(&cluster.square).map_err(|mut e| {
+                e.column = cluster.dependent[e.column];
+                e
+            })?;
+        }
+        Ok(())
+    }
+
+    pub(super) fn determinant_sign(&self) -> f64 {
+        self.clusters.iter().map(|cluster| cluster.lu.determinant_sign()).product()
+    }
+
+    /// 1-norm of the scaled matrix times that of its inverse.
+    pub(super) fn condition(&self) -> f64 {
+        let mut norms = [1.0f64; 2];
+        for cluster in &self.clusters {
+            let n = cluster.rows.len();
+            let mut inverse = vec![0.0; n * n];
+            (0..n).for_each(|k| inverse[k * n + k] = 1.0);
+            cluster.lu.solve_many(&mut inverse, n);
+            for (norm, a) in norms.iter_mut().zip([&cluster.square, &inverse]) {
+                for j in 0..n {
+                    let column = a.chunks_exact(n).map(|row| row[j].abs()).sum::<f64>();
+                    *norm = if column.is_nan() { f64::INFINITY } else { norm.max(column) };
+                }
+            }
+        }
+        norms[0] * norms[1]
+    }
+
+    /// r += N x.
+    pub(super) fn multiply_add(&self, x: &[f64], r: &mut [f64]) {
+        for closure in &self.all {
+            for at in closure.first..closure.first + closure.rows.len() {
+                let line = &self.matrix[at * self.coordinates..][..self.coordinates];
+                for (range, _) in &closure.path {
+                    let terms = line[range.clone()].iter().zip(&x[range.clone()]);
+                    r[at] += terms.map(|(a, x)| a * x).sum::<f64>();
+                }
+            }
+        }
+    }
+
+    /// x −= Nᵀ y.
+    pub(super) fn subtract_transposed(&self, y: &[f64], x: &mut [f64]) {
+        for closure in &self.all {
+            for at in closure.first..closure.first + closure.rows.len() {
+                let line = &self.matrix[at * self.coordinates..][..self.coordinates];
+                for (range, _) in &closure.path {
+                    for (x, a) in x[range.clone()].iter_mut().zip(&line[range.clone()]) {
+                        *x -= a * y[at];
+                    }
+                }
+            }
+        }
+    }
+
+    /// Residuals of all rows become changes of the dependent coordinates that make up for them.
+    pub(super) fn solve(&mut self, r: &mut [f64]) {
+        for cluster in &self.clusters {
+            let right = &mut self.right[..cluster.rows.len()];
+            for (out, &row) in right.iter_mut().zip(&cluster.rows) {
+                *out = -r[row] * self.row_scale[row];
+            }
+            cluster.lu.solve(right);
+            for (x, &at) in right.iter().zip(&cluster.dependent) {
+                self.work[at] = x * self.column_scale[self.dependent[at]];
+            }
+        }
+        r.copy_from_slice(&self.work);
+    }
+
+    /// y with N_uᵀ y = r for forces r on the dependent coordinates.
+    pub(super) fn solve_transposed(&mut self, r: &mut [f64]) {
+        for cluster in &self.clusters {
+            let right = &mut self.right[..cluster.rows.len()];
+            for (out, &at) in right.iter_mut().zip(&cluster.dependent) {
+                *out = r[at] * self.column_scale[self.dependent[at]];
+            }
+            cluster.lu.solve_transposed(right);
+            for (y, &row) in right.iter().zip(&cluster.rows) {
+                self.work[row] = y * self.row_scale[row];
+            }
+        }
+        r.copy_from_slice(&self.work);
+    }
+
+    /// Derivatives of the dependent coordinates of all clusters by the independent variables.
+    pub(super) fn evaluate_maps(&mut self) {
+        for cluster in &mut self.clusters {
+            let free = cluster.free.len();
+            for (column, (_, kind)) in cluster.free.iter().enumerate() {
+                let right = &mut self.right[..cluster.rows.len()];
+                for (out, &row) in right.iter_mut().zip(&cluster.rows) {
+                    *out = self.row_scale[row]
+                        * match *kind {
+                            Free::Coordinate(k) => -self.matrix[row * self.coordinates + k],
+                            Free::Row(at) => f64::from(u8::from(at == row)),
+                        };
+                }
+                cluster.lu.solve(right);
+                for (i, (x, &at)) in right.iter().zip(&cluster.dependent).enumerate() {
+                    cluster.map[i * free + column] = x * self.column_scale[self.dependent[at]];
+                }
+            }
+        }
+    }
+
+    /// Cluster, place in its map, of a dependent coordinate.
+    pub(super) fn place(&self, k: usize) -> Option<(usize, usize)> {
+        let at = self.dependent.binary_search(&k).ok()?;
+        self.clusters.iter().enumerate().find_map(|(c, cluster)| {
+            Some((c, cluster.dependent.iter().position(|&other| other == at)?))
+        })
+    }
+}

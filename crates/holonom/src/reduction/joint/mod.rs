@@ -1,0 +1,147 @@
+//! The equations in the relative coordinates of the spanning tree: joint coordinates.
+//!
+//! Everything between the independent variables and the motions of the bodies goes along the tree: twists outwards,
+//! wrenches inwards. Joints of the tree need no equations and have no multipliers; only what closes loops does.
+//! States stay poses of bodies with their rates, so that channels, outputs and restarts know nothing of it.
+//!
+//! Equations: `docs/theory/joint.md`; source: thesis section 3.4.3.
+
+mod algebra;
+mod closures;
+mod directions;
+mod dynamics;
+mod engine;
+mod variation;
+
+use super::parametrization::Parametrization;
+use crate::error::EvaluationFailure;
+use crate::system::{State, System};
+use engine::Engine;
+use std::sync::Arc;
+
+/// Which coordinates recoveries and derivatives go through.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Coordinates {
+    /// By predicted cost.
+    #[default]
+    Auto,
+    /// Poses of bodies, with equations for every joint.
+    Cartesian,
+    /// Relative coordinates along the tree, with equations for what closes loops.
+    Joint,
+}
+
+impl Coordinates {
+    /// All of them with their names in options.
+    pub const ALL: &'static [(Self, &'static str)] =
+        &[(Self::Auto, "auto"), (Self::Cartesian, "cartesian"), (Self::Joint, "joint")];
+
+    /// Name in options.
+    pub fn name(self) -> &'static str {
+        Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
+    }
+}
+
+/// Joint coordinates of one parametrization.
+pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
+    /// A copy.
+    fn boxed(&self) -> Box<dyn JointForm>;
+
+    /// Solves Φ(q, t) = 0, v(q) = p, going on from the coordinates `x` of the edges, which were those of the last
+    /// evaluation.
+    ///
+    /// # Errors
+    /// `simulation/position-recovery`, `simulation/branch`, `simulation/chart-reach`.
+    fn recover_position(
+        &mut self,
+        parametrization: &Parametrization,
+        t: f64,
+        p: &[f64],
+        x: &mut [[f64; 6]],
+        q: &mut [f64],
+    ) -> Result<u64, EvaluationFailure>;
+
+    /// Evaluates the columns of all coordinates at q and factors the closures.
+    ///
+    /// # Errors
+    /// `simulation/singular-configuration`.
+    fn factor(
+        &mut self,
+        parametrization: &Parametrization,
+        x: &[[f64; 6]],
+        q: &[f64],
+    ) -> Result<(), EvaluationFailure>;
+
+    /// Sign of the determinant of the closures.
+    fn determinant_sign(&self) -> f64;
+
+    /// Condition of the closures, 1-norm.
+    fn condition(&mut self) -> f64;
+
+    /// q̇ for independent rates at the configuration last factored.
+    fn recover_velocity(&mut self, t: f64, p_rate: &[f64], v: &mut [f64], q: &[f64]);
+
+    /// ψ = Dᵀ(M q̈ − Q) for independent accelerations; `force` is Q. q̈ and the multipliers of the closures into the
+    /// state, all others are zero.
+    fn residual(
+        &mut self,
+        parametrization: &Parametrization,
+        force: &[f64],
+        p_rate: &[f64],
+        state: &mut State,
+        psi: &mut [f64],
+    );
+
+    /// q̈ and the multipliers of what closes loops and of drivers on the tree, all others zero, for forces Q at a state whose
+    /// velocities were just recovered; `false` where it cannot tell them.
+    fn accelerate(&mut self, force: &[f64], state: &mut State) -> bool;
+
+    /// v̈ of the state whose accelerations were the last to be evaluated.
+    fn independent_acceleration(
+        &mut self,
+        parametrization: &Parametrization,
+        state: &State,
+        p_rate: &mut [f64],
+    );
+
+    /// Multipliers of the joints of the tree and of normalizations, where those of the closures are known.
+    fn complete_multipliers(&mut self, force: &[f64], state: &mut State);
+
+    /// A change of independent variables and their rates on the coordinates of all bodies.
+    fn spread(
+        &mut self,
+        parametrization: &Parametrization,
+        state: &State,
+        change: [&[f64]; 2],
+        out: [&mut [f64]; 2],
+    );
+
+    /// Joint coordinates, rows of cut joints and drivers on the tree, and entries of the factor of the composite inertia
+    /// matrix.
+    fn sizes(&self) -> [usize; 3];
+
+    /// M̂ p at the configuration last factored.
+    fn mass_times(&mut self, p: &[f64], q: &[f64], out: &mut [f64]);
+}
+
+impl Clone for Box<dyn JointForm> {
+    fn clone(&self) -> Self {
+        self.boxed()
+    }
+}
+
+/// Joint coordinates for a parametrization by relative coordinates at a configuration; `None` where the tree has edges
+/// that no screws describe (lines of fixed or free length), or another parametrization is in use.
+pub(super) fn joint_form(
+    system: &Arc<dyn System>,
+    parametrization: &Parametrization,
+    q: &[f64],
+) -> Option<Box<dyn JointForm>> {
+    if system.structure().sizes.translations == 2 {
+        let engine = Engine::<algebra::Planar, 3, 3>::new(system, parametrization, q)?;
+        Some(Box::new(engine))
+    } else {
+        let engine = Engine::<algebra::Spatial, 7, 6>::new(system, parametrization, q)?;
+        Some(Box::new(engine))
+    }
+}

@@ -1,0 +1,143 @@
+//! First variations of motions with independent variables and their rates.
+
+use super::algebra::Algebra;
+use super::closures::Origin;
+use super::engine::{Engine, add, pose, pose_mut};
+use crate::reduction::parametrization::Parametrization;
+use crate::system::State;
+
+impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
+    /// δq of δv; keeps the displacements of the coordinates in `change` and those of bodies in `motion`.
+    pub(super) fn displace(&mut self, dp: &[f64], q: &[f64], dq: &mut [f64]) {
+        let mut change = std::mem::take(&mut self.change);
+        self.multiply_null_space(dp, &mut change);
+        for edge in &self.edges {
+            let mut motion = edge.base.map_or([0.0; W], |base| self.motion[base]);
+            for k in edge.range.clone() {
+                add(&mut motion, change[k], &self.columns[k]);
+            }
+            let b = edge.body;
+            self.motion[b] = motion;
+            *pose_mut(dq, b) = A::rates(pose(q, b), &self.origin[b], &motion);
+        }
+        self.change = change;
+    }
+
+    /// δ(B ẋ) of an edge at fixed ẋ with the displacements of [`Engine::displace`].
+    fn column_change(&self, at: usize) -> [f64; W] {
+        let edge = &self.edges[at];
+        let mut out = [0.0; W];
+        let carrier = edge.first.map(|first| &self.motion[first]);
+        let rates = self.screw_rates(edge, at, &self.rates);
+        let moved = self.screw_rates(edge, at, &self.change);
+        let sign = if edge.outward { 1.0 } else { -1.0 };
+        let screws = &self.screws[edge.range.clone()];
+        for (k, (screw, rate)) in screws.iter().zip(&rates).enumerate() {
+            if let Some(carrier) = carrier {
+                add(&mut out, *rate, &A::cross(carrier, screw));
+            }
+            for (j, inner) in screws.iter().enumerate().take(k) {
+                if edge.stage[j] < edge.stage[k] {
+                    add(&mut out, sign * rate * moved[j], &A::cross(inner, screw));
+                }
+            }
+        }
+        if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
+            let three = |x: &[f64]| {
+                let first = edge.range.start + start;
+                [x[first], x[first + 1], x[first + 2]]
+            };
+            let bend = turning.first(&three(&self.change), &three(&self.rates));
+            for (x, screw) in bend.iter().zip(&screws[start..]) {
+                add(&mut out, *x, screw);
+            }
+        }
+        out
+    }
+
+    /// δq̇ of δv and δv̇ after [`Engine::displace`] of the same δv.
+    pub(super) fn displace_rates(
+        &mut self,
+        parametrization: &Parametrization,
+        state: &State,
+        dp_rate: &[f64],
+        dq: &[f64],
+        dv: &mut [f64],
+    ) {
+        let mut rates = std::mem::take(&mut self.rate_change);
+        self.tell(0.0, None, dp_rate, &mut rates);
+        for at in 0..self.edges.len() {
+            self.bias_change[at] = self.column_change(at);
+        }
+        self.twists_change(&rates, &state.q, &state.v, dq, dv);
+        if self.closures.rows() > 0 {
+            self.evaluate_rate_change(parametrization, state, dp_rate, dq, dv);
+            self.closures.solve(&mut self.rows);
+            for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
+                rates[k] = *x;
+            }
+            self.twists_change(&rates, &state.q, &state.v, dq, dv);
+        }
+        self.rate_change = rates;
+    }
+
+    fn twists_change(&mut self, rates: &[f64], q: &[f64], v: &[f64], dq: &[f64], dv: &mut [f64]) {
+        for (edge, bias) in self.edges.iter().zip(&self.bias_change) {
+            let mut change = edge.base.map_or([0.0; W], |base| self.twist_change[base]);
+            add(&mut change, 1.0, bias);
+            for k in edge.range.clone() {
+                add(&mut change, rates[k], &self.columns[k]);
+            }
+            let b = edge.body;
+            self.twist_change[b] = change;
+            let own = A::rates(pose(q, b), &self.origin[b], &change);
+            let moved = A::rates_change(pose(v, b), pose(dq, b), &self.twist[b]);
+            *pose_mut::<N>(dv, b) = std::array::from_fn(|i| own[i] + moved[i]);
+        }
+    }
+
+    /// Changes of the closures' rates with δq and δq̇, less what those of deformations should be.
+    fn evaluate_rate_change(
+        &mut self,
+        parametrization: &Parametrization,
+        state: &State,
+        dp_rate: &[f64],
+        dq: &[f64],
+        dv: &[f64],
+    ) {
+        let Some(relatives) = parametrization.relatives() else { return };
+        let mut rest = self.gradients.as_slice();
+        let mut bend = [0.0; 6 * 14];
+        let mut bend_rate = [0.0; 6 * 14];
+        for closure in &self.closures.all {
+            let size = closure.count * 2 * N;
+            let (gradient, later) = rest.split_at(size);
+            rest = later;
+            let bend = &mut bend[..size];
+            match closure.origin {
+                Origin::Joint(joint) => {
+                    self.system.joint_blocks(joint, state, bend, &mut bend_rate[..size]);
+                }
+                Origin::Deformations(group) => {
+                    let reference = &relatives.references[group];
+                    self.system.relative_rate_gradient(group, reference, &state.q, &state.v, bend);
+                }
+            }
+            for (out, (row, k)) in self.rows[closure.first..].iter_mut().zip(&closure.rows) {
+                *out = match closure.origin {
+                    Origin::Joint(_) => 0.0,
+                    Origin::Deformations(_) => -dp_rate[*k],
+                };
+                for side in 0..2 {
+                    let Some(b) = closure.ends[side] else { continue };
+                    let range = row * 2 * N + side * N..row * 2 * N + (side + 1) * N;
+                    let (dq, dv): (&[f64; N], &[f64; N]) = (pose(dq, b), pose(dv, b));
+                    let terms = bend[range.clone()].iter().zip(dq);
+                    *out += terms.map(|(a, x)| a * x).sum::<f64>();
+                    let terms = gradient[range].iter().zip(dv);
+                    *out += terms.map(|(a, x)| a * x).sum::<f64>();
+                }
+            }
+        }
+    }
+}
