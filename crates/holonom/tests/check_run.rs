@@ -71,4 +71,16 @@ fn ends_of_a_spring_at_one_place_are_refused_where_it_pushes() {
     let error = checked(&with("0.5")).unwrap_err();
     assert!(error.starts_with("the ends of spring `s` coincide at the start"), "{error}");
     assert!(checked(&with("0.0")).is_ok());
+    // In series with a damper its force does not follow from the length.
+    for free in ["0.5", "0.0"] {
+        let series = with(free)
+            .replace("tsda", "maxwell")
+            .replace("free_length", "damping = 2.0, free_length");
+        let error = checked(&series).unwrap_err();
+        assert!(
+            error.starts_with("the ends of `s`, a spring and a damper in series, coincide"),
+            "{error}"
+        );
+        assert!(checked(&series.replacen("[2.0, 0.0]]", "[2.0, 0.1]]", 1)).is_ok());
+    }
 }

@@ -16,9 +16,10 @@ use crate::math::spatial::{conjugate, cross, product};
 use crate::math::turn::exponential;
 use crate::math::vector::{difference, dot, sum};
 use crate::model::JointKind;
+use serde::{Deserialize, Serialize};
 
 /// Where an edge stood when its references were last moved.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Anchor {
     /// Orientation of the second body against the first, or of the child against the ground where the
     /// edge does not resist turning: Euler parameters, in the plane an angle (rad) in the first entry.

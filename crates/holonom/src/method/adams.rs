@@ -408,6 +408,51 @@ impl Stepper for AdamsStepper {
         degree
     }
 
+    fn history(&self) -> Vec<f64> {
+        let last = self.last();
+        let whole = [last.order, last.last_order, last.same_steps, usize::from(last.starting)];
+        let mut numbers: Vec<f64> = whole.iter().map(|&k| k as f64).collect();
+        numbers.extend([f64::from(last.low_orders), last.last_step]);
+        numbers.extend_from_slice(&last.psi);
+        for column in last.phi.iter().take(last.columns()) {
+            numbers.extend_from_slice(column);
+        }
+        numbers
+    }
+
+    fn recall(&mut self, numbers: &[f64]) -> bool {
+        let most = ADAMS_MAX_ORDER as f64;
+        let Some((&[order, last_order, same_steps, starting, low_orders, last_step], rest)) =
+            numbers.split_first_chunk()
+        else {
+            return false;
+        };
+        let n = self.predicted.len();
+        let history = &mut self.history;
+        let Some((psi, columns)) = rest.split_first_chunk() else { return false };
+        let known = (0.0..=most).contains(&order)
+            && (0.0..=most).contains(&last_order)
+            && order <= last_order + 1.0
+            && (0.0..=most + 2.0).contains(&same_steps)
+            && (order == 0.0 || last_step > 0.0)
+            && numbers.iter().all(|x| x.is_finite());
+        if !known {
+            return false;
+        }
+        history.psi = *psi;
+        (history.order, history.last_order) = (order as usize, last_order as usize);
+        (history.same_steps, history.starting) = (same_steps as usize, starting != 0.0);
+        (history.low_orders, history.last_step) = (low_orders as u32, last_step);
+        if columns.len() != n * history.columns() {
+            return false;
+        }
+        for (column, stored) in history.phi.iter_mut().zip(columns.chunks_exact(n.max(1))) {
+            column.copy_from_slice(stored);
+        }
+        self.pending = false;
+        true
+    }
+
     fn last_change(&self) -> &[f64] {
         &self.difference
     }

@@ -2,6 +2,7 @@
 
 use crate::control::{NewtonControl, starting_step, trial_step};
 use crate::method::ode::{EvaluationFailure, LinearizedOde, Ode};
+use serde::{Deserialize, Serialize};
 
 /// Why an attempt was rejected.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,7 +67,7 @@ pub struct StepEnd<'a> {
 }
 
 /// Work counters since construction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct StepperStatistics {
     /// Attempts that were accepted (steps taken back by [`Stepper::discard`] included).
     pub accepted: u64,
@@ -91,6 +92,23 @@ pub struct StepperStatistics {
 }
 
 impl StepperStatistics {
+    /// With the work of another stepper added.
+    #[must_use]
+    pub fn plus(&self, other: &Self) -> Self {
+        Self {
+            accepted: self.accepted + other.accepted,
+            rejected_error: self.rejected_error + other.rejected_error,
+            rejected_newton: self.rejected_newton + other.rejected_newton,
+            rejected_evaluation: self.rejected_evaluation + other.rejected_evaluation,
+            derivatives: self.derivatives + other.derivatives,
+            linearizations: self.linearizations + other.linearizations,
+            factorizations: self.factorizations + other.factorizations,
+            solves: self.solves + other.solves,
+            iterations: self.iterations + other.iterations,
+            stiff_steps: self.stiff_steps + other.stiff_steps,
+        }
+    }
+
     /// Counts the outcome of an attempt.
     pub(crate) fn count(&mut self, cause: Option<&Rejection>) {
         match cause {
@@ -251,6 +269,16 @@ pub trait Stepper: Send {
     /// [`Stepper::interpolate`] of the last accepted step as a polynomial in θ: coefficients from θ⁰ on, one
     /// after the other, into `coefficients`, which has room for the largest degree. Returns the degree.
     fn polynomial(&self, coefficients: &mut [f64]) -> usize;
+
+    /// What a formula that keeps slopes of earlier steps has kept, as numbers; empty for others.
+    fn history(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
+    /// Goes on with the history of a stepper for as many unknowns; false if it is none.
+    fn recall(&mut self, history: &[f64]) -> bool {
+        history.is_empty()
+    }
 
     /// What the last attempt was rejected for, in w: the last correction of an iteration that failed,
     /// or the estimated error; empty where neither is kept.

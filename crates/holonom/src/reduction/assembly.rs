@@ -106,6 +106,15 @@ pub enum AssemblyError {
         /// Elastic force, N.
         force: f64,
     },
+    /// The same of a spring and a damper in series, whatever its free length.
+    #[error(
+        "the ends of `{item}`, a spring and a damper in series, coincide at the start, where its force has no \
+         direction"
+    )]
+    CoincidentSeries {
+        /// Name of the element.
+        item: String,
+    },
     /// The equations could not be evaluated at the start.
     #[error("{0}")]
     Evaluation(#[from] EvaluationFailure),
@@ -119,7 +128,9 @@ impl AssemblyError {
             Self::Unreachable { .. } => "assembly/unreachable",
             Self::Contradiction { .. } => "assembly/contradiction",
             Self::SingularMass { .. } => "assembly/singular-mass",
-            Self::CoincidentEnds { .. } => "assembly/coincident-ends",
+            Self::CoincidentEnds { .. } | Self::CoincidentSeries { .. } => {
+                "assembly/coincident-ends"
+            }
             Self::Evaluation(failure) => failure.code,
         }
     }
@@ -132,6 +143,7 @@ impl AssemblyError {
             | Self::Unreachable { item, .. }
             | Self::Contradiction { item, .. }
             | Self::CoincidentEnds { item, .. }
+            | Self::CoincidentSeries { item }
             | Self::SingularMass { body: item, .. } => Some(item),
             Self::Evaluation(_) => None,
         }
@@ -152,6 +164,9 @@ impl AssemblyError {
             Self::SingularMass { .. } => "give the body a mass and inertia, or hold it by a joint",
             Self::CoincidentEnds { .. } => {
                 "move one of its points, or start where they are apart; only a spring of free length zero may begin there"
+            }
+            Self::CoincidentSeries { .. } => {
+                "move one of its points, or start where they are apart"
             }
             Self::Evaluation(_) => "check the model near its initial state",
         }
@@ -342,19 +357,29 @@ fn refuse_coincident_ends(
 ) -> Result<(), AssemblyError> {
     let sample = Sample::new(state);
     for force in &model.forces {
-        let ForceKind::Tsda { law, free_length, .. } = &force.kind else { continue };
-        let elastic = match law {
-            ElasticLaw::Linear(stiffness) => -stiffness * free_length,
-            ElasticLaw::Table(table) => table.value_and_slope(-free_length).0,
+        let (elastic, free_length) = match &force.kind {
+            ForceKind::Tsda { law, free_length, .. } => {
+                let elastic = match law {
+                    ElasticLaw::Linear(stiffness) => -stiffness * free_length,
+                    ElasticLaw::Table(table) => table.value_and_slope(-free_length).0,
+                };
+                (Some(elastic), *free_length)
+            }
+            ForceKind::Maxwell { free_length, .. } => (None, *free_length),
+            _ => continue,
         };
         let name = format!("{}.length", force.name);
-        let Some(channel) = system.channel_named(&name).filter(|_| elastic != 0.0) else {
+        let Some(channel) = system.channel_named(&name).filter(|_| elastic != Some(0.0)) else {
             continue;
         };
         let mut length = [0.0];
         system.channel(channel, &sample, &mut length);
         if length[0] <= COINCIDENT * free_length.max(system.characteristic_length()) {
-            return Err(AssemblyError::CoincidentEnds { item: force.name.clone(), force: elastic });
+            let item = force.name.clone();
+            return Err(match elastic {
+                Some(force) => AssemblyError::CoincidentEnds { item, force },
+                None => AssemblyError::CoincidentSeries { item },
+            });
         }
     }
     Ok(())

@@ -9,6 +9,7 @@ use super::redundant::Redundant;
 use crate::error::EvaluationFailure;
 use crate::system::{State, System};
 use holonom_linalg::BlockMatrix;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Corrections that contract more slowly than this are refused as a way to another branch.
@@ -22,7 +23,7 @@ const UNNOTICED: f64 = 0.1 * f64::EPSILON;
 const NOISY_CORRECTION: f64 = 1e-9;
 
 /// Work counters of the recovery.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct RecoveryCounters {
     /// Position recoveries.
     pub recoveries: u64,

@@ -2,9 +2,10 @@
 
 use super::relatives::Relatives;
 use crate::system::{Measure, State, System};
+use serde::{Deserialize, Serialize};
 
 /// What the independent variables are.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Projection {
     /// Coordinate partitioning: the independent coordinates, ascending.
     Selection(Vec<usize>),
@@ -15,7 +16,7 @@ pub enum Projection {
 }
 
 /// Which rows and coordinates a parametrization uses.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parametrization {
     /// Rows of independent constraints, ascending.
     pub kept: Vec<usize>,
@@ -26,6 +27,7 @@ pub struct Parametrization {
     /// Number of degrees of freedom.
     pub ndof: usize,
     /// Smallest accepted pivot over the first: small near a singular configuration.
+    #[serde(skip)]
     pub pivot_ratio: f64,
 }
 

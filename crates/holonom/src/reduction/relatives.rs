@@ -3,6 +3,7 @@
 
 use crate::error::EvaluationFailure;
 use crate::system::{Anchor, Measure, Reference, RelativeGroup, RelativeKind, State, System, Tree};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// Coordinates of two bodies in space, for three rows.
@@ -13,7 +14,7 @@ const MOST: usize = 6;
 const REACH: f64 = 0.75;
 
 /// Where the value of an edge's coordinate comes from.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Source {
     /// An independent variable.
     Independent(usize),
@@ -24,7 +25,7 @@ pub enum Source {
 }
 
 /// The relative coordinates in use.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Relatives {
     /// Form of each edge of the forest.
     pub forms: Vec<usize>,

@@ -155,6 +155,12 @@ pub enum RunError {
         /// Why not.
         reason: String,
     },
+    /// A checkpoint that is none of this run.
+    #[error("the run cannot be taken up at its checkpoint: {reason}")]
+    Checkpoint {
+        /// What is wrong with it.
+        reason: String,
+    },
     /// A start state of another model.
     #[error("the start state has {found} {what}, the model {expected}")]
     StartState {
@@ -213,6 +219,7 @@ impl RunError {
             | Self::StateNotFinite { .. }
             | Self::InconsistentState { .. } => "simulation/start-state",
             Self::ShortTable { .. } => "simulation/short-table",
+            Self::Checkpoint { .. } => "simulation/checkpoint",
             _ => "simulation/option",
         }
     }
@@ -233,6 +240,9 @@ impl RunError {
             Self::Assembly(error) => error.help(),
             Self::StartState { .. } => "pass a state of the same model, as a result stores it",
             Self::StateNotFinite { .. } => "pass a state as a result stores it",
+            Self::Checkpoint { .. } => {
+                "start from its last state, or from the beginning: the checkpoint is of another run or version"
+            }
             Self::InconsistentState { .. } => {
                 "pass a state of this very model, as a result stores it at that time; where \
                  lengths, joints or drivers have changed, state initial values in the model instead"
@@ -443,6 +453,32 @@ pub(super) fn check_tables(model: &Model, start: f64, end: f64) -> Result<(), Ru
 /// Refuses a start state that is not one of the system, or contradicts a joint or driver by more than
 /// [`PROJECTED`] times max(1, L) m or max(1, ‖q̇‖∞).
 pub(super) fn check_state(system: &dyn System, state: &State) -> Result<(), RunError> {
+    check_numbers(system, state)?;
+    let sizes = system.structure().sizes;
+    let mut residual = vec![0.0; sizes.rows];
+    let refuse = |level, residual: &[f64], allowed: f64| {
+        let worst = largest_index(residual);
+        match residual.get(worst) {
+            Some(&residual) if residual.abs() > allowed || residual.is_nan() => {
+                let (row, item) = (system.row_name(worst), system.row_item(worst).0.to_owned());
+                Err(RunError::InconsistentState { level, row, item, residual, allowed })
+            }
+            _ => Ok(()),
+        }
+    };
+    system.position_constraints(state.t, &state.q, &mut residual);
+    refuse("position", &residual, PROJECTED * system.characteristic_length().max(1.0))?;
+    let mut g = system.structure().constraint_pattern.clone();
+    system.constraint_jacobian(&state.q, &mut g);
+    system.velocity_rhs(state.t, &mut residual);
+    residual.iter_mut().for_each(|x| *x = -*x);
+    g.multiply_add(1.0, &state.v, &mut residual);
+    let speed = state.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+    refuse("velocity", &residual, PROJECTED * speed)
+}
+
+/// Refuses a state of other sizes, or with numbers that are not finite.
+pub(super) fn check_numbers(system: &dyn System, state: &State) -> Result<(), RunError> {
     let sizes = system.structure().sizes;
     for (what, values, expected) in [
         ("coordinates", &state.q, sizes.coordinates),
@@ -470,26 +506,7 @@ pub(super) fn check_state(system: &dyn System, state: &State) -> Result<(), RunE
             return Err(RunError::StateNotFinite { what, index: 0, value });
         }
     }
-    let mut residual = vec![0.0; sizes.rows];
-    let refuse = |level, residual: &[f64], allowed: f64| {
-        let worst = largest_index(residual);
-        match residual.get(worst) {
-            Some(&residual) if residual.abs() > allowed || residual.is_nan() => {
-                let (row, item) = (system.row_name(worst), system.row_item(worst).0.to_owned());
-                Err(RunError::InconsistentState { level, row, item, residual, allowed })
-            }
-            _ => Ok(()),
-        }
-    };
-    system.position_constraints(state.t, &state.q, &mut residual);
-    refuse("position", &residual, PROJECTED * system.characteristic_length().max(1.0))?;
-    let mut g = system.structure().constraint_pattern.clone();
-    system.constraint_jacobian(&state.q, &mut g);
-    system.velocity_rhs(state.t, &mut residual);
-    residual.iter_mut().for_each(|x| *x = -*x);
-    g.multiply_add(1.0, &state.v, &mut residual);
-    let speed = state.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
-    refuse("velocity", &residual, PROJECTED * speed)
+    Ok(())
 }
 
 pub(super) fn find_channels(

@@ -139,6 +139,7 @@ impl Choices {
             initial_step: self.initial_step.or(file.initial_step),
             max_steps: self.max_steps.or(file.max_steps).unwrap_or(usual.max_steps),
             max_seconds: self.max_seconds.or(file.max_seconds).unwrap_or(usual.max_seconds),
+            checkpoint_steps: usual.checkpoint_steps,
             newmark,
             parametrization: word("parametrization", parametrization, Choice::ALL)?
                 .unwrap_or(profile.parametrization()),

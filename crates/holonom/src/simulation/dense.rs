@@ -11,6 +11,7 @@ use crate::reduction::assembly::manifold_of;
 use crate::reduction::{Chart, Parametrization, Point, Projection};
 use crate::system::{Ledger, RelativeKind, State, System};
 use crate::topology::Forest;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Numbers of [`StepPowers`].
@@ -23,7 +24,7 @@ const NORMAL: usize = 3;
 const ROOM: usize = 1 << 19;
 
 /// A chart as the steps of a run use it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ChartRecord {
     /// First time at which it serves, s.
     pub t: f64,
@@ -38,6 +39,24 @@ pub struct ChartRecord {
 }
 
 impl ChartRecord {
+    /// Whether sizes and places are those of the system.
+    pub(super) fn fits(&self, system: &dyn System) -> bool {
+        let sizes = system.structure().sizes;
+        let p = &self.parametrization;
+        let fits = match &p.projection {
+            Projection::Selection(independent) => {
+                independent.len() == p.ndof && independent.iter().all(|&i| i < sizes.coordinates)
+            }
+            Projection::Basis(rows) => rows.len() == p.ndof * sizes.coordinates,
+            Projection::Relative(relatives) => {
+                relatives.fits(p.ndof, sizes.rows, system.tree(), system.relative_groups())
+            }
+        };
+        fits && self.q.len() == sizes.coordinates
+            && p.kept.len() + p.ndof == sizes.coordinates
+            && p.kept.iter().chain(&p.dropped).all(|&row| row < sizes.rows)
+    }
+
     /// Groups of directions whose normals stand in the segments.
     fn carried(&self, system: &dyn System) -> Vec<usize> {
         match self.parametrization.relatives() {
@@ -340,7 +359,6 @@ fn foreign(message: String) -> EvaluationFailure {
 /// Whether steps and charts have the sizes of the system.
 fn check(system: &dyn System, segments: &Segments) -> Result<(), EvaluationFailure> {
     let sizes = system.structure().sizes;
-    let (tree, groups) = (system.tree(), system.relative_groups());
     let count = segments.len();
     let charts = segments.charts_before..segments.charts_before + segments.charts.len();
     let rows = [
@@ -353,18 +371,8 @@ fn check(system: &dyn System, segments: &Segments) -> Result<(), EvaluationFailu
     ];
     let powers = segments.powers.len();
     let fits = |record: &ChartRecord| {
-        let p = &record.parametrization;
-        let fits = match &p.projection {
-            Projection::Selection(independent) => {
-                independent.len() == p.ndof && independent.iter().all(|&i| i < sizes.coordinates)
-            }
-            Projection::Basis(rows) => rows.len() == p.ndof * sizes.coordinates,
-            Projection::Relative(relatives) => relatives.fits(p.ndof, sizes.rows, tree, groups),
-        };
-        fits && record.q.len() == sizes.coordinates
-            && p.kept.len() + p.ndof == sizes.coordinates
-            && p.kept.iter().chain(&p.dropped).all(|&row| row < sizes.rows)
-            && 2 * p.ndof + sizes.extra_states <= segments.dimension
+        let ndof = record.parametrization.ndof;
+        record.fits(system) && 2 * ndof + sizes.extra_states <= segments.dimension
     };
     if rows.iter().all(|(found, expected)| found == expected)
         && (powers == 0 || powers == count * STEP_POWERS)

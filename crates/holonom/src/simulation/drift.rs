@@ -2,13 +2,14 @@
 
 use crate::model::Tolerance;
 use crate::system::{State, System};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 /// Part of its largest speed from which a point has a direction.
 const SLOW: f64 = 1e-3;
 
 /// Bodies and their paths along a run.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Drift {
     bodies: Vec<Turning>,
     largest: f64,
@@ -18,6 +19,11 @@ impl Drift {
     /// Of so many bodies.
     pub(super) fn new(bodies: usize) -> Self {
         Self { bodies: vec![Turning::default(); bodies], largest: 0.0 }
+    }
+
+    /// Whether another one is of as many bodies.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        self.bodies.len() == other.bodies.len()
     }
 
     /// Takes a step of length `h` that ends at `state`, whose velocities are off by `part`. What turns with ω is behind
@@ -46,7 +52,7 @@ impl Drift {
 }
 
 /// An angle about an axis that moves little, rad, and what of it missing energy makes.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct Angle {
     turned: [f64; 3],
     behind: [f64; 3],
@@ -65,7 +71,7 @@ impl Angle {
 }
 
 /// How a body and the direction of its path turn.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 struct Turning {
     rotation: Angle,
     path: Angle,

@@ -3,6 +3,7 @@
 use crate::model::{Model, Tolerance};
 use crate::system::{EnergyBalance, State, System};
 use crate::topology::Shape;
+use serde::{Deserialize, Serialize};
 
 /// Part of the energies summed up that is round-off of their sum.
 const ROUND_OFF: f64 = 1e-12;
@@ -15,7 +16,7 @@ const ALLOWED: f64 = 10.0;
 /// A group of bodies that no joint ties to the ground may travel. Its kinetic energy counts in the
 /// frame that moves with the velocity of its centre of mass at the start, so that an imbalance weighs
 /// the same in a vehicle that stands and in one that drives. The ledger itself knows no such frame.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(super) struct EnergyScale {
     travelling: Vec<Travelling>,
     kinetic: f64,
@@ -27,7 +28,7 @@ pub(super) struct EnergyScale {
 }
 
 /// A group of bodies that no joint ties to the ground.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct Travelling {
     /// First coordinate and mass (kg) of each body.
     bodies: Vec<(usize, f64)>,
@@ -76,6 +77,13 @@ impl EnergyScale {
         let mut scale = Self { travelling, ..Self::default() };
         scale.take(system, start, &system.energy(start));
         scale
+    }
+
+    /// Whether another one is of the same bodies.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        let bodies =
+            |scale: &Self| scale.travelling.iter().map(|t| t.bodies.clone()).collect::<Vec<_>>();
+        bodies(self) == bodies(other)
     }
 
     /// Takes an accepted state with its energy.

@@ -1,5 +1,6 @@
 //! The run: loop, output, energy, statistics, diagnosis.
 
+mod checkpoint;
 mod checks;
 mod choices;
 mod clock;
@@ -20,6 +21,7 @@ mod step_length;
 mod trajectory;
 mod warnings;
 
+pub use checkpoint::Checkpoint;
 pub use checks::RunError;
 pub use choices::{Choices, ToleranceParts};
 pub use dense::{ChartRecord, DenseOutput, Segments};
@@ -27,7 +29,7 @@ pub use options::{Options, OutputTimes};
 pub use problem::{
     AccelerationSummary, EdgeCoordinate, EdgeSummary, ModelSummary, Problem, RedundantRow,
 };
-pub use run::{Summary, check_run, run};
+pub use run::{Summary, check_run, resume, run};
 pub use slowness::{LimitedBy, Limits};
 pub use statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 pub use trajectory::{Chunk, EventKind, EventRecord, Flow, Memory, Sink, StepOutcome, StepRecord};

@@ -7,6 +7,11 @@ use crate::reduction::accelerations::Accelerations;
 use crate::reduction::{Choice, Coordinates};
 use crate::threads::Threads;
 
+/// Steps between checkpoints of explicit codes, which take many cheap ones.
+const EXPLICIT_STEPS: u64 = 10_000;
+/// Steps between checkpoints of implicit codes.
+const IMPLICIT_STEPS: u64 = 1_000;
+
 /// When states are stored.
 #[derive(Debug, Clone, PartialEq)]
 pub enum OutputTimes {
@@ -46,6 +51,10 @@ pub struct Options {
     pub initial_step: Option<f64>,
     /// Largest number of attempted steps.
     pub max_steps: u64,
+    /// Accepted steps from one checkpoint to the next: there a run goes on from the present state, chart and
+    /// step size alone, so that one that is taken up there goes the same way. Unless stated, a number that
+    /// costs nothing measurable.
+    pub checkpoint_steps: Option<u64>,
     /// Largest wall time from the call of the run on, its assembly included, s.
     pub max_seconds: f64,
     /// Another member of Newmark's family in place of the trapezoidal rule, for its codes.
@@ -83,6 +92,7 @@ impl Options {
             max_step: f64::INFINITY,
             initial_step: None,
             max_steps: 10_000_000,
+            checkpoint_steps: None,
             max_seconds: f64::INFINITY,
             newmark: None,
             parametrization: Choice::default(),
@@ -94,6 +104,12 @@ impl Options {
             repartition_factor: 1.25,
             dense_output: None,
         }
+    }
+
+    /// Accepted steps from one checkpoint to the next.
+    pub(super) fn steps_between_checkpoints(&self) -> u64 {
+        let explicit = self.code.info().family == "explicit";
+        self.checkpoint_steps.unwrap_or(if explicit { EXPLICIT_STEPS } else { IMPLICIT_STEPS })
     }
 
     /// Whether steps are handed out with what the states inside them are made of.

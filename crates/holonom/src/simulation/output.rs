@@ -54,6 +54,16 @@ impl Output {
         }
     }
 
+    /// Rows so far, and the time of the last one, s.
+    pub(super) fn position(&self) -> (usize, Option<f64>) {
+        (self.next, Some(self.last).filter(|t| !t.is_nan()))
+    }
+
+    /// The rows of a run that began at `start`, s, from a place among them on.
+    pub(super) fn go_on(&mut self, start: f64, (next, last): (usize, Option<f64>)) {
+        (self.start, self.next, self.last) = (start, next, last.unwrap_or(f64::NAN));
+    }
+
     /// Whether the rows are to be handed out.
     pub(super) fn is_full(&self) -> bool {
         self.chunk.time.len() >= self.rows

@@ -4,6 +4,7 @@
 use crate::model::Tolerance;
 use crate::reduction::Parametrization;
 use crate::system::{Measure, State, System};
+use serde::{Deserialize, Serialize};
 
 /// Errors below this part of the tolerance did not limit a step.
 const LIMITING: f64 = 0.01;
@@ -46,8 +47,8 @@ pub(super) struct Slowness {
     named: Vec<Named>,
 }
 
-#[derive(Debug, Clone, PartialEq)]
-struct Named {
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Named {
     name: String,
     force: Option<String>,
     accepted: u64,
@@ -74,6 +75,22 @@ impl Slowness {
         self.absolute = absolute.collect();
         self.accepted = vec![0; chart.ndof];
         self.rejected = vec![0; chart.ndof];
+    }
+
+    /// The counts so far, by name; `chart` and `state` are the present ones.
+    pub(super) fn by_name(
+        &mut self,
+        system: &dyn System,
+        chart: &Parametrization,
+        state: &State,
+    ) -> &[Named] {
+        self.name(system, chart, state);
+        &self.named
+    }
+
+    /// Goes on from counts by name.
+    pub(super) fn after(named: Vec<Named>) -> Self {
+        Self { named, ..Self::default() }
     }
 
     /// Counts an attempt from `w` by the error `change` of its coordinates and rates; `error` is its size

@@ -1,6 +1,7 @@
 //! Work, residuals and the reason for the end of a run.
 
 use crate::system::EnergyBalance;
+use serde::{Deserialize, Serialize};
 
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -56,7 +57,7 @@ pub struct RunWarning {
 }
 
 /// Work of a run.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Statistics {
     /// Accepted steps.
     pub steps: u64,
@@ -113,7 +114,7 @@ pub struct Statistics {
 }
 
 /// Energy at start and end.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct EnergySummary {
     /// At the start.
     pub start: EnergyBalance,

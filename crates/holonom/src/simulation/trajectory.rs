@@ -1,5 +1,6 @@
 //! What a run hands out: chunks of states and steps to a sink, and a summary at the end.
 
+use super::checkpoint::Checkpoint;
 use super::dense::Segments;
 use super::output::CHUNK_STEPS;
 use super::run::MAX_REJECTIONS;
@@ -35,6 +36,8 @@ pub struct Chunk {
     pub events: Vec<EventRecord>,
     /// Accepted steps with what the states inside them are made of; empty without dense output.
     pub dense: Segments,
+    /// Where the run can be taken up again: at the end of this chunk.
+    pub checkpoint: Option<Checkpoint>,
 }
 
 impl Chunk {
@@ -55,6 +58,7 @@ impl Chunk {
             steps: Vec::with_capacity(CHUNK_STEPS + MAX_REJECTIONS as usize),
             events: Vec::with_capacity(CHUNK_EVENTS),
             dense: Segments::default(),
+            checkpoint: None,
         }
     }
 
@@ -87,6 +91,7 @@ impl Chunk {
         self.steps.clear();
         self.events.clear();
         self.dense.clear();
+        self.checkpoint = None;
     }
 }
 
@@ -208,6 +213,7 @@ impl Sink for Memory {
         all.steps.extend_from_slice(&chunk.steps);
         all.events.extend_from_slice(&chunk.events);
         all.dense.extend(&chunk.dense);
+        all.checkpoint = chunk.checkpoint.clone().or(all.checkpoint.take());
         Ok(())
     }
 

@@ -29,10 +29,11 @@ pub use crate::elements::kinematics::{Anchor, EdgeScrews};
 pub use crate::elements::relative::{Reference, RelativeKind};
 pub use crate::elements::row::RowKind;
 use holonom_linalg::BlockMatrix;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// A state of a system: everything that a run needs to go on from here.
-#[derive(Debug, Clone, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct State {
     /// Time, s.
     pub t: f64,
@@ -53,7 +54,7 @@ pub struct State {
 }
 
 /// Energy bookkeeping of a run, J.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Ledger {
     /// Kinetic plus potential energy at the start.
     pub initial: f64,
@@ -98,7 +99,7 @@ impl State {
 }
 
 /// Mechanical energy and the powers that change it.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct EnergyBalance {
     /// Kinetic energy, J.
     pub kinetic: f64,

@@ -2,6 +2,7 @@
 //! in, the edges it leaves out, components.
 
 use crate::model::BodyIndex;
+use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -17,7 +18,8 @@ pub struct Edge {
 }
 
 /// A spanning forest, rooted at the ground.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "StoredForest")]
 pub struct Forest {
     /// Edge that ties each body to its parent; `None` at the root of a component that nothing ties to
     /// the ground.
@@ -30,6 +32,25 @@ pub struct Forest {
     pub depth: Vec<usize>,
     /// Edges outside the forest: each closes a loop.
     pub cuts: Vec<usize>,
+}
+
+/// A forest as it was stored, perhaps of another graph.
+#[derive(Deserialize)]
+struct StoredForest {
+    edge: Vec<Option<usize>>,
+    parent: Vec<BodyIndex>,
+    order: Vec<usize>,
+    cuts: Vec<usize>,
+}
+
+impl TryFrom<StoredForest> for Forest {
+    type Error = &'static str;
+
+    fn try_from(stored: StoredForest) -> Result<Self, Self::Error> {
+        let StoredForest { edge, parent, order, cuts } = stored;
+        let edges = edge.iter().flatten().count() + cuts.len();
+        Self::known(edge, parent, order, edges).ok_or("this is no spanning forest")
+    }
 }
 
 /// An edge that could be taken next; the greatest is.

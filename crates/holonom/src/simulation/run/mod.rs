@@ -1,14 +1,16 @@
 //! The run loop: steps, outputs, limits.
 
 mod charts;
+mod checkpoints;
 mod reporting;
 mod set_up;
 
 use crate::error::EvaluationFailure;
 use crate::method::StateSpace;
-use crate::method::stepper::{Rejection, Stepper, initial_step};
+use crate::method::stepper::{Rejection, Stepper, StepperStatistics, initial_step};
 use crate::reduction::Choice;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
+use crate::simulation::checkpoint::{Checkpoint, Pace, foreign};
 use crate::simulation::checks::RunError;
 use crate::simulation::clock::{Elapsed, Stopwatch};
 use crate::simulation::diagnosis::Stop;
@@ -75,20 +77,52 @@ pub fn run(
     from: Option<&State>,
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
+    begin(problem, options, from.map_or(Start::Assembled, Start::At), sink)
+}
+
+/// Takes up a run of the same problem with the same options: its rows and steps from the checkpoint on are
+/// those of the run that made it, to the last bit, and its summary is that of the whole.
+///
+/// # Errors
+/// [`RunError::Checkpoint`] where it is one of another model or method; as [`run`].
+pub fn resume(
+    problem: &Problem,
+    options: &Options,
+    checkpoint: &Checkpoint,
+    sink: &mut dyn Sink,
+) -> Result<Summary, RunError> {
+    let along = problem.along(&checkpoint.chart.forest).ok_or_else(foreign)?;
+    begin(&along, options, Start::Checkpoint(checkpoint), sink)
+}
+
+/// What a run starts from.
+#[derive(Clone, Copy)]
+enum Start<'a> {
+    /// The initial state of its model.
+    Assembled,
+    /// A given state.
+    At(&'a State),
+    Checkpoint(&'a Checkpoint),
+}
+
+fn begin(
+    problem: &Problem,
+    options: &Options,
+    start: Start<'_>,
+    sink: &mut dyn Sink,
+) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
     let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
-    let mut run = within(limit, || set_up::set_up(problem, options, from, sink, begun))
+    let mut run = within(limit, || set_up::set_up(problem, options, start, sink, begun))
         .map_err(|given_up| RunError::given_up(given_up, options))??;
-    let (looped, others) = (Stopwatch::start(), Stopwatch::of_others(&options.threads));
+    run.looped = (Stopwatch::start(), Stopwatch::of_others(&options.threads));
     let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
     let stop = within(left, || stage("running", || run.advance()))
         .unwrap_or_else(|given_up| Err(Stop::from(given_up)));
     let (status, stop) = run.finish(stop);
-    let mut took = looped.elapsed() - run.sink_time;
-    took += Stopwatch::of_others(&options.threads) - others;
-    run.statistics.run_seconds = took.wall.as_secs_f64();
-    run.statistics.run_cpu_seconds = took.processor.as_secs_f64();
-    if from.is_none() {
+    let mut statistics = run.statistics;
+    run.add_times(&mut statistics);
+    if run.assembled {
         run.warnings.extend(chosen(problem.chosen_velocities()));
     }
     let chart = run.form.point().manifold.chart().parametrization().clone();
@@ -96,7 +130,7 @@ pub fn run(
         status,
         stop,
         ndof: run.form.point().manifold.chart().ndof(),
-        statistics: run.statistics,
+        statistics,
         energy: run.energy,
         end: run.state,
         warnings: run.warnings,
@@ -111,7 +145,8 @@ pub fn run(
 /// As [`run`].
 pub fn check_run(problem: &Problem, options: &Options) -> Result<Vec<RunWarning>, RunError> {
     let mut none = Memory::default();
-    let mut run = set_up::set_up(problem, options, None, &mut none, Stopwatch::start())?;
+    let mut run =
+        set_up::set_up(problem, options, Start::Assembled, &mut none, Stopwatch::start())?;
     run.form.begin_step(&run.state);
     run.form.pack(&run.state, &mut run.w);
     run.evaluate_slope()
@@ -148,7 +183,17 @@ struct Run<'a> {
     output: Output,
     warnings: Vec<RunWarning>,
     sink: &'a mut dyn Sink,
+    /// First time of the run, s.
+    started: f64,
+    /// Whether it began with the model's initial state.
+    assembled: bool,
+    /// Where it is taken up, until that is done.
+    taken_up: Option<&'a Checkpoint>,
+    /// Work of the steppers before the present one.
+    work_before: StepperStatistics,
     begun: Stopwatch,
+    /// The same since the first step, and what other threads had worked before.
+    looped: (Stopwatch, Elapsed),
     last_poll: Instant,
     last_flush: Instant,
     sink_time: Elapsed,
@@ -157,25 +202,14 @@ struct Run<'a> {
 impl Run<'_> {
     fn advance(&mut self) -> Result<(), Stop> {
         let end = self.options.end_time;
-        self.form.begin_step(&self.state);
-        self.form.pack(&self.state, &mut self.w);
-        self.record_chart();
-        let chart = self.form.point().manifold.chart().parametrization();
-        self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);
-        self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
-        self.condition_reference = self.form.point_mut().manifold.condition();
-        self.start_residuals = self.form.point_mut().manifold.residuals(&self.state);
-        self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.state.lambda);
-        while self.output.time() <= self.state.t {
-            self.output.push(self.system.as_ref(), &self.state);
-        }
+        let Pace { next: mut h, mut longest, mut attempts } = match self.taken_up.take() {
+            Some(checkpoint) => self.take_up(checkpoint)?,
+            None => self.begin()?,
+        };
         let breakpoints = self.system.breakpoints();
-        let span = end - self.state.t;
+        let span = end - self.started;
         let kinematic = self.form.point().manifold.chart().ndof() == 0;
         let fixed = self.options.fixed_step.is_some();
-        let mut longest = f64::INFINITY;
-        let mut h = self.first_step().map_err(|f| failed(f, 0.0))?;
-        let mut attempts = 0;
         let mut rejections = 0;
         let mut repartitioned = false;
         while self.state.t < end {
@@ -247,9 +281,37 @@ impl Run<'_> {
             } else {
                 self.check_partition().map_err(|f| failed(f, step))?;
             }
+            self.checkpoint_if_due(Pace { next: h, longest, attempts })?;
             self.flush_if_due()?;
         }
         Ok(())
+    }
+
+    /// First row and first step.
+    fn begin(&mut self) -> Result<Pace, Stop> {
+        self.form.begin_step(&self.state);
+        self.form.pack(&self.state, &mut self.w);
+        self.record_chart();
+        let chart = self.form.point().manifold.chart().parametrization();
+        self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);
+        self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
+        self.condition_reference = self.form.point_mut().manifold.condition();
+        self.start_residuals = self.form.point_mut().manifold.residuals(&self.state);
+        self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.state.lambda);
+        while self.output.time() <= self.state.t {
+            self.output.push(self.system.as_ref(), &self.state);
+        }
+        let next = self.first_step().map_err(|f| failed(f, 0.0))?;
+        Ok(Pace { next, longest: f64::INFINITY, attempts: 0 })
+    }
+
+    /// Adds the times of the run since its first step here.
+    fn add_times(&self, statistics: &mut Statistics) {
+        let (looped, others) = &self.looped;
+        let mut took = looped.elapsed() - self.sink_time;
+        took += Stopwatch::of_others(&self.options.threads) - *others;
+        statistics.run_seconds += took.wall.as_secs_f64();
+        statistics.run_cpu_seconds += took.processor.as_secs_f64();
     }
 
     /// Slope at the present state; the form's factors then belong to it.
@@ -364,7 +426,11 @@ impl Run<'_> {
             self.output.push(self.system.as_ref(), &self.row);
             // A step may hold any number of rows: they go out in chunks, and the run can be stopped.
             if self.output.is_full() {
-                self.flush()?;
+                // Its record is not complete before the end of the step.
+                let record = self.output.chunk.steps.pop();
+                let flushed = self.flush();
+                self.output.chunk.steps.extend(record);
+                flushed?;
                 self.poll(step)?;
             }
         }

@@ -94,7 +94,7 @@ impl Run<'_> {
         }
         let flushed = self.flush();
         let counters = self.form.point().manifold.counters;
-        let stepper = *self.stepper.statistics();
+        let stepper = self.work();
         let s = &mut self.statistics;
         s.evaluations = stepper.derivatives;
         s.jacobians = stepper.linearizations;

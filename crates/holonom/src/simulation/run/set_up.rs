@@ -1,9 +1,12 @@
 //! Everything that a run needs before its first step.
 
-use super::Run;
-use crate::method::{build_state_space, build_stepper};
+use super::{Run, Start};
+use crate::method::stepper::{Stepper, StepperStatistics};
+use crate::method::{StateSpace, build_state_space, build_stepper};
 use crate::newton::MatrixOptions;
-use crate::reduction::assembly::AssemblyError;
+use crate::reduction::Manifold;
+use crate::reduction::assembly::{AssemblyError, manifold_of};
+use crate::simulation::checkpoint::foreign;
 use crate::simulation::checks::{
     RunError, check_options, check_tables, find_channels, set_accelerations, set_coordinates,
 };
@@ -27,21 +30,71 @@ use std::time::Instant;
 /// Numbers per coordinate in whose time a form of the equations is copied, about.
 const COPIED: usize = 500;
 
+/// The equations and the formula of a run, with what records its states.
+pub(super) struct Machinery {
+    pub(super) form: Box<dyn StateSpace>,
+    pub(super) stepper: Box<dyn Stepper>,
+    pub(super) recorder: Recorder,
+    /// Room for a slope.
+    pub(super) slope: Vec<f64>,
+}
+
+impl Machinery {
+    /// Nothing is computed before, and nothing known but a consistent state whose factors the manifold holds.
+    pub(super) fn new(options: &Options, manifold: Manifold, state: &State) -> Self {
+        // Copies of what is large take time, too.
+        let copied = || checkpoint(COPIED * state.q.len());
+        let (code, profile, tolerance) = (options.code, options.profile, options.tolerance);
+        copied();
+        let mut form = build_state_space(code, profile, manifold, tolerance, state);
+        copied();
+        let matrix = MatrixOptions {
+            source: options.jacobian,
+            representation: options.newton,
+            threads: options.threads.clone(),
+        };
+        if matrix != MatrixOptions::default() {
+            form.set_matrix(matrix);
+        }
+        let dimension = form.dimension();
+        let fixed = options.fixed_step.is_some();
+        let stepper = build_stepper(
+            code,
+            profile,
+            form.as_mut(),
+            tolerance,
+            options.newmark,
+            fixed,
+            options.max_step,
+        );
+        copied();
+        let recorder = Recorder::new(form.point(), dimension, form.integrates_powers());
+        Self { form, stepper, recorder, slope: vec![0.0; dimension] }
+    }
+}
+
 /// Everything that a run needs before its first step; it was asked for at `begun`.
 pub(super) fn set_up<'a>(
     problem: &Problem,
     options: &'a Options,
-    from: Option<&State>,
+    start: Start<'a>,
     sink: &'a mut dyn Sink,
     begun: Stopwatch,
 ) -> Result<Run<'a>, RunError> {
     let system = problem.system().clone();
-    // Copies of what is large take time, too.
-    let copied = || checkpoint(COPIED * system.structure().sizes.coordinates);
-    let given = from.map(|state| problem.start_from(state)).transpose()?;
-    let start = from.map_or(problem.model().simulation.start_time.unwrap_or(0.0), |state| state.t);
-    check_options(options, start, system.characteristic_length())?;
-    check_tables(problem.model(), start, options.end_time)?;
+    let file = problem.model().simulation.start_time.unwrap_or(0.0);
+    let (given, started, taken_up) = match start {
+        Start::Assembled => (None, file, None),
+        Start::At(state) => (Some(problem.start_from(state)?), state.t, None),
+        Start::Checkpoint(taken) => {
+            taken.check(system.as_ref())?;
+            let manifold = manifold_of(&system, &taken.chart.parametrization, &taken.state.q)
+                .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?;
+            (Some((manifold, taken.state.clone())), taken.started, Some(taken))
+        }
+    };
+    check_options(options, started, system.characteristic_length())?;
+    check_tables(problem.model(), started, options.end_time)?;
     let (mut manifold, mut state) = match given {
         Some(given) => given,
         None => {
@@ -49,42 +102,27 @@ pub(super) fn set_up<'a>(
             (assembled.manifold.clone(), assembled.state.clone())
         }
     };
-
-    if let Some(chart) = new_chart(options, &manifold, &state)
-        .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?
+    if taken_up.is_none()
+        && let Some(chart) = new_chart(options, &manifold, &state)
+            .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?
     {
         manifold.set_chart(chart);
     }
     set_accelerations(options, &mut manifold)?;
     set_coordinates(options, &mut manifold, &state.q)?;
     let energy = system.energy(&state);
-    if from.is_none() {
+    let assembled = matches!(start, Start::Assembled);
+    if assembled {
         state.ledger.initial = energy.kinetic + energy.potential;
     }
     let channels = find_channels(&system, &options.channels)?;
-    let (code, profile, tolerance) = (options.code, options.profile, options.tolerance);
-    copied();
-    let mut form = build_state_space(code, profile, manifold, tolerance, &state);
-    copied();
-    let matrix = MatrixOptions {
-        source: options.jacobian,
-        representation: options.newton,
-        threads: options.threads.clone(),
-    };
-    if matrix != MatrixOptions::default() {
-        form.set_matrix(matrix);
+    let mut machinery = Machinery::new(options, manifold, &state);
+    let dimension = machinery.form.dimension();
+    if let Some(taken) = taken_up
+        && !(taken.w.len() == dimension && machinery.stepper.recall(&taken.history))
+    {
+        return Err(foreign());
     }
-    let dimension = form.dimension();
-    let fixed = options.fixed_step.is_some();
-    let stepper = build_stepper(
-        code,
-        profile,
-        form.as_mut(),
-        tolerance,
-        options.newmark,
-        fixed,
-        options.max_step,
-    );
     let assembly = begun.elapsed();
     let statistics = Statistics {
         assembly_seconds: assembly.wall.as_secs_f64(),
@@ -94,17 +132,13 @@ pub(super) fn set_up<'a>(
     };
     let mut output = Output::new(options, &state, channels);
     if options.stores_dense_output() {
-        let powers = if form.integrates_powers() { 0 } else { STEP_POWERS };
-        output.chunk.dense = Segments::with_room(
-            system.as_ref(),
-            &state,
-            dimension,
-            stepper.largest_degree(),
-            powers,
-        );
+        let powers = if machinery.form.integrates_powers() { 0 } else { STEP_POWERS };
+        let degree = machinery.stepper.largest_degree();
+        output.chunk.dense =
+            Segments::with_room(system.as_ref(), &state, dimension, degree, powers);
     }
-    copied();
-    Ok(Run {
+    let Machinery { form, stepper, recorder, slope } = machinery;
+    let mut run = Run {
         options,
         condition_reference: 0.0,
         start_residuals: (0.0, 0.0),
@@ -115,9 +149,9 @@ pub(super) fn set_up<'a>(
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
         middle: None,
         output,
-        recorder: Recorder::new(form.point(), dimension, form.integrates_powers()),
+        recorder,
         w: vec![0.0; dimension],
-        g: vec![0.0; dimension],
+        g: slope,
         w_end: vec![0.0; dimension],
         g_end: vec![0.0; dimension],
         scratch: [vec![0.0; dimension], vec![0.0; dimension]],
@@ -129,10 +163,19 @@ pub(super) fn set_up<'a>(
         slowness: Slowness::default(),
         warnings: Vec::new(),
         sink,
+        started,
+        assembled,
+        taken_up,
+        work_before: StepperStatistics::default(),
         begun,
+        looped: (Stopwatch::start(), Elapsed::default()),
         last_poll: Instant::now(),
         last_flush: Instant::now(),
         sink_time: Elapsed::default(),
         system,
-    })
+    };
+    if let Some(taken) = taken_up {
+        run.go_on_counting(taken)?;
+    }
+    Ok(run)
 }
