@@ -19,10 +19,10 @@ class CoreModel:
         """Return the model with other values; JSON maps paths to values."""
 
     def to_json(self) -> str:
-        """Return the merged model text as JSON."""
+        """Return the merged model text as JSON, with units and expressions as they are written."""
 
     def to_plain_json(self) -> str:
-        """Return the same with patterns written out."""
+        """Return the same with patterns written out and plain numbers in SI units."""
 
     def hash(self) -> str:
         """Return the hash of the merged model text."""
@@ -60,8 +60,12 @@ class CoreModel:
         on_chunk: Callable[[dict[str, Any]], None],
         on_progress: Callable[[float, float, int], None],
         on_stage: Callable[[str], None],
+        checkpoint: str | None = None,
     ) -> dict[str, Any]:
         """Run and return a summary; chunks of results go to ``on_chunk``.
+
+        With the entry ``checkpoint`` of a chunk, the run that made it is taken up at the end of
+        that chunk: the same chunks follow, to the last bit.
 
         ``on_progress`` is called between steps, ``on_stage`` also within: what it raises ends the
         run at once.

@@ -515,10 +515,14 @@ class Model:
     def to_json(self, *, plain: bool = False) -> str:
         """Return the merged model as JSON text, without ``extends``.
 
+        Numbers stand as the file states them, with its units and expressions; `plain` text holds
+        none of these, only numbers in SI units.
+
         Parameters
         ----------
         plain : bool, default False
-            Write out what patterns repeat, so that every item stands under its name.
+            Write out what patterns repeat, so that every item stands under its name, and what
+            units and expressions mean: plain numbers in SI units.
         """
         if plain:
             return self._core.to_plain_json()

@@ -28,12 +28,12 @@ from holonom.certification import (
 )
 from holonom.model import split_component
 from holonom.result import Result
-from holonom.store.continuation import destination, merged, part
+from holonom.store.continuation import begun, destination, first_state, merged, part, rewind
 from holonom.store.layout import STATE
 from holonom.store.locks import require_unwritten
 from holonom.store.memory import Memory, Stored
 from holonom.store.reader import Reader
-from holonom.store.writer import Writer
+from holonom.store.writer import NotRepeatedError, Rewind, Writer
 
 if TYPE_CHECKING:
     from holonom.model import Model, Progress, Watch
@@ -56,10 +56,7 @@ def run(
 ) -> Result:
     """Run a model; see `Model.simulate`. `source` is the result that `start` was read from."""
     state = None if start is None else start_state(start)
-    chosen = _resolved(model, options, state)
-    requested = model.expand(chosen["channels"])
-    whole = [split_component(name)[0] for name in requested]
-    chosen["channels"] = list(dict.fromkeys([*whole, *model.diagnostics]))
+    chosen, requested = _resolved(model, options, state)
 
     if certify:
         _require_error_control(chosen)
@@ -70,7 +67,24 @@ def run(
         output = files.numbered(output) if keep else output
         require_unwritten(files.require_target(output, "result", force=force), output)
 
+    noted: list[dict[str, str]] = []
+    if continues is not None:
+        again, _ = _resolved(model, options, {"time": np.array([begun(continues)])})
+        if (place := rewind(continues, again)) is not None:
+            recorder = _Recorder(model, again, requested, output, False, continues, force, place)
+            try:
+                first = None if place.text else first_state(continues, place)
+                return _recorded(
+                    model, again, first, recorder, raise_failure, progress, watch, False, place.text
+                )
+            except (NotRepeatedError, SimulationError) as error:
+                if isinstance(error, SimulationError) and error.code != "simulation/checkpoint":
+                    raise
+                noted = _not_repeated(error)
+            finally:
+                recorder.release()
     recorder = _Recorder(model, chosen, requested, output, certify, continues, force)
+    recorder.warnings += noted
     try:
         return _recorded(model, chosen, state, recorder, raise_failure, progress, watch, certify)
     finally:
@@ -86,11 +100,14 @@ def _recorded(
     progress: Progress | None,
     watch: Watch | None,
     certify: bool,
+    checkpoint: str | None = None,
 ) -> Result:
     ended = False
     try:
         with _deferred_interrupts() as heed:
-            summary = _simulate(model, chosen, state, recorder.append, progress, watch, heed)
+            summary = _simulate(
+                model, chosen, state, recorder.append, progress, watch, heed, checkpoint
+            )
             recorder.finish(summary)
             ended = True
     except KeyboardInterrupt:
@@ -117,12 +134,16 @@ def _recorded(
 
 def _resolved(
     model: Model, options: Options, state: dict[str, NDArray[np.float64]] | None
-) -> dict[str, Any]:
-    """Return what the run uses: what is stated, the rest from the model or by default."""
+) -> tuple[dict[str, Any], list[str]]:
+    """Return what a run uses, stated, of the model or by default, and the channels asked for."""
     start = None if state is None else float(state["time"][0])
     with translated():
         chosen = model._core.options(json.dumps(options.to_dict()), start)
-    return {name: value for name, value in chosen.items() if value is not None}
+    chosen = {name: value for name, value in chosen.items() if value is not None}
+    requested = model.expand(chosen["channels"])
+    whole = [split_component(name)[0] for name in requested]
+    chosen["channels"] = list(dict.fromkeys([*whole, *model.diagnostics]))
+    return chosen, requested
 
 
 def _require_error_control(chosen: Mapping[str, Any]) -> None:
@@ -189,6 +210,19 @@ def _certify(
     return interrupted
 
 
+def _not_repeated(error: Exception) -> list[dict[str, str]]:
+    what = f"`{error}` comes" if isinstance(error, NotRepeatedError) else "its steps come"
+    return [
+        {
+            "code": "result/not-repeated",
+            "message": f"{what} out otherwise here than when the run was stopped, on another "
+            "machine or by another build; it goes on from its last row, and from there on its rows "
+            "are not, to the last bit, those of a run that was never stopped",
+            "path": "",
+        }
+    ]
+
+
 def start_state(start: object) -> dict[str, NDArray[np.float64]]:
     """Return a start state as vectors of numbers; the core checks it against the model."""
 
@@ -232,6 +266,7 @@ def _simulate(
     progress: Progress | None,
     watch: Watch | None,
     heed: Callable[[], None],
+    checkpoint: str | None = None,
 ) -> dict[str, Any]:
     def on_progress(time: float, step_size: float, steps: int) -> None:
         heed()
@@ -244,7 +279,9 @@ def _simulate(
             watch(stage)
 
     with translated():
-        return model._core.simulate(json.dumps(chosen), state, on_chunk, on_progress, on_stage)
+        return model._core.simulate(
+            json.dumps(chosen), state, on_chunk, on_progress, on_stage, checkpoint
+        )
 
 
 class _Recorder:
@@ -259,8 +296,10 @@ class _Recorder:
         certified: bool,
         continues: Reader | None,
         force: bool,
+        place: Rewind | None = None,
     ) -> None:
         self._continues = continues
+        self._place = place
         self._older = dict(continues.meta) if continues is not None else {}
         self._force = force
         self._model = model
@@ -270,6 +309,8 @@ class _Recorder:
         self._certified = certified
         self._writer: Writer | Memory | None = None
         self._reader: Stored | None = None
+        #: Added to those of the model and of the run.
+        self.warnings: list[dict[str, str]] = []
 
     def append(self, chunk: dict[str, Any]) -> None:
         """Store a chunk of the core."""
@@ -279,12 +320,13 @@ class _Recorder:
         """Store the summary and complete the file."""
         summary = dict(summary)
         warnings = self._model.warnings
-        warnings += [w for w in summary.pop("warnings", None) or [] if w not in warnings]
+        found = [*self.warnings, *(summary.pop("warnings", None) or [])]
+        warnings += [w for w in found if w not in warnings]
         if self._certified:
             none = Certification(tightened(self._chosen["tolerance"]), reason=NO_SECOND_RUN)
             summary["certification"] = none.to_json()
         summary |= {"warnings": warnings, "finished": _now()}
-        if self._older:
+        if self._older and not (self._place is not None and self._place.is_whole):
             summary = merged(self._older, summary)
         self._open().finish(summary)
 
@@ -327,7 +369,15 @@ class _Recorder:
                 self._writer = Memory(meta, model.channels)
                 return self._writer
             older = self._continues
-            if older is not None:
+            if self._place is not None:
+                kept = self._older
+                start = kept["options"].get("start_time", 0.0)
+                meta["options"] = self._chosen | {"start_time": start}
+                if self._place.is_whole:
+                    meta["started"] = kept.get("started", meta["started"])
+                else:
+                    meta = {"options": meta["options"], "status": "running"}
+            elif older is not None:
                 until = float(older.row(older.count - 1)["time"][0])
                 start = self._older.get("options", {}).get("start_time", 0.0)
                 meta = {
@@ -336,9 +386,14 @@ class _Recorder:
                     "status": "running",
                 }
             self._writer = Writer(
-                self._output, meta, model.channels, continues=older, force=self._force
+                self._output,
+                meta,
+                model.channels,
+                continues=older,
+                rewind=self._place,
+                force=self._force,
             )
-            if older is not None:
+            if older is not None and self._place is None:
                 older.close()
         return self._writer
 

@@ -1,17 +1,20 @@
 """Runs that are killed at any moment, while others read, and go on to their end.
 
-Truth is a run that nobody killed: up to the last committed row the rows of a killed one are its
-rows, and beyond it those of a run that was started from that row on purpose; bit for bit.
+Truth is a run that nobody killed: the rows of a killed one are its rows, and once that has gone on
+to its end, so are all others, with the log of its steps and what it counted; bit for bit.
 """
 
 from __future__ import annotations
 
+import contextlib
 import random
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +22,7 @@ from conftest import PENDULUM
 
 import holonom
 from holonom.result import Result
+from holonom.store import layout
 
 END, INTERVAL = 400.0, 0.05
 STATE = ("time", "q", "qd", "qdd", "lambda", "rod.position", "pin.force", "energy.total")
@@ -71,6 +75,7 @@ def whole(model_file: Path) -> tuple[Result, float]:
     taken = time.monotonic() - begun
     result = Result.load(path)
     np.save(model_file.with_name("q.npy"), result["q"])
+    assert result.statistics.steps > 3000  # there are checkpoints
     return result, taken
 
 
@@ -111,23 +116,41 @@ def _require_same_rows(
         for name in STATE:
             assert killed[name].tobytes() == whole[name][:rows].tobytes(), (moment, name)
         state = killed.state()
-        until = float(state["time"][0])
     if status == "completed":
         return rows
     assert sorted(path.parent.glob(f"*{path.name}*")) == [path]  # no companions are left
-    # Another run, in memory, from the same row of the run that nobody killed.
-    begin = {name: part.copy() for name, part in whole.state(until).items()}
-    expected = model.simulate(start=begin, end_time=END, interval=INTERVAL, threads=1)
     with model.simulate(
         start=state, output=path, end_time=END, interval=INTERVAL, threads=1
     ) as result:
         assert result.path == path
     with Result.load(path) as result:
-        assert result.status == "completed"
-        for name in STATE:
-            after = np.concatenate([whole[name][:rows], expected[name][1:]])
-            assert result[name].tobytes() == after.tobytes(), (moment, name)
+        _require_equal(result, whole)
     return rows
+
+
+def _require_equal(result: Result, whole: Result) -> None:
+    """Compare all that is no time that passed."""
+    assert result.status == whole.status == "completed"
+    for name in STATE:
+        assert result[name].tobytes() == whole[name].tobytes(), name
+    log, expected = result.steps, whole.steps
+    assert log.keys() == expected.keys()
+    for name in expected:
+        assert np.array_equal(log[name], expected[name]), name
+    assert result.events == whole.events
+    for entry in ("statistics", "energy", "residuals", "limited_by", "warnings", "options"):
+        told = [_without_times(r.meta[entry]) for r in (result, whole)]
+        assert told[0] == told[1], entry
+    assert "parts" not in result.meta
+    for moment in np.linspace(1.0, END - 1.0, 5) + 0.0123:
+        states = [r.state(moment) for r in (result, whole)]
+        assert all(np.array_equal(states[0][name], part) for name, part in states[1].items())
+
+
+def _without_times(entry: Any) -> Any:
+    if not isinstance(entry, dict):
+        return entry
+    return {name: value for name, value in entry.items() if "seconds" not in name}
 
 
 @pytest.mark.parametrize("trial", range(4))
@@ -171,3 +194,148 @@ def test_a_run_killed_over_an_older_result_leaves_one_of_the_two(
             rows = result.time.size
             assert rows > 1
             assert result["q"].tobytes() == whole[0]["q"][:rows].tobytes()
+
+
+def test_a_run_is_killed_again_and_again(
+    model_file: Path, whole: tuple[Result, float], tmp_path: Path
+) -> None:
+    path = tmp_path / "rod.holonom"
+    chance = random.Random(11)
+    _kill(model_file, path, 0.6 * whole[1], reading=False)
+    rows = 0
+    for _ in range(6):
+        with Result.load(path) as result:
+            assert result.time.size >= rows  # what was there stays there
+            rows = result.time.size
+            assert result["q"].tobytes() == whole[0]["q"][:rows].tobytes()
+            if result.status == "completed":
+                break
+        _kill_later(model_file, path, chance.uniform(0.2, 0.7) * whole[1])
+    with Result.load(path) as result:
+        ended = result.status == "completed"
+    if not ended:
+        subprocess.run(_going_on(model_file, path), check=True, stdout=subprocess.DEVNULL)
+    with Result.load(path) as result:
+        _require_equal(result, whole[0])
+
+
+#: Goes on, maybe until it kills itself.
+_GO_ON = """
+import os
+import signal
+import sys
+import holonom
+end, interval = float(sys.argv[3]), float(sys.argv[4])
+until = float(sys.argv[5]) if len(sys.argv) > 5 else end
+def progress(time, step, steps):
+    if time > until:
+        os.kill(os.getpid(), signal.SIGKILL)
+model = holonom.Model.load(sys.argv[1])
+with holonom.Result.load(sys.argv[2]) as result:
+    state = result.state()
+print("ready", flush=True)
+options = {"end_time": end, "interval": interval, "threads": 1}
+model.simulate(start=state, output=sys.argv[2], progress=progress, **options)
+"""
+
+
+def _going_on(model_file: Path, path: Path) -> list[str]:
+    return [sys.executable, "-c", _GO_ON, str(model_file), str(path), str(END), str(INTERVAL)]
+
+
+def _kill_later(model_file: Path, path: Path, moment: float) -> None:
+    """Go on from a result and kill that after a time (s)."""
+    line = _going_on(model_file, path)
+    process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(moment)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+
+
+def _interrupted(model: holonom.Model, path: Path, moment: float, **options: Any) -> None:
+    """Run until a time (s), and press Ctrl-C."""
+
+    def progress(now: float, _step: float, _steps: int) -> None:
+        if now >= moment:
+            raise KeyboardInterrupt
+
+    with pytest.raises(holonom.Interrupted):
+        model.simulate(output=path, progress=progress, threads=1, **options)
+
+
+def test_a_run_is_interrupted_and_goes_on(
+    model_file: Path, whole: tuple[Result, float], tmp_path: Path
+) -> None:
+    path, options = tmp_path / "rod.holonom", {"end_time": END, "interval": INTERVAL}
+    model = holonom.Model.load(model_file)
+    for moment in (5.0, 250.0):  # before and after the first checkpoint, on machines of today
+        _interrupted(model, path, moment, **options)
+        with Result.load(path) as stopped:
+            state, last = stopped.state(), stopped.time[-1]
+        assert not np.isin(last, whole[0].time)  # a row of its own, where it was stopped
+        model.simulate(start=state, output=path, threads=1, **options).close()
+        with Result.load(path) as result:
+            _require_equal(result, whole[0])
+        path.unlink()
+
+
+def test_a_part_of_a_result_is_killed_and_goes_on(model_file: Path, tmp_path: Path) -> None:
+    path, truth = tmp_path / "rod.holonom", tmp_path / "truth.holonom"
+    model = holonom.Model.load(model_file)
+    for file in (path, truth):
+        model.simulate(output=file, end_time=5.0, interval=INTERVAL, threads=1).close()
+    with Result.load(truth) as result:
+        first = result.time.size
+    subprocess.run(_going_on(model_file, truth), check=True, stdout=subprocess.DEVNULL)
+    killed = subprocess.run([*_going_on(model_file, path), "250"], stdout=subprocess.DEVNULL)
+    assert killed.returncode == -signal.SIGKILL
+    with Result.load(path) as result:
+        assert result.status == "killed"
+        assert result.time.size > first
+    subprocess.run(_going_on(model_file, path), check=True, stdout=subprocess.DEVNULL)
+    with Result.load(path) as result, Result.load(truth) as expected:
+        for name in STATE:
+            assert result[name].tobytes() == expected[name].tobytes(), name
+        assert len(result.meta["parts"]) == 1
+        told = [_without_times(r.meta["statistics"]) for r in (result, expected)]
+        assert told[0] == told[1]
+
+
+def test_a_run_with_other_options_goes_on_from_the_last_row(
+    model_file: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "rod.holonom"
+    model = holonom.Model.load(model_file)
+    _interrupted(model, path, 5.0, end_time=END, interval=INTERVAL)
+    with Result.load(path) as stopped:
+        rows, state = stopped.time, stopped.state()
+    end = float(rows[-1]) + 2.0
+    model.simulate(start=state, output=path, end_time=end, interval=INTERVAL, threads=1).close()
+    with Result.load(path) as result:
+        assert result.time[: rows.size].tobytes() == rows.tobytes()
+        assert [part["until"] for part in result.meta["parts"]] == [rows[-1]]
+
+
+def test_rows_that_come_out_otherwise_are_kept_and_told(model_file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "rod.holonom"
+    model = holonom.Model.load(model_file)
+    _interrupted(model, path, 5.0, end_time=END, interval=INTERVAL)
+    # As another machine would have written it: numbers are other in their last bit.
+    with contextlib.closing(sqlite3.connect(path)) as db:
+        found = db.execute("SELECT id, chunk, quantity, blob FROM data WHERE quantity = 2")
+        for number, chunk, quantity, blob in found.fetchall():
+            q = np.frombuffer(blob, "<f8").copy()
+            q[0] = np.nextafter(q[0], 9.0)
+            layout.insert(db, "data", (number, chunk, quantity, q.tobytes()), "INSERT OR REPLACE")
+        db.commit()
+    with Result.load(path) as stopped:
+        rows, state = stopped["q"], stopped.state()
+    with model.simulate(
+        start=state, output=path, end_time=END, interval=INTERVAL, threads=1
+    ) as result:
+        assert result.path == path
+        assert result["q"][: len(rows)].tobytes() == rows.tobytes()
+        assert "result/not-repeated" in [warning["code"] for warning in result.meta["warnings"]]
+        assert result.time[-1] == END

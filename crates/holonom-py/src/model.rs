@@ -8,7 +8,9 @@ use holonom::analysis::spectrum;
 use holonom::error::{Diagnostic, EvaluationFailure, ModelErrors};
 use holonom::io::{Document, Syntax};
 use holonom::reduction::assembly::AssemblyError;
-use holonom::simulation::{Choices, DenseOutput, Options, Problem, RunError, check_run, run};
+use holonom::simulation::{
+    Checkpoint, Choices, DenseOutput, Options, Problem, RunError, check_run, resume, run,
+};
 use holonom::system::Sample;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -175,6 +177,7 @@ impl CoreModel {
         report::to_python(py, &serde_json::json!(Choices::of(&options, start)))
     }
 
+    #[pyo3(signature = (options_json, start, on_chunk, on_progress, on_stage, checkpoint=None))]
     fn simulate(
         &self,
         py: Python<'_>,
@@ -183,7 +186,9 @@ impl CoreModel {
         on_chunk: Py<PyAny>,
         on_progress: Py<PyAny>,
         on_stage: Py<PyAny>,
+        checkpoint: Option<&str>,
     ) -> PyResult<Py<PyAny>> {
+        let taken_up = checkpoint.map(Checkpoint::from_text).transpose().map_err(not_run)?;
         let sizes = self.problem.system().structure().sizes;
         let from = match start {
             None => None,
@@ -198,14 +203,16 @@ impl CoreModel {
             }
         };
         let (first, options) = self.resolve(options_json, from.as_ref().map(|state| state.t))?;
-        let problem = match &from {
-            None => self.problem.starting_at(first),
-            Some(_) => self.problem.clone(),
-        };
+        // What goes on from a state begins where that is, whatever the model says.
+        let given = taken_up.as_ref().map_or(from.is_some(), |taken| !taken.assembled());
+        let problem = if given { self.problem.clone() } else { self.problem.starting_at(first) };
         let channels =
             options.channels.iter().filter_map(|name| problem.channel(name)).cloned().collect();
         let mut sink = Callbacks { on_chunk, on_progress, sizes, channels, error: None };
-        let work = || run(&problem, &options, from.as_ref(), &mut sink);
+        let work = || match &taken_up {
+            Some(checkpoint) => resume(&problem, &options, checkpoint, &mut sink),
+            None => run(&problem, &options, from.as_ref(), &mut sink),
+        };
         let mut outcome = watched(py, Some(&on_stage), work);
         // Before the first step there is nothing that could be kept.
         outcome.done.take_if(|done| matches!(done, Err(RunError::Interrupted)));

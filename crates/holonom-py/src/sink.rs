@@ -70,6 +70,9 @@ impl Callbacks {
         if !(chunk.dense.is_empty() && chunk.dense.charts.is_empty()) {
             dict.set_item("dense", dense::to_python(py, &chunk.dense)?)?;
         }
+        if let Some(checkpoint) = &chunk.checkpoint {
+            dict.set_item("checkpoint", checkpoint.to_text())?;
+        }
         dict.set_item("events", serde_json::Value::from(events).to_string())?;
         Ok(dict)
     }

@@ -9,15 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from holonom import _core
 from holonom.base import files
 from holonom.base.errors import FileError
 from holonom.store.layout import STATE
 from holonom.store.reader import Reader
+from holonom.store.writer import Rewind
 
 if TYPE_CHECKING:
     from holonom.model import Model
 
 State = Mapping[str, NDArray[np.float64]]
+
+#: Options that change no number of a run.
+_FREE = ("start_time", "max_steps", "max_seconds", "threads")
 
 #: Statistics that are not summed over the parts of a result.
 _EXTREMES = {"smallest_step": min, "largest_step": max}
@@ -68,6 +73,42 @@ def destination(
         return output, older
     older.close()
     return files.numbered(output), None
+
+
+def begun(older: Reader) -> float:
+    """Return the first time (s) of a result, or of the last of the runs that it is made of."""
+    parts = older.meta.get("parts") or []
+    options = older.meta.get("options") or {}
+    return float(parts[-1]["until"] if parts else options.get("start_time") or 0.0)
+
+
+def rewind(older: Reader, chosen: Mapping[str, Any]) -> Rewind | None:
+    """Return where a result is taken up by a run that is to go on from its last row.
+
+    A run that was killed or interrupted goes on as if nothing had happened, if its options are
+    `chosen`, resolved for a run from where it has `begun`. None if it ended otherwise, or is of
+    other options or of another version: then the last row is a start like any other.
+    """
+    meta, place = older.meta, older.checkpoint
+    is_whole = not meta.get("parts")
+    stopped = meta.get("status") == "killed" or (meta.get("status") == "interrupted" and is_whole)
+    if place is None or not stopped or meta.get("holonom") != _core.version():
+        return None
+    found, asked = (
+        {k: v for k, v in options.items() if k not in _FREE}
+        for options in (meta.get("options") or {}, chosen)
+    )
+    if found != asked or not 0 <= place["chunk"] <= older.last_chunk["id"]:
+        return None
+    return Rewind(place["chunk"], place["text"], is_whole)
+
+
+def first_state(older: Reader, place: Rewind) -> dict[str, NDArray[np.float64]] | None:
+    """Return the state that the last part of a result began with; None if that was the model's."""
+    if place.is_whole:
+        return None
+    chunk = older.chunk(place.chunk)
+    return older.row(chunk["first"] + chunk["count"] - 1)
 
 
 def merged(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]:

@@ -131,6 +131,20 @@ def _is_certification(value: Any) -> bool:
     )
 
 
+def _is_parts(value: Any) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(part, dict) and _is_number(part.get("until")) for part in value
+    )
+
+
+def _is_checkpoint(value: Any) -> bool:
+    return isinstance(value, dict) and (
+        type(value.get("chunk")) is int
+        and 0 <= value["chunk"] < 2**53
+        and (value.get("text") is None or _is_text(value["text"]))
+    )
+
+
 _KINDS: dict[str, Callable[[Any], bool]] = {
     **dict.fromkeys(("holonom", "name", "title", "model_hash", "started", "finished"), _is_text),
     **dict.fromkeys(("dof", "end_time", "cpu_seconds"), _is_number_or_none),
@@ -144,5 +158,7 @@ _KINDS: dict[str, Callable[[Any], bool]] = {
     "status": lambda value: value in STATUSES,
     "stop_reason": _is_reason,
     "certification": _is_certification,
+    "checkpoint": _is_checkpoint,
+    "parts": _is_parts,
     "chunks": lambda value: type(value) is int and 0 <= value < 2**53,
 }

@@ -95,6 +95,8 @@ class Reader:
         self._recover = recover
         self._limit = size_of(path.resolve()) if path is not None else _LARGEST
         self.meta = self._read_meta()
+        #: Where a run that did not end can be taken up: ``chunk`` and ``text``; see `Rewind`.
+        self.checkpoint: dict[str, Any] | None = self.meta.pop("checkpoint", None)
         self._chunks = self._read_chunks()
         last = self._chunks[-1] if self._chunks else dict.fromkeys(TABLES["chunk"], 0)
         self._last = last
@@ -178,6 +180,20 @@ class Reader:
     def last_chunk(self) -> dict[str, Any]:
         """The last row of the table ``chunk``."""
         return dict(self._last)
+
+    def chunk(self, number: int) -> dict[str, Any]:
+        """Return a row of the table ``chunk``."""
+        found = [chunk for chunk in self._chunks if chunk["id"] == number]
+        if not found:
+            raise self._damaged(f"chunk {number}")
+        return dict(found[0])
+
+    @property
+    def end(self) -> float:
+        """Last time (s) of which there is anything; minus infinity without rows and steps."""
+        last = [float(self.rows("time", self.count - 1, 1)[0])] if self.count else []
+        span = self.dense_span
+        return max([*last, *([span[1]] if span else [])], default=-math.inf)
 
     def read(self, name: str) -> NDArray[np.float64]:
         r"""Return a stored quantity.
@@ -499,7 +515,7 @@ _MOST_DAMAGE = 10_000
 _KNOWN = (
     *("holonom", "name", "title", "model", "model_hash", "options", "requested", "warnings"),
     *("status", "started", "finished", "stop_reason", "statistics", "residuals", "energy", "dof"),
-    *("method", "end_time", "cpu_seconds", "certification", "parts", "chunks"),
+    *("method", "end_time", "cpu_seconds", "certification", "parts", "chunks", "checkpoint"),
 )
 
 

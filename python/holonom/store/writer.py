@@ -7,6 +7,7 @@ import math
 import sqlite3
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,29 @@ if TYPE_CHECKING:
 _COMPANIONS = ("-wal", "-shm", "-journal")
 
 
+@dataclass(frozen=True, slots=True)
+class Rewind:
+    """Where a run that did not end is taken up.
+
+    Parameters
+    ----------
+    chunk : int
+        The last chunk that stays.
+    text : str or None
+        The core's checkpoint at its end. None: the run, or its last part, begins anew there.
+    is_whole : bool
+        Whether the result is of one run, not of several that went on from each other.
+    """
+
+    chunk: int
+    text: str | None
+    is_whole: bool
+
+
+class NotRepeatedError(Exception):
+    """A run that was taken up computes other numbers than before."""
+
+
 class Writer:
     """Writes one run, chunk by chunk.
 
@@ -55,6 +79,9 @@ class Writer:
     continues : Reader, optional
         The result at `path`, which this run goes on from: its rows stay, those of the run are
         appended; where both have the same time, the older row.
+    rewind : Rewind, optional
+        Where `continues` is taken up: what it has beyond is written anew, and compared. It stands
+        until this run is beyond its end.
     force : bool
         Whether any regular file may be replaced, not only a result.
 
@@ -67,6 +94,8 @@ class Writer:
     ------
     FileError
         If the file cannot be written, is there and is not a result, or is being written.
+    NotRepeatedError
+        By `append`, where rows come out otherwise than in the result that is taken up.
     """
 
     def __init__(
@@ -76,6 +105,7 @@ class Writer:
         channels: Mapping[str, Quantity],
         *,
         continues: Reader | None = None,
+        rewind: Rewind | None = None,
         force: bool = False,
     ) -> None:
         self.path = path
@@ -87,12 +117,15 @@ class Writer:
         self._last: dict[str, Any] = dict.fromkeys(TABLES["chunk"], 0)
         self._until: float | None = None
         self._charts_before = 0
+        self._compared: Reader | None = None
+        #: Time (s) beyond which a run that is taken up takes the place of the older file.
+        self._goal: float | None = None
         self._advanced = False
         self._lock: WriteLock | None = None
         self._fresh: Path | None = None
         if path is None:
             self._db = sqlite3.connect(":memory:", check_same_thread=False)
-            self._fill(meta, None)
+            self._fill(meta, None, None)
             return
         self._force = force
         self._real = files.require_target(path, "result", force=force)
@@ -108,7 +141,7 @@ class Writer:
                 self._db = sqlite3.connect(self._fresh, check_same_thread=False)
                 self._db.execute("PRAGMA synchronous = OFF")
                 self._db.execute("PRAGMA journal_mode = MEMORY").fetchone()
-                self._fill(meta, continues)
+                self._fill(meta, continues, rewind)
             except BaseException:
                 self.close()
                 raise
@@ -136,14 +169,15 @@ class Writer:
                 if "dense" in chunk:
                     last |= self._append_dense(chunk["dense"], last)
                 insert(self._db, "chunk", tuple(last.values()))
+                if self.path is not None and "checkpoint" in chunk:
+                    put_meta(self._db, _checkpoint(last["id"], chunk["checkpoint"]))
                 self._db.commit()
             except BaseException:  # Ctrl-C too: the caller may append the same chunk again
                 self._ids, self._sizes, self._last = before
                 self._db.rollback()
                 raise
             self._last = last
-            rows = last["first"] + count
-            self._advanced |= last["start"] is not None or (rows > 1 if count else False)
+            self._advanced |= self._is_beyond(chunk, last)
             if self._fresh is not None and (self._advanced or not self._replaces):
                 self._place()
 
@@ -151,6 +185,9 @@ class Writer:
         """Store the last entries of ``meta`` and leave one file without companions."""
         with as_file_errors(self.path):
             put_meta(self._db, {**meta, "chunks": self._last["id"]})
+            if meta.get("status") != "interrupted":  # nobody takes it up
+                self._db.execute("DELETE FROM meta WHERE key = 'checkpoint'")
+                put_meta(self._db, {})
             self._db.commit()
             if self._fresh is not None:
                 self.kept = self._replaces and meta.get("status") != "completed"
@@ -200,8 +237,13 @@ class Writer:
         self._db.commit()
         self._last |= {"quantities": len(self._ids), "data": 1}
 
-    def _fill(self, meta: Mapping[str, Any], continues: Reader | None) -> None:
-        if continues is None:
+    def _fill(
+        self, meta: Mapping[str, Any], continues: Reader | None, rewind: Rewind | None
+    ) -> None:
+        if continues is not None and rewind is not None:
+            continues.require_unchanged()
+            self._compared, self._goal = continues, continues.end
+        if continues is None or (rewind is not None and rewind.chunk == 0):
             self._db.execute(f"PRAGMA application_id = {APPLICATION_ID}")
             self._db.execute(f"PRAGMA user_version = {FORMAT}")
             for statement in SCHEMA.values():
@@ -211,10 +253,59 @@ class Writer:
             continues.copy_into(self._db)
             self._ids, self._last = continues.quantity_ids, continues.last_chunk
             self._sizes = {name: q.size for name, q in continues.quantities.items()}
-            self._until = float(continues.row(continues.count - 1)["time"][0])
+            if rewind is not None:
+                self._last = continues.chunk(rewind.chunk)
+                self._forget_beyond(self._last)
+                if rewind.is_whole:
+                    self._db.execute("DELETE FROM meta")
+            # More chunks follow than the older run had when it ended.
+            self._db.execute("DELETE FROM meta WHERE key = 'chunks'")
+            rows = self._last["first"] + self._last["count"]
+            self._until = float(continues.row(rows - 1)["time"][0]) if rows else -math.inf
             self._charts_before = self._last["charts"]
+        if self.path is not None:
+            text = None if rewind is None else rewind.text
+            meta = {**meta, **_checkpoint(self._last["id"], text)}
         put_meta(self._db, meta)
         self._db.commit()
+
+    def _forget_beyond(self, last: Mapping[str, Any]) -> None:
+        """Leave out all that was written after a chunk."""
+        for table in ("data", "step", "dense"):
+            self._db.execute(f"DELETE FROM {table} WHERE chunk > ?", (last["id"],))  # noqa: S608
+        self._db.execute("DELETE FROM chunk WHERE id > ?", (last["id"],))
+        self._db.execute("DELETE FROM event WHERE id > ?", (last["events"],))
+        self._db.execute("DELETE FROM chart WHERE id >= ?", (last["charts"],))
+        if not last["quantities"]:
+            self._db.execute("DELETE FROM quantity")
+            self._ids, self._sizes = {}, {}
+
+    def _is_beyond(self, chunk: Mapping[str, Any], last: Mapping[str, Any]) -> bool:
+        """Return whether a chunk goes beyond what the older result has, or the start of the run."""
+        rows = last["count"]
+        if self._goal is None:
+            return last["start"] is not None or (rows > 0 and last["first"] + rows > 1)
+        ends = [float(chunk["time"][-1])] if rows else []
+        ends += [last["end"]] if last["end"] is not None else []
+        return max(ends, default=-math.inf) > self._goal
+
+    def _require_repeated(self, arrays: Mapping[str, Any], last: Mapping[str, Any]) -> None:
+        """Compare rows with those that the result which is taken up has in their places."""
+        older = self._compared
+        if older is None:
+            return
+        first, count = last["first"], min(last["count"], older.count - last["first"])
+        if count <= 0:
+            self._compared = None
+            return
+        times = np.ascontiguousarray(arrays["time"], dtype="<f8")
+        is_last = older.meta["status"] == "interrupted" and first + count == older.count
+        if is_last and older.rows("time", older.count - 1, 1)[0] != times[count - 1]:
+            count -= 1  # where it was interrupted there is a row of its own
+        for name, array in arrays.items():
+            found = np.ascontiguousarray(array[:count], dtype="<f8").tobytes()
+            if found != older.rows(name, first, count).astype("<f8").tobytes():
+                raise NotRepeatedError(name)
 
     def _renumbered(self, chunk: Mapping[str, Any]) -> dict[str, Any]:
         """Return a chunk of a run that goes on, without the row that is there."""
@@ -241,6 +332,7 @@ class Writer:
             last["quantities"], last["data"] = len(self._ids), 1
         if arrays.keys() != self._ids.keys():
             raise FileError(f"a chunk holds other quantities than the first: {sorted(arrays)}")
+        self._require_repeated(arrays, last)
         for name, array in arrays.items():
             values = np.ascontiguousarray(array, dtype="<f8")
             if values.size != last["count"] * self._sizes[name]:
@@ -321,6 +413,10 @@ class Writer:
         assert self._fresh is not None
         for companion in ("", *_COMPANIONS):
             self._fresh.with_name(self._fresh.name + companion).unlink(missing_ok=True)
+
+
+def _checkpoint(chunk: int, text: str | None) -> dict[str, Any]:
+    return {"checkpoint": {"chunk": chunk, "text": text}}
 
 
 def _bytes(values: NDArray[np.float64]) -> bytes:
