@@ -320,7 +320,8 @@ class Model:
             Result file, written while the run goes on; missing folders are made. Without it the
             result stays in memory. An older result there stands until this run has got beyond its
             start; one whose last state is `start` is continued, and one whose other states are
-            is not replaced: the run then takes a new name, as with `keep`.
+            is not replaced: the run then takes a new name, as with `keep`. A run that was killed or
+            interrupted is continued with the same options as if it had not been, bit for bit.
         on_failure : {"raise", "return"}
             What to do when the run ends early: raise, or return what there is with its `status`.
         progress : callable, optional

@@ -178,6 +178,7 @@ impl CoreModel {
     }
 
     #[pyo3(signature = (options_json, start, on_chunk, on_progress, on_stage, checkpoint=None))]
+    #[expect(clippy::too_many_arguments, reason = "those of one call from Python")]
     fn simulate(
         &self,
         py: Python<'_>,

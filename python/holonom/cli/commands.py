@@ -121,7 +121,7 @@ def run(
         typer.Option(
             metavar="RESULT",
             help="Start from a state of this result; from its last one, a run into the same file "
-            "is appended.",
+            "is appended. One that was killed or interrupted goes on as if it had not been.",
         ),
     ] = None,
     at: Annotated[float | None, _seconds("--at", "Which state; the last one by default.")] = None,

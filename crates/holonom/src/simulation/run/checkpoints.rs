@@ -27,13 +27,14 @@ impl Run<'_> {
         checkpoint.statistics.outputs += self.output.chunk.time.len() as u64;
         self.output.chunk.checkpoint = Some(checkpoint.clone());
         self.flush()?;
-        self.take_over(machinery, &checkpoint).map_err(|f| failed(f, pace.next))
+        self.take_over(machinery, &checkpoint);
+        Ok(())
     }
 
     /// The beginning of a run that is taken up.
     pub(super) fn take_up(&mut self, checkpoint: &Checkpoint) -> Result<Pace, Stop> {
         let machinery = self.machinery(checkpoint).map_err(|f| failed(f, 0.0))?;
-        self.take_over(machinery, checkpoint).map_err(|f| failed(f, 0.0))?;
+        self.take_over(machinery, checkpoint);
         Ok(checkpoint.pace)
     }
 
@@ -91,11 +92,7 @@ impl Run<'_> {
         Ok(machinery)
     }
 
-    fn take_over(
-        &mut self,
-        machinery: Machinery,
-        checkpoint: &Checkpoint,
-    ) -> Result<(), EvaluationFailure> {
+    fn take_over(&mut self, machinery: Machinery, checkpoint: &Checkpoint) {
         let Machinery { form, stepper, recorder, slope } = machinery;
         (self.form, self.stepper, self.recorder, self.g) = (form, stepper, recorder, slope);
         self.w.copy_from_slice(&checkpoint.w);
@@ -105,7 +102,6 @@ impl Run<'_> {
         let chart = self.form.point().manifold.chart().parametrization();
         self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);
         self.record_chart();
-        Ok(())
     }
 
     /// Work of the formula since the start of the run.
