@@ -94,6 +94,9 @@ class CheckReport:
             facts.append(("characteristic length", f"{data['characteristic_length']:.4g} m"))
         if accelerations := data.get("accelerations"):
             facts += _acceleration_facts(accelerations)
+        if joint := data.get("joint_coordinates"):
+            rows = f"{joint['rows']} rows of cut joints and drivers"
+            facts.append(("joint coordinates", f"{joint['coordinates']} along the tree, {rows}"))
         redundant = [f"{entry['joint']}: {entry['direction']}" for entry in self.redundant]
         facts.append(("redundant constraints", str(len(redundant)) if redundant else "none"))
         facts += [("", entry) for entry in redundant]

@@ -138,6 +138,14 @@ class Options:
         "the others cannot solve accurately are left to the augmented one.",
         words=("auto", "recursive", "null_space", "reduced", "augmented"),
     )
+    coordinates: str | None = _choice(
+        "word",
+        "Which coordinates recoveries go through: poses of bodies with equations for every joint "
+        "(cartesian), relative coordinates along the spanning tree with equations for what closes "
+        "loops only (joint), or auto (default), whichever is predicted to cost less. The motion is "
+        "the same, and so are states, channels and reactions.",
+        words=("auto", "cartesian", "joint"),
+    )
     threads: int | None = _choice(
         "count",
         "Threads that share the work on the integration Jacobian of models with more than some "

@@ -149,6 +149,9 @@ pub(crate) fn check(
         "pivot_ratio": summary.pivot_ratio,
         "independent_coordinates": summary.independent, "tree": tree,
         "accelerations": accelerations(&summary.accelerations),
+        "joint_coordinates": summary.joint_coordinates.map(|[coordinates, rows, entries]| {
+            json!({"coordinates": coordinates, "rows": rows, "factor_entries": entries})
+        }),
         "adjustments": adjustments,
         "chosen_velocities": chosen_velocities(problem),
         "warnings": run_warnings(warnings), "channels": channels,

@@ -164,16 +164,8 @@ pub fn exponential(theta: &[f64; 3]) -> [f64; 4] {
     [cos, scale * theta[0], scale * theta[1], scale * theta[2]]
 }
 
-/// J of ω = J(θ) θ̇, the angular velocity in the axes that θ is given in:
+/// J of ω = J(θ) θ̇, the angular velocity in the axes that θ is given in, and its derivatives at one rotation vector:
 /// I + (1 − cos|θ|)/|θ|² θ̃ + (|θ| − sin|θ|)/|θ|³ θ̃².
-pub fn rate_matrix(theta: &[f64; 3]) -> [[f64; 3]; 3] {
-    let at = TurnRate::new(theta);
-    let columns: [[f64; 3]; 3] =
-        std::array::from_fn(|k| at.times(&std::array::from_fn(|i| f64::from(u8::from(i == k)))));
-    std::array::from_fn(|i| std::array::from_fn(|k| columns[k][i]))
-}
-
-/// J(θ) of [`rate_matrix`] and its derivatives at one rotation vector.
 ///
 /// With s = θ·θ and cₖ = Σⱼ (−s)ʲ/(k+2j)! it is J a = a + c₂ θ×a + c₃ θ×(θ×a), and cₖ' = ½(k cₖ₊₂ − cₖ₊₁).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -334,8 +326,7 @@ mod tests {
             let pd = [slope[0], slope[1], slope[2], slope[3]];
             // exp θ turns the second frame against the first: ω in the first axes is 2 E ṗ.
             let expected = crate::math::spatial::e_times(&p, &pd).map(|x| 2.0 * x);
-            let j = rate_matrix(&theta);
-            let found = j.map(|row| dot(&row, &rate));
+            let found = TurnRate::new(&theta).times(&rate);
             close(&found, &expected, 1e-8, "rate");
         }
     }

@@ -70,6 +70,8 @@ pub struct Manifold {
     at_time: f64,
     at: Vec<f64>,
     stale: bool,
+    /// Whether the next recovery starts from another configuration than the last one left.
+    returned: bool,
     /// Whether accelerations came from joint coordinates, and multipliers of the tree's joints have not been asked for.
     multipliers_wait: bool,
     /// Counters.
@@ -110,6 +112,7 @@ impl Manifold {
             at_time: 0.0,
             at: Vec::new(),
             stale: false,
+            returned: false,
             multipliers_wait: false,
             counters: RecoveryCounters::default(),
         }
@@ -144,6 +147,12 @@ impl Manifold {
     /// Whether it does.
     pub fn has_joint_coordinates(&self) -> bool {
         self.joint.is_some()
+    }
+
+    /// Coordinates along the tree, rows of cut joints and of drivers on the tree, and entries of the factor of the composite
+    /// inertia matrix, which has no fill.
+    pub fn joint_sizes(&self) -> Option<[usize; 3]> {
+        self.joint.as_ref().map(|joint| joint.sizes())
     }
 
     fn refactor_joint(&mut self) -> Result<(), EvaluationFailure> {
@@ -274,6 +283,9 @@ impl Manifold {
         self.counters.recoveries += 1;
         if let Some(joint) = &mut self.joint {
             let parametrization = self.chart.parametrization();
+            if std::mem::take(&mut self.returned) {
+                joint.read(parametrization, q, &mut self.edges);
+            }
             let corrections = joint.recover_position(parametrization, t, p, &mut self.edges, q)?;
             self.counters.corrections += corrections;
             return Ok(());
@@ -367,6 +379,7 @@ impl Manifold {
     /// Recoveries go on from the configuration that references were last moved to.
     pub fn return_to_anchor(&mut self) {
         self.recent.forget();
+        self.returned = true;
         if let Some(relatives) = self.chart.parametrization().relatives() {
             for (x, anchor) in self.edges.iter_mut().zip(&relatives.anchors) {
                 *x = anchor.x;

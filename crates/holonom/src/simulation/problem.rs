@@ -54,7 +54,13 @@ pub struct ModelSummary {
     pub tree: Vec<EdgeSummary>,
     /// Where accelerations come from.
     pub accelerations: AccelerationSummary,
+    /// In joint coordinates: coordinates along the tree, rows of cut joints and of drivers on the tree, entries of the factor
+    /// of the composite inertia matrix. None where there is no joint form, or for large models.
+    pub joint_coordinates: Option<[usize; 3]>,
 }
+
+/// Bodies up to which a summary tells the sizes of the joint form.
+const SUMMARIZED_IN_JOINT_COORDINATES: usize = 300;
 
 /// Where accelerations come from, and why.
 #[derive(Debug, Clone, PartialEq)]
@@ -309,6 +315,13 @@ impl Problem {
             .map(|k| parametrization.name(self.system.as_ref(), k))
             .collect();
         let accelerations = self.accelerations(&assembled.manifold);
+        let joint_coordinates = (sizes.bodies <= SUMMARIZED_IN_JOINT_COORDINATES)
+            .then(|| {
+                let mut manifold = assembled.manifold.clone();
+                manifold.use_joint_coordinates(&assembled.state.q);
+                manifold.joint_sizes()
+            })
+            .flatten();
         let ends: Vec<_> = self.model.joints.iter().map(|j| j.frames.map(|f| f.body)).collect();
         let shape = Shape::new(sizes.bodies, &ends);
         ModelSummary {
@@ -325,6 +338,7 @@ impl Problem {
             pivot_ratio: parametrization.pivot_ratio,
             tree: self.edges(parametrization),
             accelerations,
+            joint_coordinates,
             independent,
         }
     }

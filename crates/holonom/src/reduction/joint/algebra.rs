@@ -33,17 +33,7 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     ) -> [f64; N];
 
     /// Change of [`Algebra::rates`] at a fixed twist with a displacement by δq.
-    fn rates_change(v: &[f64; N], dq: &[f64; N], y: &[f64; W]) -> [f64; N];
-
-    /// Change of [`Algebra::second_rates`] at fixed y and ẏ with δq and the whole change of q̇.
-    fn second_rates_change(
-        v: &[f64; N],
-        dq: &[f64; N],
-        dv: &[f64; N],
-        y: &[f64; W],
-        dy: &[f64; W],
-        yd: &[f64; W],
-    ) -> [f64; N];
+    fn rates_change(dq: &[f64; N], y: &[f64; W]) -> [f64; N];
 
     /// Wrench of a generalized force on the pose, or the row on twists of one on q̇.
     fn wrench(q: &[f64; N], o: &[f64; 3], force: &[f64; N]) -> [f64; W];
@@ -53,9 +43,6 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
 
     /// A wrench with its moments multiplied.
     fn scaled(w: &[f64; W], factor: f64) -> [f64; W];
-
-    /// Its change with δq at a fixed generalized force.
-    fn wrench_change(q: &[f64; N], dq: &[f64; N], force: &[f64; N]) -> [f64; W];
 
     /// Inertia times the rate of a twist, velocities left out.
     fn inertia_times(
@@ -145,25 +132,9 @@ impl Algebra<7, 6> for Spatial {
         pose(&a, &p)
     }
 
-    fn rates_change(_v: &[f64; 7], dq: &[f64; 7], y: &[f64; 6]) -> [f64; 7] {
+    fn rates_change(dq: &[f64; 7], y: &[f64; 6]) -> [f64; 7] {
         let (_, w) = parts(y);
         pose(&cross(&w, &place(dq)), &euler_rate(&euler(dq), &w))
-    }
-
-    fn second_rates_change(
-        v: &[f64; 7],
-        dq: &[f64; 7],
-        dv: &[f64; 7],
-        y: &[f64; 6],
-        dy: &[f64; 6],
-        yd: &[f64; 6],
-    ) -> [f64; 7] {
-        let ((_, w), (_, dw), (_, alpha)) = (parts(y), parts(dy), parts(yd));
-        let mut a = cross(&alpha, &place(dq));
-        a = sum(&a, &sum(&cross(&dw, &place(v)), &cross(&w, &place(dv))));
-        let mut p = euler_rate(&euler(dq), &alpha);
-        p = sum(&p, &sum(&euler_rate(&euler(dv), &w), &euler_rate(&euler(v), &dw)));
-        pose(&a, &p)
     }
 
     fn wrench(q: &[f64; 7], o: &[f64; 3], force: &[f64; 7]) -> [f64; 6] {
@@ -180,11 +151,6 @@ impl Algebra<7, 6> for Spatial {
     fn scaled(w: &[f64; 6], factor: f64) -> [f64; 6] {
         let (f, n) = parts(w);
         joined(&f, &n.map(|x| factor * x))
-    }
-
-    fn wrench_change(_q: &[f64; 7], dq: &[f64; 7], force: &[f64; 7]) -> [f64; 6] {
-        let moment = e_times(&euler(dq), &euler(force)).map(|x| 0.5 * x);
-        joined(&[0.0; 3], &sum(&moment, &cross(&place(dq), &place(force))))
     }
 
     fn inertia_times(
@@ -270,25 +236,9 @@ impl Algebra<3, 3> for Planar {
         [yd[0] + a + c, yd[1] + b + d, yd[2]]
     }
 
-    fn rates_change(_v: &[f64; 3], dq: &[f64; 3], y: &[f64; 3]) -> [f64; 3] {
+    fn rates_change(dq: &[f64; 3], y: &[f64; 3]) -> [f64; 3] {
         let [u, v] = across(y[2], &[dq[0], dq[1]]);
         [u, v, 0.0]
-    }
-
-    fn second_rates_change(
-        v: &[f64; 3],
-        dq: &[f64; 3],
-        dv: &[f64; 3],
-        y: &[f64; 3],
-        dy: &[f64; 3],
-        yd: &[f64; 3],
-    ) -> [f64; 3] {
-        let parts = [
-            across(yd[2], &[dq[0], dq[1]]),
-            across(dy[2], &[v[0], v[1]]),
-            across(y[2], &[dv[0], dv[1]]),
-        ];
-        [parts.iter().map(|p| p[0]).sum(), parts.iter().map(|p| p[1]).sum(), 0.0]
     }
 
     fn wrench(q: &[f64; 3], o: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
@@ -302,10 +252,6 @@ impl Algebra<3, 3> for Planar {
 
     fn scaled(w: &[f64; 3], factor: f64) -> [f64; 3] {
         [w[0], w[1], factor * w[2]]
-    }
-
-    fn wrench_change(_q: &[f64; 3], dq: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
-        [0.0, 0.0, moment(&[dq[0], dq[1]], &[force[0], force[1]])]
     }
 
     fn inertia_times(

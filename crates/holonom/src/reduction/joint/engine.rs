@@ -280,7 +280,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     self.system.relative_value(group, reference, q, &mut value[..closure.count]);
                     for &(row, k) in &closure.rows {
                         value[row] -= p[k];
-                        if self.system.relative_groups()[group].kind.turns() {
+                        if counts_turns(self.system.as_ref(), group) {
                             value[row] -= TAU * (value[row] / TAU).round();
                         }
                     }
@@ -568,6 +568,12 @@ fn gradient_of(
     }
 }
 
+/// Whether a coordinate is known up to whole turns only.
+fn counts_turns(system: &dyn System, group: usize) -> bool {
+    let info = &system.relative_groups()[group];
+    info.kind.turns() && info.reach.is_infinite()
+}
+
 /// Maximum that does not pass over NaN.
 fn keep_larger(a: f64, b: f64) -> f64 {
     if b.is_nan() || b > a { b } else { a }
@@ -609,7 +615,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
                 system.relative_value(group, reference, q, &mut value[..closure.count]);
                 for (out, (row, k)) in self.rows[closure.first..].iter_mut().zip(&closure.rows) {
                     let mut step = value[*row] - p[*k];
-                    if system.relative_groups()[group].kind.turns() {
+                    if counts_turns(system.as_ref(), group) {
                         step -= TAU * (step / TAU).round();
                     }
                     *out = step;
@@ -660,6 +666,24 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
             before = size;
         }
         Err(self.failure(t, q, before))
+    }
+
+    fn read(&self, parametrization: &Parametrization, q: &[f64], x: &mut [[f64; 6]]) {
+        let (system, relatives) = (self.system.as_ref(), Self::relatives(parametrization));
+        for edge in &self.edges {
+            let mut at = 0;
+            for &group in &system.tree().edges[edge.at].forms[edge.form] {
+                let rows = system.relative_groups()[group].rows;
+                let mut value = [0.0; 3];
+                let reference = &relatives.references[group];
+                system.relative_value(group, reference, q, &mut value[..rows]);
+                for (x, value) in x[edge.at][at..at + rows].iter_mut().zip(value) {
+                    let counted = if counts_turns(system, group) { *x } else { value };
+                    *x = value + TAU * ((counted - value) / TAU).round();
+                }
+                at += rows;
+            }
+        }
     }
 
     fn factor(

@@ -47,6 +47,9 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
     /// A copy.
     fn boxed(&self) -> Box<dyn JointForm>;
 
+    /// Reads the coordinates of the edges from a configuration; angles on the branch of what `x` has.
+    fn read(&self, parametrization: &Parametrization, q: &[f64], x: &mut [[f64; 6]]);
+
     /// Solves Φ(q, t) = 0, v(q) = p, going on from the coordinates `x` of the edges, which were those of the last
     /// evaluation.
     ///

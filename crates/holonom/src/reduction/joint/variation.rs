@@ -69,19 +69,19 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for at in 0..self.edges.len() {
             self.bias_change[at] = self.column_change(at);
         }
-        self.twists_change(&rates, &state.q, &state.v, dq, dv);
+        self.twists_change(&rates, &state.q, dq, dv);
         if self.closures.rows() > 0 {
             self.evaluate_rate_change(parametrization, state, dp_rate, dq, dv);
             self.closures.solve(&mut self.rows);
             for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
                 rates[k] = *x;
             }
-            self.twists_change(&rates, &state.q, &state.v, dq, dv);
+            self.twists_change(&rates, &state.q, dq, dv);
         }
         self.rate_change = rates;
     }
 
-    fn twists_change(&mut self, rates: &[f64], q: &[f64], v: &[f64], dq: &[f64], dv: &mut [f64]) {
+    fn twists_change(&mut self, rates: &[f64], q: &[f64], dq: &[f64], dv: &mut [f64]) {
         for (edge, bias) in self.edges.iter().zip(&self.bias_change) {
             let mut change = edge.base.map_or([0.0; W], |base| self.twist_change[base]);
             add(&mut change, 1.0, bias);
@@ -91,7 +91,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let b = edge.body;
             self.twist_change[b] = change;
             let own = A::rates(pose(q, b), &self.origin[b], &change);
-            let moved = A::rates_change(pose(v, b), pose(dq, b), &self.twist[b]);
+            let moved = A::rates_change(pose(dq, b), &self.twist[b]);
             *pose_mut::<N>(dv, b) = std::array::from_fn(|i| own[i] + moved[i]);
         }
     }
