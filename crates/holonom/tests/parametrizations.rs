@@ -238,3 +238,33 @@ fn bodies_that_only_forces_tie_move_alike_in_tree_coordinates() {
         }
     }
 }
+
+/// Two bodies on a cardan joint and two rods that close a loop.
+const CLOSED: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+arm = { mass = 1.0, inertia = [[0.02, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.0, 0.025]], position = [0.3, 0.0, 0.0] }
+rotor = { mass = 1.0, inertia = [[0.02, 0.0, 0.0], [0.0, 0.012, 0.0], [0.0, 0.0, 0.025]], position = [0.3, 0.4, 0.0] }
+[joints]
+cardan = { type = "universal", between = ["arm", "ground"], point = [0.0, 0.0, 0.0], axes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
+rod = { type = "distance", between = ["rotor", "ground"], points = [[0.3, 0.3, 0.0], [0.3, 0.1, 0.4]] }
+link = { type = "distance", between = ["rotor", "arm"], points = [[0.2, 0.4, 0.1], [0.4, 0.0, 0.1]] }
+[initial.bodies]
+rotor = { angular_velocity = [5.0, 14.0, 3.0] }
+"#;
+
+#[test] // independent truth: coordinates of the ground, which are measured from no reference
+fn every_code_closes_loops_far_from_where_rotations_are_measured_from() {
+    let model = model_of(CLOSED);
+    let channels = &["arm.position", "rotor.position", "rotor.euler_parameters"][..];
+    let ground = with(Choice::Partitioning, Code::ForRadau, 1e-9, 1.0, channels);
+    for code in ALL_CODES {
+        for tolerance in [1e-4, 1e-6] {
+            let tree = with(Choice::Tree, code, tolerance, 1.0, channels);
+            let (difference, _) = distance(&model, &tree, &ground);
+            assert!(difference < 100.0 * tolerance, "{code:?} at {tolerance}: {difference:.1e}");
+        }
+    }
+}

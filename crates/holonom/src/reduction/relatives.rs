@@ -175,16 +175,24 @@ impl Relatives {
         }
     }
 
-    /// Takes differences of whatever turns modulo a turn.
+    /// Whether the value of a group is known up to whole turns only: not where it is measured from a reference
+    /// within its reach.
+    fn loses_turns(system: &dyn System, group: usize) -> bool {
+        let info = &system.relative_groups()[group];
+        info.kind.turns() && info.reach.is_infinite()
+    }
+
+    /// Takes differences of angles modulo a turn.
     pub(super) fn reduce_turns(&self, system: &dyn System, difference: &mut [f64]) {
         for ((group, _), x) in self.rows.iter().zip(difference) {
-            if system.relative_groups()[*group].kind.turns() {
+            if Self::loses_turns(system, *group) {
                 *x -= TAU * (*x / TAU).round();
             }
         }
     }
 
-    /// Differences of independent variables that are coordinates of edges, from the counted values of these.
+    /// Differences of independent angles that are coordinates of edges, from the counted values of these. All
+    /// others stand: what a configuration itself tells may have moved since `x` was kept.
     pub(super) fn count_turns(
         &self,
         system: &dyn System,
@@ -195,7 +203,9 @@ impl Relatives {
         self.reduce_turns(system, difference);
         for (sources, x) in self.sources.iter().zip(x) {
             for (source, x) in sources.iter().zip(x) {
-                if let Source::Independent(k) = source {
+                if let Source::Independent(k) = source
+                    && Self::loses_turns(system, self.rows[*k].0)
+                {
                     difference[*k] = x - p[*k];
                 }
             }
