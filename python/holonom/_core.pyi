@@ -33,9 +33,10 @@ class CoreModel:
     def geometry(self) -> str:
         """Return JSON: how a model is drawn.
 
-        ``bodies`` in their design configuration; ``elements``: joints, forces and drivers with
-        their ``frames``: ``body`` (an index, None for the ground), ``point`` (m) and ``axes``
-        (columns) in body axes.
+        ``bodies`` in their design configuration, with ``shapes``: ``type``, sizes, ``position`` and
+        ``axes`` (rows) in body axes, ``color`` (0 to 255 each, or None) and ``opacity``;
+        ``elements``: joints, forces and drivers with their ``frames``: ``body`` (an index, None for
+        the ground), ``point`` (m) and ``axes`` (columns) in body axes.
         """
 
     def road_heights(self, tyre: str, places: list[float]) -> list[float]:
@@ -86,9 +87,13 @@ def parse(
     syntax: str,
     name: str,
     read: Callable[[str], str],
+    read_bytes: Callable[[str], bytes],
     on_stage: Callable[[str], None] | None,
 ) -> CoreModel:
-    """Read a model; ``syntax`` is ``"toml"`` or ``"json"``."""
+    """Read a model; ``syntax`` is ``"toml"`` or ``"json"``.
+
+    ``read`` returns what a model extends, ``read_bytes`` what the file of a mesh holds.
+    """
 
 def checksum(parts: list[bytes]) -> int:
     """Return XXH3 (64 bits, signed) over parts, each after its length."""

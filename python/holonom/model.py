@@ -69,7 +69,8 @@ class Model:
     def load(cls, path: str | Path, *, watch: Watch | None = None) -> Model:
         """Read a model file, TOML or (with the ending ``.json``) JSON.
 
-        What the model ``extends`` is read as well, from the folders beside the model's own.
+        What the model ``extends`` and the files of its meshes are read as well, from the folders
+        beside the model's own.
 
         Parameters
         ----------
@@ -88,17 +89,22 @@ class Model:
         text = _read(path)
         tree = path.resolve().parent.parent
 
-        def read(name: str) -> str:  # the core has joined `extends` to the name of its file
+        def within(name: str) -> Path:  # the core has joined it to the name of the model file
             target = Path(as_name(name)).resolve()
             if not target.is_relative_to(tree):
                 raise FileError(
                     f"it lies outside the folder tree {tree}", help="copy it into this tree"
                 )
-            return _read(target)
+            return target
+
+        def read(name: str) -> str:
+            return _read(within(name))
 
         syntax = "json" if path.suffix.lower() == ".json" else "toml"
         with translated():
-            core = _core.parse(text, syntax, as_text(str(path)), read, watch)
+            core = _core.parse(
+                text, syntax, as_text(str(path)), read, lambda name: _read_mesh(within(name)), watch
+            )
         folder = path.resolve().parent.name
         return cls(core, shown(folder if path.stem == "model" and folder else path.stem))
 
@@ -106,7 +112,7 @@ class Model:
     def from_text(
         cls, text: str, syntax: Literal["toml", "json"] = "toml", name: str = "model"
     ) -> Model:
-        """Read a model from text; it cannot use ``extends``.
+        """Read a model from text; it cannot use ``extends`` or the ``file`` of a mesh.
 
         Raises
         ------
@@ -142,8 +148,12 @@ class Model:
                 "a model given as text cannot extend a file", help="use `Model.load(path)`"
             )
 
+        def read_mesh(_: str) -> bytes:
+            raise FileError("a model given as text has no folder", help="use `Model.load(path)`")
+
         with translated():
-            return cls(_core.parse(text, syntax, as_text(name), read, None), shown(name))
+            core = _core.parse(text, syntax, as_text(name), read, read_mesh, None)
+        return cls(core, shown(name))
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], name: str = "model") -> Model:
@@ -436,10 +446,10 @@ class Model:
     def geometry(self) -> dict[str, Any]:
         """What is needed to draw the model, as plain data; lengths in m.
 
-        ``dimension``, ``gravity``; ``bodies`` in the design configuration; ``elements``: joints,
-        forces and drivers with ``collection``, ``name``, ``type`` and ``frames``. A frame is
-        a ``body`` (its number, None for the ground) with a ``point`` and ``axes`` (columns) in
-        body axes.
+        ``dimension``, ``gravity``; ``bodies`` in the design configuration, with their ``shapes``;
+        ``elements``: joints, forces and drivers with ``collection``, ``name``, ``type`` and
+        ``frames``. A frame is a ``body`` (its number, None for the ground) with a ``point`` and
+        ``axes`` (columns) in body axes.
         """
         if self._geometry is None:
             self._geometry = json.loads(self._core.geometry())
@@ -626,3 +636,11 @@ def _read(path: Path) -> str:
         ) from None
     except OSError as error:
         raise FileError(f"{path}: {error.strerror or error}") from None
+
+
+def _read_mesh(path: Path) -> bytes:
+    if not path.is_file():
+        raise FileError("there is no such file", "write the path relative to the model file")
+    if path.stat().st_size > MAX_FILE_SIZE:
+        raise FileError(f"it has {path.stat().st_size} bytes", "make the mesh coarser")
+    return path.read_bytes()

@@ -3,7 +3,7 @@
 use holonom::elements::road_height;
 use holonom::model::{
     Body, BodyIndex, Dimension, DriverKind, ElasticLaw, Force, ForceKind, Frame, Joint, JointKind,
-    Model, Orientation, Road, Tyre,
+    Model, Orientation, Road, Shape, ShapeKind, Tyre,
 };
 use serde_json::{Map, Value, json};
 
@@ -47,7 +47,32 @@ fn body(body: &Body) -> Value {
         "name": body.name, "mass": body.mass, "inertia": body.inertia,
         "position": body.position, "euler_parameters": orientation,
         "center_of_mass": body.center_of_mass, "markers": markers,
+        "shapes": body.shapes.iter().map(shape).collect::<Vec<_>>(),
     })
+}
+
+fn shape(shape: &Shape) -> Value {
+    let (kind, more) = match &shape.kind {
+        ShapeKind::Box { size } => ("box", json!({"size": size})),
+        ShapeKind::Cylinder { radius, length } => {
+            ("cylinder", json!({"radius": radius, "length": length}))
+        }
+        ShapeKind::Sphere { radius } => ("sphere", json!({"radius": radius})),
+        ShapeKind::Capsule { radius, length } => {
+            ("capsule", json!({"radius": radius, "length": length}))
+        }
+        ShapeKind::Mesh(surface) => {
+            ("mesh", json!({"vertices": surface.vertices, "faces": surface.faces}))
+        }
+    };
+    let mut value = json!({
+        "name": shape.name, "type": kind, "position": shape.position, "axes": shape.axes,
+        "color": shape.color, "opacity": shape.opacity,
+    });
+    if let (Value::Object(value), Value::Object(more)) = (&mut value, more) {
+        value.extend(more);
+    }
+    value
 }
 
 fn element(collection: &str, name: &str, kind: &str, frames: &[Frame], more: Value) -> Value {

@@ -57,8 +57,8 @@ impl CoreModel {
     }
 }
 
-/// Reads a model; `syntax` is "toml" or "json", `read` returns the text of an `extends` target, and
-/// `on_stage` is called now and then.
+/// Reads a model; `syntax` is "toml" or "json", `read` returns the text of an `extends` target,
+/// `read_bytes` what the file of a mesh holds, and `on_stage` is called now and then.
 #[pyfunction]
 pub(crate) fn parse(
     py: Python<'_>,
@@ -66,6 +66,7 @@ pub(crate) fn parse(
     syntax: &str,
     name: &str,
     read: Py<PyAny>,
+    read_bytes: Py<PyAny>,
     on_stage: Option<Py<PyAny>>,
 ) -> PyResult<CoreModel> {
     let syntax = match syntax {
@@ -77,18 +78,25 @@ pub(crate) fn parse(
         }
     };
     let work = || {
-        let mut resolver = |path: &str| {
-            Python::attach(|py| {
-                read.call1(py, (path,))
-                    .and_then(|text| text.extract::<String>(py))
-                    .map_err(|error| error.value(py).to_string())
-            })
-        };
+        let mut resolver = |path: &str| read_by::<String>(&read, path);
+        let mut reader = |path: &str| read_by::<Vec<u8>>(&read_bytes, path);
         let document = Document::parse(text, syntax, name, &mut resolver)?;
+        let document = document.with_meshes(&mut reader)?;
         let (model, warnings) = document.build()?;
         Ok(CoreModel { document, problem: Problem::new(model), warnings })
     };
     watched(py, on_stage.as_ref(), work).whole()?.map_err(|e| refused(&e))
+}
+
+/// What a function of the caller reads from a path, or its reason not to.
+fn read_by<T>(read: &Py<PyAny>, path: &str) -> Result<T, String>
+where
+    T: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>,
+{
+    Python::attach(|py| {
+        let found = read.call1(py, (path,)).and_then(|value| value.extract::<T>(py));
+        found.map_err(|error| error.value(py).to_string())
+    })
 }
 
 #[pymethods]

@@ -89,6 +89,8 @@ codes! {
     Extends = "model/extends", Error;
     /// Files extend each other in a circle, or too many in a row.
     ExtendsCircle = "model/extends-circle", Error;
+    /// A mesh cannot be read, or does not enclose the body whose mass is asked for.
+    Mesh = "model/mesh", Error;
     /// A parameter that no field uses.
     UnusedParameter = "model/unused-parameter", Warning;
     /// A value that is legal but looks like millimetres, degrees or grams.
@@ -140,6 +142,7 @@ impl Code {
             Self::Table => "state two or more finite points with `x` increasing",
             Self::Extends => "name a model beside this one, such as \"../other/model.toml\"",
             Self::ExtendsCircle => "let one of the files stand by itself",
+            Self::Mesh => "give a closed surface of triangles as STL, or no density",
             Self::UnusedParameter => "remove it, or use it",
             Self::Implausible => "check the unit of the value",
             Self::ShortTable => "extend the table, or let the run begin and end within it",

@@ -366,8 +366,10 @@ impl Checker<'_> {
             }
         }
         for field in record.fields.iter().filter(exists).filter(|field| field.required) {
+            let replaced = field.unless.as_ref().is_some_and(|other| table.contains_key(other));
             // A misspelled field is not missing too.
-            if !table.contains_key(&field.name) && !meant.contains(&field.name.as_str()) {
+            let written = table.contains_key(&field.name) || meant.contains(&field.name.as_str());
+            if !written && !replaced {
                 let unit = units::within(unit_of(field, record, table), outer);
                 let expected = self.describe(&field.shape, unit);
                 let message = format!("{owner} has no `{}`; expected {expected}", field.name);

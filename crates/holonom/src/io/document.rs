@@ -9,6 +9,7 @@ use super::check::check_file;
 use super::expression::{Part, names, parts};
 use super::limits;
 use super::merge::{Resolver, read_chain, without_disabled};
+use super::meshes;
 use super::patterns::{Expanded, expand};
 use super::read::Syntax;
 use super::resolve;
@@ -50,6 +51,20 @@ impl Document {
         let resolver: &mut Resolver<'_> = resolver;
         let root = stage(READING, || read_chain(text, syntax, file_name, resolver, &mut sources))?;
         Ok(Self { root, sources })
+    }
+
+    /// The document with the triangles of the meshes that it names, which are read from STL files.
+    ///
+    /// `reader` returns the bytes of a file whose path it receives as the resolver of [`Self::parse`] does.
+    ///
+    /// # Errors
+    /// [`Code::Mesh`] for every file that cannot be read.
+    pub fn with_meshes(
+        mut self,
+        reader: &mut dyn FnMut(&str) -> Result<Vec<u8>, String>,
+    ) -> Result<Self, ModelErrors> {
+        stage(READING, || meshes::put_in(&mut self.root, &self.sources, reader))?;
+        Ok(self)
     }
 
     /// The document with new values, in the units of the file: `forces.front.stiffness[2]`, `parameters.spring`,

@@ -27,3 +27,7 @@ pub const REPETITIONS: usize = ITEMS;
 /// Values that all patterns of a file write: numbers, texts, lists and tables; 64 bytes of text count
 /// as one more.
 pub const REPEATED_VALUES: usize = 8_000_000;
+/// Triangles of one mesh: they are kept in the model, and so in every result.
+pub const MESH_TRIANGLES: usize = 50_000;
+/// Bytes of the file of a mesh.
+pub const MESH_BYTES: usize = 32 << 20;

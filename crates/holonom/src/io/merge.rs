@@ -102,12 +102,12 @@ fn load(
         let help = "name a model beside this one, such as \"../other/model.toml\"";
         return Err(fail(Code::Extends, message, help));
     }
-    let name = relative(from, path);
+    let name = relative_path(from, path);
     let chain = || {
         let names = sources.iter().map(|s| s.name.as_str());
         names.chain([name.as_str()]).collect::<Vec<_>>().join(" → ")
     };
-    if sources.iter().any(|s| relative("", &s.name) == name) {
+    if sources.iter().any(|s| relative_path("", &s.name) == name) {
         let message = format!("files extend each other in a circle: {}", chain());
         return Err(fail(Code::ExtendsCircle, message, "let one of them stand by itself"));
     }
@@ -127,7 +127,7 @@ fn load(
 }
 
 /// `path` as seen from the folder of file `from`, without `.` and inner `..`.
-fn relative(from: &str, path: &str) -> String {
+pub(super) fn relative_path(from: &str, path: &str) -> String {
     let folder = from.rsplit_once('/').map_or("", |(folder, _)| folder);
     let root = if folder.starts_with('/') || (folder.is_empty() && from.starts_with('/')) {
         "/"
@@ -180,10 +180,22 @@ pub(super) fn without_disabled(mut root: Node) -> Node {
                 fields.get_mut(collection)
             {
                 retain_enabled(items);
+                if collection == "bodies" {
+                    items.values_mut().for_each(|body| without_disabled_shapes(&mut body.node));
+                }
             }
         }
     }
     root
+}
+
+fn without_disabled_shapes(body: &mut Node) {
+    if let Value::Table(fields) = &mut body.value
+        && let Some(Entry { node: Node { value: Value::Table(shapes), .. }, .. }) =
+            fields.get_mut("shapes")
+    {
+        retain_enabled(shapes);
+    }
 }
 
 fn retain_enabled(items: &mut Table) {
@@ -206,7 +218,7 @@ mod tests {
             ("/m/a/model.toml", "../../../b.toml", "/../b.toml"),
             ("a/b.toml", "../../c.toml", "../c.toml"),
         ] {
-            assert_eq!(relative(from, path), expected, "{from} {path}");
+            assert_eq!(relative_path(from, path), expected, "{from} {path}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Text to model: one spanned tree for TOML and JSON.
 //!
 //! The way of a file: `read` makes a tree in which every value knows its place, `merge` lays files
-//! that extend each other into one, `patterns` writes out what is repeated, `check` compares it with
+//! that extend each other into one, `meshes` puts in the triangles that bodies name, `patterns` writes out what is repeated, `check` compares it with
 //! the `schema` and puts values in the place of expressions, `resolve` turns names into indices and points into frames, `model::validate` looks at the
 //! numbers. Each step reports all errors it finds.
 
@@ -10,6 +10,7 @@ mod document;
 mod expression;
 pub mod limits;
 mod merge;
+mod meshes;
 mod names;
 mod patterns;
 mod read;
@@ -18,6 +19,7 @@ mod resolve;
 mod schema;
 mod set;
 mod shape;
+mod stl;
 mod tree;
 mod units;
 

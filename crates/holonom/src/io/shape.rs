@@ -69,6 +69,8 @@ pub(super) struct Field {
     pub(super) unit_by: Option<String>,
     pub(super) dimension: Option<Dimension>,
     pub(super) required: bool,
+    /// The field beside it that may stand in for it where it is required.
+    pub(super) unless: Option<String>,
     pub(super) default: Option<Value>,
     pub(super) shape: Shape,
 }
@@ -187,7 +189,9 @@ impl Compiler<'_> {
                 unit: property["x-unit"].as_str().map(str::to_owned),
                 unit_by: property["x-unit-by"].as_str().map(str::to_owned),
                 dimension: dimension(property),
-                required: required.iter().any(|r| r.as_str() == Some(name)),
+                required: required.iter().any(|r| r.as_str() == Some(name))
+                    || property["x-unless"].is_string(),
+                unless: property["x-unless"].as_str().map(str::to_owned),
                 default: property.get("default").cloned(),
                 shape: match property.get("const") {
                     Some(word) => Shape::Choice(vec![(text(word), String::new())]),

@@ -78,10 +78,11 @@ impl Units {
         let (above, below) = unit.split_once('/').unwrap_or((unit, ""));
         for (part, inverse) in [(above, false), (below, true)] {
             for symbol in part.split(' ') {
-                let (symbol, power) = match symbol.strip_suffix('²') {
-                    Some(symbol) => (symbol, 2),
-                    None => (symbol, 1),
-                };
+                let power =
+                    [('²', 2), ('³', 3)].into_iter().find(|(end, _)| symbol.ends_with(*end));
+                let (symbol, power) = power.map_or((symbol, 1), |(end, n)| {
+                    (symbol.strip_suffix(end).unwrap_or(symbol), n)
+                });
                 let (n, d) = self.chosen_for(symbol).map_or((1.0, 1.0), |(_, ratio)| ratio);
                 let (n, d) = if inverse { (d, n) } else { (n, d) };
                 number *= n.powi(power);
@@ -94,8 +95,8 @@ impl Units {
     /// The name of the unit that stands for `unit` in this file.
     pub(super) fn name(&self, unit: &str) -> String {
         let mut out = String::with_capacity(unit.len());
-        for piece in unit.split_inclusive([' ', '/', '²', ',']) {
-            let symbol = piece.trim_end_matches([' ', '/', '²', ',']);
+        for piece in unit.split_inclusive([' ', '/', '²', '³', ',']) {
+            let symbol = piece.trim_end_matches([' ', '/', '²', '³', ',']);
             out += self.chosen_for(symbol).map_or(symbol, |(name, _)| name);
             out += &piece[symbol.len()..];
         }
@@ -159,6 +160,7 @@ mod tests {
             ("rad", 180.0, std::f64::consts::PI),
             ("N m/rad", 1000.0, 180.0 / std::f64::consts::PI),
             ("s", 2.0, 2.0),
+            ("kg/m³", 7.85e-9, 7850.0),
         ] {
             assert!((metric.to_si(unit, x) - expected).abs() <= 4e-16 * expected.abs(), "{unit}");
         }

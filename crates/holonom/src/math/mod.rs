@@ -4,6 +4,7 @@
 mod interpolation;
 pub mod planar;
 mod real;
+mod solids;
 pub mod spatial;
 mod time_function;
 mod trigonometry;
@@ -12,4 +13,5 @@ pub mod vector;
 
 pub use interpolation::{MonotoneCubic, Spline, TableError};
 pub use real::Real;
+pub use solids::{OpenEdge, Solid};
 pub use time_function::TimeFunction;

@@ -5,6 +5,7 @@
 //! component of a point is 0 and frames turn about z only, so that one set of types serves both.
 
 mod plausibility;
+mod shapes;
 mod validation;
 
 use crate::math::{planar, spatial};
@@ -12,6 +13,7 @@ use crate::math::{planar, spatial};
 pub use crate::math::{MonotoneCubic, TableError, TimeFunction};
 
 pub use plausibility::{MotionTable, implausible, motion_tables};
+pub use shapes::{Shape, ShapeKind, Surface};
 pub use validation::{FARTHEST, validate};
 
 /// Planar models move in x-y and turn about z; spatial models use Euler parameters.
@@ -121,6 +123,8 @@ pub struct Body {
     pub center_of_mass: [f64; 3],
     /// Named points of the body, m, body axes, from the body origin.
     pub markers: Vec<(String, [f64; 3])>,
+    /// What the body looks like; mass and inertia have taken their part of it already.
+    pub shapes: Vec<Shape>,
 }
 
 /// Orientation of a body frame against ground.

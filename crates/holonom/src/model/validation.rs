@@ -2,7 +2,7 @@
 
 use super::{
     Body, Dimension, Driver, ElasticLaw, Force, ForceKind, Frame, Joint, JointKind, Model,
-    Orientation, SimulationDefaults,
+    Orientation, Shape, ShapeKind, SimulationDefaults,
 };
 use crate::error::{Code, Diagnostic, shown};
 use crate::math::TimeFunction;
@@ -84,11 +84,52 @@ impl Rules {
                 }
             }
         }
+        for shape in &body.shapes {
+            self.shape(&format!("{item}.shapes.{}", shape.name), shape);
+        }
         if let (Orientation::EulerParameters(_), Dimension::Planar)
         | (Orientation::Angle(_), Dimension::Spatial) = (body.orientation, dimension)
         {
             let message = format!("`{item}` has the orientation of the other dimension");
             self.refuse(Code::WrongDimension, &item, message, "");
+        }
+    }
+
+    fn shape(&mut self, item: &str, shape: &Shape) {
+        self.near(&format!("{item}.position"), &format!("`{item}`"), &shape.position);
+        match &shape.kind {
+            ShapeKind::Box { size } => {
+                for (k, edge) in size.iter().enumerate() {
+                    self.length(&format!("{item}.size[{k}]"), *edge);
+                }
+            }
+            ShapeKind::Cylinder { radius, length } | ShapeKind::Capsule { radius, length } => {
+                self.length(&format!("{item}.radius"), *radius);
+                self.length(&format!("{item}.length"), *length);
+            }
+            ShapeKind::Sphere { radius } => self.length(&format!("{item}.radius"), *radius),
+            ShapeKind::Mesh(surface) => {
+                for vertex in &surface.vertices {
+                    checkpoint(NAMED);
+                    if vertex.iter().any(|x| !(0.0..=FARTHEST).contains(&x.abs())) {
+                        self.near(&format!("{item}.vertices"), &format!("`{item}`"), vertex);
+                        break;
+                    }
+                }
+            }
+        }
+        if !(0.0..=1.0).contains(&shape.opacity) {
+            let path = format!("{item}.opacity");
+            let message = format!("`{path}` is {}; expected 0 to 1", shown(shape.opacity));
+            self.refuse(Code::OutOfRange, &path, message, "");
+        }
+    }
+
+    fn length(&mut self, path: &str, value: f64) {
+        self.positive(path, value, "m");
+        if value > FARTHEST {
+            let message = format!("`{path}` is {} m; expected at most 1e9 m", shown(value));
+            self.refuse(Code::OutOfRange, path, message, "lengths are in metres");
         }
     }
 

@@ -9,13 +9,14 @@ mod joints;
 mod motions;
 mod orientations;
 mod places;
+mod shapes;
 
 use indexmap::IndexMap;
 
 use self::geometry::{Pose, Vec3, planar_rotation, spatial_rotation};
 use self::orientations::Turned;
 use super::names::suggest;
-use super::schema::{self, Dimension, Inertia, ModelFile};
+use super::schema::{self, Dimension, ModelFile};
 use crate::error::{Code, Diagnostic};
 use crate::model;
 use crate::watch::{NAMED, checkpoint};
@@ -192,17 +193,17 @@ fn rigid_body(
             }
         }
     }
+    let shapes = shapes::shapes(name, body, dimension, errors);
+    let weight = shapes::weight(name, body, &shapes, dimension, errors);
     let body = model::Body {
         name: name.to_owned(),
-        mass: body.mass,
-        inertia: match body.inertia {
-            Inertia::Planar(j) => [[0.0; 3], [0.0; 3], [0.0, 0.0, j]],
-            Inertia::Spatial(tensor) => tensor,
-        },
+        mass: weight.mass,
+        inertia: weight.inertia,
         position,
         orientation,
-        center_of_mass: body.center_of_mass.map_or([0.0; 3], schema::Vector::components),
+        center_of_mass: weight.center_of_mass,
         markers,
+        shapes,
     };
     (body, pose)
 }

@@ -2,7 +2,7 @@
 
 use super::geometry::{Vec3, unit};
 use crate::error::{Code, Diagnostic};
-use crate::io::schema::{AxisAngle, Body, EulerAngles, InitialBody};
+use crate::io::schema::{AxisAngle, Body, EulerAngles, InitialBody, Placing};
 use crate::math::spatial::product;
 
 const UNTURNED: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
@@ -31,6 +31,15 @@ impl Turned {
             axis_angle: body.axis_angle,
             yaw_pitch_roll: body.yaw_pitch_roll,
             euler_angles: body.euler_angles,
+        }
+    }
+
+    pub(super) fn of_shape(shape: &Placing<'_>) -> Self {
+        Self {
+            euler_parameters: shape.euler_parameters,
+            axis_angle: shape.axis_angle,
+            yaw_pitch_roll: shape.yaw_pitch_roll,
+            euler_angles: shape.euler_angles,
         }
     }
 

@@ -4,7 +4,7 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Motion, Place, Rotational, Vector, item};
+use super::{Motion, Place, Rotational, Shape, Vector, item};
 
 /// A number with a name.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -25,13 +25,15 @@ item! {
     /// design configuration.
     #[schemars(title = "Bodies")]
     struct Body {
-        /// Mass; zero is allowed where the other bodies give the motion a mass.
-        #[schemars(extend("x-unit" = "kg"))]
-        pub(crate) mass: f64,
+        /// Mass; zero is allowed where the other bodies give the motion a mass. Left out where `shapes` have a
+        /// density.
+        #[schemars(extend("x-unit" = "kg", "x-unless" = "shapes"))]
+        pub(crate) mass: Option<f64>,
         /// Inertia about the centre of mass: spatial models the full tensor in body axes
-        /// (off-diagonal entries are minus the products of inertia), planar models the moment about z.
-        #[schemars(extend("x-unit" = "kg m²"))]
-        pub(crate) inertia: Inertia,
+        /// (off-diagonal entries are minus the products of inertia), planar models the moment about z. Left out
+        /// where `shapes` have a density.
+        #[schemars(extend("x-unit" = "kg m²", "x-unless" = "shapes"))]
+        pub(crate) inertia: Option<Inertia>,
         /// Body origin in the design configuration, ground axes.
         #[schemars(extend("x-unit" = "m"))]
         pub(crate) position: Vector,
@@ -60,6 +62,9 @@ item! {
         /// Named points of the body, used as `"body.marker"` wherever a point is asked for.
         #[serde(default)]
         pub(crate) markers: IndexMap<String, Marker>,
+        /// What the body looks like, by names that are its own. Default: drawn from its joints and points.
+        #[serde(default)]
+        pub(crate) shapes: IndexMap<String, Shape>,
     }
 }
 

@@ -9,6 +9,7 @@ mod items;
 mod motions;
 mod patterns;
 mod run;
+mod shapes;
 mod units;
 
 use indexmap::IndexMap;
@@ -22,6 +23,7 @@ pub(super) use items::*;
 pub(super) use motions::*;
 pub(super) use patterns::*;
 pub(super) use run::*;
+pub(super) use shapes::*;
 pub(super) use units::*;
 
 /// Fields that every item has, added to each.
@@ -212,6 +214,25 @@ impl Transform for WithParameters {
     }
 }
 
+/// What is required unless another field of the same table stands in for it, `x-unless`.
+#[derive(Clone)]
+struct WithSubstitutes;
+
+impl Transform for WithSubstitutes {
+    fn transform(&mut self, schema: &mut schemars::Schema) {
+        let Some(object) = schema.as_object_mut() else { return };
+        let Some(properties) = object.get("properties").and_then(|p| p.as_object()) else { return };
+        let replaced = |(name, field): (&String, &serde_json::Value)| {
+            Some((name.clone(), field["x-unless"].as_str()?.to_owned()))
+        };
+        let pairs: Vec<_> = properties.iter().filter_map(replaced).collect();
+        let Some((_, substitute)) = pairs.first() else { return };
+        let names: Vec<_> = pairs.iter().map(|(name, _)| name).collect();
+        let either = json!([{ "required": names }, { "required": [substitute] }]);
+        object.insert("anyOf".to_owned(), either);
+    }
+}
+
 /// The schema that the reader follows.
 pub(super) fn root_schema() -> serde_json::Value {
     let settings = schemars::generate::SchemaSettings::draft2020_12()
@@ -225,7 +246,8 @@ pub(super) fn root_schema() -> serde_json::Value {
 pub fn json_schema() -> String {
     let settings = schemars::generate::SchemaSettings::draft2020_12()
         .with_transform(RecursiveTransform(WithoutNull))
-        .with_transform(RecursiveTransform(WithParameters));
+        .with_transform(RecursiveTransform(WithParameters))
+        .with_transform(RecursiveTransform(WithSubstitutes));
     let mut schema = settings.into_generator().into_root_schema_for::<ModelFile>().to_value();
     let mut whole = serde_json::Map::new();
     if let Some(root) = schema.as_object_mut() {
