@@ -30,7 +30,7 @@ from holonom.view.scene import frame_times, scene
 PRESS = (
     "document.body.dispatchEvent(new KeyboardEvent('keydown', {key: arguments[0], bubbles: true}))"
 )
-KINDS = {"f4": "<f4", "i2": "<i2", "u2": "<u2"}
+KINDS = {"f4": "<f4", "i2": "<i2", "u2": "<u2", "u4": "<u4"}
 
 
 def unpacked(blob: dict[str, Any], width: int) -> np.ndarray:
@@ -138,8 +138,71 @@ def test_the_vehicle_is_followed_on_its_road(vehicle: Result) -> None:
     (road,) = drawn["roads"]
     assert max(road["height"]) == pytest.approx(0.05, rel=1e-2)  # the bump of the model file
     assert road["x"][int(np.argmax(road["height"]))] == pytest.approx(4.2335, abs=0.03)
-    wheels = [s for b in drawn["bodies"] for s in b["shapes"] if s["type"] == "wheel"]
-    assert [w["radius"] for w in wheels] == [0.4699] * 4
+    tyres = [e for e in drawn["elements"] if e["type"] == "tyre"]
+    assert [(t["radius"], t["axis"]) for t in tyres] == [(0.4699, [0.0, 1.0, 0.0])] * 4
+
+
+def test_bodies_look_as_their_model_states(vehicle: Result) -> None:
+    bodies = {body["name"]: body for body in scene(vehicle)["bodies"]}
+    shapes = bodies["chassis"]["shapes"]
+    assert [s["type"] for s in shapes].count("box") == 7
+    (hull,) = [s for s in shapes if s["type"] == "mesh"]
+    corners, faces = unpacked(hull["vertices"], 3), unpacked(hull["faces"], 3).astype(int)
+    # By hand: the roof of the hull is 1.30 m above the axes of the vehicle, whose origin lies
+    # 0.213 m below that of the chassis; each edge of its surface belongs to two triangles.
+    assert corners[:, 2].max() == pytest.approx(1.30 - 0.213)
+    assert len(corners) - 3 * len(faces) // 2 + len(faces) == 2  # Euler's formula
+    assert (hull["color"], hull["opacity"]) == ([0x9A, 0x9C, 0x78], 0.55)
+
+
+def test_bodies_without_shapes_are_drawn_from_their_joints_and_tyres() -> None:
+    text = """
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies.axle]
+mass = 100.0
+inertia = [[5.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 5.0]]
+position = [0.0, 0.0, 0.4]
+[roads]
+plain = { type = "flat", height = 0.0 }
+"""
+    for side, y in (("left", 0.6), ("right", -0.6)):
+        text += f"""
+[forces.{side}]
+type = "tyre"
+on = "axle"
+point = [0.0, {y}, 0.4]
+radius = 0.45
+stiffness = 1.0e5
+damping = 1.0e3
+smoothing = 1.0e-3
+road = "plain"
+"""
+    (axle,) = scene(holonom.Model.from_text(text).simulate(end_time=0.1))["bodies"]
+    assert [s["radius"] for s in axle["shapes"] if s["type"] == "wheel"] == [0.45] * 2
+    (rod,) = [s for s in axle["shapes"] if s["type"] == "rod"]
+    assert sorted((rod["from"], rod["to"])) == [[0.0, -0.6, 0.0], [0.0, 0.6, 0.0]]
+
+
+def test_a_result_brings_its_mesh_along(tmp_path: Path) -> None:
+    folder = tmp_path / "model"
+    folder.mkdir()
+    stl = (MODELS / "hmmwv14" / "body.stl").read_bytes()
+    (folder / "part.stl").write_bytes(stl)
+    skin = 'shapes.skin = { type = "mesh", file = "part.stl" }'
+    text = PENDULUM.replace("position = [0.8, 0.0]", f"position = [0.8, 0.0], {skin}")
+    (folder / "model.toml").write_text(text)
+    result = holonom.Model.load(folder / "model.toml").simulate(output=tmp_path / "r.holonom")
+    (folder / "part.stl").unlink()
+    with Result.load(tmp_path / "r.holonom") as again:
+        (shape,) = scene(again)["bodies"][0]["shapes"]
+    assert unpacked(shape["faces"], 3).shape == (stl.count(b"outer loop"), 3)
+    assert result.model.geometry["bodies"][0]["shapes"][0]["type"] == "mesh"
+    with pytest.raises(holonom.ModelError, match=r"part\.stl.*cannot be read"):
+        holonom.Model.load(folder / "model.toml")
+    with pytest.raises(holonom.ModelError, match="no folder"):
+        holonom.Model.from_text(text)
 
 
 def test_the_page_of_the_vehicle_is_one_small_file(vehicle: Result) -> None:

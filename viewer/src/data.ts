@@ -3,16 +3,27 @@
 export type Triple = [number, number, number];
 
 interface Blob {
-  kind: "f4" | "i2" | "u2";
+  kind: "f4" | "i2" | "u2" | "u4";
   data: string;
+}
+
+/** How a shape that the model states is placed, and how it looks. */
+interface Placed {
+  at: Triple;
+  /** Rows of the matrix whose columns are its own axes. */
+  axes?: Triple[];
+  color?: Triple | null;
+  opacity?: number;
 }
 
 export type Shape =
   | { type: "rod"; from: Triple; to: Triple; radius: number }
   | { type: "plate"; points: Triple[]; thickness: number }
   | { type: "hull"; points: Triple[]; radius: number }
-  | { type: "box"; size: Triple; at: Triple; axes?: Triple[] }
-  | { type: "sphere"; at: Triple; radius: number }
+  | ({ type: "box"; size: Triple } & Placed)
+  | ({ type: "sphere"; radius: number } & Placed)
+  | ({ type: "cylinder" | "capsule"; radius: number; length: number } & Placed)
+  | ({ type: "mesh"; vertices: Float32Array; faces: Uint32Array } & Placed)
   | { type: "wheel"; at: Triple; axis: Triple; radius: number; width: number };
 
 export interface Frame {
@@ -110,6 +121,11 @@ function curves(raw: Channel & Blob): Float32Array[] {
 }
 
 /* eslint-disable @typescript-eslint/no-explicit-any -- JSON */
+function shape(raw: any): Shape {
+  if (raw.type !== "mesh") return raw;
+  return { ...raw, vertices: new Float32Array(bytes(raw.vertices)), faces: new Uint32Array(bytes(raw.faces)) };
+}
+
 export function readRuns(): Run[] {
   const text = document.getElementById("holonom-data")?.textContent ?? "null";
   const data = JSON.parse(text);
@@ -118,6 +134,7 @@ export function readRuns(): Run[] {
     times: new Float32Array(bytes(raw.times)),
     bodies: raw.bodies.map((body: any) => ({
       ...body,
+      shapes: body.shapes.map(shape),
       position: new Float32Array(bytes(body.position)),
       rotation: new Int16Array(bytes(body.rotation)),
     })),

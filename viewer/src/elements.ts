@@ -1,24 +1,18 @@
 // Joints, forces and drivers as symbols. What stretches between two bodies is moved at every frame.
 
 import {
-  BoxGeometry, BufferGeometry, Color, Group, Mesh, Object3D, Quaternion,
-  SphereGeometry, TorusGeometry, Vector3,
+  BoxGeometry, BufferGeometry, Color, Group, Object3D, Quaternion, Vector3,
 } from "three";
-import type { Bundle } from "./bundle";
+import type { Batches, Layer } from "./batch";
 import type { Element, Frame, Run } from "./data";
 import {
-  alongZ, axisOf, ball, coil, cylinder, merge, paint, rod, roundArrow, spiral, standing, turnOf, tyre, vector,
+  alongZ, axisOf, ball, coil, cylinder, merge, paint, ring, rod, roundArrow, spiral, standing, turnOf, tyre, vector,
 } from "./geometry";
 import { poseAt } from "./motion";
-import { surface } from "./surface";
 import { BEARING, DAMPER, DRIVER, FORCE, JOINT, JOINT_LIGHT, RUBBER, SPRING, STEEL, TYRE } from "./theme";
 
-export interface Symbol {
-  element: Element;
-  /** What moves by itself; it carries the name of the element. */
-  meshes: Mesh[];
-  move?: () => void;
-}
+/** Moves what stretches or turns by itself. */
+export type Move = () => void;
 
 export interface Stage {
   run: Run;
@@ -27,29 +21,33 @@ export interface Stage {
   /** Where a frame is, ground axes. */
   place(frame: Frame, target: Vector3): Vector3;
   up: Vector3;
-  /** Takes what is fixed in a body or in the ground. */
-  bundle(body: number | null): Bundle;
+  batches: Batches;
 }
+
+type Add = (geometry: BufferGeometry, holder: Object3D, color?: number) => Object3D;
 
 const ORIGIN = new Vector3();
 const Z = new Vector3(0, 0, 1);
 
-export function symbolOf(stage: Stage, element: Element): Symbol | null {
+/** Draws an element; what moves by itself comes back. */
+export function symbolOf(stage: Stage, element: Element): Move | null {
   const planar = stage.run.dimension === "planar";
   const [first, second = first] = element.frames;
   const s = element.size;
-  const symbol: Symbol = { element, meshes: [] };
-  const add = (geometry: BufferGeometry, holder: Object3D, color?: number) => {
-    const mesh = new Mesh(geometry, surface({ color }));
-    mesh.name = element.name;
-    holder.add(mesh);
-    symbol.meshes.push(mesh);
-    return mesh;
+  const layer: Layer = { kind: element.collection === "forces" ? "force" : "joint" };
+  const painted = (geometry: BufferGeometry, color?: number) =>
+    color === undefined ? geometry : paint(geometry, new Color(color));
+  /** What moves by itself. */
+  const add: Add = (geometry, holder, color) => {
+    const actor = new Object3D();
+    holder.add(actor);
+    const own: Layer = element.type === "distance" ? { kind: "force" } : layer;
+    stage.batches.add(own, element.name, painted(geometry, color), actor);
+    return actor;
   };
-  const fix = (geometry: BufferGeometry, body: number | null, color?: number) => {
-    const painted = color === undefined ? geometry : paint(geometry, new Color(color));
-    stage.bundle(body).add(element.name, painted, element.collection !== "forces");
-  };
+  /** What is fixed in a body or in the ground. */
+  const fix = (geometry: BufferGeometry, body: number | null, color?: number, own: Layer = layer) =>
+    stage.batches.add(own, element.name, painted(geometry, color), stage.holder(body));
   const dark = new Color(JOINT);
   const light = new Color(JOINT_LIGHT);
   const at = vector(first.point);
@@ -68,6 +66,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
   };
   const along = (half: number) => [new Vector3(0, 0, -half), new Vector3(0, 0, half)] as const;
 
+  let move: Move | null = null;
   switch (element.type) {
     case "revolute":
       onFirst(
@@ -77,7 +76,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
       onGround();
       break;
     case "spherical":
-      onFirst([paint(ball(ORIGIN, 1.25 * s), dark), paint(new TorusGeometry(1.2 * s, 0.22 * s, 5, 20), light)]);
+      onFirst([paint(ball(ORIGIN, 1.25 * s), dark), paint(ring(1.2 * s, 0.22 * s), light)]);
       onGround();
       break;
     case "universal": {
@@ -110,14 +109,14 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     case "distance": {
       const mesh = add(cylinder(ORIGIN, Z, 1), holderless(stage), STEEL);
       for (const frame of [first, second]) {
-        fix(new SphereGeometry(0.95 * s, 12, 8).translate(...frame.point), frame.body, JOINT);
+        fix(ball(vector(frame.point), 0.95 * s), frame.body, JOINT);
       }
-      symbol.move = between(stage, first, second, mesh, 0.5 * s, true);
+      move = between(stage, first, second, mesh, 0.5 * s, true);
       break;
     }
     case "tsda":
     case "maxwell":
-      symbol.move = spring(stage, element, add);
+      move = spring(stage, element, add);
       break;
     case "rsda": {
       const joint = jointBetween(stage.run, element);
@@ -130,15 +129,14 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     }
     case "bushing":
       onFirst([
-        paint(new TorusGeometry(1.6 * s, 0.62 * s, 8, 20), new Color(RUBBER)),
+        paint(ring(1.6 * s, 0.62 * s), new Color(RUBBER)),
         paint(cylinder(...along(1.1 * s), 0.9 * s), dark),
       ]);
       break;
     case "tyre": {
-      const wheel = stage.run.bodies[first.body!].shapes.find((shape) => shape.type === "wheel" && near(shape.at, first.point));
-      if (wheel?.type === "wheel") {
-        fix(tyre(at, vector(wheel.axis).normalize(), element.radius!), first.body, TYRE);
-      }
+      const tread = tyre(at, vector(element.axis!).normalize(), element.radius!);
+      fix(tread, first.body, TYRE);
+      stage.batches.addShadow(tread, stage.holder(first.body));
       break;
     }
     case "torque":
@@ -154,7 +152,7 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
       const mesh = add(geometry.translate(...(place.map((x) => -x) as [number, number, number])), holderless(stage));
       if (planar) geometry.translate(0, 0, 2 * s);
       const point = { ...frame, point: place };
-      symbol.move = () => void stage.place(point, mesh.position);
+      move = () => void stage.place(point, mesh.position);
       break;
     }
     case "translation":
@@ -164,10 +162,8 @@ export function symbolOf(stage: Stage, element: Element): Symbol | null {
     default:
       return null;
   }
-  return symbol;
+  return move;
 }
-
-const near = (a: number[], b: number[]) => a.every((x, k) => Math.abs(x - b[k]) < 1e-6);
 
 function middleOf(run: Run, body: number | null): [number, number, number] {
   return body === null ? [0, 0, 0] : run.bodies[body].center;
@@ -205,11 +201,7 @@ function between(stage: Stage, first: Frame, second: Frame, mesh: Object3D, radi
   };
 }
 
-function spring(
-  stage: Stage,
-  element: Element,
-  add: (geometry: BufferGeometry, holder: Object3D, color?: number) => Mesh,
-): () => void {
+function spring(stage: Stage, element: Element, add: Add): Move {
   const [first, second] = element.frames;
   const s = element.size;
   const length = Math.max(1e-9, stage.place(first, a).distanceTo(stage.place(second, b)));
@@ -225,8 +217,8 @@ function spring(
     const mesh = add(paint(geometry, new Color(SPRING)), pair);
     if (series) mesh.scale.z = 0.5;
   }
-  let tube: Mesh | undefined;
-  let piston: Mesh | undefined;
+  let tube: Object3D | undefined;
+  let piston: Object3D | undefined;
   const start = series ? 0.5 : 0;
   if (damped) {
     const r = coiled && !series ? 0.48 * radius : 0.62 * radius;

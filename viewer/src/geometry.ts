@@ -6,8 +6,21 @@ import {
   Shape as Outline, TorusGeometry, TubeGeometry, Vector2, Vector3, Curve,
 } from "three";
 import { ConvexGeometry } from "three/examples/jsm/geometries/ConvexGeometry.js";
-import { mergeGeometries, mergeVertices } from "three/examples/jsm/utils/BufferGeometryUtils.js";
+import { mergeGeometries, mergeVertices, toCreasedNormals } from "three/examples/jsm/utils/BufferGeometryUtils.js";
 import type { Frame, Shape, Triple } from "./data";
+
+/** What round things are made round for: lengths are seen against this one. */
+const detail = { size: 1, factor: 1 };
+
+/** `factor` 1 is for a renderer in software; where there are many things each is seen small. */
+export function setDetail(size: number, factor: number): void {
+  Object.assign(detail, { size, factor });
+}
+
+/** Sides of a circle that looks round from where the whole is seen: it is off by a third of a pixel. */
+function sides(radius: number, most = 32): number {
+  return Math.max(6, Math.min(most, Math.ceil(110 * detail.factor * Math.sqrt(radius / detail.size))));
+}
 
 const Y = new Vector3(0, 1, 0);
 const Z = new Vector3(0, 0, 1);
@@ -45,16 +58,26 @@ function lay(geometry: BufferGeometry, from: Vector3, to: Vector3): BufferGeomet
 
 export function rod(from: Vector3, to: Vector3, radius: number): BufferGeometry {
   const length = from.distanceTo(to);
-  if (length < 1e-9) return new SphereGeometry(radius, 12, 8).translate(from.x, from.y, from.z);
-  return lay(new CapsuleGeometry(radius, length, 3, 12), from, to);
+  if (length < 1e-9) return ball(from, radius);
+  return lay(capsule(radius, length), from, to);
 }
 
-export function cylinder(from: Vector3, to: Vector3, radius: number, sides = 16): BufferGeometry {
-  return lay(new CylinderGeometry(radius, radius, from.distanceTo(to), sides), from, to);
+function capsule(radius: number, length: number): BufferGeometry {
+  const count = sides(radius);
+  return new CapsuleGeometry(radius, length, Math.max(2, Math.round(count / 6)), count);
+}
+
+export function cylinder(from: Vector3, to: Vector3, radius: number): BufferGeometry {
+  return lay(new CylinderGeometry(radius, radius, from.distanceTo(to), sides(radius)), from, to);
 }
 
 export function ball(at: Vector3, radius: number): BufferGeometry {
-  return new SphereGeometry(radius, 14, 10).translate(at.x, at.y, at.z);
+  const count = sides(radius);
+  return new SphereGeometry(radius, count, Math.ceil(0.6 * count)).translate(at.x, at.y, at.z);
+}
+
+export function ring(radius: number, thickness: number): BufferGeometry {
+  return new TorusGeometry(radius, thickness, Math.min(8, sides(thickness)), sides(radius + thickness, 24));
 }
 
 function hull(points: Vector3[], radius: number): BufferGeometry {
@@ -83,7 +106,7 @@ function rim(at: Vector3, axis: Vector3, radius: number, width: number): BufferG
     [r, -w], [0.86 * r, -w], [0.82 * r, -0.15 * w], [0, -0.3 * w],
   ].map(([x, y]) => new Vector2(x, y));
   const turn = new Quaternion().setFromUnitVectors(Y, axis);
-  return new LatheGeometry(profile.reverse(), 28).applyQuaternion(turn).translate(at.x, at.y, at.z);
+  return new LatheGeometry(profile.reverse(), sides(radius, 28)).applyQuaternion(turn).translate(at.x, at.y, at.z);
 }
 
 export function tyre(at: Vector3, axis: Vector3, radius: number): BufferGeometry {
@@ -93,7 +116,7 @@ export function tyre(at: Vector3, axis: Vector3, radius: number): BufferGeometry
     [r, -0.6 * w], [0.985 * r, -0.8 * w], [0.95 * r, -0.95 * w], [0.82 * r, -w], [0.64 * r, -0.8 * w],
   ].map(([x, y]) => new Vector2(x, y));
   const turn = new Quaternion().setFromUnitVectors(Y, axis);
-  return new LatheGeometry(profile.reverse(), 36).applyQuaternion(turn).translate(at.x, at.y, at.z);
+  return new LatheGeometry(profile.reverse(), sides(radius)).applyQuaternion(turn).translate(at.x, at.y, at.z);
 }
 
 export function shapeGeometry(shape: Shape): BufferGeometry {
@@ -105,17 +128,56 @@ export function shapeGeometry(shape: Shape): BufferGeometry {
     case "hull":
       return hull(shape.points.map(vector), shape.radius);
     case "sphere":
-      return ball(vector(shape.at), shape.radius);
+      return placed(ball(new Vector3(), shape.radius), shape);
+    case "cylinder":
+      return placed(new CylinderGeometry(shape.radius, shape.radius, shape.length, sides(shape.radius)).rotateX(Math.PI / 2), shape);
+    case "capsule":
+      return placed(capsule(shape.radius, shape.length).rotateX(Math.PI / 2), shape);
+    case "mesh":
+      return placed(surfaceOf(shape.vertices, shape.faces), shape);
     case "wheel":
       return rim(vector(shape.at), vector(shape.axis).normalize(), shape.radius, shape.width);
-    case "box": {
-      const box = new BoxGeometry(...shape.size);
-      if (shape.axes) {
-        const [a, b, c] = shape.axes;
-        box.applyMatrix4(new Matrix4().set(...a, 0, ...b, 0, ...c, 0, 0, 0, 0, 1));
-      }
-      return box.translate(...shape.at);
+    case "box":
+      return placed(new BoxGeometry(...shape.size), shape);
+  }
+}
+
+function placed(geometry: BufferGeometry, { at, axes }: { at: Triple; axes?: Triple[] }): BufferGeometry {
+  if (axes) {
+    const [a, b, c] = axes;
+    geometry.applyMatrix4(new Matrix4().set(...a, 0, ...b, 0, ...c, 0, 0, 0, 0, 1));
+  }
+  return geometry.translate(...at);
+}
+
+/** Triangles with sharp edges where they meet at more than 35 degrees. */
+function surfaceOf(vertices: Float32Array, faces: Uint32Array): BufferGeometry {
+  const whole = new BufferGeometry();
+  whole.setAttribute("position", new BufferAttribute(vertices, 3));
+  whole.setIndex(new BufferAttribute(faces, 1));
+  return toCreasedNormals(whole, (35 * Math.PI) / 180);
+}
+
+/** A shape as what throws its shadow: thin things need not be round. Null for what is too small to be missed. */
+export function shadowGeometry(shape: Shape): BufferGeometry | null {
+  const small = 0.004 * detail.size;
+  switch (shape.type) {
+    case "cylinder":
+    case "capsule": {
+      if (shape.radius < small) return null;
+      const length = shape.length + (shape.type === "capsule" ? shape.radius : 0);
+      const count = Math.max(5, Math.ceil(0.6 * sides(shape.radius)));
+      return placed(new CylinderGeometry(shape.radius, shape.radius, length, count).rotateX(Math.PI / 2), shape);
     }
+    case "rod": {
+      const [from, to] = [vector(shape.from), vector(shape.to)];
+      if (shape.radius < small || from.distanceTo(to) < 1e-9) return null;
+      return lay(new CylinderGeometry(shape.radius, shape.radius, from.distanceTo(to), 5), from, to);
+    }
+    case "sphere":
+      return shape.radius < small ? null : placed(new SphereGeometry(shape.radius, 10, 6), shape);
+    default:
+      return shapeGeometry(shape);
   }
 }
 
@@ -134,7 +196,8 @@ class Helix extends Curve<Vector3> {
 
 /** A coil along z of unit length; stretched by scaling, which a thin wire does not show. */
 export function coil(radius: number, wire: number, length: number, turns: number): BufferGeometry {
-  return new TubeGeometry(new Helix(radius / length, turns), 14 * turns, wire / length, 5)
+  const count = Math.max(7, Math.min(14, sides(radius)));
+  return new TubeGeometry(new Helix(radius / length, turns), count * turns, wire / length, detail.factor > 1 ? 5 : 3)
     .scale(length, length, 1);
 }
 

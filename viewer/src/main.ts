@@ -2,11 +2,12 @@
 
 import "./style.css";
 import {
-  Color, ColorManagement, LinearSRGBColorSpace, Quaternion, Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
+  Color, ColorManagement, LinearSRGBColorSpace, Matrix4, Quaternion, Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { Camera, type Preset } from "./camera";
 import { readRuns } from "./data";
 import { Floor } from "./floor";
+import { setDetail } from "./geometry";
 import { ICONS } from "./icons";
 import { Labels } from "./labels";
 import { Panel } from "./panel";
@@ -17,6 +18,8 @@ import { upOf, World, type Shows } from "./world";
 const SPEEDS = [0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 4, 8];
 /** Frames per second below which the picture gets coarser, and how coarse it may get. */
 const SMOOTH = 34;
+/** Below this one shadows are left out in motion. */
+const SMOOTH_ENOUGH = 26;
 const COARSEST = 0.5;
 const byId = <T extends HTMLElement>(name: string) => document.getElementById(name) as T;
 
@@ -57,6 +60,7 @@ class Page {
   /** Pixels per pixel of the page: standing still, and in motion. */
   private sharpest = Math.min(2, window.devicePixelRatio || 1);
   private ratio = this.sharpest;
+  private shadowsMove = true;
   private frames: number[] = [];
   /** When clock and plots were last moved, ms. */
   private told = 0;
@@ -72,6 +76,8 @@ class Page {
     const dark = window.matchMedia("(prefers-color-scheme: dark)");
     theme.now = dark.matches ? DARK : LIGHT;
     dark.addEventListener("change", () => this.setTheme(dark.matches));
+    const things = this.run.bodies.length + this.run.elements.length;
+    setDetail(this.run.size, (antialias ? 1.5 : 1) * (things > 150 ? 0.75 : 1));
     this.worlds = this.runs.map((run, number) => new World(run, number));
     const world = this.worlds[0];
     const up = upOf(this.run);
@@ -128,11 +134,12 @@ class Page {
     if (this.stale) this.draw();
   };
 
-  /** Coarser in motion where the machine is slow, as with a renderer in software. */
+  /** Coarser in motion where the machine is slow, as with a renderer in software, and then without shadows. */
   private adapt(): void {
-    if (this.frames.length < 24 || this.ratio <= COARSEST) return;
+    if (this.frames.length < 24 || !this.shadowsMove) return;
     const mean = (this.frames[this.frames.length - 1] - this.frames[0]) / (this.frames.length - 1);
     if (mean < 1000 / SMOOTH) return;
+    if (this.ratio <= COARSEST) this.shadowsMove = mean < 1000 / SMOOTH_ENOUGH;
     this.ratio = Math.max(COARSEST, 0.8 * this.ratio);
     this.frames = [];
     this.resize();
@@ -196,11 +203,12 @@ class Page {
     this.stale = false;
     const { camera, controls } = this.camera;
     this.floor.center(controls.target);
-    this.scene.updateMatrixWorld();
-    const shadow = this.floor.shadow(camera.position);
-    this.worlds[0].cast(shadow);
-    this.worlds[0].groundVisible = shadow !== null || this.planar;
-    this.floor.grid.visible = shadow !== null || this.planar;
+    const ground = this.floor.shadow(camera.position);
+    const shadow = this.playing && !this.shadowsMove ? null : ground;
+    camera.updateMatrixWorld();
+    this.worlds[0].cast(new Matrix4().multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse), shadow);
+    this.worlds[0].groundVisible = ground !== null || this.planar;
+    this.floor.grid.visible = ground !== null || this.planar;
     this.renderer.render(this.scene, camera);
     this.drawn++;
     const names = this.run.bodies

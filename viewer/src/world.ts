@@ -1,16 +1,16 @@
 // One run as objects of three.js: bodies, symbols, road, trails, shadows.
 
 import {
-  BufferAttribute, BufferGeometry, Color, EdgesGeometry, Group, Line, LineBasicMaterial, LineSegments, Matrix4, Mesh,
-  Object3D, Quaternion, Raycaster, ShaderMaterial, Sphere, Vector3, AxesHelper,
+  AxesHelper, BufferAttribute, BufferGeometry, Color, EdgesGeometry, Group, LineSegments, Matrix4, Mesh, Object3D,
+  Quaternion, Raycaster, ShaderMaterial, Sphere, Vector3,
 } from "three";
 import { Arrows } from "./arrows";
-import { Bundle } from "./bundle";
-import type { Frame, Road, Run } from "./data";
-import { symbolOf, type Symbol } from "./elements";
-import { merge, paint, shapeGeometry, vector } from "./geometry";
+import { Batches, type Layer } from "./batch";
+import type { Body, Frame, Road, Run, Shape } from "./data";
+import { symbolOf, type Move } from "./elements";
+import { paint, shadowGeometry, shapeGeometry, vector } from "./geometry";
 import { placeAt, poseAt, type Place } from "./motion";
-import { mark, plain, setTint, surface } from "./surface";
+import { setTint, surface, trailMaterial } from "./surface";
 import { BODIES, GHOSTS, STEEL, theme } from "./theme";
 
 export interface Shows {
@@ -20,56 +20,57 @@ export interface Shows {
   axes: boolean;
 }
 
+/** Places of one trail: more are not told apart. */
+const TRAIL = 600;
+
 export class World {
   readonly root = new Group();
+  /** What moves; drawn by the batches. */
+  private actors = new Group();
   readonly bodies: Group[] = [];
-  readonly meshes: Mesh[] = [];
-  readonly symbols: Symbol[] = [];
-  private bundles = new Map<number | null, Bundle>();
+  private batches = new Batches();
+  private moves: Move[] = [];
   readonly arrows: Arrows;
   place: Place = { frame: 0, part: 0 };
   private ground = new Group();
-  private shadows: Mesh[] = [];
-  private shadowRoot = new Group();
-  private trails: Line[] = [];
-  private axes: AxesHelper[] = [];
+  private spheres: (Sphere | null)[];
+  private trails?: LineSegments;
+  private shows: Shows = { joints: true, forces: false, trails: false, axes: false };
   private roads: Mesh[] = [];
   private up: Vector3;
 
   constructor(readonly run: Run, readonly number: number) {
     this.up = upOf(run);
-    this.root.add(this.ground);
+    this.actors.add(this.ground);
     run.bodies.forEach((body) => {
       const group = new Group();
       group.name = body.name;
       this.bodies.push(group);
-      this.root.add(group);
+      this.actors.add(group);
     });
     this.addBodies();
-    this.move(run.start);
+    this.pose(run.start);
     if (number === 0) {
       const stage = {
         run,
         up: this.up,
         holder: (body: number | null) => (body === null ? this.ground : this.bodies[body]),
         place: (frame: Frame, target: Vector3) => this.placeOf(frame, target),
-        bundle: (body: number | null) => {
-          if (!this.bundles.has(body)) this.bundles.set(body, new Bundle());
-          return this.bundles.get(body)!;
-        },
+        batches: this.batches,
       };
       for (const element of run.elements) {
-        const symbol = symbolOf(stage, element);
-        if (symbol) this.symbols.push(symbol);
+        const move = symbolOf(stage, element);
+        if (move) this.moves.push(move);
       }
-      for (const [body, bundle] of this.bundles) bundle.build(stage.holder(body));
-      this.addShadows();
       run.roads.forEach((road) => this.roads.push(roadMesh(road)));
-      this.roads.forEach((road) => this.ground.add(road));
+      for (const road of this.roads) this.root.add(road);
     }
+    this.batches.build();
+    this.root.add(this.batches.root);
+    this.spheres = run.bodies.map((body) => this.batches.around(body.name));
     this.arrows = new Arrows(run, (frame, target) => this.placeOf(frame, target));
     if (number === 0) this.root.add(this.arrows.root);
-    this.addTrails();
+    this.show(this.shows);
     this.paint();
     this.move(run.start);
   }
@@ -82,94 +83,80 @@ export class World {
     return target.applyQuaternion(group.quaternion).add(group.position);
   }
 
-  move(time: number): void {
+  private pose(time: number): void {
     this.place = placeAt(this.run, time);
     this.run.bodies.forEach((body, k) => {
       poseAt(body, this.place, this.bodies[k].position, this.bodies[k].quaternion);
     });
-    for (const symbol of this.symbols) symbol.move?.();
-    this.arrows?.move(this.place);
-    for (const trail of this.trails) trail.geometry.setDrawRange(0, this.place.frame + 1);
   }
 
-  /** To be called after the world matrices are up to date. */
-  cast(shadow: Matrix4 | null): void {
-    this.shadowRoot.visible = shadow !== null;
-    if (!shadow) return;
-    this.shadows.forEach((mesh) => {
-      mesh.matrix.multiplyMatrices(shadow, (mesh.userData.of as Mesh).matrixWorld);
-      mesh.matrixWorld.copy(mesh.matrix);
-    });
+  move(time: number): void {
+    this.pose(time);
+    for (const move of this.moves) move();
+    this.actors.updateMatrixWorld();
+    const nearest = this.run.follow ?? 0;
+    this.batches.place(this.bodies[nearest]?.position ?? new Vector3());
+    this.arrows.move(this.place);
+    if (this.trails) (this.trails.material as ShaderMaterial).uniforms.now.value = this.place.frame;
+  }
+
+  /** To be called when the camera stands where it will look from. */
+  cast(view: Matrix4, shadow: Matrix4 | null): void {
+    this.batches.cast(view, shadow);
   }
 
   get shadowObject(): Object3D {
-    return this.shadowRoot;
+    return this.batches.shadows;
   }
 
   show(shows: Shows): void {
-    for (const symbol of this.symbols) {
-      for (const mesh of symbol.meshes) {
-        mesh.visible = symbol.element.collection === "forces" || shows.joints || symbol.element.type === "distance";
-      }
-    }
-    this.bundles.forEach((bundle) => bundle.show(shows.joints));
+    this.shows = { ...shows };
+    const shown = { body: true, edge: true, force: true, joint: shows.joints, axes: shows.axes, shadow: true };
+    this.batches.show((layer) => shown[layer.kind]);
     this.arrows.shown = shows.forces ? "all" : "none";
-    this.trails.forEach((trail) => (trail.visible = shows.trails));
-    this.axes.forEach((axes) => (axes.visible = shows.axes));
+    if (shows.trails && !this.trails) this.addTrails();
+    if (this.trails) this.trails.visible = shows.trails;
   }
 
   set groundVisible(visible: boolean) {
     this.roads.forEach((road) => (road.visible = visible));
   }
 
-  /** Marks an item, and says whether there is one of that name. */
+  /** Marks an item. */
   pick(name: string | null): void {
     this.arrows.picked = name;
-    for (const mesh of [...this.meshes, ...this.symbols.flatMap((symbol) => symbol.meshes)]) mark(mesh, mesh.name === name);
-    this.bundles.forEach((bundle) => bundle.mark(name));
-  }
-
-  private get fixed(): Mesh[] {
-    return [...this.bundles.values()].map((bundle) => bundle.mesh);
+    this.batches.pick(name);
   }
 
   /** The item that a ray meets first; a joint just behind the surface of a body is meant, too. */
   hit(ray: Raycaster): string | null {
-    const moving = this.symbols.flatMap((symbol) => symbol.meshes).filter((mesh) => mesh.visible);
-    const symbols = new Set<Object3D>([...moving, ...this.fixed]);
-    const hits = ray.intersectObjects([...this.meshes, ...symbols], false);
+    const hits = this.batches.hits(ray);
     if (!hits.length) return null;
     const near = hits.filter((hit) => hit.distance - hits[0].distance < 0.03 * this.run.size);
-    const best = near.find((hit) => symbols.has(hit.object)) ?? hits[0];
-    const bundle = [...this.bundles.values()].find((one) => one.mesh === best.object);
-    return bundle ? bundle.nameAt(best.faceIndex!) : best.object.name;
+    return (near.find((hit) => hit.layer.kind !== "body") ?? hits[0]).name;
   }
 
   /** Colours that follow the theme. */
   paint(): void {
-    this.root.traverse((object) => {
-      if (object.userData.edge) ((object as LineSegments).material as LineBasicMaterial).color.setHex(theme.now.edge);
-    });
+    this.batches.edgeTint.value.setHex(theme.now.edge);
+    this.batches.shadowTint.value.setHex(this.roads.length ? theme.now.roadShadow : theme.now.shadow);
     this.roads.forEach((road) => setTint(road.material as ShaderMaterial, theme.now.road));
-    this.shadows.forEach((mesh) => setTint(mesh.material as ShaderMaterial, this.roads.length ? theme.now.roadShadow : theme.now.shadow));
   }
 
   /** Boxes around what there is: now, or over the whole run. */
   points(whole: boolean): Vector3[] {
     const points: Vector3[] = [];
     const [p, q] = [new Vector3(), new Quaternion()];
-    const spheres = this.meshes.map((mesh) => {
-      if (!mesh.geometry.boundingSphere) mesh.geometry.computeBoundingSphere();
-      return mesh.geometry.boundingSphere as Sphere;
-    });
+    const { spheres } = this;
     const count = whole ? Math.min(60, this.run.times.length) : 1;
     for (let k = 0; k < count; k++) {
       const frame = whole ? Math.round((k * (this.run.times.length - 1)) / Math.max(1, count - 1)) : this.place.frame;
       this.run.bodies.forEach((body, n) => {
-        if (!spheres[n]) return;
+        const sphere = spheres[n];
+        if (!sphere) return;
         poseAt(body, { frame, part: 0 }, p, q);
-        const center = spheres[n].center.clone().applyQuaternion(q).add(p);
-        const r = spheres[n].radius * 0.8;
+        const center = sphere.center.clone().applyQuaternion(q).add(p);
+        const r = sphere.radius * 0.8;
         for (const [x, y, z] of [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]) {
           points.push(center.clone().add(new Vector3(x * r, y * r, z * r)));
         }
@@ -185,73 +172,87 @@ export class World {
 
   private addBodies(): void {
     const ghost = this.number > 0;
+    const axes = new AxesHelper(0.09 * this.run.size).geometry;
+    // Equal shapes are made once.
+    const made = new Map<string, BufferGeometry>();
+    const known = (key: string, make: () => BufferGeometry) => {
+      if (!made.has(key)) made.set(key, make());
+      return made.get(key)!;
+    };
     this.run.bodies.forEach((body, k) => {
-      const color = ghost ? GHOSTS[(this.number - 1) % GHOSTS.length] : BODIES[body.kind % BODIES.length];
-      const parts = body.shapes.map((shape) => {
-        const tint = new Color(color);
-        return paint(shapeGeometry(shape), shape.type === "wheel" && !ghost ? tint.lerp(new Color(STEEL), 0.6) : tint);
-      });
+      const group = this.bodies[k];
       // What is drawn around joints lets them be seen.
       const around = body.shapes.some((shape) => shape.type === "hull");
-      const look = ghost ? { opacity: 0.42, depthWrite: false } : { opacity: around ? 0.5 : 1 };
-      const mesh = new Mesh(merge(parts), surface(look));
-      mesh.name = body.name;
-      this.meshes.push(mesh);
-      this.bodies[k].add(mesh);
-      const sharp = body.shapes.filter((shape) => shape.type === "box" || shape.type === "hull");
-      if (sharp.length && !ghost) {
-        const outlines = sharp.map((shape) => new EdgesGeometry(shapeGeometry(shape), 24));
-        const edges = new LineSegments(merge(outlines), new LineBasicMaterial({ transparent: true, opacity: 0.45 }));
-        edges.userData.edge = true;
-        this.bodies[k].add(edges);
-      }
-      const axes = new AxesHelper(0.09 * this.run.size);
-      (axes.material as LineBasicMaterial).depthTest = false;
-      axes.renderOrder = 5;
-      axes.visible = false;
-      this.axes.push(axes);
-      this.bodies[k].add(axes);
+      body.shapes.forEach((shape, n) => {
+        const key = shape.type === "mesh" ? `${k} ${n}` : JSON.stringify(shape);
+        const color = this.colorOf(body, shape);
+        const geometry = known(`${key} ${color.getHexString()}`, () => paint(shapeGeometry(shape), color));
+        const own = "opacity" in shape ? (shape.opacity ?? 1) : 1;
+        const opacity = ghost ? 0.42 * own : around ? 0.5 * own : own;
+        const layer: Layer = { kind: "body", opacity, ghost, bothSides: shape.type === "mesh" };
+        this.batches.add(layer, body.name, geometry, group);
+        if (!ghost && own > 0.2) {
+          const shadow = shadowGeometry(shape);
+          if (shadow) this.batches.addShadow(shadow, group);
+        }
+        if (ghost || !["box", "hull"].includes(shape.type)) return;
+        const edges = known(`edges ${key}`, () => new EdgesGeometry(shapeGeometry(shape), 24));
+        this.batches.add({ kind: "edge" }, body.name, edges, group);
+      });
+      if (!ghost) this.batches.add({ kind: "axes" }, body.name, axes, group);
     });
   }
 
-  private addShadows(): void {
-    // Opaque, before everything that stands on the ground: neither blending nor depth is paid for.
-    const material = plain({ depthTest: false, depthWrite: false });
-    const cast = (of: Mesh, geometry: BufferGeometry) => {
-      const shadow = new Mesh(geometry, material);
-      shadow.matrixAutoUpdate = shadow.matrixWorldAutoUpdate = false;
-      shadow.frustumCulled = false;
-      shadow.renderOrder = -2;
-      shadow.userData.of = of;
-      this.shadows.push(shadow);
-      this.shadowRoot.add(shadow);
-    };
-    this.meshes.forEach((mesh) => cast(mesh, mesh.geometry));
-    for (const bundle of this.bundles.values()) {
-      const { solid } = bundle;
-      if (solid) cast(bundle.mesh, solid);
+  private colorOf(body: Body, shape: Shape): Color {
+    if (this.number > 0) return new Color(GHOSTS[(this.number - 1) % GHOSTS.length]);
+    if ("color" in shape && shape.color) {
+      const [r, g, b] = shape.color;
+      return new Color(r / 255, g / 255, b / 255);
     }
+    const own = new Color(BODIES[body.kind % BODIES.length]);
+    return shape.type === "wheel" ? own.lerp(new Color(STEEL), 0.6) : own;
   }
 
+  /** The ways of the centres of mass, made when they are asked for first. */
   private addTrails(): void {
     const { run } = this;
-    const count = run.times.length;
+    const frames = run.times.length;
+    const count = Math.min(TRAIL, frames);
+    const at = Array.from({ length: count }, (_, k) => Math.round((k * (frames - 1)) / Math.max(1, count - 1)));
     const [p, q, c] = [new Vector3(), new Quaternion(), new Vector3()];
+    const segments = run.bodies.length * Math.max(0, count - 1);
+    const places = new Float32Array(6 * segments);
+    const colors = new Float32Array(6 * segments);
+    const seen = new Float32Array(2 * segments);
+    let end = 0;
     run.bodies.forEach((body) => {
-      const places = new Float32Array(3 * count);
-      for (let frame = 0; frame < count; frame++) {
+      const color = this.number > 0 ? new Color(GHOSTS[(this.number - 1) % GHOSTS.length]) : new Color(BODIES[body.kind % BODIES.length]);
+      const before = new Vector3();
+      at.forEach((frame, k) => {
         poseAt(body, { frame, part: 0 }, p, q);
-        c.set(...body.center).applyQuaternion(q).add(p).toArray(places, 3 * frame);
-      }
-      const geometry = new BufferGeometry();
-      geometry.setAttribute("position", new BufferAttribute(places, 3));
-      const color = this.number > 0 ? GHOSTS[(this.number - 1) % GHOSTS.length] : BODIES[body.kind % BODIES.length];
-      const trail = new Line(geometry, new LineBasicMaterial({ color, transparent: true, opacity: 0.9, depthTest: false }));
-      trail.frustumCulled = false;
-      trail.visible = false;
-      this.trails.push(trail);
-      this.root.add(trail);
+        c.set(...body.center).applyQuaternion(q).add(p);
+        if (k > 0) {
+          for (const point of [before, c]) {
+            point.toArray(places, 3 * end);
+            color.toArray(colors, 3 * end);
+            seen[end++] = frame;
+          }
+        }
+        before.copy(c);
+      });
     });
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(places, 3));
+    geometry.setAttribute("color", new BufferAttribute(colors, 3));
+    geometry.setAttribute("frame", new BufferAttribute(seen, 1));
+    this.trails = new LineSegments(geometry, trailMaterial());
+    this.trails.frustumCulled = false;
+    this.root.add(this.trails);
+  }
+
+  dispose(): void {
+    this.batches.dispose();
+    this.trails?.geometry.dispose();
   }
 }
 

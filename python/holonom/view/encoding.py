@@ -19,6 +19,11 @@ def floats(values: Array) -> dict[str, str]:
     return _packed("f4", values)
 
 
+def indices(faces: list[list[int]]) -> dict[str, str]:
+    """Return triangles by the numbers of their corners, in 32 bits each."""
+    return _packed("u4", np.array(faces))
+
+
 def turns(euler_parameters: Array) -> dict[str, str]:
     """Return orientations in 16 bits per parameter: 6e-5 rad.
 
@@ -51,6 +56,6 @@ def curves(values: Array) -> dict[str, Any]:
     return _packed("u2", codes) | {"low": low.tolist(), "high": high.tolist()}
 
 
-def _packed(kind: str, values: Array) -> dict[str, str]:
+def _packed(kind: str, values: NDArray[Any]) -> dict[str, str]:
     data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
     return {"kind": kind, "data": base64.b64encode(data).decode("ascii")}

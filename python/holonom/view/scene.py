@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from holonom.base.errors import UsageError
 from holonom.summary import STATUS
 from holonom.view.encoding import curves, floats, turns
-from holonom.view.shapes import Attachments, outline
+from holonom.view.shapes import Attachments, outline, rotation, stated, wheel_axis
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -61,7 +61,8 @@ def scene(result: Result) -> dict[str, Any]:
     }
     attachments = _attachments(bodies, elements)
     outlines = [
-        outline(body, attachments[number], size, planar) for number, body in enumerate(bodies)
+        stated(body, size) or outline(body, attachments[number], size, planar)
+        for number, body in enumerate(bodies)
     ]
     thickness = [drawn.thickness for drawn in outlines]
     kinds = {mass: k for k, mass in enumerate(_by_weight(bodies))}
@@ -97,6 +98,7 @@ def scene(result: Result) -> dict[str, Any]:
         "elements": [
             element
             | {"title": titles.get(element["name"], ""), "size": _symbol(element, thickness, size)}
+            | ({"axis": wheel_axis(element, bodies).tolist()} if element["type"] == "tyre" else {})
             for element in elements
         ],
         "roads": _roads(result, elements, bodies, poses),
@@ -159,13 +161,7 @@ def _attachments(
                 continue
             point = np.array(frame["point"])
             if element["type"] == "tyre":
-                axis = element["axis"]
-                if (
-                    axis is None
-                ):  # roads are heights over x: wheels turn about y where none is stated
-                    turned = _matrix(bodies[frame["body"]]["euler_parameters"])
-                    axis = turned.T @ np.array([0.0, 1.0, 0.0])
-                wheel = (point, float(element["radius"]), np.array(axis))
+                wheel = (point, float(element["radius"]), wheel_axis(element, bodies))
                 found[frame["body"]].wheels.append(wheel)
             found[frame["body"]].points.append(point)
     return found
@@ -179,7 +175,7 @@ def _size(bodies: list[dict[str, Any]], elements: list[dict[str, Any]]) -> float
             point = np.array(frame["point"])
             if frame["body"] is not None:
                 body = bodies[frame["body"]]
-                point = np.array(body["position"]) + _matrix(body["euler_parameters"]) @ point
+                point = np.array(body["position"]) + rotation(body["euler_parameters"]) @ point
             places.append(point)
     if not places:
         return 1.0
@@ -188,12 +184,6 @@ def _size(bodies: list[dict[str, Any]], elements: list[dict[str, Any]]) -> float
         return extent
     gyrations = [np.sqrt(body["inertia"][2][2] / (body["mass"] or 1.0)) for body in bodies]
     return 4.0 * float(max(gyrations, default=0.0)) or 1.0
-
-
-def _matrix(p: list[float]) -> Array:
-    e0, e = p[0], np.array(p[1:])
-    cross = np.array([[0.0, -e[2], e[1]], [e[2], 0.0, -e[0]], [-e[1], e[0], 0.0]])
-    return np.asarray((e0**2 - e @ e) * np.eye(3) + 2.0 * np.outer(e, e) + 2.0 * e0 * cross)
 
 
 def _weight(body: dict[str, Any]) -> str:

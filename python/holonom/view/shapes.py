@@ -1,4 +1,4 @@
-"""What a body looks like whose model states no shapes: drawn from its joints, points and inertia.
+"""What a body looks like: as its model states, or drawn from its joints, points and inertia.
 
 Lengths are metres, points are in body axes. These are pictures: nothing here enters a computation.
 """
@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from holonom.view.encoding import floats, indices
 
 Array = NDArray[np.float64]
 Shape = dict[str, Any]
@@ -41,6 +43,46 @@ class Outline:
 
     shapes: list[Shape]
     thickness: float
+
+
+def stated(body: dict[str, Any], size: float) -> Outline | None:
+    """Return the shapes that the model states for a body; None where it states none."""
+    if not body["shapes"]:
+        return None
+    shapes, thinnest = [], size
+    for shape in body["shapes"]:
+        drawn = {key: value for key, value in shape.items() if key not in ("name", "position")}
+        drawn["at"] = shape["position"]
+        if shape["type"] == "mesh":
+            vertices = np.array(shape["vertices"])
+            drawn |= {"vertices": floats(vertices), "faces": indices(shape["faces"])}
+            extent = float(np.ptp(vertices, axis=0).max())
+        elif shape["type"] == "box":
+            extent = float(min(shape["size"]))
+        else:
+            extent = 2.0 * float(shape["radius"])
+        thinnest = min(thinnest, extent)
+        shapes.append(drawn)
+    # Joints are drawn as large as the thinnest part, within what is seen and does not cover it.
+    return Outline(shapes, float(np.clip(0.5 * thinnest, 0.004 * size, 0.02 * size)))
+
+
+def wheel_axis(tyre: dict[str, Any], bodies: list[dict[str, Any]]) -> Array:
+    """Return the axis of a wheel in axes of its body.
+
+    Roads are heights over x: wheels turn about y of the ground where none is stated.
+    """
+    if tyre["axis"] is not None:
+        return np.array(tyre["axis"])
+    body = bodies[tyre["frames"][0]["body"]]
+    return np.asarray(rotation(body["euler_parameters"]).T @ np.array([0.0, 1.0, 0.0]))
+
+
+def rotation(p: list[float]) -> Array:
+    """Return the matrix that turns body axes into ground axes, from Euler parameters."""
+    e0, e = p[0], np.array(p[1:])
+    cross = np.array([[0.0, -e[2], e[1]], [e[2], 0.0, -e[0]], [-e[1], e[0], 0.0]])
+    return np.asarray((e0**2 - e @ e) * np.eye(3) + 2.0 * np.outer(e, e) + 2.0 * e0 * cross)
 
 
 def outline(body: dict[str, Any], attachments: Attachments, size: float, planar: bool) -> Outline:
