@@ -37,6 +37,8 @@ Progress = Callable[[float, float, int], None]
 #: Told what long work is doing: ``reading``, ``compiling``, ``assembling``, ``analysing``,
 #: ``running``; about twenty times a second, also within a step. What it raises ends the work.
 Watch = Callable[[str], None]
+#: Given output rows as they are computed: states and channels as arrays by name.
+Rows = Callable[[Mapping[str, Any]], None]
 
 
 class Model:
@@ -314,6 +316,7 @@ class Model:
         on_failure: Literal["raise", "return"] = "raise",
         progress: Progress | None = None,
         watch: Watch | None = None,
+        rows: Rows | None = None,
         certify: bool = False,
         keep: bool = False,
         force: bool = False,
@@ -340,6 +343,9 @@ class Model:
         watch : callable, optional
             Called with what is being done, about twenty times a second, before the first step and
             within steps.
+        rows : callable, optional
+            Called with the output rows as they come: ``time``, the states that `evaluate` takes and
+            ``channels``, arrays by name. With `certify` those of the first run.
         certify : bool
             Whether to repeat the run at a tenth of the tolerance and to measure the error of every
             channel: see `Result.certification`. The result is that of the first run, unchanged.
@@ -373,7 +379,7 @@ class Model:
             raise UsageError(
                 f"`on_failure` is {quoted(on_failure)}", help="it is 'raise' or 'return'"
             )
-        for name, callback in (("progress", progress), ("watch", watch)):
+        for name, callback in (("progress", progress), ("watch", watch), ("rows", rows)):
             if callback is not None and not callable(callback):
                 raise UsageError(
                     f"`{name}` is {quoted(repr(callback))}", help="pass a function, or leave it out"
@@ -389,6 +395,7 @@ class Model:
             progress,
             watch,
             certify,
+            rows=rows,
             keep=keep,
             force=force,
             source=None if source is None else as_path(source),

@@ -6,7 +6,7 @@ import html
 import json
 import sqlite3
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -488,6 +488,68 @@ class Result:
         from holonom import view  # here: most runs are not looked at
 
         return view.show([self, *others])
+
+    def render(
+        self,
+        path: str | Path,
+        *others: Result,
+        at: float | None = None,
+        size: tuple[int, int] = (1280, 720),
+        camera: str = "iso",
+        fps: float = 25.0,
+        start: float | None = None,
+        end: float | None = None,
+        speed: float = 1.0,
+        dark: bool = False,
+        browser: str | Path | None = None,
+        progress: Callable[[int, int], None] | None = None,
+        force: bool = False,
+    ) -> Path:
+        """Draw a picture or a film of the bodies and return its path.
+
+        A browser of the machine draws it (Chromium, Chrome or Edge), without a window. A GIF needs
+        the extra ``render``, an MP4 the program ffmpeg.
+
+        Parameters
+        ----------
+        path : path
+            Its ending tells the kind: ``.png`` for a picture, ``.gif`` or ``.mp4`` for a film.
+        *others : Result
+            Further runs, laid over this one.
+        at : float, optional
+            Time of a picture, s; the start by default.
+        size : (int, int)
+            Width and height, pixels.
+        camera : {"iso", "front", "side", "top"}
+            Where it is seen from.
+        fps : float
+            Frames of a film per second.
+        start, end : float, optional
+            Span of a film, s of the run; the whole run by default.
+        speed : float
+            Seconds of the run per second of the film.
+        dark : bool
+            Whether the ground is dark.
+        browser : path, optional
+            Program of the browser.
+        progress : callable, optional
+            Called with the number of frames that are done and how many there are.
+        force : bool
+            Whether a file that is no picture by Holonom may be replaced.
+
+        Raises
+        ------
+        UsageError
+            If a choice cannot be used, or a result has no rows.
+        FileError
+            If something to draw with is missing, or the file cannot be written.
+        """
+        from holonom.view.render import render  # here: most runs are not looked at
+
+        return render(
+            [self, *others], as_path(path), at=at, size=size, camera=camera, fps=fps, start=start,
+            end=end, speed=speed, dark=dark, browser=browser, progress=progress, force=force,
+        )  # fmt: skip
 
     def to_csv(
         self, path: str | Path, channels: list[str] | None = None, *, force: bool = False

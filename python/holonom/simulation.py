@@ -36,7 +36,7 @@ from holonom.store.reader import Reader
 from holonom.store.writer import NotRepeatedError, Rewind, Writer
 
 if TYPE_CHECKING:
-    from holonom.model import Model, Progress, Watch
+    from holonom.model import Model, Progress, Rows, Watch
     from holonom.options import Options
 
 
@@ -50,6 +50,7 @@ def run(
     watch: Watch | None,
     certify: bool,
     *,
+    rows: Rows | None = None,
     keep: bool = False,
     force: bool = False,
     source: Path | None = None,
@@ -75,8 +76,9 @@ def run(
             try:
                 first = None if place.text else first_state(continues, place)
                 return _recorded(
-                    model, again, first, recorder, raise_failure, progress, watch, False, place.text
-                )
+                    model, again, first, recorder, raise_failure, progress, watch, rows, False,
+                    place.text,
+                )  # fmt: skip
             except (NotRepeatedError, SimulationError) as error:
                 if isinstance(error, SimulationError) and error.code != "simulation/checkpoint":
                     raise
@@ -86,7 +88,9 @@ def run(
     recorder = _Recorder(model, chosen, requested, output, certify, continues, force)
     recorder.warnings += noted
     try:
-        return _recorded(model, chosen, state, recorder, raise_failure, progress, watch, certify)
+        return _recorded(
+            model, chosen, state, recorder, raise_failure, progress, watch, rows, certify
+        )
     finally:
         recorder.release()
 
@@ -99,15 +103,19 @@ def _recorded(
     raise_failure: bool,
     progress: Progress | None,
     watch: Watch | None,
+    rows: Rows | None,
     certify: bool,
     checkpoint: str | None = None,
 ) -> Result:
+    def append(chunk: dict[str, Any]) -> None:
+        recorder.append(chunk)
+        if rows is not None:
+            rows(chunk)
+
     ended = False
     try:
         with _deferred_interrupts() as heed:
-            summary = _simulate(
-                model, chosen, state, recorder.append, progress, watch, heed, checkpoint
-            )
+            summary = _simulate(model, chosen, state, append, progress, watch, heed, checkpoint)
             recorder.finish(summary)
             ended = True
     except KeyboardInterrupt:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from browsers import Browser, one_browser
 from hypothesis import settings
 
 from holonom.store.layout import Quantity
@@ -151,3 +153,9 @@ def pendulum(tmp_path: Path) -> Path:
     path.parent.mkdir(parents=True)
     path.write_text(PENDULUM, encoding="utf-8")
     return path
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """Chromium, if it is there; `HOLONOM_BROWSER=required` refuses to go on without."""
+    yield from one_browser(tmp_path_factory.mktemp("profile"))

@@ -31,7 +31,6 @@ export class Arrows {
   picked: string | null = null;
 
   constructor(private run: Run, private place: (frame: Frame, target: Vector3) => Vector3) {
-    let largest = 0;
     for (const element of run.elements) {
       const isTyre = element.type === "tyre";
       const name = `${element.name}.${isTyre ? "vertical_force" : "force"}`;
@@ -44,9 +43,8 @@ export class Arrows {
         axis: force.curves.length === 1 ? up : undefined,
         down: isTyre ? element.radius! * 0.98 : 0,
       });
-      if (element.collection !== "drivers") largest = Math.max(largest, typical(force));
     }
-    this.scale = largest > 0 ? (0.22 * run.size) / largest : 0;
+    this.measure();
     this.thickness = 0.0045 * run.size;
     const material = surface({ color: FORCE });
     const count = Math.max(1, this.arrows.length);
@@ -56,6 +54,13 @@ export class Arrows {
       mesh.frustumCulled = false;
       this.root.add(mesh);
     }
+  }
+
+  /** How long arrows are: by the largest force of the rows there are. */
+  measure(): void {
+    const own = this.arrows.filter(({ element }) => element.collection !== "drivers");
+    const largest = Math.max(0, ...own.map(({ force }) => typical(force)));
+    this.scale = largest > 0 ? (0.22 * this.run.size) / largest : 0;
   }
 
   move(at: Place): void {
@@ -91,5 +96,6 @@ function typical(force: Channel): number {
   const count = force.curves[0].length;
   const sizes = new Float32Array(count);
   for (const curve of force.curves) for (let i = 0; i < count; i++) sizes[i] += curve[i] ** 2;
+  if (!count) return 0;
   return Math.sqrt(sizes.sort()[Math.floor(0.9 * (count - 1))]) || 0;
 }

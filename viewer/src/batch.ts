@@ -3,7 +3,7 @@
 
 import {
   Box3, BufferAttribute, BufferGeometry, Color, DataTexture, DoubleSide, FloatType, Group, LineSegments,
-  Matrix4, Mesh, MeshBasicMaterial, NearestFilter, Object3D, RGBAFormat, ShaderMaterial, Sphere,
+  Matrix4, Mesh, MeshBasicMaterial, NearestFilter, Object3D, RGBAFormat,
   Vector3, type Intersection, type Raycaster,
 } from "three";
 import { actorMaterial, shadowMaterial } from "./surface";
@@ -114,8 +114,17 @@ export class Batches {
     const material = layer.kind === "shadow" ? shadowMaterial({ ...uniforms, thrown: this.thrown, tint }) : actorMaterial(layer, { ...uniforms, tint });
     batch.object = lines ? new LineSegments(geometry, material) : new Mesh(geometry, material);
     batch.object.frustumCulled = false;
-    const order = { shadow: -2, axes: 5, edge: 1, body: layer.ghost ? 2 : 0, force: 0, joint: 0 };
+    const order = { shadow: -2, axes: 5, edge: 0, body: layer.ghost ? 4 : 3, force: 0, joint: 0 };
     batch.object.renderOrder = order[layer.kind];
+    if (layer.kind === "body" && (layer.opacity ?? 1) < 1 && !layer.ghost) {
+      // Of what is seen through only the nearest surface is drawn: its depth goes ahead.
+      const ahead = material.clone();
+      Object.assign(ahead, { colorWrite: false, uniforms: material.uniforms });
+      const depth = new Mesh(geometry, ahead);
+      depth.frustumCulled = false;
+      depth.renderOrder = 2;
+      this.root.add(depth);
+    }
     (layer.kind === "shadow" ? this.shadows : this.root).add(batch.object);
   }
 
@@ -169,8 +178,8 @@ export class Batches {
     return found.sort((a, b) => a.distance - b.distance);
   }
 
-  /** The ball around the parts of a name, axes of its actor. */
-  around(name: string): Sphere | null {
+  /** The box around the parts of a body, in its axes. */
+  around(name: string): Box3 | null {
     const box = new Box3();
     for (const { layer, parts } of this.batches.values()) {
       if (layer.kind !== "body") continue;
@@ -178,14 +187,6 @@ export class Batches {
         if (part.name === name) box.union(new Box3().setFromBufferAttribute(part.geometry.getAttribute("position") as BufferAttribute));
       }
     }
-    return box.isEmpty() ? null : box.getBoundingSphere(new Sphere());
-  }
-
-  dispose(): void {
-    for (const { object } of this.batches.values()) {
-      object?.geometry.dispose();
-      (object?.material as ShaderMaterial | undefined)?.dispose();
-    }
-    this.texture.dispose();
+    return box.isEmpty() ? null : box;
   }
 }

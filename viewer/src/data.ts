@@ -91,6 +91,8 @@ export interface Run {
   start: number;
   times: Float32Array;
   follow: number | null;
+  /** Of a run that goes on: how often its rows were thinned out. */
+  generation?: number;
   bodies: Body[];
   elements: Element[];
   roads: Road[];
@@ -107,6 +109,7 @@ function bytes(blob: Blob): ArrayBuffer {
 }
 
 function curves(raw: Channel & Blob): Float32Array[] {
+  if (raw.kind === "f4") return columns(new Float32Array(bytes(raw)), raw.low.length);
   const codes = new Uint16Array(bytes(raw));
   const width = raw.low.length;
   return raw.low.map((low, column) => {
@@ -120,16 +123,82 @@ function curves(raw: Channel & Blob): Float32Array[] {
   });
 }
 
+function columns(values: Float32Array, width: number): Float32Array[] {
+  return Array.from({ length: width }, (_, column) => {
+    const out = new Float32Array(values.length / width);
+    for (let i = 0; i < out.length; i++) out[i] = values[i * width + column];
+    return out;
+  });
+}
+
+/** Rows of a run that goes on. */
+export interface Rows {
+  generation: number;
+  /** Whether these are all rows there are. */
+  whole: boolean;
+  status: string;
+  times: Blob;
+  bodies: { position: Blob; rotation: Blob }[];
+  channels: (Blob & { low: number[]; high: number[] })[];
+  roads: Road[];
+}
+
+/** Adds rows to a run, and returns how many. */
+export function extend(run: Run, rows: Rows): number {
+  const grown = <T extends Float32Array | Int16Array>(old: T, more: T): T => {
+    if (rows.whole) return more;
+    const out = new (old.constructor as new (length: number) => T)(old.length + more.length);
+    out.set(old);
+    out.set(more, old.length);
+    return out;
+  };
+  const times = new Float32Array(bytes(rows.times));
+  if (!times.length) return 0;
+  run.times = grown(run.times, times);
+  rows.bodies.forEach((more, k) => {
+    const body = run.bodies[k];
+    body.position = grown(body.position, new Float32Array(bytes(more.position)));
+    body.rotation = grown(body.rotation, new Int16Array(bytes(more.rotation)));
+  });
+  rows.channels.forEach((more, k) => {
+    const channel = run.channels[k];
+    Object.assign(channel, { low: more.low, high: more.high });
+    const curves = columns(new Float32Array(bytes(more)), more.low.length);
+    channel.curves = channel.curves.map((curve, n) => grown(curve, curves[n]));
+  });
+  run.roads = rows.roads;
+  return times.length;
+}
+
 /* eslint-disable @typescript-eslint/no-explicit-any -- JSON */
 function shape(raw: any): Shape {
   if (raw.type !== "mesh") return raw;
   return { ...raw, vertices: new Float32Array(bytes(raw.vertices)), faces: new Uint32Array(bytes(raw.faces)) };
 }
 
-export function readRuns(): Run[] {
+/** What to draw for a picture or a film, whose frames are sent back. */
+export interface Job {
+  times: number[];
+  size: [number, number];
+  camera: "iso" | "front" | "side" | "top";
+  dark: boolean;
+}
+
+export interface Data {
+  runs: Run[];
+  job: Job | null;
+  /** Whether the run goes on, and its rows are asked for. */
+  live: boolean;
+}
+
+export function readData(): Data {
   const text = document.getElementById("holonom-data")?.textContent ?? "null";
   const data = JSON.parse(text);
-  return (data?.runs ?? []).map((raw: any) => ({
+  return { runs: (data?.runs ?? []).map(readRun), job: data?.job ?? null, live: data?.live === true };
+}
+
+export function readRun(raw: any): Run {
+  return {
     ...raw,
     times: new Float32Array(bytes(raw.times)),
     bodies: raw.bodies.map((body: any) => ({
@@ -139,5 +208,5 @@ export function readRuns(): Run[] {
       rotation: new Int16Array(bytes(body.rotation)),
     })),
     channels: raw.channels.map((channel: any) => ({ ...channel, curves: curves(channel) })),
-  }));
+  };
 }

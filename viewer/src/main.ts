@@ -5,7 +5,7 @@ import {
   Color, ColorManagement, LinearSRGBColorSpace, Matrix4, Quaternion, Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { Camera, type Preset } from "./camera";
-import { readRuns } from "./data";
+import { extend, readData, type Job, type Rows } from "./data";
 import { Floor } from "./floor";
 import { setDetail } from "./geometry";
 import { ICONS } from "./icons";
@@ -21,6 +21,8 @@ const SMOOTH = 34;
 /** Below this one shadows are left out in motion. */
 const SMOOTH_ENOUGH = 26;
 const COARSEST = 0.5;
+/** Milliseconds between questions for rows of a run that goes on. */
+const POLL = 250;
 const byId = <T extends HTMLElement>(name: string) => document.getElementById(name) as T;
 
 /** Whether pictures are made by the processor: then every pixel counts. */
@@ -33,7 +35,9 @@ function inSoftware(): boolean {
 }
 
 class Page {
-  private runs = readRuns();
+  private data = readData();
+  private runs = this.data.runs;
+  private job = this.data.job;
   private run = this.runs[0];
   private planar = this.run.dimension === "planar";
   private span = [
@@ -51,6 +55,8 @@ class Page {
   private time = this.span[0];
   private playing = false;
   private looping = true;
+  /** Whether the last rows of a run that goes on are shown as they come. */
+  private newest = false;
   private speed = 1;
   private shows: Shows & { labels: boolean } = { joints: true, forces: false, trails: false, axes: false, labels: false };
   private picked: string | null = null;
@@ -70,7 +76,8 @@ class Page {
   constructor() {
     // Colours are shown as they are written: no pixel pays for converting them.
     ColorManagement.enabled = false;
-    const antialias = !inSoftware();
+    // A film takes its time.
+    const antialias = this.job !== null || !inSoftware();
     this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias, powerPreference: "high-performance" });
     this.renderer.outputColorSpace = LinearSRGBColorSpace;
     const dark = window.matchMedia("(prefers-color-scheme: dark)");
@@ -101,7 +108,78 @@ class Page {
     this.fit("iso");
     this.worlds.forEach((one) => one.show(this.shows));
     this.setTime(this.time);
-    requestAnimationFrame(this.tick);
+    if (this.job) void this.film(this.job);
+    else requestAnimationFrame(this.tick);
+    if (this.data.live) {
+      this.newest = true;
+      this.seekNewest();
+      void this.attend();
+    }
+  }
+
+  /** Asks for the rows of a run that goes on, until it ends. */
+  private async attend(): Promise<void> {
+    const { run } = this;
+    let failures = 0;
+    for (let running = true; running; ) {
+      await new Promise((done) => setTimeout(done, POLL));
+      try {
+        const answer = await fetch(`rows?since=${run.times.length}&generation=${run.generation}`);
+        const rows = (await answer.json()) as Rows;
+        failures = 0;
+        run.generation = rows.generation;
+        running = rows.status === "running";
+        if (extend(run, rows)) this.extended();
+        run.status = running ? "running" : rows.status;
+      } catch {
+        running = ++failures < 3;
+        run.status = "ended";
+      }
+      this.tellStatus();
+    }
+    this.newest = false;
+  }
+
+  private extended(): void {
+    this.span[1] = this.run.start + this.run.times[this.run.times.length - 1];
+    byId<HTMLInputElement>("scrub").max = String(this.span[1]);
+    this.worlds[0].extend();
+    this.panel.refresh(this.picked);
+    if (this.newest) this.seekNewest();
+    else this.setTime(this.time);
+  }
+
+  private seekNewest(): void {
+    this.setTime(this.span[1]);
+  }
+
+  private tellStatus(): void {
+    const { run } = this;
+    byId("subtitle").textContent = [run.file || run.name, run.method, run.completed ? "" : run.status].filter(Boolean).join(" · ");
+  }
+
+  /** Draws the frames of a film, each at its time, and sends them to who asked for it. */
+  private async film(job: Job): Promise<void> {
+    const send = (path: string, body: Blob | string) => fetch(path, { method: "POST", body });
+    try {
+      const [width, height] = job.size;
+      document.body.classList.add("bare");
+      this.setTheme(job.dark);
+      this.renderer.setPixelRatio(1);
+      this.renderer.setSize(width, height, false);
+      this.camera.resize(width, height);
+      this.setTime(job.times[0]);
+      this.fit(job.camera);
+      for (const time of job.times) {
+        this.setTime(time);
+        this.draw();
+        const picture = await new Promise<Blob | null>((done) => this.canvas.toBlob(done, "image/png"));
+        if (!picture) throw new Error("the picture is too large");
+        if (!(await send("frame", picture)).ok) return;
+      }
+    } catch (error) {
+      await send("failed", error instanceof Error ? error.message : String(error));
+    }
   }
 
   /** A run is shown in 4 to 25 s, unless asked otherwise: a squeezer that takes 30 ms is slowed down. */
@@ -170,11 +248,13 @@ class Page {
   }
 
   seek(time: number): void {
+    this.newest = this.data.live && time >= this.span[1];
     this.setTime(Math.min(this.span[1], Math.max(this.span[0], time)));
   }
 
   play(on: boolean): void {
     if (on && this.time >= this.span[1]) this.setTime(this.span[0]);
+    if (on) this.newest = false;
     this.playing = on;
     this.frames = [];
     this.tell(this.time);
@@ -229,7 +309,7 @@ class Page {
 
   private resize(): void {
     const { clientWidth: width, clientHeight: height } = byId("stage");
-    if (!width || !height) return;
+    if (!width || !height || this.job) return;
     this.renderer.setPixelRatio(this.playing ? this.ratio : this.sharpest);
     this.renderer.setSize(width, height, false);
     this.camera.resize(width, height);
@@ -306,7 +386,7 @@ class Page {
   private addControls(): void {
     const { run } = this;
     byId("title").textContent = run.title;
-    byId("subtitle").textContent = [run.file || run.name, run.method, run.completed ? "" : run.status].filter(Boolean).join(" · ");
+    this.tellStatus();
     const button = (nav: string, id: string, label: string, content: string, act: () => void, pressed?: boolean) => {
       const one = document.createElement("button");
       one.id = id;
@@ -460,6 +540,8 @@ class Page {
       get playing() { return page.playing; },
       get picked() { return page.picked; },
       get drawn() { return page.drawn; },
+      get status() { return page.run.status; },
+      get end() { return page.span[1]; },
       get ratio() { return page.ratio; },
       play: (on: boolean) => page.play(on),
       seek: (time: number) => page.seek(time),
@@ -487,6 +569,7 @@ function start(): void {
     Object.assign(window, { holonom: page.facts });
   } catch (error) {
     const text = error instanceof Error ? error.message : String(error);
+    if (readData().job) void fetch("failed", { method: "POST", body: text });
     message(/webgl/i.test(text) ? "This browser has no WebGL, which the picture needs. Try another one, or switch on hardware acceleration." : `The page could not be shown: ${text}`);
     if (!/webgl/i.test(text)) console.error(error);
   }

@@ -154,6 +154,13 @@ export class Panel {
     this.plots.forEach((plot) => plot.draw());
   }
 
+  /** To be called when rows have come: the same channels, to the new end. */
+  refresh(name: string | null): void {
+    const { scrollTop } = this.selection;
+    this.show(name);
+    this.selection.scrollTop = scrollTop;
+  }
+
   redraw(): void {
     this.plots.forEach((plot) => plot.draw());
   }

@@ -1,8 +1,8 @@
 // One run as objects of three.js: bodies, symbols, road, trails, shadows.
 
 import {
-  AxesHelper, BufferAttribute, BufferGeometry, Color, EdgesGeometry, Group, LineSegments, Matrix4, Mesh, Object3D,
-  Quaternion, Raycaster, ShaderMaterial, Sphere, Vector3,
+  AxesHelper, Box3, BufferAttribute, BufferGeometry, Color, EdgesGeometry, Group, LineSegments, Matrix4, Mesh, Object3D,
+  Quaternion, Raycaster, ShaderMaterial, Vector3,
 } from "three";
 import { Arrows } from "./arrows";
 import { Batches, type Layer } from "./batch";
@@ -33,7 +33,7 @@ export class World {
   readonly arrows: Arrows;
   place: Place = { frame: 0, part: 0 };
   private ground = new Group();
-  private spheres: (Sphere | null)[];
+  private boxes: (Box3 | null)[];
   private trails?: LineSegments;
   private shows: Shows = { joints: true, forces: false, trails: false, axes: false };
   private roads: Mesh[] = [];
@@ -67,7 +67,7 @@ export class World {
     }
     this.batches.build();
     this.root.add(this.batches.root);
-    this.spheres = run.bodies.map((body) => this.batches.around(body.name));
+    this.boxes = run.bodies.map((body) => this.batches.around(body.name));
     this.arrows = new Arrows(run, (frame, target) => this.placeOf(frame, target));
     if (number === 0) this.root.add(this.arrows.root);
     this.show(this.shows);
@@ -147,18 +147,18 @@ export class World {
   points(whole: boolean): Vector3[] {
     const points: Vector3[] = [];
     const [p, q] = [new Vector3(), new Quaternion()];
-    const { spheres } = this;
+    const { boxes } = this;
     const count = whole ? Math.min(60, this.run.times.length) : 1;
     for (let k = 0; k < count; k++) {
       const frame = whole ? Math.round((k * (this.run.times.length - 1)) / Math.max(1, count - 1)) : this.place.frame;
       this.run.bodies.forEach((body, n) => {
-        const sphere = spheres[n];
-        if (!sphere) return;
+        const box = boxes[n];
+        if (!box) return;
         poseAt(body, { frame, part: 0 }, p, q);
-        const center = sphere.center.clone().applyQuaternion(q).add(p);
-        const r = sphere.radius * 0.8;
-        for (const [x, y, z] of [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]) {
-          points.push(center.clone().add(new Vector3(x * r, y * r, z * r)));
+        for (const x of [box.min.x, box.max.x]) {
+          for (const y of [box.min.y, box.max.y]) {
+            for (const z of [box.min.z, box.max.z]) points.push(new Vector3(x, y, z).applyQuaternion(q).add(p));
+          }
         }
       });
     }
@@ -250,9 +250,21 @@ export class World {
     this.root.add(this.trails);
   }
 
-  dispose(): void {
-    this.batches.dispose();
-    this.trails?.geometry.dispose();
+  /** To be called when rows have come. */
+  extend(): void {
+    this.arrows.measure();
+    if (this.trails) {
+      this.root.remove(this.trails);
+      this.trails.geometry.dispose();
+      this.trails = undefined;
+      this.show(this.shows);
+    }
+    this.roads.forEach((road) => {
+      this.root.remove(road);
+      road.geometry.dispose();
+    });
+    this.roads = this.run.roads.map(roadMesh);
+    for (const road of this.roads) this.root.add(road);
   }
 }
 

@@ -71,6 +71,8 @@ KINDS = {
     "svg": Kind("picture by Holonom", (b"<svg", b"<?xml")),
     "pdf": Kind("picture by Holonom", (b"%PDF-",)),
     "png": Kind("picture by Holonom", (b"\x89PNG\r\n\x1a\n",)),
+    "gif": Kind("film by Holonom", (b"GIF8",)),
+    "mp4": Kind("film by Holonom", tuple(bytes([0, 0, 0, n]) + b"ftyp" for n in range(16, 64, 4))),
     "html": Kind("report by Holonom", (b"<!doctype html>",)),
     "csv": Kind("table of channels", (b"time (s)",), marked=False),
     "comparison": Kind("table of a comparison", (b"method,tolerance,",), marked=False),

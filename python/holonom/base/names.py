@@ -83,6 +83,8 @@ COMMANDS = {
     "export": "csv save convert dump",
     "compare": "benchmark bench diff study",
     "report": "html page",
+    "view": "open 3d animate",
+    "render": "film movie video gif mp4 png picture image",
     "schema": "reference format fields",
 }
 

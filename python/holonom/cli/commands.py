@@ -28,12 +28,13 @@ from holonom.base.text import one_line, shown
 from holonom.cli.flags import (
     read_changes,
     read_methods,
+    read_size,
     read_times,
     read_tolerance,
     read_tolerances,
     takes_options,
 )
-from holonom.cli.progress import ComparisonProgress, RunProgress, Stages
+from holonom.cli.progress import ComparisonProgress, FrameProgress, RunProgress, Stages
 from holonom.cli.terminal import (
     complain,
     done,
@@ -49,7 +50,7 @@ from holonom.model import Model
 from holonom.result import Result
 
 if TYPE_CHECKING:
-    pass
+    from holonom.view.live import Live
 
 app = typer.Typer(
     name="holonom",
@@ -132,6 +133,13 @@ def run(
             help="Repeat at a tenth of the tolerance; report the error of every channel.",
         ),
     ] = False,
+    watch: Annotated[
+        bool,
+        typer.Option(
+            "--watch", help="Serve a page, on this machine alone, that shows the run as it goes on."
+        ),
+    ] = False,
+    open_: Annotated[bool, typer.Option("--open", help="Open that page in the browser.")] = False,
     keep: Annotated[
         bool, typer.Option("--keep", help="Keep an older result: write <name>-2.holonom, ….")
     ] = False,
@@ -159,15 +167,19 @@ def run(
         files.require_targets([(target, "result")], inputs=sources, force=force)
     before = _Older(target)
     failure: SimulationError | None = None
-    with RunProgress(
-        loaded, choices.get("end_time"), certify=certify, shown=not (quiet or json_)
-    ) as progress:
+    with (
+        _watched(loaded, choices.get("end_time"), watch=watch, open_=open_) as live,
+        RunProgress(
+            loaded, choices.get("end_time"), certify=certify, shown=not (quiet or json_)
+        ) as progress,
+    ):
         try:
             result = loaded.simulate(
                 start=state,
                 output=target,
                 progress=progress.run if progress else None,
                 watch=progress.stage if progress else None,
+                rows=live.append if live else None,
                 certify=certify,
                 keep=keep,
                 force=force,
@@ -178,6 +190,8 @@ def run(
             if error.result is None:
                 raise
             result, failure = error.result, error
+        if live:
+            live.finish(result.status)
     with result:
         if json_:
             print_json(facts(result) | ({"error": failure.to_json()} if failure else {}))
@@ -402,6 +416,54 @@ def view(
     if open_ and not open_page(target):
         complain(f"there is no browser to open; the page is {target}", "warning")
     return done("page", target, json_)
+
+
+@app.command()
+def render(
+    result: Annotated[
+        list[Path], typer.Argument(metavar="RESULT...", help="Result files, laid over each other.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="A picture (.png) or a film (.gif, .mp4); by default RESULT.png.",
+        ),
+    ] = None,
+    at: Annotated[
+        float | None, _seconds("--at", "Time of a picture; the start by default.")
+    ] = None,
+    size: Annotated[str, typer.Option(metavar="WIDTHxHEIGHT", help="Pixels.")] = "1280x720",
+    camera: Annotated[
+        str, typer.Option(help="Where it is seen from: iso, front, side or top.")
+    ] = "iso",
+    fps: Annotated[float, typer.Option(help="Frames of a film per second.")] = 25.0,
+    start: Annotated[float | None, _seconds("--from", "Where a film begins.")] = None,
+    end: Annotated[float | None, _seconds("--to", "Where a film ends.")] = None,
+    speed: Annotated[float, typer.Option(help="Seconds of the run per second of the film.")] = 1.0,
+    dark: Annotated[bool, typer.Option("--dark", help="On dark ground.")] = False,
+    browser: Annotated[
+        Path | None,
+        typer.Option(metavar="PROGRAM", help="Chromium, Chrome or Edge; looked for by default."),
+    ] = None,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    force: Force = False,
+    recover: Recover = False,
+    json_: Json = False,
+) -> int:
+    """Draw a picture or a film of the bodies, without a display, by a browser of the machine."""
+    target = output or result[0].with_suffix(".png")
+    with contextlib.ExitStack() as opened:
+        first, *others = [opened.enter_context(_opened(path, recover=recover)) for path in result]
+        with FrameProgress(target.name, shown=not (quiet or json_)) as progress:
+            first.render(
+                target, *others, at=at, size=read_size(size), camera=camera, fps=fps, start=start,
+                end=end, speed=speed, dark=dark, browser=browser, progress=progress, force=force,
+            )  # fmt: skip
+    return (
+        Exit.OK if quiet else done("film" if target.suffix != ".png" else "picture", target, json_)
+    )
 
 
 @app.command()
@@ -632,6 +694,29 @@ def _usage_help(error: typer.TyperException, line: Sequence[str]) -> str:
         meant = [known[name] for name in nearest(asked, known, OPTIONS)]
         return did_you_mean(meant, f"`holonom {command} --help` lists the options")
     return f"`holonom {command} --help` lists arguments and options"
+
+
+@contextlib.contextmanager
+def _watched(
+    model: Model, end_time: float | None, *, watch: bool, open_: bool
+) -> Iterator[Live | None]:
+    """Serve the page of a run while the block runs, if it is asked for."""
+    if open_ and not watch:
+        raise UsageError("`--open` is given without a page", help="add `--watch`")
+    if not watch:
+        yield None
+        return
+    from holonom.view import open_address
+    from holonom.view.live import Live
+
+    live = Live(model, end_time or model.defaults.get("end_time"))
+    try:
+        typer.echo(f"watch it at {live.address}", err=True)
+        if open_ and not open_address(live.address):
+            complain("there is no browser to open", "warning")
+        yield live
+    finally:
+        live.close()
 
 
 def _load(path: Path, values: list[str] | None) -> Model:

@@ -102,6 +102,20 @@ def read_times(text: str, flag: str) -> list[float]:
         raise UsageError(f"`{flag} {quoted(text)[1:]} are no times", help=tip) from None
 
 
+def read_size(text: str) -> tuple[int, int]:
+    """Read width and height of a picture: ``1280x720``.
+
+    Raises
+    ------
+    UsageError
+        If it is not of that form.
+    """
+    width, cross, height = text.lower().replace("×", "x").partition("x")
+    if not (cross and width.strip().isdecimal() and height.strip().isdecimal()):
+        raise UsageError(f"`--size` is {quoted(text)}", help="write it like 1280x720")
+    return int(width), int(height)
+
+
 def read_methods(texts: list[str]) -> list[dict[str, Any]]:
     """Return codes with their options: ``ForRosen,ForSDIRK,jacobian=differences`` are two."""
     methods: list[dict[str, Any]] = []

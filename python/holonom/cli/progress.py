@@ -112,6 +112,29 @@ class ComparisonProgress:
         self._bar.update(self._task, completed=done, total=total, text=text, refresh=True)
 
 
+class FrameProgress:
+    """A bar over the frames of a film, on a terminal."""
+
+    def __init__(self, name: str, *, shown: bool) -> None:
+        self._bar: Any = _bar() if shown and sys.stderr.isatty() else None
+        self._name = name
+
+    def __enter__(self) -> Callable[[int, int], None] | None:
+        if self._bar is None:
+            return None
+        self._bar.start()
+        self._task = self._bar.add_task(self._name, total=None, text="drawing")
+        return self._update
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _update(self, done: int, total: int) -> None:
+        text = f"{done} / {total} frames"
+        self._bar.update(self._task, completed=done, total=total, text=text, refresh=True)
+
+
 def _bar() -> Progress:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn

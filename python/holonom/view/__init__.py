@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from holonom.base import files
 from holonom.base.errors import UsageError
@@ -72,30 +72,45 @@ def show(results: Sequence[Result]) -> View:
     UsageError
         If a result has no rows, or there are more than `MOST_RUNS`.
     """
+    runs = scenes(results)
+    return View(page(runs), str(runs[0]["title"]), [result.path for result in results])
+
+
+def scenes(results: Sequence[Result]) -> list[dict[str, Any]]:
+    """Return the runs of a page as plain data; errors are those of `show`."""
     if not 1 <= len(results) <= MOST_RUNS:
         raise UsageError(
             f"{len(results)} results are given", help=f"a page shows 1 to {MOST_RUNS} of them"
         )
-    scenes = [scene(result) for result in results]
-    if len({one["dimension"] for one in scenes}) > 1:
+    runs = [scene(result) for result in results]
+    if len({one["dimension"] for one in runs}) > 1:
         raise UsageError(
             "planar and spatial results cannot be laid over each other",
             help="make a page for each kind",
         )
-    title = str(scenes[0]["title"])
+    return runs
+
+
+def page(runs: list[dict[str, Any]], **more: Any) -> str:
+    """Return the HTML of runs; ``job`` is what to draw for a film, ``live`` how rows come."""
+    title = str(runs[0]["title"])
     # `</script` in a text would end the element that carries the data.
-    data = json.dumps({"format": 1, "runs": scenes}, ensure_ascii=False, allow_nan=False)
+    data = json.dumps({"format": 1, "runs": runs, **more}, ensure_ascii=False, allow_nan=False)
     data = data.replace("<", "\\u003c")
-    page = resources.files(__package__).joinpath("page.html").read_text(encoding="utf-8")
+    html = resources.files(__package__).joinpath("page.html").read_text(encoding="utf-8")
     heading = f'<title>{escape(title)}</title>\n<meta name="generator" content="Holonom">'
-    page = page.replace(_TITLE, heading, 1)
-    sources = [result.path for result in results]
-    return View(page.replace(_PLACE, _PLACE.replace("null", data), 1), title, sources)
+    html = html.replace(_TITLE, heading, 1)
+    return html.replace(_PLACE, _PLACE.replace("null", data), 1)
 
 
 def open_page(path: Path) -> bool:
     """Open a page in the user's browser and return whether there is one."""
+    return open_address(path.resolve().as_uri())
+
+
+def open_address(address: str) -> bool:
+    """Open an address in the user's browser and return whether there is one."""
     try:
-        return webbrowser.open(path.resolve().as_uri())
+        return webbrowser.open(address)
     except webbrowser.Error:
         return False

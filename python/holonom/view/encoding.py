@@ -34,6 +34,8 @@ def turns(euler_parameters: Array) -> dict[str, str]:
     ----------
     euler_parameters : ndarray, shape (n_times, 4)
     """
+    if not len(euler_parameters):
+        return _packed("i2", euler_parameters)
     p = euler_parameters / np.linalg.norm(euler_parameters, axis=1, keepdims=True)
     flips = np.sum(p[1:] * p[:-1], axis=1) < 0.0
     signs = np.concatenate([[1.0], np.cumprod(np.where(flips, -1.0, 1.0))])

@@ -6,6 +6,7 @@ Everything that moves comes from `Result.sample`; attachments come from the core
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from holonom.view.encoding import curves, floats, turns
 from holonom.view.shapes import Attachments, outline, rotation, stated, wheel_axis
 
 if TYPE_CHECKING:
+    from holonom.model import Model
     from holonom.result import Result
 
 Array = NDArray[np.float64]
@@ -49,15 +51,30 @@ def scene(result: Result) -> dict[str, Any]:
         If the result has no rows.
     """
     times = frame_times(result)
-    geometry = result.model.geometry
+    meta = result.meta
+    poses = poses_of(result.model, lambda names: result.sample(times, names))
+    return {
+        "title": str(meta.get("title") or meta.get("name") or "run"),
+        "name": str(meta.get("name", "")),
+        "file": result.path.name if result.path else "",
+        "status": STATUS[result.status],
+        "completed": result.status == "completed",
+        "method": str(result.options.get("method", "")),
+        **mechanism(result.model, result.items, times, poses),
+        "channels": _channels(result, times),
+    }
+
+
+def mechanism(model: Model, items: Mapping[str, Any], times: Array, poses: Poses) -> dict[str, Any]:
+    """Return what moves, as plain data: bodies with shapes and poses, elements, roads."""
+    geometry = model.geometry
     bodies, elements = geometry["bodies"], geometry["elements"]
     planar = geometry["dimension"] == "planar"
-    poses = _poses(result, times, planar)
     size = _size(bodies, elements)
     titles = {
         name: str(item.get("title", ""))
         for group in ("bodies", "joints", "forces", "drivers")
-        for name, item in result.items.get(group, {}).items()
+        for name, item in items.get(group, {}).items()
     }
     attachments = _attachments(bodies, elements)
     outlines = [
@@ -66,14 +83,7 @@ def scene(result: Result) -> dict[str, Any]:
     ]
     thickness = [drawn.thickness for drawn in outlines]
     kinds = {mass: k for k, mass in enumerate(_by_weight(bodies))}
-    meta = result.meta
     return {
-        "title": str(meta.get("title") or meta.get("name") or "run"),
-        "name": str(meta.get("name", "")),
-        "file": result.path.name if result.path else "",
-        "status": STATUS[result.status],
-        "completed": result.status == "completed",
-        "method": str(result.options.get("method", "")),
         "dimension": geometry["dimension"],
         "gravity": geometry["gravity"],
         "size": size,
@@ -101,8 +111,7 @@ def scene(result: Result) -> dict[str, Any]:
             | ({"axis": wheel_axis(element, bodies).tolist()} if element["type"] == "tyre" else {})
             for element in elements
         ],
-        "roads": _roads(result, elements, bodies, poses),
-        "channels": _channels(result, times),
+        "roads": roads(model, poses),
     }
 
 
@@ -132,16 +141,17 @@ def frame_times(result: Result) -> Array:
     return np.linspace(first, last, int(min(wanted, most)) + 1)
 
 
-def _poses(result: Result, times: Array, planar: bool) -> Poses:
+def poses_of(model: Model, sample: Callable[[list[str]], Mapping[str, Array]]) -> Poses:
     """Return positions (n_times, 3) and Euler parameters (n_times, 4) of the bodies by name."""
-    names = [body["name"] for body in result.model.geometry["bodies"]]
+    names = [body["name"] for body in model.geometry["bodies"]]
+    planar = model.geometry["dimension"] == "planar"
     turn = "angle" if planar else "euler_parameters"
-    sampled = result.sample(times, [f"{n}.{q}" for n in names for q in ("position", turn)])
+    sampled = sample([f"{n}.{q}" for n in names for q in ("position", turn)])
     poses = {}
     for name in names:
         place, turned = sampled[f"{name}.position"], sampled[f"{name}.{turn}"]
         if planar:
-            zero = np.zeros(times.size)
+            zero = np.zeros(len(place))
             place = np.column_stack([place, zero])
             half = 0.5 * turned
             turned = np.column_stack([np.cos(half), zero, zero, np.sin(half)])
@@ -212,38 +222,34 @@ def _follow(bodies: list[dict[str, Any]], poses: Poses, size: float) -> int | No
     return heaviest if travel > 1.2 * size else None
 
 
-def _roads(
-    result: Result,
-    elements: list[dict[str, Any]],
-    bodies: list[dict[str, Any]],
-    poses: Poses,
-) -> list[dict[str, Any]]:
+def roads(model: Model, poses: Poses) -> list[dict[str, Any]]:
     """Return the roads under tyres, as heights over the way that their wheels go."""
+    bodies, elements = model.geometry["bodies"], model.geometry["elements"]
     groups: dict[str, list[dict[str, Any]]] = defaultdict(list)
     for element in elements:
         if element["type"] == "tyre":
             groups[repr(element["road"])].append(element)
-    roads = []
+    found = []
     for tyres in groups.values():
         ways = [poses[bodies[tyre["frames"][0]["body"]]["name"]][0] for tyre in tyres]
         radius = max(float(tyre["radius"]) for tyre in tyres)
         low = np.min([way.min(axis=0) for way in ways], axis=0)
         high = np.max([way.max(axis=0) for way in ways], axis=0)
         x = np.arange(low[0] - 12.0 * radius, high[0] + 24.0 * radius, 0.06 * radius)
-        heights = np.array(result.model.road_heights(tyres[0]["name"], x))
+        heights = np.array(model.road_heights(tyres[0]["name"], x))
         # Of even stretches the ends are enough.
         bends = np.diff(heights, 2) != 0.0
         kept = np.concatenate([[True], bends, [True]])
         kept[:-1] |= kept[1:]
         kept[1:] |= kept[:-1]
-        roads.append(
+        found.append(
             {
                 "x": x[kept].tolist(),
                 "height": heights[kept].tolist(),
                 "y": [float(low[1]) - 2.0 * radius, float(high[1]) + 2.0 * radius],
             }
         )
-    return roads
+    return found
 
 
 def _channels(result: Result, times: Array) -> list[dict[str, Any]]:
