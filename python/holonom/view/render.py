@@ -134,7 +134,10 @@ def _times(
         raise UsageError("a film shows many times", help="give `from` and `to`, or write a picture")
     first, last = first if start is None else start, last if end is None else end
     if last <= first:
-        raise UsageError(f"the film ends at {last:g} s, before it begins")
+        raise UsageError(
+            f"the film ends at {last:g} s, before it begins",
+            help="let `to` be after `from`; of a run of one state write a picture",
+        )
     count = max(1, round((last - first) / speed * fps))
     if count > MOST_FRAMES:
         raise UsageError(
