@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import json
 import time
 from html.parser import HTMLParser
@@ -11,8 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browsers import Browser
+from browsers import Browser, require_browser
 from conftest import META, MODELS, PENDULUM, oscillator_text
+from PIL import Image
 
 import holonom
 from holonom.base.errors import UsageError
@@ -381,13 +383,68 @@ def test_two_runs_lie_over_each_other(browser: Browser, tmp_path: Path) -> None:
     assert browser.complaints() == []
 
 
+#: A chain of balls and rods with springs beside it, in space.
+CHAIN = """
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[patterns.chain]
+over.i = { from = 1, to = 200 }
+bodies."link_{i}" = { position = ["=i/10 - 1/20", 0.0, 0.0], shapes.rod = { type = "capsule", \
+radius = 0.02, points_in_body = [[-0.05, 0.0, 0.0], [0.05, 0.0, 0.0]], density = 800.0 } }
+joints."joint_{i}" = { type = "spherical", between = ["link_{i - 1}", "link_{i}"], \
+points_in_body = [[0.05, 0.0, 0.0], [-0.05, 0.0, 0.0]] }
+[joints]
+joint_1 = { between = ["ground", "link_1"], points_in_body = [[0.0, 0.0, 0.0], [-0.05, 0.0, 0.0]] }
+"""
+
+
+@pytest.fixture(scope="module")
+def chain() -> Result:
+    return holonom.Model.from_text(CHAIN).simulate(end_time=0.05, interval=0.001)
+
+
+@pytest.mark.browser
+def test_more_bodies_are_not_more_calls(
+    browser: Browser, vehicle: Result, slider: Result, chain: Result, tmp_path: Path
+) -> None:
+    calls = {}
+    for name, result in (("slider", slider), ("vehicle", vehicle), ("chain", chain)):
+        browser.open(result.view(), tmp_path / "page.html")
+        calls[name] = browser.run("return holonom.calls")
+    assert calls["chain"] <= calls["slider"] + 3  # shadows and the ground are in space only
+    assert max(calls.values()) <= 14
+
+
+@pytest.mark.browser
+def test_what_is_picked_is_seen_through_what_covers_it(
+    browser: Browser, vehicle: Result, tmp_path: Path
+) -> None:
+    browser.open(vehicle.view(), tmp_path / "page.html")
+    browser.run("document.getElementById('names').style.display = 'none'")
+
+    def blue() -> int:
+        with Image.open(io.BytesIO(browser.picture())) as image:
+            red, _, blue = np.asarray(image.convert("RGB")).astype(int).transpose(2, 0, 1)
+        return int(np.count_nonzero(blue - red > 40))
+
+    before = blue()
+    browser.run("holonom.select('shock_rear_left')")  # behind the wheel and inside the body
+    browser.wait("return holonom.picked !== null")
+    assert blue() > before + 50
+
+
 @pytest.mark.browser
 @pytest.mark.long
-@pytest.mark.usefixtures("browser")  # skipped where there is none
-def test_the_vehicle_is_smooth_without_a_graphics_card(vehicle: Result, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["vehicle", "chain"])
+def test_pages_are_smooth_without_a_graphics_card(
+    name: str, request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
+    require_browser()
+    result: Result = request.getfixturevalue(name)
     alone = Browser(tmp_path / "profile", listening=False)
     try:
-        alone.open(vehicle.view(), tmp_path / "vehicle.html")
+        alone.open(result.view(), tmp_path / "page.html")
         alone.run("holonom.play(true)")
         time.sleep(4.0)  # the page finds the resolution that it can hold
         rates = []

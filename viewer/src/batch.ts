@@ -28,6 +28,8 @@ interface Batch {
   layer: Layer;
   parts: Part[];
   object?: Mesh | LineSegments;
+  /** What is picked, seen through what covers it. */
+  through?: Mesh;
 }
 
 /** Actors per row of the texture; each takes three texels, the rows of its matrix. */
@@ -116,6 +118,11 @@ export class Batches {
     batch.object.frustumCulled = false;
     const order = { shadow: -2, axes: 5, edge: 0, body: layer.ghost ? 4 : 3, force: 0, joint: 0 };
     batch.object.renderOrder = order[layer.kind];
+    if (layer.kind === "force" || layer.kind === "joint") {
+      batch.through = new Mesh(geometry, actorMaterial(layer, uniforms, true));
+      Object.assign(batch.through, { frustumCulled: false, renderOrder: 6, visible: false });
+      this.root.add(batch.through);
+    }
     if (layer.kind === "body" && (layer.opacity ?? 1) < 1 && !layer.ghost) {
       // Of what is seen through only the nearest surface is drawn: its depth goes ahead.
       const ahead = material.clone();
@@ -159,6 +166,9 @@ export class Batches {
 
   pick(name: string | null): void {
     this.picked.value = name === null ? -1 : (this.items.get(name) ?? -1);
+    for (const { through, parts } of this.batches.values()) {
+      if (through) through.visible = parts.some((part) => part.name === name);
+    }
   }
 
   /** What a ray meets of the layers that are shown, the nearest first. */

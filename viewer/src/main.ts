@@ -540,6 +540,8 @@ class Page {
       get playing() { return page.playing; },
       get picked() { return page.picked; },
       get drawn() { return page.drawn; },
+      /** Calls of the renderer for the last frame. */
+      get calls() { return page.renderer.info.render.calls; },
       get status() { return page.run.status; },
       get end() { return page.span[1]; },
       get ratio() { return page.ratio; },

@@ -66,7 +66,11 @@ const ACTOR_VERTEX = `
     enter();
     vec3 face = normalize(turned(normal));
     shade = lit(face, color.rgb);
-    if (abs(tag.y - picked) < 0.5) shade = mix(shade, MARKED * (0.72 + 0.5 * max(0.0, dot(face, sun))), 0.6);
+    bool marked = abs(tag.y - picked) < 0.5;
+    if (marked) shade = mix(shade, MARKED * (0.72 + 0.5 * max(0.0, dot(face, sun))), 0.6);
+    #ifdef MARKED_ONLY
+      if (!marked) { gl_Position = vec4(2.0, 2.0, 2.0, 1.0); return; }
+    #endif
     gl_Position = projectionMatrix * modelViewMatrix * vec4(placed(position), 1.0);
   }`;
 
@@ -109,10 +113,10 @@ export function surface({ color, bothSides = false, ...more }: Look): ShaderMate
   });
 }
 
-/** Of the parts of a layer. */
-export function actorMaterial(layer: Layer, uniforms: Record<string, IUniform>): ShaderMaterial {
+/** Of the parts of a layer; or, through all that covers it, of the one that is picked. */
+export function actorMaterial(layer: Layer, uniforms: Record<string, IUniform>, through = false): ShaderMaterial {
   const lines = layer.kind === "edge" || layer.kind === "axes";
-  const opacity = layer.kind === "edge" ? 0.45 : layer.opacity ?? 1;
+  const opacity = layer.kind === "edge" ? 0.45 : through ? 0.4 : layer.opacity ?? 1;
   const { r, g, b } = new Color(PICKED);
   return new ShaderMaterial({
     vertexShader: lines ? LINE_VERTEX : ACTOR_VERTEX,
@@ -121,11 +125,12 @@ export function actorMaterial(layer: Layer, uniforms: Record<string, IUniform>):
     defines: {
       MARKED: `vec3(${[r, g, b].map((part) => part.toFixed(3)).join(", ")})`,
       LINE: layer.kind === "edge" ? "tint" : "color.rgb",
+      ...(through ? { MARKED_ONLY: "1" } : {}),
     },
     side: layer.bothSides ? DoubleSide : FrontSide,
     transparent: opacity < 1,
-    depthTest: layer.kind !== "axes",
-    depthWrite: !layer.ghost && !lines,
+    depthTest: layer.kind !== "axes" && !through,
+    depthWrite: !layer.ghost && !lines && !through,
     uniforms: { ...light, ...uniforms, opacity: { value: opacity } },
   });
 }

@@ -43,8 +43,7 @@ class Server:
                 return post is not None and post(path, query, content)
 
         # Port 0 is one that the system finds free.
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
-        self._server.daemon_threads = True
+        self._server = _Quiet(("127.0.0.1", 0), Handler)
         Handler.root = f"/{self._secret}/"
         Handler.host = f"127.0.0.1:{self._server.server_port}"
         work = threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True)
@@ -59,6 +58,13 @@ class Server:
         """End; open connections are cut."""
         self._server.shutdown()
         self._server.server_close()
+
+
+class _Quiet(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def handle_error(self, *_: object) -> None:
+        """Say nothing: a browser that is closed cuts its connections."""
 
 
 class _Handler(BaseHTTPRequestHandler):
