@@ -134,9 +134,10 @@ export function symbolOf(stage: Stage, element: Element): Move | null {
       ]);
       break;
     case "tyre": {
-      const tread = tyre(at, vector(element.axis!).normalize(), element.radius!);
-      fix(tread, first.body, TYRE);
-      stage.batches.addShadow(tread, stage.holder(first.body));
+      const [way, radius] = [vector(element.axis!).normalize(), element.radius!];
+      fix(tyre(at, way, radius), first.body, TYRE);
+      const [left, right] = [-0.22, 0.22].map((part) => at.clone().addScaledVector(way, part * radius));
+      stage.batches.addShadow(cylinder(left, right, radius), stage.holder(first.body));
       break;
     }
     case "torque":
