@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
+import signal
+import subprocess
+import sys
 import threading
 import time
 import urllib.error
@@ -149,6 +152,30 @@ def test_the_command_serves_the_page_while_it_runs(
     with pytest.raises(urllib.error.URLError):  # the server ended with the run
         urllib.request.urlopen(address, timeout=5)
     assert invoke(["run", str(model), "-o", output, "--open"]) == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
+def test_ctrl_c_ends_run_and_server(tmp_path: Path) -> None:
+    output = tmp_path / "rod.holonom"
+    model = tmp_path / "rod.toml"
+    model.write_text(PENDULUM)
+    command = [sys.executable, "-m", "holonom", "run", str(model), "-o", str(output), "--watch"]
+    with subprocess.Popen(
+        [*command, "--end-time", "5000", "-q"], stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stderr is not None
+        address = process.stderr.readline().split("watch it at ")[1].strip()
+        deadline = time.monotonic() + 60.0
+        while b"begins" in got(address)[1]:
+            assert time.monotonic() < deadline
+            time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 130
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(address, timeout=5)
+    with holonom.Result.load(output) as result:
+        assert result.status == "interrupted"
+        assert result.time.size > 10
 
 
 @pytest.mark.browser

@@ -138,6 +138,8 @@ class Page {
       this.tellStatus();
     }
     this.newest = false;
+    this.speed = this.startSpeed();
+    byId<HTMLSelectElement>("speed").value = String(this.speed);
   }
 
   private extended(): void {

@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 _POSE, _NUMBER = 20, 4
 #: Shown until the first rows are there.
 _WAITING = b"""<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0.5">
+<link rel="icon" href="data:,">
 <title>Holonom</title><p style="font: 14px system-ui; margin: 2em">The run begins ...</p>"""
 #: Seconds that the end of the run waits for a page to take the last rows.
 LAST_ROWS = 2.0
