@@ -37,7 +37,7 @@ $(STAMP): $(SOURCES)
 	@$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
 	@echo 'setting up: the engine, an optimized build (about two minutes the first time)'
 	@PIP_CONSTRAINT=constraints.txt PIP_QUIET=1 PIP_DISABLE_PIP_VERSION_CHECK=1 VIRTUAL_ENV=$(CURDIR)/$(VENV) \
-	    $(BIN)/maturin develop --release --extras plot,xarray,parquet,netcdf,matlab,dev --quiet
+	    $(BIN)/maturin develop --release --extras plot,render,xarray,parquet,netcdf,matlab,dev --quiet
 	@touch $@
 
 # Everything is built with one profile, so that nothing is built twice; `verify` runs the tests with debug

@@ -345,7 +345,8 @@ class Model:
             within steps.
         rows : callable, optional
             Called with the output rows as they come: ``time``, the states that `evaluate` takes and
-            ``channels``, arrays by name. With `certify` those of the first run.
+            ``channels``, arrays by name; with `certify` those of the first run. A run that takes up
+            an older one may find that it cannot, and then begin again earlier.
         certify : bool
             Whether to repeat the run at a tenth of the tolerance and to measure the error of every
             channel: see `Result.certification`. The result is that of the first run, unchanged.

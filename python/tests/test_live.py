@@ -104,6 +104,23 @@ def test_long_runs_are_thinned_out(monkeypatch: pytest.MonkeyPatch) -> None:
     assert np.abs(times[:, None] - result.time).min(axis=1).max() < 1e-6
 
 
+def test_a_run_that_begins_again_earlier_replaces_what_it_repeats() -> None:
+    model = holonom.Model.from_text(PENDULUM)
+    watched = Live(model)
+    try:
+        result = model.simulate(rows=watched.append)
+        before = json.loads(got(watched.address + "rows?since=0&generation=0")[1])
+        other = model.simulate(rows=watched.append, start=result.state(0.5), end_time=0.7)
+        rows = json.loads(got(watched.address + "rows?since=9&generation=0")[1])
+    finally:
+        watched.close()
+    assert not before["whole"]
+    assert rows["whole"]
+    times = result.time[0] + numbers(rows["times"])
+    expected = np.concatenate([result.time[result.time < 0.5], other.time])
+    np.testing.assert_allclose(times, expected, atol=1e-6)
+
+
 def test_only_who_was_told_the_address_is_answered() -> None:
     watched = Live(holonom.Model.from_text(PENDULUM))
     try:

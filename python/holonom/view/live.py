@@ -46,7 +46,7 @@ class Live:
         self._times = np.empty(0)
         self._poses: Poses = {}
         self._channels: dict[str, Array] = {}
-        #: Counts how often rows were thinned out: a page then takes all again.
+        #: Counts how often rows were taken away: a page then takes all again.
         self._generation = 0
         self._status = "running"
         self._taken = threading.Event()
@@ -60,6 +60,8 @@ class Live:
             return
         poses = poses_of(self._model, lambda names: self._model.evaluate(names, rows))
         with self._lock:
+            if self._times.size and rows["time"][0] <= self._times[-1]:
+                self._keep(slice(0, int(np.searchsorted(self._times, rows["time"][0]))))
             self._times = np.concatenate([self._times, rows["time"]])
             for name, (place, turned) in poses.items():
                 before = self._poses.get(name, (place[:0], turned[:0]))
@@ -73,7 +75,7 @@ class Live:
             width = _POSE * len(self._poses)
             width += _NUMBER * sum(values.shape[1] for values in self._channels.values())
             while self._times.size * width > 2 * POSE_BYTES:
-                self._thin_out()
+                self._keep(slice(None, None, 2))
 
     def finish(self, status: str) -> None:
         """Say how the run ended, and wait until a page that watches has its last rows."""
@@ -87,8 +89,8 @@ class Live:
         """End the server."""
         self._server.close()
 
-    def _thin_out(self) -> None:
-        kept = slice(None, None, 2)
+    def _keep(self, kept: slice) -> None:
+        """Keep some rows; pages then take all again."""
         self._times = self._times[kept]
         self._poses = {name: (p[kept], q[kept]) for name, (p, q) in self._poses.items()}
         self._channels = {name: values[kept] for name, values in self._channels.items()}
