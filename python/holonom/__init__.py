@@ -9,6 +9,7 @@
     result.plot("upper.angle", "energy.imbalance")
 """
 
+import sys
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -84,7 +85,8 @@ def __getattr__(name: str) -> Any:
     else:
         home = next((home for home, names in _HOMES.items() if name in names), None)
         if home is None:
-            raise AttributeError(f"module 'holonom' has no attribute {name!r}", name=name)
+            text = f"module 'holonom' has no attribute {name!r}"
+            raise AttributeError(text, name=name, obj=sys.modules[__name__])
         value = getattr(import_module(f"holonom.{home}"), name)
     globals()[name] = value
     return value

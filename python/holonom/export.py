@@ -275,6 +275,6 @@ def _library(name: str, what: str, extra: str) -> Any:
         if (error.name or "").partition(".")[0] != name.partition(".")[0]:
             raise
         raise UsageError(
-            f"{what} need {name.partition('.')[0]}, which is not installed; it comes with the "
-            f"extra `{extra}`, as in `pip install '.[{extra}]'`"
+            f"{what} need {name.partition('.')[0]}, which is not installed",
+            help=f"it comes with the extra `{extra}`: `pip install 'holonom[{extra}]'`",
         ) from None

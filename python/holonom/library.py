@@ -10,7 +10,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from holonom.base import files
 from holonom.base.errors import FileError, UsageError
+from holonom.base.text import quoted
 
 #: A folder for each model; in the repository a link to `models/`.
 FOLDER = Path(__file__).parent / "models"
@@ -57,7 +59,7 @@ def entry(name: str) -> Entry:
         return known[name]
     near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.4)
     raise UsageError(
-        f"the library has no model {name!r}"
+        f"the library has no model {quoted(name)}"
         + (f"; did you mean {' or '.join(f'`{n}`' for n in near)}?" if near else "")
         + "\n  help: `holonom models` lists all of them"
     )
@@ -94,7 +96,7 @@ def copy(name: str, folder: Path) -> list[Path]:
                     # Contents only: what is installed may be read-only.
                     shutil.copyfile(file, target / file.name)
     except OSError as error:
-        raise FileError(f"{error.filename or folder}: {error.strerror or error}") from None
+        raise files.unusable(Path(error.filename or folder), error) from None
     return targets
 
 

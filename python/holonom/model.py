@@ -22,6 +22,7 @@ from holonom.base.plain import as_path, frozen, plain, require_text
 from holonom.base.text import as_name, as_text, quoted, shown
 from holonom.check import CheckReport
 from holonom.options import Options
+from holonom.states import as_rows, vector
 from holonom.store.layout import Quantity
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ class Model:
         result = model.simulate(end_time=2.0, tolerance=1e-6)
     """
 
-    def __init__(self, core: _core.CoreModel, name: str) -> None:
+    def __init__(self, core: _core.CoreModel, name: str, sources: Iterable[Path] = ()) -> None:
         self._core = core
         self._channels: dict[str, Quantity] | None = None
         self._defaults: dict[str, Any] | None = None
@@ -65,6 +66,7 @@ class Model:
         self._warnings: str | None = None
         self._tree: Mapping[str, Any] | None = None
         self._geometry: dict[str, Any] | None = None
+        self._sources = tuple(sources)
         self.name = name
 
     @classmethod
@@ -88,8 +90,10 @@ class Model:
             If it is not a valid model; the message names file, line and item.
         """
         path = as_path(path)
+        _require_callable("watch", watch)
         text = _read(path)
         tree = path.resolve().parent.parent
+        sources = [path]
 
         def within(name: str) -> Path:  # the core has joined it to the name of the model file
             target = Path(as_name(name)).resolve()
@@ -97,6 +101,7 @@ class Model:
                 raise FileError(
                     f"it lies outside the folder tree {tree}", help="copy it into this tree"
                 )
+            sources.append(target)
             return target
 
         def read(name: str) -> str:
@@ -108,7 +113,8 @@ class Model:
                 text, syntax, as_text(str(path)), read, lambda name: _read_mesh(within(name)), watch
             )
         folder = path.resolve().parent.name
-        return cls(core, shown(folder if path.stem == "model" and folder else path.stem))
+        name = shown(folder if path.stem == "model" and folder else path.stem)
+        return cls(core, name, sources)
 
     @classmethod
     def from_text(
@@ -131,6 +137,8 @@ class Model:
                 f"`text` is {quoted(repr(text))}, not the text of a model",
                 help="pass TOML or JSON, or read a file with `Model.load(path)`",
             )
+        if not isinstance(name, str):
+            raise UsageError(f"`name` is {quoted(repr(name))}", help="pass a text")
         if syntax not in ("toml", "json"):
             raise UsageError(
                 f"`syntax` is {quoted(syntax)}", help='it is "toml" or "json", without a dot'
@@ -190,12 +198,19 @@ class Model:
         Raises
         ------
         FileError
-            If it cannot be written, or something else than a model is there.
+            If it cannot be written, something else than a model is there, or one that it extends.
         """
         path = as_path(path)
         is_json = path.suffix.lower() == ".json"
         text = json.dumps(self.to_dict(), indent=2) if is_json else toml.written(self.to_dict())
         if path.exists():
+            for source in self._sources[1:]:
+                if files.same_file(path, source):
+                    raise FileError(
+                        f"{path} is a file that this model extends; it is not overwritten",
+                        "take another name",
+                        code="file/protected",
+                    )
             try:
                 Model.load(path)
             except ModelError:
@@ -206,6 +221,14 @@ class Model:
                 ) from None
         # What is there is a model, or nothing.
         return files.write_text(path, "model", text, force=True)
+
+    @property
+    def sources(self) -> tuple[Path, ...]:
+        """The files that the model was read from, its own first; empty where it was given as text.
+
+        No run of it replaces one of them.
+        """
+        return self._sources
 
     @property
     def bodies(self) -> Mapping[str, Any]:
@@ -280,7 +303,8 @@ class Model:
             require_text(path, "a path")
             changed[path] = plain(value, path)
         with translated():
-            return Model(self._core.with_values(json.dumps(changed)), self.name)
+            core = self._core.with_values(json.dumps(changed))
+        return Model(core, self.name, self._sources)
 
     def check(self, *, spectrum: bool = True, watch: Watch | None = None) -> CheckReport:
         """Assemble the initial state and count what there is.
@@ -302,6 +326,7 @@ class Model:
         SimulationError, UsageError
             If a choice or an output channel of the file cannot be used.
         """
+        _require_callable("watch", watch)
         with translated():
             data = json.loads(self._core.check(bool(spectrum), watch))
         self.expand(data.pop("channels"))
@@ -380,11 +405,12 @@ class Model:
             raise UsageError(
                 f"`on_failure` is {quoted(on_failure)}", help="it is 'raise' or 'return'"
             )
-        for name, callback in (("progress", progress), ("watch", watch), ("rows", rows)):
-            if callback is not None and not callable(callback):
-                raise UsageError(
-                    f"`{name}` is {quoted(repr(callback))}", help="pass a function, or leave it out"
-                )
+        _require_callable("progress", progress)
+        _require_callable("watch", watch)
+        _require_callable("rows", rows)
+        for name, flag in (("certify", certify), ("keep", keep), ("force", force)):
+            if not isinstance(flag, bool):
+                raise UsageError(f"`{name}` is {quoted(repr(flag))}", help="it is True or False")
         options = Options.of(choices)
         target = None if output is None else as_path(output)
         return run(
@@ -477,7 +503,14 @@ class Model:
                 f"there is no tyre {quoted(tyre)}",
                 help=did_you_mean(tyres, "") if tyres else "the model has no tyres",
             )
-        x = np.atleast_1d(np.asarray(places, dtype=np.float64))
+        try:
+            x = np.atleast_1d(np.asarray(places, dtype=np.float64))
+        except (TypeError, ValueError, OverflowError):
+            x = np.empty((0, 0))
+        if x.ndim != 1 or not np.isfinite(x).all():
+            raise UsageError(
+                f"`places` is {quoted(repr(places))}", help="pass a vector of finite places, m"
+            )
         return np.array(self._core.road_heights(tyre, x.tolist()))
 
     def expand(self, patterns: Iterable[str]) -> list[str]:
@@ -491,13 +524,13 @@ class Model:
         return expand(patterns, self.channels)
 
     def evaluate(
-        self, names: list[str], state: Mapping[str, NDArray[np.float64]]
+        self, names: Iterable[str], state: Mapping[str, ArrayLike]
     ) -> dict[str, NDArray[np.float64]]:
         r"""Compute channels from states.
 
         Parameters
         ----------
-        names : list of str
+        names : iterable of str
             Channels.
         state : mapping of str to ndarray
             ``time`` (n_times,), ``q``, ``qd``, ``qdd``, ``lambda``, ``z``, ``winding`` and
@@ -506,17 +539,30 @@ class Model:
         Returns
         -------
         dict of str to ndarray, shape (n_times, \*shape)
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown, or an array has not the shape that the model's state has.
         """
+        if isinstance(names, str) or not isinstance(names, Iterable):
+            raise UsageError(f"`names` is {quoted(repr(names))}", help="pass a list of channels")
+        names = [require_name(name) for name in names]
         for name in names:
             if name not in self.channels:
                 tip = did_you_mean(
                     nearest_channels(name, self.channels), "`Model.channels` lists them"
                 )
+                if split_component(name)[1] is not None:
+                    tip = "name the whole channel; components are columns of what is returned"
+                elif any(sign in name for sign in "*?["):
+                    tip = "`Model.expand([pattern])` lists the channels that a pattern means"
                 raise UsageError(
                     f"there is no channel {quoted(name)}", "simulation/unknown-channel", tip
                 )
+        rows = as_rows(state)
         with translated():
-            return self._core.evaluate_channels(names, state)
+            return self._core.evaluate_channels(names, rows)
 
     def dense_states(
         self, steps: Mapping[str, Any], times: NDArray[np.float64]
@@ -528,8 +574,11 @@ class Model:
         dict of str to ndarray, shape (n_times, size)
             As `evaluate` takes them.
         """
+        if not hasattr(steps, "keys"):
+            tip = "pass an entry of `Reader.dense_chunks`"
+            raise UsageError(f"the steps are {quoted(repr(steps))}", help=tip)
         with translated():
-            return self._core.dense_states(dict(steps), times.tolist())
+            return self._core.dense_states(dict(steps), vector(times).tolist())
 
     def to_json(self, *, plain: bool = False) -> str:
         """Return the merged model as JSON text, without ``extends``.
@@ -572,10 +621,39 @@ class Model:
         return f"<holonom.Model {self.name!r}, {self.defaults.get('dimension')}, {self.hash[:12]}>"
 
 
+def _require_callable(name: str, value: object) -> None:
+    if value is not None and not callable(value):
+        raise UsageError(
+            f"`{name}` is {quoted(repr(value))}", help="pass a function, or leave it out"
+        )
+
+
+#: What to try where a component is counted from the end.
+FROM_ZERO = "components count from 0: `chassis.position[2]` is the last of three"
+_NEGATIVE = re.compile(r"\[-\d+\]$")
+
+
 def split_component(name: str) -> tuple[str, int | None]:
     """Return a channel's name and, of ``chassis.position[2]``, the index 2."""
     match = re.fullmatch(r"(.+)\[(\d+)\]", name)
     return (match[1], int(match[2])) if match else (name, None)
+
+
+def require_name(name: object) -> str:
+    """Refuse what is no text where a channel is named.
+
+    Raises
+    ------
+    UsageError
+        ``simulation/unknown-channel``.
+    """
+    if not isinstance(name, str):
+        raise UsageError(
+            f"{quoted(repr(name))} is no channel",
+            "simulation/unknown-channel",
+            "pass names as texts, such as 'chassis.position'",
+        )
+    return name
 
 
 def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
@@ -585,8 +663,15 @@ def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
     """
     found: dict[str, None] = {}
     if isinstance(patterns, str):
-        raise UsageError("channels are one text", help=f"pass a list: [{patterns!r}]")
-    for pattern in map(str, patterns):
+        raise UsageError(
+            f"the channels are one text, {quoted(patterns)}", help="pass a list of names"
+        )
+    if not isinstance(patterns, Iterable):
+        raise UsageError(
+            f"the channels are {quoted(repr(patterns))}", help="pass a list of names or patterns"
+        )
+    for pattern in patterns:
+        require_name(pattern)
         name, index = split_component(pattern)
         if pattern in known:  # thousands of names are looked up, not compared
             hits = [pattern]
@@ -606,6 +691,7 @@ def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
             tip = did_you_mean(
                 nearest_channels(pattern, known), "`Model.channels` and `holonom info` list them"
             )
+            tip = FROM_ZERO if _NEGATIVE.search(pattern) else tip
             raise UsageError(
                 f"there is no channel {quoted(pattern)}", "simulation/unknown-channel", tip
             )
@@ -643,7 +729,20 @@ def _read(path: Path) -> str:
             )
         ) from None
     except OSError as error:
-        raise FileError(f"{path}: {error.strerror or error}") from None
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: OSError) -> FileError:
+    """Return why a model file cannot be read, and what was meant."""
+    if not isinstance(error, FileNotFoundError):
+        return files.unusable(path, error)
+    name = path.stem if path.name != "model.toml" else path.parent.name
+    if name in (entry.name for entry in library.entries()):
+        return FileError(
+            f"{path}: there is no such file",
+            f"that of the library is `library:{name}`, or `Model.library({name!r})`",
+        )
+    return files.absent(path, "`holonom models` lists those that come with Holonom")
 
 
 def _read_mesh(path: Path) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import json
 import math
@@ -210,13 +211,6 @@ class Options:
         UsageError
             If there is no such option, or its value cannot be used.
         """
-        known = cls.__dataclass_fields__
-        for name in choices:
-            if name not in known:
-                near = did_you_mean(
-                    nearest(name, known, WORDS_OF_OTHERS), f"there are {listed(known)}"
-                )
-                raise UsageError(f"there is no option {quoted(name)}", help=near)
         return cls(**choices)
 
     def to_dict(self) -> dict[str, Any]:
@@ -229,6 +223,28 @@ class Options:
             if value is not None:
                 data[about.name] = list(value) if isinstance(value, tuple) else value
         return data
+
+
+def _known_only(made: Callable[..., None]) -> Callable[..., None]:
+    """Let a misspelt option be refused with the nearest, and not by its number of letters."""
+
+    @functools.wraps(made)
+    def init(self: Options, **choices: Any) -> None:
+        for name in choices:
+            if name not in Options.__dataclass_fields__:
+                raise _unknown_option(name)
+        made(self, **choices)
+
+    return init
+
+
+Options.__init__ = _known_only(Options.__init__)  # type: ignore[method-assign]
+
+
+def _unknown_option(name: str) -> UsageError:
+    known = Options.__dataclass_fields__
+    near = did_you_mean(nearest(name, known, WORDS_OF_OTHERS), f"there are {listed(known)}")
+    return UsageError(f"there is no option {quoted(name)}", help=near)
 
 
 #: Options that are one word out of few, with their words.
@@ -303,8 +319,11 @@ def require_finite(name: str, value: object) -> float:
         raise UsageError(f"`{name}` is {quoted(repr(value))}", help="it must be a number")
     try:
         number = float(value)
-    except (OverflowError, TypeError, ValueError):
+    except OverflowError:
         number = math.inf
+    except (TypeError, ValueError):
+        text = f"`{name}` is {quoted(repr(value))}"
+        raise UsageError(text, help="it must be a single number") from None
     if not math.isfinite(number):
         raise UsageError(f"`{name}` is {number}", help="it must be a finite number")
     return number

@@ -73,8 +73,8 @@ def write(result: Result, path: Path, *, force: bool = False) -> Path:
     FileError
         If it cannot be written, or would replace what is no report or the result itself.
     """
-    files.require_target(path, "html", inputs=[result.path], force=force)
-    return files.write_text(path, "html", render(result), inputs=[result.path], force=force)
+    files.require_target(path, "report", inputs=[result.path], force=force)
+    return files.write_text(path, "report", render(result), inputs=[result.path], force=force)
 
 
 def render(result: Result) -> str:
@@ -98,7 +98,7 @@ def render(result: Result) -> str:
     sections += [_provenance(result)]
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="generator" content="Holonom">\n'
+        '<meta name="generator" content="Holonom report">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escape(title)}</title>\n<style>{_CSS}</style>\n</head>\n<body>\n<main>\n"
         + "\n".join(section for section in sections if section)

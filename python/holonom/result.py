@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import html
 import json
+import re
 import sqlite3
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ from holonom.base.plain import as_path
 from holonom.base.record import Record
 from holonom.base.text import quoted, shown
 from holonom.certificate import Certification
-from holonom.model import Model, expand, split_component
+from holonom.model import FROM_ZERO, Model, expand, require_name, split_component
 from holonom.options import require_finite
 from holonom.pictures import runs as pictures
 from holonom.states import no_rows, states_at, vector
@@ -114,7 +115,8 @@ class Result:
 
     def matrix(self, name: str) -> NDArray[np.float64]:
         """Return a channel with one column per component, ndarray, shape (n_times, n)."""
-        size = 1 if split_component(name)[1] is not None else self._quantity(name).size
+        quantity = self._quantity(name)
+        size = 1 if split_component(name)[1] is not None else quantity.size
         return self[name].reshape(self.time.size, size)
 
     def __contains__(self, name: object) -> bool:
@@ -235,7 +237,7 @@ class Result:
             As `state`; if a channel is unknown.
         """
         wanted = vector(times)
-        names = self.channels if channels is None else list(channels)
+        names = self.channels if channels is None else self._listed(channels)
         states = [name for name in names if name in STATE]
         names = self.model.expand([name for name in names if name not in STATE])
         parts = states_at(self._reader, self.model, wanted)
@@ -269,7 +271,7 @@ class Result:
         wanted = vector(times)
         if not np.all(np.diff(wanted) > 0.0):
             raise UsageError("`times` do not rise", help="sort them, and leave out equal ones")
-        names = self.channels if channels is None else self.model.expand(channels)
+        names = self.channels if channels is None else self.model.expand(self._listed(channels))
         names = list(dict.fromkeys(split_component(name)[0] for name in names))
         states = [name for name in STATE if name in self._reader.quantities and name != "time"]
         parts = self.sample(wanted, [*states, *names])
@@ -302,7 +304,11 @@ class Result:
         """The model that was run; of a file read back from it."""
         if self._model is None:
             if "model" not in self.meta:
-                raise FileError(f"{self.path}: its model is lost", code="result/damaged")
+                raise FileError(
+                    f"{self.path}: its model is lost",
+                    "stored channels can be read all the same; run the model again for others",
+                    code="result/damaged",
+                )
             text = json.dumps(self.meta["model"], ensure_ascii=False)
             name = str(self.meta.get("name", "model"))
             self._model = Model.from_text(text, "json", name)
@@ -380,10 +386,13 @@ class Result:
         """Events in the order in which they happened."""
         return self._reader.events()
 
-    def expand(self, patterns: list[str]) -> list[str]:
+    def expand(self, patterns: Iterable[str]) -> list[str]:
         """Return the channels meant by names and patterns, stored ones or computable."""
         stored = self._reader.quantities
-        whole = {split_component(pattern)[0] for pattern in patterns}
+        if isinstance(patterns, str) or not isinstance(patterns, Iterable):
+            return expand(patterns, stored)  # which refuses it
+        patterns = list(patterns)
+        whole = {split_component(require_name(pattern))[0] for pattern in patterns}
         return expand(patterns, stored if whole <= stored.keys() else self.model.channels)
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -468,7 +477,7 @@ class Result:
         """
         from holonom import report
 
-        return report.write(self, Path(path), force=force)
+        return report.write(self, as_path(path), force=force)
 
     def view(self, *others: Result) -> View:
         """Return a page in which the bodies of the run move; a notebook shows it in place.
@@ -487,6 +496,11 @@ class Result:
         """
         from holonom import view  # here: most runs are not looked at
 
+        given: tuple[object, ...] = others
+        for other in given:
+            if not isinstance(other, Result):
+                tip = "pass results; `Result.load(path)` reads one"
+                raise UsageError(f"{quoted(repr(other))} is no result", help=tip)
         return view.show([self, *others])
 
     def render(
@@ -573,7 +587,7 @@ class Result:
         """
         from holonom import export
 
-        return export.write_csv_file(self, Path(path), channels, force=force)
+        return export.write_csv_file(self, as_path(path), channels, force=force)
 
     def to_matlab(
         self, path: str | Path, channels: list[str] | None = None, *, force: bool = False
@@ -602,7 +616,7 @@ class Result:
         """
         from holonom import export
 
-        return export.write_matlab(self, Path(path), channels, force=force)
+        return export.write_matlab(self, as_path(path), channels, force=force)
 
     def to_xarray(self, channels: list[str] | None = None) -> xarray.Dataset:
         """Return channels as a dataset of xarray; the stored ones when none are given.
@@ -649,7 +663,7 @@ class Result:
         """
         from holonom import export
 
-        return export.write_netcdf(self, Path(path), channels, force=force)
+        return export.write_netcdf(self, as_path(path), channels, force=force)
 
     def to_parquet(
         self, path: str | Path, channels: list[str] | None = None, *, force: bool = False
@@ -670,7 +684,7 @@ class Result:
         """
         from holonom import export
 
-        return export.write_parquet(self, Path(path), channels, force=force)
+        return export.write_parquet(self, as_path(path), channels, force=force)
 
     def close(self) -> None:
         """Let go of the file; arrays that were read stay."""
@@ -695,14 +709,22 @@ class Result:
         until = f"{self.time[-1]:.6g} s" if self.time.size else "no states"
         return f"<holonom.Result {self.meta.get('name')!r}: {self.status}, {until}>"
 
+    @staticmethod
+    def _listed(channels: Iterable[str]) -> list[str]:
+        if isinstance(channels, str) or not isinstance(channels, Iterable):
+            expand(channels, {})  # which refuses it
+        return [require_name(name) for name in channels]
+
     def _quantity(self, name: str) -> Quantity:
         stored = self._reader.quantities
-        whole, index = split_component(name)
+        whole, index = split_component(require_name(name))
         quantity = stored.get(whole) or self.model.channels.get(whole)
         if quantity is None:
             known = [*stored, *self.model.channels]
             tip = did_you_mean(nearest_channels(whole, known), "`Result.model.channels` lists them")
-            if any(sign in whole for sign in "*?["):
+            if re.search(r"\[-\d+\]$", whole):
+                tip = FROM_ZERO
+            elif any(sign in whole for sign in "*?["):
                 tip = "a pattern means several: `Result.expand([pattern])` lists them"
             raise UsageError(
                 f"there is no channel {quoted(name)}", "simulation/unknown-channel", tip

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import datetime as dt
 import json
-import reprlib
 import signal
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -28,8 +27,8 @@ from holonom.certification import (
 )
 from holonom.model import split_component
 from holonom.result import Result
+from holonom.states import start_state
 from holonom.store.continuation import begun, destination, first_state, merged, part, rewind
-from holonom.store.layout import STATE
 from holonom.store.locks import require_unwritten
 from holonom.store.memory import Memory, Stored
 from holonom.store.reader import Reader
@@ -66,7 +65,8 @@ def run(
         alone = keep or certify
         output, continues = destination(model, chosen, state, output, source, alone=alone)
         output = files.numbered(output) if keep else output
-        require_unwritten(files.require_target(output, "result", force=force), output)
+        real = files.require_target(output, "result", inputs=model.sources, force=force)
+        require_unwritten(real, output)
 
     noted: list[dict[str, str]] = []
     if continues is not None:
@@ -122,7 +122,11 @@ def _recorded(
         if not ended:  # before the first row: there is nothing to store
             recorder.close()
             raise
-        reason = {"code": "simulation/interrupted", "message": "interrupted after the run"}
+        reason = {
+            "code": "simulation/interrupted",
+            "message": "interrupted after the run",
+            "help": "the result is whole",
+        }
         raise Interrupted(reason, recorder.result()) from None
     except BaseException:
         recorder.close()
@@ -136,7 +140,14 @@ def _recorded(
             raise SimulationError(reason, result)
     elif certify and _certify(model, chosen, state, recorder.reader, progress, watch):
         message = "interrupted in the second run, which certifies; the result of the first is whole"
-        raise Interrupted({"code": "simulation/interrupted", "message": message}, result)
+        raise Interrupted(
+            {
+                "code": "simulation/interrupted",
+                "message": message,
+                "help": "take it as it is, or certify it by another run",
+            },
+            result,
+        )
     return result
 
 
@@ -229,41 +240,6 @@ def _not_repeated(error: Exception) -> list[dict[str, str]]:
             "path": "",
         }
     ]
-
-
-def start_state(start: object) -> dict[str, NDArray[np.float64]]:
-    """Return a start state as vectors of numbers; the core checks it against the model."""
-
-    def refused(message: str) -> UsageError:
-        text = f"{message}\n  help: pass what `Result.state` returns for the same model"
-        return UsageError(text, "simulation/start-state")
-
-    if not isinstance(start, Mapping):
-        raise refused(f"`start` is {reprlib.repr(start)}; it must be a state: arrays by name")
-    state = {}
-    for name, values in start.items():
-        if name not in STATE:
-            raise refused(f"`start` has an entry {name!r}; known are {', '.join(STATE)}")
-        try:
-            state[name] = np.atleast_1d(np.asarray(values, dtype=np.float64))
-        except (TypeError, ValueError, OverflowError):
-            raise refused(
-                f"`start[{name!r}]` is {reprlib.repr(values)}; it must hold numbers"
-            ) from None
-        if state[name].ndim != 1:
-            shape = state[name].shape
-            raise refused(f"`start[{name!r}]` has the shape {shape}; it must be a vector")
-        if not np.isfinite(state[name]).all():
-            index = int(np.argmin(np.isfinite(state[name])))
-            raise refused(
-                f"`start[{name!r}][{index}]` is {state[name][index]}, not a finite number"
-            )
-    for name in ("time", "q", "qd"):
-        if name not in state:
-            raise refused(f"`start` has no entry `{name}`")
-    if state["time"].size != 1:
-        raise refused(f"`start['time']` holds {state['time'].size} times; it must hold one")
-    return state
 
 
 def _simulate(

@@ -1,13 +1,16 @@
-"""States of a result at any time of its run."""
+"""States: at any time of a run, and those that users pass."""
 
 from __future__ import annotations
 
+import reprlib
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from holonom.base.errors import FileError, UsageError
+from holonom.base.names import did_you_mean, listed, nearest
 from holonom.base.text import quoted
 from holonom.store.layout import STATE
 
@@ -75,14 +78,88 @@ def states_at(
     return found
 
 
+def as_rows(states: object) -> dict[str, NDArray[np.float64]]:
+    """Return states as arrays of numbers, a row per time; the core checks their lengths.
+
+    Raises
+    ------
+    UsageError
+        If they are no arrays by name, or an array has no row for each time.
+    """
+    if not isinstance(states, Mapping):
+        tip = "pass arrays by name, as `Result.state(time)` returns them"
+        raise UsageError(f"the states are {quoted(repr(states))}", help=tip)
+    found = {}
+    for name, values in states.items():
+        if name not in STATE:
+            near = did_you_mean(nearest(name, STATE), f"there are {listed(STATE)}")
+            raise UsageError(f"a state has no entry {quoted(name)}", help=near)
+        try:
+            array = np.asarray(values)
+            real = array.astype(np.float64) if array.dtype.kind in "biuf" else None
+        except (TypeError, ValueError, OverflowError):
+            real = None
+        if real is None or real.ndim > 2:
+            raise UsageError(
+                f"`{name}` is {quoted(repr(values))}", help="pass a row of numbers for each time"
+            )
+        found[name] = np.atleast_1d(real)
+    if "time" not in found:
+        raise UsageError("the states have no entry `time`", help="pass their times, s, as well")
+    count = found["time"].size
+    for name, array in found.items():
+        alone = array.ndim == 1 and count in (1, array.size)
+        if not alone and len(array) != count and not (array.ndim == 2 and array.size == 0):
+            raise UsageError(
+                f"`{name}` has the shape {array.shape}, and there are {count} times",
+                help=f"it must have a row for each of them, ({count}, size)",
+            )
+    return found
+
+
+def start_state(start: object) -> dict[str, NDArray[np.float64]]:
+    """Return a start state as vectors of numbers; the core checks it against the model."""
+
+    def refused(message: str) -> UsageError:
+        text = f"{message}\n  help: pass what `Result.state` returns for the same model"
+        return UsageError(text, "simulation/start-state")
+
+    if not isinstance(start, Mapping):
+        raise refused(f"`start` is {reprlib.repr(start)}; it must be a state: arrays by name")
+    state = {}
+    for name, values in start.items():
+        if name not in STATE:
+            raise refused(f"`start` has an entry {name!r}; known are {', '.join(STATE)}")
+        try:
+            state[name] = np.atleast_1d(np.asarray(values, dtype=np.float64))
+        except (TypeError, ValueError, OverflowError):
+            raise refused(
+                f"`start[{name!r}]` is {reprlib.repr(values)}; it must hold numbers"
+            ) from None
+        if state[name].ndim != 1:
+            shape = state[name].shape
+            raise refused(f"`start[{name!r}]` has the shape {shape}; it must be a vector")
+        if not np.isfinite(state[name]).all():
+            index = int(np.argmin(np.isfinite(state[name])))
+            raise refused(
+                f"`start[{name!r}][{index}]` is {state[name][index]}, not a finite number"
+            )
+    for name in ("time", "q", "qd"):
+        if name not in state:
+            raise refused(f"`start` has no entry `{name}`")
+    if state["time"].size != 1:
+        raise refused(f"`start['time']` holds {state['time'].size} times; it must hold one")
+    return state
+
+
 def vector(times: ArrayLike) -> NDArray[np.float64]:
     """Return times as a vector of numbers."""
     try:
         wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
     except (TypeError, ValueError, OverflowError):
-        raise UsageError(
-            f"`times` is {quoted(repr(times))}", help="pass a vector of times, s"
-        ) from None
+        wanted = None
+    if wanted is None or times is None:
+        raise UsageError(f"`times` is {quoted(repr(times))}", help="pass a vector of times, s")
     if wanted.ndim != 1:
         raise UsageError(f"`times` has the shape {wanted.shape}", help="pass a vector of times, s")
     return wanted

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from conftest import write_result
+from conftest import PENDULUM, write_result
 
 import holonom
 from holonom.base import files
@@ -90,7 +90,7 @@ def test_a_file_of_somebody_else_needs_force(
 def test_a_file_of_the_same_kind_by_another_program_needs_force(
     stored: Path, ending: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    kind = {"nc": "netcdf", "mat": "matlab"}.get(ending, ending)
+    kind = {"nc": "netcdf", "mat": "matlab", "html": "report"}.get(ending, ending)
     target = stored.with_name(f"mine.{ending}")
     start = {"csv": b"time,x\n", "html": b"<!DOCTYPE html><p>Mine"}
     foreign = start.get(ending, (*files.KINDS[kind].starts, b"")[0] + b" by hand " * 100)
@@ -269,3 +269,133 @@ def test_a_write_protected_file_needs_force(stored: Path, monkeypatch: pytest.Mo
 
 def test_limits_of_this_process_are_as_before() -> None:
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] == resource.RLIM_INFINITY
+
+
+def variant(folder: Path) -> tuple[Path, Path]:
+    """Return a model and the one that it extends."""
+    base, model = folder / "base" / "model.toml", folder / "variant" / "model.toml"
+    for path in (base, model):
+        path.parent.mkdir()
+    base.write_text(PENDULUM)
+    model.write_text('holonom = 1\nextends = "../base/model.toml"\ntitle = "Variant"\n')
+    return model, base
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        ["run", "{model}", "--force", "-o", "{base}"],
+        ["run", "{model}", "--force", "--set", "bodies.rod.mass=3", "-o", "{link}"],
+        ["compare", "{model}", "--force", "--csv", "{base}"],
+        ["compare", "{model}", "--force", "--errors", "{link}"],
+        ["compare", "{model}", "--force", "--save-reference", "{base}"],
+    ],
+    ids=lambda line: f"{line[0]} {line[-2]} {line[-1]}",
+)
+def test_what_a_model_extends_is_not_overwritten_even_by_force(
+    line: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, base = variant(tmp_path)
+    link = tmp_path / "link"
+    link.hardlink_to(base)
+    status = invoke([word.format(model=model, base=base, link=link) for word in line])
+    assert (status, base.read_text()) == (5, PENDULUM)
+    assert "is a file that this command reads" in capsys.readouterr().err
+
+
+def test_a_model_knows_its_files_and_saves_over_none_it_extends(tmp_path: Path) -> None:
+    path, base = variant(tmp_path)
+    model = holonom.Model.load(path).with_values({"bodies.rod.mass": 3.0})
+    assert model.sources == (path, base)
+    assert holonom.Model.from_text(PENDULUM).sources == ()
+    with pytest.raises(holonom.FileError, match="extends"):
+        model.save(base)
+    with pytest.raises(holonom.FileError, match="that this command reads"):
+        model.simulate(end_time=0.01, output=base, force=True)
+    assert base.read_text() == PENDULUM
+    model.save(path)  # its own: the user's word
+    assert holonom.Model.load(path).bodies["rod"]["mass"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (["run", "{model}", "-o", "rod.csv"], "`.csv` is not the ending of a Holonom result"),
+        (["run", "{model}", "-o", "rod.mat"], "name it `rod.holonom`"),
+        (["report", "{result}", "-o", "rod.pdf"], "name it `rod.html`"),
+        (["view", "{result}", "-o", "rod.MP4"], "name it `rod.html`"),
+        (["export", "{result}", "-o", "rod.xlsx"], "known are csv (.csv)"),
+        (["export", "{result}", "-o", "rod.xlsx", "--format", "csv"], "name it `rod.csv`"),
+        (["plot", "{result}", "-o", "rod.gif"], "pictures end in `.svg`, `.pdf`, `.png`"),
+        (["compare", "{model}", "--csv", "table.xlsx"], "name it `table.csv`"),
+        (["compare", "{model}", "--errors", "table.pdf"], "name it `table.csv`"),
+        (["compare", "{model}", "--plot", "x.gif"], "pictures end in `.svg`, `.pdf`, `.png`"),
+        (["compare", "{model}", "--plot", "x"], "pictures end in `.svg`, `.pdf`, `.png`"),
+        (["compare", "{model}", "--save-reference", "x.csv"], "name it `x.holonom`"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_a_name_that_promises_another_kind_of_file_is_refused_before_the_work(
+    line: list[str],
+    said: str,
+    stored: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Else a spreadsheet or a mail program would show nonsense."""
+    model, _ = variant(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(holonom.Model, "simulate", lambda *_, **__: pytest.fail("a run began"))
+    assert invoke([word.format(model=model, result=stored) for word in line]) == 1
+    assert said in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_name_of_ones_own_is_taken(stored: Path, tmp_path: Path) -> None:
+    for name in ("table.dat", "table", "table.txt", "TABLE.CSV"):
+        assert invoke(["export", str(stored), "--format", "csv", "-o", str(tmp_path / name)]) == 0
+    assert invoke(["report", str(stored), "-o", str(tmp_path / "x.pdf"), "--force"]) == 0
+
+
+@pytest.mark.parametrize(("command", "other"), [("report", "view"), ("view", "report")])
+def test_a_report_does_not_replace_a_page_nor_a_page_a_report(
+    command: str, other: str, stored: Path, tmp_path: Path
+) -> None:
+    target = tmp_path / "run.html"
+    assert invoke([other, str(stored), "-o", str(target)]) == 0
+    before = target.read_bytes()
+    assert invoke([command, str(stored), "-o", str(target)]) == 5
+    assert target.read_bytes() == before
+    assert invoke([other, str(stored), "-o", str(target)]) == 0
+
+
+def test_a_page_about_holonom_is_not_one_by_holonom(stored: Path, tmp_path: Path) -> None:
+    page = b'<!doctype html>\n<html><head><meta name="author" content="Me"></head>My Holonom notes'
+    picture = b'<svg xmlns="http://www.w3.org/2000/svg"><text>Holonom</text></svg>'
+    for command, name, mine in (("report", "a.html", page), ("plot", "a.svg", picture)):
+        target = tmp_path / name
+        target.write_bytes(mine)
+        assert invoke([command, str(stored), "-o", str(target)]) == 5
+        assert target.read_bytes() == mine
+
+
+def test_an_absent_file_is_told_with_the_one_that_was_meant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("slider.toml").write_text(PENDULUM)
+    Path("dangling.toml").symlink_to("nowhere.toml")
+    for line, said in (
+        (["check", "slidr.toml"], "did you mean `slider.toml`?"),
+        (["check", "nofolder/slider.toml"], "there is no folder nofolder either"),
+        (["check", "dangling.toml"], "is a link to nowhere.toml, which is not there"),
+        (["check", "slider_crank"], "`library:slider_crank`"),
+        (["check", "models/slider_crank/model.toml"], "`library:slider_crank`"),
+        (["check", "slider.toml/x"], "a part of the name is a file, not a folder"),
+        (["info", "slider.tom"], "did you mean `slider.toml`?"),
+        (["info", "xyz.holonom"], "`holonom run` writes one"),
+    ):
+        assert invoke(line) == 5
+        assert said in capsys.readouterr().err, line

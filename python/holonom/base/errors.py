@@ -240,9 +240,16 @@ def describe(reason: dict[str, Any]) -> str:
         if isinstance(reason.get(key), int | float)
     ]
     lines += [f"  time: {', '.join(where)}"] if where else []
-    lines += [f"  help: {reason['help']}"] if reason.get("help") else []
+    tip = reason.get("help") or _HELP.get(str(reason.get("code")))
+    lines += [f"  help: {tip}"] if tip else []
     return "\n".join(lines)
 
+
+#: What to try where the core says nothing better.
+_HELP = {
+    "simulation/dense-output": "the steps stored are not those of this model: run it again",
+    "simulation/interrupted": "what was computed is kept; `start=` or `--start` goes on from it",
+}
 
 #: Codes of choices that the core refuses before a run starts.
 _USAGE = (

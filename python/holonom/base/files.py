@@ -18,7 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from holonom.base.errors import FileError
+from holonom.base.errors import FileError, UsageError
+from holonom.base.names import did_you_mean, nearest
+from holonom.base.text import quoted
 
 APPLICATION_ID = 0x486F6C6F  # "Holo"
 
@@ -27,6 +29,9 @@ MARK = b"Holonom"
 
 #: So much of the beginning and of the end of a file is searched for the mark.
 _SEARCHED = 1 << 16
+
+#: Files of a folder among which the one that was meant is looked for.
+_LOOKED_AT = 10_000
 
 #: So far a file name is counted up, `rod-2.holonom`, …, when older ones are kept.
 _MOST_NUMBERS = 100_000
@@ -42,13 +47,16 @@ class Kind:
         What it is called in messages.
     starts : tuple of bytes
         How such a file may begin.
-    marked : bool
-        Whether it also bears Holonom's name, near its beginning or end.
+    mark : bytes
+        What it also holds, near its beginning or end; empty for a kind without a place for it.
+    endings : tuple of str
+        Of its file names. Others may be taken, too, but none that promises another kind of file.
     """
 
     title: str
     starts: tuple[bytes, ...]
-    marked: bool = True
+    mark: bytes = MARK
+    endings: tuple[str, ...] = ()
 
     def made(self, file: Any) -> bool:
         """Return whether an open file is one that Holonom made."""
@@ -57,29 +65,51 @@ class Kind:
             return is_result(head)
         if not head.startswith(self.starts):
             return False
-        if not self.marked or MARK in head:
+        if self.mark in head:
             return True
         file.seek(max(0, os.fstat(file.fileno()).st_size - _SEARCHED))
-        return MARK in file.read(_SEARCHED)
+        return self.mark in file.read(_SEARCHED)
 
 
 RESULT = "Holonom result"
 
 #: Kinds of files by name. A table has no place for a mark; its heading tells it.
 KINDS = {
-    "result": Kind(RESULT, ()),
-    "svg": Kind("picture by Holonom", (b"<svg", b"<?xml")),
-    "pdf": Kind("picture by Holonom", (b"%PDF-",)),
-    "png": Kind("picture by Holonom", (b"\x89PNG\r\n\x1a\n",)),
-    "gif": Kind("film by Holonom", (b"GIF8",)),
-    "mp4": Kind("film by Holonom", tuple(bytes([0, 0, 0, n]) + b"ftyp" for n in range(16, 64, 4))),
-    "html": Kind("report by Holonom", (b"<!doctype html>",)),
-    "csv": Kind("table of channels", (b"time (s)",), marked=False),
-    "comparison": Kind("table of a comparison", (b"method,tolerance,",), marked=False),
-    "parquet": Kind("table of channels by Holonom", (b"PAR1",)),
-    "netcdf": Kind("data set by Holonom", (b"\x89HDF\r\n\x1a\n",)),
-    "matlab": Kind("MATLAB file by Holonom", (b"MATLAB 5.0 MAT-file",)),
+    "result": Kind(RESULT, (), endings=(".holonom",)),
+    "model": Kind("model", (), b"", (".toml", ".json")),
+    "svg": Kind(
+        "picture by Holonom", (b"<svg", b"<?xml"), b"<metadata>Holonom</metadata>", (".svg",)
+    ),
+    "pdf": Kind("picture by Holonom", (b"%PDF-",), endings=(".pdf",)),
+    "png": Kind("picture by Holonom", (b"\x89PNG\r\n\x1a\n",), endings=(".png",)),
+    "gif": Kind("film by Holonom", (b"GIF8",), endings=(".gif",)),
+    "mp4": Kind(
+        "film by Holonom",
+        tuple(bytes([0, 0, 0, n]) + b"ftyp" for n in range(16, 64, 4)),
+        endings=(".mp4",),
+    ),
+    "report": Kind(
+        "report by Holonom", (b"<!doctype html>",), b'content="Holonom report"', (".html", ".htm")
+    ),
+    "page": Kind(
+        "3-D page by Holonom", (b"<!doctype html>",), b'content="Holonom page"', (".html", ".htm")
+    ),
+    "csv": Kind("table of channels", (b"time (s)",), b"", (".csv", ".txt")),
+    "comparison": Kind("table of a comparison", (b"method,tolerance,",), b"", (".csv", ".txt")),
+    "parquet": Kind("table of channels by Holonom", (b"PAR1",), endings=(".parquet",)),
+    "netcdf": Kind(
+        "data set by Holonom", (b"\x89HDF\r\n\x1a\n",), endings=(".nc", ".nc4", ".h5", ".hdf5")
+    ),
+    "matlab": Kind("MATLAB file by Holonom", (b"MATLAB 5.0 MAT-file",), endings=(".mat",)),
 }
+
+#: Endings by which other programs take a file for one of theirs.
+_PROMISES = (
+    ".csv .tsv .txt .md .log .xls .xlsx .ods .json .toml .yaml .yml .xml .html .htm .py .m "
+    ".mat .npy .npz .h5 .hdf5 .nc .nc4 .parquet .feather .svg .pdf .png .gif .jpg .jpeg .webp "
+    ".bmp .tif .tiff .eps .ps .mp4 .avi .webm .doc .docx .ppt .pptx .odt .tex .zip .gz .tar "
+    ".holonom "
+)
 
 
 def is_result(head: bytes) -> bool:
@@ -108,11 +138,17 @@ def require_target(
     ------
     FileError
         If writing there would destroy something.
+    UsageError
+        If a new name promises another kind of file.
     """
+    if not isinstance(force, bool):
+        raise UsageError(f"`force` is {quoted(repr(force))}", help="it is True or False")
     real = Path(os.path.realpath(path))
     try:
         there = real.lstat()
     except FileNotFoundError:
+        if not force:
+            _require_ending(path, KINDS[kind])
         return real
     except (OSError, ValueError) as error:
         raise unusable(path, error) from None
@@ -150,6 +186,17 @@ def require_target(
             code="file/protected",
         )
     return real
+
+
+def _require_ending(path: Path, kind: Kind) -> None:
+    ending = path.suffix.lower()
+    if ending in kind.endings or ending not in _PROMISES.split():
+        return
+    raise UsageError(
+        f"{path}: {quoted(ending)} is not the ending of a {kind.title}",
+        help=f"name it {quoted(path.with_suffix(kind.endings[0]))}, or take `--force` "
+        "(`force=True`) to have it under this name",
+    )
 
 
 def require_targets(
@@ -272,12 +319,47 @@ def unusable(path: Path, error: Exception) -> FileError:
     """Return what the system says about a file as an error with something to try."""
     said = getattr(error, "strerror", None) or str(error)
     number = getattr(error, "errno", None) or 0
+    if number == errno.ENOENT:
+        return FileError(f"{path}: no file can be made there", "write to another folder")
+    return FileError(f"{path}: {said}", _HELP.get(number, "look at the name and at the folder"))
+
+
+def absent(path: Path, otherwise: str = "") -> FileError:
+    """Return the error of a file that is not there, with the name beside it that was meant.
+
+    Parameters
+    ----------
+    path : Path
+    otherwise : str
+        What to try where no name beside it is like the one given.
+    """
+    meant: list[str] = []
+    with suppress(OSError, ValueError):
+        if path.is_symlink():
+            text = f"{path} is a link to {path.readlink()}, which is not there"
+            return FileError(text, "name the file itself, or make the link again")
+        there = itertools.islice(path.parent.iterdir(), _LOOKED_AT)
+        beside = [entry.name for entry in there if entry.is_file()]
+        meant = [str(path.with_name(name)) for name in nearest(path.name, sorted(beside))]
+        if not beside or meant == [str(path)]:
+            meant = []
+    if not meant and not path.parent.is_dir():
+        otherwise = f"there is no folder {path.parent} either; see where you are"
     return FileError(
-        f"{path}: {said}\n  help: {_HELP.get(number, 'check the name and the folder')}"
+        f"{path}: there is no such file",
+        did_you_mean(meant, otherwise or f"look what there is in the folder {path.parent}"),
     )
 
 
 _HELP = {
+    errno.ENOTDIR: "a part of the name is a file, not a folder",
+    errno.EISDIR: "name a file in the folder",
+    errno.EIO: "the disk or the connection to it fails; try a copy elsewhere",
+    errno.ENODEV: "only files are read and written, no devices",
+    errno.ENXIO: "only files are read and written, no devices",
+    errno.EBUSY: "wait until whoever uses it is done, or give another name",
+    errno.EMFILE: "close some files, or allow more open ones (`ulimit -n`)",
+    errno.ENFILE: "close some programs: this machine can open no more files",
     errno.ENOSPC: "make room or write to another folder; a file that was there is as it was",
     errno.EDQUOT: "make room or write to another folder; a file that was there is as it was",
     errno.EFBIG: "allow larger files (`ulimit -f`); a file that was there is as it was",

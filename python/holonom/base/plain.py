@@ -34,6 +34,8 @@ def as_path(path: str | Path) -> Path:
     UsageError
         If it is no name at all.
     """
+    if isinstance(path, str) and not path:
+        raise UsageError("a file is to have an empty name", help="give it one")
     try:
         found = Path(path)
     except TypeError:

@@ -18,14 +18,19 @@ class Record(Mapping[str, Any]):
         self._data = dict(data)
 
     def __getitem__(self, key: str) -> Any:
+        if key not in self._data:
+            raise KeyError(self._absent(key))
         value = self._data[key]
         return Record(value) if isinstance(value, dict) else value
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in self._data:
-            near = did_you_mean(nearest(name, self._data), f"there are {', '.join(self._data)}")
-            raise AttributeError(f"there is no entry {quoted(name)}; {near}")
+            raise AttributeError(self._absent(name), name=name, obj=self)
         return self[name]
+
+    def _absent(self, name: object) -> str:
+        near = did_you_mean(nearest(name, self._data), f"there are {', '.join(self._data)}")
+        return f"there is no entry {quoted(name)}; {near}"
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._data)

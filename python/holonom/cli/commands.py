@@ -162,7 +162,7 @@ def run(
     if start is not None:
         with _opened(start, recover=recover) as older:
             state = older.state(at)
-    sources = [model, None if files.same_file(start, target) else start]
+    sources = [*loaded.sources, None if files.same_file(start, target) else start]
     if not keep:
         files.require_targets([(target, "result")], inputs=sources, force=force)
     before = _Older(target)
@@ -295,7 +295,7 @@ def compare(
             (errors, "comparison"),
             (plot, picture),
         ],
-        inputs=[model, reference],
+        inputs=[*loaded.sources, reference],
         force=force,
     )
     interrupted = False
@@ -409,7 +409,7 @@ def view(
     from holonom.view import open_page
 
     target = output or result[0].with_suffix(".view.html")
-    files.require_targets([(target, "html")], inputs=result, force=force)
+    files.require_targets([(target, "page")], inputs=result, force=force)
     with contextlib.ExitStack() as opened:
         first, *others = [opened.enter_context(_opened(path, recover=recover)) for path in result]
         first.view(*others).save(target, force=force)
@@ -503,7 +503,8 @@ def export(
         loaded = stored if rows is None else stored.at(rows, channels)
         if str(target) == "-":
             if format_ != "csv":
-                raise UsageError(f"`-o -` prints CSV; name a file for {format_}")
+                tip = f"name a file: `-o {result.stem}{ending}`"
+                raise UsageError(f"`-o -` prints CSV, not {format_}", help=tip)
             write_csv(loaded, sys.stdout, channels)
             return Exit.OK
         write(loaded, target, channels, force=force)
@@ -629,9 +630,11 @@ def invoke(arguments: Sequence[str], received: Sequence[int] = ()) -> int:
     except BrokenPipeError:  # who reads has had enough, as `head`: nothing is wrong
         return Exit.PIPE
     except OSError as error:
-        name = error.filename or "standard output"
-        tip = "" if error.filename else "see where the output goes, or whether its disk is full"
-        found = FileError(f"{name}: {error.strerror or error}", tip)
+        if error.filename:
+            found = files.unusable(Path(os.fsdecode(error.filename)), error)
+        else:
+            tip = "see where the output goes, or whether its disk is full"
+            found = FileError(f"standard output: {error.strerror or error}", tip)
         return fail(found.exit_code, found.to_json(), line, str(found))
     except Exception as error:  # noqa: BLE001 - whatever it is, it is not the user's fault
         if received:  # what an interrupt became on its way

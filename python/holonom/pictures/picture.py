@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from holonom.base.plain import as_path
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -126,7 +128,7 @@ class Picture:
         """
         from holonom.pictures import plotting
 
-        return plotting.save(self, Path(path), inputs=inputs, force=force)
+        return plotting.save(self, as_path(path), inputs=inputs, force=force)
 
     def figure(self) -> Figure:
         """Return the picture as a figure of matplotlib, to change and add to.

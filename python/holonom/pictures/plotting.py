@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from holonom.base import files
 from holonom.base.errors import UsageError
+from holonom.base.names import listed
+from holonom.base.text import quoted
 from holonom.pictures import svg
 from holonom.pictures.picture import COLORS, Line, Picture
 
@@ -61,7 +63,9 @@ def require_format(path: Path) -> str:
     """
     kind = path.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
-        raise UsageError(f"{path}: pictures end in {', '.join(f'.{k}' for k in FORMATS)}")
+        ending = f"there are no pictures as {quoted(path.suffix)}" if kind else "it has no ending"
+        endings = listed(f".{known}" for known in FORMATS)
+        raise UsageError(f"{path}: {ending}", help=f"pictures end in {endings}")
     if kind != "svg":
         _require_matplotlib(f"pictures that end in .{kind}")
     return kind
@@ -114,6 +118,10 @@ def draw(picture: Picture, axes: Axes | Sequence[Axes]) -> None:
             f"the picture has {len(picture.panels)} panels, and there are {len(several)} axes"
             "\n  help: `len(Picture.panels)` tells how many axes are needed"
         )
+    for one in several:
+        if not hasattr(one, "plot"):
+            tip = "pass axes of matplotlib, as `plt.subplots()` makes them"
+            raise UsageError(f"{quoted(repr(one))} is no axes", help=tip)
     for one, panel in zip(several, picture.panels, strict=True):
         for line in panel.lines:
             one.plot(line.x, line.y, **_style(line))

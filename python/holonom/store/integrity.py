@@ -78,8 +78,7 @@ def require_result(path: Path) -> tuple[Path, int]:
         with real.open("rb") as file:
             head = file.read(100)
     except FileNotFoundError:
-        text = f"{path}: there is no such file\n  help: `holonom run` writes one"
-        raise FileError(text) from None
+        raise files.absent(path, "`holonom run` writes one") from None
     except FileError:
         raise
     except (OSError, ValueError, RuntimeError) as error:

@@ -218,9 +218,20 @@ def as_file_errors(path: Path | None) -> Iterator[None]:
         said = str(error)
         if error.sqlite_errorname.startswith(("SQLITE_FULL", "SQLITE_IOERR_WRITE")):
             said = f"no space is left there, or no more may be written ({said})\n  help: {_ROOM}"
+        if "help: " not in said:
+            said += f"\n  help: {_TRY.get(error.sqlite_errorname, _SEE)}"
         raise FileError(f"{path or 'the result'}: {said}") from error
     except OSError as error:
         raise files.unusable(path or Path("the result"), error) from error
 
 
+_SEE = "look whether the disk works and whether another program has the file"
+_TRY = {
+    "SQLITE_BUSY": "another program has it open; wait until that is done",
+    "SQLITE_LOCKED": "another program has it open; wait until that is done",
+    "SQLITE_READONLY": "ask for write access to the file and its folder",
+    "SQLITE_CANTOPEN": "ask for access to the file and its folder",
+    "SQLITE_TOOBIG": "store fewer channels at fewer times: a commit is at most 1 GB",
+    "SQLITE_NOMEM": "close other programs, or store fewer channels",
+}
 _ROOM = "make room, or choose another folder with `-o`; what was committed before is readable"

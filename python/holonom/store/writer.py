@@ -331,12 +331,16 @@ class Writer:
             self._add_quantities(arrays)
             last["quantities"], last["data"] = len(self._ids), 1
         if arrays.keys() != self._ids.keys():
-            raise FileError(f"a chunk holds other quantities than the first: {sorted(arrays)}")
+            raise FileError(
+                f"a chunk holds other quantities than the first: {sorted(arrays)}", _ONE_RUN
+            )
         self._require_repeated(arrays, last)
         for name, array in arrays.items():
             values = np.ascontiguousarray(array, dtype="<f8")
             if values.size != last["count"] * self._sizes[name]:
-                raise FileError(f"`{name}` has {values.size} numbers for {last['count']} times")
+                raise FileError(
+                    f"`{name}` has {values.size} numbers for {last['count']} times", _ONE_RUN
+                )
             number = self._ids[name]
             key = last["data"] + number - 1
             insert(self._db, "data", (key, last["id"], number, values.tobytes()))
@@ -421,3 +425,6 @@ def _checkpoint(chunk: int, text: str | None) -> dict[str, Any]:
 
 def _bytes(values: NDArray[np.float64]) -> bytes:
     return np.ascontiguousarray(values, dtype="<f8").tobytes()
+
+
+_ONE_RUN = "append chunks of one run, as the core gives them"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import reprlib
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base.errors import SimulationError, UsageError
+from holonom.base.plain import as_path
 from holonom.base.text import quoted
 from holonom.model import Model
 from holonom.options import Options, Tolerance
 from holonom.result import Result
-from holonom.simulation import start_state
+from holonom.states import start_state
 from holonom.study import plan
 from holonom.study.accuracy import ComponentError, Kind, Target, Truth, targets
 from holonom.study.comparison import COUNTS, Comparison, ComparisonInterrupted, Reference, Row
@@ -109,10 +110,16 @@ def compare(
         If Ctrl-C ended it; its ``comparison`` holds the rows that were finished.
     """
     loaded = model if isinstance(model, Model) else Model.load(model)
+    if not (channels is None or isinstance(channels, Iterable)):
+        raise UsageError(f"`channels` is {quoted(repr(channels))}", help="pass a list of names")
     wanted = targets(loaded, channels)
     for name, listed in (("methods", methods or ()), ("tolerances", tolerances)):
         if isinstance(listed, str | Mapping) or not isinstance(listed, Sequence):
             raise UsageError(f"`{name}` is {quoted(repr(listed))}", help="pass a list of them")
+    if progress is not None and not callable(progress):
+        raise UsageError(
+            f"`progress` is {quoted(repr(progress))}", help="pass a function, or leave it out"
+        )
     if not (reference is None or isinstance(reference, Result | str | Path)):
         raise UsageError(
             f"`reference` is {quoted(repr(reference))}", help="pass a result, or its file"
@@ -171,7 +178,7 @@ def compare(
         begin = {"start_time": choices["start_time"]} if "start_time" in choices else {}
         tolerance = plan.reference_tolerance(limits, reference_tolerance)
         ahead = {**begin, "end_time": end, "output_times": times, "channels": []}
-        output = None if save_reference is None else Path(save_reference)
+        output = None if save_reference is None else as_path(save_reference)
         work.candidates = [
             Task(name, {**ahead, "method": name, "tolerance": tolerance}, path, force)
             for name, path in zip(plan.references(), (output, None), strict=False)

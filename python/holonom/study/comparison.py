@@ -10,7 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from holonom.base import files
-from holonom.base.errors import Interrupted
+from holonom.base.errors import Interrupted, UsageError
+from holonom.base.names import did_you_mean, listed, nearest
+from holonom.base.plain import as_path
+from holonom.base.text import quoted
 from holonom.options import Tolerance
 from holonom.study.accuracy import ComponentError, Kind
 
@@ -229,7 +232,16 @@ class Comparison:
         return list(dict.fromkeys(row.method for row in self.rows))
 
     def of(self, method: str) -> list[Row]:
-        """Return the rows of a method."""
+        """Return the rows of a method.
+
+        Raises
+        ------
+        UsageError
+            If it was not compared.
+        """
+        if method not in self.methods:
+            near = did_you_mean(nearest(method, self.methods), f"there are {listed(self.methods)}")
+            raise UsageError(f"there are no rows of {quoted(method)}", help=near)
         return [row for row in self.rows if row.method == method]
 
     @property
@@ -247,6 +259,8 @@ class Comparison:
         The largest error of positions (m and rad); without positions that of velocities; without
         either `Row.measure` times the relative tolerance.
         """
+        if not isinstance(row, Row):
+            raise UsageError(f"{quoted(repr(row))} is no row", help="take one of `Comparison.rows`")
         if self._kind != "other":
             return row.error_of(self._kind)
         return None if row.measure is None else row.measure * row.tolerance.relative
@@ -317,7 +331,7 @@ class Comparison:
         rest = Row(method="", choices={}, tolerance=Tolerance(1.0), status="").to_json()
         head += [name for name in rest if name not in skipped]
         table = [head, *([line[name] for name in head] for line in lines)]
-        return files.write_table(Path(path), "comparison", table, force=force)
+        return files.write_table(as_path(path), "comparison", table, force=force)
 
     def errors_to_csv(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the error analysis, one line per row and scalar, and return the path.
@@ -331,7 +345,7 @@ class Comparison:
             for error in row.errors
         )
         table = [["method", "tolerance", *head], *lines]
-        return files.write_table(Path(path), "comparison", table, force=force)
+        return files.write_table(as_path(path), "comparison", table, force=force)
 
     def plot(self, path: str | Path | None = None, *, force: bool = False) -> Picture:
         """Draw the work-precision diagram: `error` against processor time, a line per method.
@@ -353,7 +367,7 @@ class Comparison:
 
         picture = pictures.work_precision(self)
         if path is not None:
-            picture.save(path, force=force)
+            picture.save(as_path(path), force=force)
         return picture
 
     def table(self) -> Table:
@@ -451,7 +465,11 @@ class ComparisonInterrupted(Interrupted):
 
     def __init__(self, comparison: Comparison) -> None:
         super().__init__(
-            {"code": "simulation/interrupted", "message": "the comparison was interrupted"}
+            {
+                "code": "simulation/interrupted",
+                "message": "the comparison was interrupted",
+                "help": "`comparison` of this error holds the rows that were finished",
+            }
         )
         self.comparison = comparison
 

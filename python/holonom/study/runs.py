@@ -172,7 +172,13 @@ def _begin(text: str, name: str, stop: Any) -> None:
 def _run_here(task: Task, names: Sequence[str], start: Start) -> Outcome:
     def progress(*_: float) -> None:
         if _worker["stop"].is_set():
-            raise SimulationError({"code": "simulation/interrupted", "message": "stopped"})
+            raise SimulationError(
+                {
+                    "code": "simulation/interrupted",
+                    "message": "stopped",
+                    "help": "start the comparison again",
+                }
+            )
 
     return run_task(_worker["model"], task, names, start, progress)
 

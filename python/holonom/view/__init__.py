@@ -52,7 +52,7 @@ class View:
             If it cannot be written, or would replace another file.
         """
         target = as_path(path)
-        return files.write_text(target, "html", self.html, inputs=self._sources, force=force)
+        return files.write_text(target, "page", self.html, inputs=self._sources, force=force)
 
     def _repr_html_(self) -> str:
         return (
@@ -98,7 +98,7 @@ def page(runs: list[dict[str, Any]], **more: Any) -> str:
     data = json.dumps({"format": 1, "runs": runs, **more}, ensure_ascii=False, allow_nan=False)
     data = data.replace("<", "\\u003c")
     html = resources.files(__package__).joinpath("page.html").read_text(encoding="utf-8")
-    heading = f'<title>{escape(title)}</title>\n<meta name="generator" content="Holonom">'
+    heading = f'<title>{escape(title)}</title>\n<meta name="generator" content="Holonom page">'
     html = html.replace(_TITLE, heading, 1)
     return html.replace(_PLACE, _PLACE.replace("null", data), 1)
 
