@@ -58,8 +58,9 @@ class _Process:
         except BrokenPipeError:
             status = _PIPE
         except OSError as error:
-            _say(f"error: standard output: {error.strerror}\n")
-            _say("  help: see where the output goes, or whether its disk is full\n")
+            if status != _FILES:  # else the command has said so
+                _say(f"error: standard output: {error.strerror}\n")
+                _say("  help: see where the output goes, or whether its disk is full\n")
             status = status or _FILES
         # An interrupt within `exec` of a library leaves a mark, by which the interpreter would kill
         # itself at its end although the interrupt was caught; another `exec` takes it away.

@@ -11,9 +11,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from holonom import _core, library
 from holonom.base import files, toml
 from holonom.base.errors import FileError, ModelError, Problem, UsageError, translated
@@ -22,10 +19,12 @@ from holonom.base.plain import as_path, frozen, plain, require_text
 from holonom.base.text import as_name, as_text, quoted, shown
 from holonom.check import CheckReport
 from holonom.options import Options
-from holonom.states import as_rows, vector
 from holonom.store.layout import Quantity
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
     from holonom.result import Result
 
 #: Largest model file, bytes; the core states the same limit for text.
@@ -67,6 +66,9 @@ class Model:
         self._tree: Mapping[str, Any] | None = None
         self._geometry: dict[str, Any] | None = None
         self._sources = tuple(sources)
+        #: Kept by a run for the next one, which often asks for the same: what it asked for, what
+        #: that means, the channels, and the same as JSON.
+        self._choices: tuple[object, dict[str, Any], list[str], str] | None = None
         self.name = name
 
     @classmethod
@@ -452,7 +454,7 @@ class Model:
         """What is legal but implausible: ``code``, ``message`` and ``path`` of each."""
         if self._warnings is None:
             self._warnings = self._core.warnings()
-        found: list[dict[str, str]] = json.loads(self._warnings)
+        found: list[dict[str, str]] = json.loads(self._warnings) if self._warnings != "[]" else []
         return found
 
     @property
@@ -503,6 +505,8 @@ class Model:
                 f"there is no tyre {quoted(tyre)}",
                 help=did_you_mean(tyres, "") if tyres else "the model has no tyres",
             )
+        import numpy as np
+
         try:
             x = np.atleast_1d(np.asarray(places, dtype=np.float64))
         except (TypeError, ValueError, OverflowError):
@@ -560,6 +564,8 @@ class Model:
                 raise UsageError(
                     f"there is no channel {quoted(name)}", "simulation/unknown-channel", tip
                 )
+        from holonom.states import as_rows  # here: NumPy takes as long as all else to import
+
         rows = as_rows(state)
         with translated():
             return self._core.evaluate_channels(names, rows)
@@ -574,6 +580,8 @@ class Model:
         dict of str to ndarray, shape (n_times, size)
             As `evaluate` takes them.
         """
+        from holonom.states import vector
+
         if not hasattr(steps, "keys"):
             tip = "pass an entry of `Reader.dense_chunks`"
             raise UsageError(f"the steps are {quoted(repr(steps))}", help=tip)

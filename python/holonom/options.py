@@ -21,6 +21,10 @@ from holonom.base.text import quoted
 MOST = 2.0**53
 
 
+#: Parts of a tolerance.
+PARTS = ("relative", "translation", "rotation")
+
+
 @dataclass(frozen=True, slots=True)
 class Tolerance:
     """Tolerances of a run.
@@ -45,11 +49,10 @@ class Tolerance:
     rotation: float | None = None
 
     def __post_init__(self) -> None:
-        for part in fields(self):
-            value = getattr(self, part.name)
+        for name in PARTS:
+            value = getattr(self, name)
             value = self.relative if value is None else value
-            number = require_positive(f"tolerance.{part.name}", value)
-            object.__setattr__(self, part.name, number)
+            object.__setattr__(self, name, require_positive(f"tolerance.{name}", value))
 
     @classmethod
     def of(
@@ -177,15 +180,7 @@ class Options:
     newmark_beta: float | None = _choice("positive", "β of the same; (γ + ½)²/4 by default.")
 
     def __post_init__(self) -> None:
-        for about in fields(self):
-            value = getattr(self, about.name)
-            if value is not None:
-                value = _CHECKS[about.metadata["kind"]](about.name, value)
-                object.__setattr__(self, about.name, value)
-        for name, words in WORDS.items():
-            if (value := getattr(self, name)) is not None and value not in words:
-                near = did_you_mean(nearest(value, words), f"it is one of {listed(words)}")
-                raise UsageError(f"`{name}` is {quoted(value)}, which it does not know", help=near)
+        # Each by itself was checked before: see `_checked`.
         if self.method is not None:
             _require_method(self.method, self.formula)
         if self.output_times is not None and self.interval is not None:
@@ -216,29 +211,32 @@ class Options:
     def to_dict(self) -> dict[str, Any]:
         """Return the stated choices as plain data."""
         data: dict[str, Any] = {}
-        for about in fields(self):
-            value = getattr(self, about.name)
+        for name in _KINDS:
+            value = getattr(self, name)
+            if value is None:
+                continue
             if isinstance(value, Tolerance):
-                value = {part.name: getattr(value, part.name) for part in fields(value)}
-            if value is not None:
-                data[about.name] = list(value) if isinstance(value, tuple) else value
+                value = {part: getattr(value, part) for part in PARTS}
+            data[name] = list(value) if isinstance(value, tuple) else value
         return data
 
 
-def _known_only(made: Callable[..., None]) -> Callable[..., None]:
-    """Let a misspelt option be refused with the nearest, and not by its number of letters."""
+def _checked(made: Callable[..., None]) -> Callable[..., None]:
+    """Check what is stated, and refuse a name that is none with the nearest."""
 
     @functools.wraps(made)
     def init(self: Options, **choices: Any) -> None:
-        for name in choices:
-            if name not in Options.__dataclass_fields__:
+        checked = {}
+        for name, value in choices.items():
+            if name not in _KINDS:
                 raise _unknown_option(name)
-        made(self, **choices)
+            checked[name] = None if value is None else _CHECKS[_KINDS[name]](name, value)
+        made(self, **checked)
 
     return init
 
 
-Options.__init__ = _known_only(Options.__init__)  # type: ignore[method-assign]
+Options.__init__ = _checked(Options.__init__)  # type: ignore[method-assign]
 
 
 def _unknown_option(name: str) -> UsageError:
@@ -247,6 +245,8 @@ def _unknown_option(name: str) -> UsageError:
     return UsageError(f"there is no option {quoted(name)}", help=near)
 
 
+#: Options with the kind of each: `fields` is slow, and every call of a run asks.
+_KINDS: dict[str, str] = {about.name: about.metadata["kind"] for about in fields(Options)}
 #: Options that are one word out of few, with their words.
 WORDS: dict[str, tuple[str, ...]] = {
     about.name: about.metadata["words"]
@@ -270,8 +270,12 @@ def _described() -> str:
 
 def methods() -> list[dict[str, str]]:
     """Return the integration codes: ``name``, ``title``, ``family`` and ``formula`` of each."""
-    known: list[dict[str, str]] = json.loads(_core.methods())
-    return known
+    return [dict(code) for code in _methods()]
+
+
+@functools.cache
+def _methods() -> tuple[Mapping[str, str], ...]:
+    return tuple(json.loads(_core.methods()))
 
 
 def unknown_method(method: object, formula: object = None) -> UsageError:
@@ -287,7 +291,7 @@ def unknown_method(method: object, formula: object = None) -> UsageError:
 
 
 def _require_method(method: str, formula: str | None) -> None:
-    for code in methods():
+    for code in _methods():
         if method == code["name"] and formula in (None, code["formula"]):
             return
         if method == code["family"] and formula in (None, code["formula"], code["name"]):
@@ -297,7 +301,7 @@ def _require_method(method: str, formula: str | None) -> None:
 
 def _parts(stated: Mapping[str, float]) -> dict[str, float]:
     """Check the parts of a tolerance that are stated."""
-    known = list(Tolerance.__dataclass_fields__)
+    known = PARTS
     for name in stated:
         if name not in known:
             near = did_you_mean(nearest(name, known, TOLERANCES), f"there are {listed(known)}")
@@ -382,6 +386,14 @@ def _require_text(name: str, value: object) -> str:
     return value
 
 
+def _require_word(name: str, value: object) -> str:
+    text, words = _require_text(name, value), WORDS[name]
+    if text not in words:
+        near = did_you_mean(nearest(text, words), f"it is one of {listed(words)}")
+        raise UsageError(f"`{name}` is {quoted(text)}, which it does not know", help=near)
+    return text
+
+
 def _require_flag(name: str, value: object) -> bool:
     if not isinstance(value, bool):
         raise UsageError(f"`{name}` is {quoted(repr(value))}", help="it must be True or False")
@@ -398,7 +410,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "names": _require_names,
     "method": _require_text,
     "text": _require_text,
-    "word": _require_text,
+    "word": _require_word,
     "flag": _require_flag,
 }
 

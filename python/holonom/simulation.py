@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
-import datetime as dt
 import json
 import signal
 import threading
-from collections.abc import Callable, Iterator, Mapping
+import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +55,7 @@ def run(
 ) -> Result:
     """Run a model; see `Model.simulate`. `source` is the result that `start` was read from."""
     state = None if start is None else start_state(start)
-    chosen, requested = _resolved(model, options, state)
+    chosen, requested, text = _resolved(model, options, state)
 
     if certify:
         _require_error_control(chosen)
@@ -70,15 +69,25 @@ def run(
 
     noted: list[dict[str, str]] = []
     if continues is not None:
-        again, _ = _resolved(model, options, {"time": np.array([begun(continues)])})
+        before = {"time": np.array([begun(continues)])}
+        again, _, as_then = _resolved(model, options, before)
         if (place := rewind(continues, again)) is not None:
             recorder = _Recorder(model, again, requested, output, False, continues, force, place)
             try:
                 first = None if place.text else first_state(continues, place)
                 return _recorded(
-                    model, again, first, recorder, raise_failure, progress, watch, rows, False,
+                    model,
+                    again,
+                    as_then,
+                    first,
+                    recorder,
+                    raise_failure,
+                    progress,
+                    watch,
+                    rows,
+                    False,
                     place.text,
-                )  # fmt: skip
+                )
             except (NotRepeatedError, SimulationError) as error:
                 if isinstance(error, SimulationError) and error.code != "simulation/checkpoint":
                     raise
@@ -89,7 +98,7 @@ def run(
     recorder.warnings += noted
     try:
         return _recorded(
-            model, chosen, state, recorder, raise_failure, progress, watch, rows, certify
+            model, chosen, text, state, recorder, raise_failure, progress, watch, rows, certify
         )
     finally:
         recorder.release()
@@ -98,6 +107,7 @@ def run(
 def _recorded(
     model: Model,
     chosen: dict[str, Any],
+    text: str,
     state: dict[str, NDArray[np.float64]] | None,
     recorder: _Recorder,
     raise_failure: bool,
@@ -114,8 +124,8 @@ def _recorded(
 
     ended = False
     try:
-        with _deferred_interrupts() as heed:
-            summary = _simulate(model, chosen, state, append, progress, watch, heed, checkpoint)
+        with _DeferredInterrupts() as heed:
+            summary = _simulate(model, text, state, append, progress, watch, heed, checkpoint)
             recorder.finish(summary)
             ended = True
     except KeyboardInterrupt:
@@ -153,16 +163,36 @@ def _recorded(
 
 def _resolved(
     model: Model, options: Options, state: dict[str, NDArray[np.float64]] | None
-) -> tuple[dict[str, Any], list[str]]:
-    """Return what a run uses, stated, of the model or by default, and the channels asked for."""
+) -> tuple[dict[str, Any], list[str], str]:
+    """Return what a run uses, stated, of the model or by default.
+
+    Returns
+    -------
+    chosen : dict
+    requested : list of str
+        Channels and components that were asked for.
+    text : str
+        `chosen` as JSON.
+    """
     start = None if state is None else float(state["time"][0])
-    with translated():
-        chosen = model._core.options(json.dumps(options.to_dict()), start)
-    chosen = {name: value for name, value in chosen.items() if value is not None}
-    requested = model.expand(chosen["channels"])
-    whole = [split_component(name)[0] for name in requested]
-    chosen["channels"] = list(dict.fromkeys([*whole, *model.diagnostics]))
-    return chosen, requested
+    asked = (_encode(options.to_dict()), start)
+    kept = model._choices  # once: threads may share the model
+    if kept is None or kept[0] != asked:
+        with translated():
+            resolved = model._core.options(asked[0], start)
+        chosen = {name: value for name, value in resolved.items() if value is not None}
+        requested = model.expand(chosen["channels"])
+        whole = [split_component(name)[0] for name in requested]
+        chosen["channels"] = list(dict.fromkeys([*whole, *model.diagnostics]))
+        kept = model._choices = (asked, chosen, requested, _encode(chosen))
+    _, chosen, requested, text = kept
+    # A result's own, to be changed without harm to the next one.
+    own = {k: v.copy() if isinstance(v, dict | list) else v for k, v in chosen.items()}
+    return own, list(requested), text
+
+
+#: Plain data as JSON; `json.dumps` also looks for circles.
+_encode = json.JSONEncoder(check_circular=False, separators=(",", ":")).encode
 
 
 def _require_error_control(chosen: Mapping[str, Any]) -> None:
@@ -204,8 +234,9 @@ def _certify(
     try:
         if progress is not None:
             progress(start, 0.0, 0)
-        with _deferred_interrupts() as heed:
-            summary = _simulate(model, second, state, measurement.append, progress, watch, heed)
+        with _DeferredInterrupts() as heed:
+            text = _encode(second)
+            summary = _simulate(model, text, state, measurement.append, progress, watch, heed)
     except KeyboardInterrupt:
         interrupted = True
     except HolonomError as error:
@@ -244,7 +275,7 @@ def _not_repeated(error: Exception) -> list[dict[str, str]]:
 
 def _simulate(
     model: Model,
-    chosen: dict[str, Any],
+    chosen: str,
     state: dict[str, NDArray[np.float64]] | None,
     on_chunk: Callable[[dict[str, Any]], None],
     progress: Progress | None,
@@ -263,9 +294,7 @@ def _simulate(
             watch(stage)
 
     with translated():
-        return model._core.simulate(
-            json.dumps(chosen), state, on_chunk, on_progress, on_stage, checkpoint
-        )
+        return model._core.simulate(chosen, state, on_chunk, on_progress, on_stage, checkpoint)
 
 
 class _Recorder:
@@ -337,11 +366,10 @@ class _Recorder:
     def _open(self) -> Writer | Memory:
         if self._writer is None:
             model = self._model
-            meta = {
+            meta: dict[str, Any] = {
                 "holonom": _core.version(),
                 "name": model.name,
                 "title": model.title,
-                "model": json.loads(model.to_json()),
                 "model_hash": model.hash,
                 "options": self._chosen,
                 "requested": self._requested,
@@ -350,8 +378,9 @@ class _Recorder:
                 "started": _now(),
             }
             if self._output is None:
-                self._writer = Memory(meta, model.channels)
+                self._writer = Memory(meta, model.channels, lambda: {"model": model.to_dict()})
                 return self._writer
+            meta["model"] = model.to_dict()
             older = self._continues
             if self._place is not None:
                 kept = self._older
@@ -382,32 +411,38 @@ class _Recorder:
         return self._writer
 
 
-@contextlib.contextmanager
-def _deferred_interrupts() -> Iterator[Callable[[], None]]:
-    """Let Ctrl-C take effect where the function yielded is called, and after the block.
+class _DeferredInterrupts:
+    """Let Ctrl-C take effect where `heed` is called, and after the block.
 
     So the core ends in good order, and what is written is whole.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: None
-        return
-    asked: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
-    if not callable(before):
-        signal.signal(signal.SIGINT, before)
-        yield lambda: None
-        return
 
-    def heed() -> None:
-        if asked:
-            before(asked.pop(), None)
+    def __init__(self) -> None:
+        self._asked: list[int] = []
+        self._before: Any = None
 
-    try:
-        yield heed
-    finally:
-        signal.signal(signal.SIGINT, before)
-    heed()
+    def __enter__(self) -> Callable[[], None]:
+        if threading.current_thread() is threading.main_thread():
+            self._before = signal.signal(signal.SIGINT, self._ask)
+            if not callable(self._before):  # Ctrl-C does nothing, and is to go on doing so
+                signal.signal(signal.SIGINT, self._before)
+                self._before = None
+        return self.heed
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if self._before is not None:
+            signal.signal(signal.SIGINT, self._before)
+            if kind is None:
+                self.heed()
+
+    def _ask(self, number: int, _: object) -> None:
+        self._asked.append(number)
+
+    def heed(self) -> None:
+        """Do what Ctrl-C does, if it was pressed."""
+        if self._asked:
+            self._before(self._asked.pop(), None)
 
 
 def _now() -> str:
-    return dt.datetime.now(dt.UTC).isoformat(timespec="seconds")
+    return time.strftime("%Y-%m-%dT%H:%M:%S+00:00", time.gmtime())

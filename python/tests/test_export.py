@@ -162,7 +162,7 @@ def test_a_missing_library_is_named_with_its_extra(
     path = tmp_path / "table"
     with (
         Result.load(stored) as result,
-        pytest.raises(holonom.UsageError, match=rf"{library.partition('.')[0]}.*`{extra}`"),
+        pytest.raises(holonom.UsageError, match=rf"(?s){library.partition('.')[0]}.*`{extra}`"),
     ):
         write(result, path)
     assert not path.exists()

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pytest
+from conftest import PENDULUM
 
+import holonom
 from holonom import Options, Tolerance, UsageError
 
 
@@ -63,3 +66,23 @@ def test_parts_of_a_tolerance_that_are_not_stated_are_those_of_the_default() -> 
 def test_what_cannot_be_used_is_named(choices: dict[str, Any], named: str) -> None:
     with pytest.raises(UsageError, match=named):
         Options(**choices)
+
+
+def test_choices_that_a_model_keeps_are_those_of_the_call() -> None:
+    """Runs in threads share the model; independent truth: a model of its own for each choice."""
+    shared = holonom.Model.from_text(PENDULUM)
+    choices = [
+        {"end_time": 0.01 * k, "tolerance": 10.0**-k, "channels": ["rod.angle"]} for k in (2, 3, 4)
+    ]
+    expected = [holonom.Model.from_text(PENDULUM).simulate(**own) for own in choices]
+    with ThreadPoolExecutor(3) as pool:
+        results = list(pool.map(lambda k: (k, shared.simulate(**choices[k])), [0, 1, 2] * 40))
+    for k, result in results:
+        assert result.options == expected[k].options
+        assert result.requested == ["rod.angle"]
+        np.testing.assert_array_equal(result["q"], expected[k]["q"])
+    first, second = (shared.simulate(**choices[0]) for _ in range(2))
+    first.options["tolerance"]["relative"] = first.meta["model"]["bodies"]["rod"]["mass"] = 0.0
+    first.meta["options"]["channels"].clear()
+    assert second.options == expected[0].options
+    assert second.meta["model"] == shared.to_dict() == expected[0].meta["model"]

@@ -210,3 +210,17 @@ def test_the_version_says_what_was_built() -> None:
 
     assert done.stdout.startswith(f"holonom {holonom.__version__}, release build for ")
     assert f"Python {sys.version.split()[0]}" in done.stdout
+
+
+@pytest.mark.parametrize("line", [["--version"], ["models"], ["check", "library:slider_crank"]])
+def test_commands_without_arrays_start_without_numpy_and_what_typer_reads_with(
+    line: list[str],
+) -> None:
+    """Each of them takes longer to import than all else together."""
+    script = (
+        "import sys; from holonom.cli.commands import invoke; status = invoke(sys.argv[1:]);"
+        "sys.exit(status or len({'numpy', 'pydantic', 'rich', 'matplotlib'} & sys.modules.keys()))"
+    )
+    done = subprocess.run([sys.executable, "-c", script, *line], stdout=subprocess.PIPE)
+    assert done.returncode == 0
+    assert done.stdout

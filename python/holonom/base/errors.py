@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
@@ -269,22 +267,30 @@ def _restored(kind: type[HolonomError], args: tuple[Any, ...], state: dict[str, 
     return error
 
 
-@contextmanager
-def translated() -> Iterator[None]:
-    """Turn errors of the core into those of this module."""
-    try:
-        yield
-    except _core.ModelError as error:
-        data = json.loads(error.args[0])
-        problems = [Problem.from_json(entry) for entry in data.get("errors", [])]
-        raise ModelError(*problems, rendered=data.get("rendered") or "") from None
-    except _core.SimulationError as error:
-        data = json.loads(error.args[0])
-        raise (
-            UsageError(describe(data), data["code"])
-            if data.get("code") in _USAGE
-            else SimulationError(data)
-        ) from None
+class _Translation:
+    """A context, made once: one of `contextlib` takes as long as a step of a small model."""
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, kind: type[BaseException] | None, error: object, _: object) -> None:
+        if isinstance(error, _core.ModelError):
+            data = json.loads(error.args[0])
+            problems = [Problem.from_json(entry) for entry in data.get("errors", [])]
+            raise ModelError(*problems, rendered=data.get("rendered") or "") from None
+        if isinstance(error, _core.SimulationError):
+            data = json.loads(error.args[0])
+            usage = data.get("code") in _USAGE
+            text = describe(data)
+            raise (UsageError(text, data["code"]) if usage else SimulationError(data)) from None
+
+
+_TRANSLATION = _Translation()
+
+
+def translated() -> _Translation:
+    """Return a context that turns errors of the core into those of this module."""
+    return _TRANSLATION
 
 
 for _public in (

@@ -162,7 +162,7 @@ def require_target(
         if source is not None and _same(source, there):
             raise FileError(
                 f"{path} is a file that this command reads ({source}); it is not overwritten"
-                "\n  help: give another name with `-o`",
+                "\n  help: give another name",
                 code="file/protected",
             )
     if force or not there.st_size:

@@ -8,8 +8,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-import numpy as np
-
 from holonom.base.errors import FileError, ModelError, Problem, UsageError
 from holonom.base.text import quoted
 
@@ -59,7 +57,7 @@ def plain(value: Any, path: str, depth: int = 0) -> Any:
     if depth > MAX_DEPTH:
         tip = f"take fewer levels; no model needs more than {MAX_DEPTH}"
         raise refused("model/too-deep", "is nested too deeply", tip)
-    if isinstance(value, np.generic | np.ndarray):
+    if hasattr(value, "dtype") and hasattr(value, "tolist"):  # NumPy's; it is not imported for this
         value = value.tolist()
     if value is None or isinstance(value, bool):
         return value

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import datetime as dt
+import functools
 import math
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -26,6 +28,7 @@ from holonom.base.errors import (
 from holonom.base.names import COMMANDS, OPTIONS, did_you_mean, nearest
 from holonom.base.text import one_line, shown
 from holonom.cli.flags import (
+    Words,
     read_changes,
     read_methods,
     read_size,
@@ -47,9 +50,9 @@ from holonom.cli.terminal import (
     say,
 )
 from holonom.model import Model
-from holonom.result import Result
 
 if TYPE_CHECKING:
+    from holonom.result import Result
     from holonom.view.live import Live
 
 app = typer.Typer(
@@ -275,7 +278,7 @@ def compare(
         "reference_tolerance": None
         if reference_tolerance is None
         else read_tolerance(reference_tolerance, "--reference-tolerance"),
-        "reference": None if reference is None else Result.load(reference, recover=recover),
+        "reference": None if reference is None else holonom.Result.load(reference, recover=recover),
         "save_reference": save_reference,
         "channels": channels,
         "end_time": end_time,
@@ -655,11 +658,9 @@ def _run(line: list[str]) -> int:
     The library of the command line parses; its own way to run one would end broken pipes and Ctrl-C
     silently, with statuses of its own.
     """
-    for command in app.registered_commands:
-        for hint in get_type_hints(command.callback, include_extras=True).values():
-            for info in getattr(hint, "__metadata__", ()):
-                info.readable = False  # files are opened by Holonom, and not looked at before
-    group: Any = typer.main.get_command(app)
+    group: Any = typer.main.get_command(_part_for(line))
+    for command in (group, *group.commands.values()):
+        command.get_params = functools.partial(_with_words, command.get_params)
     if "_HOLONOM_COMPLETE" in os.environ:  # a shell asks what could come next
         group.main(line, prog_name="holonom")
     try:
@@ -667,6 +668,30 @@ def _run(line: list[str]) -> int:
             return int(group.invoke(context) or Exit.OK)
     except typer.Exit as done:  # `--help`
         return int(done.exit_code)
+
+
+def _part_for(line: Sequence[str]) -> typer.Typer:
+    """Return the program with the one command that is called: to build all takes a while."""
+    asked = next((word for word in line if not word.startswith("-")), "")
+    called = [c for c in app.registered_commands if c.callback and c.callback.__name__ == asked]
+    if "--version" in line and not asked:
+        called = app.registered_commands[:1]
+    if not called or "_HOLONOM_COMPLETE" in os.environ:
+        return app
+    part = copy.copy(app)
+    part.registered_commands = called
+    return part
+
+
+def _with_words(parameters: Callable[[Any], list[Any]], context: Any) -> list[Any]:
+    """Return the parameters of a command, which read words as `Words` does.
+
+    To import what the library reads them with takes longer than most commands, and it says less.
+    """
+    found = parameters(context)
+    for parameter in found:
+        parameter.get_runtime_param = Words(parameter).itself
+    return found
 
 
 def _interrupted(error: BaseException, line: Sequence[str], received: Sequence[int]) -> int:
@@ -761,6 +786,8 @@ class _Older:
 @contextlib.contextmanager
 def _opened(path: Path, *, recover: bool) -> Iterator[Result]:
     """Open a result; say in the end what of it is damaged."""
+    from holonom.result import Result  # with NumPy, which takes as long as all else to import
+
     with Result.load(path, recover=recover) as result:
         yield result
         if result.damage:

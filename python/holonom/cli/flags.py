@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import inspect
 import json
 from collections.abc import Callable
 from dataclasses import fields
-from typing import Annotated, Any, get_type_hints
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
 
@@ -57,6 +59,67 @@ def takes_options(command: Callable[..., int]) -> Callable[..., int]:
     wrapper.__signature__ = inspect.Signature(every)  # type: ignore[attr-defined]
     wrapper.__annotations__ = {entry.name: entry.annotation for entry in every}
     return wrapper
+
+
+class Words:
+    """Reads what users write for one flag or argument: numbers, paths and texts.
+
+    Files are opened by the commands, and not looked at before.
+
+    Parameters
+    ----------
+    parameter : parameter of a command
+        As the library of the command line describes it.
+    """
+
+    def __init__(self, parameter: Any) -> None:
+        self._flag = max(parameter.opts, key=len) if parameter.opts[0][:1] == "-" else ""
+        kind = parameter.type_descriptor.annotation
+        kinds = [one for one in (get_args(kind) or (kind,)) if one is not type(None)]
+        self._read = _READERS[kinds[0]]
+
+    def itself(self) -> Words:
+        """Return this: what reads a parameter is asked for by a call."""
+        return self
+
+    def coerce(self, value: Any, **_: Any) -> Any:
+        """Return what a word means, or several.
+
+        Raises
+        ------
+        UsageError
+            If it is no number where one is needed.
+        """
+        if isinstance(value, list | tuple):
+            return [self._read(word, self._flag) for word in value]
+        return None if value is None else self._read(value, self._flag)
+
+
+def _number(word: Any, flag: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        text = f"`{flag} {quoted(word)[1:]} is no number"
+        raise UsageError(text, help="write it like 0.25 or 1e-3") from None
+
+
+def _whole(word: Any, flag: str) -> int:
+    with contextlib.suppress(ValueError):
+        return int(word)
+    number = _number(word, flag)
+    if not number.is_integer():
+        text = f"`{flag} {quoted(word)[1:]} is no whole number"
+        raise UsageError(text, help="write it like 200 or 1e5")
+    return int(number)
+
+
+_READERS: dict[Any, Callable[[Any, str], Any]] = {
+    bool: lambda word, _: word,
+    float: _number,
+    int: _whole,
+    str: lambda word, _: word,
+    Path: lambda word, _: Path(word),
+}
 
 
 def _flag(about: Any) -> Any:

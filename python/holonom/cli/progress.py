@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from holonom.model import Model
-
 if TYPE_CHECKING:
     from rich.progress import Progress
+
+    from holonom.model import Model
 
 
 class RunProgress:

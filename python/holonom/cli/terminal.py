@@ -25,7 +25,7 @@ ANALYSIS_SHOWN = 240
 
 def print_version(json_: bool) -> None:
     """Print the facts of this build."""
-    import numpy as np
+    from importlib.metadata import version
 
     from holonom import _core
 
@@ -33,7 +33,7 @@ def print_version(json_: bool) -> None:
         "holonom": _core.version(),
         **json.loads(_core.build()),
         "python": platform.python_version(),
-        "numpy": np.__version__,
+        "numpy": version("numpy"),
     }
     if json_:
         print_json(built)

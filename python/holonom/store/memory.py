@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -30,20 +30,26 @@ class Memory:
         First entries of `meta`: plain data.
     channels : mapping of str to Quantity
         Units and frames by name.
+    later : callable, optional
+        Returns further entries, when `meta` is first asked for: what takes long to make.
 
     Attributes
     ----------
     path : None
-    meta : dict
-        What is known about the run.
     count : int
         Number of output times.
     """
 
     path: Path | None = None
 
-    def __init__(self, meta: Mapping[str, Any], channels: Mapping[str, Quantity]) -> None:
-        self.meta = dict(meta)
+    def __init__(
+        self,
+        meta: Mapping[str, Any],
+        channels: Mapping[str, Quantity],
+        later: Callable[[], Mapping[str, Any]] = dict,
+    ) -> None:
+        self._entries = dict(meta)
+        self._later = later
         self.count = 0
         self._channels = channels
         self._chunks: list[Mapping[str, Any]] = []
@@ -56,7 +62,12 @@ class Memory:
 
     def finish(self, meta: Mapping[str, Any]) -> None:
         """Keep the last entries of `meta`."""
-        self.meta |= meta
+        self._entries |= meta
+
+    @cached_property
+    def meta(self) -> dict[str, Any]:
+        """What is known about the run."""
+        return self._entries | dict(self._later())
 
     @cached_property
     def quantities(self) -> dict[str, Quantity]:
