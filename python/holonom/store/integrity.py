@@ -84,7 +84,11 @@ def require_result(path: Path) -> tuple[Path, int]:
     except (OSError, ValueError, RuntimeError) as error:
         raise files.unusable(path, error) from None
     if not files.is_result(head):
-        raise FileError(f"{path} is not a Holonom result\n  help: `holonom run` writes one")
+        named_so = path.suffix.lower() in (".toml", ".json")
+        tip = (
+            f"`holonom run {path}` makes one of a model" if named_so else "`holonom run` writes one"
+        )
+        raise FileError(f"{path} is not a Holonom result", tip)
     version = int.from_bytes(head[60:64], "big")
     if not 1 <= version <= FORMAT:
         raise FileError(
