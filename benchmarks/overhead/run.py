@@ -5,6 +5,9 @@ Run with the package installed: ``python benchmarks/overhead/run.py``.
 
 import csv
 import multiprocessing
+import resource
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -37,6 +40,14 @@ def call_seconds(model: holonom.Model, count: int = 10) -> tuple[float, float]:
     results = [model.simulate(**SMALL) for _ in range(count)]
     took = time.thread_time() - begun
     return took / count, sum(r.meta["cpu_seconds"] for r in results) / count
+
+
+def process_seconds(*line: str) -> float:
+    """Processor time of one process of Python, s."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run([sys.executable, *line], check=True, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def run_seconds(model: holonom.Model, interval: float, channels: list[str]) -> float:
@@ -81,6 +92,15 @@ def main() -> None:
     call, engine = min(blocks)
     rows += [("one call", 1e3 * call, "ms"), ("engine in it", 1e3 * engine, "ms")]
     rows += [("around it", 1e3 * min(a - b for a, b in blocks), "ms")]
+
+    for what, line in (
+        ("Python alone", ("-c", "pass")),
+        ("`import holonom`", ("-c", "import holonom")),
+        ("`holonom --version`", ("-m", "holonom", "--version")),
+        ("`holonom check` of a small model", ("-m", "holonom", "check", "library:simple_pendulum")),
+    ):
+        seconds = least(lambda words=line: process_seconds(*words), 20)
+        rows.append((what, 1e3 * seconds, "ms"))
 
     model = load("hmmwv14")
     coordinates = [

@@ -11,10 +11,11 @@
 
 import sys
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from holonom.base.errors import (
         FileError,
         HolonomError,
