@@ -222,7 +222,7 @@ class Model:
                     code="file/protected",
                 ) from None
         # What is there is a model, or nothing.
-        return files.write_text(path, "model", text, force=True)
+        return files.write_text(path, "model", text, force=path.exists())
 
     @property
     def sources(self) -> tuple[Path, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -102,6 +103,14 @@ def test_arrows_between_rooms_point_one_way() -> None:
     assert not {f"{a} need not use {b}" for a, row in MAY_USE.items() for b in row} - {
         f"{a} need not use {b}" for a, b in arrows
     }
+
+
+def test_the_page_about_the_architecture_holds_the_same_table() -> None:
+    text = (ROOT / "../../ARCHITECTURE.md").read_text(encoding="utf-8")
+    text = text[text.index("## The Python package") :]
+    rows = re.findall(r"^\| `(\w+)` \| .* \| ([^|]*) \|$", text, flags=re.MULTILINE)
+    told = {name: set(uses.split(", ")) - {"–"} for name, uses in rows if name != "base"}
+    assert told == {name: uses for name, uses in MAY_USE.items() if name != "__init__"}
 
 
 def test_rooms_stand_on_one_another() -> None:

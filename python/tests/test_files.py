@@ -396,6 +396,7 @@ def test_an_absent_file_is_told_with_the_one_that_was_meant(
         (["check", "slider.toml/x"], "a part of the name is a file, not a folder"),
         (["info", "slider.tom"], "did you mean `slider.toml`?"),
         (["info", "xyz.holonom"], "`holonom run` writes one"),
+        (["info", "slider.toml"], "`holonom run slider.toml` makes one of a model"),
     ):
         assert invoke(line) == 5
         assert said in capsys.readouterr().err, line
