@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import html
 import json
 from collections.abc import Iterable, Mapping
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from holonom.base import files
+from holonom.base.text import shown
 from holonom.check import plain
 from holonom.pictures import runs as pictures
 from holonom.pictures import svg
@@ -63,6 +64,11 @@ code { overflow-wrap: anywhere; }
 summary { cursor: pointer; }
 @media print { figure, .card, .tiles div { break-inside: avoid; } }
 """
+
+
+def escape(text: str) -> str:
+    """Return text for the page; control characters are written by their numbers."""
+    return html.escape(shown(text))
 
 
 def write(result: Result, path: Path, *, force: bool = False) -> Path:

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import CHANNELS, META, SUMMARY, synthetic_chunk
+from conftest import CHANNELS, META, PENDULUM, SUMMARY, synthetic_chunk
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+import holonom
 from holonom.base.errors import FileError, UsageError
 from holonom.pictures import runs as pictures
 from holonom.pictures import svg
@@ -231,3 +232,19 @@ def test_what_needs_matplotlib_names_the_extra_and_what_does_not(stored: Path) -
     assert "extra `plot`" in done.stderr
     assert ".svg" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_pages_and_pictures_hold_no_control_characters(tmp_path: Path) -> None:
+    """`cat page.html` in a terminal obeys none; a script in a title is text."""
+    title = "</script><script>alert(1)</script>\\u001b[31m\\u202eHolonom"
+    text = PENDULUM.replace('title = "Rod on a pin"', f'title = "{title}"')
+    assert text != PENDULUM
+    result = holonom.Model.from_text(text).simulate(end_time=0.1)
+    result.report(tmp_path / "report.html")
+    result.view().save(tmp_path / "page.html")
+    result.plot(path=tmp_path / "picture.svg")
+    result.to_csv(tmp_path / "table.csv")
+    for path in tmp_path.iterdir():
+        written = path.read_text(encoding="utf-8")
+        assert "\x1b" not in written, path
+        assert "<script>alert" not in written, path

@@ -60,7 +60,8 @@ def _is_byte(character: str) -> bool:
 
 
 def _escaped(text: str) -> str:
-    return text if text.isprintable() else "".join(map(_visible, text))
+    plain = text.replace("\n", "").replace("\t", "").isprintable()
+    return text if plain else "".join(map(_visible, text))
 
 
 def _visible(character: str) -> str:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from holonom.base import files
 from holonom.base.errors import UsageError
 from holonom.base.plain import as_path
+from holonom.base.text import shown
 from holonom.view.scene import scene
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def scenes(results: Sequence[Result]) -> list[dict[str, Any]]:
 
 def page(runs: list[dict[str, Any]], **more: Any) -> str:
     """Return the HTML of runs; ``job`` is what to draw for a film, ``live`` how rows come."""
-    title = str(runs[0]["title"])
+    title = shown(str(runs[0]["title"]))
     # `</script` in a text would end the element that carries the data.
     data = json.dumps({"format": 1, "runs": runs, **more}, ensure_ascii=False, allow_nan=False)
     data = data.replace("<", "\\u003c")
