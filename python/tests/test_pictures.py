@@ -157,3 +157,9 @@ def test_a_picture_is_drawn_on_axes_of_ones_own(stored: Path) -> None:
             result.plot("rod.position[0]", axes=[one, two])
         assert picture._repr_svg_().startswith("<svg")
         assert len(picture.figure().axes) == 1
+
+
+def test_a_picture_is_one_line_where_no_notebook_shows_it() -> None:
+    line = Line(np.arange(3.0), np.arange(3.0))
+    assert repr(Picture("angle", [Panel([line], "rad")])) == "<picture 'angle': 1 panel>"
+    assert repr(Picture("a\x1b[31m", [])) == r"<picture 'a\\x1b[31m': 0 panels>"

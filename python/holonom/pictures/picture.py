@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base.plain import as_path
+from holonom.base.text import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,7 +80,7 @@ class Panel:
     level: tuple[float, str] | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Picture:
     """Panels one below the other over a common horizontal axis; notebooks show it.
 
@@ -153,6 +154,10 @@ class Picture:
         from holonom.pictures import plotting
 
         plotting.draw(self, axes)
+
+    def __repr__(self) -> str:
+        count = len(self.panels)
+        return f"<picture {shown(self.title)!r}: {count} panel{'s' if count != 1 else ''}>"
 
     def _repr_svg_(self) -> str:
         from holonom.pictures import svg
