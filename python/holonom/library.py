@@ -39,11 +39,17 @@ class Entry:
 
 def entries() -> list[Entry]:
     """Return the models of the library by name."""
-    found = []
-    for path in sorted(FOLDER.glob("*/model.toml")):
-        title = tomllib.loads(path.read_text(encoding="utf-8")).get("title", "")
-        found.append(Entry(path.parent.name, title, path))
-    return found
+    return [_read(name) for name in names()]
+
+
+def names() -> list[str]:
+    """Return the names of the models of the library."""
+    return sorted(path.parent.name for path in FOLDER.glob("*/model.toml"))
+
+
+def _read(name: str) -> Entry:
+    path = FOLDER / name / "model.toml"
+    return Entry(name, tomllib.loads(path.read_text(encoding="utf-8")).get("title", ""), path)
 
 
 def entry(name: str) -> Entry:
@@ -54,9 +60,9 @@ def entry(name: str) -> Entry:
     UsageError
         If there is none of this name; it tells the nearest ones.
     """
-    known = {found.name: found for found in entries()}
+    known = names()
     if isinstance(name, str) and name in known:
-        return known[name]
+        return _read(name)
     near = difflib.get_close_matches(str(name), known, n=3, cutoff=0.4)
     raise UsageError(
         f"the library has no model {quoted(name)}"

@@ -745,7 +745,7 @@ def _unreadable(path: Path, error: OSError) -> FileError:
     if not isinstance(error, FileNotFoundError):
         return files.unusable(path, error)
     name = path.stem if path.name != "model.toml" else path.parent.name
-    if name in (entry.name for entry in library.entries()):
+    if name in library.names():
         return FileError(
             f"{path}: there is no such file",
             f"that of the library is `library:{name}`, or `Model.library({name!r})`",
