@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from holonom.certificate import ChannelError
+from holonom.gauge import KINDS, RESIDUALS, largest_tolerance, length, parts_of, peak
 from holonom.model import split_component
 from holonom.options import Tolerance
 from holonom.store.layout import STATE, Quantity
@@ -28,8 +28,6 @@ Series = NDArray[np.float64]
 
 #: The tolerance of the second run is this part of the first one's.
 PART = 0.1
-#: A force or an acceleration below this part of the largest of its kind in the model is round-off.
-NEGLIGIBLE = 1e-6
 #: Of a result that was to be certified, until the second run says something.
 NO_SECOND_RUN = {
     "code": "simulation/not-certified",
@@ -40,13 +38,6 @@ SETS = {
     "positions": ("position", "angle", "euler_parameters"),
     "velocities": ("velocity", "angular_velocity"),
 }
-#: Channels that are errors themselves: there is no true value to compare them with.
-_RESIDUALS = "constraint."
-#: Parts of a tolerance by unit; positions count from the start, velocities by their value.
-_POSITIONS = {"m": "translation", "rad": "rotation"}
-_VELOCITIES = {"m/s": "translation", "rad/s": "rotation"}
-#: What else the store keeps of the kind of a unit.
-_KINDS = {"N": "lambda", "N m": "lambda", "m/s^2": "qdd", "rad/s^2": "qdd", "J": "energy"}
 
 
 def tightened(tolerance: Mapping[str, float]) -> dict[str, float]:
@@ -66,7 +57,7 @@ def unfinished(failure: Mapping[str, Any]) -> dict[str, Any]:
 
 def certified_channels(model: Model, requested: Sequence[str]) -> list[str]:
     """Return what is compared: the channels asked for, or else the motion of all bodies."""
-    names = [name for name in requested if not name.startswith(_RESIDUALS)]
+    names = [name for name in requested if not name.startswith(RESIDUALS)]
     if names:
         return names
     bodies = json.loads(model.to_json(plain=True)).get("bodies") or {}
@@ -109,7 +100,7 @@ class Measurement:
         self._stored = [name for name in whole if name in first.quantities]
         self._computed = [name for name in whole if name not in first.quantities]
         self._energies = [n for n in first.quantities if n.startswith("energy.")]
-        self._peaks = dict.fromkeys(_KINDS.values(), 0.0)
+        self._peaks = dict.fromkeys(KINDS.values(), 0.0)
         self._ahead = ahead
         self._row = -ahead
         self.until: float | None = None
@@ -141,9 +132,9 @@ class Measurement:
             mine = ours[gauge.channel][skipped : skipped + count]
             gauge.take(times[:count], theirs[gauge.channel], mine)
         for part in ("lambda", "qdd"):
-            self._peaks[part] = max(self._peaks[part], _peak(states[part]))
+            self._peaks[part] = max(self._peaks[part], peak(states[part]))
         for name in self._energies:
-            energy = _peak(self._first.rows(name, at, count))
+            energy = peak(self._first.rows(name, at, count))
             self._peaks["energy"] = max(self._peaks["energy"], energy)
         self._row += count
         self.until = float(times[count - 1])
@@ -165,32 +156,6 @@ class Measurement:
         return {name: np.asarray(array).reshape(rows, -1) for name, array in values.items()}
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
-    """Components of a channel that share a tolerance, and what kind of number they are."""
-
-    columns: slice
-    kind: Literal["position", "velocity", "orientation", "other"]
-    absolute: str = ""
-    principal: bool = False  # known up to whole turns
-
-    def measure(self, first: Series, second: Series, start: Series) -> tuple[Series, Series]:
-        """Return the difference of the runs by component, and what the relative part multiplies."""
-        if self.kind == "orientation":
-            opposite = np.sum(first * second, axis=1) < 0.0
-            difference = first - np.where(opposite[:, None], -second, second)
-            cosine = np.minimum(np.abs(second @ start), 1.0)
-            return 2.0 * difference, 2.0 * np.arccos(cosine)
-        difference = first - second
-        if self.principal:
-            difference = _principal(difference)
-        if self.kind == "velocity":
-            return difference, _length(second)
-        moved = second - start
-        # Whole turns do not count as movement.
-        return difference, _length(_principal(moved) if self.absolute == "rotation" else moved)
-
-
 class _Gauge:
     """The largest difference of one channel or component so far."""
 
@@ -202,7 +167,7 @@ class _Gauge:
         quantity = known[self.channel]
         self._quantity = quantity
         self._tolerance = tolerance
-        self._parts = _parts(quantity)
+        self._parts = parts_of(quantity)
         if self.index is not None:
             self._parts = [p for p in self._parts if self.index in range(quantity.size)[p.columns]]
         self._start: Series | None = None
@@ -218,29 +183,20 @@ class _Gauge:
         """Compare rows, shape (n, size)."""
         assert self._start is not None
         for part in self._parts:
-            columns = part.columns
-            difference, size = part.measure(
-                first[:, columns], second[:, columns], self._start[columns]
-            )
-            if self.index is None:
-                error, half = _length(difference), 1.0
+            error, known = part.compare(first, second, self._start, self._tolerance, self.index)
+            if known is None:  # the scale is known at the end
+                bound = np.ones_like(error)
+                columns = part.columns
+                peaks = (length(first[:, columns]), length(second[:, columns]))
+                self._peak = max(self._peak, *map(peak, peaks))
             else:
-                # Euler parameters count as half an angle each.
-                half = 0.5 if part.kind == "orientation" else 1.0
-                error = half * np.abs(difference[:, self.index - columns.start])
-            if part.kind == "other":
-                bound = np.ones_like(error)  # the scale is known at the end
-                peaks = (_length(first[:, columns]), _length(second[:, columns]))
-                self._peak = max(self._peak, *map(_peak, peaks))
-            else:
-                absolute = self._tolerance[part.absolute]
-                bound = half * (absolute + self._tolerance["relative"] * size)
+                bound = known
             at = int(np.argmax(error / bound))
             found = float(error[at] / bound[at])
             if found > self._found.tolerances:
                 self._found = ChannelError(
                     name=self.name,
-                    unit=self._unit(part),
+                    unit=part.unit(self._quantity.unit, self.index),
                     time=float(times[at]),
                     error=float(error[at]),
                     tolerance=float(bound[at]),
@@ -252,46 +208,6 @@ class _Gauge:
         found = self._found
         if self._parts[0].kind != "other":
             return found
-        kind = _KINDS.get(self._quantity.unit, "")
-        # Only differences of energies mean anything: one scale serves all of them.
-        floor = peaks.get(kind, 0.0) * (1.0 if kind == "energy" else NEGLIGIBLE)
-        tolerance = relative * max(self._peak, floor)
+        tolerance = largest_tolerance(self._quantity.unit, relative, self._peak, peaks)
         tolerances = found.error / tolerance if found.error > 0.0 else 0.0
         return ChannelError(found.name, found.unit, found.time, found.error, tolerance, tolerances)
-
-    def _unit(self, part: _Part) -> str:
-        if part.kind == "orientation":
-            return "rad" if self.index is None else self._quantity.unit
-        shared = self._quantity.unit.split(", ")  # of a deformation: m, rad
-        return shared[-1 if part.absolute == "rotation" else 0]
-
-
-def _parts(quantity: Quantity) -> list[_Part]:
-    whole = slice(0, quantity.size)
-    if quantity.name.endswith(".euler_parameters"):
-        return [_Part(whole, "orientation", "rotation")]
-    if quantity.unit == "m, rad":  # a deformation: three translations, three rotations
-        middle = quantity.size // 2
-        return [
-            _Part(slice(0, middle), "position", "translation"),
-            _Part(slice(middle, quantity.size), "position", "rotation"),
-        ]
-    if quantity.unit in _POSITIONS:
-        principal = quantity.name.endswith(".yaw_pitch_roll")
-        return [_Part(whole, "position", _POSITIONS[quantity.unit], principal)]
-    if quantity.unit in _VELOCITIES:
-        return [_Part(whole, "velocity", _VELOCITIES[quantity.unit])]
-    return [_Part(whole, "other")]
-
-
-def _length(rows: Series) -> Series:
-    return np.asarray(np.linalg.norm(rows, axis=1))
-
-
-def _peak(values: Series) -> float:
-    return float(np.abs(values).max(initial=0.0))
-
-
-def _principal(angle: Series) -> Series:
-    """Return angles without whole turns, from −π to π."""
-    return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))

@@ -1,0 +1,192 @@
+"""What one tolerance is of a channel, and how far two runs are apart in it.
+
+`docs/conventions.md` states the table: for positions, velocities and angles an absolute part and a
+relative one, which multiplies the movement since the start or the velocity; for anything else the
+relative part times the largest value in the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom.store.layout import Quantity
+
+Series = NDArray[np.float64]
+
+#: A force or an acceleration below this part of the largest of its kind in the model is round-off.
+NEGLIGIBLE = 1e-6
+#: Channels that are errors themselves: there is no true value to compare them with.
+RESIDUALS = "constraint."
+#: Parts of a tolerance by unit; positions count from the start, velocities by their value.
+_POSITIONS = {"m": "translation", "rad": "rotation"}
+_VELOCITIES = {"m/s": "translation", "rad/s": "rotation"}
+#: What else the store keeps of the kind of a unit.
+KINDS = {"N": "lambda", "N m": "lambda", "m/s^2": "qdd", "rad/s^2": "qdd", "J": "energy"}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Components of a channel that share a tolerance, and what kind of number they are."""
+
+    columns: slice
+    kind: Literal["position", "velocity", "orientation", "other"]
+    absolute: str = ""
+    principal: bool = False  # known up to whole turns
+
+    def measure(self, first: Series, second: Series, start: Series) -> tuple[Series, Series]:
+        """Return the difference of the runs by component, and what the relative part multiplies."""
+        if self.kind == "orientation":
+            opposite = np.sum(first * second, axis=1) < 0.0
+            difference = first - np.where(opposite[:, None], -second, second)
+            cosine = np.minimum(np.abs(second @ start), 1.0)
+            return 2.0 * difference, 2.0 * np.arccos(cosine)
+        difference = first - second
+        if self.principal:
+            difference = principal(difference)
+        if self.kind == "velocity":
+            return difference, length(second)
+        moved = second - start
+        # Whole turns do not count as movement.
+        return difference, length(principal(moved) if self.absolute == "rotation" else moved)
+
+    def compare(
+        self,
+        first: Series,
+        second: Series,
+        start: Series,
+        tolerance: Mapping[str, float],
+        index: int | None = None,
+    ) -> tuple[Series, Series | None]:
+        """Return how far two runs are apart in each row, and one tolerance there.
+
+        Parameters
+        ----------
+        first, second : ndarray, shape (n, size)
+            The whole channel.
+        start : ndarray, shape (size,)
+        tolerance : mapping of str to float
+            Each part of it.
+        index : int, optional
+            Component of the channel; all of them when not given.
+
+        Returns
+        -------
+        tuple of ndarray, shape (n,)
+            No tolerance where it is known at the end of the run only, from `largest_tolerance`.
+        """
+        columns = self.columns
+        difference, size = self.measure(first[:, columns], second[:, columns], start[columns])
+        # Euler parameters count as half an angle each.
+        half = 0.5 if self.kind == "orientation" and index is not None else 1.0
+        if index is None:
+            apart = length(difference)
+        else:
+            apart = half * np.abs(difference[:, index - columns.start])
+        if self.kind == "other":
+            return apart, None
+        return apart, half * (tolerance[self.absolute] + tolerance["relative"] * size)
+
+    def unit(self, whole: str, index: int | None) -> str:
+        """Return the unit of `compare`, of a channel of this unit."""
+        if self.kind == "orientation":
+            return "rad" if index is None else whole
+        shared = whole.split(", ")  # of a deformation: m, rad
+        return shared[-1 if self.absolute == "rotation" else 0]
+
+
+def largest_tolerance(
+    unit: str, relative: float, largest: float, peaks: Mapping[str, float]
+) -> float:
+    """Return one tolerance of what is no position or velocity.
+
+    Parameters
+    ----------
+    unit : str
+    relative : float
+        Part of the tolerance.
+    largest : float
+        Length of the channel where it is longest in the run.
+    peaks : mapping of str to float
+        Largest magnitudes of ``lambda``, ``qdd`` and ``energy``: channels far below the largest of
+        their kind are round-off, and one scale serves all energies, of which only differences mean
+        anything.
+    """
+    kind = KINDS.get(unit, "")
+    floor = peaks.get(kind, 0.0) * (1.0 if kind == "energy" else NEGLIGIBLE)
+    return relative * max(largest, floor)
+
+
+def own_tolerances(
+    quantity: Quantity,
+    values: Series,
+    tolerance: Mapping[str, float],
+    peaks: Mapping[str, float],
+) -> Series:
+    """Return one tolerance of each component of a channel, where it is largest in a run.
+
+    The relative part of a position multiplies the component's own movement, not that of the vector:
+    a height that changes by centimetres is no noise because the vehicle drives for kilometres.
+
+    Parameters
+    ----------
+    quantity : Quantity
+    values : ndarray, shape (n, size)
+        At least one row.
+    tolerance, peaks : mapping of str to float
+        As of `Part.compare` and `largest_tolerance`.
+    """
+    found = np.zeros(quantity.size)
+    for part in parts_of(quantity):
+        there = values[:, part.columns]
+        if part.kind == "other":
+            largest = float(length(np.nan_to_num(there)).max())
+            found[part.columns] = largest_tolerance(
+                quantity.unit, tolerance["relative"], largest, peaks
+            )
+            continue
+        size = there if part.kind == "velocity" else there - there[0]
+        if part.absolute == "rotation" and part.kind == "position":
+            size = principal(size)
+        half = 0.5 if part.kind == "orientation" else 1.0
+        moved = np.abs(np.nan_to_num(size)).max(axis=0)
+        found[part.columns] = half * tolerance[part.absolute] + tolerance["relative"] * moved
+    return found
+
+
+def parts_of(quantity: Quantity) -> list[Part]:
+    """Return the parts of a channel: one, or translations and rotations of a deformation."""
+    whole = slice(0, quantity.size)
+    if quantity.name.endswith(".euler_parameters"):
+        return [Part(whole, "orientation", "rotation")]
+    if quantity.unit == "m, rad":  # a deformation: three translations, three rotations
+        middle = quantity.size // 2
+        return [
+            Part(slice(0, middle), "position", "translation"),
+            Part(slice(middle, quantity.size), "position", "rotation"),
+        ]
+    if quantity.unit in _POSITIONS:
+        turns = quantity.name.endswith(".yaw_pitch_roll")
+        return [Part(whole, "position", _POSITIONS[quantity.unit], turns)]
+    if quantity.unit in _VELOCITIES:
+        return [Part(whole, "velocity", _VELOCITIES[quantity.unit])]
+    return [Part(whole, "other")]
+
+
+def length(rows: Series) -> Series:
+    """Return the length of each row, shape (n,)."""
+    return np.asarray(np.linalg.norm(rows, axis=1))
+
+
+def peak(values: Series) -> float:
+    """Return the largest magnitude."""
+    return float(np.abs(values).max(initial=0.0))
+
+
+def principal(angle: Series) -> Series:
+    """Return angles without whole turns, from −π to π."""
+    return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))
