@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from holonom.pictures.picture import Picture
     from holonom.view import View
+    from holonom.view.sketch import Sketch
 
 
 class Result:
@@ -416,18 +417,45 @@ class Result:
     def plot(
         self,
         *channels: str,
+        others: Sequence[Result] = (),
+        start: float | None = None,
+        end: float | None = None,
+        interval: float | None = None,
+        versus: str | None = None,
+        fft: bool | str = False,
+        derivative: bool = False,
+        low_pass: float | None = None,
         path: str | Path | None = None,
         axes: Axes | Sequence[Axes] | None = None,
         force: bool = False,
     ) -> Picture:
         """Draw channels over time, one panel below the other.
 
-        A notebook shows what is returned.
+        A notebook shows what is returned. What moves less than ten tolerances over the whole run
+        says so and is not shown larger; where a curve turns back more often than it can be drawn,
+        its range and its mean are shown.
 
         Parameters
         ----------
         *channels : str
             Names or patterns; what the run was asked for when none is given.
+        others : sequence of Result, optional
+            Further runs, laid over this one.
+        start, end : float, optional
+            Part of the run, s.
+        interval : float, optional
+            Time between the values, s, computed from the stored steps; the stored rows when not
+            given.
+        versus : str, optional
+            A scalar channel or a component to draw over, instead of the time.
+        fft : bool or str
+            Draw amplitudes over frequencies, of evenly spaced values: `holonom.signals.spectrum`;
+            a text names the window.
+        derivative : bool
+            Draw derivatives over time: `holonom.signals.derivative`.
+        low_pass : float, optional
+            Draw the slow part, below this frequency, Hz, without delay: `holonom.signals.low_pass`;
+            derivatives and amplitudes are those of that part.
         path : path, optional
             Picture file to write: SVG, or with matplotlib PDF or PNG, by its ending.
         axes : matplotlib axes, or a sequence of them, optional
@@ -443,23 +471,73 @@ class Result:
         Raises
         ------
         UsageError
-            If a channel is unknown, there are not as many axes as panels, or the format is not
-            known or needs matplotlib, which is not installed.
+            If a channel is unknown, a choice is none, nothing of the run is left, there are not as
+            many axes as panels, or the format is not known or needs matplotlib, which is not
+            installed.
         FileError
             If the file cannot be written.
         """
+        runs = [self, *others]
+        sources = [run.path for run in runs]
         target = None if path is None else as_path(path)
         if target is not None:  # before the work, not after it
             from holonom.pictures import plotting
 
             kind = plotting.require_format(target)
-            files.require_target(target, kind, inputs=[self.path], force=force)
-        picture = pictures.plot(self, list(channels))
+            files.require_target(target, kind, inputs=sources, force=force)
+        picture = pictures.plot(
+            runs,
+            list(channels),
+            start=start,
+            end=end,
+            interval=interval,
+            versus=versus,
+            fft=fft,
+            derivative=derivative,
+            low_pass=low_pass,
+        )
         if axes is not None:
             picture.draw(axes)
         if target is not None:
-            picture.save(target, inputs=[self.path], force=force)
+            picture.save(target, inputs=sources, force=force)
         return picture
+
+    def sketch(
+        self,
+        times: ArrayLike | None = None,
+        *,
+        moving: bool = False,
+        path: str | Path | None = None,
+        force: bool = False,
+    ) -> Sketch:
+        """Draw the mechanism in some of its poses, or in motion, as SVG; a notebook shows it.
+
+        Parameters
+        ----------
+        times : array_like, optional
+            Of the poses, s, of which the last is drawn strongly; chosen from the run when not
+            given.
+        moving : bool
+            Whether the picture moves: the poses follow each other, in the time that they take where
+            that is 1.5 to 12 s, else slower or faster.
+        path : path, optional
+            File to write, ``.svg``.
+        force : bool
+            Whether a file that is no picture by Holonom may be replaced.
+
+        Raises
+        ------
+        UsageError
+            If the result has no rows, or not at these times.
+        FileError
+            If the file cannot be written.
+        """
+        from holonom.view.sketch import sketch
+
+        made = sketch(self, times, moving=moving)
+        if path is not None:
+            made.save(path, force=force)
+        return made
 
     def report(self, path: str | Path, *, force: bool = False) -> Path:
         """Write a self-contained HTML page about the run and return its path.

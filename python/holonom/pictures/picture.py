@@ -25,6 +25,8 @@ COLORS = ("#3f7fbf", "#d9792b", "#3d9a6a", "#b0589f", "#8a7a3c", "#6f6f9f")
 REJECTED = "#cc4444"
 #: Signs at the points of a line.
 MARKERS = ("circle", "square", "diamond", "down", "up", "plus", "cross")
+#: How the lines of runs are broken, so that they are told apart without colours.
+DASHES = ("", "7 3", "2 3", "9 3 2 3", "12 4", "4 2 1 2")
 #: Points drawn per line; more would not be seen.
 POINTS = 1500
 
@@ -45,6 +47,10 @@ class Line:
         One of `MARKERS` at every point; empty for none.
     drawn : bool
         Whether the points are joined.
+    dash : str
+        Lengths of strokes and gaps; empty for an unbroken line.
+    band : tuple of ndarray, or None
+        Places, lower and upper ends of a range that is filled; interrupted where not finite.
     """
 
     x: Series
@@ -53,6 +59,8 @@ class Line:
     color: str = COLORS[0]
     marker: str = ""
     drawn: bool = True
+    dash: str = ""
+    band: tuple[Series, Series, Series] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +78,8 @@ class Panel:
         Whether the vertical axis is.
     level : tuple of float and str, or None
         A dotted horizontal line with its name.
+    least : float
+        The vertical axis shows at least such a range, so that noise is not shown large.
     """
 
     lines: list[Line]
@@ -78,6 +88,7 @@ class Panel:
     note: str = ""
     logarithmic: bool = False
     level: tuple[float, str] | None = None
+    least: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

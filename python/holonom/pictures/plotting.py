@@ -13,7 +13,7 @@ from holonom.base.errors import UsageError
 from holonom.base.names import listed
 from holonom.base.text import quoted
 from holonom.pictures import svg
-from holonom.pictures.picture import COLORS, Line, Picture
+from holonom.pictures.picture import COLORS, Line, Panel, Picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -124,7 +124,10 @@ def draw(picture: Picture, axes: Axes | Sequence[Axes]) -> None:
             raise UsageError(f"{quoted(repr(one))} is no axes", help=tip)
     for one, panel in zip(several, picture.panels, strict=True):
         for line in panel.lines:
+            if line.band is not None:
+                one.fill_between(*line.band, color=line.color or COLORS[0], alpha=0.25, linewidth=0)
             one.plot(line.x, line.y, **_style(line))
+        _widen(one, panel)
         if panel.level is not None:
             value, label = panel.level
             one.axhline(value, color=_INK, linewidth=0.8, linestyle=":", label=label)
@@ -142,10 +145,24 @@ def _style(line: Line) -> dict[str, Any]:
     return {
         "color": line.color or COLORS[0],
         "label": line.label or None,
-        "linestyle": "-" if line.drawn else "none",
+        "linestyle": _dashes(line) if line.drawn else "none",
         "marker": _MARKERS[line.marker] if line.marker else None,
         "markersize": 4.5,
     }
+
+
+def _dashes(line: Line) -> Any:
+    return (0, tuple(map(float, line.dash.split()))) if line.dash else "-"
+
+
+def _widen(axes: Axes, panel: Panel) -> None:
+    """Show at least the range of the panel, about what is drawn."""
+    if not panel.least:
+        return
+    low, high = axes.get_ylim()
+    more = 0.5 * (panel.least - (high - low))
+    if more > 0.0:
+        axes.set_ylim(low - more, high + more)
 
 
 def _require_matplotlib(what: str) -> None:

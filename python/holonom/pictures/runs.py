@@ -1,16 +1,22 @@
-"""The pictures of runs and comparisons: which lines stand in which panel."""
+"""Pictures of runs: channels, steps, residuals, energy, comparisons."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from holonom import signals
 from holonom.base.errors import UsageError
+from holonom.base.text import quoted
+from holonom.model import split_component
+from holonom.pictures.curves import STILL, Curves, curves
 from holonom.pictures.picture import (
     COLORS,
+    DASHES,
     MARKERS,
     REJECTED,
     Line,
@@ -19,40 +25,222 @@ from holonom.pictures.picture import (
     Series,
     thinned,
 )
+from holonom.pictures.traces import trace, walked
 
 if TYPE_CHECKING:
     from holonom.result import Result
     from holonom.study.comparison import Comparison
 
+#: Runs laid over each other, at most.
+MOST_RUNS = 6
+#: A spectrum shows so much less than its largest amplitude.
+_DEPTH = 1e-6
 
-def plot(result: Result, patterns: Sequence[str]) -> Picture:
+
+def plot(
+    results: Sequence[Result],
+    patterns: Sequence[str],
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    interval: float | None = None,
+    versus: str | None = None,
+    fft: bool | str = False,
+    derivative: bool = False,
+    low_pass: float | None = None,
+) -> Picture:
     """Return the picture of channels one below the other; see `Result.plot`."""
-    names = result.expand(list(patterns)) if patterns else result.requested
+    if len(results) > MOST_RUNS:
+        raise UsageError(
+            f"{len(results)} results are given", help=f"a picture shows {MOST_RUNS} of them at most"
+        )
+    first = results[0]
+    names = first.expand(list(patterns)) if patterns else first.requested
     if not names:
         raise UsageError("the run was asked for no channel", help="name at least one")
-    return channels(result, names)
+    if versus is not None and fft:
+        raise UsageError("a spectrum is over frequencies", help="leave `fft` or `versus` out")
+    across = [] if versus is None else [_scalar(first, versus)]
+    for result in results[1:]:
+        result.expand([*names, *across])  # refuses what it does not have
+    part: dict[str, Any] = {"start": start, "end": end, "interval": interval, "low_pass": low_pass}
+    found = [
+        curves(result, names, derivative=derivative, even=bool(fft), **part) for result in results
+    ]
+    labels = _labels(results) if len(results) > 1 else [""]
+    note = "" if low_pass is None else f"low-pass {low_pass:g} Hz"
+    if fft:
+        return _spectra(found, labels, "hann" if fft is True else str(fft), note)
+    if versus is not None:
+        over = [curves(result, across, **part)[0] for result in results]
+        return _phases(found, over, labels, note)
+    panels = [p for rows in zip(*found, strict=True) for p in _panels(rows, labels, note)]
+    return Picture(", ".join(names), panels)
 
 
 def channels(result: Result, names: Sequence[str]) -> Picture:
     """Return a picture with a panel per channel, or more where components differ much in size."""
-    panels = []
-    for name in names:
-        values = result.matrix(name)
-        labels = components(name, values.shape[1])
-        marker = "circle" if result.time.size == 1 else ""  # a single row has no line to draw
-        for number, together in enumerate(grouped(values)):
-            lines = [
-                Line(
-                    *thinned(result.time, values[:, i]),
-                    label=labels[i],
-                    color=COLORS[i % len(COLORS)],
-                    marker=marker,
-                )
-                for i in together
-            ]
-            title, note = ("", "") if number else (name, frame_text(result.frame(name)))
-            panels.append(Panel(lines, unit_text(result.unit(name)) or "–", title, note))
+    panels = [p for one in curves(result, names) for p in _panels([one], [""], "")]
     return Picture(", ".join(names), panels)
+
+
+def _panels(rows: Sequence[Curves], labels: Sequence[str], note: str) -> Iterator[Panel]:
+    """Yield the panels of one channel of some runs: of several, one for each component."""
+    first = rows[0]
+    notes = ", ".join(filter(None, (frame_text(first.frame), note)))
+    if len(rows) > 1:
+        for i, word in enumerate(first.labels):
+            lines = [
+                trace(
+                    one.time,
+                    one.values[:, i],
+                    label=label,
+                    color=COLORS[k % len(COLORS)],
+                    dash=DASHES[k % len(DASHES)],
+                )
+                for k, (one, label) in enumerate(zip(rows, labels, strict=True))
+            ]
+            whole = f"{first.title}, {word}" if word else first.title
+            still = all(one.still[i] for one in rows)
+            least = STILL * max(float(one.tolerances[i]) for one in rows)
+            unit = unit_of(first.unit, i, len(first.labels))
+            text = ", ".join(filter(None, (_stillness(least, unit) if still else "", notes)))
+            yield Panel(lines, unit, whole, text, least=least if still else 0.0)
+        return
+    marker = "circle" if first.time.size == 1 else ""  # a single row has no line to draw
+    bounds = STILL * first.tolerances
+    for number, together in enumerate(_together(first, bounds)):
+        resting = [i for i in together if first.still[i]]
+        lines = [
+            trace(
+                first.time,
+                first.values[:, i],
+                label=first.labels[i],
+                color=COLORS[i % len(COLORS)],
+                marker=marker,
+            )
+            for i in together
+        ]
+        said = ""
+        if resting:
+            unit = unit_of(first.unit, together[0], len(first.labels))
+            said = _stillness(max(float(bounds[i]) for i in resting), unit)
+            if len(resting) < len(together):
+                said = f"{', '.join(first.labels[i] for i in resting)} {said}"
+        heading = "" if number else first.title
+        text = ", ".join(filter(None, (said, "" if number else notes)))
+        least = max((float(bounds[i]) for i in resting), default=0.0)
+        unit = unit_of(first.unit, together[0], len(first.labels))
+        yield Panel(lines, unit, heading, text, least=least)
+
+
+def _together(one: Curves, bounds: Series) -> list[list[int]]:
+    """Return which components share a panel: those of one unit that are seen on one scale."""
+    units = [unit_of(one.unit, i, len(one.labels)) for i in range(len(one.labels))]
+    groups: list[list[int]] = []
+    for unit in dict.fromkeys(units):
+        columns = [i for i, other in enumerate(units) if other == unit]
+        found = grouped(one.values[:, columns], bounds[columns])
+        groups += [[columns[k] for k in group] for group in found]
+    return groups
+
+
+def _stillness(bound: float, unit: str) -> str:
+    return f"moves < {STILL:g} tolerances ({f'{bound:.1g} {unit}'.removesuffix(' –')})"
+
+
+def _scalar(result: Result, name: str) -> str:
+    """Refuse a channel of several components: one must be named."""
+    whole, index = split_component(name)
+    found = result.expand([name])
+    quantity = result.quantities.get(whole) or result.model.channels.get(whole)
+    if len(found) != 1 or (index is None and quantity is not None and quantity.size > 1):
+        raise UsageError(
+            f"{quoted(name)} is more than one number", help=f"take a component: {name}[0]"
+        )
+    return found[0]
+
+
+def _phases(
+    found: Sequence[Sequence[Curves]], over: Sequence[Curves], labels: Sequence[str], note: str
+) -> Picture:
+    """Return channels of some runs over another one, in which their rows are the same."""
+    across = over[0]
+    panels = []
+    for rows in zip(*found, strict=True):
+        first: Curves = rows[0]
+        several = len(rows) > 1
+        for i, word in enumerate(first.labels):
+            lines = []
+            for k, (run, one) in enumerate(zip(over, rows, strict=True)):
+                x, y = walked(run.values[:, 0], one.values[:, i])
+                color, dash = COLORS[k % len(COLORS)], DASHES[k % len(DASHES)]
+                lines.append(Line(x, y, labels[k] if several else "", color, dash=dash))
+            whole = f"{first.title}, {word}" if word else first.title
+            unit = unit_of(first.unit, i, len(first.labels))
+            panels.append(Panel(lines, unit, whole, note))
+    label = ", ".join(filter(None, (across.title, unit_text(across.unit))))
+    return Picture(f"{', '.join(p.title for p in panels)} over {label}", panels, label, height=0.5)
+
+
+def _spectra(
+    found: Sequence[Sequence[Curves]], labels: Sequence[str], window: str, note: str
+) -> Picture:
+    panels = []
+    for rows in zip(*found, strict=True):
+        first: Curves = rows[0]
+        spectra = [signals.spectrum(one.time, one.values, window) for one in rows]
+        told = (
+            f"{window.replace('_', ' ')} window, resolution {spectra[0].resolution:.3g} Hz, "
+            f"{first.time[0]:.4g} to {first.time[-1]:.4g} s"
+        )
+        several = len(rows) > 1
+        parts = [[i] for i in range(len(first.labels))] if several else [range(len(first.labels))]
+        for together in parts:
+            lines = []
+            top = max(float(np.nanmax(one.amplitude[1:, list(together)])) for one in spectra)
+            for i in together:
+                for k, (one, label) in enumerate(zip(spectra, labels, strict=True)):
+                    at = k if several else i
+                    lines.append(
+                        _decades(
+                            one.frequency[1:],
+                            np.maximum(one.amplitude[1:, i], _DEPTH * top),
+                            label=label if several else first.labels[i],
+                            color=COLORS[at % len(COLORS)],
+                            dash=DASHES[k % len(DASHES)],
+                        )
+                    )
+            lowest = min(float(first.tolerances[i]) for i in together)
+            level = (lowest, "one tolerance") if _DEPTH * top < lowest else None
+            word = first.labels[together[0]] if several else ""
+            whole = f"{first.title}, {word}" if word else first.title
+            unit = unit_of(first.unit, together[0], len(first.labels))
+            notes = ", ".join(filter(None, (told, note)))
+            panels.append(
+                Panel(lines, f"amplitude, {unit}", whole, notes, logarithmic=True, level=level)
+            )
+    title_ = ", ".join(one.title for one in found[0])
+    return Picture(f"amplitudes of {title_} by frequency", panels, "frequency, Hz", height=0.36)
+
+
+def _decades(x: Series, y: Series, **style: str) -> Line:
+    """Return the line of what is shown on a logarithmic scale."""
+    with np.errstate(divide="ignore"):
+        line = trace(x, np.log10(y), **style)
+    band = line.band and (line.band[0], 10.0 ** line.band[1], 10.0 ** line.band[2])
+    return replace(line, y=10.0**line.y, band=band)
+
+
+def _labels(results: Sequence[Result]) -> list[str]:
+    """Return what runs are called beside each other: their files, or their models."""
+    names = [one.path.stem if one.path else str(one.meta.get("name", "run")) for one in results]
+    if len(set(names)) < len(names):
+        names = [
+            f"{one.path.parent.name}/{name}" if one.path else name
+            for one, name in zip(results, names, strict=True)
+        ]
+    return [name if names.count(name) == 1 else f"{name} ({k + 1})" for k, name in enumerate(names)]
 
 
 def step_sizes(steps: dict[str, NDArray[Any]]) -> Picture:
@@ -61,7 +249,7 @@ def step_sizes(steps: dict[str, NDArray[Any]]) -> Picture:
     t, h = steps["t"], steps["h"]
     several = not accepted.all()
     label = "accepted" if several else ""
-    lines = [Line(*thinned(t[accepted], h[accepted]), label=label)]
+    lines = [trace(t[accepted], h[accepted], label=label)]
     if several:
         t, h = t[~accepted], h[~accepted]
         lines.append(Line(t, h, "rejected", color=REJECTED, marker="cross", drawn=False))
@@ -85,8 +273,9 @@ def energy(result: Result, names: Sequence[str]) -> Picture:
     """Return a picture of the energy ledger, with the imbalance in a panel of its own."""
     terms = [name for name in names if name != "energy.imbalance"]
     lines = [
-        Line(
-            *thinned(result.time, result[name]),
+        trace(
+            result.time,
+            result[name],
             label=name.partition(".")[2].replace("_", " "),
             color=COLORS[number % len(COLORS)],
         )
@@ -94,7 +283,7 @@ def energy(result: Result, names: Sequence[str]) -> Picture:
     ]
     panels = [Panel(lines, "energy, J")]
     if "energy.imbalance" in names:
-        imbalance = Line(*thinned(result.time, result["energy.imbalance"]), color=REJECTED)
+        imbalance = trace(result.time, result["energy.imbalance"], color=REJECTED)
         panels.append(Panel([imbalance], "imbalance, J"))
     return Picture("energy", panels, height=0.27)
 
@@ -123,20 +312,9 @@ def work_precision(comparison: Comparison) -> Picture:
     return Picture("error against processor time", [panel], label, logarithmic=True, height=0.6)
 
 
-def components(name: str, size: int) -> list[str]:
-    """Return the names of a channel's components."""
-    if size == 1:
-        return [""]
-    if name.endswith(".euler_parameters"):
-        return [f"e{i}" for i in range(size)]
-    if name.endswith(".yaw_pitch_roll"):
-        return ["yaw", "pitch", "roll"]
-    return list("xyz"[:size]) if size <= 3 else [f"[{i}]" for i in range(size)]
-
-
 def frame_text(frame: str) -> str:
     """Return what a channel's frame is called in a caption."""
-    known = {"ground": "ground axes", "first": "axes of the first body's frame", "along": ""}
+    known = {"ground": "ground axes", "first": "axes of the first body", "along": ""}
     return known.get(frame, frame)
 
 
@@ -145,10 +323,27 @@ def unit_text(unit: str) -> str:
     return unit.replace("^2", "²").replace("^3", "³")
 
 
-def grouped(values: Series) -> list[list[int]]:
-    """Return which components share a panel: those whose movement is seen on a common scale."""
+def unit_of(unit: str, component: int, size: int) -> str:
+    """Return the unit of a component as it is written; deformations have two."""
+    parts = unit.split(", ")
+    if len(parts) == 2:
+        turns = component >= (2 if size == 3 else size // 2)
+        unit = parts[1 if turns else 0]
+    return unit_text(unit) or "–"
+
+
+def grouped(values: Series, bounds: Series | None = None) -> list[list[int]]:
+    """Return which components share a panel: those whose movement is seen on a common scale.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n_times, n)
+    bounds : ndarray, shape (n,), optional
+        What moves less stands still; a millionth of the largest value when not given.
+    """
     low, high = values.min(axis=0, initial=np.inf), values.max(axis=0, initial=-np.inf)
-    moves = high - low > 1e-6 * np.abs(values).max(initial=0.0)
+    least = 1e-6 * np.abs(values).max(initial=0.0)
+    moves = high - low > (least if bounds is None else np.maximum(bounds, least))
     groups: list[list[int]] = []
     for i in range(values.shape[1]):
         for group in groups:

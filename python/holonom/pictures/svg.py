@@ -153,8 +153,15 @@ class _Axis:
 
 def _vertical(panel: Panel, height: float) -> _Axis:
     series = [line.y for line in panel.lines]
+    series += [end for line in panel.lines if line.band for end in line.band[1:]]
     if panel.level is not None:
         series.append(np.array([panel.level[0]]))
+    if panel.least:
+        ends = [s[np.isfinite(s)] for s in series]
+        low = min((float(s.min()) for s in ends if s.size), default=0.0)
+        high = max((float(s.max()) for s in ends if s.size), default=0.0)
+        more = max(0.0, 0.5 * (panel.least - (high - low)))
+        series.append(np.array([low - more, high + more]))
     return _Axis.over(series, panel.logarithmic, int(height * WIDTH / 28.0))
 
 
@@ -233,6 +240,8 @@ def _panel(
         yield _text("no rows", *middle, anchor="middle", opacity=0.65)
     for line in panel.lines:
         xs, ys = across(line.x), axis(line.y)
+        if line.band is not None:
+            yield _band(line, across(line.band[0]), *map(axis, line.band[1:]))
         if line.drawn and line.x.size > 1:
             yield f'<path class="line" d="{_path(xs, ys)}" {_stroke(line)}/>'
         if line.marker:
@@ -251,9 +260,24 @@ def _path(x: Series, y: Series) -> str:
     return "".join(parts)
 
 
+def _band(line: Line, x: Series, low: Series, high: Series) -> str:
+    """Return a filled range in pieces."""
+    there = np.isfinite(low) & np.isfinite(high)
+    ends = np.nonzero(np.diff(there.astype(int), prepend=0, append=0))[0]
+    pieces = []
+    for first, last in zip(ends[::2], ends[1::2], strict=True):
+        whole = slice(first, last)
+        outline = np.concatenate([high[whole], low[whole][::-1]])
+        pieces.append(_path(np.concatenate([x[whole], x[whole][::-1]]), outline) + "Z")
+    color = line.color or "currentColor"
+    kind = f'fill="{color}" fill-opacity=".25" stroke="{color}" stroke-opacity=".55"'
+    return f'<path class="band" d="{"".join(pieces)}" {kind} stroke-width=".7"/>'
+
+
 def _stroke(line: Line) -> str:
     color = line.color or "currentColor"
-    return f'stroke="{color}" stroke-width="1.5" stroke-linejoin="round" fill="none"'
+    dash = f' stroke-dasharray="{line.dash}"' if line.dash else ""
+    return f'stroke="{color}" stroke-width="1.5" stroke-linejoin="round" fill="none"{dash}'
 
 
 def _marked(line: Line, places: Iterable[tuple[float, float]]) -> str:

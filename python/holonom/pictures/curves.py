@@ -1,0 +1,259 @@
+"""Channels of runs as curves: a part of a run, slow parts, derivatives, at times of one's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom import signals
+from holonom.base.errors import UsageError
+from holonom.base.text import quoted
+from holonom.gauge import KINDS, own_tolerances, peak
+from holonom.model import split_component
+from holonom.options import Tolerance, require_finite, require_positive
+
+if TYPE_CHECKING:
+    from holonom.result import Result
+
+Series = NDArray[np.float64]
+
+#: Rows that a curve is computed at, at most.
+_MOST = 2_000_000
+
+_COMPONENTS: dict[tuple[str, int], list[str]] = {
+    ("yaw_pitch_roll", 3): ["yaw", "pitch", "roll"],
+    ("euler_parameters", 4): ["e0", "e1", "e2", "e3"],
+    ("deformation", 6): ["x", "y", "z", "rx", "ry", "rz"],
+    ("deformation", 3): ["x", "y", "rz"],
+}
+_DERIVATIVES = {
+    "m": "m/s", "m/s": "m/s^2", "rad": "rad/s", "rad/s": "rad/s^2", "J": "W", "": "1/s",
+    "m, rad": "m/s, rad/s",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Curves:
+    """One channel of one run, or one component.
+
+    Attributes
+    ----------
+    name, title, unit, frame : str
+        The title names a component by its word: ``chassis.yaw_pitch_roll, pitch``.
+    time : ndarray, shape (n_times,)
+        s.
+    values : ndarray, shape (n_times, n)
+    labels : list of str
+        Of the components; one empty text for a scalar.
+    tolerances : ndarray, shape (n,)
+        Of the components, in `unit`; what moves less than ten of them over the whole run is still.
+    still : ndarray, shape (n,)
+        Which components are.
+    """
+
+    name: str
+    title: str
+    unit: str
+    frame: str
+    time: Series
+    values: Series
+    labels: list[str]
+    tolerances: Series
+    still: NDArray[np.bool_]
+
+
+#: What moves less than so many tolerances is told to be still.
+STILL = 10.0
+
+
+def components(name: str, size: int) -> list[str]:
+    """Return what the components of a channel are called; one empty name for scalars."""
+    if size == 1:
+        return [""]
+    named = _COMPONENTS.get((name.rpartition(".")[2], size))
+    return named or (list("xyz"[:size]) if size <= 3 else [f"[{i}]" for i in range(size)])
+
+
+def title(name: str, size: int) -> str:
+    """Return a channel as it is written, a component by its word; `size` is the whole channel's."""
+    whole, index = split_component(name)
+    if index is None:
+        return name
+    return f"{whole}, {components(whole, size)[index]}"
+
+
+def tolerance_of(result: Result) -> dict[str, float]:
+    """Return the tolerance of a run, each part."""
+    stated = result.options.get("tolerance") or 1e-4
+    tolerance = Tolerance.of(stated, {"relative": 1e-4})
+    return {part: float(getattr(tolerance, part)) for part in Tolerance.__slots__}
+
+
+def peaks_of(result: Result) -> dict[str, float]:
+    """Return the largest magnitudes of a run by which forces and energies are measured."""
+    peaks = dict.fromkeys(KINDS.values(), 0.0)
+    for name in ("lambda", "qdd"):
+        if name in result.quantities:
+            peaks[name] = peak(np.nan_to_num(result[name]))
+    for name in result.channels:
+        if name.startswith("energy."):
+            peaks["energy"] = max(peaks["energy"], peak(np.nan_to_num(result[name])))
+    return peaks
+
+
+def curves(
+    result: Result,
+    names: Sequence[str],
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    interval: float | None = None,
+    low_pass: float | None = None,
+    derivative: bool = False,
+    even: bool = False,
+) -> list[Curves]:
+    """Return channels of a run over time.
+
+    The whole run is filtered and differentiated; then a part of it is cut out.
+
+    Parameters
+    ----------
+    result : Result
+    names : sequence of str
+    start, end : float, optional
+        Part of the run, s.
+    interval : float, optional
+        Time between the values, s; the stored rows when not given.
+    low_pass : float, optional
+        Cutoff of `holonom.signals.low_pass`, Hz.
+    derivative : bool
+        Whether to take `holonom.signals.derivative`, of what was filtered.
+    even : bool
+        Whether times must be evenly spaced.
+
+    Raises
+    ------
+    UsageError
+        If a choice is not one, or the run has no rows there.
+    """
+    if low_pass is not None:
+        require_positive("low_pass", low_pass)
+    treated = low_pass is not None or derivative or even
+    limits = _limits(result, start, end)
+    times = _times(result, interval, even=even or low_pass is not None)
+    rows = result if times is result.time else None
+    sampled = {} if rows else result.sample(times, list(names))
+    tolerance, peaks = tolerance_of(result), peaks_of(result)
+    inside = (times >= limits[0]) & (times <= limits[1])
+    found = []
+    for name in names:
+        whole = split_component(name)[0]
+        values = np.asarray(result[name] if rows else sampled[name]).reshape(times.size, -1)
+        one = _measured(result, name, times, values, tolerance, peaks)
+        if treated and whole.endswith(".yaw_pitch_roll"):
+            one = replace(one, values=np.unwrap(one.values, axis=0))
+        if low_pass is not None:
+            one = replace(one, values=signals.low_pass(times, one.values, low_pass))
+        if derivative:
+            one = _differentiated(one)
+        found.append(replace(one, time=times[inside], values=one.values[inside]))
+    return found
+
+
+def _measured(
+    result: Result,
+    name: str,
+    times: Series,
+    values: Series,
+    tolerance: Mapping[str, float],
+    peaks: Mapping[str, float],
+) -> Curves:
+    """Return a channel with what one tolerance of it is."""
+    whole, index = split_component(name)
+    quantity = result.quantities.get(whole) or result.model.channels[whole]
+    every = values if index is None else np.asarray(result[whole]).reshape(result.time.size, -1)
+    if every.shape[0]:
+        tolerances = own_tolerances(quantity, every, tolerance, peaks)
+    else:
+        tolerances = np.zeros(quantity.size)
+    tolerances = tolerances if index is None else tolerances[index : index + 1]
+    with np.errstate(invalid="ignore"):
+        finite = np.where(np.isfinite(values), values, np.nan)
+        span = np.nan_to_num(np.fmax.reduce(finite, axis=0, initial=-np.inf)) - np.nan_to_num(
+            np.fmin.reduce(finite, axis=0, initial=np.inf)
+        )
+    is_error = whole.startswith("constraint.") or whole == "energy.imbalance"
+    return Curves(
+        name,
+        title(name, quantity.size),
+        result.unit(name),
+        result.frame(name),
+        times,
+        values,
+        components(whole, quantity.size) if index is None else [""],
+        tolerances,
+        np.zeros(span.size, bool) if is_error else span < STILL * tolerances,
+    )
+
+
+def _differentiated(one: Curves) -> Curves:
+    """Return the derivative, whose tolerance is the rate that makes one of the run's length."""
+    length = float(np.ptp(one.time)) if one.time.size else 1.0
+    values = signals.derivative(one.time, one.values)
+    tolerances = one.tolerances / (length or 1.0)
+    span = np.ptp(values, axis=0) if values.shape[0] else np.zeros(values.shape[1])
+    return replace(
+        one,
+        title=f"d/dt {one.title}",
+        unit=_DERIVATIVES.get(one.unit, f"{one.unit}/s"),
+        values=values,
+        tolerances=tolerances,
+        still=span < STILL * tolerances,
+    )
+
+
+def _limits(result: Result, start: float | None, end: float | None) -> tuple[float, float]:
+    low = -np.inf if start is None else require_finite("start", start)
+    high = np.inf if end is None else require_finite("end", end)
+    ends = [result.time[[0, -1]]] if result.time.size else []
+    ends += [np.array(result.span)] if result.span is not None else []
+    if not ends:  # the picture says that there are no rows
+        return low, high
+    first, last = float(min(e[0] for e in ends)), float(max(e[1] for e in ends))
+    if not low < high or low >= last or high <= first:
+        raise UsageError(
+            f"the run covers {first:g} s to {last:g} s, and nothing of it lies between "
+            f"{max(low, -1e300):g} s and {min(high, 1e300):g} s",
+            help="take a part of the run",
+        )
+    return low, high
+
+
+def _times(result: Result, interval: float | None, *, even: bool) -> Series:
+    """Return the stored times, or evenly spaced ones."""
+    rows = result.time
+    if interval is None and (not even or signals.is_even(rows)):
+        return rows
+    span = result.span or ((float(rows[0]), float(rows[-1])) if rows.size else None)
+    if span is None or result.span is None:
+        raise UsageError(
+            f"the rows of {quoted(result.meta.get('name', 'the run'))} are not evenly spaced, and "
+            "it has no stored steps to compute others from"
+            if interval is None
+            else "the run has no stored steps, from which values between its rows are computed",
+            help="run it with `dense_output = true`, or with an even output interval",
+        )
+    length = span[1] - span[0]
+    step = length / max(rows.size - 1, 200) if interval is None else interval
+    require_positive("interval", step)
+    if length / step > _MOST:
+        raise UsageError(
+            f"`interval` is {step:g} s, which makes more than {_MOST:.0e} values",
+            help="take a longer interval",
+        )
+    count = max(int(np.floor(length / step * (1.0 + 1e-12))), 1)
+    return np.asarray(np.minimum(span[0] + step * np.arange(count + 1), span[1]))

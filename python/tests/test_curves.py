@@ -1,0 +1,281 @@
+"""Plots of parts, spectra, derivatives and several runs: what is drawn is what was computed."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import CHANNELS, META, MODELS, PENDULUM, SUMMARY, oscillator_text, synthetic_chunk
+from hypothesis import given
+from hypothesis import strategies as st
+
+import holonom
+from holonom.base.errors import UsageError
+from holonom.pictures import svg
+from holonom.pictures.curves import components, curves, title
+from holonom.pictures.picture import Panel, Picture
+from holonom.pictures.traces import COLUMNS, envelope, trace, walked
+from holonom.result import Result
+from holonom.store.reader import Reader
+from holonom.store.writer import Writer
+
+SVG = "{http://www.w3.org/2000/svg}"
+#: 1 kg on a spring of (2π·5)² N/m: 5 Hz, 0.2 m.
+SPRING = oscillator_text(mass=1.0, x=0.2, stiffness=(10.0 * np.pi) ** 2, free_length=1.0)
+
+
+@pytest.fixture(scope="module")
+def spring() -> Result:
+    return holonom.Model.from_text(SPRING).simulate(
+        end_time=2.0, interval=0.01, tolerance=1e-8, channels=["block.position", "spring.force"]
+    )
+
+
+def drawn(picture: Picture) -> list[tuple[np.ndarray, np.ndarray]]:
+    return [(line.x, line.y) for panel in picture.panels for line in panel.lines]
+
+
+def test_a_part_of_a_run_is_drawn_as_it_is(spring: Result) -> None:
+    picture = spring.plot("block.position[0]", start=0.5, end=1.0)
+    ((x, y),) = drawn(picture)
+    kept = (spring.time >= 0.5) & (spring.time <= 1.0)
+    np.testing.assert_array_equal(x, spring.time[kept])
+    np.testing.assert_array_equal(y, spring["block.position[0]"][kept])
+
+
+def test_values_between_rows_come_from_the_steps(spring: Result) -> None:
+    ((x, y),) = drawn(spring.plot("block.position[0]", interval=0.003, end=1.0))
+    np.testing.assert_allclose(np.diff(x), 0.003, rtol=1e-9)
+    np.testing.assert_allclose(y, 0.2 * np.cos(10.0 * np.pi * x), atol=1e-5)  # the closed form
+
+
+def test_derivatives_are_those_of_the_motion(spring: Result) -> None:
+    picture = spring.plot("block.position[0]", derivative=True, interval=1e-3)
+    ((x, y),) = drawn(picture)
+    np.testing.assert_allclose(y, -2.0 * np.pi * np.sin(10.0 * np.pi * x), atol=3e-3)
+    assert picture.panels[0].label == "m/s"
+    assert picture.panels[0].title == "d/dt block.position, x"
+
+
+def test_a_spectrum_has_the_amplitude_and_frequency_of_the_motion(spring: Result) -> None:
+    picture = spring.plot("block.position[0]", fft=True, end=2.0)
+    ((hertz, amplitude),) = drawn(picture)
+    top = int(np.argmax(amplitude))
+    assert hertz[top] == pytest.approx(5.0, abs=0.25)
+    assert amplitude[top] == pytest.approx(0.2, rel=0.02)
+    assert picture.label == "frequency, Hz"
+    assert picture.panels[0].label == "amplitude, m"
+    assert "hann window, resolution 0.4" in picture.panels[0].note
+    assert "flat top window" in spring.plot("block.position[0]", fft="flat_top").panels[0].note
+
+
+def test_a_filter_takes_what_is_fast(spring: Result) -> None:
+    ((_, slow),) = drawn(spring.plot("block.position[0]", low_pass=2.0, start=0.9, end=1.1))
+    # The gain at 5 Hz, and what is left of the ends, which are held.
+    assert np.abs(slow).max() == pytest.approx(0.2 / (1.0 + 2.5**4), abs=2e-3)
+    assert "low-pass 1 Hz" in spring.plot("block.position[0]", low_pass=1.0).panels[0].note
+
+
+def test_one_channel_over_another_is_the_law_of_the_spring(spring: Result) -> None:
+    picture = spring.plot("spring.force", versus="block.position[0]")
+    ((x, y),) = drawn(picture)
+    np.testing.assert_allclose(y, (10.0 * np.pi) ** 2 * x, atol=1e-6 * 200.0)
+    assert picture.label == "block.position, x, m"
+
+
+def test_runs_are_laid_over_each_other_with_their_names(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{name}.holonom" for name in ("soft", "stiff")]
+    for path, k in zip(paths, ("50.0", "80.0"), strict=True):
+        text = oscillator_text(mass=1.0, x=0.2, stiffness=float(k), free_length=1.0)
+        with holonom.Model.from_text(text).simulate(end_time=1.0, output=path):
+            pass
+    with Result.load(paths[0]) as soft, Result.load(paths[1]) as stiff:
+        picture = soft.plot("block.position", others=[stiff])
+        assert [panel.title for panel in picture.panels] == [
+            "block.position, x",
+            "block.position, y",
+        ]
+        lines = picture.panels[0].lines
+        assert [line.label for line in lines] == ["soft", "stiff"]
+        assert len({(line.color, line.dash) for line in lines}) == 2
+        np.testing.assert_array_equal(lines[1].y, stiff["block.position[0]"])
+        with pytest.raises(UsageError, match="at most"):
+            soft.plot("block.position", others=[stiff] * 6)
+    twice = holonom.Model.from_text(SPRING).simulate(end_time=0.1)
+    labels = [line.label for line in twice.plot("spring.force", others=[twice]).panels[0].lines]
+    assert labels == ["model (1)", "model (2)"]
+
+
+def test_components_have_names() -> None:
+    assert components("b.yaw_pitch_roll", 3) == ["yaw", "pitch", "roll"]
+    assert components("b.deformation", 6) == ["x", "y", "z", "rx", "ry", "rz"]
+    assert components("b.deformation", 3) == ["x", "y", "rz"]
+    assert components("b.position", 2) == ["x", "y"]
+    assert title("b.yaw_pitch_roll[1]", 3) == "b.yaw_pitch_roll, pitch"
+    for name in ("hmmwv14", "hmmwv14_bushing", "slider_crank"):
+        channels = holonom.Model.load(MODELS / name / "model.toml").channels
+        for quantity in channels.values():
+            assert not any("[" in c for c in components(quantity.name, quantity.size)), quantity
+
+
+def test_lengths_and_angles_of_a_deformation_have_axes_of_their_own() -> None:
+    result = holonom.Model.load(MODELS / "hmmwv14_bushing" / "model.toml").simulate(end_time=0.7)
+    picture = result.plot("bushing_front_right.deformation")
+    labels = {panel.label: [line.label for line in panel.lines] for panel in picture.panels}
+    assert labels["m"] == ["x", "y", "z"]
+    assert set("xyz").isdisjoint(labels["rad"])
+
+
+def test_what_moves_less_than_ten_tolerances_is_not_shown_large() -> None:
+    writer = Writer(None, META | {"options": {"tolerance": 1e-3}}, CHANNELS)
+    chunk = synthetic_chunk(0, 200)
+    noise = 1e-5 * np.random.default_rng(5).normal(size=(200, 2))
+    chunk["channels"]["rod.position"] = np.array([0.3, 0.3]) + noise
+    writer.append(chunk)
+    writer.finish(SUMMARY)
+    with Result(Reader.of(writer)) as result:
+        (panel,) = result.plot("rod.position").panels
+        # Ten times 1e-3 m and a thousandth of the movement.
+        assert panel.least == pytest.approx(1e-2, rel=1e-2)
+        assert "moves < 10 tolerances (0.01 m)" in panel.note
+        root = ET.fromstring(svg.element(Picture("", [panel])))
+        lines = [p.get("d", "") for p in root.iter(f"{SVG}path") if p.get("class") == "line"]
+        heights = [float(p.split(" ")[1].split("L")[0]) for p in lines[0][1:].split("L")]
+        assert np.ptp(heights) < 0.02 * 0.24 * svg.WIDTH  # 6e-5 m of 1e-2 m
+        (kinetic,) = result.plot("energy.kinetic").panels
+        assert kinetic.least == 0.0
+        # Where it is cut out of a run, what moved before still moves.
+        assert result.plot("energy.kinetic", start=0.0, end=0.02).panels[0].least == 0.0
+
+
+def oscillation(periods: float, rows: int) -> tuple[np.ndarray, np.ndarray]:
+    t = np.linspace(0.0, 1.0, rows)
+    return t, np.exp(-3.0 * t) * np.sin(2.0 * np.pi * periods * t)
+
+
+def test_what_would_be_a_bar_of_ink_is_its_range_and_mean() -> None:
+    t, y = oscillation(3000.0, 60_001)
+    found = envelope(t, y)
+    assert found is not None
+    x, low, high, mean = found
+    # Independent truth: the envelope of the signal, e^{-3t}, within the width of a column.
+    there = np.isfinite(high) & (x > 0.02) & (x < 0.98)
+    np.testing.assert_allclose(high[there], np.exp(-3.0 * x[there]), rtol=0.02)
+    np.testing.assert_allclose(low[there], -np.exp(-3.0 * x[there]), rtol=0.02)
+    assert np.abs(mean[there]).max() < 0.05
+    assert x.size <= COLUMNS
+    picture = Picture("", [Panel([trace(t, y)], "m")])
+    text = svg.element(picture)
+    assert text.count('class="band"') == 1
+    ink = sum(np.abs(np.diff(line_places(text), axis=0)).sum(axis=0))
+    assert ink < 3.0 * svg.WIDTH  # not up and down in every column
+
+
+def line_places(text: str) -> np.ndarray:
+    root = ET.fromstring(text)
+    (path,) = [p.get("d", "") for p in root.iter(f"{SVG}path") if p.get("class") == "line"]
+    return np.array([p.split(" ") for p in path[1:].split("L")], dtype=float)
+
+
+def test_what_can_be_drawn_stays_a_line() -> None:
+    assert envelope(*oscillation(40.0, 60_001)) is None
+    assert envelope(*oscillation(3000.0, 3)) is None
+    t, y = oscillation(0.5, 100_000)
+    y[777] += 3.0
+    assert envelope(t, y) is None  # one spike is a line
+    assert trace(t, y).y.max() == y.max()
+
+
+def test_only_the_dense_part_is_a_range() -> None:
+    t = np.linspace(0.0, 1.0, 40_001)
+    y = np.where(t < 0.5, np.sin(2.0 * np.pi * 2000.0 * t), np.sin(2.0 * np.pi * 3.0 * t))
+    found = envelope(t, y)
+    assert found is not None
+    x, low, _, line = found
+    assert np.isfinite(low[x < 0.49]).all()
+    assert np.isnan(low[x > 0.51]).all()
+    calm = x > 0.51
+    np.testing.assert_allclose(line[calm], np.sin(2.0 * np.pi * 3.0 * x[calm]), atol=1e-9)
+
+
+@given(st.integers(0, 1000), st.floats(10.0, 1e4))
+def test_ranges_hold_the_extremes(seed: int, rate: float) -> None:
+    rng = np.random.default_rng(seed)
+    t = np.linspace(0.0, 1.0, 20_000)
+    y = np.sin(2.0 * np.pi * rate * t) + rng.normal(scale=0.3, size=t.size)
+    line = trace(t, y)
+    ends = [line.y] if line.band is None else [line.y, line.band[1], line.band[2]]
+    whole = np.concatenate(ends)
+    assert np.nanmin(whole) == y.min()
+    assert np.nanmax(whole) == y.max()
+
+
+def test_a_way_loses_only_points_that_are_not_seen() -> None:
+    t = np.linspace(0.0, 50.0, 200_000)
+    x, y = np.cos(t), np.sin(2.0 * t)
+    a, b = walked(x, y)
+    assert a.size < 120_000
+    nearest = np.abs(np.hypot(a[1:] - a[:-1], b[1:] - b[:-1]))
+    assert nearest.max() < 5e-3
+
+
+def test_angles_have_no_jump_before_they_are_differentiated() -> None:
+    text = PENDULUM.replace('dimension = "planar"', 'dimension = "spatial"')
+    text = text.replace("gravity = [0.0, -9.81]", "gravity = [0.0, 0.0, 0.0]")
+    text = text.replace(
+        "inertia = 0.1, position = [0.8, 0.0]",
+        "inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.8, 0.0, 0.0]",
+    )
+    text = text.replace("point = [0.0, 0.0]", "point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0]")
+    text += "[initial.bodies]\nrod = { angular_velocity = [0.0, 0.0, 9.0] }\n"
+    result = holonom.Model.from_text(text).simulate(end_time=2.0)
+    assert np.ptp(result["rod.yaw_pitch_roll[0]"]) < 2.0 * np.pi + 0.1
+    (rate,) = curves(result, ["rod.yaw_pitch_roll[0]"], derivative=True)
+    np.testing.assert_allclose(rate.values, 9.0, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("choices", "said"),
+    [
+        ({"start": 5.0}, "covers 0 s to 2 s"),
+        ({"start": 1.0, "end": 0.5}, "nothing of it lies"),
+        ({"end": float("nan")}, "end"),
+        ({"interval": -1.0}, "interval"),
+        ({"interval": 1e-9}, "longer interval"),
+        ({"low_pass": 0.0}, "low_pass"),
+        ({"low_pass": 51.0}, "nothing from 50 Hz on"),
+        ({"fft": "hanning"}, "hann"),
+        ({"fft": True, "versus": "spring.force"}, "over frequencies"),
+        ({"versus": "block.position"}, "more than one number"),
+        ({"versus": "spring.forces"}, "did you mean"),
+    ],
+)
+def test_choices_that_are_none_are_refused(
+    spring: Result, choices: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(UsageError, match=said):
+        spring.plot("block.position[0]", **choices)
+
+
+def test_a_run_without_steps_has_nothing_between_its_rows() -> None:
+    bare = holonom.Model.from_text(SPRING).simulate(
+        end_time=1.0, dense_output=False, output_times=[0.0, 0.1, 0.3, 0.31, 0.7, 1.0]
+    )
+    with pytest.raises(UsageError, match="not evenly spaced"):
+        bare.plot("block.position", fft=True)
+    with pytest.raises(UsageError, match="no stored steps"):
+        bare.plot("block.position", interval=0.01)
+
+
+def test_matplotlib_draws_ranges_and_dashes(tmp_path: Path, spring: Result) -> None:
+    pytest.importorskip("matplotlib")
+    t, y = oscillation(3000.0, 60_001)
+    picture = Picture("", [Panel([trace(t, y, dash="7 3")], "m", least=9.0)])
+    (axes,) = picture.figure().axes
+    assert len(axes.collections) == 1
+    assert axes.lines[0].is_dashed()
+    assert np.ptp(axes.get_ylim()) == pytest.approx(9.0)
+    picture.save(tmp_path / "band.png")
