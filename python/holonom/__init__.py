@@ -32,15 +32,18 @@ if TYPE_CHECKING:
     from holonom.result import Result
     from holonom.study.compare import compare
     from holonom.study.comparison import Comparison, ComparisonInterrupted
+    from holonom.study.differences import ChannelDifference, Differences, diff
 
     __version__: str
 
 __all__ = [
     "Certification",
+    "ChannelDifference",
     "ChannelError",
     "CheckReport",
     "Comparison",
     "ComparisonInterrupted",
+    "Differences",
     "FileError",
     "HolonomError",
     "Interrupted",
@@ -53,6 +56,7 @@ __all__ = [
     "Tolerance",
     "UsageError",
     "compare",
+    "diff",
     "load",
     "methods",
     "simulate",
@@ -77,6 +81,7 @@ _HOMES = {
     "result": ("Result",),
     "study.compare": ("compare",),
     "study.comparison": ("Comparison", "ComparisonInterrupted"),
+    "study.differences": ("ChannelDifference", "Differences", "diff"),
 }
 
 

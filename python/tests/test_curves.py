@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import holonom
 from holonom.base.errors import UsageError
+from holonom.cli.commands import invoke
 from holonom.pictures import svg
 from holonom.pictures.curves import components, curves, title
 from holonom.pictures.picture import Panel, Picture
@@ -279,3 +280,20 @@ def test_matplotlib_draws_ranges_and_dashes(tmp_path: Path, spring: Result) -> N
     assert axes.lines[0].is_dashed()
     assert np.ptp(axes.get_ylim()) == pytest.approx(9.0)
     picture.save(tmp_path / "band.png")
+
+
+def test_the_command_draws_runs_and_parts(stored: Path, tmp_path: Path) -> None:
+    other, target = tmp_path / "other.holonom", tmp_path / "both.svg"
+    with Result.load(stored) as result:
+        result.save(other)
+    line = ["plot", str(stored), str(other), "rod.position", "energy.kinetic", "--to", "1.0"]
+    assert invoke([*line, "-o", str(target)]) == 0
+    texts = ["".join(e.itertext()) for e in ET.parse(target).iter(f"{SVG}text")]
+    assert texts.count("rod") == 3  # a panel for each component
+    assert texts.count("other") == 3
+    for extra in (["--fft", "--window", "flat_top"], ["--derivative", "--filter", "3"]):
+        assert invoke(["plot", str(stored), "energy.kinetic", *extra]) == 0
+    assert invoke(["plot", str(stored), "energy.kinetic", "--versus", "rod.position[0]"]) == 0
+    assert invoke(["plot", str(stored), "energy.kinetic", "--window", "hann"]) == 1
+    assert invoke(["plot", str(stored), str(other), "-o", str(other), "--force"]) == 1
+    assert invoke(["plot", str(stored), str(tmp_path / "none.holonom")]) == 5

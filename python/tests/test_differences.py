@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from conftest import CHANNELS, META, PENDULUM, SUMMARY, oscillator_text, synthet
 
 import holonom
 from holonom.base.errors import UsageError
+from holonom.cli.commands import invoke
 from holonom.result import Result
 from holonom.store.reader import Reader
 from holonom.store.writer import Writer
@@ -170,3 +172,25 @@ def test_the_difference_of_large_results_is_that_of_their_rows(tmp_path: Path) -
     found = diff(run(interval=1e-4), run(interval=1e-4))
     assert found.times == 10001
     assert found.equal
+
+
+def test_the_exit_status_tells_whether_results_are_equal(
+    stored: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "other.holonom"
+    with Result.load(stored) as result:
+        result.save(other)
+    assert invoke(["diff", str(stored), str(other)]) == 0
+    assert "equal" in capsys.readouterr().out
+    pair = [str(tmp_path / f"{name}.holonom") for name in ("loose", "tight")]
+    for path, tolerance in zip(pair, (1e-3, 1e-9), strict=True):
+        run(tolerance=tolerance, output=path).close()
+    assert invoke(["diff", *pair, "--tolerance", "1e-9", "--json"]) == 6
+    found = json.loads(capsys.readouterr().out)
+    assert found["equal"] is False
+    assert {c["name"] for c in found["channels"]} >= {"rod.position", "pin.force", "energy.total"}
+    assert all(c["differs"] == (c["tolerances"] > 1.0) for c in found["channels"])
+    assert invoke(["diff", *pair, "--tolerance", "1e-9", "--within", "1e9", "-q"]) == 0
+    assert capsys.readouterr().out == ""
+    assert invoke(["diff", *pair, "rod.nothing"]) == 1
+    assert invoke(["diff", pair[0], str(tmp_path / "none.holonom")]) == 5

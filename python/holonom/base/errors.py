@@ -23,6 +23,8 @@ class Exit(IntEnum):
     SOLVER = 3
     PARTIAL = 4
     FILES = 5
+    #: Two results are not equal within tolerance.
+    DIFFERENT = 6
     DEFECT = 70
     INTERRUPTED = 130
     #: What read the output has closed it: as a program that SIGPIPE ends.

@@ -61,7 +61,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
     epilog="Exit status: 0 ok, 1 usage, 2 invalid model, 3 solver failure, 4 some runs "
-    "failed, 5 files, 70 a defect, 130 interrupted, 141 the output was closed.",
+    "failed, 5 files, 6 results differ, 70 a defect, 130 interrupted, 141 the output was closed.",
 )
 
 #: Begins a model argument that names one of the library.
@@ -360,21 +360,114 @@ def check(
 
 @app.command()
 def plot(
-    result: ResultFile,
-    channels: Names = None,
+    names: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="RESULT... [CHANNEL]...",
+            help="Result files, laid over each other; then channels, components such as "
+            "'chassis.position[2]', or patterns.",
+        ),
+    ],
     output: Annotated[
         Path | None,
         typer.Option("-o", "--output", help="Picture: .svg, .pdf or .png; by default RESULT.svg."),
+    ] = None,
+    start: Annotated[float | None, _seconds("--from", "Draw from here on.")] = None,
+    end: Annotated[float | None, _seconds("--to", "Draw up to here.")] = None,
+    interval: Annotated[
+        float | None, _seconds("--interval", "Time between values; the stored rows by default.")
+    ] = None,
+    versus: Annotated[
+        str | None,
+        typer.Option(metavar="CHANNEL", help="Draw over a scalar or a component, not the time."),
+    ] = None,
+    fft: Annotated[bool, typer.Option("--fft", help="Draw amplitudes over frequencies.")] = False,
+    window: Annotated[
+        str | None, typer.Option(help="Of --fft: hann (default), rectangular or flat_top.")
+    ] = None,
+    derivative: Annotated[
+        bool, typer.Option("--derivative", help="Draw derivatives over time.")
+    ] = False,
+    low_pass: Annotated[
+        float | None,
+        typer.Option("--filter", metavar="HZ", help="Draw what is slower than this; no delay."),
     ] = None,
     force: Force = False,
     recover: Recover = False,
     json_: Json = False,
 ) -> int:
     """Draw channels over time; without names those that the run was asked for."""
-    target = output or result.with_suffix(".svg")
-    with _opened(result, recover=recover) as loaded:
-        loaded.plot(*(channels or []), path=target, force=force)
+    if window is not None and not fft:
+        raise UsageError("`--window` is given without `--fft`", help="add `--fft`")
+    results, channels = _results_first(names)
+    target = output or results[0].with_suffix(".svg")
+    with contextlib.ExitStack() as opened:
+        first, *others = [opened.enter_context(_opened(p, recover=recover)) for p in results]
+        first.plot(
+            *channels,
+            others=others,
+            start=start,
+            end=end,
+            interval=interval,
+            versus=versus,
+            fft=(window or True) if fft else False,
+            derivative=derivative,
+            low_pass=low_pass,
+            path=target,
+            force=force,
+        )
     return done("picture", target, json_)
+
+
+def _results_first(names: Sequence[str]) -> tuple[list[Path], list[str]]:
+    """Part result files from the channels that follow them; the first name is always a file."""
+    count = 1
+    while count < len(names) and _is_file(names[count]):
+        count += 1
+    return [Path(name) for name in names[:count]], list(names[count:])
+
+
+def _is_file(name: str) -> bool:
+    return name.endswith(".holonom") or os.path.isfile(name)  # noqa: PTH113 - of any text
+
+
+@app.command()
+def diff(
+    first: ResultFile,
+    second: Annotated[Path, typer.Argument(metavar="RESULT", help="Another result file.")],
+    channels: Names = None,
+    tolerance: Annotated[
+        str | None,
+        typer.Option(help="A number, or relative=1e-3,rotation=1e-4; the looser run's by default."),
+    ] = None,
+    within: Annotated[float, typer.Option(help="So many tolerances count as equal.")] = 1.0,
+    start: Annotated[float | None, _seconds("--from", "Compare from here on.")] = None,
+    end: Annotated[float | None, _seconds("--to", "Compare up to here.")] = None,
+    recover: Recover = False,
+    quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print errors only.")] = False,
+    json_: Json = False,
+) -> int:
+    """Say which channels of two results differ, by how many tolerances, from when on.
+
+    The exit status is 0 where they are equal within tolerance and 6 where they are not.
+    """
+    import holonom
+
+    with _opened(first, recover=recover) as one, _opened(second, recover=recover) as other:
+        found = holonom.diff(
+            one,
+            other,
+            channels,
+            tolerance=None if tolerance is None else read_tolerance(tolerance),
+            within=within,
+            start=start,
+            end=end,
+        )
+    if json_:
+        print_json(found.to_json())
+    elif not quiet:
+        say(str(found))
+    return Exit.OK if found.equal else Exit.DIFFERENT
 
 
 @app.command()

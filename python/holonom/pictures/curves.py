@@ -145,14 +145,17 @@ def curves(
     treated = low_pass is not None or derivative or even
     limits = _limits(result, start, end)
     times = _times(result, interval, even=even or low_pass is not None)
-    rows = result if times is result.time else None
-    sampled = {} if rows else result.sample(times, list(names))
+    sampled = {} if times is None else result.sample(times, list(names))
+    if times is None:
+        times = result.time
     tolerance, peaks = tolerance_of(result), peaks_of(result)
     inside = (times >= limits[0]) & (times <= limits[1])
     found = []
     for name in names:
-        whole = split_component(name)[0]
-        values = np.asarray(result[name] if rows else sampled[name]).reshape(times.size, -1)
+        whole, index = split_component(name)
+        quantity = result.quantities.get(whole) or result.model.channels[whole]
+        size = quantity.size if index is None else 1
+        values = np.asarray(sampled[name] if sampled else result[name]).reshape(times.size, size)
         one = _measured(result, name, times, values, tolerance, peaks)
         if treated and whole.endswith(".yaw_pitch_roll"):
             one = replace(one, values=np.unwrap(one.values, axis=0))
@@ -175,17 +178,13 @@ def _measured(
     """Return a channel with what one tolerance of it is."""
     whole, index = split_component(name)
     quantity = result.quantities.get(whole) or result.model.channels[whole]
-    every = values if index is None else np.asarray(result[whole]).reshape(result.time.size, -1)
-    if every.shape[0]:
+    tolerances, span = np.zeros(quantity.size), np.zeros(values.shape[1])
+    if times.size:
+        every = values if index is None else np.asarray(result[whole]).reshape(-1, quantity.size)
         tolerances = own_tolerances(quantity, every, tolerance, peaks)
-    else:
-        tolerances = np.zeros(quantity.size)
-    tolerances = tolerances if index is None else tolerances[index : index + 1]
-    with np.errstate(invalid="ignore"):
         finite = np.where(np.isfinite(values), values, np.nan)
-        span = np.nan_to_num(np.fmax.reduce(finite, axis=0, initial=-np.inf)) - np.nan_to_num(
-            np.fmin.reduce(finite, axis=0, initial=np.inf)
-        )
+        span = np.nan_to_num(np.fmax.reduce(finite) - np.fmin.reduce(finite))
+    tolerances = tolerances if index is None else tolerances[index : index + 1]
     is_error = whole.startswith("constraint.") or whole == "energy.imbalance"
     return Curves(
         name,
@@ -233,11 +232,11 @@ def _limits(result: Result, start: float | None, end: float | None) -> tuple[flo
     return low, high
 
 
-def _times(result: Result, interval: float | None, *, even: bool) -> Series:
-    """Return the stored times, or evenly spaced ones."""
+def _times(result: Result, interval: float | None, *, even: bool) -> Series | None:
+    """Return evenly spaced times; None where the stored rows serve."""
     rows = result.time
     if interval is None and (not even or signals.is_even(rows)):
-        return rows
+        return None
     span = result.span or ((float(rows[0]), float(rows[-1])) if rows.size else None)
     if span is None or result.span is None:
         raise UsageError(

@@ -143,16 +143,17 @@ class Differences:
         lines += [f"{'only in the first':<22}{name}" for name in self.only_first[:SHOWN]]
         lines += [f"{'only in the second':<22}{name}" for name in self.only_second[:SHOWN]]
         lines += [f"{'not the same time':<22}{self.uncovered}"] if self.uncovered else []
+        bound = f"{self.within:g} tolerance{'' if self.within == 1.0 else 's'}"
         worst, differing = self.worst, self.differing
         if worst is not None and not differing:
             lines.append(
-                f"{'equal':<22}within {self.within:g} tolerances; furthest apart is {worst.name}: "
+                f"{'equal':<22}within {bound}; furthest apart is {worst.name}: "
                 f"{worst.tolerances:.3g} tolerances at {worst.time:.6g} s"
             )
         elif differing:
             lines.append(
                 f"{'different':<22}{len(differing)} of {len(self.channels)} channels, by more "
-                f"than {self.within:g} tolerances"
+                f"than {bound}"
             )
             lines += ["", *_table(differing[:SHOWN])]
             if more := len(differing) - SHOWN:

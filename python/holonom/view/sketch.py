@@ -97,7 +97,7 @@ class Sketch:
         """
         target = as_path(path)
         if target.suffix.lower() != ".svg":
-            raise UsageError(f"{target}: sketches end in .svg")
+            raise UsageError(f"{target}: sketches end in .svg", help="name it so")
         return files.write_text(target, "svg", self.document(), inputs=[self.source], force=force)
 
     def _head(self) -> str:
