@@ -41,9 +41,9 @@ MAY_USE: dict[str, set[str]] = {
         "simulation",
         "store",
     },
-    "report": {"check", "pictures", "summary"},
+    "report": {"check", "pictures", "summary", "view"},
     "export": set(),
-    "view": {"summary"},
+    "view": {"pictures", "summary"},
     "cli": {"check", "export", "library", "model", "options", "pictures", "result", "study"}
     | {"summary", "view"},
     "__init__": {"model", "result"},

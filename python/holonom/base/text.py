@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import unicodedata
 from typing import Any
@@ -80,3 +81,8 @@ def _cut(line: str, most: int) -> str:
         return line
     half = most // 2 - 15
     return f"{line[:half]} … {len(line) - 2 * half} characters … {line[-half:]}"
+
+
+def escape(text: str) -> str:
+    """Return text for a page; control characters are written by their numbers."""
+    return html.escape(shown(text))

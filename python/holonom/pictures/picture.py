@@ -176,15 +176,15 @@ class Picture:
         return svg.document(self)
 
 
-def thinned(t: Series, y: Series) -> tuple[Series, Series]:
-    """Return at most about `POINTS` points with the smallest and largest of every stretch.
+def thinned(t: Series, y: Series, most: int = POINTS) -> tuple[Series, Series]:
+    """Return at most about so many points with the smallest and largest of every stretch.
 
     Where a stretch holds a value that is not finite, one of these stays, too: the line is
     interrupted there.
     """
-    if t.size <= POINTS:
+    if t.size <= most:
         return t, y
-    edges = np.linspace(0, t.size, POINTS // 3 + 1).astype(int)
+    edges = np.linspace(0, t.size, most // 3 + 1).astype(int)
     finite = np.isfinite(y)
     kept: list[int] = [0, t.size - 1]
     for first, last in itertools.pairwise(edges):

@@ -78,13 +78,23 @@ def plot(
     return Picture(", ".join(names), panels)
 
 
-def channels(result: Result, names: Sequence[str]) -> Picture:
-    """Return a picture with a panel per channel, or more where components differ much in size."""
-    panels = [p for one in curves(result, names) for p in _panels([one], [""], "")]
+def channels(result: Result, names: Sequence[str], *, whole: bool = False) -> Picture:
+    """Return a picture with a panel per channel, or more where components differ much in size.
+
+    Parameters
+    ----------
+    result : Result
+    names : sequence of str
+    whole : bool
+        Whether the lines have every row, for those who draw parts of them.
+    """
+    panels = [p for one in curves(result, names) for p in _panels([one], [""], "", whole=whole)]
     return Picture(", ".join(names), panels)
 
 
-def _panels(rows: Sequence[Curves], labels: Sequence[str], note: str) -> Iterator[Panel]:
+def _panels(
+    rows: Sequence[Curves], labels: Sequence[str], note: str, *, whole: bool = False
+) -> Iterator[Panel]:
     """Yield the panels of one channel of some runs: of several, one for each component."""
     first = rows[0]
     notes = ", ".join(filter(None, (frame_text(first.frame), note)))
@@ -100,19 +110,20 @@ def _panels(rows: Sequence[Curves], labels: Sequence[str], note: str) -> Iterato
                 )
                 for k, (one, label) in enumerate(zip(rows, labels, strict=True))
             ]
-            whole = f"{first.title}, {word}" if word else first.title
+            heading = f"{first.title}, {word}" if word else first.title
             still = all(one.still[i] for one in rows)
             least = STILL * max(float(one.tolerances[i]) for one in rows)
             unit = unit_of(first.unit, i, len(first.labels))
             text = ", ".join(filter(None, (_stillness(least, unit) if still else "", notes)))
-            yield Panel(lines, unit, whole, text, least=least if still else 0.0)
+            yield Panel(lines, unit, heading, text, least=least if still else 0.0)
         return
+    draw = Line if whole else trace
     marker = "circle" if first.time.size == 1 else ""  # a single row has no line to draw
     bounds = STILL * first.tolerances
     for number, together in enumerate(_together(first, bounds)):
         resting = [i for i in together if first.still[i]]
         lines = [
-            trace(
+            draw(
                 first.time,
                 first.values[:, i],
                 label=first.labels[i],

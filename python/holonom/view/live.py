@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from holonom.pictures.curves import components
 from holonom.view.encoding import floats, turns
-from holonom.view.scene import POSE_BYTES, Poses, components, mechanism, poses_of, roads
+from holonom.view.scene import POSE_BYTES, Poses, mechanism, poses_of, roads
 from holonom.view.server import HTML, JSON, Answer, Server
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base.errors import UsageError
+from holonom.pictures.curves import components
 from holonom.summary import STATUS
 from holonom.view.encoding import curves, floats, turns
 from holonom.view.shapes import Attachments, outline, rotation, stated, wheel_axis
@@ -34,16 +35,10 @@ _BYTES_PER_POSE = 20
 _SLIDING = ("translational", "cylindrical")
 #: Quantities that the page has in another form.
 _LEFT_OUT = ("euler_parameters",)
-_COMPONENTS = {
-    "yaw_pitch_roll": ["yaw", "pitch", "roll"],
-    "deformation": ["x", "y", "z", "rx", "ry", "rz"],
-    2: ["x", "y"],
-    3: ["x", "y", "z"],
-}
 
 
-def scene(result: Result) -> dict[str, Any]:
-    """Return one run as plain data for the page.
+def scene(result: Result, channel_bytes: int = CHANNEL_BYTES) -> dict[str, Any]:
+    """Return one run as plain data for the page, with so many bytes of channels at most.
 
     Raises
     ------
@@ -61,7 +56,7 @@ def scene(result: Result) -> dict[str, Any]:
         "completed": result.status == "completed",
         "method": str(result.options.get("method", "")),
         **mechanism(result.model, result.items, times, poses),
-        "channels": _channels(result, times),
+        "channels": _channels(result, times, channel_bytes),
     }
 
 
@@ -252,7 +247,7 @@ def roads(model: Model, poses: Poses) -> list[dict[str, Any]]:
     return found
 
 
-def _channels(result: Result, times: Array) -> list[dict[str, Any]]:
+def _channels(result: Result, times: Array, room: int) -> list[dict[str, Any]]:
     """Return the channels that fit into the page, those that the run was asked for first."""
     known = result.model.channels
     names = [n for n in known if n.rpartition(".")[2] not in _LEFT_OUT or n in result.requested]
@@ -261,7 +256,7 @@ def _channels(result: Result, times: Array) -> list[dict[str, Any]]:
     def rank(name: str) -> int:
         return 0 if name in first else 1 if name.endswith(("force", "torque")) else 2
 
-    room, chosen = CHANNEL_BYTES, []
+    chosen = []
     for name in sorted(names, key=rank):
         room -= 2 * known[name].size * times.size
         if room >= 0:
@@ -281,11 +276,3 @@ def _channels(result: Result, times: Array) -> list[dict[str, Any]]:
         | curves(sampled[name].reshape(times.size, -1))
         for name in chosen
     ]
-
-
-def components(name: str, size: int) -> list[str]:
-    """Return what the components of a channel are called; one empty name for scalars."""
-    if size == 1:
-        return [""]
-    quantity = name.rpartition(".")[2]
-    return _COMPONENTS.get(quantity) or _COMPONENTS.get(size) or [f"[{i}]" for i in range(size)]

@@ -1,0 +1,105 @@
+"""Pictures of a report, and the numbers behind them, from which the page draws them anew."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from holonom.base.text import escape
+from holonom.pictures import svg
+from holonom.pictures.picture import Picture, thinned
+
+Series = NDArray[np.float64]
+
+#: Numbers of all figures together; longer signals keep the ends of the range of every stretch.
+MOST_NUMBERS = 400_000
+
+
+class Figures:
+    """Collects figures with their numbers.
+
+    Parameters
+    ----------
+    lines : int
+        Lines that are expected, among which the numbers are shared.
+    """
+
+    def __init__(self, lines: int) -> None:
+        self._most = max(2000, MOST_NUMBERS // max(lines, 1))
+        self._figures: list[dict[str, Any]] = []
+        self._blob = bytearray()
+        self._places: dict[bytes, int] = {}
+
+    def add(self, picture: Picture, caption: str, whole: Picture | None = None) -> str:
+        """Return a figure; `whole` has the same panels with lines that are not thinned."""
+        # What is drawn and what is told are one thing: see `page.js`.
+        number = len(self._figures)
+        self._figures.append(
+            {
+                "label": picture.label,
+                "log": picture.logarithmic,
+                "height": picture.height,
+                "panels": [
+                    {
+                        "title": panel.title,
+                        "note": panel.note,
+                        "label": panel.label,
+                        "log": panel.logarithmic,
+                        "least": panel.least,
+                        "lines": [
+                            {
+                                "label": line.label,
+                                "color": line.color,
+                                "marker": line.marker,
+                                "drawn": line.drawn,
+                                "dash": line.dash,
+                                **self._numbers(line.x, line.y),
+                            }
+                            for line in panel.lines
+                        ],
+                    }
+                    for panel in (whole or picture).panels
+                ],
+            }
+        )
+        return (
+            f'<figure class="plot" data-figure="{number}"><div class="drawing">'
+            f"{svg.element(picture)}</div><figcaption>{escape(caption)}</figcaption></figure>"
+        )
+
+    def data(self) -> str:
+        """Return the element that carries the numbers."""
+        head = json.dumps(self._figures, allow_nan=False).encode()
+        head += b" " * (-(len(head) + 4) % 8)  # numbers begin at a multiple of their size
+        return packed("figures", len(head).to_bytes(4, "little") + head + self._blob)
+
+    def _numbers(self, x: Series, y: Series) -> dict[str, Any]:
+        if x.size > self._most:
+            x, y = thinned(x, y, self._most)
+        finite = y[np.isfinite(y)]
+        base = float(finite[0]) if finite.size else 0.0
+        return {
+            "x": self._put(np.ascontiguousarray(x, "<f8").tobytes()),
+            "y": self._put(np.ascontiguousarray(y - base, "<f4").tobytes()),
+            "base": base,
+            "count": int(x.size),
+        }
+
+    def _put(self, data: bytes) -> int:
+        """Return where numbers stand; equal ones, as times, stand there once."""
+        if data not in self._places:
+            self._blob += b"\0" * (-len(self._blob) % 8)
+            self._places[data] = len(self._blob)
+            self._blob += data
+        return self._places[data]
+
+
+def packed(name: str, data: bytes) -> str:
+    """Return an element that carries bytes, compressed, as text that can end no element."""
+    text = base64.b64encode(gzip.compress(data, 6, mtime=0)).decode("ascii")
+    return f'<script id="{name}" type="application/octet-stream">{text}</script>'
