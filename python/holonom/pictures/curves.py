@@ -185,7 +185,6 @@ def _measured(
         finite = np.where(np.isfinite(values), values, np.nan)
         span = np.nan_to_num(np.fmax.reduce(finite) - np.fmin.reduce(finite))
     tolerances = tolerances if index is None else tolerances[index : index + 1]
-    is_error = whole.startswith("constraint.") or whole == "energy.imbalance"
     return Curves(
         name,
         title(name, quantity.size),
@@ -195,7 +194,7 @@ def _measured(
         values,
         components(whole, quantity.size) if index is None else [""],
         tolerances,
-        np.zeros(span.size, bool) if is_error else span < STILL * tolerances,
+        span < STILL * tolerances,
     )
 
 

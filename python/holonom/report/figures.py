@@ -67,9 +67,10 @@ class Figures:
                 ],
             }
         )
+        said = f"<figcaption>{escape(caption)}</figcaption>" if caption else ""
         return (
             f'<figure class="plot" data-figure="{number}"><div class="drawing">'
-            f"{svg.element(picture)}</div><figcaption>{escape(caption)}</figcaption></figure>"
+            f"{svg.element(picture)}</div>{said}</figure>"
         )
 
     def data(self) -> str:

@@ -18,7 +18,7 @@ MOST_BODIES = 400
 #: So many bodies in a row that are tied alike are drawn as one.
 _ALIKE = 4
 
-_ROW, _BOX, _GAP, _STEP = 30.0, 20.0, 118.0, 14.0
+_ROW, _BOX, _GAP, _STEP = 30.0, 20.0, 106.0, 12.0
 _SMALL, _FONT = 10.5, 12.0
 _CUT, _BAD = "#b0589f", "#cc4444"
 

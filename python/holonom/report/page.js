@@ -1,12 +1,12 @@
 // Cursor and zoom of the figures, and the 3-D view: what this page can do beyond paper.
 "use strict";
 (() => {
-  const RIGHT = 10, TOP = 5, BOTTOM = 20;
+  const RIGHT = 10, TOP = 5, BOTTOM = 34;
   /** Pixels of a column; where a curve turns back this often in one, its range is drawn. */
   const COLUMN = 2, TURNS = 2, AROUND = 3;
   const SUPERSCRIPT = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
   const figures = [];
-  let view = null, whole = null, cursor = null, frame = null;
+  let view = null, whole = null, cursor = null, frame = null, stepped = 0;
 
   const safe = (text) => text.replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
   const signed = (text) => text.replace(/-/g, "−");
@@ -229,6 +229,7 @@
         const grid = across.values.map((x) => `M${px(x).toFixed(1)} ${TOP}V${floor}`).join("") + ticks.values.map((y) => `M${left} ${py(y).toFixed(1)}H${left + this.inner}`).join("");
         let body = `<path d="${grid}" stroke="currentColor" stroke-opacity=".14" fill="none"/><path d="M${left} ${TOP}V${floor}H${left + this.inner}" stroke="currentColor" stroke-opacity=".7" fill="none"/>`;
         body += ticks.values.map((y, i) => `<text x="${left - 6}" y="${(py(y) + 4).toFixed(1)}" text-anchor="end">${ticks.labels[i]}</text>`).join("");
+        if (last) body += `<text x="${left + this.inner}" y="${floor + 30}" text-anchor="end" fill-opacity=".65">${safe(this.label)}${across.scale ? ` (${across.scale})` : ""}</text>`;
         if (last) body += across.values.map((x, i) => `<text x="${px(x).toFixed(1)}" y="${floor + 15}" text-anchor="middle">${across.labels[i]}</text>`).join("");
         const clip = `clip-${this.number}-${k}`;
         body += `<clipPath id="${clip}"><rect x="${left}" y="${TOP - 3}" width="${this.inner}" height="${height + 6}"/></clipPath><g clip-path="url(#${clip})">`;
@@ -405,7 +406,8 @@
     const range = document.getElementById("range");
     if (!range || !view) return;
     const span = view[1] - view[0];
-    range.textContent = cursor === null ? `${told(view[0], span)} to ${told(view[1], span)} s` : `${told(cursor, span / 10)} s`;
+    const short = (t) => signed(String(Number(t.toPrecision(6))));
+    range.textContent = cursor === null ? `${short(view[0])} to ${short(view[1])} s` : `${told(cursor, span / 10)} s`;
   }
 
   // --- beginning
@@ -460,9 +462,24 @@
       frame.title = document.title;
       frame.allowFullscreen = true;
       frame.srcdoc = page;
+      frame.addEventListener("load", () => {
+        frame.contentWindow.holonom?.play(true);
+        requestAnimationFrame(keepStep);
+      });
       document.getElementById("poster").style.display = "none";
       button.replaceWith(frame);
     });
+  }
+
+  /** The cursor goes with the motion while that plays. */
+  function keepStep(now) {
+    requestAnimationFrame(keepStep);
+    const motion = frame.contentWindow?.holonom;
+    if (!motion?.playing || now - stepped < 80) return;
+    stepped = now;
+    cursor = motion.time;
+    for (const one of figures) if (one.timed && one.root.offsetParent) one.point();
+    write();
   }
 
   // On paper nothing is folded.

@@ -131,7 +131,7 @@ def _motion(result: Result) -> str:
     return _section(
         "Motion",
         f'<figure id="motion"><div id="poster">{picture}</div>'
-        '<button id="play" type="button" hidden>▶ show it move, in 3-D</button>'
+        '<button id="play" type="button" hidden>▶ see it move, in 3-D</button>'
         "<figcaption>Poses of the run, the last one strong.</figcaption>"
         f"</figure>{packed('scene', view.page([drawn]).encode())}",
     )
@@ -174,10 +174,7 @@ def _channels(result: Result, names: list[str], note: str, figures: Figures) -> 
 
 
 def _caption(result: Result, name: str) -> str:
-    stored = "" if name in result.channels else "computed from the stored states"
-    unit = pictures.unit_text(result.unit(name)) or "no unit"
-    parts = filter(None, (unit, pictures.frame_text(result.frame(name)), stored))
-    return f"{name}: {', '.join(parts)}"
+    return "" if name in result.channels else "computed from the stored states"
 
 
 def _model(result: Result) -> str:

@@ -9,11 +9,14 @@ import numpy as np
 
 from holonom.base.text import escape
 from holonom.pictures.curves import curves
-from holonom.pictures.runs import unit_of
+from holonom.pictures.runs import unit_of, unit_text
 from holonom.summary import certified, with_unit
 
 if TYPE_CHECKING:
     from holonom.result import Result
+
+#: Below this part of a tolerance a value is round-off.
+_ROUND_OFF = 1e-6
 
 
 def extrema(result: Result, names: Sequence[str]) -> str:
@@ -31,9 +34,9 @@ def extrema(result: Result, names: Sequence[str]) -> str:
                 (
                     name,
                     unit,
-                    number(values[low]),
+                    _told(values[low], one.tolerances[i]),
                     number(one.time[low]),
-                    number(values[high]),
+                    _told(values[high], one.tolerances[i]),
                     number(one.time[high]),
                 )
             )
@@ -66,8 +69,8 @@ def measured(result: Result) -> str:
         (
             c.name,
             f"{c.tolerances:.3g}",
-            with_unit(c.error, c.unit),
-            with_unit(c.tolerance, c.unit),
+            with_unit(c.error, unit_text(c.unit)),
+            with_unit(c.tolerance, unit_text(c.unit)),
             f"{c.time:.6g} s",
         )
         for c in found.ranked
@@ -79,6 +82,11 @@ def measured(result: Result) -> str:
         "Each line is where the channel is furthest off; 1 is on tolerance.</p>"
     )
     return said + card(grid(head, rows, numbers=(1,)) + note)
+
+
+def _told(value: float, tolerance: float) -> str:
+    """Return a value; what is far below the tolerance has no digits."""
+    return "≈ 0" if 0.0 < abs(value) < _ROUND_OFF * tolerance else number(value)
 
 
 def number(value: float) -> str:
