@@ -173,7 +173,8 @@ def _drawn(
     return (
         f'<svg class="graph" xmlns="http://www.w3.org/2000/svg" width="{width:.0f}" '
         f'height="{height:.0f}" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
-        f'aria-label="{escape(title)}" font-size="{_FONT}">{"".join(edges + arcs + boxes)}</svg>'
+        f'aria-label="{escape(title)}" font-size="{_FONT}" '
+        f'style="min-width:{min(width, 680.0):.0f}px">{"".join(edges + arcs + boxes)}</svg>'
     )
 
 

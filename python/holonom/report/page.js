@@ -188,7 +188,7 @@
       this.axes = this.panels.map((panel) => {
         const head = document.createElement("div");
         head.className = "head";
-        const keys = panel.lines.map((line) => `<span class="key" style="--c:${safe(line.color || "currentColor")}">${safe(line.label)}<output></output></span>`);
+        const keys = panel.lines.map((line) => `<span class="key${panel.lines.length === 1 && !line.label ? " alone" : ""}" style="--c:${safe(line.color || "currentColor")}">${safe(line.label)}<output></output></span>`);
         head.innerHTML =
           (panel.title ? `<b>${safe(panel.title)}</b>` : "") + `<i class="unit"></i>` + (panel.note ? `<i>${safe(panel.note)}</i>` : "") + keys.join("");
         const axes = document.createElement("div");

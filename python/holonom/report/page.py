@@ -188,11 +188,21 @@ def _model(result: Result) -> str:
         )
         drawn = f"<figcaption>{caption}</figcaption>" if picture else ""
         counts = ", ".join(
-            f"{value} {label}" if value.isdigit() else f"{label}: {value}" for label, value in facts
+            f"{value} {_counted(label, value)}" if value.isdigit() else f"{label}: {value}"
+            for label, value in facts
         )
         said = f'<p class="facts">{escape(counts)}</p>'
         body += f'<figure class="wide">{said}<div class="sideways">{picture}</div>{drawn}</figure>'
     return _section("Model", body)
+
+
+def _counted(label: str, value: str) -> str:
+    """Return the word for one or several."""
+    if value != "1":
+        return label
+    return {"bodies": "body", "degrees of freedom": "degree of freedom"}.get(
+        label, label.removesuffix("s")
+    )
 
 
 def _warnings(result: Result) -> str:

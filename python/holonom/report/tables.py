@@ -120,7 +120,7 @@ def grid(head: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: Sequenc
         f"<tr>{''.join(f'<td{k}>{escape(c)}</td>' for k, c in zip(kinds, row, strict=True))}</tr>"
         for row in rows
     )
-    return f"<table><tr>{top}</tr>{body}</table>"
+    return f'<table class="grid"><tr>{top}</tr>{body}</table>'
 
 
 def card(body: str) -> str:
