@@ -48,16 +48,16 @@ test: check
 
 check: setup
 	cargo fmt --all --check
-	$(BIN)/ruff format --check python
-	$(BIN)/ruff check python
+	$(BIN)/ruff format --check python examples
+	$(BIN)/ruff check python examples
 	$(BIN)/mypy
 	cargo clippy --workspace --release --all-targets --quiet -- -D warnings
 	RUSTDOCFLAGS='-D warnings' cargo doc --workspace --release --no-deps --quiet
 
 format: setup
 	cargo fmt --all
-	$(BIN)/ruff check --fix python
-	$(BIN)/ruff format python
+	$(BIN)/ruff check --fix python examples
+	$(BIN)/ruff format python examples
 
 verify: setup
 	cargo test --workspace

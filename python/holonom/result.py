@@ -418,6 +418,7 @@ class Result:
         self,
         *channels: str,
         others: Sequence[Result] = (),
+        labels: Sequence[str] | None = None,
         start: float | None = None,
         end: float | None = None,
         interval: float | None = None,
@@ -441,6 +442,8 @@ class Result:
             Names or patterns; what the run was asked for when none is given.
         others : sequence of Result, optional
             Further runs, laid over this one.
+        labels : sequence of str, optional
+            What the runs are called, this one first; their files or models when not given.
         start, end : float, optional
             Part of the run, s.
         interval : float, optional
@@ -488,6 +491,7 @@ class Result:
         picture = pictures.plot(
             runs,
             list(channels),
+            labels=labels,
             start=start,
             end=end,
             interval=interval,

@@ -41,6 +41,7 @@ def plot(
     results: Sequence[Result],
     patterns: Sequence[str],
     *,
+    labels: Sequence[str] | None = None,
     start: float | None = None,
     end: float | None = None,
     interval: float | None = None,
@@ -67,7 +68,11 @@ def plot(
     found = [
         curves(result, names, derivative=derivative, even=bool(fft), **part) for result in results
     ]
-    labels = _labels(results) if len(results) > 1 else [""]
+    if labels is not None and len(labels) != len(results):
+        raise UsageError(
+            f"{len(labels)} labels are given for {len(results)} runs", help="give one for each"
+        )
+    labels = list(map(str, labels or _labels(results))) if len(results) > 1 else [""]
     note = "" if low_pass is None else f"low-pass {low_pass:g} Hz"
     if fft:
         return _spectra(found, labels, "hann" if fft is True else str(fft), note)

@@ -125,7 +125,7 @@ def sketch(
     drawn = scene(result) if drawn is None else drawn
     camera = _Camera(drawn)
     moments = _moments(result, drawn, times, moving)
-    model = _Model(result, drawn, moments, camera)
+    model = _Model(result, drawn, moments, camera, moving=moving)
     title = f"{drawn['title']}, {'in motion' if moving else 'drawn from its run'}"
     if not moving:
         exposures = []
@@ -164,7 +164,7 @@ def _moments(result: Result, drawn: dict[str, Any], times: ArrayLike | None, mov
     if moving:
         seconds = float(np.clip(last - first, _SHORTEST, _LONGEST))
         return np.linspace(first, last, int(min(_RATE * seconds, _FRAMES)) + 1)
-    if drawn["follow"] is None:
+    if drawn["follow"] is None or _is_tied(drawn):
         return np.linspace(first, last, _EXPOSURES)
     # What travels is drawn as often as it passes its own length, as on one photograph.
     probe = np.linspace(first, last, 400)
@@ -229,12 +229,18 @@ class _Model:
     """All parts in the picture, with its scale."""
 
     def __init__(
-        self, result: Result, drawn: dict[str, Any], moments: Array, camera: _Camera
+        self,
+        result: Result,
+        drawn: dict[str, Any],
+        moments: Array,
+        camera: _Camera,
+        *,
+        moving: bool,
     ) -> None:
         self._camera, self._drawn = camera, drawn
         placed = poses_of(result.model, lambda names: result.sample(moments, names))
         self._places = [placed[body["name"]] for body in drawn["bodies"]]
-        follow = drawn["follow"] if moments.size > 3 else None
+        follow = drawn["follow"] if moving and not _is_tied(drawn) else None
         self._shift = np.zeros((moments.size, 3))
         if follow is not None:
             self._shift = self._places[follow][0] - self._places[follow][0][0]
@@ -370,6 +376,14 @@ class _Model:
 
 #: Pens with round ends and corners, as thick as what they draw.
 _ROUND = 'stroke-linecap="round" stroke-linejoin="round"'
+
+
+def _is_tied(drawn: dict[str, Any]) -> bool:
+    """Return whether a joint holds the mechanism to the ground: then it goes nowhere."""
+    return any(
+        element["collection"] == "joints" and any(f["body"] is None for f in element["frames"])
+        for element in drawn["elements"]
+    )
 
 
 def _up(drawn: dict[str, Any]) -> Array:
