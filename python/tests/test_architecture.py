@@ -43,7 +43,7 @@ MAY_USE: dict[str, set[str]] = {
     },
     "report": {"check", "pictures", "summary", "view"},
     "export": set(),
-    "view": {"pictures", "summary"},
+    "view": {"pictures", "states", "summary"},
     "cli": {"check", "export", "library", "model", "options", "pictures", "result", "study"}
     | {"summary", "view"},
     "__init__": {"model", "result"},

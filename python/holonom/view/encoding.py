@@ -58,6 +58,11 @@ def curves(values: Array) -> dict[str, Any]:
     return _packed("u2", codes) | {"low": low.tolist(), "high": high.tolist()}
 
 
+def unpacked(blob: dict[str, str]) -> NDArray[Any]:
+    """Return what one of these functions made, as one row of numbers."""
+    return np.frombuffer(base64.b64decode(blob["data"]), f"<{blob['kind']}")
+
+
 def _packed(kind: str, values: NDArray[Any]) -> dict[str, str]:
     data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
     return {"kind": kind, "data": base64.b64encode(data).decode("ascii")}

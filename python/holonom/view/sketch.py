@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from holonom.base import files
 from holonom.base.errors import UsageError
 from holonom.base.plain import as_path
+from holonom.states import vector
+from holonom.view.encoding import unpacked
 from holonom.view.scene import poses_of, scene
 
 if TYPE_CHECKING:
@@ -148,9 +151,9 @@ def sketch(
 def _moments(result: Result, drawn: dict[str, Any], times: ArrayLike | None, moving: bool) -> Array:
     """Return the times of the poses."""
     if times is not None:
-        moments = np.atleast_1d(np.asarray(times, dtype=float))
-        if moments.ndim != 1 or not moments.size or not np.isfinite(moments).all():
-            raise UsageError("`times` are no times", help="pass a number or a vector of numbers, s")
+        moments = vector(times)
+        if not moments.size:
+            raise UsageError("`times` are empty", help="pass at least one, s")
         if moments.size > _FRAMES:
             raise UsageError(
                 f"{moments.size} poses are too many", help=f"a sketch shows {_FRAMES} at most"
@@ -274,28 +277,37 @@ class _Model:
         self.parts.append(_Part(seen[:, :, :2], outline, style, depth, radius))
 
     def _add_bodies(self) -> None:
-        edge = 'stroke="currentColor" stroke-opacity=".55" stroke-width=".8"'
         for number, body in enumerate(self._drawn["bodies"]):
-            color = _COLORS[body["kind"] % len(_COLORS)]
+            own = _COLORS[body["kind"] % len(_COLORS)]
             for shape in body["shapes"]:
-                points, radius, kind = _solid(shape)
-                if not points.size:
+                solid = _solid(shape)
+                if solid is None:
                     continue
-                seen = self._world(number, points)
-                fill = str(shape.get("color") or color)
-                if kind == "wheel":
-                    self._add(seen, _hull, f'fill="{_TYRE}" {edge}')
-                    rim = self._world(number, _rim(shape))
-                    style = f'fill="none" stroke="{_ROAD}" stroke-width="1.1"'
-                    self._add(rim, _spokes, style, 1e-3 * self._drawn["size"])
-                elif kind == "line":
-                    style = f'fill="none" stroke="{fill}" {_ROUND}'
-                    self._add(seen, _line, style, radius=radius)
+                seen = self._world(number, solid.points)
+                color = shape.get("color")
+                fill = own if color is None else "#{:02x}{:02x}{:02x}".format(*map(int, color))
+                opacity = 0.42 if shape["type"] == "hull" else float(shape.get("opacity") or 1.0)
+                if shape["type"] == "wheel":
+                    self._add_wheel(number, shape)
+                    continue
+                through = f' opacity="{opacity:.2g}"' if opacity < 1.0 else ""
+                if solid.outline is _line:
+                    style = f'fill="none" stroke="{fill}" {_ROUND}{through}'
+                elif solid.radius:
+                    style = f'fill="{fill}" stroke="{fill}" {_ROUND}{through}'
                 else:
-                    see_through = ' fill-opacity=".42"' if kind == "hull" else ""
-                    pen = f'stroke="{fill}" stroke-opacity=".42" {_ROUND}' if radius else edge
-                    style = f'fill="{fill}"{see_through} {pen}'
-                    self._add(seen, _hull, style, radius=radius)
+                    edge = _EDGE if shape["type"] != "mesh" else _EDGE.replace(".55", ".2")
+                    style = f'fill="{fill}" {edge}{through}'
+                self._add(seen, solid.outline, style, radius=solid.radius)
+
+    def _add_wheel(self, body: int, wheel: dict[str, Any]) -> None:
+        drum = _solid(wheel | {"type": "wheel"})
+        assert drum is not None
+        seen = self._world(body, drum.points)
+        self._add(seen, drum.outline, f'fill="{_TYRE}" {_EDGE}', -1e-3 * self._drawn["size"])
+        style = f'fill="none" stroke="{_ROAD}" stroke-width="1.1"'
+        rim = self._world(body, _rim(wheel))
+        self._add(rim, _spokes, style, 1e-3 * self._drawn["size"])
 
     def _add_elements(self) -> None:
         size = self._drawn["size"]
@@ -303,7 +315,13 @@ class _Model:
             frames = element["frames"]
             ends = [self._world(f["body"], np.array([f["point"]])) for f in frames]
             kind = element["type"]
-            if kind in ("tsda", "maxwell", "distance") and len(ends) == 2:
+            body = frames[0]["body"] if frames else None
+            if kind == "tyre" and body is not None and not self._has_wheel(body):
+                radius = float(element["radius"])
+                axis = element["axis"] or [0.0, 1.0, 0.0]
+                place = {"at": frames[0]["point"], "axis": axis, "radius": radius}
+                self._add_wheel(body, place | {"width": 0.52 * radius})
+            elif kind in ("tsda", "maxwell", "distance") and len(ends) == 2:
                 seen = np.concatenate(ends, axis=1)
                 color = "currentColor" if kind == "distance" else _SPRING
                 style = f'fill="none" stroke="{color}" stroke-width="1.3" stroke-linejoin="round"'
@@ -313,6 +331,9 @@ class _Model:
                 fill = "currentColor" if ground else _LIGHT
                 style = f'fill="{fill}" stroke="{_INK}" stroke-width=".9"'
                 self._add(ends[-1], _support if ground else _dot, style, 0.012 * size)
+
+    def _has_wheel(self, body: int) -> bool:
+        return any(s["type"] == "wheel" for s in self._drawn["bodies"][body]["shapes"])
 
     def _fit(self) -> None:
         """Scale all parts into the picture."""
@@ -374,6 +395,8 @@ class _Model:
         ]
 
 
+#: Of what has faces.
+_EDGE = 'stroke="currentColor" stroke-opacity=".55" stroke-width=".8" stroke-linejoin="round"'
 #: Pens with round ends and corners, as thick as what they draw.
 _ROUND = 'stroke-linecap="round" stroke-linejoin="round"'
 
@@ -392,32 +415,71 @@ def _up(drawn: dict[str, Any]) -> Array:
     return -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
 
 
-def _solid(shape: dict[str, Any]) -> tuple[Array, float, str]:
-    """Return points of a shape in body axes, the radius around them (m), and how it is drawn."""
-    kind = shape["type"]
+@dataclass(frozen=True)
+class _Solid:
+    """Points of a shape in body axes, how they become an outline, and how far it is around them."""
+
+    points: Array
+    outline: Callable[[Array], str]
+    radius: float = 0.0
+
+
+def _solid(shape: dict[str, Any]) -> _Solid | None:
+    kind, radius = shape["type"], float(shape.get("radius") or 0.0)
+    middle = np.array(shape["at"], dtype=float) if "at" in shape else np.zeros(3)
+    turned = np.array(shape.get("axes") or np.eye(3), dtype=float)
     if kind in ("rod", "capsule"):
-        return np.array([shape["from"], shape["to"]]), float(shape["radius"]), "line"
+        if "from" in shape:
+            return _Solid(np.array([shape["from"], shape["to"]], dtype=float), _line, radius)
+        half = 0.5 * float(shape["length"]) * turned[:, 2]
+        return _Solid(np.array([middle - half, middle + half]), _line, radius)
     if kind == "sphere":
-        return np.array([shape["at"], shape["at"]]), float(shape["radius"]), "line"
-    if kind == "plate":
-        return np.array(shape["points"]), 0.0, "solid"
-    if kind == "hull":
-        return np.array(shape["points"]), float(shape["radius"]), "hull"
+        return _Solid(np.array([middle, middle]), _line, radius)
+    if kind in ("plate", "hull"):
+        return _Solid(np.array(shape["points"], dtype=float), _hull, radius)
     if kind == "box":
-        half = 0.5 * np.array(shape["size"])
-        corners = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
-        return np.array(shape["at"]) + (corners * half) @ np.array(shape["axes"]).T, 0.0, "solid"
+        signs = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+        corners = middle + (0.5 * np.array(shape["size"]) * signs) @ turned.T
+        return _Solid(corners, partial(_facets, _BOX))
     if kind in ("wheel", "cylinder"):
-        if "axis" in shape:
-            center, axis = np.array(shape["at"]), np.array(shape["axis"], dtype=float)
-            half = 0.5 * float(shape["width"]) * axis / np.linalg.norm(axis)
-            ends = [center - half, center + half]
-        else:
-            ends = [np.array(shape["from"], dtype=float), np.array(shape["to"], dtype=float)]
-            axis = np.asarray(ends[1] - ends[0])
-        rings = [end + float(shape["radius"]) * _ring(axis, 18) for end in ends]
-        return np.concatenate(rings), 0.0, "wheel" if kind == "wheel" else "solid"
-    return np.zeros((0, 3)), 0.0, ""
+        axis = np.array(shape["axis"], dtype=float) if "axis" in shape else turned[:, 2]
+        axis /= np.linalg.norm(axis)
+        half = 0.5 * float(shape["width"] if "width" in shape else shape["length"]) * axis
+        ring = radius * _ring(axis, _CORNERS)
+        return _Solid(np.concatenate([middle + half + ring, middle - half + ring[::-1]]), _drum)
+    if kind == "mesh":
+        corners = middle + unpacked(shape["vertices"]).reshape(-1, 3) @ turned.T
+        faces = unpacked(shape["faces"]).astype(int).reshape(-1, 3)
+        if len(faces) > _MOST_FACES:
+            return _Solid(corners[:: max(1, len(corners) // 2000)], _hull)
+        return _Solid(corners, partial(_facets, faces))
+    return None
+
+
+#: Corners of a round outline; faces of a mesh, beyond which its convex outline is drawn.
+_CORNERS, _MOST_FACES = 18, 300
+#: Faces of a box by its corners, counter-clockwise from outside.
+_BOX = np.array(
+    [[4, 6, 7, 5], [0, 1, 3, 2], [2, 3, 7, 6], [0, 4, 5, 1], [1, 5, 7, 3], [0, 2, 6, 4]]
+)
+
+
+def _facing(face: Array) -> bool:
+    """Return whether a face is seen from outside; rows of pictures count downwards."""
+    x, y = face.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) < -0.05
+
+
+def _facets(faces: NDArray[np.int_], points: Array) -> str:
+    """Return the faces that are seen."""
+    seen = [points[face] for face in faces]
+    return "".join(f"{_line(face)}z" for face in seen if _facing(face)) or _hull(points)
+
+
+def _drum(points: Array) -> str:
+    """Return the outline of a cylinder and the end of it that is seen."""
+    ends = points[:_CORNERS], points[_CORNERS:]
+    return _hull(points) + "".join(_hull(end) for end in ends if _facing(end))
 
 
 def _ring(axis: Array, count: int) -> Array:
@@ -479,20 +541,25 @@ def _coil(points: Array) -> str:
     return _line(first + np.outer(parts, along) + np.outer(aside, across))
 
 
+#: Corners that stand out by less than such an area, in square pixels, are not seen.
+_FLAT = 0.8
+
+
 def _hull(points: Array) -> str:
     """Return the convex outline of points."""
     rounded = sorted({(round(float(x), 1), round(float(y), 1)) for x, y in points})
     if len(rounded) < 3:
-        return _line(np.array(rounded)) + "Z"
+        return f"{_line(np.array(rounded))}z"
     turns: list[list[tuple[float, float]]] = []
     for order in (rounded, rounded[::-1]):
         chain: list[tuple[float, float]] = []
         for p in order:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0.0:
+            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= _FLAT:
                 chain.pop()
             chain.append(p)
         turns.append(chain[:-1])
-    return _line(np.array(turns[0] + turns[1])) + "Z"
+    outline = turns[0] + turns[1]
+    return f"{_line(np.array(outline))}z"
 
 
 def _turn(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
