@@ -189,3 +189,25 @@ def test_on_paper_nothing_is_folded_and_the_picture_stands(
         assert browser.run("return document.getElementById('poster').clientHeight") > 100
     finally:
         browser.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+
+
+def test_the_page_draws_a_range_where_a_curve_would_be_ink(
+    browser: Browser, tmp_path: Path
+) -> None:
+    text = oscillator_text(mass=1.0, x=0.2, stiffness=1e5, free_length=1.0)
+    model = holonom.Model.from_text(text.replace("stiffness = 100000.0", "stiffness = 1e5"))
+    result = model.simulate(end_time=60.0, interval=2e-3, channels=["block.position[0]"])
+    browser.open(result.view(), tmp_path / "long.html")
+    alphas = """
+const c = document.querySelector('.plot canvas');
+const data = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
+let faint = 0, full = 0;
+for (let k = 3; k < data.length; k += 4) {
+  if (data[k] > 230) full++;
+  else if (data[k] > 50 && data[k] < 90) faint++;
+}
+return [faint, full, c.width * c.height];
+"""
+    faint, full, whole = browser.run(alphas)
+    assert faint > 0.3 * whole  # the range from -0.2 to 0.2 m, 28 % strong
+    assert full < 0.1 * whole  # the mean, and numbers along the axes

@@ -53,6 +53,75 @@ function ticks(low: number, high: number, most: number): [number, string][] {
   return out;
 }
 
+/** Two pixels of a plot: what a curve does in them. */
+interface Column {
+  x: number;
+  low: number;
+  high: number;
+  first: number;
+  last: number;
+  sum: number;
+  count: number;
+  turns: number;
+  dense: boolean;
+}
+
+/** Pixels of a column; so many turns in it, or more, and the curve would be a bar of ink. */
+const COLUMN = 2;
+const TURNS = 2;
+/** Columns on either side over which the mean is taken. */
+const AROUND = 3;
+
+/** Return a curve by columns where it turns back more often than can be drawn, else nothing. */
+export function columnsOf(
+  run: Run, curve: Float32Array, place: (time: number) => number, width: number, low: number, high: number,
+): Column[] | null {
+  const count = Math.floor(width / COLUMN);
+  if (curve.length < 3 * TURNS || curve.length < width / COLUMN) return null;
+  const columns: Column[] = Array.from({ length: count }, (_, k) => ({
+    x: LEFT + (k + 0.5) * COLUMN, low: Infinity, high: -Infinity, first: 0, last: 0, sum: 0, count: 0, turns: 0, dense: false,
+  }));
+  const least = 1e-3 * (high - low);
+  let way = 0;
+  for (let i = 0; i < curve.length; i++) {
+    const value = curve[i];
+    if (Number.isNaN(value)) return null;
+    const column = columns[Math.min(count - 1, Math.max(0, Math.floor(place(run.start + run.times[i]) / COLUMN)))];
+    const rise = i && Math.abs(value - curve[i - 1]) > least ? Math.sign(value - curve[i - 1]) : 0;
+    if (rise) {
+      if (way && rise !== way) column.turns++;
+      way = rise;
+    }
+    if (!column.count) column.first = value;
+    column.last = value;
+    column.low = Math.min(column.low, value);
+    column.high = Math.max(column.high, value);
+    column.sum += value;
+    column.count++;
+  }
+  const thick = columns.map((c) => c.turns >= TURNS && c.high - c.low > 0.01 * (high - low));
+  columns.forEach((c, k) => (c.dense = thick[k] || (thick[k - 1] && thick[k + 1] && c.count > 0)));
+  return columns.filter((c) => c.dense).length < 4 ? null : columns.filter((c) => c.count);
+}
+
+/** Draw ranges where a curve is dense, with the mean in them, and the curve elsewhere. */
+function drawColumns(pen: CanvasRenderingContext2D, columns: Column[], y: (value: number) => number): void {
+  pen.save();
+  pen.globalAlpha = 0.28;
+  pen.fillStyle = pen.strokeStyle;
+  for (const { x, low, high, dense } of columns) if (dense) pen.fillRect(x - COLUMN / 2, y(high), COLUMN, Math.max(1, y(low) - y(high)));
+  pen.restore();
+  pen.beginPath();
+  columns.forEach((column, k) => {
+    const { x, dense, first, low, high, last } = column;
+    if (dense) {
+      const near = columns.slice(Math.max(0, k - AROUND), k + AROUND + 1);
+      pen.lineTo(x, y(near.reduce((sum, c) => sum + c.sum, 0) / near.reduce((sum, c) => sum + c.count, 0)));
+    } else for (const value of [first, low, high, last]) pen.lineTo(x, y(value));
+  });
+  pen.stroke();
+}
+
 export class Plot {
   readonly root = html("section", "plot");
   private canvases: { canvas: HTMLCanvasElement; cursor: HTMLElement; components: number[]; height: number }[] = [];
@@ -179,8 +248,13 @@ export class Plot {
       for (const k of components) {
         pen.strokeStyle = number && channel.curves.length === 1 ? GHOSTS_CSS[(number - 1) % 3] : CURVES[k % CURVES.length];
         pen.lineWidth = 1.5;
-        pen.beginPath();
         const curve = channel.curves[k];
+        const dense = columnsOf(run, curve, (t) => x(t) - LEFT, width - LEFT - RIGHT, low, high);
+        if (dense) {
+          drawColumns(pen, dense, y);
+          continue;
+        }
+        pen.beginPath();
         let drawn = false;
         for (let i = 0; i < curve.length; i++) {
           if (Number.isNaN(curve[i])) drawn = false;
