@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 #: Bodies drawn when the run was asked for no channels.
 BODIES_DRAWN = 6
+#: Channels drawn at most; the extrema are those of all.
+CHANNELS_DRAWN = 60
 #: Bytes of channels within the 3-D view: the report draws those that were asked for itself.
 _VIEW_CHANNELS = 400_000
 
@@ -49,9 +51,13 @@ def render(result: Result) -> str:
     """Return the page as HTML text."""
     title = str(result.meta.get("title") or result.meta.get("name") or "run")
     names, note = _names(result)
-    figures = Figures(_line_count(result, names))
+    drawn = names[:CHANNELS_DRAWN]
+    if len(names) > len(drawn):
+        said = f"The first {len(drawn)} of {len(names)} channels; `holonom plot` draws the others."
+        note += f'<p class="note">{said}</p>'
+    figures = Figures(_line_count(result, drawn))
     if result.time.size:
-        seen = [_motion(result), _channels(result, names, note, figures)]
+        seen = [_motion(result), _channels(result, drawn, note, figures)]
         seen += [_section("Extrema", card(extrema(result, names)) if names else "")]
     else:
         seen = ['<p class="note">There are no rows: nothing was stored.</p>']
