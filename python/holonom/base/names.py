@@ -83,8 +83,8 @@ COMMANDS = {
     "export": "csv save convert dump",
     "compare": "benchmark bench study",
     "diff": "difference differences cmp delta versus",
-    "view": "open 3d animate animation play",
     "report": "html page",
+    "view": "open 3d animate animation play",
     "render": "film movie video gif mp4 png picture image",
     "schema": "reference format fields",
 }
