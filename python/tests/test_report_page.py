@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from browsers import Browser
 from conftest import MODELS, oscillator_text
-from test_view import Browser, browser
 
 import holonom
 from holonom.result import Result
-
-__all__ = ["browser"]  # a fixture
 
 pytestmark = pytest.mark.browser
 
