@@ -444,11 +444,11 @@
       if (Math.round(entry.contentRect.width) === width) return;
       width = Math.round(entry.contentRect.width);
       figures.forEach((one) => one.draw());
+      document.documentElement.dataset.ready = "true";
     }).observe(document.querySelector("main"));
     for (const details of document.querySelectorAll("details")) {
       details.addEventListener("toggle", () => figures.forEach((one) => details.contains(one.root) && one.draw()));
     }
-    document.documentElement.dataset.ready = "true";
   }
 
   function offerMotion() {
