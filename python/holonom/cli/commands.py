@@ -399,6 +399,9 @@ def plot(
     """Draw channels over time; without names those that the run was asked for."""
     if window is not None and not fft:
         raise UsageError("`--window` is given without `--fft`", help="add `--fft`")
+    _require_times(start, end)
+    if low_pass is not None and not (low_pass > 0.0 and math.isfinite(low_pass)):
+        raise UsageError(f"`--filter` is {low_pass}", help="it must be positive and finite, Hz")
     results, channels = _results_first(names)
     target = output or results[0].with_suffix(".svg")
     with contextlib.ExitStack() as opened:
@@ -417,6 +420,13 @@ def plot(
             force=force,
         )
     return done("picture", target, json_)
+
+
+def _require_times(start: float | None, end: float | None) -> None:
+    """Refuse the ends of a part of a run that are no times."""
+    for flag, value in (("--from", start), ("--to", end)):
+        if value is not None and not math.isfinite(value):
+            raise UsageError(f"`{flag}` is {value}", help="give a finite time, s")
 
 
 def _results_first(names: Sequence[str]) -> tuple[list[Path], list[str]]:
@@ -453,6 +463,7 @@ def diff(
     """
     import holonom
 
+    _require_times(start, end)
     with _opened(first, recover=recover) as one, _opened(second, recover=recover) as other:
         found = holonom.diff(
             one,
