@@ -18,7 +18,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     // The engine opens no file: the caller resolves what a model extends.
     let text = std::fs::read_to_string(file)?;
     let mut read = |name: &str| std::fs::read_to_string(Path::new(name)).map_err(|e| e.to_string());
+    let mut bytes = |name: &str| std::fs::read(Path::new(name)).map_err(|e| e.to_string());
     let document = Document::parse(&text, Syntax::of_file(file), file, &mut read)
+        .and_then(|document| document.with_meshes(&mut bytes))
         .map_err(|errors| errors.render())?;
     let (model, warnings) = document.build().map_err(|errors| errors.render())?;
     warnings.iter().for_each(|warning| eprintln!("warning: {warning}"));

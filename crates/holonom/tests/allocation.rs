@@ -69,6 +69,8 @@ fn assert_steps_do_not_allocate(
             dense_output: Some(true),
             // No change of the partition, which may allocate.
             repartition_factor: 1e12,
+            // A checkpoint sets everything up anew.
+            checkpoint_steps: Some(u64::MAX),
             ..options(code, tolerance, end_time)
         };
         allocations(&problem, &options)

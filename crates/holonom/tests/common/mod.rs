@@ -44,7 +44,10 @@ pub(crate) fn document(name: &str) -> Document {
     let file = format!("{name}/model.toml");
     let text = read(&file).unwrap_or_else(|e| panic!("{file}: {e}"));
     let mut resolver = |file: &str| read(file);
+    let mut bytes =
+        |file: &str| std::fs::read(library().join(file)).map_err(|error| error.to_string());
     Document::parse(&text, Syntax::Toml, &file, &mut resolver)
+        .and_then(|document| document.with_meshes(&mut bytes))
         .unwrap_or_else(|errors| panic!("{}", errors.render()))
 }
 

@@ -39,6 +39,7 @@ pub(super) struct Cluster {
     /// Independent variables that move its dependent coordinates: as coordinates, or as deformations of a row.
     pub(super) free: Vec<(usize, Free)>,
     square: Vec<f64>,
+    inverse: Vec<f64>,
     lu: DenseLu,
     /// Dependent coordinates by independent variables, by rows; see [`Closures::evaluate_maps`].
     pub(super) map: Vec<f64>,
@@ -116,6 +117,7 @@ fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<
         }
         out.push(Cluster {
             square: vec![0.0; n * n],
+            inverse: vec![0.0; n * n],
             lu: DenseLu::new(n),
             map: vec![0.0; n * free.len()],
             rows,
@@ -235,14 +237,14 @@ impl Closures {
     }
 
     /// 1-norm of the scaled matrix times that of its inverse.
-    pub(super) fn condition(&self) -> f64 {
+    pub(super) fn condition(&mut self) -> f64 {
         let mut norms = [1.0f64; 2];
-        for cluster in &self.clusters {
+        for cluster in &mut self.clusters {
             let n = cluster.rows.len();
-            let mut inverse = vec![0.0; n * n];
-            (0..n).for_each(|k| inverse[k * n + k] = 1.0);
-            cluster.lu.solve_many(&mut inverse, n);
-            for (norm, a) in norms.iter_mut().zip([&cluster.square, &inverse]) {
+            cluster.inverse.fill(0.0);
+            (0..n).for_each(|k| cluster.inverse[k * n + k] = 1.0);
+            cluster.lu.solve_many(&mut cluster.inverse, n);
+            for (norm, a) in norms.iter_mut().zip([&cluster.square, &cluster.inverse]) {
                 for j in 0..n {
                     let column = a.chunks_exact(n).map(|row| row[j].abs()).sum::<f64>();
                     *norm = if column.is_nan() { f64::INFINITY } else { norm.max(column) };
