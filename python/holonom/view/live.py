@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.pictures.curves import components
+from holonom.store.layout import STATE
 from holonom.view.encoding import floats, turns
 from holonom.view.scene import POSE_BYTES, Poses, mechanism, poses_of, roads
 from holonom.view.server import HTML, JSON, Answer, Server
@@ -59,7 +60,8 @@ class Live:
         """Take rows of the run: states and channels."""
         if not len(rows["time"]):
             return
-        poses = poses_of(self._model, lambda names: self._model.evaluate(names, rows))
+        states = {name: rows[name] for name in STATE if name in rows}
+        poses = poses_of(self._model, lambda names: self._model.evaluate(names, states))
         with self._lock:
             if self._times.size and rows["time"][0] <= self._times[-1]:
                 self._keep(slice(0, int(np.searchsorted(self._times, rows["time"][0]))))
