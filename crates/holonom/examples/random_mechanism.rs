@@ -1,5 +1,5 @@
 //! Prints the model file of a random mechanism: `cargo run --release -p holonom --example
-//! random_mechanism -- 17 > 17.toml`.
+//! random_mechanism -- 17 > 17.toml`; with `adrift` behind the seed, of one whose bodies force elements alone tie.
 
 #![allow(clippy::print_stdout, reason = "an example talks to its reader")]
 
@@ -9,7 +9,10 @@ mod random;
 use std::error::Error;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let seed = std::env::args().nth(1).ok_or("usage: random_mechanism SEED")?.parse()?;
-    println!("{}", random::Mechanism::new(seed, 0.0).text());
+    let mut arguments = std::env::args().skip(1);
+    let seed = arguments.next().ok_or("usage: random_mechanism SEED [adrift]")?.parse()?;
+    let adrift = arguments.next().is_some_and(|word| word == "adrift");
+    let draw = if adrift { random::Mechanism::adrift } else { random::Mechanism::new };
+    println!("{}", draw(seed, 0.0).text());
     Ok(())
 }

@@ -186,7 +186,7 @@ impl Mechanism {
     pub(super) fn set_in_motion(&mut self, r: &mut Random, nudge: f64) {
         let n = self.coordinates();
         self.freedom = n - self.hard_rank().0;
-        let fastest = if self.road.is_some() { 8.0 } else { 50.0 };
+        let fastest = if self.road.is_some() || self.adrift { 8.0 } else { 50.0 };
         let size = if r.chance(0.1) { 0.0 } else { r.logarithmic(1.0, fastest) };
         let mut u: Vec<f64> = (0..n).map(|_| size * r.range(-1.0, 1.0)).collect();
         for joint in &self.joints {
@@ -236,7 +236,7 @@ impl Mechanism {
         self.take_speeds(&u);
         let frequencies = self.drivers.iter().map(|d| d.motion.start()[1].abs());
         let turning = frequencies.fold(self.speed(), f64::max);
-        let small = self.bodies.len() <= 2 && r.chance(0.3);
+        let small = self.bodies.len() <= 2 && !self.adrift && r.chance(0.3);
         let span = if small {
             (100.0 / turning).clamp(1.0, LONGEST)
         } else {

@@ -33,6 +33,8 @@ pub(crate) struct Mechanism {
     pub(crate) fastest: f64,
     /// Degrees of freedom.
     pub(crate) freedom: usize,
+    /// Whether most bodies float, tied by force elements alone, and whatever ties them names either first.
+    adrift: bool,
 }
 
 /// A rigid body in the design configuration; also its mass points, which have its inertia.
@@ -79,6 +81,8 @@ struct Joint {
     axes: [V3; 2],
     /// Its place among the coordinates of the tree; none closes a loop.
     coordinates: Option<(usize, usize)>,
+    /// Whether the model file names its second body first.
+    reversed: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -181,11 +185,20 @@ const STIFF: f64 = 1e4;
 impl Mechanism {
     /// The mechanism of a seed. `nudge` changes each independent speed by up to so many rad/s or m/s.
     pub(crate) fn new(seed: u64, nudge: f64) -> Self {
+        Self::drawn(seed, nudge, false)
+    }
+
+    /// One of bodies that float, alone or a few joined together, with force elements between them.
+    pub(crate) fn adrift(seed: u64, nudge: f64) -> Self {
+        Self::drawn(seed, nudge, true)
+    }
+
+    fn drawn(seed: u64, nudge: f64, adrift: bool) -> Self {
         let mut random = Random::new(seed);
         let r = &mut random;
         let planar = r.chance(0.4);
         let down = if planar { [0.0, -9.81, 0.0] } else { [0.0, 0.0, -9.81] };
-        let tyre = !planar && r.chance(0.15);
+        let tyre = !planar && !adrift && r.chance(0.15);
         let mut out = Self {
             seed,
             planar,
@@ -199,8 +212,9 @@ impl Mechanism {
             span: 1.0,
             fastest: 0.0,
             freedom: 0,
+            adrift,
         };
-        let bodies = 1 + r.below(3) + r.below(2) * r.below(4);
+        let bodies = if adrift { 2 + r.below(3) } else { 1 + r.below(3) + r.below(2) * r.below(4) };
         // Parallel axes in space: the loops are then redundant.
         let parallel = !planar && r.chance(0.15);
         for _ in 0..bodies {
@@ -214,7 +228,11 @@ impl Mechanism {
         if r.chance(0.3) {
             out.add_driver(r);
         }
-        for _ in 0..r.one_of(&[0, 1, 1, 1, 2, 2, 3, 4]) {
+        if adrift {
+            out.tie(r);
+        }
+        let more: &[usize] = if adrift { &[0, 0, 1] } else { &[0, 1, 1, 1, 2, 2, 3, 4] };
+        for _ in 0..r.one_of(more) {
             // Most leave the mechanism something to move by.
             let stiffness = r.logarithmic(1.0, 1e10);
             for attempt in 0..5 {
@@ -226,6 +244,9 @@ impl Mechanism {
             }
         }
         out.settle();
+        if adrift {
+            out.change_order(r);
+        }
         if tyre {
             out.add_tyre(r);
         }
@@ -243,7 +264,9 @@ impl Mechanism {
     fn add_body(&mut self, r: &mut Random, parallel: bool) {
         let planar = self.planar;
         let index = self.bodies.len();
-        let parent = if index == 0 || r.chance(0.25) { None } else { Some(r.below(index)) };
+        let on_ground = if self.adrift { 0.1 } else { 0.25 };
+        let parent = if index == 0 || r.chance(on_ground) { None } else { Some(r.below(index)) };
+        let floats = self.adrift && (index == 1 || r.chance(0.6));
         let kind = match r.below(if planar { 12 } else { 16 }) {
             6..=7 => Kind::Translational,
             8 | 9 => Kind::Floating,
@@ -253,6 +276,7 @@ impl Mechanism {
             14 | 15 if !parallel => Kind::Spherical,
             _ => Kind::Revolute,
         };
+        let kind = if floats { Kind::Floating } else { kind };
         let flat = planar || parallel;
         let parent = if kind == Kind::Floating { None } else { parent };
         let point = add(&self.at(parent), &r.vector(flat, 0.1, 0.6));
@@ -303,6 +327,7 @@ impl Mechanism {
             points: [point; 2],
             axes: [axis, second],
             coordinates: Some((first, count)),
+            reversed: false,
         });
     }
 
@@ -347,6 +372,7 @@ impl Mechanism {
             points: [other, point],
             axes: [axis, second],
             coordinates: None,
+            reversed: false,
         };
         self.joints.push(joint);
         // At least one degree of freedom is left, and the loop is not nearly singular.
@@ -397,15 +423,67 @@ impl Mechanism {
         angle(between[1]) - angle(between[0])
     }
 
+    /// The floating body that a body is joined to; none where joints tie it to the ground.
+    fn root(&self, mut body: usize) -> Option<usize> {
+        while let Some(parent) = self.joints[body].between[0] {
+            body = parent;
+        }
+        (self.joints[body].kind == Kind::Floating).then_some(body)
+    }
+
+    /// Ties what floats to the bodies before it, by force elements alone.
+    fn tie(&mut self, r: &mut Random) {
+        let roots: Vec<Option<usize>> = (0..self.bodies.len()).map(|b| self.root(b)).collect();
+        for root in (1..roots.len()).filter(|&b| roots[b] == Some(b)) {
+            let joined: Vec<usize> =
+                (root..roots.len()).filter(|&b| roots[b] == Some(root)).collect();
+            for _ in 0..10 {
+                let between = [Some(r.below(root)), Some(r.one_of(&joined))];
+                let law = match r.below(if self.planar { 4 } else { 7 }) {
+                    0..=2 => Law::Tsda,
+                    3 => Law::Maxwell,
+                    _ => Law::Bushing(r.chance(0.5)),
+                };
+                let stiffness =
+                    if r.chance(0.5) { r.logarithmic(1.0, 1e3) } else { r.logarithmic(1e3, 1e7) };
+                let before = self.elements.len();
+                self.add_element_of(r, law, between, stiffness);
+                if self.elements.len() > before && self.can_move() {
+                    break;
+                }
+                self.elements.truncate(before);
+            }
+        }
+    }
+
+    /// Lets about every second joint and element name its second body first.
+    fn change_order(&mut self, r: &mut Random) {
+        let driven: Vec<usize> = self.drivers.iter().map(|d| d.joint).collect();
+        for (at, joint) in self.joints.iter_mut().enumerate() {
+            joint.reversed = r.chance(0.5) && !driven.contains(&at);
+        }
+        for element in &mut self.elements {
+            if r.chance(0.5) {
+                element.between.reverse();
+                element.points.reverse();
+            }
+        }
+    }
+
     fn add_element(&mut self, r: &mut Random, stiffness: f64) {
-        let planar = self.planar;
-        let mut between = self.pair(r);
-        let law = match r.below(if planar { 7 } else { 9 }) {
+        let between = self.pair(r);
+        let law = match r.below(if self.planar { 7 } else { 9 }) {
             0..=3 => Law::Tsda,
             4 => Law::Maxwell,
             5 | 6 => Law::Rsda,
             _ => Law::Bushing(r.chance(0.5)),
         };
+        self.add_element_of(r, law, between, stiffness);
+    }
+
+    fn add_element_of(&mut self, r: &mut Random, law: Law, between: Between, stiffness: f64) {
+        let planar = self.planar;
+        let mut between = between;
         let mut damping = if r.chance(0.3) { 0.0 } else { r.logarithmic(1e-6, 0.1) };
         let mut law = law;
         let near = self.at(between[1]);
@@ -449,7 +527,11 @@ impl Mechanism {
             }
         }
         let lever = r.logarithmic(0.03, 0.3).powi(2);
-        let settled = stiffness > STIFF && (damping < 1e-4 || r.chance(0.6));
+        // What rings for long between floating bodies makes every code's errors grow.
+        if self.adrift && stiffness > STIFF {
+            damping = damping.max(1e-3);
+        }
+        let settled = stiffness > STIFF && (self.adrift || damping < 1e-4 || r.chance(0.6));
         let settled = settled || law == Law::Bushing(true);
         let scaled = if law == Law::Rsda { stiffness * lever } else { stiffness };
         let rows = if matches!(law, Law::Bushing(_)) { 3 } else { 1 };
@@ -525,6 +607,13 @@ impl Mechanism {
             out.push(if joint.coordinates.is_none() { format!("loop {name}") } else { name });
         }
         for element in &self.elements {
+            if let [Some(a), Some(b)] = element.between
+                && self.root(a) != self.root(b)
+            {
+                out.push("a force between components".to_owned());
+                let order = if a < b { "the nearer body first" } else { "the farther body first" };
+                out.push(order.to_owned());
+            }
             let law = match element.law {
                 Law::Bushing(true) => "turning bushing".to_owned(),
                 Law::Bushing(false) => "bushing".to_owned(),

@@ -82,27 +82,33 @@ impl Mechanism {
     }
 
     fn joint(&self, joint: &Joint) -> String {
-        let kind = format!("{:?}", joint.kind).to_lowercase();
-        let mut out = format!("type = \"{kind}\", {}", between(joint.between));
-        match joint.kind {
+        let ordered = |pair: [V3; 2]| if joint.reversed { [pair[1], pair[0]] } else { pair };
+        let Joint { kind, mut between, .. } = *joint;
+        if joint.reversed {
+            between.reverse();
+        }
+        let (points, axes) = (ordered(joint.points), ordered(joint.axes));
+        let name = format!("{kind:?}").to_lowercase();
+        let mut out = format!("type = \"{name}\", {}", self::between(between));
+        match kind {
             Kind::Distance => {
-                let [a, b] = joint.points.map(|p| self.vector(&p));
+                let [a, b] = points.map(|p| self.vector(&p));
                 let _ = write!(out, ", points = [{a}, {b}]");
             }
             _ => {
-                let _ = write!(out, ", point = {}", self.vector(&joint.points[0]));
+                let _ = write!(out, ", point = {}", self.vector(&points[0]));
             }
         }
-        match joint.kind {
+        match kind {
             Kind::Universal => {
-                let [a, b] = joint.axes.map(|p| self.vector(&p));
+                let [a, b] = axes.map(|p| self.vector(&p));
                 let _ = write!(out, ", axes = [{a}, {b}]");
             }
             Kind::Translational | Kind::Cylindrical => {
-                let _ = write!(out, ", axis = {}", self.vector(&joint.axes[0]));
+                let _ = write!(out, ", axis = {}", self.vector(&axes[0]));
             }
             Kind::Revolute if !self.planar => {
-                let _ = write!(out, ", axis = {}", self.vector(&joint.axes[0]));
+                let _ = write!(out, ", axis = {}", self.vector(&axes[0]));
             }
             _ => {}
         }
