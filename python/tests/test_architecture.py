@@ -30,7 +30,7 @@ MAY_USE: dict[str, set[str]] = {
     "pictures": {"gauge", "model", "options", "signals"},
     "certification": {"certificate", "gauge", "model", "options", "store"},
     "result": {"certificate", "model", "options", "pictures", "states", "store"},
-    "simulation": {"certificate", "certification", "model", "result", "store"},
+    "simulation": {"certificate", "certification", "model", "result", "states", "store"},
     "study": {
         "certification",
         "gauge",
@@ -39,6 +39,7 @@ MAY_USE: dict[str, set[str]] = {
         "pictures",
         "result",
         "simulation",
+        "states",
         "store",
     },
     "report": {"check", "pictures", "summary", "view"},

@@ -8,7 +8,7 @@ use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{CODES, Code, FirstOrder, Weights};
 use holonom::model::Tolerance;
 use holonom::newton::{Chosen, Complex64, MatrixOptions, ReducedMatrix, Representation};
-use holonom::reduction::Choice;
+use holonom::reduction::{Choice, Coordinates};
 use holonom::simulation::{Options, Problem};
 
 fn implicit() -> impl Iterator<Item = Code> {
@@ -21,9 +21,15 @@ fn agree(name: &str, end: f64, charts: &[Choice]) {
     let model = common::model(name);
     for code in implicit() {
         for &parametrization in charts {
+            // The sparse matrix belongs to the Cartesian form.
+            let coordinates = Coordinates::Cartesian;
             let run = |newton| {
-                let options =
-                    Options { newton, parametrization, ..common::options(code, 1e-4, end) };
+                let options = Options {
+                    newton,
+                    parametrization,
+                    coordinates,
+                    ..common::options(code, 1e-4, end)
+                };
                 common::run_model(&model, &options).summary
             };
             let (dense, sparse) = (run(Representation::Dense), run(Representation::Sparse));

@@ -372,7 +372,8 @@ pub(super) fn set_coordinates(
     match options.coordinates {
         Coordinates::Cartesian => {}
         Coordinates::Auto => {
-            if !stated && pays(manifold) {
+            let dense = options.newton != Representation::Sparse;
+            if !stated && dense && pays(manifold) {
                 manifold.use_joint_coordinates(q);
             }
         }
