@@ -221,6 +221,7 @@ def test_a_result_says_what_the_run_used_stated_or_not(
             "jacobian": "analytic",
             "newton": "auto",
             "accelerations": "auto",
+            "coordinates": "auto",
             "threads": 1,
             "repartition_factor": 1.25,
             "dense_output": True,

@@ -83,7 +83,7 @@ impl<const W: usize> Directions<W> {
             let from_base = base.iter().map(|&p| column(p)).collect();
             let first = count;
             count += variables.len();
-            moved[edge.body] = Moved { from_base, parts, first, variables };
+            moved[edge.body] = Moved { variables, from_base, parts, first };
         }
         Self {
             moved,

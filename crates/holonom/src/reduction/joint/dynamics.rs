@@ -546,7 +546,7 @@ fn factor<const M: usize>(a: &mut [[f64; M]; M], n: usize) -> bool {
                 x -= a[i][k] * a[j][k];
             }
             if i == j {
-                if !(x > 32.0 * f64::EPSILON * given) {
+                if x.is_nan() || x <= 32.0 * f64::EPSILON * given {
                     return false;
                 }
                 a[i][i] = x.sqrt();
