@@ -52,7 +52,8 @@ def measure(name: str, end: float) -> list[dict[str, object]]:
                     "model": name,
                     "code": code,
                     "tolerance": tolerance,
-                    "milliseconds": 1e3 * statistics.median(r.statistics.run_cpu_seconds for r in runs),
+                    "milliseconds": 1e3
+                    * statistics.median(r.statistics.run_cpu_seconds for r in runs),
                     "error": float(np.abs(poses(runs[0], bodies) - exact).max()),
                     "steps": s.steps,
                     "rejected": s.rejected_error + s.rejected_newton + s.rejected_evaluation,
