@@ -58,8 +58,15 @@ def main() -> None:
     with (Path(__file__).parent / "results.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file)
         table.writerow(
-            ["model", "steps_cartesian", "steps_joint", "cartesian_ms", "joint_ms", "ratio"]
-            + ["joint_ms_per_simulated_second"]
+            [
+                "model",
+                "steps_cartesian",
+                "steps_joint",
+                "cartesian_ms",
+                "joint_ms",
+                "ratio",
+                "joint_ms_per_simulated_second",
+            ]
         )
         table.writerows(lines)
 
