@@ -29,10 +29,6 @@ pub struct DenseLu {
     scratch: Vec<MaybeUninit<u8>>,
 }
 
-/// Up to this order plain loops take less time than the preparations of blocked elimination: at order 16 a
-/// factorization a tenth of the instructions, a solution a fifth.
-const SMALL: usize = 24;
-
 impl DenseLu {
     /// Room for an n×n matrix.
     pub fn new(n: usize) -> Self {
@@ -64,18 +60,14 @@ impl DenseLu {
     pub fn factor(&mut self, a: &[f64]) -> Result<(), SingularMatrix> {
         let n = self.n;
         self.factors.copy_from_slice(a);
-        if n <= SMALL {
-            self.eliminate();
-        } else {
-            lu::lu_in_place(
-                MatMut::from_column_major_slice_mut(&mut self.factors, n, n),
-                &mut self.permutation,
-                &mut self.inverse_permutation,
-                Par::Seq,
-                MemStack::new(&mut self.scratch),
-                Spec::default(),
-            );
-        }
+        lu::lu_in_place(
+            MatMut::from_column_major_slice_mut(&mut self.factors, n, n),
+            &mut self.permutation,
+            &mut self.inverse_permutation,
+            Par::Seq,
+            MemStack::new(&mut self.scratch),
+            Spec::default(),
+        );
         for p in 0..n {
             // Column p of U: what is left of row p of A.
             let column = &self.factors[p * n..=p * n + p];
@@ -102,37 +94,6 @@ impl DenseLu {
         Ok(())
     }
 
-    /// Elimination of Aᵀ column by column, rows exchanged for the largest pivot.
-    fn eliminate(&mut self) {
-        let n = self.n;
-        self.permutation.iter_mut().enumerate().for_each(|(k, out)| *out = k);
-        for p in 0..n {
-            let column = &self.factors[p * n..(p + 1) * n];
-            let mut at = p;
-            for (i, x) in column.iter().enumerate().skip(p + 1) {
-                if x.abs() > column[at].abs() {
-                    at = i;
-                }
-            }
-            if at != p {
-                self.permutation.swap(p, at);
-                self.factors.chunks_exact_mut(n).for_each(|column| column.swap(p, at));
-            }
-            let (known, rest) = self.factors.split_at_mut((p + 1) * n);
-            let own = &mut known[p * n + p..];
-            let inverse = 1.0 / own[0];
-            own[1..].iter_mut().for_each(|l| *l *= inverse);
-            for column in rest.chunks_exact_mut(n) {
-                let u = column[p];
-                if u != 0.0 {
-                    for (x, l) in column[p + 1..].iter_mut().zip(&own[1..]) {
-                        *x -= l * u;
-                    }
-                }
-            }
-        }
-    }
-
     /// Sign of det A of the matrix last factored.
     pub fn determinant_sign(&self) -> f64 {
         let exchanged = self.exchanges.iter().enumerate().filter(|(p, from)| p != *from).count();
@@ -147,20 +108,6 @@ impl DenseLu {
     pub fn solve(&self, b: &mut [f64]) {
         let n = self.n;
         assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
-        if n <= SMALL {
-            let plain = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-            for i in 0..n {
-                let row = &self.factors[i * n..=i * n + i];
-                b[i] = (b[i] - plain(&row[..i], &b[..i])) / row[i];
-            }
-            for i in (0..n).rev() {
-                b[i] -= plain(&self.factors[i * n + i + 1..(i + 1) * n], &b[i + 1..]);
-            }
-            for p in (0..n).rev() {
-                b.swap(p, self.exchanges[p]);
-            }
-            return;
-        }
         for i in 0..n {
             let row = &self.factors[i * n..=i * n + i];
             b[i] = (b[i] - dot(&row[..i], &b[..i])) / row[i];
@@ -208,22 +155,6 @@ impl DenseLu {
         assert_eq!(b.len(), n * k, "right-hand sides of a matrix of {n} rows");
         for p in 0..n {
             swap_rows(b, k, p, self.exchanges[p]);
-        }
-        if k == 1 && n <= SMALL {
-            for p in 0..n {
-                let x = b[p];
-                for (b, l) in b[p + 1..].iter_mut().zip(&self.factors[p * n + p + 1..(p + 1) * n]) {
-                    *b -= l * x;
-                }
-            }
-            for p in (0..n).rev() {
-                b[p] /= self.factors[p * n + p];
-                let x = b[p];
-                for (b, u) in b[..p].iter_mut().zip(&self.factors[p * n..]) {
-                    *b -= u * x;
-                }
-            }
-            return;
         }
         let factors = MatRef::from_column_major_slice(&self.factors, n, n);
         let mut x = MatMut::from_row_major_slice_mut(b, n, k);

@@ -27,6 +27,7 @@ proptest! {
         prop_assume!(truth.ratio > 1e-6);
         lu.factor(&noise(seed ^ 9, n * n)).ok(); // an earlier matrix leaves nothing behind
         lu.factor(&a).unwrap();
+        prop_assert_eq!(lu.determinant_sign(), truth.sign);
         let allowed = 1e-12 / truth.ratio;
         let mut x = b.clone();
         lu.solve_many(&mut x, k);
