@@ -281,6 +281,20 @@ impl Closures {
         }
     }
 
+    /// x += |N|ᵀ |y|.
+    pub(super) fn add_sizes(&self, y: &[f64], x: &mut [f64]) {
+        for closure in &self.all {
+            for at in closure.first..closure.first + closure.rows.len() {
+                let line = &self.matrix[at * self.coordinates..][..self.coordinates];
+                for (range, _) in &closure.path {
+                    for (x, a) in x[range.clone()].iter_mut().zip(&line[range.clone()]) {
+                        *x += (a * y[at]).abs();
+                    }
+                }
+            }
+        }
+    }
+
     /// Residuals of all rows become changes of the dependent coordinates that make up for them.
     pub(super) fn solve(&mut self, r: &mut [f64]) {
         for cluster in &self.clusters {

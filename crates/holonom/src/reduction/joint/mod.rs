@@ -6,11 +6,18 @@
 //!
 //! Equations: `docs/theory/joint.md`; source: thesis section 3.4.3.
 
+mod accelerations;
 mod algebra;
+mod articulated;
+mod branched;
 mod closures;
 mod directions;
-mod dynamics;
 mod engine;
+mod form;
+mod multipliers;
+mod positions;
+mod residuals;
+mod small;
 mod variation;
 
 use super::parametrization::Parametrization;
@@ -107,8 +114,9 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
         p_rate: &mut [f64],
     );
 
-    /// Multipliers of the joints of the tree and of normalizations, where those of the closures are known.
-    fn complete_multipliers(&mut self, force: &[f64], state: &mut State);
+    /// Multipliers of the joints of the tree and of normalizations, where those of the closures are known; `false` where
+    /// the rows of a joint do not tell them.
+    fn complete_multipliers(&mut self, force: &[f64], state: &mut State) -> bool;
 
     /// A change of independent variables and their rates on the coordinates of all bodies.
     fn spread(

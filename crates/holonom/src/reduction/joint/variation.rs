@@ -11,15 +11,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     pub(super) fn displace(&mut self, dp: &[f64], q: &[f64], dq: &mut [f64]) {
         let mut change = std::mem::take(&mut self.change);
         self.multiply_null_space(dp, &mut change);
-        for edge in &self.edges {
-            let mut motion = edge.base.map_or([0.0; W], |base| self.motion[base]);
-            for k in edge.range.clone() {
-                add(&mut motion, change[k], &self.columns[k]);
-            }
-            let b = edge.body;
-            self.motion[b] = motion;
-            *pose_mut(dq, b) = A::rates(pose(q, b), &self.origin[b], &motion);
+        let mut motion = std::mem::take(&mut self.motion);
+        self.carry(&change, &mut motion);
+        for (b, twist) in motion.iter().enumerate() {
+            *pose_mut(dq, b) = A::rates(pose(q, b), &self.origin[b], twist);
         }
+        self.motion = motion;
         self.change = change;
     }
 

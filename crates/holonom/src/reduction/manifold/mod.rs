@@ -1,26 +1,19 @@
 //! From independent to all coordinates: positions, velocities, accelerations and multipliers.
 
-use super::accelerations::{Accelerations, Accelerator, Known, Refusal};
-use super::chart::Chart;
-use super::joint::{JointForm, joint_form};
-use super::parametrization::largest_index;
-use super::recent::RecentPoints;
-use super::redundant::Redundant;
+mod coordinates;
+mod positions;
+mod references;
+
 use crate::error::EvaluationFailure;
+use crate::reduction::accelerations::{Accelerations, Accelerator, Known, Refusal};
+use crate::reduction::chart::Chart;
+use crate::reduction::joint::JointForm;
+use crate::reduction::recent::RecentPoints;
+use crate::reduction::redundant::Redundant;
 use crate::system::{State, System};
 use holonom_linalg::BlockMatrix;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
-
-/// Corrections that contract more slowly than this are refused as a way to another branch.
-const CONTRACTION_LIMIT: f64 = 0.5;
-/// The old factor is replaced when it would need more corrections than a new one costs.
-const WORTH_REFACTORING: f64 = 4.0;
-const MAX_CORRECTIONS: u32 = 40;
-/// A correction of this size changes nothing.
-const UNNOTICED: f64 = 0.1 * f64::EPSILON;
-/// Corrections of this size may be noise where the residual is.
-const NOISY_CORRECTION: f64 = 1e-9;
 
 /// Work counters of the recovery.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -135,55 +128,6 @@ impl Manifold {
         &mut self.chart
     }
 
-    /// Recovers in joint coordinates from now on, in other parametrizations too; at the configuration q whose factors
-    /// are at hand. Returns whether it can: lines are no edges there.
-    pub fn use_joint_coordinates(&mut self, q: &[f64]) -> bool {
-        self.at = q.to_vec();
-        self.stale = false;
-        self.joint = joint_form(&self.system, self.chart.parametrization(), q);
-        self.joint.is_some() && self.refactor_joint().is_ok()
-    }
-
-    /// Whether it does.
-    pub fn has_joint_coordinates(&self) -> bool {
-        self.joint.is_some()
-    }
-
-    /// Coordinates along the tree, rows of cut joints and of drivers on the tree, and entries of the factor of the composite
-    /// inertia matrix, which has no fill.
-    pub fn joint_sizes(&self) -> Option<[usize; 3]> {
-        self.joint.as_ref().map(|joint| joint.sizes())
-    }
-
-    fn refactor_joint(&mut self) -> Result<(), EvaluationFailure> {
-        let Some(joint) = &mut self.joint else { return Ok(()) };
-        joint.factor(self.chart.parametrization(), &self.edges, &self.at)?;
-        self.orientation = joint.determinant_sign();
-        Ok(())
-    }
-
-    /// Makes chart, G and M those of the last evaluation.
-    ///
-    /// # Errors
-    /// `simulation/singular-configuration`.
-    pub fn catch_up(&mut self) -> Result<(), EvaluationFailure> {
-        if !std::mem::take(&mut self.stale) {
-            return Ok(());
-        }
-        self.accelerator.forget();
-        self.system.constraint_jacobian(&self.at, &mut self.g);
-        self.accelerator.evaluate_mass(self.system.as_ref(), &self.at);
-        self.chart.refactor(self.system.as_ref(), &self.at, &self.g)
-    }
-
-    /// Condition of what independent variables and joints leave to solve for.
-    pub fn condition(&mut self) -> f64 {
-        match &mut self.joint {
-            Some(joint) => joint.condition(),
-            None => self.chart.condition(),
-        }
-    }
-
     /// Makes room for solves with [G; P] for several right-hand sides at a time.
     pub fn reserve_lanes(&mut self) {
         self.chart.reserve_lanes();
@@ -238,299 +182,8 @@ impl Manifold {
         self.chart = chart;
         if self.joint.is_some() {
             let q = std::mem::take(&mut self.at);
-            if !self.use_joint_coordinates(&q) {
-                (self.joint, self.orientation) = (None, 0.0);
-            }
+            self.use_joint_coordinates(&q);
         }
-    }
-
-    /// Largest entry of a vector over the coordinates, lengths divided by the characteristic length.
-    fn size_of(&self, x: &[f64]) -> f64 {
-        let sizes = &self.system.structure().sizes;
-        let inverse = 1.0 / self.system.characteristic_length();
-        // On bits, so that NaN is larger than every number.
-        let bits = |x: f64| x.to_bits() & !(1 << 63);
-        let mut largest = 0;
-        for body in x.chunks_exact(sizes.per_body) {
-            let (lengths, angles) = body.split_at(sizes.translations);
-            for x in lengths {
-                largest = largest.max(bits(x * inverse));
-            }
-            for x in angles {
-                largest = largest.max(bits(*x));
-            }
-        }
-        let largest = f64::from_bits(largest);
-        if largest.is_finite() { largest } else { f64::INFINITY }
-    }
-
-    /// Solves Φ(q, t) = 0, v(q) = p from the guess in `q`, which must be a point of the branch that is
-    /// followed (the last accepted or evaluated one).
-    ///
-    /// The first correction is the tangent predictor. The result is accepted only if corrections
-    /// contract, it ends within half the predicted movement of the predictor (or noise), and the
-    /// sign of det [G; P] has not changed.
-    ///
-    /// # Errors
-    /// `simulation/position-recovery` naming the constraint with the largest residual; `q` is then
-    /// meaningless.
-    pub fn recover_position(
-        &mut self,
-        t: f64,
-        p: &[f64],
-        q: &mut [f64],
-    ) -> Result<(), EvaluationFailure> {
-        self.counters.recoveries += 1;
-        if let Some(joint) = &mut self.joint {
-            let parametrization = self.chart.parametrization();
-            if std::mem::take(&mut self.returned) {
-                joint.read(parametrization, q, &mut self.edges);
-            }
-            let corrections = joint.recover_position(parametrization, t, p, &mut self.edges, q)?;
-            self.counters.corrections += corrections;
-            return Ok(());
-        }
-        self.recent.go_near(t, &mut self.chart, q, &mut self.edges);
-        let noise = 8.0 * f64::EPSILON * self.size_of(q).max(1.0);
-        let mut predicted = 0.0;
-        let placed = self.chart.parametrization().relatives().map(|relatives| relatives.exact);
-        if let Some(exact) = placed {
-            predicted = self.place(t, p, q, exact)?;
-            if exact {
-                return Ok(());
-            }
-        }
-        let mut before = f64::INFINITY;
-        let mut fresh = false;
-        for k in 0..MAX_CORRECTIONS {
-            self.counters.corrections += 1;
-            let size = self.correct(t, p, q);
-            if k == 0 {
-                predicted += size;
-                self.predictor.copy_from_slice(q);
-            }
-            let rate = size / before;
-            // Or the next one would be lost in the last place, even of a stiff element's length.
-            if size <= noise || (k > 0 && 4.0 * rate * size <= UNNOTICED) {
-                return self.check_branch(q, predicted, noise);
-            }
-            if k > 0 && rate > CONTRACTION_LIMIT {
-                // Corrections that no longer fall have reached round-off, if they are that small.
-                if before <= 1e3 * noise || (size <= NOISY_CORRECTION && self.residual_is_noise(q))
-                {
-                    return self.check_branch(q, predicted, noise.max(size));
-                }
-                if fresh {
-                    break;
-                }
-            }
-            let remaining = if k > 0 { (noise / size).ln() / rate.ln() } else { 0.0 };
-            if k > 0 && !fresh && (remaining > WORTH_REFACTORING || rate > CONTRACTION_LIMIT) {
-                if !size.is_finite() {
-                    break;
-                }
-                self.factor_at(q)?;
-                fresh = true;
-            }
-            before = size;
-        }
-        Err(self.position_failure(t, q))
-    }
-
-    /// Places the bodies along the forest, dependent coordinates by the tangent; returns how far they
-    /// moved.
-    fn place(
-        &mut self,
-        t: f64,
-        p: &[f64],
-        q: &mut [f64],
-        exact: bool,
-    ) -> Result<f64, EvaluationFailure> {
-        let system = self.system.clone();
-        let system = system.as_ref();
-        if !exact {
-            system.position_constraints(t, q, &mut self.phi);
-            let parametrization = self.chart.parametrization();
-            parametrization.positions(system, q, &mut self.independent);
-            for (out, target) in self.independent.iter_mut().zip(p) {
-                *out -= target;
-            }
-            if let Some(relatives) = parametrization.relatives() {
-                relatives.count_turns(system, &self.edges, p, &mut self.independent);
-            }
-            self.chart.solve(&self.phi, &self.independent, &mut self.correction);
-        }
-        let Some(relatives) = self.chart.parametrization().relatives() else { return Ok(0.0) };
-        if !exact {
-            relatives.predict_dependent(system, q, &self.correction, &mut self.edges);
-            self.predictor.copy_from_slice(q);
-        }
-        relatives.coordinates(system, t, p, &mut self.edges)?;
-        relatives.place(system, &self.edges, q);
-        if exact {
-            return Ok(0.0);
-        }
-        for (out, (x, y)) in self.correction.iter_mut().zip(q.iter().zip(&self.predictor)) {
-            *out = x - y;
-        }
-        Ok(self.size_of(&self.correction))
-    }
-
-    /// Recoveries go on from the configuration that references were last moved to.
-    pub fn return_to_anchor(&mut self) {
-        self.recent.forget();
-        self.returned = true;
-        if let Some(relatives) = self.chart.parametrization().relatives() {
-            for (x, anchor) in self.edges.iter_mut().zip(&relatives.anchors) {
-                *x = anchor.x;
-            }
-        }
-    }
-
-    /// Windings that follow the edges of the forest, at the last recovery.
-    pub fn tell_turns(&self, winding: &mut [f64]) {
-        if let Some(relatives) = self.chart.parametrization().relatives() {
-            relatives.tell_turns(self.system.as_ref(), &self.edges, winding);
-        }
-    }
-
-    /// Moves references to the configuration q last recovered, whose independent variables are `p`; those of
-    /// directions and rotations once one of them is `turn` (rad) away. Returns whether v has changed.
-    ///
-    /// # Errors
-    /// `simulation/singular-configuration`.
-    pub fn move_references(
-        &mut self,
-        q: &[f64],
-        p: &[f64],
-        turn: f64,
-    ) -> Result<bool, EvaluationFailure> {
-        let system = self.system.as_ref();
-        let Some(relatives) = self.chart.relatives_mut() else { return Ok(false) };
-        self.recent.forget();
-        let turning = turn == 0.0 || relatives.turning(system, p) > turn;
-        relatives.move_references(system, q, Some(p), &mut self.edges, turning);
-        let changed = relatives.moves && turning;
-        if self.joint.is_some() {
-            self.at.copy_from_slice(q);
-            self.stale = true;
-            self.refactor_joint()?;
-            return Ok(changed);
-        }
-        if !changed {
-            return Ok(false);
-        }
-        self.accelerator.forget();
-        self.chart.refactor(system, q, &self.g)?;
-        self.orientation = self.chart.determinant_sign();
-        Ok(true)
-    }
-
-    /// Takes over the references of another manifold in the same parametrization.
-    pub fn follow(&mut self, other: &Self) {
-        let Some(from) = other.chart.parametrization().relatives() else { return };
-        if let Some(to) = self.chart.relatives_mut() {
-            to.references.copy_from_slice(&from.references);
-            to.anchors.copy_from_slice(&from.anchors);
-        }
-        self.orientation = if other.joint.is_some() { 0.0 } else { other.orientation };
-        self.return_to_anchor();
-    }
-
-    /// Stands where a step of another run began: at time t and the configuration q with its windings and
-    /// independent variables `p`. References move there, those of directions and rotations if `turning`:
-    /// directions then have these normals.
-    ///
-    /// # Errors
-    /// `simulation/chart-reach`, `simulation/singular-configuration`.
-    pub fn stand_at(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        p: &[f64],
-        winding: &[f64],
-        turning: bool,
-        normals: impl Iterator<Item = (usize, [f64; 3])>,
-    ) -> Result<(), EvaluationFailure> {
-        let system = self.system.as_ref();
-        if let Some(relatives) = self.chart.relatives_mut() {
-            relatives.tell_branches(system, t, p, winding, &mut self.edges)?;
-            relatives.move_references(system, q, Some(p), &mut self.edges, turning);
-            for (group, normal) in normals {
-                relatives.references[group][3..].copy_from_slice(&normal);
-            }
-        }
-        self.factor_at(q)?;
-        self.orientation = self.chart.determinant_sign();
-        self.return_to_anchor();
-        Ok(())
-    }
-
-    /// Whether Φ, as the last correction found it, is rounding of the coordinates: an ill-conditioned
-    /// [G; P] then turns it into corrections that do not fall.
-    fn residual_is_noise(&self, q: &[f64]) -> bool {
-        let largest = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
-        self.phi.iter().all(|x| x.abs() <= 64.0 * f64::EPSILON * largest)
-    }
-
-    /// One correction of the quasi-Newton iteration; returns its size.
-    fn correct(&mut self, t: f64, p: &[f64], q: &mut [f64]) -> f64 {
-        self.system.position_constraints(t, q, &mut self.phi);
-        let system = self.system.as_ref();
-        self.chart.parametrization().positions(system, q, &mut self.independent);
-        for (out, target) in self.independent.iter_mut().zip(p) {
-            *out -= target;
-        }
-        if let Some(relatives) = self.chart.parametrization().relatives() {
-            relatives.reduce_turns(system, &mut self.independent);
-        }
-        self.chart.solve(&self.phi, &self.independent, &mut self.correction);
-        for (x, d) in q.iter_mut().zip(&self.correction) {
-            *x -= d;
-        }
-        self.size_of(&self.correction)
-    }
-
-    fn check_branch(
-        &mut self,
-        q: &[f64],
-        predicted: f64,
-        noise: f64,
-    ) -> Result<(), EvaluationFailure> {
-        for (out, (x, y)) in self.correction.iter_mut().zip(q.iter().zip(&self.predictor)) {
-            *out = x - y;
-        }
-        if self.size_of(&self.correction) <= 0.5 * predicted + 1e3 * noise {
-            return Ok(());
-        }
-        let moved = largest_index(&self.correction);
-        let message = format!(
-            "coordinate `{}` would leave the branch of the mechanism that was followed so far",
-            self.system.coordinate_name(moved)
-        );
-        Err(EvaluationFailure::new("simulation/branch", message).of_coordinate(moved))
-    }
-
-    fn position_failure(&mut self, t: f64, q: &[f64]) -> EvaluationFailure {
-        self.system.position_constraints(t, q, &mut self.phi);
-        let (worst, moved) = (largest_index(&self.phi), largest_index(&self.correction));
-        let correction = self.correction.get(moved).map_or(0.0, |x| x.abs());
-        if self.residual_is_noise(q) {
-            return EvaluationFailure::new("simulation/singular-configuration", format!(
-                    "the joints are closed at t = {t:.6} s, but leave `{}` undetermined: corrections \
-                     of {correction:.2e} do not fall",
-                    self.system.coordinate_name(moved)
-                )).of_coordinate(moved);
-        }
-        let residual = match self.phi.get(worst) {
-            Some(size) => format!("{:.2e}, is in {}", size.abs(), self.system.row_name(worst)),
-            None => "0, is in no joint".to_owned(),
-        };
-        EvaluationFailure::new("simulation/position-recovery", format!(
-                "the joints could not be closed at t = {t:.6} s; the largest residual, {residual}; the \
-                 last correction, {correction:.2e}, was of `{}`",
-                self.system.coordinate_name(moved)
-            )).of_row(self.phi.get(worst).map(|_| worst)).of_coordinate(moved)
     }
 
     /// Goes back to a configuration of the branch after a failure elsewhere, whose factors may be
@@ -652,8 +305,10 @@ impl Manifold {
     /// Multipliers of the state whose accelerations were the last to be computed.
     pub fn multipliers(&mut self, state: &mut State) {
         if let (true, Some(joint)) = (self.multipliers_wait, &mut self.joint) {
-            joint.complete_multipliers(&self.force, state);
             self.multipliers_wait = false;
+            if !joint.complete_multipliers(&self.force, state) {
+                self.multipliers_of_all(state);
+            }
             return;
         }
         let State { a, lambda, .. } = state;
@@ -697,9 +352,19 @@ impl Manifold {
     /// Multipliers of all joints for the accelerations of the last [`Manifold::reduced_residual`], which in joint
     /// coordinates finds those of the closures only.
     pub fn complete_residual(&mut self, state: &mut State) {
-        if let Some(joint) = &mut self.joint {
-            joint.complete_multipliers(&self.force, state);
+        if let Some(joint) = &mut self.joint
+            && !joint.complete_multipliers(&self.force, state)
+        {
+            self.multipliers_of_all(state);
         }
+    }
+
+    /// λ = Sᵀ(Q − M q̈) for the forces of the last evaluation.
+    fn multipliers_of_all(&mut self, state: &mut State) {
+        let _ = self.catch_up();
+        self.correction.copy_from_slice(&self.force);
+        self.accelerator.saddle().mass().multiply_add(-1.0, &state.a, &mut self.correction);
+        self.chart.solve_transposed(&self.correction, &mut state.lambda, &mut self.independent);
     }
 
     /// A change of independent variables and their rates on all coordinates, at the state of the last evaluation:

@@ -1,0 +1,171 @@
+//! Accelerations for forces, by the cheapest way there is.
+
+use super::algebra::Algebra;
+use super::branched::Branched;
+use super::closures::Origin;
+use super::directions::Directions;
+use super::engine::{Engine, add, pose};
+use crate::reduction::relatives::Source;
+use crate::system::State;
+
+/// What a solution may leave of the forces on a coordinate, against the sizes of what they are summed from, before other
+/// solvers are asked.
+const ACCURACY: f64 = 1e-9;
+
+impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
+    /// Makes room for accelerations.
+    pub(super) fn plan_accelerations(&mut self) {
+        let driven = self.sources.iter().any(|source| matches!(source, Source::Driven(..)));
+        let cut =
+            self.closures.all.iter().any(|closure| {
+                matches!(closure.origin, Origin::Joint(_)) && !closure.rows.is_empty()
+            });
+        self.is_plain_tree = !driven && !cut;
+        if self.is_plain_tree {
+            return;
+        }
+        let (bodies, ndof) = (self.inertias.len(), self.zero_rates.len());
+        let directions = Directions::new(&self.edges, &self.closures, &self.sources, bodies, ndof);
+        let branched = Branched::new(&self.edges, &self.closures.all, &self.sources);
+        let operations = branched.factors.plan().operations().total().multiplications as f64;
+        // Algorithm 4 goes through short runs of numbers: one of its operations takes the time of three.
+        if directions.operations() <= 3.0 * operations {
+            self.directions = Some(Box::new(directions));
+        } else {
+            self.branched = Some(Box::new(branched));
+        }
+    }
+
+    pub(super) fn matrix_sizes(&self) -> [usize; 3] {
+        let branched = Branched::new(&self.edges, &self.closures.all, &self.sources);
+        branched.sizes()
+    }
+
+    /// Wrenches of inertia and forces of every body for the present rates of twists.
+    pub(super) fn evaluate_wrenches(&mut self, force: &[f64], q: &[f64], a: &[f64]) {
+        for (b, (mass, inertia)) in self.inertias.iter().enumerate() {
+            let (q, o) = (pose(q, b), &self.origin[b]);
+            let mut wrench =
+                A::inertia_force(*mass, inertia, q, pose(a, b), o, &self.twist_rate[b]);
+            add(&mut wrench, -1.0, &A::wrench(q, o, pose(force, b)));
+            self.wrench[b] = wrench;
+        }
+    }
+
+    /// q̈ and the multipliers of closures and drivers for forces Q; `false` where no or too few digits are left.
+    pub(super) fn accelerations_of(&mut self, force: &[f64], state: &mut State) -> bool {
+        let State { t, q, v, a, lambda, .. } = state;
+        lambda.fill(0.0);
+        if self.directions.is_some() {
+            return self.follow_directions(*t, force, [q, v], a, lambda);
+        }
+        self.accelerations.fill(0.0);
+        self.evaluate_bias();
+        self.evaluate_twist_rates(q, v, a);
+        self.evaluate_wrenches(force, q, a);
+        let served = if self.is_plain_tree {
+            self.evaluate_inertias(q);
+            self.articulate()
+        } else {
+            self.branch(*t, q, v, a, lambda)
+        };
+        if !served {
+            return false;
+        }
+        self.evaluate_twist_rates(q, v, a);
+        self.evaluate_wrenches(force, q, a);
+        self.evaluate_sizes(force, q, a);
+        self.gather();
+        self.is_balanced(lambda)
+    }
+
+    /// Accelerations by M̂, then multipliers of what closes loops and of drivers on the tree.
+    fn follow_directions(
+        &mut self,
+        t: f64,
+        force: &[f64],
+        [q, v]: [&[f64]; 2],
+        a: &mut [f64],
+        lambda: &mut [f64],
+    ) -> bool {
+        if !self.evaluate_directions(q) {
+            return false;
+        }
+        let mut accelerations = std::mem::take(&mut self.accelerations);
+        self.zero_rates.fill(0.0);
+        self.tell(t, Some(2), &self.zero_rates, &mut accelerations);
+        self.accelerations = accelerations;
+        self.evaluate_bias();
+        self.evaluate_twist_rates(q, v, a);
+        if self.closures.rows() > 0 {
+            // Deformations stay as they are for now, whatever that is.
+            self.rows.fill(0.0);
+            self.evaluate_rate_residual(None, t, 2, &[], [q, v, a]);
+            self.closures.solve(&mut self.rows);
+            for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
+                self.accelerations[k] = *x;
+            }
+            self.evaluate_twist_rates(q, v, a);
+        }
+        self.evaluate_wrenches(force, q, a);
+        self.gather();
+        self.accelerate_along();
+        self.evaluate_twist_rates(q, v, a);
+        self.evaluate_wrenches(force, q, a);
+        self.evaluate_sizes(force, q, a);
+        self.gather();
+        let mut left = std::mem::take(&mut self.zero_rates);
+        self.gathered.copy_from_slice(&self.along);
+        self.project(&mut left);
+        self.tell_multipliers(lambda);
+        self.zero_rates = left;
+        self.along.copy_from_slice(&self.gathered);
+        self.is_balanced(lambda)
+    }
+
+    /// Sizes of the terms of [`Engine::evaluate_wrenches`], part by part, of each body and of all that hangs on it.
+    fn evaluate_sizes(&mut self, force: &[f64], q: &[f64], a: &[f64]) {
+        for (b, (mass, inertia)) in self.inertias.iter().enumerate() {
+            let (q, o) = (pose(q, b), &self.origin[b]);
+            let own = A::inertia_force(*mass, inertia, q, pose(a, b), o, &self.twist_rate[b]);
+            let applied = A::wrench(q, o, pose(force, b));
+            self.wrench_size[b] = std::array::from_fn(|i| own[i].abs() + applied[i].abs());
+        }
+        for edge in self.edges.iter().rev() {
+            if let Some(base) = edge.base {
+                let own = self.wrench_size[edge.body];
+                add(&mut self.wrench_size[base], 1.0, &own);
+            }
+        }
+    }
+
+    /// Whether what is left of the forces `along` the coordinates, with those of closures and drivers, is round-off of what it
+    /// is summed from: a light body is asked for its own digits, not for those of a heavy one elsewhere.
+    fn is_balanced(&mut self, lambda: &[f64]) -> bool {
+        for closure in &self.closures.all {
+            for (y, (_, row)) in self.rows[closure.first..].iter_mut().zip(&closure.rows) {
+                let is_joint = matches!(closure.origin, Origin::Joint(_));
+                *y = if is_joint { -lambda[*row] } else { 0.0 };
+            }
+        }
+        let mut sizes = std::mem::take(&mut self.change);
+        for edge in &self.edges {
+            for k in edge.range.clone() {
+                let terms = self.columns[k].iter().zip(&self.wrench_size[edge.body]);
+                sizes[k] = terms.map(|(column, size)| column.abs() * size).sum();
+            }
+        }
+        self.closures.subtract_transposed(&self.rows, &mut self.along);
+        self.closures.add_sizes(&self.rows, &mut sizes);
+        for ((along, size), source) in self.along.iter_mut().zip(&mut sizes).zip(&self.sources) {
+            if let Source::Driven(row, sign, _) = source {
+                *along += sign * lambda[*row];
+                *size += lambda[*row].abs();
+            }
+        }
+        let served =
+            self.along.iter().zip(&sizes).all(|(left, size)| left.abs() <= ACCURACY * size);
+        self.change = sizes;
+        served
+    }
+}

@@ -1,0 +1,173 @@
+//! Joint coordinates as the manifold sees them.
+
+use super::JointForm;
+use super::algebra::Algebra;
+use super::closures::Origin;
+use super::engine::{Engine, pose, pose_mut};
+use crate::error::EvaluationFailure;
+use crate::reduction::parametrization::Parametrization;
+use crate::reduction::relatives::{Relatives, Source};
+use crate::system::State;
+
+impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N, W> {
+    fn boxed(&self) -> Box<dyn JointForm> {
+        Box::new(self.clone())
+    }
+
+    fn recover_position(
+        &mut self,
+        parametrization: &Parametrization,
+        t: f64,
+        p: &[f64],
+        x: &mut [[f64; 6]],
+        q: &mut [f64],
+    ) -> Result<u64, EvaluationFailure> {
+        self.follow(parametrization, t, p, x, q)
+    }
+
+    fn read(&self, parametrization: &Parametrization, q: &[f64], x: &mut [[f64; 6]]) {
+        self.read_coordinates(parametrization, q, x);
+    }
+
+    fn factor(
+        &mut self,
+        parametrization: &Parametrization,
+        x: &[[f64; 6]],
+        q: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.evaluate_columns(x, q);
+        self.evaluate_closures(parametrization, q);
+        self.closures.factor().map_err(|e| {
+            let (group, row) = self.names[self.closures.dependent[e.column]];
+            let name = Relatives::name_of(self.system.as_ref(), group, row);
+            let message =
+                format!("the joints leave `{name}` undetermined here (pivot {:.1e})", e.pivot);
+            EvaluationFailure::new("simulation/singular-configuration", message).of_group(group)
+        })
+    }
+
+    fn determinant_sign(&self) -> f64 {
+        self.closures.determinant_sign()
+    }
+
+    fn condition(&mut self) -> f64 {
+        self.closures.condition()
+    }
+
+    fn recover_velocity(&mut self, t: f64, p_rate: &[f64], v: &mut [f64], q: &[f64]) {
+        let mut rates = std::mem::take(&mut self.rates);
+        self.tell(t, Some(1), p_rate, &mut rates);
+        self.rows.fill(0.0);
+        for closure in &self.closures.all {
+            let rows = self.rows[closure.first..].iter_mut().zip(&closure.rows);
+            match closure.origin {
+                Origin::Joint(joint) => {
+                    let first = self.system.structure().joints[joint].row;
+                    for (out, (row, _)) in rows.filter(|(_, (row, _))| *row == 0) {
+                        *out = -self.system.drive(first + row, t)[1];
+                    }
+                }
+                Origin::Deformations(_) => rows.for_each(|(out, (_, k))| *out = -p_rate[*k]),
+            }
+        }
+        self.complete(&mut rates);
+        let mut twist = std::mem::take(&mut self.twist);
+        self.carry(&rates, &mut twist);
+        (self.rates, self.twist) = (rates, twist);
+        for edge in &self.edges {
+            let b = edge.body;
+            *pose_mut(v, b) = A::rates(pose(q, b), &self.origin[b], &self.twist[b]);
+        }
+    }
+
+    fn residual(
+        &mut self,
+        parametrization: &Parametrization,
+        force: &[f64],
+        p_rate: &[f64],
+        state: &mut State,
+        psi: &mut [f64],
+    ) {
+        let State { t, q, v, a, lambda, .. } = state;
+        let mut accelerations = std::mem::take(&mut self.accelerations);
+        self.tell(*t, Some(2), p_rate, &mut accelerations);
+        self.accelerations = accelerations;
+        self.evaluate_bias();
+        self.evaluate_twist_rates(q, v, a);
+        if self.closures.rows() > 0 {
+            self.evaluate_rate_residual(Some(parametrization), *t, 2, p_rate, [q, v, a]);
+            self.closures.solve(&mut self.rows);
+            for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
+                self.accelerations[k] = *x;
+            }
+            self.evaluate_twist_rates(q, v, a);
+        }
+        self.evaluate_wrenches(force, q, a);
+        self.gather();
+        self.project(psi);
+        lambda.fill(0.0);
+        self.tell_multipliers(lambda);
+    }
+
+    fn mass_times(&mut self, p: &[f64], q: &[f64], out: &mut [f64]) {
+        let mut change = std::mem::take(&mut self.change);
+        self.multiply_null_space(p, &mut change);
+        let mut motion = std::mem::take(&mut self.motion);
+        self.carry(&change, &mut motion);
+        for (b, (mass, inertia)) in self.inertias.iter().enumerate() {
+            let (q, o) = (pose(q, b), &self.origin[b]);
+            self.wrench[b] = A::inertia_times(*mass, inertia, q, o, &motion[b]);
+        }
+        self.motion = motion;
+        self.change = change;
+        self.gather();
+        self.project(out);
+    }
+
+    fn accelerate(&mut self, force: &[f64], state: &mut State) -> bool {
+        self.accelerations_of(force, state)
+    }
+
+    fn independent_acceleration(
+        &mut self,
+        parametrization: &Parametrization,
+        state: &State,
+        p_rate: &mut [f64],
+    ) {
+        let still = std::mem::take(&mut self.zero_rates);
+        let State { t, q, v, a, .. } = state;
+        self.evaluate_rate_residual(Some(parametrization), *t, 2, &still, [q, v, a]);
+        self.zero_rates = still;
+        for (k, source) in self.sources.iter().enumerate() {
+            if let Source::Independent(at) = source {
+                p_rate[*at] = self.accelerations[k];
+            }
+        }
+        for closure in &self.closures.all {
+            if let Origin::Deformations(_) = closure.origin {
+                for (x, (_, k)) in self.rows[closure.first..].iter().zip(&closure.rows) {
+                    p_rate[*k] = *x;
+                }
+            }
+        }
+    }
+
+    fn complete_multipliers(&mut self, force: &[f64], state: &mut State) -> bool {
+        self.tree_multipliers(force, state)
+    }
+
+    fn spread(
+        &mut self,
+        parametrization: &Parametrization,
+        state: &State,
+        [dp, dp_rate]: [&[f64]; 2],
+        [dq, dv]: [&mut [f64]; 2],
+    ) {
+        self.displace(dp, &state.q, dq);
+        self.displace_rates(parametrization, state, dp_rate, dq, dv);
+    }
+
+    fn sizes(&self) -> [usize; 3] {
+        self.matrix_sizes()
+    }
+}

@@ -1,0 +1,199 @@
+//! Positions: coordinates of the edges whose closures hold.
+
+use super::JointForm;
+use super::algebra::Algebra;
+use super::closures::Origin;
+use super::engine::Engine;
+use super::residuals::counts_turns;
+use crate::error::EvaluationFailure;
+use crate::reduction::parametrization::Parametrization;
+use crate::reduction::relatives::{Relatives, Source};
+use std::f64::consts::TAU;
+
+const MAX_CORRECTIONS: usize = 40;
+/// Corrections that contract more slowly than this are refused as a way to another branch.
+const CONTRACTION_LIMIT: f64 = 0.5;
+/// Contraction from which the closures are factored anew.
+const SLOW: f64 = 0.05;
+/// Corrections of this size may be noise where the residual is.
+const NOISY_CORRECTION: f64 = 1e-9;
+
+impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
+    pub(super) fn follow(
+        &mut self,
+        parametrization: &Parametrization,
+        t: f64,
+        p: &[f64],
+        x: &mut [[f64; 6]],
+        q: &mut [f64],
+    ) -> Result<u64, EvaluationFailure> {
+        let system = self.system.clone();
+        let relatives = Self::relatives(parametrization);
+        self.keep_coordinates(x);
+        relatives.coordinates(system.as_ref(), t, p, x)?;
+        if self.closures.rows() == 0 {
+            relatives.place(system.as_ref(), x, q);
+            return Ok(0);
+        }
+        // The tangent at the configuration last factored.
+        let mut change = std::mem::take(&mut self.change);
+        for edge in &self.edges {
+            for (x, k) in x[edge.at].iter().zip(edge.range.clone()) {
+                change[k] = x - self.before[k];
+            }
+        }
+        self.rows.fill(0.0);
+        for closure in &self.closures.all {
+            if let Origin::Deformations(group) = closure.origin {
+                let mut value = [0.0; 6];
+                let reference = &relatives.references[group];
+                system.relative_value(group, reference, q, &mut value[..closure.count]);
+                for (out, (row, k)) in self.rows[closure.first..].iter_mut().zip(&closure.rows) {
+                    let mut step = value[*row] - p[*k];
+                    if counts_turns(system.as_ref(), group) {
+                        step -= TAU * (step / TAU).round();
+                    }
+                    *out = step;
+                }
+            }
+        }
+        self.complete(&mut change);
+        for edge in &self.edges {
+            for (x, k) in x[edge.at].iter_mut().zip(edge.range.clone()) {
+                if self.sources[k] == Source::Dependent {
+                    *x += change[k];
+                }
+            }
+        }
+        self.change = change;
+        let predicted = self.distance(x);
+        self.before.fill(0.0);
+        let noise = 8.0 * f64::EPSILON * self.distance(x).max(1.0);
+        self.keep_coordinates(x);
+        relatives.place(system.as_ref(), x, q);
+        let (mut before, mut fresh) = (predicted, false);
+        for count in 1..=MAX_CORRECTIONS {
+            self.evaluate_residual(parametrization, t, p, q);
+            let residual = self.rows.iter().fold(0.0f64, |m, x| keep_larger(m, x.abs()));
+            let size = self.correct(x);
+            relatives.place(system.as_ref(), x, q);
+            let rate = size / before;
+            let ends = size <= noise || (count > 1 && 4.0 * rate * size <= 0.1 * f64::EPSILON);
+            let stalls = count > 1 && rate > CONTRACTION_LIMIT;
+            // Residuals are differences of places in the ground.
+            let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+            let is_noise = before <= 1e3 * noise
+                || (size <= NOISY_CORRECTION && residual <= 64.0 * f64::EPSILON * place);
+            if ends || (stalls && is_noise) {
+                if self.distance(x) <= 0.5 * predicted + 1e3 * noise.max(size) {
+                    return Ok(count as u64);
+                }
+                return Err(EvaluationFailure::new(
+                    "simulation/branch",
+                    "a coordinate would leave the branch of the mechanism that was followed so far",
+                ));
+            }
+            if (stalls && fresh) || !size.is_finite() {
+                return Err(self.failure(t, q, size));
+            }
+            if count > 1 && rate > SLOW && !fresh {
+                self.factor(parametrization, x, q)?;
+                fresh = true;
+            }
+            before = size;
+        }
+        Err(self.failure(t, q, before))
+    }
+
+    pub(super) fn read_coordinates(
+        &self,
+        parametrization: &Parametrization,
+        q: &[f64],
+        x: &mut [[f64; 6]],
+    ) {
+        let (system, relatives) = (self.system.as_ref(), Self::relatives(parametrization));
+        for edge in &self.edges {
+            let mut at = 0;
+            for &group in &system.tree().edges[edge.at].forms[edge.form] {
+                let rows = system.relative_groups()[group].rows;
+                let mut value = [0.0; 3];
+                let reference = &relatives.references[group];
+                system.relative_value(group, reference, q, &mut value[..rows]);
+                for (x, value) in x[edge.at][at..at + rows].iter_mut().zip(value) {
+                    let counted = if counts_turns(system, group) { *x } else { value };
+                    *x = value + TAU * ((counted - value) / TAU).round();
+                }
+                at += rows;
+            }
+        }
+    }
+
+    /// Moves the dependent coordinates by what the closures' residuals ask for; returns the largest change, lengths over
+    /// the characteristic length.
+    fn correct(&mut self, x: &mut [[f64; 6]]) -> f64 {
+        self.closures.solve(&mut self.rows);
+        let mut largest = 0.0f64;
+        for (change, &k) in self.rows.iter().zip(&self.closures.dependent) {
+            largest = keep_larger(largest, (change / self.closures.column_scale[k]).abs());
+            self.along[k] = *change;
+        }
+        for edge in &self.edges {
+            for (out, k) in x[edge.at].iter_mut().zip(edge.range.clone()) {
+                if self.sources[k] == Source::Dependent {
+                    *out += self.along[k];
+                }
+            }
+        }
+        if largest.is_finite() { largest } else { f64::INFINITY }
+    }
+
+    /// Largest difference of the coordinates to those in `before`, lengths over the characteristic length.
+    fn distance(&self, x: &[[f64; 6]]) -> f64 {
+        let mut largest = 0.0f64;
+        for edge in &self.edges {
+            for (x, k) in x[edge.at].iter().zip(edge.range.clone()) {
+                let change = (x - self.before[k]) / self.closures.column_scale[k];
+                largest = keep_larger(largest, change.abs());
+            }
+        }
+        largest
+    }
+
+    fn keep_coordinates(&mut self, x: &[[f64; 6]]) {
+        for edge in &self.edges {
+            for (x, k) in x[edge.at].iter().zip(edge.range.clone()) {
+                self.before[k] = *x;
+            }
+        }
+    }
+
+    fn failure(&self, t: f64, q: &[f64], correction: f64) -> EvaluationFailure {
+        let system = self.system.as_ref();
+        let mut worst = (0.0f64, None);
+        let mut value = [0.0; 6];
+        for closure in &self.closures.all {
+            let Origin::Joint(joint) = closure.origin else { continue };
+            system.joint_value(joint, t, q, &mut value);
+            for &(k, row) in &closure.rows {
+                if value[k].abs() > worst.0 || value[k].is_nan() {
+                    worst = (value[k].abs(), Some(row));
+                }
+            }
+        }
+        let residual = match worst.1 {
+            Some(row) => format!("{:.2e}, is in {}", worst.0, system.row_name(row)),
+            None => "0, is in no joint".to_owned(),
+        };
+        let (group, row) = self.closures.dependent.first().map_or((0, 0), |&k| self.names[k]);
+        EvaluationFailure::new("simulation/position-recovery", format!(
+                "the joints could not be closed at t = {t:.6} s; the largest residual, {residual}; the \
+                 last correction, {correction:.2e}, was of `{}` and others on its loops",
+                Relatives::name_of(system, group, row)
+            )).of_row(worst.1)
+    }
+}
+
+/// Maximum that does not pass over NaN.
+fn keep_larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() || b > a { b } else { a }
+}

@@ -1,0 +1,59 @@
+//! Joint coordinates in place of those of the system, and what of the latter waits until it is asked for.
+
+use super::Manifold;
+use crate::error::EvaluationFailure;
+use crate::reduction::joint::joint_form;
+
+impl Manifold {
+    /// Recovers in joint coordinates from now on, in other parametrizations too; at the configuration q whose factors
+    /// are at hand. Returns whether it can: lines are no edges there.
+    pub fn use_joint_coordinates(&mut self, q: &[f64]) -> bool {
+        self.at = q.to_vec();
+        self.stale = false;
+        self.joint = joint_form(&self.system, self.chart.parametrization(), q);
+        if self.joint.is_some() && self.refactor_joint().is_err() {
+            self.joint = None;
+        }
+        self.joint.is_some()
+    }
+
+    /// Whether it does.
+    pub fn has_joint_coordinates(&self) -> bool {
+        self.joint.is_some()
+    }
+
+    /// Coordinates along the tree, rows of cut joints and of drivers on the tree, and entries of the factor of the composite
+    /// inertia matrix, which has no fill.
+    pub fn joint_sizes(&self) -> Option<[usize; 3]> {
+        self.joint.as_ref().map(|joint| joint.sizes())
+    }
+
+    pub(super) fn refactor_joint(&mut self) -> Result<(), EvaluationFailure> {
+        let Some(joint) = &mut self.joint else { return Ok(()) };
+        joint.factor(self.chart.parametrization(), &self.edges, &self.at)?;
+        self.orientation = joint.determinant_sign();
+        Ok(())
+    }
+
+    /// Makes chart, G and M those of the last evaluation.
+    ///
+    /// # Errors
+    /// `simulation/singular-configuration`.
+    pub fn catch_up(&mut self) -> Result<(), EvaluationFailure> {
+        if !std::mem::take(&mut self.stale) {
+            return Ok(());
+        }
+        self.accelerator.forget();
+        self.system.constraint_jacobian(&self.at, &mut self.g);
+        self.accelerator.evaluate_mass(self.system.as_ref(), &self.at);
+        self.chart.refactor(self.system.as_ref(), &self.at, &self.g)
+    }
+
+    /// Condition of what independent variables and joints leave to solve for.
+    pub fn condition(&mut self) -> f64 {
+        match &mut self.joint {
+            Some(joint) => joint.condition(),
+            None => self.chart.condition(),
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! References of relative coordinates, which move with a run.
+
+use super::Manifold;
+use crate::error::EvaluationFailure;
+
+impl Manifold {
+    /// Recoveries go on from the configuration that references were last moved to.
+    pub fn return_to_anchor(&mut self) {
+        self.recent.forget();
+        self.returned = true;
+        if let Some(relatives) = self.chart.parametrization().relatives() {
+            for (x, anchor) in self.edges.iter_mut().zip(&relatives.anchors) {
+                *x = anchor.x;
+            }
+        }
+    }
+
+    /// Windings that follow the edges of the forest, at the last recovery.
+    pub fn tell_turns(&self, winding: &mut [f64]) {
+        if let Some(relatives) = self.chart.parametrization().relatives() {
+            relatives.tell_turns(self.system.as_ref(), &self.edges, winding);
+        }
+    }
+
+    /// Moves references to the configuration q last recovered, whose independent variables are `p`; those of
+    /// directions and rotations once one of them is `turn` (rad) away. Returns whether v has changed.
+    ///
+    /// # Errors
+    /// `simulation/singular-configuration`.
+    pub fn move_references(
+        &mut self,
+        q: &[f64],
+        p: &[f64],
+        turn: f64,
+    ) -> Result<bool, EvaluationFailure> {
+        let system = self.system.as_ref();
+        let Some(relatives) = self.chart.relatives_mut() else { return Ok(false) };
+        self.recent.forget();
+        let turning = turn == 0.0 || relatives.turning(system, p) > turn;
+        relatives.move_references(system, q, Some(p), &mut self.edges, turning);
+        let changed = relatives.moves && turning;
+        if self.joint.is_some() {
+            self.at.copy_from_slice(q);
+            self.stale = true;
+            self.refactor_joint()?;
+            return Ok(changed);
+        }
+        if !changed {
+            return Ok(false);
+        }
+        self.accelerator.forget();
+        self.chart.refactor(system, q, &self.g)?;
+        self.orientation = self.chart.determinant_sign();
+        Ok(true)
+    }
+
+    /// Takes over the references of another manifold in the same parametrization.
+    pub fn follow(&mut self, other: &Self) {
+        let Some(from) = other.chart.parametrization().relatives() else { return };
+        if let Some(to) = self.chart.relatives_mut() {
+            to.references.copy_from_slice(&from.references);
+            to.anchors.copy_from_slice(&from.anchors);
+        }
+        self.orientation = if other.joint.is_some() { 0.0 } else { other.orientation };
+        self.return_to_anchor();
+    }
+
+    /// Stands where a step of another run began: at time t and the configuration q with its windings and
+    /// independent variables `p`. References move there, those of directions and rotations if `turning`:
+    /// directions then have these normals.
+    ///
+    /// # Errors
+    /// `simulation/chart-reach`, `simulation/singular-configuration`.
+    pub fn stand_at(
+        &mut self,
+        t: f64,
+        q: &[f64],
+        p: &[f64],
+        winding: &[f64],
+        turning: bool,
+        normals: impl Iterator<Item = (usize, [f64; 3])>,
+    ) -> Result<(), EvaluationFailure> {
+        let system = self.system.as_ref();
+        if let Some(relatives) = self.chart.relatives_mut() {
+            relatives.tell_branches(system, t, p, winding, &mut self.edges)?;
+            relatives.move_references(system, q, Some(p), &mut self.edges, turning);
+            for (group, normal) in normals {
+                relatives.references[group][3..].copy_from_slice(&normal);
+            }
+        }
+        self.factor_at(q)?;
+        self.orientation = self.chart.determinant_sign();
+        self.return_to_anchor();
+        Ok(())
+    }
+}
