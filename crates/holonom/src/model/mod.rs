@@ -467,6 +467,8 @@ pub struct SimulationDefaults {
     pub accelerations: Option<&'static str>,
     /// Name of the coordinates.
     pub coordinates: Option<&'static str>,
+    /// Joints that are no edges of the spanning forest, by their places in [`Model::joints`].
+    pub cut: Vec<usize>,
     /// Name of the profile of the code.
     pub profile: Option<&'static str>,
 }

@@ -164,11 +164,14 @@ fn edge_stiffness(force: &Force) -> Option<f64> {
 fn graph(model: &Model) -> (Vec<Edge>, Vec<EdgeSource>) {
     let planar = model.dimension == Dimension::Planar;
     let mass = |body: BodyIndex| body.map(|b| model.bodies[b].mass);
+    let mut cut = vec![false; model.joints.len()];
+    model.simulation.cut.iter().for_each(|&joint| cut[joint] = true);
     let mut edges = Vec::new();
     let mut sources = Vec::new();
     for (k, joint) in model.joints.iter().enumerate() {
         let ends = joint.frames.map(|f| f.body);
-        edges.push(Edge { ends, class: class_of(&joint.kind, planar), strength: 0.0 });
+        let class = if cut[k] { Edge::CUT } else { class_of(&joint.kind, planar) };
+        edges.push(Edge { ends, class, strength: 0.0 });
         sources.push(EdgeSource::Joint(k));
     }
     for (k, force) in model.forces.iter().enumerate() {

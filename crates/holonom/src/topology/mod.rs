@@ -11,10 +11,16 @@ use std::collections::BinaryHeap;
 pub struct Edge {
     /// First and second body.
     pub ends: [BodyIndex; 2],
-    /// Smaller first: the number of relative coordinates of a joint, then distance joints, then forces.
+    /// Smaller first: the number of relative coordinates of a joint, then distance joints, then forces;
+    /// [`Edge::CUT`] is never taken.
     pub class: u32,
     /// Within a class larger first: for forces the square of a frequency, 1/s².
     pub strength: f64,
+}
+
+impl Edge {
+    /// Class of an edge that closes a loop, whatever else there is.
+    pub const CUT: u32 = u32::MAX;
 }
 
 /// A spanning forest, rooted at the ground.
@@ -112,7 +118,7 @@ impl Forest {
             for &k in list {
                 let Edge { ends, class, strength } = edges[k];
                 let other = if ends[0] == parent { ends[1] } else { ends[0] };
-                if let Some(body) = other.filter(|_| ends[0] != ends[1]) {
+                if let Some(body) = other.filter(|_| ends[0] != ends[1] && class != Edge::CUT) {
                     heap.push(Candidate { class, strength, depth, edge: k, body, parent });
                 }
             }
@@ -321,6 +327,10 @@ mod tests {
         );
         let tied = Forest::new(&[1.0, 5.0, 2.0], &[edge([None, a], 9, 0.0), edges[2], edges[3]]);
         assert_eq!(tied.order, [0, 2, 1], "a tie to the ground is a root, however light");
+        // A stated cut is none of the forest, though a body is left to itself.
+        let cut = [edges[0], edges[1], edges[2], edge([a, c], Edge::CUT, 0.0)];
+        let forest = Forest::new(&[1.0, 5.0, 2.0], &cut);
+        assert_eq!((forest.edge, forest.cuts), (vec![Some(1), None, Some(2)], vec![0, 3]));
         // A chain closed at both ends is cut where both ways are equally long.
         let ring = [[None, a], [a, b], [b, c], [c, None]].map(|ends| edge(ends, 1, 0.0));
         let forest = Forest::new(&[1.0; 3], &ring);

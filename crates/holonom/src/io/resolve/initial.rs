@@ -116,11 +116,7 @@ impl Context<'_> {
         let mut out = Vec::new();
         for (name, stated) in &file.initial.joints {
             let path = format!("initial.joints.{name}");
-            if !file.joints.contains_key(name) {
-                let message = format!("`{path}` names the joint `{name}`, which is not there");
-                let known = file.joints.keys().map(String::as_str);
-                let help = suggest(&self.errors, name, "joints", known);
-                self.refuse(Code::UnknownName, path, message, &help);
+            if !self.names_joint(&path, name) {
                 continue;
             }
             // Absent: the joint has errors of its own.
@@ -141,6 +137,18 @@ impl Context<'_> {
             }
         }
         out
+    }
+
+    /// Whether there is a joint of this name; refuses it otherwise.
+    fn names_joint(&mut self, path: &str, name: &str) -> bool {
+        let joints = &self.file.joints;
+        if joints.contains_key(name) {
+            return true;
+        }
+        let message = format!("`{path}` names the joint `{name}`, which is not there");
+        let help = suggest(&self.errors, name, "joints", joints.keys().map(String::as_str));
+        self.refuse(Code::UnknownName, path, message, &help);
+        false
     }
 
     fn extra_states(&mut self) -> Vec<(String, f64)> {
@@ -200,8 +208,16 @@ impl Context<'_> {
         Outputs { channels: file.outputs.channels.clone(), interval: file.outputs.interval }
     }
 
-    pub(super) fn simulation(&self) -> SimulationDefaults {
+    pub(super) fn simulation(&mut self, joints: &[Joint]) -> SimulationDefaults {
         let stated = &self.file.simulation;
+        let mut cut = Vec::new();
+        for (i, name) in stated.cut.iter().enumerate() {
+            let path = format!("simulation.cut[{i}]");
+            if self.names_joint(&path, name) {
+                // Absent: the joint has errors of its own.
+                cut.extend(joints.iter().position(|joint| joint.name == *name));
+            }
+        }
         SimulationDefaults {
             start_time: stated.start_time,
             end_time: stated.end_time,
@@ -225,6 +241,7 @@ impl Context<'_> {
             newton: stated.newton.map(schema::Newton::name),
             accelerations: stated.accelerations.map(schema::Accelerations::name),
             coordinates: stated.coordinates.map(schema::Coordinates::name),
+            cut,
             profile: stated.profile.map(schema::Profile::name),
         }
     }

@@ -48,7 +48,7 @@ pub(super) fn model(file: &ModelFile) -> (model::Model, Vec<Diagnostic>) {
         forces: context.forces(),
         initial: context.initial(&joints),
         outputs: context.outputs(),
-        simulation: context.simulation(),
+        simulation: context.simulation(&joints),
         bodies,
         joints,
         drivers,

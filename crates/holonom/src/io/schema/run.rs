@@ -61,8 +61,12 @@ pub(crate) struct Simulation {
     pub(crate) newton: Option<Newton>,
     /// Where accelerations and multipliers come from; by predicted cost unless stated.
     pub(crate) accelerations: Option<Accelerations>,
-    /// Which coordinates recoveries and derivatives go through; by predicted cost unless stated.
+    /// Which coordinates recoveries and derivatives go through; unless stated joint for models in space of up to 64 bodies.
     pub(crate) coordinates: Option<Coordinates>,
+    /// Joints that close loops of the spanning forest, by name; which others do is chosen by the fewest relative
+    /// coordinates. A body that nothing else ties is free then.
+    #[serde(default)]
+    pub(crate) cut: Vec<String>,
     /// Choices that go with a code; improved unless stated.
     pub(crate) profile: Option<Profile>,
 }
@@ -169,7 +173,7 @@ impl Accelerations {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Coordinates {
-    /// By predicted cost.
+    /// Joint for models in space of up to 64 bodies, else Cartesian.
     Auto,
     /// Poses of bodies, with equations for every joint.
     Cartesian,
