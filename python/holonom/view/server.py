@@ -10,6 +10,10 @@ from urllib.parse import parse_qs, urlsplit
 
 #: Answers of `Server`: the kind of content and the content; None where there is no such thing.
 Answer = tuple[str, bytes] | None
+#: Answers a request, by its path and the first value of each of its parameters.
+Get = Callable[[str, dict[str, str]], Answer]
+#: Takes what a page sends, by path, parameters and content; False refuses it.
+Post = Callable[[str, dict[str, str], bytes], bool]
 HTML, JSON = "text/html; charset=utf-8", "application/json"
 #: Largest body of a request, bytes: a picture.
 _MOST = 256 << 20
@@ -20,39 +24,20 @@ class Server:
 
     Parameters
     ----------
-    get : callable
-        Answers a request, by its path and the first value of each of its parameters.
-    post : callable, optional
-        Takes what a page sends, by path, parameters and content; False refuses it.
+    get : Get
+    post : Post, optional
+        Refuses everything by default.
     """
 
-    def __init__(
-        self,
-        get: Callable[[str, dict[str, str]], Answer],
-        post: Callable[[str, dict[str, str], bytes], bool] | None = None,
-    ) -> None:
-        self._secret = secrets.token_urlsafe(12)
-
-        class Handler(_Handler):
-            """Asks the functions of this server."""
-
-            def ask(self, path: str, query: dict[str, str]) -> Answer:
-                return get(path, query)
-
-            def take(self, path: str, query: dict[str, str], content: bytes) -> bool:
-                return post is not None and post(path, query, content)
-
-        # Port 0 is one that the system finds free.
-        self._server = _Quiet(("127.0.0.1", 0), Handler)
-        Handler.root = f"/{self._secret}/"
-        Handler.host = f"127.0.0.1:{self._server.server_port}"
+    def __init__(self, get: Get, post: Post = lambda *_: False) -> None:
+        self._server = _Listener(get, post)
         work = threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True)
         work.start()
 
     @property
     def address(self) -> str:
         """The address of the page."""
-        return f"http://127.0.0.1:{self._server.server_port}/{self._secret}/"
+        return f"http://{self._server.host}{self._server.root}"
 
     def close(self) -> None:
         """End; open connections are cut."""
@@ -60,8 +45,16 @@ class Server:
         self._server.server_close()
 
 
-class _Quiet(ThreadingHTTPServer):
+class _Listener(ThreadingHTTPServer):
+    """Holds what every request needs: the two functions and the address."""
+
     daemon_threads = True
+
+    def __init__(self, get: Get, post: Post) -> None:
+        super().__init__(("127.0.0.1", 0), _Handler)  # port 0 is one that the system finds free
+        self.get, self.post = get, post
+        self.root = f"/{secrets.token_urlsafe(12)}/"
+        self.host = f"127.0.0.1:{self.server_port}"
 
     def handle_error(self, *_: object) -> None:
         """Say nothing: a browser that is closed cuts its connections."""
@@ -69,18 +62,11 @@ class _Quiet(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
-    root = "/"
-    host = ""
-
-    def ask(self, path: str, query: dict[str, str]) -> Answer:
-        raise NotImplementedError
-
-    def take(self, path: str, query: dict[str, str], content: bytes) -> bool:
-        raise NotImplementedError
+    server: _Listener
 
     def do_GET(self) -> None:
         place = self._place()
-        answer = self.ask(*place) if place else None
+        answer = self.server.get(*place) if place else None
         if answer is None:
             self._send(404, "text/plain", b"there is no such page")
         else:
@@ -93,17 +79,18 @@ class _Handler(BaseHTTPRequestHandler):
             self.close_connection = True
             self._send(404, "text/plain", b"nothing is taken here")
             return
-        taken = self.take(*place, self.rfile.read(int(length)))
+        taken = self.server.post(*place, self.rfile.read(int(length)))
         self._send(204 if taken else 410, "text/plain", b"")
 
     def _place(self) -> tuple[str, dict[str, str]] | None:
         """Path and parameters; None for whoever was not told the address."""
         parts = urlsplit(self.path)
         # Another name for this machine may come from a page of somebody else.
-        if self.headers.get("Host") != self.host or not parts.path.startswith(self.root):
+        host, root = self.server.host, self.server.root
+        if self.headers.get("Host") != host or not parts.path.startswith(root):
             return None
         query = {name: values[0] for name, values in parse_qs(parts.query).items()}
-        return parts.path[len(self.root) :], query
+        return parts.path[len(root) :], query
 
     def _send(self, status: int, kind: str, content: bytes) -> None:
         try:
