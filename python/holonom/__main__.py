@@ -13,7 +13,7 @@ import sys
 from types import FrameType
 
 #: Signals that end the command in good order; its exit status is then 128 + their number.
-ENDING = (*([signal.SIGHUP] if os.name == "posix" else []), signal.SIGINT, signal.SIGTERM)
+ENDING = (signal.SIGHUP, signal.SIGINT, signal.SIGTERM)
 
 _FILES = 5
 _PIPE = 141
@@ -88,7 +88,7 @@ class _Process:
 
     def _raise_again(self, unraisable: sys.UnraisableHookArgs) -> None:
         """Do not lose a Ctrl-C that met a destructor."""
-        if unraisable.exc_type is KeyboardInterrupt and hasattr(signal, "setitimer"):
+        if unraisable.exc_type is KeyboardInterrupt:
             signal.signal(signal.SIGALRM, signal.default_int_handler)
             signal.setitimer(signal.ITIMER_REAL, 0.01)  # now it would be lost again
         else:

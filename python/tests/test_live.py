@@ -172,7 +172,6 @@ def test_the_command_serves_the_page_while_it_runs(
     assert invoke(["run", str(model), "-o", output, "--open"]) == 1
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
 def test_ctrl_c_ends_run_and_server(tmp_path: Path) -> None:
     output = tmp_path / "rod.holonom"
     model = tmp_path / "rod.toml"

@@ -134,8 +134,6 @@ def test_the_command_writes_a_film(tmp_path: Path) -> None:
 @pytest.mark.browser
 def test_ctrl_c_ends_the_browser_and_leaves_the_old_film(tmp_path: Path) -> None:
     require_browser()
-    if sys.platform == "win32":
-        pytest.skip("signals differ")
     result, film = tmp_path / "rod.holonom", tmp_path / "rod.gif"
     holonom.Model.from_text(PENDULUM).simulate(output=result)
     film.write_bytes(b"GIF89a Holonom")

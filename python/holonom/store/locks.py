@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
+import fcntl
 import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from holonom.base.errors import FileError
-
-fcntl: Any
-try:
-    fcntl = importlib.import_module("fcntl")
-except ImportError:  # not a POSIX system: nothing is locked there
-    fcntl = None
 
 #: How long a reader that only asks may hold the lock, s; a writer waits so long before it gives up.
 _PATIENCE = 0.3
@@ -44,8 +37,6 @@ class WriteLock:
     def __init__(self, real: Path, shown: Path) -> None:
         self._path = _beside(real)
         self._handle: int | None = None
-        if fcntl is None:
-            return
         deadline = time.monotonic() + _PATIENCE
         while True:
             handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666)
@@ -89,8 +80,6 @@ def only_writer(real: Path, shown: Path) -> Iterator[None]:
 
 def writer_of(real: Path) -> int | None:
     """Return the process that writes a file, 0 if its number is unknown; None if nobody does."""
-    if fcntl is None:
-        return None
     try:
         handle = os.open(_beside(real), os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
     except OSError:

@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,13 +16,11 @@ from holonom.base.errors import FileError
 #: Names of browsers that can do it, and where they stand outside of the search path.
 _NAMES = (
     "chromium", "chromium-browser", "google-chrome-stable", "google-chrome", "chrome",
-    "microsoft-edge", "msedge",
+    "microsoft-edge",
 )  # fmt: skip
 _PLACES = (
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
     "/Applications/Chromium.app/Contents/MacOS/Chromium",
-    r"C:\Program Files\Google\Chrome\Application\chrome.exe",
-    r"C:\Program Files (x86)\Microsoft\Edge\Application\msedge.exe",
 )
 #: No window, no network, nothing kept; WebGL by the processor where there is no graphics card.
 _FLAGS = (
@@ -66,7 +63,7 @@ def showing(program: str, address: str, size: tuple[int, int]) -> Iterator[subpr
         command = [
             program, *_FLAGS, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}",
         ]  # fmt: skip
-        if hasattr(os, "geteuid") and os.geteuid() == 0:
+        if os.geteuid() == 0:
             command.append("--no-sandbox")  # Chromium's sandbox refuses root
         with (Path(profile) / "said").open("wb") as said:
             # Ctrl-C is for the command, which then ends the browser.
@@ -84,8 +81,5 @@ def showing(program: str, address: str, size: tuple[int, int]) -> Iterator[subpr
 def _end(process: subprocess.Popen[bytes]) -> None:
     """End the browser with all its processes."""
     with suppress(OSError):
-        if sys.platform == "win32":
-            process.kill()
-        else:
-            os.killpg(process.pid, signal.SIGKILL)
+        os.killpg(process.pid, signal.SIGKILL)
     process.wait()
