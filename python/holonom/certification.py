@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.certificate import ChannelError
+from holonom.channels import split_component
 from holonom.gauge import KINDS, RESIDUALS, largest_tolerance, length, parts_of, peak
-from holonom.model import split_component
 from holonom.options import Tolerance
 from holonom.store.layout import STATE, Quantity
 

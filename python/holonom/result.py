@@ -21,7 +21,8 @@ from holonom.base.plain import as_path
 from holonom.base.record import Record
 from holonom.base.text import quoted, shown
 from holonom.certificate import Certification
-from holonom.model import FROM_ZERO, Model, expand, require_name, split_component
+from holonom.channels import FROM_ZERO, expand, require_name, split_component
+from holonom.model import Model
 from holonom.options import require_finite
 from holonom.pictures import runs as pictures
 from holonom.states import no_rows, states_at, vector

@@ -24,7 +24,7 @@ from holonom.certification import (
     tightened,
     unfinished,
 )
-from holonom.model import split_component
+from holonom.channels import split_component
 from holonom.result import Result
 from holonom.states import start_state
 from holonom.store.continuation import begun, destination, first_state, merged, part, rewind

@@ -19,7 +19,7 @@ MODULES = ["holonom.signals", "holonom.pictures.picture", "holonom.view", "holon
 
 
 def public() -> Iterator[tuple[str, Any]]:
-    """Every public class and function, with the methods and properties of classes."""
+    """Every public class and function, with the methods and properties of classes and bases."""
     found = {f"holonom.{name}": getattr(holonom, name) for name in holonom.__all__}
     for module in map(importlib.import_module, MODULES):
         for name, value in vars(module).items():
@@ -30,7 +30,8 @@ def public() -> Iterator[tuple[str, Any]]:
         yield name, value
         if not inspect.isclass(value):
             continue
-        for key, member in vars(value).items():
+        bases = [base for base in value.__mro__ if base.__module__.startswith("holonom.")]
+        for key, member in (item for base in bases for item in vars(base).items()):
             kinds = (property, classmethod, staticmethod)
             if not key.startswith("_") and (
                 inspect.isfunction(member) or isinstance(member, kinds)

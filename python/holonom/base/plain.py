@@ -95,3 +95,11 @@ def require_text(text: str, what: str) -> None:
                 help="take valid Unicode text",
             )
         ) from None
+
+
+def require_callable(name: str, value: object) -> None:
+    """Refuse what is neither a function nor left out."""
+    if value is not None and not callable(value):
+        raise UsageError(
+            f"`{name}` is {quoted(repr(value))}", help="pass a function, or leave it out"
+        )

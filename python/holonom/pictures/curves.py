@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from holonom import signals
 from holonom.base.errors import UsageError
 from holonom.base.text import quoted
+from holonom.channels import split_component
 from holonom.gauge import KINDS, own_tolerances, peak
-from holonom.model import split_component
 from holonom.options import Tolerance, require_finite, require_positive
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from holonom import signals
 from holonom.base.errors import UsageError
 from holonom.base.text import quoted
-from holonom.model import split_component
+from holonom.channels import split_component
 from holonom.pictures.curves import STILL, Curves, curves
 from holonom.pictures.picture import (
     COLORS,

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from holonom.base.errors import UsageError
 from holonom.certification import SETS
-from holonom.model import split_component
+from holonom.channels import split_component
 
 if TYPE_CHECKING:
     from holonom.model import Model

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base.errors import SimulationError, UsageError
-from holonom.base.plain import as_path
+from holonom.base.plain import as_path, require_callable
 from holonom.base.text import quoted
 from holonom.model import Model
 from holonom.options import Options, Tolerance
@@ -116,10 +116,7 @@ def compare(
     for name, listed in (("methods", methods or ()), ("tolerances", tolerances)):
         if isinstance(listed, str | Mapping) or not isinstance(listed, Sequence):
             raise UsageError(f"`{name}` is {quoted(repr(listed))}", help="pass a list of them")
-    if progress is not None and not callable(progress):
-        raise UsageError(
-            f"`progress` is {quoted(repr(progress))}", help="pass a function, or leave it out"
-        )
+    require_callable("progress", progress)
     if not (reference is None or isinstance(reference, Result | str | Path)):
         raise UsageError(
             f"`reference` is {quoted(repr(reference))}", help="pass a result, or its file"

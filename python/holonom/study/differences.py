@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from holonom.base.errors import UsageError
 from holonom.base.text import quoted
 from holonom.certification import certified_channels
+from holonom.channels import expand, split_component
 from holonom.gauge import KINDS, RESIDUALS, largest_tolerance, length, parts_of, peak
-from holonom.model import expand, split_component
 from holonom.options import Tolerance, require_finite, require_positive
 
 if TYPE_CHECKING:

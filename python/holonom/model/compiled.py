@@ -1,0 +1,257 @@
+"""What a compiled model says of itself, and what it computes from given states."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from holonom import _core
+from holonom.base.errors import UsageError, translated
+from holonom.base.names import did_you_mean, nearest_channels
+from holonom.base.plain import frozen
+from holonom.base.text import quoted
+from holonom.channels import expand, require_name, split_component
+from holonom.store.layout import Quantity
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
+
+#: Beginnings of the names of channels that every run stores.
+DIAGNOSTICS = ("energy.", "constraint.")
+
+
+class Compiled:
+    """A model as the engine holds it; what is asked for often is asked once.
+
+    Parameters
+    ----------
+    core : CoreModel
+    name : str
+    """
+
+    def __init__(self, core: _core.CoreModel, name: str) -> None:
+        self._core = core
+        self._channels: dict[str, Quantity] | None = None
+        self._defaults: dict[str, Any] | None = None
+        self._diagnostics: tuple[str, ...] | None = None
+        self._text: str | None = None
+        self._hash: str | None = None
+        self._warnings: str | None = None
+        self._tree: Mapping[str, Any] | None = None
+        self._geometry: dict[str, Any] | None = None
+        self.name = name
+
+    @property
+    def bodies(self) -> Mapping[str, Any]:
+        """Bodies by name, as the file states them, patterns written out; read-only."""
+        return self._items("bodies")
+
+    @property
+    def joints(self) -> Mapping[str, Any]:
+        """Joints by name, as `bodies`."""
+        return self._items("joints")
+
+    @property
+    def forces(self) -> Mapping[str, Any]:
+        """Forces by name, as `bodies`."""
+        return self._items("forces")
+
+    @property
+    def drivers(self) -> Mapping[str, Any]:
+        """Drivers by name, as `bodies`."""
+        return self._items("drivers")
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Parameters by name, as `bodies`: each a mapping with ``value``, ``unit``, ``title``."""
+        return self._items("parameters")
+
+    def _items(self, kind: str) -> Mapping[str, Any]:
+        if self._tree is None:
+            self._tree = frozen(json.loads(self.to_json(plain=True)))
+        found: Mapping[str, Any] = self._tree.get(kind, MappingProxyType({}))
+        return found
+
+    @property
+    def title(self) -> str:
+        """Title stated in the file, else the name."""
+        return str(self.defaults.get("title") or self.name)
+
+    @property
+    def hash(self) -> str:
+        """Hash of the merged model text: equal for equal models."""
+        if self._hash is None:
+            self._hash = self._core.hash()
+        return self._hash
+
+    @property
+    def defaults(self) -> dict[str, Any]:
+        """Title and dimension; start and end (s) and tolerance of a run that states none."""
+        if self._defaults is None:
+            self._defaults = json.loads(self._core.defaults())
+        return self._defaults
+
+    @property
+    def warnings(self) -> list[dict[str, str]]:
+        """What is legal but implausible: ``code``, ``message`` and ``path`` of each."""
+        if self._warnings is None:
+            self._warnings = self._core.warnings()
+        found: list[dict[str, str]] = json.loads(self._warnings) if self._warnings != "[]" else []
+        return found
+
+    @property
+    def channels(self) -> dict[str, Quantity]:
+        """Every channel that can be asked for, by name, with unit, frame and shape."""
+        if self._channels is None:
+            self._channels = {
+                name: Quantity(name, unit, frame, tuple(shape))
+                for name, unit, frame, shape in self._core.channels()
+            }
+        return self._channels
+
+    @property
+    def diagnostics(self) -> tuple[str, ...]:
+        """Channels that every run stores: residuals and the energy ledger.
+
+        The path integrals among them cannot be computed from states afterwards.
+        """
+        if self._diagnostics is None:
+            names = (name for name in self.channels if name.startswith(DIAGNOSTICS))
+            self._diagnostics = tuple(names)
+        return self._diagnostics
+
+    @property
+    def geometry(self) -> dict[str, Any]:
+        """What is needed to draw the model, as plain data; lengths in m.
+
+        ``dimension``, ``gravity``; ``bodies`` in the design configuration, with their ``shapes``;
+        ``elements``: joints, forces and drivers with ``collection``, ``name``, ``type`` and
+        ``frames``. A frame is a ``body`` (its number, None for the ground) with a ``point`` and
+        ``axes`` (columns) in body axes.
+        """
+        if self._geometry is None:
+            self._geometry = json.loads(self._core.geometry())
+        return self._geometry
+
+    def road_heights(self, tyre: str, places: ArrayLike) -> NDArray[np.float64]:
+        """Return the height of the road under a tyre at places x (m), ndarray, m.
+
+        Raises
+        ------
+        UsageError
+            If there is no such tyre.
+        """
+        tyres = [e["name"] for e in self.geometry["elements"] if e["type"] == "tyre"]
+        if tyre not in tyres:
+            raise UsageError(
+                f"there is no tyre {quoted(tyre)}",
+                help=did_you_mean(tyres, "") if tyres else "the model has no tyres",
+            )
+        import numpy as np
+
+        try:
+            x = np.atleast_1d(np.asarray(places, dtype=np.float64))
+        except (TypeError, ValueError, OverflowError):
+            x = np.empty((0, 0))
+        if x.ndim != 1 or not np.isfinite(x).all():
+            raise UsageError(
+                f"`places` is {quoted(repr(places))}", help="pass a vector of finite places, m"
+            )
+        return np.array(self._core.road_heights(tyre, x.tolist()))
+
+    def expand(self, patterns: Iterable[str]) -> list[str]:
+        """Return the channels meant by names and patterns such as ``rack_slide.*``.
+
+        Raises
+        ------
+        UsageError
+            If a name or pattern fits no channel.
+        """
+        return expand(patterns, self.channels)
+
+    def evaluate(
+        self, names: Iterable[str], state: Mapping[str, ArrayLike]
+    ) -> dict[str, NDArray[np.float64]]:
+        r"""Compute channels from states.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Channels.
+        state : mapping of str to ndarray
+            ``time`` (n_times,), ``q``, ``qd``, ``qdd``, ``lambda``, ``z``, ``winding`` and
+            ``ledger`` (n_times, size), as a result stores them.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n_times, \*shape)
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown, or an array has not the shape that the model's state has.
+        """
+        if isinstance(names, str) or not isinstance(names, Iterable):
+            raise UsageError(f"`names` is {quoted(repr(names))}", help="pass a list of channels")
+        names = [require_name(name) for name in names]
+        for name in names:
+            if name not in self.channels:
+                tip = did_you_mean(
+                    nearest_channels(name, self.channels), "`Model.channels` lists them"
+                )
+                if split_component(name)[1] is not None:
+                    tip = "name the whole channel; components are columns of what is returned"
+                elif any(sign in name for sign in "*?["):
+                    tip = "`Model.expand([pattern])` lists the channels that a pattern means"
+                raise UsageError(
+                    f"there is no channel {quoted(name)}", "simulation/unknown-channel", tip
+                )
+        from holonom.states import as_rows  # here: NumPy takes as long as all else to import
+
+        rows = as_rows(state)
+        with translated():
+            return self._core.evaluate_channels(names, rows)
+
+    def dense_states(
+        self, steps: Mapping[str, Any], times: NDArray[np.float64]
+    ) -> dict[str, NDArray[np.float64]]:
+        """Compute the states at times (s) within stored steps; see `Reader.dense_chunks`.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n_times, size)
+            As `evaluate` takes them.
+        """
+        from holonom.states import vector
+
+        if not hasattr(steps, "keys"):
+            tip = "pass an entry of `Reader.dense_chunks`"
+            raise UsageError(f"the steps are {quoted(repr(steps))}", help=tip)
+        with translated():
+            return self._core.dense_states(dict(steps), vector(times).tolist())
+
+    def to_json(self, *, plain: bool = False) -> str:
+        """Return the merged model as JSON text, without ``extends``.
+
+        Numbers stand as the file states them, with its units and expressions; `plain` text holds
+        none of these, only numbers in SI units.
+
+        Parameters
+        ----------
+        plain : bool, default False
+            Write out what patterns repeat, so that every item stands under its name, and what
+            units and expressions mean: plain numbers in SI units.
+        """
+        if plain:
+            return self._core.to_plain_json()
+        if self._text is None:
+            self._text = self._core.to_json()
+        return self._text
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the merged model as plain data, from which `from_dict` makes the same one."""
+        data: dict[str, Any] = json.loads(self.to_json())
+        return data
