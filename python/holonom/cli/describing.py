@@ -1,0 +1,100 @@
+"""What there is: ``holonom check``, ``info``, ``models`` and ``schema``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from holonom import library
+from holonom.base.errors import Exit, UsageError, describe
+from holonom.base.text import one_line
+from holonom.cli.arguments import (
+    Json,
+    ModelFile,
+    Recover,
+    ResultFile,
+    Values,
+    load_model,
+    opened,
+    output_to,
+)
+from holonom.cli.terminal import done, facts, print_json, print_summary, say
+
+
+def check(
+    model: ModelFile,
+    values: Values = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="A line per edge of the spanning tree.")
+    ] = False,
+    json_: Json = False,
+) -> int:
+    """Validate and assemble a model; print counts, redundancy and stiffness."""
+    report = load_model(model, values).check()
+    if json_:
+        print_json(report.to_json())
+    else:
+        say("\n".join([str(report), *(report.tree_lines() if verbose else [])]))
+    return Exit.OK
+
+
+def info(result: ResultFile, recover: Recover = False, json_: Json = False) -> int:
+    """Say what a result file holds, and up to which time."""
+    with opened(result, recover=recover) as loaded:
+        if json_:
+            print_json(facts(loaded))
+        else:
+            print_summary(loaded)
+            if loaded.status != "completed" and loaded.stop_reason:
+                say(describe(loaded.stop_reason))
+            for name in loaded.channels:
+                quantity = loaded.quantities[name]
+                shape = f" {list(quantity.shape)}" if quantity.shape else ""
+                say(one_line(f"  {name}{shape} {quantity.unit} {quantity.frame}").rstrip())
+    return Exit.OK
+
+
+def models(
+    name: Annotated[
+        str | None, typer.Argument(metavar="[NAME]", help="What one of them is, and its source.")
+    ] = None,
+    output: Annotated[
+        Path | None, output_to("Copy it there, to change it.", metavar="FOLDER")
+    ] = None,
+    json_: Json = False,
+) -> int:
+    """List the models that come with Holonom; MODEL is `library:NAME` in other commands."""
+    if name is None:
+        if output is not None:
+            raise UsageError("`-o` needs the name of a model", help="`holonom models` lists them")
+        found = library.entries()
+        if json_:
+            print_json([{"name": e.name, "title": e.title, "model": str(e.path)} for e in found])
+        else:
+            typer.echo("\n".join(f"{e.name:<22}{e.title}" for e in found))
+    elif output is None:
+        entry = library.entry(name)
+        text = (entry.path.parent / "README.md").read_text(encoding="utf-8").rstrip("\n")
+        if json_:
+            known = {"name": entry.name, "title": entry.title, "model": str(entry.path)}
+            print_json(known | {"text": text})
+        else:
+            typer.echo(f"{text}\n\nmodel file: {entry.path}")
+    else:
+        return done("model", library.copy(name, output)[0] / "model.toml", json_)
+    return Exit.OK
+
+
+def schema(
+    reference: Annotated[
+        bool, typer.Option("--reference", help="Print the reference page, in Markdown.")
+    ] = False,
+    json_: Json = False,  # noqa: ARG001 - the schema is JSON already
+) -> int:
+    """Print the JSON Schema of model files."""
+    from holonom import _core
+
+    typer.echo((_core.model_reference() if reference else _core.schema()).rstrip("\n"))
+    return Exit.OK

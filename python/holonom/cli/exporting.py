@@ -1,0 +1,101 @@
+"""``holonom export``: channels as tables for other programs."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from holonom.base import files
+from holonom.base.errors import Exit, UsageError
+from holonom.cli.arguments import (
+    Force,
+    Json,
+    Names,
+    Recover,
+    ResultFile,
+    opened,
+    output_to,
+    seconds,
+)
+from holonom.cli.terminal import complain, done
+from holonom.cli.words import read_times
+
+if TYPE_CHECKING:
+    from holonom.result import Result
+
+#: Rows that an export makes at most, as a run.
+_MOST_ROWS = 1e7
+
+
+def export(
+    result: ResultFile,
+    channels: Names = None,
+    output: Annotated[
+        Path | None, output_to("The file; RESULT.csv by default, '-' prints CSV.")
+    ] = None,
+    format_: Annotated[
+        str | None,
+        typer.Option(
+            "--format", help="csv, parquet, netcdf or matlab; by default that of the file's name."
+        ),
+    ] = None,
+    interval: Annotated[
+        float | None, seconds("--interval", "Time between rows; the stored rows by default.")
+    ] = None,
+    times: Annotated[
+        str | None, typer.Option(help="Times of the rows, s, with commas: 0.1,0.25.")
+    ] = None,
+    force: Force = False,
+    recover: Recover = False,
+    json_: Json = False,
+) -> int:
+    """Write channels as CSV, Parquet, NetCDF or for MATLAB; without names those stored."""
+    from holonom.export import FORMATS, format_of, write_csv
+
+    format_ = format_of(output, format_)
+    ending, write = FORMATS[format_]
+    target = output or result.with_suffix(ending)
+    if str(target) != "-":  # now, and of the file itself: rows at other times are in memory
+        files.require_target(target, format_, inputs=[result], force=force)
+    with opened(result, recover=recover) as stored:
+        rows = _row_times(stored, interval, times)
+        loaded = stored if rows is None else stored.at(rows, channels)
+        if str(target) == "-":
+            if format_ != "csv":
+                tip = f"name a file: `-o {result.stem}{ending}`"
+                raise UsageError(f"`-o -` prints CSV, not {format_}", help=tip)
+            write_csv(loaded, sys.stdout, channels)
+            return Exit.OK
+        write(loaded, target, channels, force=force)
+        if not loaded.time.size:
+            complain("the result has no rows; the table has a heading only", "warning")
+    return done("table", target, json_)
+
+
+def _row_times(result: Result, interval: float | None, times: str | None) -> list[float] | None:
+    """Return the times that rows are wanted at; None for those that are stored."""
+    if interval is not None and times is not None:
+        raise UsageError("both `--interval` and `--times` are given", help="leave one of them out")
+    if times is not None:
+        return read_times(times, "--times")
+    if interval is None:
+        return None
+    if not (interval > 0.0 and math.isfinite(interval)):
+        raise UsageError(f"`--interval` is {interval}", help="it must be positive and finite, s")
+    if result.span is None and not result.time.size:
+        raise UsageError(
+            "the result has no rows and no stored steps: nothing to export",
+            help="run the model again; `holonom info` says why this run ended",
+        )
+    first, last = result.span or (float(result.time[0]), float(result.time[-1]))
+    if (last - first) / interval > _MOST_ROWS:
+        raise UsageError(
+            f"`--interval` is {interval}, which makes more than {_MOST_ROWS:.0e} rows",
+            help="take a longer interval",
+        )
+    count = math.floor((last - first) / interval * (1.0 + 1e-12))
+    return [min(first + k * interval, last) for k in range(count + 1)]
