@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 #: What to try where a component is counted from the end.
 FROM_ZERO = "components count from 0: `chassis.position[2]` is the last of three"
-_NEGATIVE = re.compile(r"\[-\d+\]$")
 
 
 def split_component(name: str) -> tuple[str, int | None]:
@@ -42,22 +41,49 @@ def require_name(name: object) -> str:
     return name
 
 
+def require_names(names: Iterable[str]) -> list[str]:
+    """Return a list of names or patterns; refuse what is none.
+
+    Raises
+    ------
+    UsageError
+    """
+    if isinstance(names, str):
+        raise UsageError(f"the channels are one text, {quoted(names)}", help="pass a list of names")
+    if not isinstance(names, Iterable):
+        raise UsageError(
+            f"the channels are {quoted(repr(names))}", help="pass a list of names or patterns"
+        )
+    return [require_name(name) for name in names]
+
+
+def unknown(name: str, tip: str) -> UsageError:
+    """Return the error of a name that no channel has."""
+    return UsageError(f"there is no channel {quoted(name)}", "simulation/unknown-channel", tip)
+
+
+def is_pattern(name: str) -> bool:
+    """Whether a name that no channel has was meant for several."""
+    return any(sign in name for sign in "*?[")
+
+
+def is_from_end(name: str) -> bool:
+    """Whether a component is counted from the end, as in ``chassis.position[-1]``."""
+    return re.search(r"\[-\d+\]$", name) is not None
+
+
 def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
     """Return the names that names and patterns mean, each once, in their order.
 
     A name may end in the index of a component, ``chassis.position[2]``.
+
+    Raises
+    ------
+    UsageError
+        ``simulation/unknown-channel``, if one of them fits nothing.
     """
     found: dict[str, None] = {}
-    if isinstance(patterns, str):
-        raise UsageError(
-            f"the channels are one text, {quoted(patterns)}", help="pass a list of names"
-        )
-    if not isinstance(patterns, Iterable):
-        raise UsageError(
-            f"the channels are {quoted(repr(patterns))}", help="pass a list of names or patterns"
-        )
-    for pattern in patterns:
-        require_name(pattern)
+    for pattern in require_names(patterns):
         name, index = split_component(pattern)
         if pattern in known:  # thousands of names are looked up, not compared
             hits = [pattern]
@@ -77,9 +103,6 @@ def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
             tip = did_you_mean(
                 nearest_channels(pattern, known), "`Model.channels` and `holonom info` list them"
             )
-            tip = FROM_ZERO if _NEGATIVE.search(pattern) else tip
-            raise UsageError(
-                f"there is no channel {quoted(pattern)}", "simulation/unknown-channel", tip
-            )
+            raise unknown(pattern, FROM_ZERO if is_from_end(pattern) else tip)
         found |= dict.fromkeys(hits)
     return list(found)

@@ -12,7 +12,7 @@ from holonom.base.errors import UsageError, translated
 from holonom.base.names import did_you_mean, nearest_channels
 from holonom.base.plain import frozen
 from holonom.base.text import quoted
-from holonom.channels import expand, require_name, split_component
+from holonom.channels import expand, is_pattern, require_name, split_component, unknown
 from holonom.store.layout import Quantity
 
 if TYPE_CHECKING:
@@ -204,11 +204,9 @@ class Compiled:
                 )
                 if split_component(name)[1] is not None:
                     tip = "name the whole channel; components are columns of what is returned"
-                elif any(sign in name for sign in "*?["):
+                elif is_pattern(name):
                     tip = "`Model.expand([pattern])` lists the channels that a pattern means"
-                raise UsageError(
-                    f"there is no channel {quoted(name)}", "simulation/unknown-channel", tip
-                )
+                raise unknown(name, tip)
         from holonom.states import as_rows  # here: NumPy takes as long as all else to import
 
         rows = as_rows(state)

@@ -1,33 +1,30 @@
-"""Results: arrays by name, the state to restart from, the step log and the diagnosis of a run."""
+"""Results: arrays by name, the state to restart from, the step log and the diagnosis of a run.
+
+`Result` is here, with its files and the doors to pictures, pages and tables.
+
+========== ======================================================================
+``facts``  what is known about the run: how it was made, how it went, how it ended
+``arrays`` channels by name, at the output times and at any other
+========== ======================================================================
+"""
 
 from __future__ import annotations
 
 import html
-import json
-import re
 import sqlite3
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from holonom.base import files
-from holonom.base.errors import FileError, UsageError
-from holonom.base.names import did_you_mean, nearest_channels
+from holonom.base.errors import UsageError
 from holonom.base.plain import as_path
-from holonom.base.record import Record
 from holonom.base.text import quoted, shown
-from holonom.certificate import Certification
-from holonom.channels import FROM_ZERO, expand, require_name, split_component
-from holonom.model import Model
-from holonom.options import require_finite
 from holonom.pictures import runs as pictures
-from holonom.states import no_rows, states_at, vector
-from holonom.store.layout import STATE, Quantity
-from holonom.store.memory import Memory, Stored
+from holonom.result.arrays import Arrays
 from holonom.store.reader import Reader
 
 if TYPE_CHECKING:
@@ -40,7 +37,7 @@ if TYPE_CHECKING:
     from holonom.view.sketch import Sketch
 
 
-class Result:
+class Result(Arrays):
     """A trajectory and what is known about the run that made it.
 
     ``result["chassis.position"]`` is an array over the output times. Channels that were asked for
@@ -49,11 +46,6 @@ class Result:
     A result comes from `Model.simulate` or from `Result.load`. Arrays are read when they are used;
     they are kept and must not be written to.
     """
-
-    def __init__(self, reader: Stored, model: Model | None = None) -> None:
-        self._reader = reader
-        self._kept: dict[str, NDArray[np.float64]] = {}
-        self._model = model
 
     @classmethod
     def load(cls, path: str | Path, *, recover: bool = False) -> Result:
@@ -74,329 +66,6 @@ class Result:
         """
         return cls(Reader.open(as_path(path), recover=recover))
 
-    @property
-    def damage(self) -> list[str]:
-        """Parts of the file that were found damaged so far; always empty without ``recover``."""
-        return list(getattr(self._reader, "damage", []))
-
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
-        """Return a channel, one of its components, or ``time``, ``q``, ``qd``, ….
-
-        Returns
-        -------
-        ndarray, shape (n_times,) for scalars, (n_times, n) for vectors
-            In the SI unit `unit` tells, along the axes `frame` tells.
-
-        Raises
-        ------
-        UsageError
-            If there is no such channel.
-        """
-        if not isinstance(name, str):
-            raise UsageError(
-                f"{quoted(repr(name))} is no channel",
-                "simulation/unknown-channel",
-                "`result[name]` takes one name; rows are those of the array it returns",
-            )
-        whole, index = split_component(name)
-        if index is not None:
-            self._quantity(name)  # refuses components that are not there
-            return self[whole][:, index]
-        if name not in self._kept:
-            if name in self._reader.quantities:
-                values = self._reader.read(name)
-            elif not self.time.size:  # the run ended before anything was stored
-                values = np.zeros((0, *(() if name in STATE else self._quantity(name).shape)))
-            else:
-                self._quantity(name)  # refuses unknown names, with the nearest ones
-                states = {part: self[part] for part in STATE if part in self._reader.quantities}
-                values = self.model.evaluate([name], states)[name]
-            values.flags.writeable = False
-            self._kept[name] = values
-        return self._kept[name]
-
-    def matrix(self, name: str) -> NDArray[np.float64]:
-        """Return a channel with one column per component, ndarray, shape (n_times, n)."""
-        quantity = self._quantity(name)
-        size = 1 if split_component(name)[1] is not None else quantity.size
-        return self[name].reshape(self.time.size, size)
-
-    def __contains__(self, name: object) -> bool:
-        """Whether `self[name]` is an array: stored, computable, or a component of such."""
-        if not isinstance(name, str):
-            return False
-        whole, index = split_component(name)
-        stored = self._reader.quantities
-        quantity = stored.get(whole) or self.model.channels.get(whole)
-        if quantity is None or index is None:
-            return quantity is not None
-        return len(quantity.shape) == 1 and index < quantity.size
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.keys())
-
-    def __len__(self) -> int:
-        return len(self.keys())
-
-    def keys(self) -> list[str]:
-        """Return ``time`` and the names of the stored channels: ``dict(result)`` has them all.
-
-        More names can be asked for: those of ``model.channels``, components, ``q``, ``qd``, ….
-        """
-        return ["time", *self.channels]
-
-    def _ipython_key_completions_(self) -> list[str]:
-        return list(dict.fromkeys([*self.keys(), *self.quantities, *self.model.channels]))
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle and copy by the file where there is one, else by its bytes."""
-        if self.path is not None:
-            return Result.load, (self.path.absolute(),)
-        with tempfile.TemporaryDirectory() as folder:
-            return _from_bytes, (self.save(Path(folder) / "result.holonom").read_bytes(),)
-
-    @property
-    def time(self) -> NDArray[np.float64]:
-        """Output times, ndarray, shape (n_times,), s."""
-        return self["time"] if "time" in self._reader.quantities else np.zeros(0)
-
-    @property
-    def channels(self) -> list[str]:
-        """Names of the stored channels."""
-        return [name for name in self._reader.quantities if name not in STATE]
-
-    @property
-    def quantities(self) -> dict[str, Quantity]:
-        """What is stored, states and channels, by name."""
-        return self._reader.quantities
-
-    @property
-    def requested(self) -> list[str]:
-        """Names of the channels that the run was asked for."""
-        return [name for name in self.meta.get("requested", []) if name in self]
-
-    def unit(self, name: str) -> str:
-        """Return the SI unit of a channel."""
-        return self._quantity(name).unit
-
-    def frame(self, name: str) -> str:
-        """Return the axes in which a channel's components are given; empty for scalars."""
-        return self._quantity(name).frame
-
-    def state(self, time: float | None = None) -> dict[str, NDArray[np.float64]]:
-        """Return the state at any time of the run, to start another run from.
-
-        At an output time it is the stored row. At others it is computed from the stored steps: the
-        joints hold to round-off, and it is as accurate as the step.
-
-        Parameters
-        ----------
-        time : float, optional
-            s; the last output time when not given.
-
-        Returns
-        -------
-        dict of str to ndarray
-            ``time`` (1,), ``q``, ``qd``, ``qdd``, ``lambda``, ``z``, ``winding`` and the energy
-            ``ledger``: vectors.
-
-        Raises
-        ------
-        UsageError
-            If the run has no such time, or stored no steps and none of its output times is there.
-        """
-        times = self.time
-        if time is None:
-            if not times.size:
-                raise no_rows()
-            return self._reader.row(times.size - 1)
-        wanted = np.array([require_finite("time", time)])
-        for index in np.nonzero(times == wanted)[0][:1]:
-            return self._reader.row(int(index))
-        return {name: part[0] for name, part in states_at(self._reader, self.model, wanted).items()}
-
-    def sample(
-        self, times: ArrayLike, channels: Sequence[str] | None = None
-    ) -> dict[str, NDArray[np.float64]]:
-        r"""Return channels at any times of the run, also such that were not asked for.
-
-        Parameters
-        ----------
-        times : array_like, shape (n_times,)
-            s, in any order.
-        channels : sequence of str, optional
-            Names, with a component or not, or patterns; also ``q``, ``qd``, …. The stored ones when
-            none are given.
-
-        Returns
-        -------
-        dict of str to ndarray, shape (n_times, \*shape)
-            ``time`` and the channels.
-
-        Raises
-        ------
-        UsageError
-            As `state`; if a channel is unknown.
-        """
-        wanted = vector(times)
-        names = self.channels if channels is None else self._listed(channels)
-        states = [name for name in names if name in STATE]
-        names = self.model.expand([name for name in names if name not in STATE])
-        parts = states_at(self._reader, self.model, wanted)
-        whole = list(dict.fromkeys(split_component(name)[0] for name in names))
-        values = self.model.evaluate(whole, parts) if wanted.size else {}
-        found = {"time": wanted} | {name: parts[name] for name in states}
-        for name in names:
-            channel, index = split_component(name)
-            if not wanted.size:
-                values[channel] = np.zeros((0, *self._quantity(channel).shape))
-            found[name] = values[channel] if index is None else values[channel][:, index]
-        return found
-
-    def at(self, times: ArrayLike, channels: Sequence[str] | None = None) -> Result:
-        """Return this result with rows at other times, in memory: to plot or export it there.
-
-        It has no steps, so states at further times are those of this result, not of the new one.
-
-        Parameters
-        ----------
-        times : array_like, shape (n_times,)
-            s, rising.
-        channels : sequence of str, optional
-            What is stored; the channels stored here when none are given.
-
-        Raises
-        ------
-        UsageError
-            As `sample`.
-        """
-        wanted = vector(times)
-        if not np.all(np.diff(wanted) > 0.0):
-            raise UsageError("`times` do not rise", help="sort them, and leave out equal ones")
-        names = self.channels if channels is None else self.model.expand(self._listed(channels))
-        names = list(dict.fromkeys(split_component(name)[0] for name in names))
-        states = [name for name in STATE if name in self._reader.quantities and name != "time"]
-        parts = self.sample(wanted, [*states, *names])
-        memory = Memory(self.meta, self.model.channels)
-        if wanted.size:
-            rows = {name: parts[name] for name in ("time", *states)}
-            memory.append(rows | {"channels": {name: parts[name] for name in names}})
-        return Result(memory, self._model)
-
-    @property
-    def span(self) -> tuple[float, float] | None:
-        """First and last time (s) between which any state can be computed.
-
-        None where the run has no steps, or was made without ``dense_output``.
-        """
-        return self._reader.dense_span
-
-    @property
-    def meta(self) -> dict[str, Any]:
-        """Everything the file says about the run, as plain data."""
-        return self._reader.meta
-
-    @property
-    def path(self) -> Path | None:
-        """The result file; None for a result in memory."""
-        return self._reader.path
-
-    @property
-    def model(self) -> Model:
-        """The model that was run; of a file read back from it."""
-        if self._model is None:
-            if "model" not in self.meta:
-                raise FileError(
-                    f"{self.path}: its model is lost",
-                    "stored channels can be read all the same; run the model again for others",
-                    code="result/damaged",
-                )
-            text = json.dumps(self.meta["model"], ensure_ascii=False)
-            name = str(self.meta.get("name", "model"))
-            self._model = Model.from_text(text, "json", name)
-        return self._model
-
-    @property
-    def items(self) -> dict[str, Any]:
-        """The model as plain data, with what its patterns repeat written out."""
-        model: dict[str, Any] = self.meta.get("model", {})
-        if "patterns" in model:
-            model = json.loads(self.model.to_json(plain=True))
-        return model
-
-    @property
-    def status(self) -> str:
-        """How the run ended.
-
-        ``completed``; ``interrupted`` by Ctrl-C; ``failed``; ``limit``: of steps or seconds;
-        ``killed`` while writing; ``running``: not yet ended, or killed where that cannot be told.
-        """
-        return str(self.meta.get("status", "running"))
-
-    @property
-    def stop_reason(self) -> dict[str, Any]:
-        """Why the run ended: ``code``, ``message`` and, where known, ``time``, ``item``, …."""
-        return dict(self.meta.get("stop_reason") or {})
-
-    @property
-    def statistics(self) -> Record:
-        """Counts and times of the run: ``steps``, ``rejected``, ``jacobians``, …."""
-        return Record(self.meta.get("statistics") or {})
-
-    @property
-    def residuals(self) -> Record:
-        """Largest constraint residuals over the accepted steps."""
-        return Record(self.meta.get("residuals") or {})
-
-    @property
-    def energy(self) -> Record:
-        """Energy ledger at the end, J."""
-        return Record(self.meta.get("energy") or {})
-
-    @property
-    def warnings(self) -> list[dict[str, str]]:
-        """Warnings of the model and of the run."""
-        return list(self.meta.get("warnings") or [])
-
-    @property
-    def certification(self) -> Certification | None:
-        """Measured error of every channel, if the run was made with ``certify=True``."""
-        data = self.meta.get("certification")
-        return None if data is None else Certification.from_json(data)
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """What the run used: the choices stated, the rest from the model or by default."""
-        return dict(self.meta.get("options") or {})
-
-    @property
-    def steps(self) -> dict[str, NDArray[Any]]:
-        """The log of attempted steps, by column, each ndarray of shape (n_steps,).
-
-        ``t``, ``h`` (s): start and size; ``error``: 1 is on tolerance; ``accepted``: 1 or 0;
-        ``cause``: of a rejection; ``iterations``: of Newton's method.
-        """
-        return self._reader.steps()
-
-    @property
-    def step_totals(self) -> list[tuple[bool, str, int, float, float, float]]:
-        """Attempts by outcome: accepted or not, cause, count, smallest, largest, mean size (s)."""
-        return self._reader.step_totals()
-
-    @property
-    def events(self) -> list[dict[str, Any]]:
-        """Events in the order in which they happened."""
-        return self._reader.events()
-
-    def expand(self, patterns: Iterable[str]) -> list[str]:
-        """Return the channels meant by names and patterns, stored ones or computable."""
-        stored = self._reader.quantities
-        if isinstance(patterns, str) or not isinstance(patterns, Iterable):
-            return expand(patterns, stored)  # which refuses it
-        patterns = list(patterns)
-        whole = {split_component(require_name(pattern))[0] for pattern in patterns}
-        return expand(patterns, stored if whole <= stored.keys() else self.model.channels)
-
     def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the result as one file and return its path.
 
@@ -414,6 +83,13 @@ class Result:
         path = as_path(path)
         self._reader.save(path, force=force)
         return path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle and copy by the file where there is one, else by its bytes."""
+        if self.path is not None:
+            return Result.load, (self.path.absolute(),)
+        with tempfile.TemporaryDirectory() as folder:
+            return _from_bytes, (self.save(Path(folder) / "result.holonom").read_bytes(),)
 
     def plot(
         self,
@@ -791,30 +467,6 @@ class Result:
     def __repr__(self) -> str:
         until = f"{self.time[-1]:.6g} s" if self.time.size else "no states"
         return f"<holonom.Result {self.meta.get('name')!r}: {self.status}, {until}>"
-
-    @staticmethod
-    def _listed(channels: Iterable[str]) -> list[str]:
-        if isinstance(channels, str) or not isinstance(channels, Iterable):
-            expand(channels, {})  # which refuses it
-        return [require_name(name) for name in channels]
-
-    def _quantity(self, name: str) -> Quantity:
-        stored = self._reader.quantities
-        whole, index = split_component(require_name(name))
-        quantity = stored.get(whole) or self.model.channels.get(whole)
-        if quantity is None:
-            known = [*stored, *self.model.channels]
-            tip = did_you_mean(nearest_channels(whole, known), "`Result.model.channels` lists them")
-            if re.search(r"\[-\d+\]$", whole):
-                tip = FROM_ZERO
-            elif any(sign in whole for sign in "*?["):
-                tip = "a pattern means several: `Result.expand([pattern])` lists them"
-            raise UsageError(
-                f"there is no channel {quoted(name)}", "simulation/unknown-channel", tip
-            )
-        if index is not None:
-            expand([name], {whole: quantity})  # refuses components that are not there
-        return quantity
 
 
 def _from_bytes(data: bytes) -> Result:

@@ -1,0 +1,132 @@
+"""What is known about a run, apart from its arrays: how it was made, how it went, how it ended."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from holonom.base.errors import FileError
+from holonom.base.record import Record
+from holonom.certificate import Certification
+from holonom.model import Model
+from holonom.store.memory import Stored
+
+
+class Facts:
+    """What a result says of its run.
+
+    Parameters
+    ----------
+    reader : Reader or Memory
+    model : Model, optional
+        The model that was run, where it is at hand.
+    """
+
+    def __init__(self, reader: Stored, model: Model | None = None) -> None:
+        self._reader = reader
+        self._model = model
+
+    @property
+    def damage(self) -> list[str]:
+        """Parts of the file that were found damaged so far; always empty without ``recover``."""
+        return list(getattr(self._reader, "damage", []))
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """Everything the file says about the run, as plain data."""
+        return self._reader.meta
+
+    @property
+    def path(self) -> Path | None:
+        """The result file; None for a result in memory."""
+        return self._reader.path
+
+    @property
+    def model(self) -> Model:
+        """The model that was run; of a file read back from it."""
+        if self._model is None:
+            if "model" not in self.meta:
+                raise FileError(
+                    f"{self.path}: its model is lost",
+                    "stored channels can be read all the same; run the model again for others",
+                    code="result/damaged",
+                )
+            text = json.dumps(self.meta["model"], ensure_ascii=False)
+            name = str(self.meta.get("name", "model"))
+            self._model = Model.from_text(text, "json", name)
+        return self._model
+
+    @property
+    def items(self) -> dict[str, Any]:
+        """The model as plain data, with what its patterns repeat written out."""
+        model: dict[str, Any] = self.meta.get("model", {})
+        if "patterns" in model:
+            model = json.loads(self.model.to_json(plain=True))
+        return model
+
+    @property
+    def status(self) -> str:
+        """How the run ended.
+
+        ``completed``; ``interrupted`` by Ctrl-C; ``failed``; ``limit``: of steps or seconds;
+        ``killed`` while writing; ``running``: not yet ended, or killed where that cannot be told.
+        """
+        return str(self.meta.get("status", "running"))
+
+    @property
+    def stop_reason(self) -> dict[str, Any]:
+        """Why the run ended: ``code``, ``message`` and, where known, ``time``, ``item``, …."""
+        return dict(self.meta.get("stop_reason") or {})
+
+    @property
+    def statistics(self) -> Record:
+        """Counts and times of the run: ``steps``, ``rejected``, ``jacobians``, …."""
+        return Record(self.meta.get("statistics") or {})
+
+    @property
+    def residuals(self) -> Record:
+        """Largest constraint residuals over the accepted steps."""
+        return Record(self.meta.get("residuals") or {})
+
+    @property
+    def energy(self) -> Record:
+        """Energy ledger at the end, J."""
+        return Record(self.meta.get("energy") or {})
+
+    @property
+    def warnings(self) -> list[dict[str, str]]:
+        """Warnings of the model and of the run."""
+        return list(self.meta.get("warnings") or [])
+
+    @property
+    def certification(self) -> Certification | None:
+        """Measured error of every channel, if the run was made with ``certify=True``."""
+        data = self.meta.get("certification")
+        return None if data is None else Certification.from_json(data)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What the run used: the choices stated, the rest from the model or by default."""
+        return dict(self.meta.get("options") or {})
+
+    @property
+    def steps(self) -> dict[str, NDArray[Any]]:
+        """The log of attempted steps, by column, each ndarray of shape (n_steps,).
+
+        ``t``, ``h`` (s): start and size; ``error``: 1 is on tolerance; ``accepted``: 1 or 0;
+        ``cause``: of a rejection; ``iterations``: of Newton's method.
+        """
+        return self._reader.steps()
+
+    @property
+    def step_totals(self) -> list[tuple[bool, str, int, float, float, float]]:
+        """Attempts by outcome: accepted or not, cause, count, smallest, largest, mean size (s)."""
+        return self._reader.step_totals()
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """Events in the order in which they happened."""
+        return self._reader.events()
