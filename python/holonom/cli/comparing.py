@@ -23,7 +23,7 @@ from holonom.cli.arguments import (
     require_times,
     seconds,
 )
-from holonom.cli.progress import ComparisonProgress
+from holonom.cli.progress import CountedProgress
 from holonom.cli.terminal import complain, print_comparison, print_json, say
 from holonom.cli.words import read_methods, read_tolerance, read_tolerances
 
@@ -121,7 +121,8 @@ def compare(
         force=force,
     )
     interrupted = False
-    with ComparisonProgress(loaded.name, shown=not (quiet or json_)) as progress:
+    shown = not (quiet or json_)
+    with CountedProgress(loaded.name, "runs", "assembling", shown=shown) as progress:
         try:
             comparison = holonom.compare(
                 loaded,

@@ -25,7 +25,7 @@ from holonom.cli.arguments import (
     require_times,
     seconds,
 )
-from holonom.cli.progress import FrameProgress
+from holonom.cli.progress import CountedProgress
 from holonom.cli.terminal import complain, done
 from holonom.cli.words import read_size
 
@@ -165,7 +165,7 @@ def render(
     target = output or result[0].with_suffix(".png")
     with (
         opened_together(result, recover=recover) as (first, *others),
-        FrameProgress(target.name, shown=not (quiet or json_)) as progress,
+        CountedProgress(target.name, "frames", "drawing", shown=not (quiet or json_)) as progress,
     ):
         first.render(
             target, *others, at=at, size=read_size(size), camera=camera, fps=fps, start=start,

@@ -89,49 +89,36 @@ class Stages:
         self._bar.update(self._task, text=stage, refresh=True)
 
 
-class ComparisonProgress:
-    """A bar over the runs of a comparison, on a terminal."""
+class CountedProgress:
+    """A bar on a terminal over things that are counted; nothing elsewhere.
 
-    def __init__(self, name: str, *, shown: bool) -> None:
+    Parameters
+    ----------
+    name : str
+    things : str
+        What is counted.
+    begun : str
+        What is done before the first of them.
+    shown : bool
+    """
+
+    def __init__(self, name: str, things: str, begun: str, *, shown: bool) -> None:
         self._bar: Any = _bar() if shown and sys.stderr.isatty() else None
-        self._name = name
+        self._name, self._things, self._begun = name, things, begun
 
-    def __enter__(self) -> Callable[[float, int, str], None] | None:
+    def __enter__(self) -> Callable[..., None] | None:
         if self._bar is None:
             return None
         self._bar.start()
-        self._task = self._bar.add_task(self._name, total=None, text="assembling")
+        self._task = self._bar.add_task(self._name, total=None, text=self._begun)
         return self._update
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 
-    def _update(self, done: float, total: int, text: str) -> None:
-        text = f"{int(done)} / {total} runs, {text}"
-        self._bar.update(self._task, completed=done, total=total, text=text, refresh=True)
-
-
-class FrameProgress:
-    """A bar over the frames of a film, on a terminal."""
-
-    def __init__(self, name: str, *, shown: bool) -> None:
-        self._bar: Any = _bar() if shown and sys.stderr.isatty() else None
-        self._name = name
-
-    def __enter__(self) -> Callable[[int, int], None] | None:
-        if self._bar is None:
-            return None
-        self._bar.start()
-        self._task = self._bar.add_task(self._name, total=None, text="drawing")
-        return self._update
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def _update(self, done: int, total: int) -> None:
-        text = f"{done} / {total} frames"
+    def _update(self, done: float, total: int, *more: str) -> None:
+        text = ", ".join([f"{int(done)} / {total} {self._things}", *more])
         self._bar.update(self._task, completed=done, total=total, text=text, refresh=True)
 
 
