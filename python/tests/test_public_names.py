@@ -30,7 +30,7 @@ def public() -> Iterator[tuple[str, Any]]:
         yield name, value
         if not inspect.isclass(value):
             continue
-        bases = [base for base in value.__mro__ if base.__module__.startswith("holonom.")]
+        bases = [base for base in value.__mro__ if base.__module__.split(".")[0] == "holonom"]
         for key, member in (item for base in bases for item in vars(base).items()):
             kinds = (property, classmethod, staticmethod)
             if not key.startswith("_") and (

@@ -18,6 +18,7 @@ from holonom.options import Tolerance, require_finite, require_positive
 
 if TYPE_CHECKING:
     from holonom.result import Result
+    from holonom.store.layout import Quantity
 
 Series = NDArray[np.float64]
 
@@ -156,7 +157,7 @@ def curves(
         quantity = result.quantities.get(whole) or result.model.channels[whole]
         size = quantity.size if index is None else 1
         values = np.asarray(sampled[name] if sampled else result[name]).reshape(times.size, size)
-        one = _measured(result, name, times, values, tolerance, peaks)
+        one = _measured(result, name, quantity, times, values, tolerance, peaks)
         if treated and whole.endswith(".yaw_pitch_roll"):
             one = replace(one, values=np.unwrap(one.values, axis=0))
         if low_pass is not None:
@@ -170,6 +171,7 @@ def curves(
 def _measured(
     result: Result,
     name: str,
+    quantity: Quantity,
     times: Series,
     values: Series,
     tolerance: Mapping[str, float],
@@ -177,7 +179,6 @@ def _measured(
 ) -> Curves:
     """Return a channel with what one tolerance of it is."""
     whole, index = split_component(name)
-    quantity = result.quantities.get(whole) or result.model.channels[whole]
     tolerances, span = np.zeros(quantity.size), np.zeros(values.shape[1])
     if times.size:
         every = values if index is None else np.asarray(result[whole]).reshape(-1, quantity.size)

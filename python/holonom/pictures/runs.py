@@ -41,14 +41,14 @@ def plot(
     results: Sequence[Result],
     patterns: Sequence[str],
     *,
-    labels: Sequence[str] | None = None,
-    start: float | None = None,
-    end: float | None = None,
-    interval: float | None = None,
-    versus: str | None = None,
-    fft: bool | str = False,
-    derivative: bool = False,
-    low_pass: float | None = None,
+    labels: Sequence[str] | None,
+    start: float | None,
+    end: float | None,
+    interval: float | None,
+    versus: str | None,
+    fft: bool | str,
+    derivative: bool,
+    low_pass: float | None,
 ) -> Picture:
     """Return the picture of channels one below the other; see `Result.plot`."""
     if len(results) > MOST_RUNS:

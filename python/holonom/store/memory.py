@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base import files
+from holonom.store.attempts import Total, totals
 from holonom.store.layout import STATE, STEP_COLUMNS, Quantity, as_file_errors
 from holonom.store.locks import only_writer
 from holonom.store.reader import Reader
@@ -142,18 +143,9 @@ class Memory:
             log[column] = np.concatenate(parts) if parts else np.zeros(0, dtype)
         return log
 
-    def step_totals(self) -> list[tuple[bool, str, int, float, float, float]]:
-        """Return accepted or not, cause, count and smallest, largest and mean size (s) of attempts.
-
-        The accepted first, then the most frequent.
-        """
-        log = self.steps()
-        accepted, causes, sizes = log["accepted"] > 0, log["cause"], log["h"]
-        totals = []
-        for outcome in set(zip(accepted.tolist(), causes.tolist(), strict=True)):
-            h = sizes[(accepted == outcome[0]) & (causes == outcome[1])]
-            totals.append((*outcome, h.size, float(h.min()), float(h.max()), float(h.mean())))
-        return sorted(totals, key=lambda total: (not total[0], -total[2], total[1]))
+    def step_totals(self) -> list[Total]:
+        """Return the attempts by outcome; see `attempts.totals`."""
+        return totals(self.steps())
 
     def events(self) -> list[dict[str, Any]]:
         """Return the events in the order in which they happened."""

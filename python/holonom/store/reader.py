@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from holonom.base import files
 from holonom.base.errors import FileError
 from holonom.store import legacy
+from holonom.store.attempts import Total, totals
 from holonom.store.facts import require_facts
 from holonom.store.integrity import (
     BROKEN,
@@ -272,17 +273,9 @@ class Reader:
             found[name] = np.concatenate(parts) if parts else np.zeros(0, dtype=kind)
         return found
 
-    def step_totals(self) -> list[tuple[bool, str, int, float, float, float]]:
-        """Return accepted or not, cause, count and least, largest and mean size (s) of attempts."""
-        log = self.steps()
-        accepted, sizes = log["accepted"] > 0, log["h"]
-        causes = log.get("cause", np.full(sizes.size, "", dtype=object))
-        totals = []
-        for good, cause in set(zip(accepted.tolist(), causes.tolist(), strict=True)):
-            h = sizes[(accepted == good) & (causes == cause)]
-            totals.append((good, str(cause), h.size, h.min(), h.max(), h.mean()))
-        ordered = sorted(totals, key=lambda total: (not total[0], -total[2], total[1]))
-        return [(*total[:3], *map(float, total[3:])) for total in ordered]
+    def step_totals(self) -> list[Total]:
+        """Return the attempts by outcome; see `attempts.totals`."""
+        return totals(self.steps())
 
     def events(self) -> list[dict[str, Any]]:
         """Return the events in the order in which they happened."""

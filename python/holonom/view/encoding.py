@@ -42,6 +42,17 @@ def turns(euler_parameters: Array) -> dict[str, str]:
     return _packed("i2", np.rint(32767.0 * p * signs[:, None]))
 
 
+def ranges(values: Array) -> tuple[Array, Array]:
+    """Return the least and the largest finite value of each column, ndarrays, shape (n,).
+
+    Both are zero where there is none.
+    """
+    finite = np.isfinite(values)
+    low = np.where(finite, values, np.inf).min(axis=0, initial=np.inf)
+    high = np.where(finite, values, -np.inf).max(axis=0, initial=-np.inf)
+    return np.where(low > high, 0.0, low), np.where(low > high, 0.0, high)
+
+
 def curves(values: Array) -> dict[str, Any]:
     """Return curves in 16 bits, each over its own range.
 
@@ -49,12 +60,10 @@ def curves(values: Array) -> dict[str, Any]:
     ----------
     values : ndarray, shape (n_times, n)
     """
-    finite = np.isfinite(values)
-    low = np.where(finite, values, np.inf).min(axis=0, initial=np.inf)
-    high = np.where(finite, values, -np.inf).max(axis=0, initial=-np.inf)
-    low, high = np.where(low > high, 0.0, low), np.where(low > high, 0.0, high)
+    low, high = ranges(values)
     span = np.where(high > low, high - low, 1.0)
-    codes = np.where(finite, np.rint((_MISSING - 1) * (values - low) / span), _MISSING)
+    codes = np.rint((_MISSING - 1) * (values - low) / span)
+    codes = np.where(np.isfinite(values), codes, _MISSING)
     return _packed("u2", codes) | {"low": low.tolist(), "high": high.tolist()}
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from holonom.pictures.curves import components
 from holonom.store.layout import STATE
-from holonom.view.encoding import floats, turns
+from holonom.view.encoding import floats, ranges, turns
 from holonom.view.scene import POSE_BYTES, Poses, mechanism, poses_of, roads
 from holonom.view.server import HTML, JSON, Answer, Server
 
@@ -168,10 +168,7 @@ class Live:
         }
 
     def _curves(self, values: Array, since: int) -> dict[str, Any]:
-        finite = np.isfinite(values)
-        low = np.where(finite, values, np.inf).min(axis=0, initial=np.inf)
-        high = np.where(finite, values, -np.inf).max(axis=0, initial=-np.inf)
-        low, high = np.where(low > high, 0.0, low), np.where(low > high, 0.0, high)
+        low, high = ranges(values)
         return {**floats(values[since:]), "low": low.tolist(), "high": high.tolist()}
 
     def _follow(self, bodies: list[dict[str, Any]], size: float) -> int | None:
