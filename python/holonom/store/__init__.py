@@ -5,6 +5,7 @@ What a user has in a file is never lost, and what is damaged is never believed.
 ================ ================================================================
 ``layout``       what stands where in the file, which is one of SQLite, with checksums
 ``writer``       writes it while the run goes on, so that a kill loses nothing
+``contents``     what a file says that it holds, verified when it is opened
 ``reader``       arrays from it
 ``attempts``     the log of attempted steps, summed by outcome
 ``integrity``    what must hold before any part of it is believed
