@@ -177,6 +177,7 @@ class Contents:
             return
         if "time" not in self.quantities or self.quantities["time"].shape != ():
             self._note("the output times")
+            self.quantities["time"] = Quantity("time", "s", "", ())
             self._rows = []
         for chunk in list(self._rows):
             try:

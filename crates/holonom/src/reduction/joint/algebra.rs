@@ -41,6 +41,18 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// A wrench about another point.
     fn moved(w: &[f64; W], from: &[f64; 3], to: &[f64; 3]) -> [f64; W];
 
+    /// A twist about another point.
+    fn moved_twist(y: &[f64; W], from: &[f64; 3], to: &[f64; 3]) -> [f64; W];
+
+    /// Inertia, which makes wrenches of rates of twists, about another point.
+    fn moved_inertia(inertia: &[[f64; W]; W], from: &[f64; 3], to: &[f64; 3]) -> [[f64; W]; W] {
+        let half = inertia.map(|row| Self::moved(&row, from, to));
+        std::array::from_fn(|j| Self::moved(&std::array::from_fn(|i| half[i][j]), from, to))
+    }
+
+    /// Bounds of the diagonal of an inertia about another point.
+    fn moved_sizes(sizes: &[f64; W], from: &[f64; 3], to: &[f64; 3]) -> [f64; W];
+
     /// A wrench with its moments multiplied.
     fn scaled(w: &[f64; W], factor: f64) -> [f64; W];
 
@@ -148,6 +160,18 @@ impl Algebra<7, 6> for Spatial {
         joined(&f, &sum(&n, &cross(&difference(from, to), &f)))
     }
 
+    fn moved_twist(y: &[f64; 6], from: &[f64; 3], to: &[f64; 3]) -> [f64; 6] {
+        let (v, w) = parts(y);
+        joined(&sum(&v, &cross(&w, &difference(to, from))), &w)
+    }
+
+    fn moved_sizes(sizes: &[f64; 6], from: &[f64; 3], to: &[f64; 3]) -> [f64; 6] {
+        let (linear, angular) = parts(sizes);
+        let arm = difference(from, to);
+        let by = 2.0 * arm.iter().map(|x| x * x).sum::<f64>() * linear.iter().sum::<f64>();
+        joined(&linear, &angular.map(|x| 2.0 * x + by))
+    }
+
     fn scaled(w: &[f64; 6], factor: f64) -> [f64; 6] {
         let (f, n) = parts(w);
         joined(&f, &n.map(|x| factor * x))
@@ -248,6 +272,17 @@ impl Algebra<3, 3> for Planar {
 
     fn moved(w: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
         [w[0], w[1], w[2] + moment(&[from[0] - to[0], from[1] - to[1]], &[w[0], w[1]])]
+    }
+
+    fn moved_twist(y: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
+        let [u, v] = across(y[2], &[to[0] - from[0], to[1] - from[1]]);
+        [y[0] + u, y[1] + v, y[2]]
+    }
+
+    fn moved_sizes(sizes: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
+        let arm = [from[0] - to[0], from[1] - to[1]];
+        let by = 2.0 * arm.iter().map(|x| x * x).sum::<f64>() * (sizes[0] + sizes[1]);
+        [sizes[0], sizes[1], 2.0 * sizes[2] + by]
     }
 
     fn scaled(w: &[f64; 3], factor: f64) -> [f64; 3] {

@@ -7,10 +7,14 @@ use super::small::{factor, substitute};
 /// Growth of numbers in the elimination of an edge that leaves ten digits; beyond it other solvers answer.
 const LARGEST_GROWTH: f64 = 1e-10 / f64::EPSILON;
 
-/// Articulated inertia of an edge: U = K B, the factor of BᵀU, and BᵀU's right-hand side.
+/// Articulated inertia of an edge: U = K B, the factor of BᵀU, and BᵀU's right-hand side, all about the body's own place:
+/// about the root's, what is far out would be a small difference of what is long.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Articulated<const W: usize> {
     pub(super) inertia: [[f64; W]; W],
+    place: [f64; 3],
+    columns: [[f64; W]; 6],
+    wrench: [f64; W],
     /// Sizes of what its diagonal is summed from.
     size: [f64; W],
     felt: [[f64; W]; 6],
@@ -22,6 +26,9 @@ impl<const W: usize> Articulated<W> {
     pub(super) fn zero() -> Self {
         Self {
             inertia: [[0.0; W]; W],
+            place: [0.0; 3],
+            columns: [[0.0; W]; 6],
+            wrench: [0.0; W],
             size: [0.0; W],
             felt: [[0.0; W]; 6],
             pivots: [[0.0; 6]; 6],
@@ -31,15 +38,22 @@ impl<const W: usize> Articulated<W> {
 }
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
-    /// Inertia of every body about its reference point, by rows.
+    /// Inertia, wrench and columns of every body about its own place.
     pub(super) fn evaluate_inertias(&mut self, q: &[f64]) {
-        for (b, (mass, inertia)) in self.inertias.iter().enumerate() {
-            let own = &mut self.articulated[b].inertia;
-            for (k, row) in own.iter_mut().enumerate() {
+        for edge in &self.edges {
+            let b = edge.body;
+            let ((mass, inertia), own) = (&self.inertias[b], &mut self.articulated[b]);
+            let (q, o) = (pose(q, b), &self.origin[b]);
+            own.place = A::center(q);
+            for (k, row) in own.inertia.iter_mut().enumerate() {
                 let unit = std::array::from_fn(|i| f64::from(u8::from(i == k)));
-                *row = A::inertia_times(*mass, inertia, pose(q, b), &self.origin[b], &unit);
+                *row = A::inertia_times(*mass, inertia, q, &own.place, &unit);
             }
-            self.articulated[b].size = std::array::from_fn(|k| self.articulated[b].inertia[k][k]);
+            own.size = std::array::from_fn(|k| own.inertia[k][k]);
+            own.wrench = A::moved(&self.wrench[b], o, &own.place);
+            for (out, column) in own.columns.iter_mut().zip(&self.columns[edge.range.clone()]) {
+                *out = A::moved_twist(column, o, &own.place);
+            }
         }
     }
 
@@ -48,14 +62,14 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for edge in self.edges.iter().rev() {
             let (b, n) = (edge.body, edge.range.len());
             let mut own = self.articulated[b];
-            let columns = &self.columns[edge.range.clone()];
+            let columns = &own.columns[..n];
             for (felt, column) in own.felt.iter_mut().zip(columns) {
                 for (out, row) in felt.iter_mut().zip(&own.inertia) {
                     *out = dot(row, column);
                 }
             }
             for i in 0..n {
-                own.force[i] = -dot(&columns[i], &self.wrench[b]);
+                own.force[i] = -dot(&columns[i], &own.wrench);
                 for j in 0..=i {
                     own.pivots[i][j] = dot(&columns[i], &own.felt[j]);
                 }
@@ -84,28 +98,32 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
                 let mut rate = own.force;
                 substitute(&own.pivots, n, &mut rate);
-                let mut wrench = self.wrench[b];
+                let mut wrench = own.wrench;
                 for (felt, rate) in own.felt.iter().zip(&rate).take(n) {
                     add(&mut wrench, *rate, felt);
                 }
-                add(&mut self.wrench[base], 1.0, &wrench);
-                for (i, (out, row)) in
-                    self.articulated[base].inertia.iter_mut().zip(&own.inertia).enumerate()
-                {
-                    add(out, 1.0, row);
+                let (mut rest, mut size) = (own.inertia, [0.0; W]);
+                for (i, row) in rest.iter_mut().enumerate() {
+                    size[i] = row[i];
                     for half in half.iter().take(n) {
-                        add(out, -half[i], half);
+                        size[i] += half[i] * half[i];
+                        add(row, -half[i], half);
                     }
                 }
-                for (w, size) in self.articulated[base].size.iter_mut().enumerate() {
-                    *size += own.size[w] + half.iter().take(n).map(|h| h[w] * h[w]).sum::<f64>();
-                }
+                let carrier = &mut self.articulated[base];
+                let (from, to) = (&own.place, &carrier.place);
+                add(&mut carrier.wrench, 1.0, &A::moved(&wrench, from, to));
+                let rest = A::moved_inertia(&rest, from, to);
+                carrier.inertia.iter_mut().zip(&rest).for_each(|(out, row)| add(out, 1.0, row));
+                add(&mut carrier.size, 1.0, &A::moved_sizes(&size, from, to));
             }
             self.articulated[b] = own;
         }
         for edge in &self.edges {
             let own = &self.articulated[edge.body];
-            let mut motion = edge.base.map_or([0.0; W], |base| self.motion[base]);
+            let mut motion = edge.base.map_or([0.0; W], |base| {
+                A::moved_twist(&self.motion[base], &self.articulated[base].place, &own.place)
+            });
             let n = edge.range.len();
             let mut rate = own.force;
             for (rate, felt) in rate.iter_mut().zip(&own.felt).take(n) {
@@ -114,7 +132,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             substitute(&own.pivots, n, &mut rate);
             for (k, rate) in edge.range.clone().zip(rate) {
                 self.accelerations[k] = rate;
-                add(&mut motion, rate, &self.columns[k]);
+                add(&mut motion, rate, &own.columns[k - edge.range.start]);
             }
             self.motion[edge.body] = motion;
         }

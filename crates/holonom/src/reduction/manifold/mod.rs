@@ -466,7 +466,9 @@ impl Manifold {
 
     /// ‖Φ‖∞ and ‖G q̇ − ν‖∞ over all rows (redundant ones too) at a state whose G is current.
     pub fn residuals(&mut self, state: &State) -> (f64, f64) {
-        let _ = self.catch_up();
+        if self.stale {
+            self.system.constraint_jacobian(&self.at, &mut self.g);
+        }
         let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         self.system.position_constraints(state.t, &state.q, &mut self.phi);
         let position = largest(&self.phi);

@@ -154,6 +154,7 @@ pub(super) fn set_up<'a>(
         g: slope,
         w_end: vec![0.0; dimension],
         g_end: vec![0.0; dimension],
+        multipliers_wait: false,
         scratch: [vec![0.0; dimension], vec![0.0; dimension]],
         row: state.clone(),
         state,
