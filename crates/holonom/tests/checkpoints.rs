@@ -3,7 +3,9 @@
 mod common;
 
 use common::table::all_codes;
-use common::{DRIVEN_TELESCOPE, FOUR_BAR, LIBRARY, model, model_of, options, run_model};
+use common::{
+    DRIVEN_TELESCOPE, FOUR_BAR, LIBRARY, MOTOR, TURNING, model, model_of, options, run_model,
+};
 use holonom::method::{Code, DEFAULT_CODE};
 use holonom::model::Model;
 use holonom::reduction::Choice;
@@ -14,36 +16,18 @@ use holonom::simulation::{
 };
 use std::fmt::Debug;
 
-/// Extra states, windings, directions and rotations as variables, a kink in a force, a table.
+/// Forces of the model that turns: extra states, a kink, a table.
 const EVERYTHING: &str = r#"
-holonom = 1
-dimension = "spatial"
-gravity = [0.0, 0.0, -9.81]
-[bodies]
-wheel = { mass = 2.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.06, 0.0], [0.0, 0.0, 0.06]], position = [0.0, 0.0, 0.0] }
-top = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.12, 0.0], [0.0, 0.0, 0.07]], position = [0.0, 3.0, 0.0] }
-bob = { mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]], position = [3.0, 0.0, 0.0] }
-hung = { mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]], position = [6.0, 0.0, -1.0] }
-[joints]
-bearing = { type = "revolute", between = ["ground", "wheel"], point = [0.0, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
-rod = { type = "distance", between = ["ground", "bob"], points = [[2.0, 0.0, 0.0], [3.0, 0.0, 0.0]] }
 [forces]
 coil = { type = "rsda", between = ["wheel", "ground"], axis = [1.0, 0.0, 0.0], stiffness = 0.5, damping = 0.01 }
 damper = { type = "maxwell", between = ["bob", "hung"], points = [[3.0, 0.0, 0.0], [6.0, 0.0, -1.0]], stiffness = 40.0, damping = 8.0, free_length = 3.0 }
 spring = { type = "tsda", between = ["ground", "hung"], points = [[6.0, 0.0, 0.0], [6.0, 0.0, -1.0]], stiffness = 900.0, damping = 5.0, free_length = 1.0 }
 push = { type = "point_force", on = "hung", point = [6.0, 0.0, -1.0], force = { type = "smooth_step", from = 0.0, to = 4.0, start = 0.2, end = 0.5 }, direction = [0.0, 1.0, 0.0] }
-[initial.bodies]
-wheel = { angular_velocity = [40.0, 0.0, 0.0] }
-top = { angular_velocity = [3.0, 0.1, 8.0] }
-bob = { velocity = [0.0, 1.5, 2.8] }
-hung = { velocity = [1.5, 0.6, 0.0] }
 "#;
 
-/// Turns the four-bar at 9 rad/s: nothing is independent.
-const MOTOR: &str = r#"
-[drivers]
-motor = { joint = "a", coordinate = "rotation", motion = { type = "polynomial", coefficients = [1.5707963267948966, 9.0] } }
-"#;
+fn everything() -> Model {
+    model_of(&format!("{TURNING}{EVERYTHING}"))
+}
 
 /// Keeps everything, and where it stood at each checkpoint.
 #[derive(Default)]
@@ -179,7 +163,7 @@ fn every_code_goes_on_as_if_nothing_had_happened() {
         ("spatial_four_bar", model("spatial_four_bar"), 1.0, 3),
         ("chain50", model("chain50"), 0.2, 3),
         ("hmmwv14", model("hmmwv14"), 0.4, 1),
-        ("everything", model_of(EVERYTHING), 1.0, 3),
+        ("everything", everything(), 1.0, 3),
         ("driven", model_of(DRIVEN_TELESCOPE), 1.0, 3),
     ];
     for (name, model, end, steps) in &cases {
@@ -195,7 +179,7 @@ fn every_code_goes_on_as_if_nothing_had_happened() {
 #[test]
 fn every_choice_of_variables_and_solvers_is_taken_up() {
     let four_bar = model_of(FOUR_BAR);
-    let everything = model_of(EVERYTHING);
+    let everything = everything();
     for &(parametrization, _) in Choice::ALL {
         for code in [DEFAULT_CODE, Code::SspTrap, Code::Deabm] {
             let options = Options { parametrization, ..with_rows(code, 1e-4, 1.0, 2) };

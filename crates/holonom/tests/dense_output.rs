@@ -4,7 +4,8 @@ mod common;
 
 use common::table::{Table, all_codes};
 use common::{
-    DRIVEN_TELESCOPE, FOUR_BAR, PLATFORM, SPATIAL_SLIDER_CRANK, model, model_of, options, run_from,
+    DRIVEN_TELESCOPE, FOUR_BAR, MOTOR, PLATFORM, SPATIAL_SLIDER_CRANK, TURNING, model, model_of,
+    options, run_from,
 };
 use holonom::method::{Code, DEFAULT_CODE};
 use holonom::model::Model;
@@ -14,35 +15,16 @@ use holonom::simulation::{
 };
 use holonom::system::{Sample, State};
 
-/// What turns many times, and what is measured by directions and rotations: a free wheel, a tumbling body, a
-/// bob on a rod, another on a stiff spring.
-const TURNING: &str = r#"
-holonom = 1
-dimension = "spatial"
-gravity = [0.0, 0.0, -9.81]
-[bodies]
-wheel = { mass = 2.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.06, 0.0], [0.0, 0.0, 0.06]], position = [0.0, 0.0, 0.0] }
-top = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.12, 0.0], [0.0, 0.0, 0.07]], position = [0.0, 3.0, 0.0] }
-bob = { mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]], position = [3.0, 0.0, 0.0] }
-hung = { mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]], position = [6.0, 0.0, -1.0] }
-[joints]
-bearing = { type = "revolute", between = ["ground", "wheel"], point = [0.0, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
-rod = { type = "distance", between = ["ground", "bob"], points = [[2.0, 0.0, 0.0], [3.0, 0.0, 0.0]] }
+/// Forces of the model that turns: a stiff spring.
+const STIFF: &str = r#"
 [forces]
 coil = { type = "rsda", between = ["wheel", "ground"], axis = [1.0, 0.0, 0.0], stiffness = 0.0, damping = 0.0 }
 spring = { type = "tsda", between = ["ground", "hung"], points = [[6.0, 0.0, 0.0], [6.0, 0.0, -1.0]], stiffness = 2.0e5, damping = 500.0, free_length = 1.0 }
-[initial.bodies]
-wheel = { angular_velocity = [40.0, 0.0, 0.0] }
-top = { angular_velocity = [3.0, 0.1, 8.0] }
-bob = { velocity = [0.0, 1.5, 2.8] }
-hung = { velocity = [1.5, 0.6, 0.0] }
 "#;
 
-/// A driver that turns the four-bar at 9 rad/s: nothing is independent.
-const MOTOR: &str = r#"
-[drivers]
-motor = { joint = "a", coordinate = "rotation", motion = { type = "polynomial", coefficients = [1.5707963267948966, 9.0] } }
-"#;
+fn turning() -> Model {
+    model_of(&format!("{TURNING}{STIFF}"))
+}
 
 /// Times without a pattern, ascending, in (0, end).
 fn scattered(count: usize, end: f64) -> Vec<f64> {
@@ -164,7 +146,7 @@ fn states_at_any_time_are_the_rows_of_a_run_with_output_there() {
     for (name, model, end) in [
         ("spatial slider-crank", model_of(SPATIAL_SLIDER_CRANK), 1.0),
         ("driven telescope", model_of(DRIVEN_TELESCOPE), 1.0),
-        ("turning", model_of(TURNING), 1.0),
+        ("turning", turning(), 1.0),
     ] {
         for code in all_codes() {
             for &(choice, _) in Choice::ALL {
@@ -189,7 +171,7 @@ fn states_at_any_time_are_the_rows_of_a_run_with_output_there() {
 
 #[test] // independent truth: 40 rad/s, and a run at a tolerance ten thousand times tighter
 fn states_between_steps_are_as_accurate_as_at_steps() {
-    let model = model_of(TURNING);
+    let model = turning();
     let (end, tolerance) = (2.0, 1e-6);
     let problem = Problem::new(model.clone());
     let channel = |name: &str| {
@@ -290,8 +272,8 @@ fn a_run_goes_on_from_a_state_inside_a_step() {
 #[test] // independent truth: the same states, asked for otherwise
 fn a_state_does_not_depend_on_what_was_asked_before() {
     for (model, code) in [
-        (model_of(TURNING), Code::Deabm),
-        (model_of(TURNING), DEFAULT_CODE),
+        (turning(), Code::Deabm),
+        (turning(), DEFAULT_CODE),
         (model_of(SPATIAL_SLIDER_CRANK), DEFAULT_CODE),
     ] {
         for &(choice, _) in Choice::ALL {
@@ -367,7 +349,7 @@ fn what_is_not_there_is_refused() {
         assert_eq!(there.state(t).unwrap_err().code, "simulation/dense-output", "{t}");
     }
     let segments = run_from(&model, &options, None).rows.all.dense;
-    let other = Problem::new(model_of(TURNING));
+    let other = Problem::new(turning());
     let refused = DenseOutput::new(&other, segments.clone()).unwrap_err();
     assert_eq!(refused.code, "simulation/dense-output");
     let mut cut = segments;

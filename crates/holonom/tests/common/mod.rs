@@ -358,3 +358,30 @@ pub(crate) fn bars(
     }
     model_of(&text)
 }
+
+/// Turns the four-bar at 9 rad/s: nothing is independent.
+pub(crate) const MOTOR: &str = r#"
+[drivers]
+motor = { joint = "a", coordinate = "rotation", motion = { type = "polynomial", coefficients = [1.5707963267948966, 9.0] } }
+"#;
+
+/// What turns many times, and what is measured by directions and rotations: a free wheel, a tumbling body, a bob on a rod,
+/// another one for a spring.
+pub(crate) const TURNING: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+wheel = { mass = 2.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.06, 0.0], [0.0, 0.0, 0.06]], position = [0.0, 0.0, 0.0] }
+top = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.12, 0.0], [0.0, 0.0, 0.07]], position = [0.0, 3.0, 0.0] }
+bob = { mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]], position = [3.0, 0.0, 0.0] }
+hung = { mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]], position = [6.0, 0.0, -1.0] }
+[joints]
+bearing = { type = "revolute", between = ["ground", "wheel"], point = [0.0, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
+rod = { type = "distance", between = ["ground", "bob"], points = [[2.0, 0.0, 0.0], [3.0, 0.0, 0.0]] }
+[initial.bodies]
+wheel = { angular_velocity = [40.0, 0.0, 0.0] }
+top = { angular_velocity = [3.0, 0.1, 8.0] }
+bob = { velocity = [0.0, 1.5, 2.8] }
+hung = { velocity = [1.5, 0.6, 0.0] }
+"#;

@@ -56,6 +56,9 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// A wrench with its moments multiplied.
     fn scaled(w: &[f64; W], factor: f64) -> [f64; W];
 
+    /// Inertia of a body about its own place, by rows.
+    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3], q: &[f64; N]) -> [[f64; W]; W];
+
     /// Inertia times the rate of a twist, velocities left out.
     fn inertia_times(
         mass: f64,
@@ -177,6 +180,16 @@ impl Algebra<7, 6> for Spatial {
         joined(&f, &n.map(|x| factor * x))
     }
 
+    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3], q: &[f64; 7]) -> [[f64; 6]; 6] {
+        let mut out = [[0.0; 6]; 6];
+        for k in 0..3 {
+            let unit = std::array::from_fn(|i| f64::from(u8::from(i == k)));
+            out[k][k] = mass;
+            out[3 + k][3..].copy_from_slice(&turned(inertia, q, &unit));
+        }
+        out
+    }
+
     fn inertia_times(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -287,6 +300,10 @@ impl Algebra<3, 3> for Planar {
 
     fn scaled(w: &[f64; 3], factor: f64) -> [f64; 3] {
         [w[0], w[1], factor * w[2]]
+    }
+
+    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3], _: &[f64; 3]) -> [[f64; 3]; 3] {
+        [[mass, 0.0, 0.0], [0.0, mass, 0.0], [0.0, 0.0, inertia[2][2]]]
     }
 
     fn inertia_times(

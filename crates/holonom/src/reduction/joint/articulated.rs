@@ -45,10 +45,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let ((mass, inertia), own) = (&self.inertias[b], &mut self.articulated[b]);
             let (q, o) = (pose(q, b), &self.origin[b]);
             own.place = A::center(q);
-            for (k, row) in own.inertia.iter_mut().enumerate() {
-                let unit = std::array::from_fn(|i| f64::from(u8::from(i == k)));
-                *row = A::inertia_times(*mass, inertia, q, &own.place, &unit);
-            }
+            own.inertia = A::own_inertia(*mass, inertia, q);
             own.size = std::array::from_fn(|k| own.inertia[k][k]);
             own.wrench = A::moved(&self.wrench[b], o, &own.place);
             for (out, column) in own.columns.iter_mut().zip(&self.columns[edge.range.clone()]) {

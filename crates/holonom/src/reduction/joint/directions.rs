@@ -136,8 +136,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
             }
             let (mass, inertia) = &self.inertias[b];
+            let q = pose(q, b);
+            let inertia = A::own_inertia(*mass, inertia, q);
+            let inertia = A::moved_inertia(&inertia, &A::center(q), &self.origin[b]);
             for (i, column) in columns.iter().enumerate() {
-                let felt = A::inertia_times(*mass, inertia, pose(q, b), &self.origin[b], column);
+                let felt = inertia.map(|row| dot(&row, column));
                 let row = &mut at.mass[own.variables[i] * n..][..n];
                 for (variable, other) in own.variables.iter().zip(&columns[..=i]) {
                     row[*variable] += dot(&felt, other);
