@@ -88,7 +88,7 @@ def test_the_page_and_what_comes_after_it_are_the_run() -> None:
 
 
 def test_long_runs_are_thinned_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live, "POSE_BYTES", 1000)
+    monkeypatch.setattr(live, "KNOT_BYTES", 1000)
     model = holonom.Model.from_text(PENDULUM)
     watched = Live(model)
     try:

@@ -1,9 +1,11 @@
 // What Python puts into the page (holonom/view/scene.py), decoded. SI units, ground axes.
 
+import { DataUtils } from "three";
+
 export type Triple = [number, number, number];
 
 interface Blob {
-  kind: "f4" | "i2" | "u2" | "u4";
+  kind: "f2" | "f4" | "i2" | "u2" | "u4";
   data: string;
 }
 
@@ -46,7 +48,21 @@ export interface Element {
   axis?: Triple | null;
 }
 
-export interface Body {
+/** Where a body goes: what is known of it at some times, between which `poseAt` says the rest. */
+export interface Way {
+  /** From the start of the run on, s. */
+  times: Float32Array;
+  /** From `origin` on, m; m/s. */
+  position: Float32Array;
+  velocity: Float32Array;
+  /** Euler parameters; angular velocity, rad/s. */
+  rotation: Int16Array;
+  spin: Float32Array;
+}
+
+type WayBlobs = Record<keyof Way, Blob>;
+
+export interface Body extends Way {
   name: string;
   title: string;
   center: Triple;
@@ -54,8 +70,8 @@ export interface Body {
   thickness: number;
   shapes: Shape[];
   origin: Triple;
-  position: Float32Array;
-  rotation: Int16Array;
+  /** The stretch of its way where it was last. */
+  at: number;
 }
 
 export interface Channel {
@@ -70,6 +86,9 @@ export interface Channel {
   high: number[];
   /** One curve per component. */
   curves: Float32Array[];
+  /** What they reach from each frame to the next, where the line between these does not tell. */
+  lowest?: Float32Array[];
+  highest?: Float32Array[];
 }
 
 export interface Road {
@@ -89,7 +108,10 @@ export interface Run {
   gravity: Triple;
   size: number;
   start: number;
+  /** Of the frames, which channels have and keys step through, from the start on. */
   times: Float32Array;
+  /** How far bodies are drawn from where the run has them: m, rad. */
+  missed?: [number, number];
   follow: number | null;
   /** Of a run that goes on: how often its rows were thinned out. */
   generation?: number;
@@ -108,12 +130,26 @@ function bytes(blob: Blob): ArrayBuffer {
   return out.buffer;
 }
 
-function curves(raw: Channel & Blob): Float32Array[] {
-  if (raw.kind === "f4") return columns(new Float32Array(bytes(raw)), raw.low.length);
-  const codes = new Uint16Array(bytes(raw));
-  const width = raw.low.length;
-  return raw.low.map((low, column) => {
-    const step = (raw.high[column] - low) / (MISSING - 1);
+function halves(blob: Blob): Float32Array {
+  return Float32Array.from(new Uint16Array(bytes(blob)), DataUtils.fromHalfFloat);
+}
+
+function way(raw: WayBlobs): Way {
+  return {
+    times: new Float32Array(bytes(raw.times)),
+    position: new Float32Array(bytes(raw.position)),
+    velocity: halves(raw.velocity),
+    rotation: new Int16Array(bytes(raw.rotation)),
+    spin: halves(raw.spin),
+  };
+}
+
+function curves(blob: Blob, lows: number[], highs: number[]): Float32Array[] {
+  const width = lows.length;
+  if (blob.kind === "f4") return columns(new Float32Array(bytes(blob)), width);
+  const codes = new Uint16Array(bytes(blob));
+  return lows.map((low, column) => {
+    const step = (highs[column] - low) / (MISSING - 1);
     const out = new Float32Array(codes.length / width);
     for (let i = 0; i < out.length; i++) {
       const code = codes[i * width + column];
@@ -138,7 +174,7 @@ export interface Rows {
   whole: boolean;
   status: string;
   times: Blob;
-  bodies: { position: Blob; rotation: Blob }[];
+  bodies: WayBlobs[];
   channels: (Blob & { low: number[]; high: number[] })[];
   roads: Road[];
 }
@@ -156,9 +192,12 @@ export function extend(run: Run, rows: Rows): number {
   if (!times.length) return 0;
   run.times = grown(run.times, times);
   rows.bodies.forEach((more, k) => {
-    const body = run.bodies[k];
-    body.position = grown(body.position, new Float32Array(bytes(more.position)));
-    body.rotation = grown(body.rotation, new Int16Array(bytes(more.rotation)));
+    const [body, next] = [run.bodies[k], way(more)];
+    body.times = grown(body.times, next.times);
+    body.position = grown(body.position, next.position);
+    body.velocity = grown(body.velocity, next.velocity);
+    body.rotation = grown(body.rotation, next.rotation);
+    body.spin = grown(body.spin, next.spin);
   });
   rows.channels.forEach((more, k) => {
     const channel = run.channels[k];
@@ -204,9 +243,14 @@ export function readRun(raw: any): Run {
     bodies: raw.bodies.map((body: any) => ({
       ...body,
       shapes: body.shapes.map(shape),
-      position: new Float32Array(bytes(body.position)),
-      rotation: new Int16Array(bytes(body.rotation)),
+      ...way(body),
+      at: 0,
     })),
-    channels: raw.channels.map((channel: any) => ({ ...channel, curves: curves(channel) })),
+    channels: raw.channels.map((channel: any) => ({
+      ...channel,
+      curves: curves(channel, channel.low, channel.high),
+      lowest: channel.lowest && curves(channel.lowest, channel.low, channel.high),
+      highest: channel.highest && curves(channel.highest, channel.low, channel.high),
+    })),
   };
 }

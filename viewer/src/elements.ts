@@ -246,20 +246,20 @@ function spring(stage: Stage, element: Element, add: Add): Move {
 /** How far the second body slides along an axis of the first over the run, from the frame's point. */
 function travel(stage: Stage, first: Frame, second: Frame, axis: Vector3): [number, number] {
   const { run } = stage;
-  const count = Math.min(200, run.times.length);
+  const count = 200;
   const [p, q] = [new Vector3(), new Vector3()];
   const [turn, other] = [new Quaternion(), new Quaternion()];
   let [low, high] = [Infinity, -Infinity];
   const point = vector(second.body === null ? second.point : run.bodies[second.body].center);
   for (let k = 0; k < count; k++) {
-    const place = { frame: Math.round((k * (run.times.length - 1)) / Math.max(1, count - 1)), part: 0 };
+    const time = (k / (count - 1)) * run.times[run.times.length - 1];
     if (second.body === null) q.copy(point);
     else {
-      poseAt(run.bodies[second.body], place, q, other);
+      poseAt(run.bodies[second.body], time, q, other);
       q.add(point.clone().applyQuaternion(other));
     }
     if (first.body !== null) {
-      poseAt(run.bodies[first.body], place, p, turn);
+      poseAt(run.bodies[first.body], time, p, turn);
       q.sub(p).applyQuaternion(turn.invert());
     }
     const way = q.sub(vector(first.point)).dot(axis);

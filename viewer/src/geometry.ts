@@ -213,7 +213,7 @@ export function spiral(radius: number): BufferGeometry {
       return target.set(r * Math.cos(angle), r * Math.sin(angle), 0);
     }
   }
-  return new TubeGeometry(new Spiral(), 72, 0.09 * radius, 6);
+  return new TubeGeometry(new Spiral(), Math.ceil(2.5 * sides(radius)), 0.09 * radius, detail.factor > 1 ? 6 : 3);
 }
 
 /** An arc with a head, turning about z. */

@@ -495,8 +495,16 @@ class Page {
       ["R", "repeat"], ["D", "light or dark"], ["P", "channels"], ["Esc", "pick nothing"],
     ];
     const rows = keys.map(([key, text]) => `<tr><th><kbd>${key}</kbd></th><td>${text}</td></tr>`).join("");
-    dialog.innerHTML = `<form method="dialog"><h2>Keys</h2><table>${rows}</table><p>Drag turns, right drag or two fingers move, wheel or pinch zooms. Click or tap picks. Drag in a plot to move in time.</p><button>close</button></form>`;
+    dialog.innerHTML = `<form method="dialog"><h2>Keys</h2><table>${rows}</table><p>Drag turns, right drag or two fingers move, wheel or pinch zooms. Click or tap picks. Drag in a plot to move in time.</p>${this.exactness()}<button>close</button></form>`;
     dialog.showModal();
+  }
+
+  /** How far bodies are drawn from where the run has them. */
+  private exactness(): string {
+    const { missed } = this.run;
+    if (!missed) return "";
+    const [place, turn] = [missed[0] * 1e3, (missed[1] * 180) / Math.PI].map((value) => value.toPrecision(2));
+    return `<p>Bodies are drawn to within ${place} mm and ${turn}° of the run.</p>`;
   }
 
   private key(event: KeyboardEvent): void {
@@ -544,6 +552,8 @@ class Page {
       get drawn() { return page.drawn; },
       /** Calls of the renderer for the last frame. */
       get calls() { return page.renderer.info.render.calls; },
+      /** Triangles of the last frame. */
+      get triangles() { return page.renderer.info.render.triangles; },
       get status() { return page.run.status; },
       get end() { return page.span[1]; },
       get ratio() { return page.ratio; },

@@ -63,6 +63,8 @@ interface Column {
   sum: number;
   count: number;
   turns: number;
+  /** Whether it reaches between its frames what these do not tell. */
+  between: boolean;
   dense: boolean;
 }
 
@@ -72,14 +74,20 @@ const TURNS = 2;
 /** Columns on either side over which the mean is taken. */
 const AROUND = 3;
 
-/** Return a curve by columns where it turns back more often than can be drawn, else nothing. */
+/** What a curve reaches between its frames, where the lines between these do not tell. */
+interface Range {
+  lowest: Float32Array;
+  highest: Float32Array;
+}
+
+/** Return a curve by columns where it turns back more often than can be drawn or frames can tell, else nothing. */
 export function columnsOf(
-  run: Run, curve: Float32Array, place: (time: number) => number, width: number, low: number, high: number,
+  run: Run, curve: Float32Array, range: Range | null, place: (time: number) => number, width: number, low: number, high: number,
 ): Column[] | null {
   const count = Math.floor(width / COLUMN);
-  if (curve.length < 3 * TURNS || curve.length < width / COLUMN) return null;
+  if (curve.length < 3 * TURNS || (curve.length < width / COLUMN && !range)) return null;
   const columns: Column[] = Array.from({ length: count }, (_, k) => ({
-    x: LEFT + (k + 0.5) * COLUMN, low: Infinity, high: -Infinity, first: 0, last: 0, sum: 0, count: 0, turns: 0, dense: false,
+    x: LEFT + (k + 0.5) * COLUMN, low: Infinity, high: -Infinity, first: 0, last: 0, sum: 0, count: 0, turns: 0, between: false, dense: false,
   }));
   const least = 1e-3 * (high - low);
   let way = 0;
@@ -98,10 +106,18 @@ export function columnsOf(
     column.high = Math.max(column.high, value);
     column.sum += value;
     column.count++;
+    if (!range || i + 1 === curve.length) continue;
+    column.low = Math.min(column.low, range.lowest[i]);
+    column.high = Math.max(column.high, range.highest[i]);
+    const beyond = Math.max(value, curve[i + 1]) < range.highest[i] - least || Math.min(value, curve[i + 1]) > range.lowest[i] + least;
+    column.between ||= beyond;
   }
-  const thick = columns.map((c) => c.turns >= TURNS && c.high - c.low > 0.01 * (high - low));
-  columns.forEach((c, k) => (c.dense = thick[k] || (thick[k - 1] && thick[k + 1] && c.count > 0)));
-  return columns.filter((c) => c.dense).length < 4 ? null : columns.filter((c) => c.count);
+  const tall = (c: Column) => c.high - c.low > 0.01 * (high - low);
+  const turning = columns.map((c) => c.turns >= TURNS && tall(c));
+  // A peak that stands alone between two frames is drawn as a line.
+  const thick = columns.map((c, k) => turning[k] || (c.between && tall(c)));
+  columns.forEach((c, k) => (c.dense = turning[k] || (thick[k - 1] && thick[k + 1] && c.count > 0)));
+  return !range && columns.filter((c) => c.dense).length < 4 ? null : columns.filter((c) => c.count);
 }
 
 /** Draw ranges where a curve is dense, with the mean in them, and the curve elsewhere. */
@@ -249,7 +265,9 @@ export class Plot {
         pen.strokeStyle = number && channel.curves.length === 1 ? GHOSTS_CSS[(number - 1) % 3] : CURVES[k % CURVES.length];
         pen.lineWidth = 1.5;
         const curve = channel.curves[k];
-        const dense = columnsOf(run, curve, (t) => x(t) - LEFT, width - LEFT - RIGHT, low, high);
+        const { lowest, highest } = channel;
+        const range = lowest && highest ? { lowest: lowest[k], highest: highest[k] } : null;
+        const dense = columnsOf(run, curve, range, (t) => x(t) - LEFT, width - LEFT - RIGHT, low, high);
         if (dense) {
           drawColumns(pen, dense, y);
           continue;

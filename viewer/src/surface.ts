@@ -147,16 +147,16 @@ export function shadowMaterial(uniforms: Record<string, IUniform>): ShaderMateri
   });
 }
 
-/** Lines that are seen up to a frame. */
+/** Lines that are seen up to a time. */
 export function trailMaterial(): ShaderMaterial {
   return new ShaderMaterial({
     vertexShader: `
-      attribute float frame;
+      attribute float time;
       uniform float now;
       varying vec3 shade;
       void main() {
         shade = color;
-        gl_Position = frame > now ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+        gl_Position = time > now ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * modelViewMatrix * vec4(position, 1.0);
       }`,
     fragmentShader: FRAGMENT,
     vertexColors: true,

@@ -32,6 +32,8 @@ export class World {
   private moves: Move[] = [];
   readonly arrows: Arrows;
   place: Place = { frame: 0, part: 0 };
+  /** Since the start of the run, s. */
+  private now = 0;
   private ground = new Group();
   private boxes: (Box3 | null)[];
   private trails?: LineSegments;
@@ -75,6 +77,11 @@ export class World {
     this.move(run.start);
   }
 
+  /** Of the run, s. */
+  private get length(): number {
+    return this.run.times[this.run.times.length - 1];
+  }
+
   /** A point of a frame, ground axes. */
   placeOf(frame: Frame, target: Vector3): Vector3 {
     target.set(...frame.point);
@@ -85,8 +92,9 @@ export class World {
 
   private pose(time: number): void {
     this.place = placeAt(this.run, time);
+    this.now = time - this.run.start;
     this.run.bodies.forEach((body, k) => {
-      poseAt(body, this.place, this.bodies[k].position, this.bodies[k].quaternion);
+      poseAt(body, this.now, this.bodies[k].position, this.bodies[k].quaternion);
     });
   }
 
@@ -97,7 +105,7 @@ export class World {
     const nearest = this.run.follow ?? 0;
     this.batches.place(this.bodies[nearest]?.position ?? new Vector3());
     this.arrows.move(this.place);
-    if (this.trails) (this.trails.material as ShaderMaterial).uniforms.now.value = this.place.frame;
+    if (this.trails) (this.trails.material as ShaderMaterial).uniforms.now.value = this.now;
   }
 
   /** To be called when the camera stands where it will look from. */
@@ -148,13 +156,13 @@ export class World {
     const points: Vector3[] = [];
     const [p, q] = [new Vector3(), new Quaternion()];
     const { boxes } = this;
-    const count = whole ? Math.min(60, this.run.times.length) : 1;
+    const count = whole ? 60 : 1;
     for (let k = 0; k < count; k++) {
-      const frame = whole ? Math.round((k * (this.run.times.length - 1)) / Math.max(1, count - 1)) : this.place.frame;
+      const time = whole ? (k / (count - 1)) * this.length : this.now;
       this.run.bodies.forEach((body, n) => {
         const box = boxes[n];
         if (!box) return;
-        poseAt(body, { frame, part: 0 }, p, q);
+        poseAt(body, time, p, q);
         for (const x of [box.min.x, box.max.x]) {
           for (const y of [box.min.y, box.max.y]) {
             for (const z of [box.min.z, box.max.z]) points.push(new Vector3(x, y, z).applyQuaternion(q).add(p));
@@ -216,11 +224,9 @@ export class World {
   /** The ways of the centres of mass, made when they are asked for first. */
   private addTrails(): void {
     const { run } = this;
-    const frames = run.times.length;
-    const count = Math.min(TRAIL, frames);
-    const at = Array.from({ length: count }, (_, k) => Math.round((k * (frames - 1)) / Math.max(1, count - 1)));
+    const at = Array.from({ length: TRAIL }, (_, k) => (k / (TRAIL - 1)) * this.length);
     const [p, q, c] = [new Vector3(), new Quaternion(), new Vector3()];
-    const segments = run.bodies.length * Math.max(0, count - 1);
+    const segments = run.bodies.length * (TRAIL - 1);
     const places = new Float32Array(6 * segments);
     const colors = new Float32Array(6 * segments);
     const seen = new Float32Array(2 * segments);
@@ -228,14 +234,14 @@ export class World {
     run.bodies.forEach((body) => {
       const color = this.number > 0 ? new Color(GHOSTS[(this.number - 1) % GHOSTS.length]) : new Color(BODIES[body.kind % BODIES.length]);
       const before = new Vector3();
-      at.forEach((frame, k) => {
-        poseAt(body, { frame, part: 0 }, p, q);
+      at.forEach((time, k) => {
+        poseAt(body, time, p, q);
         c.set(...body.center).applyQuaternion(q).add(p);
         if (k > 0) {
           for (const point of [before, c]) {
             point.toArray(places, 3 * end);
             color.toArray(colors, 3 * end);
-            seen[end++] = frame;
+            seen[end++] = time;
           }
         }
         before.copy(c);
@@ -244,7 +250,7 @@ export class World {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(places, 3));
     geometry.setAttribute("color", new BufferAttribute(colors, 3));
-    geometry.setAttribute("frame", new BufferAttribute(seen, 1));
+    geometry.setAttribute("time", new BufferAttribute(seen, 1));
     this.trails = new LineSegments(geometry, trailMaterial());
     this.trails.frustumCulled = false;
     this.root.add(this.trails);

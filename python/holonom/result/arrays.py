@@ -203,6 +203,35 @@ class Arrays(Facts):
             found[name] = values[channel] if index is None else values[channel][:, index]
         return found
 
+    def rows(
+        self, first: int, count: int, channels: Sequence[str]
+    ) -> dict[str, NDArray[np.float64]]:
+        r"""Return channels at some of the output times, without reading the others.
+
+        Parameters
+        ----------
+        first, count : int
+            The first output time, and how many; what lies beyond the last is left out.
+        channels : sequence of str
+            Names, without components.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (at most count, \*shape)
+
+        Raises
+        ------
+        UsageError
+            If a channel is unknown.
+        """
+        stored = self._reader.quantities
+        found = {name: self._reader.rows(name, first, count) for name in channels if name in stored}
+        others = [name for name in channels if name not in stored]
+        if others:
+            states = {n: self._reader.rows(n, first, count) for n in STATE if n in stored}
+            found |= self.model.evaluate(others, states)
+        return found
+
     def at(self, times: ArrayLike, channels: Sequence[str] | None = None) -> Self:
         """Return this result with rows at other times, in memory: to plot or export it there.
 

@@ -24,47 +24,51 @@ def indices(faces: list[list[int]]) -> dict[str, str]:
     return _packed("u4", np.array(faces))
 
 
+def halves(values: Array) -> dict[str, str]:
+    """Return numbers in half precision, three digits; the largest is 65,504."""
+    return _packed("f2", half(values))
+
+
+def half(values: Array) -> Array:
+    """Return numbers as the page has them in half precision."""
+    return np.clip(values, -65504.0, 65504.0).astype("f2").astype(np.float64)
+
+
 def turns(euler_parameters: Array) -> dict[str, str]:
     """Return orientations in 16 bits per parameter: 6e-5 rad.
-
-    Of the two signs that mean the same orientation each takes that of its predecessor, so that the
-    page can turn from one to the next the short way.
 
     Parameters
     ----------
     euler_parameters : ndarray, shape (n_times, 4)
     """
-    if not len(euler_parameters):
-        return _packed("i2", euler_parameters)
-    p = euler_parameters / np.linalg.norm(euler_parameters, axis=1, keepdims=True)
-    flips = np.sum(p[1:] * p[:-1], axis=1) < 0.0
-    signs = np.concatenate([[1.0], np.cumprod(np.where(flips, -1.0, 1.0))])
-    return _packed("i2", np.rint(32767.0 * p * signs[:, None]))
+    return _packed("i2", np.rint(32767.0 * euler_parameters))
 
 
-def ranges(values: Array) -> tuple[Array, Array]:
-    """Return the least and the largest finite value of each column, ndarrays, shape (n,).
+def curves(values: Array, low: Array, high: Array) -> dict[str, str]:
+    """Return curves in 16 bits.
 
-    Both are zero where there is none.
+    Parameters
+    ----------
+    values : ndarray, shape (n_times, n)
+    low, high : ndarray, shape (n,)
+        Smallest and largest value of each; see `limits`.
     """
-    finite = np.isfinite(values)
-    low = np.where(finite, values, np.inf).min(axis=0, initial=np.inf)
-    high = np.where(finite, values, -np.inf).max(axis=0, initial=-np.inf)
-    return np.where(low > high, 0.0, low), np.where(low > high, 0.0, high)
+    span = np.where(high > low, high - low, 1.0)
+    codes = np.rint((_MISSING - 1) * (values - low) / span)
+    return _packed("u2", np.where(np.isfinite(values), codes, _MISSING))
 
 
-def curves(values: Array) -> dict[str, Any]:
-    """Return curves in 16 bits, each over its own range.
+def limits(values: Array) -> tuple[Array, Array]:
+    """Return the smallest and the largest finite value of every column; zero where there is none.
 
     Parameters
     ----------
     values : ndarray, shape (n_times, n)
     """
-    low, high = ranges(values)
-    span = np.where(high > low, high - low, 1.0)
-    codes = np.rint((_MISSING - 1) * (values - low) / span)
-    codes = np.where(np.isfinite(values), codes, _MISSING)
-    return _packed("u2", codes) | {"low": low.tolist(), "high": high.tolist()}
+    finite = np.isfinite(values)
+    low = np.where(finite, values, np.inf).min(axis=0, initial=np.inf)
+    high = np.where(finite, values, -np.inf).max(axis=0, initial=-np.inf)
+    return np.where(low > high, 0.0, low), np.where(low > high, 0.0, high)
 
 
 def unpacked(blob: dict[str, str]) -> NDArray[Any]:

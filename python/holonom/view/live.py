@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from holonom.pictures.curves import components
 from holonom.store.layout import STATE
-from holonom.view.encoding import floats, ranges, turns
-from holonom.view.scene import POSE_BYTES, Poses, mechanism, poses_of, roads
+from holonom.view.encoding import floats, limits
+from holonom.view.motion import BYTES_PER_KNOT, KNOT_BYTES, Poses, Way, pose_names, poses_of
+from holonom.view.scene import mechanism, moved, roads
 from holonom.view.server import HTML, JSON, Answer, Server
 
 if TYPE_CHECKING:
@@ -21,8 +22,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Bytes of a pose and of a number of a channel.
-_POSE, _NUMBER = 20, 4
+#: Bytes of a number of a channel.
+_NUMBER = 4
 #: Shown until the first rows are there.
 _WAITING = b"""<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" content="0.5">
 <link rel="icon" href="data:,">
@@ -46,7 +47,7 @@ class Live:
         self._end = end_time
         self._lock = threading.Lock()
         self._times = np.empty(0)
-        self._poses: Poses = {}
+        self._poses: Poses | None = None
         self._channels: dict[str, Array] = {}
         #: Counts how often rows were taken away: a page then takes all again.
         self._generation = 0
@@ -61,23 +62,21 @@ class Live:
         if not len(rows["time"]):
             return
         states = {name: rows[name] for name in STATE if name in rows}
-        poses = poses_of(self._model, lambda names: self._model.evaluate(names, states))
+        model = self._model
+        poses = poses_of(model, model.evaluate(pose_names(model), states))
         with self._lock:
             if self._times.size and rows["time"][0] <= self._times[-1]:
                 self._keep(slice(0, int(np.searchsorted(self._times, rows["time"][0]))))
             self._times = np.concatenate([self._times, rows["time"]])
-            for name, (place, turned) in poses.items():
-                before = self._poses.get(name, (place[:0], turned[:0]))
-                self._poses[name] = (
-                    np.concatenate([before[0], place]),
-                    np.concatenate([before[1], turned]),
-                )
+            if self._poses is not None:
+                poses = Poses(*map(np.concatenate, zip(self._poses, poses, strict=True)))
+            self._poses = poses
             for name, values in rows["channels"].items():
                 flat = np.asarray(values, dtype=float).reshape(len(rows["time"]), -1)
                 self._channels[name] = np.concatenate([self._channels.get(name, flat[:0]), flat])
-            width = _POSE * len(self._poses)
+            width = BYTES_PER_KNOT * poses.place.shape[1]
             width += _NUMBER * sum(values.shape[1] for values in self._channels.values())
-            while self._times.size * width > 2 * POSE_BYTES:
+            while self._times.size * width > 2 * KNOT_BYTES:
                 self._keep(slice(None, None, 2))
 
     def finish(self, status: str) -> None:
@@ -95,9 +94,18 @@ class Live:
     def _keep(self, kept: slice) -> None:
         """Keep some rows; pages then take all again."""
         self._times = self._times[kept]
-        self._poses = {name: (p[kept], q[kept]) for name, (p, q) in self._poses.items()}
+        if self._poses is not None:
+            self._poses = Poses(*(part[kept] for part in self._poses))
         self._channels = {name: values[kept] for name, values in self._channels.items()}
         self._generation += 1
+
+    def _ways(self) -> list[Way]:
+        """Return every row as a knot of every body."""
+        poses = self._poses
+        if poses is None:
+            return []
+        bodies = range(poses.place.shape[1])
+        return [Way(self._times, *(part[:, k] for part in poses)) for k in bodies]
 
     def _get(self, path: str, query: dict[str, str]) -> Answer:
         if path == "":
@@ -132,7 +140,7 @@ class Live:
                 "status": self._status,
                 "completed": False,
                 "method": "",
-                **mechanism(model, items, self._times, self._poses),
+                **mechanism(model, items, self._times, self._ways()),
                 "channels": [
                     {
                         "name": name,
@@ -147,7 +155,7 @@ class Live:
                     for name, values in self._channels.items()
                 ],
             }
-            run["follow"] = self._follow(run["bodies"], run["size"])
+            run["follow"] = self._follow(run["size"])
             run["generation"] = self._generation
         return page([run], live=True).encode()
 
@@ -160,23 +168,22 @@ class Live:
             "status": self._status,
             "times": floats(self._times[since:] - self._times[:1]),
             "bodies": [
-                {"position": floats(p[since:] - p[0]), "rotation": turns(q[since:])}
-                for p, q in self._poses.values()
+                moved(way.after(since), way.place[0], self._times[0]) for way in self._ways()
             ],
             "channels": [self._curves(values, since) for values in self._channels.values()],
-            "roads": roads(self._model, self._poses) if self._times.size > since else [],
+            "roads": roads(self._model, self._ways()) if self._times.size > since else [],
         }
 
     def _curves(self, values: Array, since: int) -> dict[str, Any]:
-        low, high = ranges(values)
+        low, high = limits(values)
         return {**floats(values[since:]), "low": low.tolist(), "high": high.tolist()}
 
-    def _follow(self, bodies: list[dict[str, Any]], size: float) -> int | None:
+    def _follow(self, size: float) -> int | None:
         """Return the body to follow: the heaviest one, if it will get far at its present pace."""
         geometry = self._model.geometry["bodies"]
         if not geometry or self._end is None or self._times.size < 2:
             return None
         heaviest = max(range(len(geometry)), key=lambda k: float(geometry[k]["mass"]))
-        place = self._poses[bodies[heaviest]["name"]][0]
+        place = self._ways()[heaviest].place
         pace = np.linalg.norm(place[-1] - place[0]) / (self._times[-1] - self._times[0])
         return heaviest if pace * (self._end - self._times[0]) > 1.2 * size else None

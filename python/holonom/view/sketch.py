@@ -21,7 +21,8 @@ from holonom.base.errors import UsageError
 from holonom.base.plain import as_path
 from holonom.states import vector
 from holonom.view.encoding import unpacked
-from holonom.view.scene import poses_of, scene
+from holonom.view.motion import pose_names, poses_of
+from holonom.view.scene import scene
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -241,8 +242,9 @@ class _Model:
         moving: bool,
     ) -> None:
         self._camera, self._drawn = camera, drawn
-        placed = poses_of(result.model, lambda names: result.sample(moments, names))
-        self._places = [placed[body["name"]] for body in drawn["bodies"]]
+        model = result.model
+        poses = poses_of(model, result.sample(moments, pose_names(model)))
+        self._places = [(poses.place[:, k], poses.turn[:, k]) for k in range(len(drawn["bodies"]))]
         follow = drawn["follow"] if moving and not _is_tied(drawn) else None
         self._shift = np.zeros((moments.size, 3))
         if follow is not None:
