@@ -16,7 +16,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import CHANNELS, META, MODELS, PENDULUM, SUMMARY, synthetic_chunk
+from conftest import (
+    CHANNELS,
+    META,
+    MODELS,
+    PENDULUM,
+    SUMMARY,
+    oscillator_text,
+    synthetic_chunk,
+)
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -27,6 +35,7 @@ from holonom.pictures import runs as pictures
 from holonom.pictures import svg
 from holonom.pictures.picture import POINTS, thinned
 from holonom.report import render
+from holonom.report.extrema import extrema
 from holonom.report.figures import MOST_NUMBERS
 from holonom.report.graph import graph
 from holonom.report.page import CHANNELS_DRAWN
@@ -131,6 +140,48 @@ def test_extrema_are_those_of_the_rows_with_their_times(stored: Path) -> None:
     assert (rows[1][0], rows[1][3]) == ("rod.position, y", "1.99")
     assert float(rows[1][2].replace("−", "-")) == pytest.approx(np.cos(1.99), rel=1e-5)
     assert rows[1][4:] == ["1", "0"]
+
+
+def test_extrema_lie_between_rows_too() -> None:
+    # x = 0.1 cos t and its rate; rows are 0.9 s apart, from 0 to 6.3 s.
+    text = oscillator_text(mass=1.0, x=0.1, stiffness=1.0, free_length=1.0)
+    names = ["block.position[0]", "block.velocity[0]"]
+    model = holonom.Model.from_text(text)
+    result = model.simulate(end_time=6.3, interval=0.9, tolerance=1e-10, channels=names)
+    (place, rate), between = extrema(result, names)
+    assert between
+    assert place.smallest[0] == pytest.approx([-0.1, np.pi], abs=1e-3)
+    assert place.smallest[0, 0] == pytest.approx(-0.1, abs=1e-8)
+    assert place.largest[0] == pytest.approx([0.1, 0.0], abs=1e-8)  # the first row
+    assert rate.smallest[0, 0] == pytest.approx(-0.1, abs=1e-8)
+    assert rate.smallest[0, 1] == pytest.approx(0.5 * np.pi, abs=1e-3)
+    assert rate.largest[0] == pytest.approx([0.1, 1.5 * np.pi], abs=1e-3)
+    assert "between the stored rows states are computed" in render(result)
+    # Without steps the rows are all there is, and the page says so.
+    rows = model.simulate(end_time=6.3, interval=0.9, channels=names, dense_output=False)
+    (place, _), between = extrema(rows, names)
+    assert not between
+    assert tuple(place.smallest[0]) == (rows[names[0]].min(), rows.time[rows[names[0]].argmin()])
+    assert "Of the stored rows" in render(rows)
+
+
+def test_no_extremum_of_the_vehicle_is_passed_over() -> None:
+    names = ["tyre_front_right.vertical_force", "lower_ball_front_right.force"]
+    model = holonom.Model.load(MODELS / "hmmwv14" / "model.toml")
+    result = model.simulate(channels=names, interval=0.05)
+    found, _ = extrema(result, names)
+    fine = result.sample(np.linspace(0.0, 5.0, 20_001), names)
+    for one in found:
+        values = fine[one.curve.name].reshape(20_001, -1)
+        room = 1e-4 * np.ptp(values, axis=0)
+        assert np.all(one.largest[:, 0] >= values.max(axis=0) - room)
+        assert np.all(one.smallest[:, 0] <= values.min(axis=0) + room)
+        # They are values of the run at their times.
+        for k, (value, time) in enumerate(one.largest):
+            there = result.sample([time], [one.curve.name])[one.curve.name].reshape(-1)
+            assert there[k] == pytest.approx(value, rel=1e-9)
+        # The rows alone would miss them.
+        assert np.any(result.matrix(one.curve.name).max(axis=0) < one.largest[:, 0] - 10.0 * room)
 
 
 def test_the_page_has_the_numbers_of_its_figures(stored: Path) -> None:

@@ -58,7 +58,7 @@ def render(result: Result) -> str:
     figures = Figures(_line_count(result, drawn))
     if result.time.size:
         seen = [_motion(result), _channels(result, drawn, note, figures)]
-        seen += [_section("Extrema", card(extrema(result, names)) if names else "")]
+        seen += [_section("Extrema", extrema(result, names) if names else "")]
     else:
         seen = ['<p class="note">There are no rows: nothing was stored.</p>']
     sections = [

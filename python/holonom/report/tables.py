@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from holonom.base.text import escape
-from holonom.pictures.curves import curves
 from holonom.pictures.runs import unit_of, unit_text
+from holonom.report.extrema import extrema as extrema_of
 from holonom.summary import certified, with_unit
 
 if TYPE_CHECKING:
@@ -21,27 +21,28 @@ _ROUND_OFF = 1e-6
 
 def extrema(result: Result, names: Sequence[str]) -> str:
     """Return the smallest and the largest value of every component with their times."""
+    found, between = extrema_of(result, names)
     rows = []
-    for one in curves(result, names):
+    for one, smallest, largest in found:
         for i, label in enumerate(one.labels):
-            values = one.values[:, i]
-            if not np.isfinite(values).any():
+            (low, at), (high, then) = smallest[i], largest[i]
+            if np.isnan(low):
                 continue
-            low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
             name = f"{one.title}, {label}" if label else one.title
             unit = unit_of(one.unit, i, len(one.labels)).removesuffix("–")
-            rows.append(
-                (
-                    name,
-                    unit,
-                    _told(values[low], one.tolerances[i]),
-                    number(one.time[low]),
-                    _told(values[high], one.tolerances[i]),
-                    number(one.time[high]),
-                )
-            )
+            tolerance = one.tolerances[i]
+            values = (_told(low, tolerance), number(at), _told(high, tolerance), number(then))
+            rows.append((name, unit, *values))
+    if not rows:
+        return ""
     head = ("channel", "unit", "smallest", "at, s", "largest", "at, s")
-    return grid(head, rows, numbers=(2, 3, 4, 5)) if rows else ""
+    said = (
+        "Of the whole motion: between the stored rows states are computed from the steps, but for "
+        "what moves less than its solver tells."
+        if between
+        else "Of the stored rows: there are no steps from which what lies between them follows."
+    )
+    return card(grid(head, rows, numbers=(2, 3, 4, 5))) + f'<p class="note">{said}</p>'
 
 
 def parameters(model: Mapping[str, Any]) -> str:
