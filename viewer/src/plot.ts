@@ -104,20 +104,28 @@ export function columnsOf(
     column.last = value;
     column.low = Math.min(column.low, value);
     column.high = Math.max(column.high, value);
-    column.sum += value;
     column.count++;
-    if (!range || i + 1 === curve.length) continue;
-    column.low = Math.min(column.low, range.lowest[i]);
-    column.high = Math.max(column.high, range.highest[i]);
-    const beyond = Math.max(value, curve[i + 1]) < range.highest[i] - least || Math.min(value, curve[i + 1]) > range.lowest[i] + least;
-    column.between ||= beyond;
+    if (!range) {
+      column.sum += value;
+      continue;
+    }
+    const k = Math.min(i, range.lowest.length - 1);
+    const [lowest, highest] = [range.lowest[k], range.highest[k]];
+    column.sum += (lowest + highest) / 2;
+    column.low = Math.min(column.low, lowest);
+    column.high = Math.max(column.high, highest);
+    const beyond = Math.max(highest - Math.max(curve[k], curve[k + 1]), Math.min(curve[k], curve[k + 1]) - lowest);
+    column.between ||= beyond > Math.max(0.25 * (highest - lowest), 0.01 * (high - low));
   }
   const tall = (c: Column) => c.high - c.low > 0.01 * (high - low);
   const turning = columns.map((c) => c.turns >= TURNS && tall(c));
   // A peak that stands alone between two frames is drawn as a line.
-  const thick = columns.map((c, k) => turning[k] || (c.between && tall(c)));
-  columns.forEach((c, k) => (c.dense = turning[k] || (thick[k - 1] && thick[k + 1] && c.count > 0)));
-  return !range && columns.filter((c) => c.dense).length < 4 ? null : columns.filter((c) => c.count);
+  const thick = columns.map((c, k) => turning[k] || c.between);
+  columns.forEach((c, k) => {
+    const among = (thick[k - 1] ?? thick[k]) && (thick[k + 1] ?? thick[k]);
+    c.dense = turning[k] || (among && c.count > 0);
+  });
+  return columns.filter((c) => c.dense).length < 4 ? null : columns.filter((c) => c.count);
 }
 
 /** Draw ranges where a curve is dense, with the mean in them, and the curve elsewhere. */
@@ -274,11 +282,15 @@ export class Plot {
         }
         pen.beginPath();
         let drawn = false;
+        const at = (i: number) => x(run.start + run.times[i]);
         for (let i = 0; i < curve.length; i++) {
           if (Number.isNaN(curve[i])) drawn = false;
-          else if (drawn) pen.lineTo(x(run.start + run.times[i]), y(curve[i]));
-          else {
-            pen.moveTo(x(run.start + run.times[i]), y(curve[i]));
+          else if (drawn) {
+            if (range && range.highest[i - 1] > Math.max(curve[i - 1], curve[i])) pen.lineTo((at(i - 1) + at(i)) / 2, y(range.highest[i - 1]));
+            if (range && range.lowest[i - 1] < Math.min(curve[i - 1], curve[i])) pen.lineTo((at(i - 1) + at(i)) / 2, y(range.lowest[i - 1]));
+            pen.lineTo(at(i), y(curve[i]));
+          } else {
+            pen.moveTo(at(i), y(curve[i]));
             drawn = true;
           }
         }
