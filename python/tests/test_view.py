@@ -172,6 +172,22 @@ def test_rows_that_are_near_to_each_other_are_read_and_not_computed(
     assert parts["channels"] == whole["channels"]
 
 
+def test_rows_that_are_lost_are_computed_from_the_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = holonom.Model.from_text(TUMBLER).simulate(end_time=2.0, interval=1e-4)
+    before = scene(result)
+    stored = result._reader.rows
+
+    def lost(name: str, first: int, count: int) -> np.ndarray:
+        rows = np.array(stored(name, first, count))
+        rows[500 - first : 600 - first] = np.nan if name == "q" else rows[500 - first : 600 - first]
+        return rows
+
+    monkeypatch.setattr(result._reader, "rows", lost)
+    assert moments(result).stride == 1
+    after = scene(result)
+    assert np.all(off(result, after, result.time) <= 1.001 * np.array(before["missed"]) + 1e-6)
+
+
 def test_where_there_is_no_room_bodies_are_drawn_less_exactly_and_it_is_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

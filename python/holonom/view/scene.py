@@ -68,11 +68,7 @@ def scene(result: Result, channel_bytes: int = CHANNEL_BYTES) -> dict[str, Any]:
     piece = max(2, _PIECE // max(1, len(model.geometry["bodies"])))
     for first in range(0, max(times.size - 1, 1), piece):
         now = times[first : first + piece + 1]
-        if stride:
-            rows = result.rows(stride * first, stride * (now.size - 1) + 1, names)
-            rows = {name: values[::stride] for name, values in rows.items()}
-        else:
-            rows = result.sample(now, names)
+        rows = _rows(result, stride, first, now, names)
         knots.add(now, poses_of(model, rows))
         flat = [rows[name].reshape(now.size, -1) for name in chosen]
         traces.add(first, np.hstack([np.empty((now.size, 0)), *flat]))
@@ -160,6 +156,21 @@ def moved(way: Way, origin: Array, start: float) -> dict[str, Any]:
         "rotation": turns(way.turn),
         "spin": halves(way.spin),
     }
+
+
+def _rows(
+    result: Result, stride: int, first: int, times: Array, names: list[str]
+) -> dict[str, Array]:
+    """Return channels at some of the moments."""
+    if stride:
+        try:
+            rows = result.rows(stride * first, stride * (times.size - 1) + 1, names)
+        except UsageError:  # states that are lost from a damaged file; its steps may be there
+            if result.span is None:
+                raise
+        else:
+            return {name: values[::stride] for name, values in rows.items()}
+    return result.sample(times, names)
 
 
 class Moments(NamedTuple):
