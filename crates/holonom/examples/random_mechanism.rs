@@ -3,7 +3,7 @@
 
 #![allow(clippy::print_stdout, reason = "an example talks to its reader")]
 
-#[path = "../tests/random/mod.rs"]
+#[path = "../tests/engine/random/mod.rs"]
 mod random;
 
 use std::error::Error;

@@ -2,6 +2,7 @@
 //! own affair. Independent truth: a counting allocator. Set-up allocates the same whatever the run's
 //! length, so two runs that differ in length must allocate the same number of times.
 
+#[path = "engine/common/mod.rs"]
 mod common;
 
 use allocation_counter::measure;

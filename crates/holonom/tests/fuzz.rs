@@ -2,6 +2,7 @@
 //! each with `--features holonom/long`, or `FUZZ_SECONDS` seconds; what they find is kept by proptest beside
 //! this file and tried first from then on.
 
+#[path = "engine/random/mod.rs"]
 mod random;
 
 use std::time::{Duration, Instant};
@@ -13,10 +14,10 @@ use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
 
 const FILES: [&str; 5] = [
-    include_str!("files/double_pendulum.toml"),
-    include_str!("files/spatial.toml"),
-    include_str!("files/alternatives.toml"),
-    include_str!("files/planar.toml"),
+    include_str!("engine/files/double_pendulum.toml"),
+    include_str!("engine/files/spatial.toml"),
+    include_str!("engine/files/alternatives.toml"),
+    include_str!("engine/files/planar.toml"),
     "holonom = 1\ndimension = \"planar\"\nunits = { length = \"mm\", angle = \"deg\" }\ngravity = [0.0, -9810.0]\n\
      [patterns.chain]\nover.i = { from = 1, to = 3 }\n\
      bodies.\"link_{i}\" = { mass = 1.0, inertia = 100.0, position = [\"=100*i\", 0.0] }\n\

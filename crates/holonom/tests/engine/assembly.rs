@@ -1,0 +1,211 @@
+//! Models that are well formed but cannot be assembled are refused, naming the item; stated values
+//! are kept, unstated ones found, small residuals projected away.
+
+use crate::common::model_of;
+use holonom::reduction::assembly::AssemblyError;
+use holonom::simulation::{Memory, Options, Problem, run};
+use holonom::system::Sample;
+
+const FOUR_BAR: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+crank = { mass = 1.0, inertia = 0.1, position = [0.0, 0.5] }
+coupler = { mass = 1.0, inertia = 0.1, position = [1.0, 1.0] }
+rocker = { mass = 1.0, inertia = 0.1, position = [2.0, 0.5] }
+[joints]
+a = { type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }
+b = { type = "revolute", between = ["crank", "coupler"], point = [0.0, 1.0] }
+c = { type = "revolute", between = ["coupler", "rocker"], point = [2.0, 1.0] }
+"#;
+
+fn four_bar(rest: &str) -> Problem {
+    Problem::new(model_of(&format!("{FOUR_BAR}{rest}")))
+}
+
+const CLOSED: &str =
+    "d = { type = \"revolute\", between = [\"ground\", \"rocker\"], point = [2.0, 0.0] }\n";
+
+fn refusal(problem: &Problem) -> AssemblyError {
+    problem.assemble().expect_err("the model cannot be assembled").clone()
+}
+
+#[test] // independent truth: in a parallelogram crank and rocker turn alike, the coupler does not turn
+fn unstated_velocities_follow_from_the_joints() {
+    let problem =
+        four_bar(&format!("{CLOSED}[initial.bodies]\ncrank = {{ angular_velocity = 3.0 }}"));
+    let assembled = problem.assemble().unwrap();
+    let body = |b| problem.system().body(b, &assembled.state.q, &assembled.state.v);
+    assert!((body(0).angular_velocity[2] - 3.0).abs() < 1e-12);
+    assert!(body(1).angular_velocity[2].abs() < 1e-12);
+    assert!((body(2).angular_velocity[2] - 3.0).abs() < 1e-12);
+    assert!((body(1).velocity[0] + 3.0).abs() < 1e-12);
+    assert_eq!(problem.summary(assembled).ndof, 1);
+}
+
+#[test] // independent truth: the geometry of the parallelogram
+fn unstated_positions_follow_from_the_joints() {
+    let angle = 0.3_f64;
+    let problem = four_bar(&format!("{CLOSED}[initial.bodies]\ncrank = {{ angle = {angle} }}"));
+    let assembled = problem.assemble().unwrap();
+    let coupler = problem.system().body(1, &assembled.state.q, &assembled.state.v);
+    assert!((coupler.position[0] - (1.0 - angle.sin())).abs() < 1e-12);
+    assert!((coupler.position[1] - angle.cos()).abs() < 1e-12);
+    assert!(coupler.orientation[0].abs() < 1e-12);
+}
+
+#[test]
+fn a_stated_velocity_against_a_joint_is_refused() {
+    let error = refusal(&four_bar(&format!(
+        "{CLOSED}[initial.bodies]\ncrank = {{ velocity = [0.0, 0.4], angular_velocity = 0.0 }}"
+    )));
+    assert_eq!(error.code(), "assembly/inconsistent");
+    assert_eq!(error.item(), Some("a"));
+    assert!(error.to_string().contains("velocities"), "{error}");
+}
+
+#[test]
+fn a_stated_position_against_a_joint_is_refused_and_with_adjust_moved() {
+    let stated = "[initial.bodies]\ncrank = { position = [0.1, 0.5], angle = 0.0 }";
+    let error = refusal(&four_bar(&format!("{CLOSED}{stated}")));
+    assert_eq!(error.code(), "assembly/inconsistent");
+    assert!(error.to_string().contains("joint `a`"), "{error}");
+    let adjusted =
+        stated.replace("[initial.bodies]", "[initial]\nassembly = \"adjust\"\n[initial.bodies]");
+    let problem = four_bar(&format!("{CLOSED}{adjusted}"));
+    let assembled = problem.assemble().unwrap();
+    assert_eq!(assembled.adjustments.len(), 1);
+    assert_eq!(assembled.adjustments[0].item, "crank");
+    assert!(assembled.adjustments[0].translation > 0.01);
+}
+
+#[test] // a residual of a nanometre is rounding in a file, not a contradiction
+fn a_small_residual_is_projected_away_and_reported() {
+    let stated = "[initial.bodies]\ncrank = { position = [1.0e-9, 0.5], angle = 0.0 }";
+    let problem = four_bar(&format!("{CLOSED}{stated}"));
+    let assembled = problem.assemble().unwrap();
+    assert!((assembled.stated_residuals.0 - 1e-9).abs() < 1e-12);
+    let mut phi = vec![0.0; 8];
+    problem.system().position_constraints(0.0, &assembled.state.q, &mut phi);
+    assert!(phi.iter().all(|x| x.abs() < 1e-14));
+}
+
+#[test] // independent truth: two links of 1 m cannot span 5 m
+fn a_loop_that_cannot_close_is_refused() {
+    let rod = "far = { type = \"distance\", between = [\"ground\", \"rocker\"], \
+               points = [[9.0, 0.0], [2.0, 0.0]], length = 0.5 }\n";
+    let error = refusal(&four_bar(rod));
+    assert_eq!(error.code(), "assembly/unreachable");
+    assert_eq!(error.item(), Some("far"));
+    assert!(!error.help().is_empty());
+}
+
+#[test] // two drivers that turn one crank at different rates
+fn redundant_constraints_that_contradict_each_other_are_refused() {
+    let drivers = "[drivers]\n\
+        slow = { coordinate = \"rotation\", joint = \"a\", motion = { type = \"polynomial\", coefficients = [0.0, 1.0] } }\n\
+        fast = { coordinate = \"rotation\", joint = \"a\", motion = { type = \"polynomial\", coefficients = [0.0, 2.0] } }\n";
+    let error = refusal(&four_bar(&format!("{CLOSED}{drivers}")));
+    assert!(["assembly/contradiction", "assembly/inconsistent"].contains(&error.code()), "{error}");
+    let item = error.item().unwrap();
+    assert!(item == "slow" || item == "fast", "{item}");
+}
+
+#[test]
+fn a_direction_without_mass_is_refused_and_a_held_one_is_not() {
+    let text = |mass: f64, joint: &str| {
+        format!(
+            "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n[bodies]\n\
+             ghost = {{ mass = {mass:?}, inertia = 0.0, position = [0.0, 0.0] }}\n[joints]\n{joint}"
+        )
+    };
+    let free = Problem::new(model_of(&text(0.0, "")));
+    let error = refusal(&free);
+    assert_eq!((error.code(), error.item()), ("assembly/singular-mass", Some("ghost")));
+    assert!(error.to_string().contains("ghost."), "{error}");
+    // A point mass may not spin freely, but on a pin away from its centre it has inertia.
+    let spinning =
+        "pin = { type = \"revolute\", between = [\"ground\", \"ghost\"], point = [0.0, 0.0] }";
+    let error = refusal(&Problem::new(model_of(&text(1.0, spinning))));
+    assert!(error.to_string().contains("ghost.angle"), "{error}");
+    let swinging =
+        "pin = { type = \"revolute\", between = [\"ground\", \"ghost\"], point = [1.0, 0.0] }";
+    assert!(Problem::new(model_of(&text(1.0, swinging))).assemble().is_ok());
+}
+
+#[test] // independent truth: free fall; the block is the same a rounding further to the side
+fn a_joint_that_misses_a_centre_of_mass_by_round_off_changes_nothing() {
+    for missed in [0.0, 5.6e-17, 1e-13] {
+        let model = model_of(&format!(
+            "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n[bodies]\n\
+             block = {{ mass = 2.0, inertia = 0.5, position = [0.3, 0.0] }}\n[joints]\n\
+             guide = {{ type = \"translational\", between = [\"ground\", \"block\"], \
+             point = [{:?}, 0.0], axis = [0.0, 1.0] }}",
+            0.3 + missed
+        ));
+        assert_eq!(missed == 0.0, model.joints[0].frames[1].point == [0.0; 3]);
+        assert_eq!(model.characteristic_length(), 0.5, "the radius of gyration, m");
+        let problem = Problem::new(model);
+        let mut rows = Memory::default();
+        let summary = run(&problem, &Options::new(1.0), None, &mut rows).unwrap();
+        assert!((summary.end.q[1] + 0.5 * 9.81).abs() < 1e-9, "{missed:e}: {:?}", summary.end.q);
+    }
+}
+
+#[test] // independent truth: the reaction forces of a door on two hinges, worked out by hand
+fn reactions_of_redundant_joints_are_those_of_minimum_norm() {
+    // A door of 2 kg on two vertical revolute hinges at z = ±0.5, its centre 0.4 m from their axis:
+    // five of ten rows are redundant. Weight is carried half by each hinge; the moment about y by a
+    // couple of horizontal forces and torques, the shortest combination.
+    let problem = Problem::new(model_of(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -10.0]
+[bodies.door]
+mass = 2.0
+inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
+position = [0.4, 0.0, 0.0]
+[joints]
+low = { type = "revolute", between = ["ground", "door"], point = [0.0, 0.0, -0.5], axis = [0.0, 0.0, 1.0] }
+high = { type = "revolute", between = ["ground", "door"], point = [0.0, 0.0, 0.5], axis = [0.0, 0.0, 1.0] }
+"#,
+    ));
+    let assembled = problem.assemble().unwrap();
+    let summary = problem.summary(assembled);
+    assert_eq!((summary.ndof, summary.redundant.len()), (1, 5));
+    // Each is named by joint and axis, and the axes of the frames are those of the ground or along z.
+    for row in &summary.redundant {
+        assert!(["low", "high"].contains(&row.item.as_str()), "{row:?}");
+        let ground = row.direction.contains("the ground's") && row.row.contains("along");
+        let turned =
+            row.direction.contains("of its frame, [") && row.row.starts_with("rotation about");
+        assert!(ground || turned, "{row:?}");
+    }
+    let mut rows = Memory::default();
+    let run = run(&problem, &Options::new(0.1), None, &mut rows).unwrap();
+    let warning = run.warnings.iter().find(|w| w.code == "simulation/redundant").unwrap();
+    for row in &summary.redundant {
+        let name = format!("`{}`, {}", row.item, row.row);
+        assert!(warning.message.contains(&name), "{name}: {}", warning.message);
+    }
+    let mut manifold = assembled.manifold.clone();
+    let mut state = assembled.state.clone();
+    manifold.minimum_norm_multipliers(&mut state.lambda);
+    let read = |name: &str| {
+        let channel = problem.channels().iter().find(|c| c.name == name).unwrap().clone();
+        let mut out = vec![0.0; channel.size()];
+        problem.system().channel(&channel, &Sample::new(&state), &mut out);
+        out
+    };
+    let (low, high) = (read("low.force"), read("high.force"));
+    let (turn_low, turn_high) = (read("low.torque"), read("high.torque"));
+    assert!((low[2] - 10.0).abs() < 1e-9 && (high[2] - 10.0).abs() < 1e-9);
+    // A couple of forces ±F at 1 m distance and two torques T balance m g · 0.4 m = 8 N m about y:
+    // F + 2T = 8. The shortest (F, F, T, T) has T = 2F, so F = 1.6 N and T = 3.2 N m.
+    assert!((low[0] + high[0]).abs() < 1e-9);
+    assert!((low[0].abs() - 1.6).abs() < 1e-6, "{low:?} {turn_low:?}");
+    assert!((turn_low[1] - turn_high[1]).abs() < 1e-9);
+    assert!((turn_low[1].abs() - 3.2).abs() < 1e-6, "{turn_low:?}");
+}

@@ -1,0 +1,84 @@
+//! What a run refuses is refused by the check before it, and unstated initial velocities are told.
+
+use crate::common::model_of;
+use holonom::simulation::{Choices, Problem, check_run};
+use holonom::system::Sample;
+
+fn checked(text: &str) -> Result<Vec<String>, String> {
+    let problem = Problem::new(model_of(text));
+    let options = Choices::of_file(problem.model()).map_err(|e| e.to_string())?;
+    let warnings = check_run(&problem, &options).map_err(|e| e.to_string())?;
+    Ok(warnings.into_iter().map(|w| format!("{} {}", w.code, w.message)).collect())
+}
+
+const ARM: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+arm = { mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }
+rider = { mass = 1.0, inertia = 0.1, position = [2.0, 0.0] }
+[joints]
+hinge = { type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0] }
+rail = { type = "translational", between = ["arm", "rider"], point = [2.0, 0.5], axis = [0.0, 1.0] }
+"#;
+
+#[test] // independent truth: what is stated, what follows from it, and what is left
+fn chosen_velocities_are_told_and_determined_ones_are_not() {
+    let turning = format!("{ARM}[initial.bodies]\narm = {{ angular_velocity = 2.0 }}\n");
+    let found = checked(&turning).unwrap();
+    assert_eq!(found.len(), 1, "{found:?}");
+    assert!(found[0].starts_with("model/not-stated") && found[0].contains("`rail.displacement`"));
+    assert!(!found[0].contains("hinge"), "{found:?}");
+    // Stated, also as zero, it is no choice.
+    let stated = format!("{turning}[initial.joints]\nrail = {{ velocity = 0.0 }}\n");
+    assert_eq!(checked(&stated).unwrap(), Vec::<String>::new());
+    // At rest nothing is worth a word.
+    assert_eq!(checked(ARM).unwrap(), Vec::<String>::new());
+    let problem = Problem::new(model_of(&turning));
+    let chosen = problem.chosen_velocities();
+    let channel = problem.channel("rail.rate").unwrap();
+    let mut rate = [0.0];
+    let state = &problem.assemble().unwrap().state;
+    problem.system().channel(channel, &Sample::new(state), &mut rate);
+    assert!((chosen[0].rate - rate[0]).abs() < 1e-12 && rate[0].abs() > 0.1, "{chosen:?}");
+}
+
+#[test]
+fn choices_of_the_file_that_a_run_refuses_are_refused() {
+    for (rest, expected) in [
+        ("[outputs]\nchannels = [\"arm.positon\"]\n", "did you mean `arm.position`?"),
+        ("[simulation]\nend_time = 1.0\nmethod = \"ForRadu\"\n", "ForRadu"),
+        ("[simulation]\nend_time = 1.0\ntolerance = 1e-18\n", "below the round-off"),
+        ("[simulation]\nend_time = 1e9\n[outputs]\ninterval = 1e-3\n", "output rows"),
+        ("[simulation]\nmethod = \"ForRosen\"\njacobian = \"differences\"\n", "exact Jacobian"),
+    ] {
+        let error = checked(&format!("{ARM}{rest}")).unwrap_err();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn ends_of_a_spring_at_one_place_are_refused_where_it_pushes() {
+    let with = |free: &str| {
+        format!(
+            "{ARM}[forces]\ns = {{ type = \"tsda\", between = [\"ground\", \"rider\"], points = [[2.0, 0.0], \
+             [2.0, 0.0]], stiffness = 10.0, free_length = {free} }}\n"
+        )
+    };
+    let error = checked(&with("0.5")).unwrap_err();
+    assert!(error.starts_with("the ends of spring `s` coincide at the start"), "{error}");
+    assert!(checked(&with("0.0")).is_ok());
+    // In series with a damper its force does not follow from the length.
+    for free in ["0.5", "0.0"] {
+        let series = with(free)
+            .replace("tsda", "maxwell")
+            .replace("free_length", "damping = 2.0, free_length");
+        let error = checked(&series).unwrap_err();
+        assert!(
+            error.starts_with("the ends of `s`, a spring and a damper in series, coincide"),
+            "{error}"
+        );
+        assert!(checked(&series.replacen("[2.0, 0.0]]", "[2.0, 0.1]]", 1)).is_ok());
+    }
+}

@@ -1,0 +1,109 @@
+//! What counts of the choices of a run: the call, then the model file, then defaults.
+
+use crate::common::model_of;
+use holonom::method::Code;
+use holonom::model::{Model, Tolerance};
+use holonom::reduction::Choice;
+use holonom::simulation::{Choices, Options, OutputTimes, RunError, ToleranceParts};
+
+const ROD: &str = r#"
+holonom = 1
+dimension = "planar"
+[bodies]
+rod = { mass = 2.0, inertia = 0.1, position = [0.8, 0.0] }
+[joints]
+pin = { type = "revolute", between = ["ground", "rod"], point = [0.0, 0.0] }
+"#;
+
+fn stating(simulation: &str) -> Model {
+    model_of(&format!("{ROD}{simulation}"))
+}
+
+#[test]
+fn what_nothing_states_is_a_default() {
+    let call = Choices { end_time: Some(2.0), ..Choices::default() };
+    assert_eq!(call.resolve(&stating(""), 0.0), Ok(Options::new(2.0)));
+    assert_eq!(Choices::default().resolve(&stating(""), 0.0), Err(RunError::NoEndTime));
+}
+
+#[test]
+fn the_call_comes_before_the_file() {
+    let model = stating(
+        "[outputs]\nchannels = [\"rod.position\"]\ninterval = 0.5\n\
+         [simulation]\nstart_time = 1.0\nend_time = 3.0\nmethod = \"state_space\"\n\
+         formula = \"sdirk4_16\"\nprofile = \"thesis\"\ntolerance = 1e-6\nmax_steps = 7",
+    );
+    let file = Choices::default().resolve(&model, 1.0).unwrap();
+    assert_eq!((file.end_time, file.max_steps, file.code), (3.0, 7, Code::SspSdirk16));
+    assert_eq!(file.output, OutputTimes::Interval(0.5));
+    assert_eq!(file.channels, ["rod.position"]);
+    assert_eq!(file.parametrization, Choice::Partitioning, "that of its profile");
+
+    let call = Choices {
+        end_time: Some(4.0),
+        tolerance: ToleranceParts { rotation: Some(1e-3), ..ToleranceParts::default() },
+        method: Some("descriptor".into()),
+        output_times: Some(vec![2.0]),
+        parametrization: Some("tangent_plane".into()),
+        ..Choices::default()
+    };
+    let both = call.resolve(&model, 1.0).unwrap();
+    let tolerance = Tolerance { rotation: 1e-3, ..Tolerance::uniform(1e-6) };
+    assert_eq!((both.end_time, both.max_steps, both.tolerance), (4.0, 7, tolerance));
+    assert_eq!(both.code, Code::InflSdirk, "a method of the call takes no formula of the file");
+    assert_eq!(both.output, OutputTimes::Listed(vec![2.0]));
+    assert_eq!((both.parametrization, both.profile), (Choice::TangentPlane, file.profile));
+    let formula = Choices { formula: Some("sdirk4_15".into()), ..Choices::default() };
+    assert_eq!(formula.resolve(&model, 1.0).unwrap().code, Code::SspSdirk15);
+
+    assert_eq!(Choices::default().start_time(&model, None), Ok(1.0));
+    assert_eq!(Choices::default().start_time(&model, Some(2.0)), Ok(2.0));
+    let late = Choices { start_time: Some(1.5), ..Choices::default() };
+    assert_eq!(late.start_time(&model, None), Ok(1.5));
+    let refused = RunError::StartTime { stated: 1.5, from: 2.0 };
+    assert_eq!(late.start_time(&model, Some(2.0)), Err(refused));
+}
+
+#[test]
+fn options_told_as_choices_are_the_same_options() {
+    let model = stating("[simulation]\nend_time = 3.0\nmethod = \"DEABM\"");
+    for call in [
+        Choices::default(),
+        Choices {
+            method: Some("InflTrap".into()),
+            newmark_gamma: Some(0.75),
+            ..Choices::default()
+        },
+    ] {
+        let mut options = call.resolve(&model, 1.0).unwrap();
+        let told = Choices::of(&options, 1.0);
+        options.dense_output = Some(options.stores_dense_output());
+        assert_eq!(told.resolve(&stating(""), 1.0), Ok(options));
+    }
+}
+
+#[test]
+fn unknown_words_are_refused_with_the_known_ones() {
+    for (call, code, known) in [
+        (
+            Choices { method: Some("Euler".into()), ..Choices::default() },
+            "unknown-method",
+            "DOPRI5",
+        ),
+        (
+            Choices { profile: Some("best".into()), ..Choices::default() },
+            "option",
+            "improved, thesis",
+        ),
+        (Choices { jacobian: Some("none".into()), ..Choices::default() }, "option", "differences"),
+        (
+            Choices { parametrization: Some("x".into()), ..Choices::default() },
+            "option",
+            "tangent_plane",
+        ),
+    ] {
+        let error = call.resolve(&stating("[simulation]\nend_time = 1.0"), 0.0).unwrap_err();
+        assert_eq!(error.code(), format!("simulation/{code}"));
+        assert!(error.to_string().contains(known), "{error}");
+    }
+}

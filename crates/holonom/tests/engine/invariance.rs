@@ -1,0 +1,505 @@
+//! What must not matter: where a model stands, how its ground frame is turned, how its bodies are
+//! numbered, in which units it is written. The independent truth is the run of the untouched model.
+
+use crate::common::{DRIVEN_TELESCOPE, SPATIAL_SLIDER_CRANK, model, model_of, options, run_model};
+use holonom::method::Code;
+use holonom::model::{
+    Dimension, DriverKind, ElasticLaw, ForceKind, Frame, JointKind, Model, Orientation, Road,
+    TimeFunction, Tolerance,
+};
+use holonom::simulation::{Options, OutputTimes, Problem};
+use holonom::system::Measure;
+
+/// A rotation by Euler parameters, about z for planar models, and a translation.
+#[derive(Clone, Copy)]
+struct Placement {
+    turn: [f64; 4],
+    shift: [f64; 3],
+}
+
+impl Placement {
+    fn turned(self, v: [f64; 3]) -> [f64; 3] {
+        let [w, x, y, z] = self.turn;
+        let cross = |a: [f64; 3], b: [f64; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let once = cross([x, y, z], v);
+        let twice = cross([x, y, z], once);
+        std::array::from_fn(|k| v[k] + 2.0 * (w * once[k] + twice[k]))
+    }
+
+    fn placed(self, point: [f64; 3]) -> [f64; 3] {
+        let turned = self.turned(point);
+        std::array::from_fn(|k| turned[k] + self.shift[k])
+    }
+
+    fn angle(self) -> f64 {
+        2.0 * self.turn[3].atan2(self.turn[0])
+    }
+
+    fn orientation(self, orientation: Orientation) -> Orientation {
+        match orientation {
+            Orientation::Angle(angle) => Orientation::Angle(angle + self.angle()),
+            Orientation::EulerParameters([b0, b1, b2, b3]) => {
+                let [a0, a1, a2, a3] = self.turn;
+                Orientation::EulerParameters([
+                    a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,
+                    a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
+                    a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
+                    a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
+                ])
+            }
+        }
+    }
+
+    fn frame(self, frame: &mut Frame) {
+        if frame.body.is_none() {
+            frame.point = self.placed(frame.point);
+            for column in 0..3 {
+                let axis = self.turned([0, 1, 2].map(|row| frame.axes[row][column]));
+                (0..3).for_each(|row| frame.axes[row][column] = axis[row]);
+            }
+        }
+    }
+
+    /// The whole model, its ground and its gravity, placed elsewhere.
+    fn model(self, model: &Model) -> Model {
+        let mut out = model.clone();
+        out.gravity = self.turned(out.gravity);
+        for body in &mut out.bodies {
+            body.position = self.placed(body.position);
+            body.orientation = self.orientation(body.orientation);
+        }
+        for stated in &mut out.initial.bodies {
+            stated.position = stated.position.map(|p| self.placed(p));
+            stated.orientation = stated.orientation.map(|o| self.orientation(o));
+            stated.velocity = stated.velocity.map(|v| self.turned(v));
+            stated.angular_velocity = stated.angular_velocity.map(|v| self.turned(v));
+        }
+        out.joints.iter_mut().flat_map(|j| &mut j.frames).for_each(|f| self.frame(f));
+        for driver in &mut out.drivers {
+            assert!(matches!(driver.kind, DriverKind::Translation), "angles would need a shift");
+            driver.frames.iter_mut().for_each(|f| self.frame(f));
+        }
+        for force in &mut out.forces {
+            match &mut force.kind {
+                ForceKind::Tsda { frames, .. }
+                | ForceKind::Rsda { frames, .. }
+                | ForceKind::Maxwell { frames, .. }
+                | ForceKind::Bushing { frames, .. } => {
+                    frames.iter_mut().for_each(|f| self.frame(f));
+                }
+                ForceKind::Tyre(tyre) => match &mut tyre.road {
+                    Road::SmoothBump { center, .. } => *center += self.shift[0],
+                    road => panic!("no placement of {road:?}"),
+                },
+                ForceKind::Torque { .. } => assert_eq!(model.dimension, Dimension::Planar),
+                ForceKind::PointForce { .. } => panic!("components would have to be turned"),
+            }
+        }
+        out
+    }
+}
+
+/// Positions of all body origins at ten times, and the number of steps.
+fn positions(model: &Model, code: Code, tolerance: f64, end: f64) -> (Vec<[f64; 3]>, u64) {
+    positions_within(model, code, Tolerance::uniform(tolerance), end)
+}
+
+fn positions_within(
+    model: &Model,
+    code: Code,
+    tolerance: Tolerance,
+    end: f64,
+) -> (Vec<[f64; 3]>, u64) {
+    let names: Vec<String> = model.bodies.iter().map(|b| format!("{}.position", b.name)).collect();
+    let options = Options {
+        output: OutputTimes::Interval(end / 10.0),
+        channels: names.clone(),
+        tolerance,
+        initial_step: model.simulation.initial_step,
+        ..options(code, tolerance.relative, end)
+    };
+    let outcome = run_model(model, &options);
+    let size = if model.dimension == Dimension::Planar { 2 } else { 3 };
+    let rows = outcome.times().len();
+    let mut out = Vec::new();
+    for name in &names {
+        let columns: Vec<_> = (0..size).map(|k| outcome.series(name, k)).collect();
+        let component = |row: usize, k: usize| columns.get(k).map_or(0.0, |c| c[row]);
+        out.extend((0..rows).map(|row| [0, 1, 2].map(|k| component(row, k))));
+    }
+    (out, outcome.summary.statistics.steps)
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+fn steps_agree(a: u64, b: u64) -> bool {
+    a.abs_diff(b) as f64 <= (0.05 * a as f64).max(1.0)
+}
+
+#[track_caller]
+fn assert_invariant(model: &Model, placement: Placement, code: Code, tolerance: f64, end: f64) {
+    assert_invariant_within(10.0, model, placement, code, tolerance, end);
+}
+
+/// Positions may differ by `allowed` tolerances.
+#[track_caller]
+fn assert_invariant_within(
+    allowed: f64,
+    model: &Model,
+    placement: Placement,
+    code: Code,
+    tolerance: f64,
+    end: f64,
+) {
+    let (here, steps) = positions(model, code, tolerance, end);
+    let (there, steps_there) = positions(&placement.model(model), code, tolerance, end);
+    assert!(steps_agree(steps, steps_there), "{code:?}: {steps} steps, elsewhere {steps_there}");
+    let difference =
+        here.iter().zip(there).map(|(&a, b)| distance(placement.placed(a), b)).fold(0.0, f64::max);
+    assert!(difference < allowed * tolerance, "{code:?}: {difference:.2e} m at {tolerance:e}");
+}
+
+const FAR_AND_TURNED: Placement = Placement {
+    turn: [0.939_372_712_847_378_9, 0.0, 0.0, 0.342_897_807_455_451_4], // 0.7 rad about z
+    shift: [1e4, -0.7e4, 0.0],
+};
+
+/// Codes that reach the end of stiff models in a short time.
+const IMPLICIT: [Code; 3] = [Code::ForSdirk, Code::ForRosen, Code::ForRadau];
+
+#[test]
+fn planar_models_run_alike_everywhere() {
+    let models = [
+        ("simple_pendulum", 3.0),
+        ("double_pendulum", 2.0),
+        ("andrews", 0.03),
+        ("slider_crank", 0.6),
+    ];
+    for (name, end) in models {
+        for code in IMPLICIT {
+            assert_invariant(&model(name), FAR_AND_TURNED, code, 1e-5, end);
+        }
+    }
+    for code in [Code::Deabm, Code::Dopri5] {
+        assert_invariant(&model("slider_crank"), FAR_AND_TURNED, code, 1e-5, 0.6);
+    }
+}
+
+#[test]
+fn a_spatial_model_runs_alike_everywhere() {
+    // About (1, 2, 2)/3 by 2 rad.
+    let (sin, cos) = 1f64.sin_cos();
+    let turn = [cos, sin / 3.0, 2.0 * sin / 3.0, 2.0 * sin / 3.0];
+    let placement = Placement { turn, shift: [1e4, -0.7e4, 0.3e4] };
+    // In a turned frame other coordinates are independent. The explicit code's own error is then
+    // another one of the same size, up to twenty tolerances here.
+    for (code, allowed) in [(Code::ForSdirk, 10.0), (Code::ForRosen, 10.0), (Code::Deabm, 30.0)] {
+        let telescope = model_of(DRIVEN_TELESCOPE);
+        assert_invariant_within(allowed, &telescope, placement, code, 1e-5, 3.0);
+    }
+}
+
+#[test]
+fn the_vehicle_rides_alike_on_another_stretch_of_road() {
+    let placement = Placement { turn: [1.0, 0.0, 0.0, 0.0], shift: [1e4, -0.7e4, 0.0] };
+    let mut vehicle = model("hmmwv14");
+    // It starts in equilibrium, where a first step of the code's own is found from round-off; where steps
+    // stand when the bump comes follows from it.
+    vehicle.simulation.initial_step = Some(0.02);
+    for code in IMPLICIT {
+        assert_invariant(&vehicle, placement, code, 1e-3, 5.0);
+    }
+}
+
+/// The model with its bodies in reverse order.
+fn renumbered(model: &Model) -> Model {
+    let mut out = model.clone();
+    let last = out.bodies.len() - 1;
+    out.bodies.reverse();
+    out.initial.bodies.reverse();
+    let frame = |frame: &mut Frame| frame.body = frame.body.map(|b| last - b);
+    out.joints.iter_mut().flat_map(|j| &mut j.frames).for_each(frame);
+    out.drivers.iter_mut().flat_map(|d| &mut d.frames).for_each(frame);
+    for force in &mut out.forces {
+        match &mut force.kind {
+            ForceKind::Tsda { frames, .. }
+            | ForceKind::Rsda { frames, .. }
+            | ForceKind::Maxwell { frames, .. }
+            | ForceKind::Bushing { frames, .. } => frames.iter_mut().for_each(frame),
+            ForceKind::Tyre(tyre) => frame(&mut tyre.frame),
+            ForceKind::PointForce { frame: point, .. } => frame(point),
+            ForceKind::Torque { body, reaction, .. } => {
+                *body = body.map(|b| last - b);
+                *reaction = reaction.map(|b| last - b);
+            }
+        }
+    }
+    out
+}
+
+#[test]
+fn numbering_of_bodies_does_not_matter() {
+    let models = [
+        ("andrews", model("andrews"), 1e-5, 0.03),
+        ("double pendulum", model("double_pendulum"), 1e-5, 2.0),
+        ("slider-crank in space", model_of(SPATIAL_SLIDER_CRANK), 1e-6, 1.0),
+        ("vehicle", model("hmmwv14"), 1e-3, 5.0),
+    ];
+    for (name, model, tolerance, end) in models {
+        let (mut here, steps) = positions(&model, Code::ForSdirk, tolerance, end);
+        let (there, steps_there) = positions(&renumbered(&model), Code::ForSdirk, tolerance, end);
+        assert!(steps_agree(steps, steps_there), "{name}: {steps} steps, {steps_there}");
+        // Rows come body by body.
+        let rows = here.len() / model.bodies.len();
+        here = here.chunks(rows).rev().flatten().copied().collect();
+        let difference = here.iter().zip(there).map(|(&a, b)| distance(a, b)).fold(0.0, f64::max);
+        assert!(difference < 10.0 * tolerance, "{name}: {difference:.2e} m at {tolerance:e}");
+    }
+}
+
+#[test] // with prescribed steps and iterations to round-off nothing but round-off is left
+fn numbering_of_bodies_changes_round_off_only_where_steps_and_partition_are_prescribed() {
+    let models = [
+        ("double pendulum", model("double_pendulum"), 1e-3, 1.0),
+        ("slider-crank in space", model_of(SPATIAL_SLIDER_CRANK), 2e-3, 1.0),
+        ("spatial four-bar", model("spatial_four_bar"), 2e-3, 1.0),
+        ("vehicle", model("hmmwv14"), 2e-3, 0.1),
+    ];
+    for (name, model, step, end) in models {
+        for code in [Code::ForSdirk, Code::ForRosen, Code::ForRadau, Code::SspTrap, Code::InflSdirk]
+        {
+            let fixed = |model: &Model| {
+                // The formula's own error depends on the partition: it stays.
+                let options = Options {
+                    fixed_step: Some(step),
+                    repartition_factor: 1e12,
+                    ..options(code, 1e-6, end)
+                };
+                let end = run_model(model, &options).summary.end;
+                let bodies: Vec<Vec<f64>> =
+                    end.q.chunks(end.q.len() / model.bodies.len()).map(<[f64]>::to_vec).collect();
+                bodies
+            };
+            let (here, mut there) = (fixed(&model), fixed(&renumbered(&model)));
+            there.reverse();
+            let size = here.iter().flatten().fold(1.0f64, |m, x| m.max(x.abs()));
+            let pairs = here.iter().flatten().zip(there.iter().flatten());
+            let difference = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(difference < 1e-9 * size, "{name}, {code:?}: {difference:.1e}");
+        }
+    }
+}
+
+/// Other units: each number is how many of them one metre, kilogram or second is.
+#[derive(Clone, Copy)]
+struct Units {
+    length: f64,
+    mass: f64,
+    time: f64,
+}
+
+impl Units {
+    fn force(self) -> f64 {
+        self.mass * self.length / self.time.powi(2)
+    }
+
+    fn points(self, point: [f64; 3]) -> [f64; 3] {
+        point.map(|x| x * self.length)
+    }
+
+    fn law(unit: f64, law: &mut ElasticLaw) {
+        match law {
+            ElasticLaw::Linear(stiffness) => *stiffness *= unit,
+            ElasticLaw::Table(_) => panic!("no units of tables"),
+        }
+    }
+
+    /// A function of time whose values have a unit.
+    fn function(self, unit: f64, function: &mut TimeFunction) {
+        match function {
+            TimeFunction::Constant(value) => *value *= unit,
+            TimeFunction::Harmonic { amplitude, angular_frequency, offset, .. } => {
+                *amplitude *= unit;
+                *offset *= unit;
+                *angular_frequency /= self.time;
+            }
+            other => panic!("no units of {other:?}"),
+        }
+    }
+
+    /// The same model, written in these units.
+    fn model(self, model: &Model) -> Model {
+        let Self { length, mass, time } = self;
+        let force = self.force();
+        let mut out = model.clone();
+        out.gravity = out.gravity.map(|g| g * length / time.powi(2));
+        for body in &mut out.bodies {
+            body.mass *= mass;
+            body.inertia = body.inertia.map(|row| row.map(|x| x * mass * length.powi(2)));
+            body.position = self.points(body.position);
+            body.center_of_mass = self.points(body.center_of_mass);
+        }
+        for stated in &mut out.initial.bodies {
+            stated.position = stated.position.map(|p| self.points(p));
+            stated.velocity = stated.velocity.map(|v| v.map(|x| x * length / time));
+            stated.angular_velocity = stated.angular_velocity.map(|w| w.map(|x| x / time));
+        }
+        let frame = |frame: &mut Frame| frame.point = self.points(frame.point);
+        for joint in &mut out.joints {
+            joint.frames.iter_mut().for_each(frame);
+            if let JointKind::Distance { length: distance } = &mut joint.kind {
+                *distance *= length;
+            }
+        }
+        for driver in &mut out.drivers {
+            driver.frames.iter_mut().for_each(frame);
+            let unit = if driver.kind == DriverKind::Translation { length } else { 1.0 };
+            self.function(unit, &mut driver.motion);
+        }
+        for item in &mut out.forces {
+            match &mut item.kind {
+                ForceKind::Tsda { frames, law, damping, free_length } => {
+                    frames.iter_mut().for_each(frame);
+                    Self::law(force / length, law);
+                    *damping *= force / length * time;
+                    *free_length *= length;
+                }
+                ForceKind::Rsda { frames, law, damping, .. } => {
+                    frames.iter_mut().for_each(frame);
+                    Self::law(force * length, law);
+                    *damping *= force * length * time;
+                }
+                ForceKind::Tyre(tyre) => {
+                    frame(&mut tyre.frame);
+                    tyre.radius *= length;
+                    tyre.smoothing *= length;
+                    tyre.stiffness *= force / length;
+                    tyre.damping *= force / length * time;
+                    match &mut tyre.road {
+                        Road::SmoothBump { height, half_length, center } => {
+                            for x in [height, half_length, center] {
+                                *x *= length;
+                            }
+                        }
+                        road => panic!("no units of {road:?}"),
+                    }
+                    if let Some(lateral) = &mut tyre.lateral {
+                        lateral.cornering_stiffness *= force;
+                        lateral.regularization_speed *= length / time;
+                    }
+                }
+                ForceKind::Torque { torque, .. } => {
+                    torque.iter_mut().for_each(|f| self.function(force * length, f));
+                }
+                other => panic!("no units of {other:?}"),
+            }
+        }
+        out
+    }
+}
+
+const PLANAR_JOINTS: &str = r#"
+holonom = 1
+dimension = "planar"
+[bodies]
+a = { mass = 1.0, inertia = 0.1, position = [0.5, 0.0] }
+b = { mass = 1.0, inertia = 0.1, position = [1.5, 0.0] }
+c = { mass = 1.0, inertia = 0.1, position = [3.0, 0.0] }
+[joints]
+pin = { type = "revolute", between = ["ground", "a"], point = [0.0, 0.0] }
+slide = { type = "translational", between = ["a", "b"], point = [1.0, 0.0], axis = [1.0, 0.0] }
+rod = { type = "distance", between = ["ground", "c"], points = [[3.0, 1.0], [3.2, 0.0]] }
+[drivers]
+push = { joint = "slide", coordinate = "translation", motion = 0.1 }
+turn = { joint = "pin", coordinate = "rotation", motion = 0.3 }
+"#;
+
+const SPATIAL_JOINTS: &str = r#"
+holonom = 1
+dimension = "spatial"
+[bodies]
+a = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.5, 0.0, 0.0] }
+b = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [1.5, 0.0, 0.0] }
+c = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [3.0, 0.0, 0.0] }
+[joints]
+cross = { type = "universal", between = ["ground", "a"], point = [0.0, 0.0, 0.0], axes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
+slide = { type = "cylindrical", between = ["a", "b"], point = [1.0, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }
+rod = { type = "distance", between = ["b", "c"], points = [[1.5, 1.0, 0.0], [3.2, 0.0, 0.0]] }
+hinge = { type = "revolute", between = ["ground", "c"], point = [3.0, 0.0, 1.0], axis = [0.0, 1.0, 0.0] }
+"#;
+
+#[test] // independent truth: what is in metres has a thousand times the value in millimetres
+fn rows_say_whether_they_are_lengths() {
+    let millimetres = Units { length: 1e3, mass: 1.0, time: 1.0 };
+    for model in [model_of(PLANAR_JOINTS), model_of(SPATIAL_JOINTS)] {
+        let rows = |model: &Model, units: f64| {
+            let problem = Problem::new(model.clone());
+            let (system, mut q) = (problem.system(), vec![0.0; 0]);
+            let structure = system.structure();
+            for (b, body) in model.bodies.iter().enumerate() {
+                let turn = 0.1 * (b + 1) as f64;
+                let moved = body.position.map(|x| x + 0.03 * turn * units);
+                q.extend(&moved[..structure.sizes.translations]);
+                match body.orientation {
+                    Orientation::Angle(angle) => q.push(angle + turn),
+                    Orientation::EulerParameters(_) => q.extend([1.0, turn, -0.5 * turn, turn]),
+                }
+            }
+            let mut values = vec![0.0; structure.sizes.rows];
+            system.position_constraints(0.0, &q, &mut values);
+            let names: Vec<String> = (0..values.len()).map(|row| system.row_name(row)).collect();
+            (values, names, structure.row_measure.clone())
+        };
+        let (metres, names, measures) = rows(&model, 1.0);
+        let (there, ..) = rows(&millimetres.model(&model), 1e3);
+        for (row, measure) in measures.iter().enumerate() {
+            let factor = if *measure == Measure::Length { 1e3 } else { 1.0 };
+            let (a, b) = (metres[row], there[row]);
+            assert!(a.abs() > 1e-6, "{}: {a:e} says nothing", names[row]);
+            assert!((b - factor * a).abs() < 1e-9 * b.abs(), "{}: {a:e} m, {b:e} mm", names[row]);
+        }
+    }
+}
+
+#[test]
+fn units_do_not_matter() {
+    let models = [
+        ("double_pendulum", 1e-4, 2.0),
+        ("andrews", 1e-4, 0.03),
+        ("slider_crank", 1e-4, 0.6),
+        ("spatial_four_bar", 1e-4, 2.0),
+        ("hmmwv14", 1e-3, 0.8),
+    ];
+    // Decimetres and grams; a larger and slower world.
+    let mechanical = Units { length: 10.0, mass: 1e3, time: 1.0 };
+    let all = Units { length: 0.3, mass: 1e-2, time: 2.0 };
+    for (name, tolerance, end) in models {
+        let model = model(name);
+        for code in [Code::SspTrap, Code::InflSdirk, Code::ForSdirk, Code::ForRosen] {
+            let (here, steps) = positions(&model, code, tolerance, end);
+            for units in [mechanical, all] {
+                let scaled = Tolerance {
+                    translation: tolerance * units.length,
+                    ..Tolerance::uniform(tolerance)
+                };
+                let (there, steps_there) =
+                    positions_within(&units.model(&model), code, scaled, end * units.time);
+                // A tolerance has one absolute part for metres and metres per second: other seconds
+                // shift the weight between positions and velocities.
+                let alike = units.time != 1.0 || steps.abs_diff(steps_there) <= 1;
+                assert!(alike, "{name}, {code:?}: {steps} steps, {steps_there}");
+                let back = there.iter().map(|p| p.map(|x| x / units.length));
+                let difference =
+                    here.iter().zip(back).map(|(&a, b)| distance(a, b)).fold(0.0, f64::max);
+                assert!(
+                    difference < 10.0 * tolerance,
+                    "{name}, {code:?}: {difference:.2e} m at {tolerance:e}"
+                );
+            }
+        }
+    }
+}

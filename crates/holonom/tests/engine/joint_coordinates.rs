@@ -1,0 +1,288 @@
+//! Joint coordinates against Cartesian ones. Independent truth: the equations with every joint as a constraint, which know
+//! no tree.
+
+use crate::common::{LIBRARY, model, model_of, options, run_from};
+use crate::random::{Mechanism, numbers::Random};
+use holonom::method::{CODES, Code};
+use holonom::model::Model;
+use holonom::newton::Representation;
+use holonom::reduction::{Coordinates, Manifold, Point};
+use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, Status, Summary, run};
+use holonom::system::State;
+
+/// Largest difference of two vectors against the largest entry.
+fn difference(a: &[f64], b: &[f64], least: f64) -> f64 {
+    let size = a.iter().chain(b).fold(least, |m, x| m.max(x.abs()));
+    a.iter().zip(b).fold(0.0f64, |m, (x, y)| m.max((x - y).abs())) / size
+}
+
+/// Two points in the same parametrization, the second one in joint coordinates; none where the tree has lines.
+fn points(model: Model) -> Option<([Point; 2], State)> {
+    let problem = Problem::new(model);
+    let assembled = problem.assemble().ok()?;
+    let (cartesian, state) = (assembled.manifold.clone(), assembled.state.clone());
+    let mut joint = cartesian.clone();
+    joint
+        .use_joint_coordinates(&state.q)
+        .then(|| ([Point::new(cartesian, &state), Point::new(joint, &state)], state))
+}
+
+fn ndof(manifold: &Manifold) -> usize {
+    manifold.chart().ndof()
+}
+
+/// Worst differences of what a point computes near its start: q, q̇, q̈, λ, ψ, M̂ p, δq, δq̇, and what is
+/// left of the equations of motion.
+fn compare(points: &mut [Point; 2], state: &State, random: &mut Random) -> Option<[f64; 9]> {
+    let n = ndof(&points[0].manifold);
+    let mut p = vec![0.0; n];
+    let mut rates = vec![0.0; n];
+    points[0].manifold.independent_state(state, &mut p, &mut rates);
+    for (p, rate) in p.iter_mut().zip(&mut rates) {
+        *p += random.range(-0.02, 0.02);
+        *rate += random.range(-1.0, 1.0);
+    }
+    let z: Vec<f64> = state.z.clone();
+    for point in &mut *points {
+        point.evaluate(state.t, &p, &rates, &z, true).ok()?;
+        point.complete();
+    }
+    let mut worst = [0.0f64; 9];
+    let balance;
+    {
+        let [a, b] = &*points;
+        worst[0] = difference(&a.state.q, &b.state.q, 1.0);
+        worst[1] = difference(&a.state.v, &b.state.v, 1.0);
+        worst[2] = difference(&a.state.a, &b.state.a, 1.0);
+        // Multipliers are sums of forces, which stiff elements let nearly cancel.
+        let mut force = vec![0.0; state.q.len()];
+        a.manifold.system().forces(&a.state, &mut force, &mut vec![0.0; z.len()]);
+        let largest = force.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+        worst[3] = difference(&a.state.lambda, &b.state.lambda, largest);
+        // Where rows nearly depend on each other multipliers are not unique; they balance the forces all the same.
+        let mut at = b.clone();
+        let mut left = vec![0.0; state.lambda.len()];
+        at.manifold.descriptor_residual(&b.state, &mut vec![0.0; z.len()], &mut force, &mut left);
+        balance = force.iter().fold(0.0f64, |m, x| m.max(x.abs())) / largest;
+    }
+    let change: Vec<f64> = (0..n).map(|_| random.range(-1.0, 1.0)).collect();
+    let guess: Vec<f64> = (0..n).map(|_| random.range(-10.0, 10.0)).collect();
+    let mut found = Vec::new();
+    for point in &mut *points {
+        let (coordinates, rows) = (state.q.len(), state.lambda.len());
+        let (mut dq, mut dv) = (vec![0.0; coordinates], vec![0.0; coordinates]);
+        point.spread(&change, &rates, &mut dq, &mut dv, &mut vec![0.0; rows], &mut vec![0.0; n]);
+        let (mut psi, mut felt) = (vec![0.0; n], vec![0.0; n]);
+        let Point { manifold, state, z_rate, .. } = point;
+        manifold.reduced_residual(state, &guess, z_rate, &mut psi);
+        manifold.reduced_mass_times(&change, &mut felt);
+        found.push([psi, felt, dq, dv, state.a.clone()]);
+    }
+    for (worst, (a, b)) in worst[4..8].iter_mut().zip(found[0].iter().zip(&found[1])) {
+        *worst = difference(a, b, 1.0);
+    }
+    worst[2] = worst[2].max(difference(&found[0][4], &found[1][4], 1.0));
+    worst[8] = balance;
+    Some(worst)
+}
+
+#[test]
+fn both_forms_agree_on_the_library() {
+    let mut random = Random::new(11);
+    for name in LIBRARY {
+        let Some((mut points, state)) = points(model(name)) else {
+            panic!("{name} has no joint form");
+        };
+        let mut compared = 0;
+        for _ in 0..20 {
+            if let Some(worst) = compare(&mut points, &state, &mut random) {
+                compared += 1;
+                assert!(worst.iter().all(|x| *x < 1e-9), "{name}: {worst:?}");
+            }
+        }
+        assert!(compared >= 15, "{name}: {compared} states");
+    }
+}
+
+#[test]
+fn both_forms_agree_on_random_mechanisms() {
+    let (mut compared, mut others, mut loops) = (0, 0, 0);
+    for seed in 0..400 {
+        let text = Mechanism::new(seed, 0.0).text();
+        let mut model = model_of(&text);
+        if seed % 4 == 0 && !model.joints.is_empty() {
+            model.simulation.cut = vec![seed as usize / 4 % model.joints.len()];
+        }
+        let Some((mut points, state)) = points(model) else {
+            others += 1;
+            continue;
+        };
+        let mut random = Random::new(seed);
+        let condition = points.iter_mut().map(|p| p.manifold.condition()).fold(1.0, f64::max);
+        if condition > 1e5 || ndof(&points[0].manifold) == 0 {
+            continue;
+        }
+        loops += usize::from(!points[0].manifold.system().tree().closures.is_empty());
+        for _ in 0..3 {
+            let Some(mut worst) = compare(&mut points, &state, &mut random) else { continue };
+            compared += 1;
+            worst[3] = 0.0; // the balance tells them, unique or not
+            assert!(worst.iter().all(|x| *x < 1e-9), "seed {seed}: {worst:?}\n{text}");
+        }
+    }
+    assert!(
+        compared > 600 && loops > 120,
+        "{compared} states, {loops} with loops, {others} others"
+    );
+}
+
+fn with(coordinates: Coordinates, code: Code, tolerance: f64, end: f64) -> Options {
+    Options {
+        coordinates,
+        output: OutputTimes::Interval(end / 10.0),
+        ..options(code, tolerance, end)
+    }
+}
+
+/// Largest differences of q, q̇ and λ at the end of two runs.
+fn apart(a: &State, b: &State) -> [f64; 3] {
+    [(&a.q, &b.q), (&a.v, &b.v), (&a.lambda, &b.lambda)].map(|(a, b)| difference(a, b, 1.0))
+}
+
+#[track_caller]
+fn end(model: &Model, options: &Options, from: Option<&State>) -> Summary {
+    let outcome = run_from(model, options, from);
+    let stop = &outcome.summary.stop.message;
+    assert_eq!(outcome.summary.status, Status::Completed, "{:?}: {stop}", options.code);
+    outcome.summary
+}
+
+/// Explicit codes go where nothing is stiff.
+#[test] // independent truth: the Cartesian form at the same tolerance
+fn all_codes_give_the_same_motion_in_both_forms() {
+    let stiff = ["double_pendulum_w10", "hmmwv14_bushing"];
+    for name in ["spatial_four_bar", "slider_crank", "double_pendulum_w10", "hmmwv14_bushing"] {
+        let model = model(name);
+        for info in CODES {
+            if info.family == "explicit" && stiff.contains(&name) {
+                continue;
+            }
+            let run = |form| end(&model, &with(form, info.code, 1e-5, 0.2), None);
+            let (cartesian, joint) = (run(Coordinates::Cartesian), run(Coordinates::Joint));
+            let [q, v, multipliers] = apart(&cartesian.end, &joint.end);
+            // A tenth of the tolerance, where round-off decides a step otherwise; multipliers of stiff bushings magnify it.
+            let worst = format!("{name} {}: {q} {v} {multipliers}", info.name);
+            assert!(q < 1e-6 && v < 1e-6 && multipliers < 1e-4, "{worst}");
+            let [a, b] = [cartesian, joint].map(|run| run.statistics.steps as i64);
+            assert!((a - b).abs() <= 1, "{name} {}: {a} and {b} steps", info.name);
+        }
+    }
+}
+
+#[test] // independent truth: the Cartesian form at a hundredth of the tolerance
+fn the_library_moves_alike_in_both_forms() {
+    for name in LIBRARY {
+        let model = model(name);
+        let until = if *name == "andrews" { 0.01 } else { 0.3 };
+        let truth = end(&model, &with(Coordinates::Cartesian, Code::ForRadau, 1e-7, until), None);
+        let run = |form| end(&model, &with(form, Code::ForRadau, 1e-5, until), None);
+        let [cartesian, joint] = [Coordinates::Cartesian, Coordinates::Joint].map(run);
+        for found in [&cartesian, &joint] {
+            let worst = apart(&truth.end, &found.end);
+            assert!(worst.iter().all(|x| *x < 1e-6), "{name}: {worst:?}");
+        }
+        let worst = apart(&cartesian.end, &joint.end);
+        assert!(worst.iter().all(|x| *x < 1e-9), "{name}: {worst:?} apart");
+    }
+}
+
+#[test] // independent truth: the run that stays in one form
+fn a_run_goes_on_in_the_other_form() {
+    for name in ["spatial_four_bar", "hmmwv14_bushing", "slider_crank"] {
+        let model = model(name);
+        let until = |form, time| with(form, Code::ForRadau, 1e-6, time);
+        let whole = end(&model, &until(Coordinates::Cartesian, 0.4), None);
+        for [first, second] in [
+            [Coordinates::Cartesian, Coordinates::Joint],
+            [Coordinates::Joint, Coordinates::Cartesian],
+        ] {
+            let half = end(&model, &until(first, 0.2), None);
+            let rest = end(&model, &until(second, 0.4), Some(&half.end));
+            let worst = apart(&whole.end, &rest.end);
+            assert!(worst.iter().all(|x| *x < 2e-8), "{name}: {worst:?}");
+        }
+    }
+}
+
+#[test] // independent truth: the closed form θ̈ = −mgl/(I + ml²), and the Cartesian form, which falls back as well
+fn a_body_that_a_recursion_cannot_tell_is_left_to_other_solvers() {
+    let text = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+washer = { mass = 1e-6, inertia = 1e-9, position = [0.0, 0.0] }
+bar = { mass = 2.0, inertia = 0.5, position = [1.0, 0.0] }
+[joints]
+inner = { type = "revolute", between = ["ground", "washer"], point = [0.0, 0.0] }
+hinge = { type = "revolute", between = ["washer", "bar"], point = [0.0, 0.0] }
+"#;
+    let ([_, mut joint], state) = points(model_of(text)).expect("a joint form");
+    let (mut p, mut rates) = ([0.0; 2], [0.0; 2]);
+    joint.manifold.independent_state(&state, &mut p, &mut rates);
+    joint.evaluate(0.0, &p, &rates, &[], true).expect("has accelerations");
+    let truth = -2.0 * 9.81 / (0.5 + 2.0);
+    let found = joint.state.a[5];
+    assert!((found - truth).abs() < 1e-9 * truth.abs(), "{found} and {truth}");
+}
+
+#[test] // independent truth: the dense matrix in the same form
+fn the_sparse_matrix_serves_in_joint_coordinates() {
+    let model = model("spatial_four_bar");
+    let run = |newton| {
+        let options = with(Coordinates::Joint, Code::ForRadau, 1e-5, 0.5);
+        end(&model, &Options { newton, ..options }, None)
+    };
+    let (dense, sparse) = (run(Representation::Dense), run(Representation::Sparse));
+    assert_eq!(dense.statistics.steps, sparse.statistics.steps);
+    assert!(apart(&dense.end, &sparse.end).iter().all(|x| *x < 1e-6));
+}
+
+#[test]
+fn what_has_no_joint_form_is_refused_with_the_reason() {
+    let options = with(Coordinates::Joint, Code::ForRadau, 1e-4, 0.1);
+    let thesis =
+        Options { parametrization: holonom::reduction::Choice::Partitioning, ..options.clone() };
+    let problem = Problem::new(model("spatial_four_bar"));
+    let error = run(&problem, &thesis, None, &mut Memory::default()).expect_err("refused");
+    assert!(
+        matches!(&error, RunError::Coordinates { reason } if reason.contains("parametrization"))
+    );
+}
+
+#[test] // independent truth: the motion that the forest of the engine's own choice gives
+fn joints_are_cut_where_the_file_says_so() {
+    for (name, cut, ways) in [
+        ("spatial_four_bar", "bearing", [Coordinates::Cartesian, Coordinates::Joint]),
+        ("slider_crank", "bearing", [Coordinates::Cartesian, Coordinates::Joint]),
+        ("simple_pendulum", "pivot", [Coordinates::Cartesian, Coordinates::Joint]),
+    ] {
+        let own = model(name);
+        let at = own.joints.iter().position(|joint| joint.name == cut).expect("a joint");
+        let mut other = own.clone();
+        other.simulation.cut = vec![at];
+        let closes = |model: &Model| {
+            let problem = Problem::new(model.clone());
+            let system = problem.assemble().expect("assembles").manifold.system();
+            let row = system.structure().joints[at].row;
+            system.tree().closures.iter().any(|closure| closure.row == row)
+        };
+        assert!(!closes(&own) && closes(&other), "{name}");
+        let truth = end(&own, &with(Coordinates::Cartesian, Code::ForRadau, 1e-7, 0.5), None);
+        for way in ways {
+            let found = end(&other, &with(way, Code::ForRadau, 1e-7, 0.5), None);
+            let worst = apart(&truth.end, &found.end);
+            assert!(worst.iter().all(|x| *x < 1e-6), "{name}: {worst:?}");
+        }
+    }
+}

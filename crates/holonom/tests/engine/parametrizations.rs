@@ -1,0 +1,268 @@
+//! Coordinate partitioning and tangent plane are two charts of one motion.
+
+use crate::common::{ALL_CODES, FOUR_BAR, model, model_of, options, reference, run_model, try_run};
+use holonom::method::Code;
+use holonom::model::Model;
+use holonom::reduction::Choice;
+use holonom::simulation::{Options, OutputTimes, Statistics};
+
+const CHOICES: [Choice; 3] = [Choice::Partitioning, Choice::TangentPlane, Choice::TangentPlaneSvd];
+
+/// A four-bar whose independent coordinates have to change as its crank turns.
+fn turning() -> Model {
+    model_of(&format!(
+        r#"{FOUR_BAR}
+[forces]
+drag = {{ type = "rsda", between = ["ground", "left"], stiffness = 0.0, damping = 0.02 }}
+[initial.bodies]
+left = {{ angular_velocity = 7.0 }}
+"#
+    ))
+}
+
+/// A pendulum of rods in space, its joints skew.
+const SPATIAL: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+upper = { mass = 1.0, inertia = [[0.02, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.5, 0.0, 0.0] }
+lower = { mass = 0.5, inertia = [[0.01, 0.0, 0.0], [0.0, 0.06, 0.0], [0.0, 0.0, 0.05]], position = [1.4, 0.1, 0.0] }
+[joints]
+shoulder = { type = "spherical", between = ["ground", "upper"], point = [0.0, 0.0, 0.0] }
+elbow = { type = "revolute", between = ["upper", "lower"], point = [1.0, 0.0, 0.0], axis = [0.6, 0.8, 0.0] }
+[initial.bodies]
+upper = { angular_velocity = [3.0, 1.0, 2.0] }
+"#;
+
+fn with(choice: Choice, code: Code, tolerance: f64, end: f64, channels: &[&str]) -> Options {
+    Options {
+        parametrization: choice,
+        channels: channels.iter().map(ToString::to_string).collect(),
+        output: OutputTimes::Interval(end / 20.0),
+        ..options(code, tolerance, end)
+    }
+}
+
+/// Largest difference of channels between two runs, each component against its largest value.
+#[track_caller]
+fn distance(model: &Model, a: &Options, b: &Options) -> (f64, [Statistics; 2]) {
+    let (first, second) = (run_model(model, a), run_model(model, b));
+    let mut worst = 0.0f64;
+    for (x, y) in first.rows.all.channels.iter().zip(&second.rows.all.channels) {
+        let size = x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+        let difference = x.iter().zip(y).map(|(x, y)| (x - y).abs()).fold(0.0, f64::max);
+        worst = worst.max(difference / size);
+    }
+    (worst, [first.summary.statistics, second.summary.statistics])
+}
+
+#[test] // independent truth: the references, which know no parametrization
+fn every_choice_follows_the_references() {
+    for (name, allowed) in
+        [("simple_pendulum", 1e-5), ("double_pendulum_w10", 1e-6), ("slider_crank", 1e-5)]
+    {
+        let reference = reference(name);
+        for choice in CHOICES {
+            let mut channels: Vec<String> =
+                reference.columns.iter().map(|(name, _)| name.clone()).collect();
+            channels.dedup();
+            let end = *reference.times.last().unwrap();
+            let options = Options {
+                channels,
+                parametrization: choice,
+                output: OutputTimes::Listed(reference.times.clone()),
+                ..options(Code::ForSdirk, 1e-8, end)
+            };
+            let outcome = run_model(&model(name), &options);
+            for (column, difference) in reference.differences(&outcome) {
+                assert!(difference < allowed, "{name}, {choice:?}: {column} {difference:.1e}");
+            }
+        }
+    }
+}
+
+#[test] // independent truth: the other parametrization
+fn all_codes_give_the_same_motion_in_every_parametrization() {
+    let turning = turning();
+    let spatial = model_of(SPATIAL);
+    for (what, model, end, channels) in [
+        ("four-bar", &turning, 2.0, &["left.angle", "right.angle", "left.angular_velocity"][..]),
+        ("spatial", &spatial, 1.0, &["lower.position", "lower.velocity", "upper.euler_parameters"]),
+    ] {
+        for code in ALL_CODES {
+            for choice in [Choice::TangentPlane, Choice::TangentPlaneSvd] {
+                let tolerance = 1e-7;
+                let one = with(Choice::Partitioning, code, tolerance, end, channels);
+                let other = with(choice, code, tolerance, end, channels);
+                let (difference, _) = distance(model, &one, &other);
+                assert!(
+                    difference < 300.0 * tolerance,
+                    "{what}, {code:?}, {choice:?}: {difference:.1e}"
+                );
+            }
+        }
+    }
+}
+
+#[test] // independent truth: a run at a much tighter tolerance that keeps its first parametrization
+fn a_run_goes_on_over_changes_of_the_parametrization() {
+    let model = model_of(SPATIAL);
+    let channels = ["lower.position", "lower.velocity"];
+    let truth = Options {
+        repartition_factor: 1e6,
+        ..with(Choice::Partitioning, Code::Deabm, 1e-11, 2.0, &channels)
+    };
+    for code in ALL_CODES {
+        for choice in CHOICES {
+            let tolerance = 1e-6;
+            let run = with(choice, code, tolerance, 2.0, &channels);
+            let (difference, [_, changing]) = distance(&model, &truth, &run);
+            assert!(changing.reparametrizations > 0, "{code:?}, {choice:?}");
+            assert!(difference < 300.0 * tolerance, "{code:?}, {choice:?}: {difference:.1e}");
+        }
+    }
+}
+
+#[test] // truth: the order of the formula, errors against steps eight times shorter
+fn formulas_keep_their_order_on_the_tangent_plane() {
+    let model = turning();
+    let channels = ["left.angle", "right.angle", "left.angular_velocity"];
+    for (code, order, steps) in
+        [(Code::ForSdirk, 4.0, 200.0), (Code::ForRosen, 4.0, 400.0), (Code::ForRadau, 5.0, 100.0)]
+    {
+        let run = |factor: f64| {
+            let end = 0.5;
+            let options = Options {
+                fixed_step: Some(end / (steps * factor)),
+                ..with(Choice::TangentPlane, code, 1e-6, end, &channels)
+            };
+            run_model(&model, &options)
+        };
+        let runs = [1.0, 2.0, 8.0].map(run);
+        for channel in channels {
+            let end = |k: usize| *runs[k].series(channel, 0).last().unwrap();
+            let (coarse, fine) = ((end(0) - end(2)).abs(), (end(1) - end(2)).abs());
+            let seen = (coarse / fine).log2();
+            assert!((seen - order).abs() < 0.3, "{code:?}, {channel}: order {seen:.2}");
+        }
+    }
+}
+
+#[test] // the partition's factor serves the tangent plane too, and nothing is lost at m = 0 or ndof = 0
+fn legal_extremes_run_on_the_tangent_plane() {
+    let free = "holonom = 1\ndimension = \"planar\"\n[bodies]\n\
+                b = { mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }\n\
+                [initial.bodies]\nb = { velocity = [1.0, 2.0], angular_velocity = 3.0 }\n";
+    let driven = "holonom = 1\ndimension = \"planar\"\n[bodies]\n\
+                  b = { mass = 1.0, inertia = 1.0, position = [1.0, 0.0] }\n[joints]\n\
+                  hinge = { type = \"revolute\", between = [\"ground\", \"b\"], point = [0.0, 0.0] }\n\
+                  [drivers]\nturn = { joint = \"hinge\", coordinate = \"rotation\", motion = \
+                  { type = \"polynomial\", coefficients = [0.0, 2.0] } }\n";
+    for (text, expected) in [(free, [1.0, 2.0]), (driven, [2f64.cos(), 2f64.sin()])] {
+        for code in ALL_CODES {
+            let options = with(Choice::TangentPlane, code, 1e-8, 1.0, &["b.position"]);
+            let outcome = try_run(&model_of(text), &options);
+            for (i, expected) in expected.into_iter().enumerate() {
+                let found = *outcome.series("b.position", i).last().unwrap();
+                assert!((found - expected).abs() < 1e-6, "{code:?}: {found} ≠ {expected}");
+            }
+        }
+    }
+}
+
+/// Three bodies that only elements of force tie to each other, the lighter one named first in each.
+fn tied_by(force: &str, between: [&str; 2], second: [&str; 2], spatial: bool) -> Model {
+    let (dimension, zero, inertia, turn) = if spatial {
+        let inertia = "[[0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.25]]";
+        ("spatial", ", 0.0", inertia, "[0.5, -1.0, 2.0]")
+    } else {
+        ("planar", "", "0.3", "2.0")
+    };
+    let [a, b] = between;
+    let [c, d] = second;
+    model_of(&format!(
+        r#"
+holonom = 1
+dimension = "{dimension}"
+gravity = [0.0, 0.0{zero}]
+[bodies]
+heavy = {{ mass = 3.0, inertia = {inertia}, position = [0.5, 0.2{zero}] }}
+light = {{ mass = 1.0, inertia = {inertia}, position = [2.0, 0.4{zero}] }}
+last = {{ mass = 0.5, inertia = {inertia}, position = [3.2, 1.0{zero}] }}
+[forces]
+near = {{ between = ["{a}", "{b}"], {force} }}
+far = {{ between = ["{c}", "{d}"], {force} }}
+[initial.bodies]
+heavy = {{ position = [0.5, 0.2{zero}], velocity = [0.1, 0.2{zero}], angular_velocity = {turn} }}
+light = {{ position = [2.0, 0.4{zero}], velocity = [0.3, -0.2{zero}], angular_velocity = {turn} }}
+last = {{ position = [3.2, 1.0{zero}], velocity = [-0.3, 0.5{zero}] }}
+"#
+    ))
+}
+
+#[test] // independent truth: coordinates of the ground as independent variables, which know no forest
+fn bodies_that_only_forces_tie_move_alike_in_tree_coordinates() {
+    let channels = &["heavy.position", "light.position", "last.position", "last.velocity"][..];
+    let point = |spatial: bool| {
+        if spatial {
+            "points_in_body = [[0.3, 0.0, 0.1], [0.0, 0.1, 0.0]]"
+        } else {
+            "points_in_body = [[0.3, 0.0], [0.0, 0.1]]"
+        }
+    };
+    for spatial in [false, true] {
+        let at = point(spatial);
+        let soft =
+            format!("type = \"tsda\", {at}, stiffness = 2.0, damping = 0.1, free_length = 1.0");
+        let stiff =
+            format!("type = \"tsda\", {at}, stiffness = 2e5, damping = 2e3, free_length = 1.3");
+        let series =
+            format!("type = \"maxwell\", {at}, stiffness = 5.0, damping = 2.0, free_length = 1.0");
+        for force in [&soft, &stiff, &series] {
+            for (between, second) in [
+                (["light", "heavy"], ["last", "light"]),
+                (["heavy", "light"], ["light", "last"]),
+                (["light", "heavy"], ["heavy", "last"]),
+            ] {
+                let model = tied_by(force, between, second, spatial);
+                for code in [Code::ForRadau, Code::ForSdirk] {
+                    let tree = with(Choice::Tree, code, 1e-7, 2.0, channels);
+                    let ground = with(Choice::Partitioning, Code::ForRadau, 1e-9, 2.0, channels);
+                    let (difference, _) = distance(&model, &tree, &ground);
+                    assert!(difference < 3e-5, "{force}, {between:?}, {code:?}: {difference:.1e}");
+                }
+            }
+        }
+    }
+}
+
+/// Two bodies on a cardan joint and two rods that close a loop.
+const CLOSED: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+arm = { mass = 1.0, inertia = [[0.02, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.0, 0.025]], position = [0.3, 0.0, 0.0] }
+rotor = { mass = 1.0, inertia = [[0.02, 0.0, 0.0], [0.0, 0.012, 0.0], [0.0, 0.0, 0.025]], position = [0.3, 0.4, 0.0] }
+[joints]
+cardan = { type = "universal", between = ["arm", "ground"], point = [0.0, 0.0, 0.0], axes = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] }
+rod = { type = "distance", between = ["rotor", "ground"], points = [[0.3, 0.3, 0.0], [0.3, 0.1, 0.4]] }
+link = { type = "distance", between = ["rotor", "arm"], points = [[0.2, 0.4, 0.1], [0.4, 0.0, 0.1]] }
+[initial.bodies]
+rotor = { angular_velocity = [5.0, 14.0, 3.0] }
+"#;
+
+#[test] // independent truth: coordinates of the ground, which are measured from no reference
+fn every_code_closes_loops_far_from_where_rotations_are_measured_from() {
+    let model = model_of(CLOSED);
+    let channels = &["arm.position", "rotor.position", "rotor.euler_parameters"][..];
+    let ground = with(Choice::Partitioning, Code::ForRadau, 1e-9, 1.0, channels);
+    for code in ALL_CODES {
+        for tolerance in [1e-4, 1e-6] {
+            let tree = with(Choice::Tree, code, tolerance, 1.0, channels);
+            let (difference, _) = distance(&model, &tree, &ground);
+            assert!(difference < 100.0 * tolerance, "{code:?} at {tolerance}: {difference:.1e}");
+        }
+    }
+}

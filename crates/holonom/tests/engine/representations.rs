@@ -1,0 +1,125 @@
+//! Two representations of one matrix: the inflated sparse one gives what the dense reduced one gives.
+
+use crate::common::model_of;
+use holonom::method::ode::{LinearizedOde, Ode};
+use holonom::method::{CODES, Code, FirstOrder, Weights};
+use holonom::model::Tolerance;
+use holonom::newton::{Chosen, Complex64, MatrixOptions, ReducedMatrix, Representation};
+use holonom::reduction::{Choice, Coordinates};
+use holonom::simulation::{Options, Problem};
+
+fn implicit() -> impl Iterator<Item = Code> {
+    CODES.iter().filter(|info| info.family != "explicit").map(|info| info.code)
+}
+
+/// Truth: the same run with the dense matrix. Steps are the same; results agree to a ten-thousandth of the
+/// tolerance, to a hundredth where round-off decided upon an iteration more or less.
+fn agree(name: &str, end: f64, charts: &[Choice]) {
+    let model = crate::common::model(name);
+    for code in implicit() {
+        for &parametrization in charts {
+            // The sparse matrix belongs to the Cartesian form.
+            let coordinates = Coordinates::Cartesian;
+            let run = |newton| {
+                let options = Options {
+                    newton,
+                    parametrization,
+                    coordinates,
+                    ..crate::common::options(code, 1e-4, end)
+                };
+                crate::common::run_model(&model, &options).summary
+            };
+            let (dense, sparse) = (run(Representation::Dense), run(Representation::Sparse));
+            let what = format!("{name}, {}, {}", code.info().name, parametrization.name());
+            let steps = (dense.statistics.steps, sparse.statistics.steps);
+            assert_eq!(steps.0, steps.1, "{what}");
+            let same = dense.statistics.iterations == sparse.statistics.iterations;
+            let bound = if same { 1e-8 } else { 1e-6 };
+            let largest = |x: &[f64]| x.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+            for (a, b) in [(&dense.end.q, &sparse.end.q), (&dense.end.v, &sparse.end.v)] {
+                let error = a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+                assert!(error <= bound * largest(a), "{what}: {error:.1e}, steps {steps:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn all_codes_take_the_same_steps_on_the_library() {
+    for (name, end) in [
+        ("simple_pendulum", 1.0),
+        ("double_pendulum", 0.5),
+        ("slider_crank", 0.5),
+        ("spatial_four_bar", 1.0),
+        ("andrews", 0.01),
+        ("stiff_slider", 0.5),
+        ("chain50", 0.2),
+        ("hmmwv14", 0.5),
+        ("hmmwv14_bushing", 0.2),
+    ] {
+        agree(name, end, &[Choice::Tree]);
+    }
+}
+
+#[test]
+fn on_all_charts() {
+    for (name, end) in [("slider_crank", 0.1), ("spatial_four_bar", 0.3)] {
+        agree(name, end, &Choice::ALL.iter().map(|(chart, _)| *chart).collect::<Vec<_>>());
+    }
+}
+
+/// Largest difference against the largest entry.
+fn difference(a: &[f64], b: &[f64]) -> f64 {
+    let size = a.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let error = a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+    if size > 0.0 { error / size } else { error }
+}
+
+#[test] // independent truth: the dense matrix at the same state
+fn one_solve_agrees_on_random_mechanisms() {
+    let (mut solved, mut with_extra_states) = (0, 0);
+    for seed in 0..150 {
+        let model = model_of(&crate::random::Mechanism::new(seed, 0.0).text());
+        let problem = Problem::new(model);
+        let Ok(assembled) = problem.assemble() else { continue };
+        let (manifold, state) = (assembled.manifold.clone(), &assembled.state);
+        let weights = || Weights::new(Tolerance::uniform(1e-4), problem.system().as_ref(), state);
+        let mut dense = FirstOrder::new(manifold.clone(), weights(), state);
+        let mut sparse =
+            FirstOrder::<Chosen<ReducedMatrix>>::with_matrix(manifold, weights(), state);
+        sparse.set_matrix(MatrixOptions {
+            representation: Representation::Sparse,
+            ..MatrixOptions::default()
+        });
+        let n = dense.dimension();
+        if n == state.z.len() {
+            continue;
+        }
+        let mut w = vec![0.0; n];
+        dense.pack(state, &mut w);
+        let right: Vec<f64> = (0..n).map(|i| ((i * i + 1) as f64).sin()).collect();
+        let other: Vec<f64> = (0..n).map(|i| ((i * i + 2) as f64).cos()).collect();
+        let solve = |form: &mut dyn LinearizedOde, gamma_h: f64| -> Option<Vec<f64>> {
+            let (mut g_t, mut x) = (vec![0.0; n], right.clone());
+            form.linearize(state.t, &w).ok()?;
+            form.factor(gamma_h).ok()?;
+            form.solve(&mut x);
+            let (mut re, mut im) = (right.clone(), other.clone());
+            form.factor_complex(Complex64::new(gamma_h, 0.7 * gamma_h)).ok()?;
+            form.solve_complex(&mut re, &mut im);
+            form.time_derivative(&mut g_t).ok()?;
+            Some([x, re, im, g_t].concat())
+        };
+        for gamma_h in [1e-5, 1e-3, 0.1] {
+            let pair = (solve(&mut dense, gamma_h), solve(&mut sparse, gamma_h));
+            let (Some(a), Some(b)) = pair else { continue };
+            solved += 1;
+            with_extra_states += usize::from(!state.z.is_empty());
+            for (part, (a, b)) in a.chunks_exact(n).zip(b.chunks_exact(n)).enumerate() {
+                let error = difference(a, b);
+                assert!(error < 1e-6, "seed {seed}, γh {gamma_h}, part {part}: {error:.1e}");
+            }
+        }
+    }
+    assert!(solved > 300 && with_extra_states > 30, "{solved}, {with_extra_states}");
+}

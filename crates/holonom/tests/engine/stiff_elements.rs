@@ -1,0 +1,293 @@
+//! Rotational springs, bushings and springs from soft to nearly rigid, on bodies at rest, swinging and turning:
+//! errors within bounds, and steps that do not know the stiffness.
+
+use crate::common::table::{
+    Bounds, Case, DEFAULT, Figures, Kind, OTHERS, TOLERANCES, Table, codes_of, error, implicit,
+    line, measure,
+};
+use crate::common::{model_of, options, run_model, try_run};
+use crate::stiff_systems::Motion::{self, Swinging, Turning};
+use crate::stiff_systems::{
+    Build, Stiffness, bushed, elbow, four_bar, hinge, planar_spring, spatial_spring, three,
+};
+use holonom::method::{Code, DEFAULT_CODE, Profile};
+use holonom::model::Model;
+use holonom::reduction::Choice;
+use holonom::simulation::{Options, OutputTimes, Status};
+
+/// Powers of ten of the stiffness, N/m or N m/rad.
+#[cfg(feature = "long")]
+const POWERS: &[i32] = &[3, 4, 5, 6, 7, 8, 9, 10, 11, 12];
+#[cfg(not(feature = "long"))]
+const POWERS: &[i32] = &[6, 9];
+
+/// Motion, damping over stiffness in seconds, and whether the run starts on the slow manifold. Off it without
+/// damping, a stiff oscillation would have to be followed for ever.
+#[cfg(feature = "long")]
+const STARTS: &[(Motion, f64, bool)] = &[
+    (Motion::Rest, 0.0, true),
+    (Motion::Rest, 1e-3, true),
+    (Motion::Rest, 0.1, true),
+    (Motion::Rest, 1e-3, false),
+    (Motion::Rest, 0.1, false),
+    (Swinging, 0.0, true),
+    (Swinging, 1e-3, true),
+    (Swinging, 0.1, true),
+    (Swinging, 1e-3, false),
+    (Swinging, 0.1, false),
+    (Turning, 0.0, true),
+    (Turning, 1e-3, true),
+    (Turning, 0.1, true),
+    (Turning, 1e-3, false),
+    (Turning, 0.1, false),
+];
+#[cfg(not(feature = "long"))]
+const STARTS: &[(Motion, f64, bool)] =
+    &[(Swinging, 0.0, true), (Swinging, 1e-3, false), (Turning, 0.1, true)];
+
+/// Steps above which ratios of step counts mean something: near a state of rest a few more cost nothing.
+const FEW: u64 = 10;
+
+/// Bounds of a run on a stiff element. The trapezoidal rule does not damp what is off the slow manifold: it may
+/// say that it needs more steps than allowed here.
+fn bounds(code: Code, on: bool) -> Bounds {
+    let usual = Bounds::of(DEFAULT, code, true);
+    let trapezoidal = matches!(code, Code::SspTrap | Code::InflTrap);
+    Bounds { or_stopped: trapezoidal && !on, ..usual }
+}
+
+/// The sweep over stiffnesses of one element in all motions.
+fn sweep(table: &mut Table, name: &str, build: Build) {
+    for &(motion, seconds, on) in STARTS {
+        let stiff = |power: i32| Stiffness { k: 10f64.powi(power), seconds, on };
+        let cases: Vec<_> =
+            POWERS.iter().map(|&power| (power, build(&stiff(power), motion))).collect();
+        let start = if on { "" } else { ", off the slow manifold" };
+        let name = format!("{name}, {motion:?}, {seconds:e} s{start}");
+        for code in implicit() {
+            for &tolerance in TOLERANCES {
+                let line = format!("{} {tolerance:.0e}", line(&name, DEFAULT, code));
+                let mut steps = Vec::new();
+                for (power, case) in &cases {
+                    let max_steps = if tolerance < 1e-5 { 30_000 } else { 6000 };
+                    let case = Case { max_steps, ..case.clone() };
+                    let run = measure(&case, DEFAULT, code, tolerance);
+                    table.run(&line, &format!("1e{power}"), &run, bounds(code, on));
+                    if *power >= 4 && run.completed {
+                        steps.push(run.steps.max(FEW));
+                    }
+                }
+                let (least, most) = (steps.iter().min(), steps.iter().max());
+                if let (Some(&least), Some(&most), true) = (least, most, on && seconds > 0.0) {
+                    table
+                        .claim(2 * most < 5 * least, || format!("{line}: {least} to {most} steps"));
+                }
+            }
+        }
+        for manner in OTHERS {
+            let codes = if cfg!(feature = "long") {
+                vec![Code::ForRadau, Code::ForSdirk, Code::SspTrap, Code::InflSdirk]
+            } else {
+                codes_of(manner)
+            };
+            for code in codes {
+                for (power, case) in &cases {
+                    // A model that is too stiff for these charts costs steps: enough to see it.
+                    let case = Case { max_steps: 1000, ..case.clone() };
+                    let run = measure(&case, manner, code, 1e-4);
+                    let line = format!("{} 1e-4", line(&name, manner, code));
+                    table.run(&line, &format!("1e{power}"), &run, Bounds::of(manner, code, true));
+                }
+            }
+        }
+    }
+}
+
+#[test] // independent truth: minimal coordinates, Radau IIA
+fn rotational_springs_keep_the_tolerance() {
+    let mut table = Table::new("rotational springs");
+    sweep(&mut table, "elbow", elbow);
+    table.finish();
+}
+
+#[test] // independent truth: minimal coordinates, Radau IIA
+fn bushings_keep_the_tolerance() {
+    let mut table = Table::new("bushings");
+    sweep(&mut table, "bushing", bushed);
+    table.finish();
+}
+
+#[test] // independent truth: Lagrange's equations in six coordinates, Radau IIA
+fn hinges_of_two_bushings_keep_the_tolerance() {
+    let mut table = Table::new("hinges of two bushings");
+    sweep(&mut table, "hinge of bushings", hinge);
+    table.finish();
+}
+
+#[test] // independent truth: minimal coordinates, Radau IIA
+fn springs_keep_the_tolerance() {
+    let mut table = Table::new("springs");
+    sweep(&mut table, "spring in the plane", planar_spring);
+    sweep(&mut table, "spring in space", spatial_spring);
+    table.finish();
+}
+
+#[test] // independent truth of the errors: minimal coordinates, Radau IIA
+fn loops_of_bushings_take_as_many_steps_at_any_stiffness() {
+    let mut table = Table::new("steps at 1e9 and 1e6 N per m");
+    let cases: [(&str, Build, Motion); 5] = [
+        ("four-bar with bushed coupler", four_bar, Swinging),
+        ("four-bar with bushed coupler", four_bar, Turning),
+        ("body bushed to a crank", bushed, Turning),
+        ("hinge of bushings", hinge, Swinging),
+        ("hinge of bushings", hinge, Turning),
+    ];
+    for (name, build, motion) in cases {
+        let dampings: &[f64] = if cfg!(feature = "long") { &[1e-3, 0.1] } else { &[0.1] };
+        for &seconds in dampings {
+            let [soft, stiff] =
+                [1e6, 1e9].map(|k| build(&Stiffness { k, seconds, on: true }, motion));
+            for code in implicit() {
+                for &tolerance in TOLERANCES {
+                    let name = format!("{name}, {motion:?}, {seconds:e} s");
+                    let line = format!("{} {tolerance:.0e}", line(&name, DEFAULT, code));
+                    let run = |case: &Case| measure(case, DEFAULT, code, tolerance);
+                    let runs: [Figures; 2] = [run(&soft), run(&stiff)];
+                    let bounds = Bounds::of(DEFAULT, code, true);
+                    table.run(&line, "1e6", &runs[0], bounds);
+                    table.run(&line, "1e9", &runs[1], bounds);
+                    let few = 2 * runs[1].steps <= 3 * runs[0].steps.max(FEW);
+                    table.claim(few, || {
+                        format!("{line}: {} steps instead of {}", runs[1].steps, runs[0].steps)
+                    });
+                }
+            }
+        }
+    }
+    table.finish();
+}
+
+/// The library's spatial four-bar with a bushing in place of its ball joint, started where the ball joint puts it.
+fn spatial_four_bar(k: f64, c: f64) -> Model {
+    let text = include_str!("../../../../models/spatial_four_bar/model.toml");
+    let bodies = ["crank", "coupler", "rocker"];
+    let quantities = ["position", "euler_parameters", "velocity", "angular_velocity"];
+    let names = bodies.iter().flat_map(|b| quantities.iter().map(move |q| format!("{b}.{q}")));
+    let start = Options {
+        channels: names.collect(),
+        output: OutputTimes::Listed(vec![0.0]),
+        ..options(DEFAULT_CODE, 1e-4, 1e-3)
+    };
+    let rows = run_model(&model_of(text), &start).rows.all.channels;
+    let initial: Vec<String> = bodies
+        .iter()
+        .zip(rows.chunks_exact(4))
+        .map(|(body, rows)| {
+            let stated: Vec<_> =
+                quantities.iter().zip(rows).map(|(q, row)| format!("{q} = {row:?}")).collect();
+            format!("{body} = {{ {} }}", stated.join(", "))
+        })
+        .collect();
+    let initial = initial.join("\n");
+    let bushing = format!(
+        "ball = {{ type = \"bushing\", between = [\"crank\", \"coupler\"], point = [0.2, 0.0, 0.0], \
+         stiffness = {}, damping = {} }}",
+        three(k),
+        three(c),
+    );
+    let mut lines = Vec::new();
+    for line in text.lines() {
+        // Without the ball joint and the stated rate of the crank.
+        if !line.starts_with("ball") && !line.starts_with("crank = { angular") {
+            lines.push(line);
+        }
+        match line {
+            "[forces]" => lines.push(&bushing),
+            "[initial.bodies]" => lines.push(&initial),
+            _ => {}
+        }
+    }
+    model_of(&lines.join("\n"))
+}
+
+#[test] // independent truth: the linkage with its ball joint by DEABM; 1e9 N/m yield less than 1e-6 m
+fn a_spatial_loop_with_a_bushing_takes_as_many_steps_at_any_stiffness() {
+    let mut table = Table::new("steps of a spatial four-bar with a bushing");
+    let asked = |options: Options| Options {
+        channels: vec!["coupler.position".into()],
+        output: OutputTimes::Listed(vec![0.0, 1.0]),
+        max_steps: 6000,
+        ..options
+    };
+    let rigid = crate::common::model("spatial_four_bar");
+    let truth = run_model(&rigid, &asked(options(Code::Deabm, 1e-9, 1.0))).rows.all.channels;
+    for seconds in [1e-3, 0.1] {
+        let models = [1e6, 1e9].map(|k| spatial_four_bar(k, seconds * k));
+        for code in implicit() {
+            for &tolerance in TOLERANCES {
+                let options = asked(options(code, tolerance, 1.0));
+                let runs = [0, 1].map(|i| try_run(&models[i], &options));
+                let [soft, stiff] = [0, 1].map(|i| runs[i].summary.statistics.steps);
+                let done = runs.iter().all(|run| run.summary.status == Status::Completed);
+                let line = format!("{} {tolerance:.0e}", line("spatial four-bar", DEFAULT, code));
+                table.note(&line, format!("{seconds:e} s: 1e6 ({soft}) 1e9 ({stiff})"));
+                table.claim(done && 2 * stiff <= 3 * soft.max(FEW), || {
+                    format!("{line}: {stiff} steps instead of {soft}, completed {done}")
+                });
+                let found = &runs[1].rows.all.channels[0];
+                let (start, end) = truth[0].split_at(3);
+                let off = error(Kind::Point, tolerance, &found[found.len() - 3..], end, start);
+                table.claim(off < Bounds::of(DEFAULT, code, true).position, || {
+                    format!("{line}: {off:.1} tolerances from the linkage with a ball joint")
+                });
+            }
+        }
+    }
+    table.finish();
+}
+
+#[test] // reference of the library: two equations in elongation and angle
+fn the_profile_of_the_thesis_is_right_on_the_stiff_slider_or_says_so() {
+    let model = crate::common::model("stiff_slider");
+    let reference = crate::common::reference("stiff_slider");
+    let mut table = Table::new("stiff slider in the profile of the thesis");
+    let end = *reference.times.last().unwrap();
+    let mut channels: Vec<String> =
+        reference.columns.iter().map(|(name, _)| name.clone()).collect();
+    channels.dedup();
+    // The thesis has no Radau formula.
+    for code in implicit().into_iter().filter(|code| *code != Code::ForRadau) {
+        for tolerance in [1e-2, 1e-3, 1e-4, 1e-6] {
+            let options = Options {
+                profile: Profile::Thesis,
+                parametrization: Choice::Partitioning,
+                channels: channels.clone(),
+                output: OutputTimes::Listed(reference.times.clone()),
+                max_steps: 20_000,
+                ..options(code, tolerance, end)
+            };
+            let outcome = try_run(&model, &options);
+            let completed = outcome.summary.status == Status::Completed;
+            let mut run = Figures {
+                position: 0.0,
+                velocity: 0.0,
+                steps: outcome.summary.statistics.steps,
+                completed,
+                warned: !outcome.summary.warnings.is_empty(),
+            };
+            if completed {
+                for (column, difference) in reference.differences(&outcome) {
+                    if column.contains("velocity") {
+                        run.velocity = run.velocity.max(difference / tolerance);
+                    } else {
+                        run.position = run.position.max(difference / tolerance);
+                    }
+                }
+            }
+            let bounds =
+                Bounds { position: 100.0, velocity: 200.0, or_warned: true, or_stopped: true };
+            table.run(code.info().name, &format!("{tolerance:.0e}"), &run, bounds);
+        }
+    }
+    table.finish();
+}
