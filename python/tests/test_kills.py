@@ -201,7 +201,10 @@ def test_a_run_is_killed_again_and_again(
 ) -> None:
     path = tmp_path / "rod.holonom"
     chance = random.Random(11)
-    _kill(model_file, path, 0.6 * whole[1], reading=False)
+    moment = 0.6 * whole[1]
+    while not path.exists():  # killed before there was anything to lose
+        _kill(model_file, path, moment, reading=False)
+        moment *= 1.5
     rows = 0
     for _ in range(6):
         with Result.load(path) as result:
