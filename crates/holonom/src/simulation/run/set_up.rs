@@ -4,7 +4,7 @@ use super::{Run, Start};
 use crate::method::stepper::{Stepper, StepperStatistics};
 use crate::method::{StateSpace, build_state_space, build_stepper};
 use crate::newton::MatrixOptions;
-use crate::reduction::Manifold;
+use crate::reduction::{Choice, Manifold};
 use crate::reduction::assembly::{AssemblyError, manifold_of};
 use crate::simulation::checkpoint::foreign;
 use crate::simulation::checks::{
@@ -102,7 +102,9 @@ pub(super) fn set_up<'a>(
             (assembled.manifold.clone(), assembled.state.clone())
         }
     };
+    // Assembly has chosen among the coordinates of the tree already.
     if taken_up.is_none()
+        && options.parametrization != Choice::Tree
         && let Some(chart) = new_chart(options, &manifold, &state)
             .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?
     {
