@@ -126,7 +126,8 @@ impl Problem {
     /// The problem of a model that may differ in numbers only: patterns and pivot orders are then
     /// shared, always those of the first problem, so that results do not depend on what ran before.
     pub fn with_model(&self, model: Model) -> Self {
-        match self.system.with_values(&model) {
+        let same_forest = model.simulation.cut == self.model.simulation.cut;
+        match self.system.with_values(&model).filter(|_| same_forest) {
             Some(system) => {
                 let base = self.base.clone().unwrap_or_else(|| Arc::new(self.clone()));
                 Self {

@@ -101,12 +101,13 @@ fn both_forms_agree_on_the_library() {
             }
         }
         assert!(compared >= 15, "{name}: {compared} states");
+        assert_eq!(points[1].manifold.counters.left, 0, "{name}: left to the Cartesian solvers");
     }
 }
 
 #[test]
 fn both_forms_agree_on_random_mechanisms() {
-    let (mut compared, mut others, mut loops) = (0, 0, 0);
+    let (mut compared, mut others, mut loops, mut left) = (0, 0, 0, 0);
     for seed in 0..400 {
         let text = Mechanism::new(seed, 0.0).text();
         let mut model = model_of(&text);
@@ -129,7 +130,9 @@ fn both_forms_agree_on_random_mechanisms() {
             worst[3] = 0.0; // the balance tells them, unique or not
             assert!(worst.iter().all(|x| *x < 1e-9), "seed {seed}: {worst:?}\n{text}");
         }
+        left += points[1].manifold.counters.left;
     }
+    assert!(left <= 5, "{left} accelerations left to the Cartesian solvers"); // nearly singular ones
     assert!(
         compared > 600 && loops > 120,
         "{compared} states, {loops} with loops, {others} others"
@@ -234,6 +237,77 @@ hinge = { type = "revolute", between = ["washer", "bar"], point = [0.0, 0.0] }
     let truth = -2.0 * 9.81 / (0.5 + 2.0);
     let found = joint.state.a[5];
     assert!((found - truth).abs() < 1e-9 * truth.abs(), "{found} and {truth}");
+    assert_eq!(joint.manifold.counters.left, 1);
+}
+
+/// A chain of links in the plane, its first hinge driven or not.
+fn chain(links: usize, driven: bool) -> Model {
+    let mut text = String::from("holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n");
+    for k in 0..links {
+        let base = if k == 0 { "ground".to_owned() } else { format!("b{}", k - 1) };
+        text += &format!("[bodies.b{k}]\nmass = 1.0\ninertia = 0.1\nposition = [{k}.5, 0.0]\n");
+        text += &format!("[joints.j{k}]\ntype = \"revolute\"\nbetween = [\"{base}\", \"b{k}\"]\n");
+        text += &format!("point = [{k}.0, 0.0]\n");
+    }
+    if driven {
+        text += "[drivers.d]\njoint = \"j0\"\ncoordinate = \"rotation\"\n";
+        text += "motion = { type = \"polynomial\", coefficients = [0.0, 1.0, 2.0] }\n";
+    }
+    model_of(&text)
+}
+
+#[test] // independent truth: the Cartesian form; neither the recursion nor Algorithm 4 leaves it to answer
+fn long_chains_are_solved_along_the_tree() {
+    for (links, driven) in [(40, false), (40, true), (300, false)] {
+        let (mut points, state) = points(chain(links, driven)).expect("a joint form");
+        let mut random = Random::new(3);
+        for _ in 0..3 {
+            let mut worst = compare(&mut points, &state, &mut random).expect("has accelerations");
+            worst[8] = 0.0; // tensions exceed the applied forces, against which the balance is held, by far
+            assert!(worst.iter().all(|x| *x < 1e-8), "{links}, {driven}: {worst:?}");
+        }
+        assert_eq!(points[1].manifold.counters.left, 0, "{links} links, driven: {driven}");
+    }
+}
+
+#[test] // independent truth: the Cartesian form at a hundredth of the tolerance
+fn drivers_move_joints_that_close_loops() {
+    for (name, joint, cut) in [
+        ("slider_crank", "bearing", true),
+        ("slider_crank", "wrist", false),
+        ("spatial_four_bar", "bearing", true),
+    ] {
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../models/");
+        let text = std::fs::read_to_string(format!("{folder}{name}/model.toml")).expect("a model");
+        // What the driver tells is not stated.
+        let text = text.replace("crank = { angular_velocity", "#crank = { angular_velocity");
+        let driver = format!(
+            "\n[drivers]\nhand = {{ joint = \"{joint}\", coordinate = \"rotation\", motion = {{ type = \"harmonic\", \
+             amplitude = 0.3, angular_frequency = 5.0 }} }}\n"
+        );
+        let mut model = model_of(&format!("{text}{driver}"));
+        if cut {
+            let at = model.joints.iter().position(|other| other.name == joint).expect("a joint");
+            model.simulation.cut = vec![at];
+        }
+        let truth = end(&model, &with(Coordinates::Cartesian, Code::ForRadau, 1e-7, 0.4), None);
+        for code in [Code::ForRadau, Code::Deabm] {
+            let options = Options { max_steps: 2000, ..with(Coordinates::Joint, code, 1e-5, 0.4) };
+            let [q, v, _] = apart(&truth.end, &end(&model, &options, None).end);
+            assert!(q < 1e-4 && v < 1e-4, "{name}, {joint}: {q} {v}");
+        }
+    }
+}
+
+#[test] // independent truth: the same model read anew
+fn another_cut_is_another_tree() {
+    let own = model("slider_crank");
+    let mut other = own.clone();
+    other.simulation.cut = vec![0];
+    let closures = |problem: &Problem| problem.system().tree().closures.clone();
+    let changed = Problem::new(own.clone()).with_model(other.clone());
+    assert_eq!(closures(&changed), closures(&Problem::new(other)));
+    assert_ne!(closures(&changed), closures(&Problem::new(own)));
 }
 
 #[test] // independent truth: the dense matrix in the same form

@@ -2,7 +2,7 @@
 
 use super::algebra::Algebra;
 use super::closures::{Closure, Origin};
-use super::engine::{Edge, Engine, add, dot};
+use super::engine::{Edge, Engine, add, dot, pose};
 use crate::reduction::relatives::Source;
 use holonom_linalg::{BranchedCholesky, BranchedPlan, CutRows};
 use std::sync::Arc;
@@ -97,6 +97,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     ) -> bool {
         self.gather();
         self.evaluate_inertias(q);
+        for (b, own) in self.articulated.iter_mut().enumerate() {
+            own.inertia = A::moved_inertia(&own.inertia, &A::center(pose(q, b)), &self.origin[b]);
+        }
         for edge in self.edges.iter().rev() {
             if let Some(base) = edge.base {
                 let own = self.articulated[edge.body].inertia;

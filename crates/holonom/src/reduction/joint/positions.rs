@@ -42,21 +42,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 change[k] = x - self.before[k];
             }
         }
-        self.rows.fill(0.0);
-        for closure in &self.closures.all {
-            if let Origin::Deformations(group) = closure.origin {
-                let mut value = [0.0; 6];
-                let reference = &relatives.references[group];
-                system.relative_value(group, reference, q, &mut value[..closure.count]);
-                for (out, (row, k)) in self.rows[closure.first..].iter_mut().zip(&closure.rows) {
-                    let mut step = value[*row] - p[*k];
-                    if counts_turns(system.as_ref(), group) {
-                        step -= TAU * (step / TAU).round();
-                    }
-                    *out = step;
-                }
-            }
-        }
+        // What deformations and drivers have moved by since.
+        self.evaluate_residual(parametrization, t, p, q);
         self.complete(&mut change);
         for edge in &self.edges {
             for (x, k) in x[edge.at].iter_mut().zip(edge.range.clone()) {

@@ -26,6 +26,9 @@ pub struct RecoveryCounters {
     pub factorizations: u64,
     /// Acceleration solves.
     pub accelerations: u64,
+    /// Of these, those that the joint form left to the Cartesian solvers.
+    #[serde(default)]
+    pub left: u64,
     /// Symbolic analyses of matrices that have been replaced since.
     pub analyses: u64,
 }
@@ -271,6 +274,7 @@ impl Manifold {
             if self.multipliers_wait {
                 return finite(state);
             }
+            self.counters.left += 1;
             self.catch_up()?;
         }
         let system = self.system.as_ref();

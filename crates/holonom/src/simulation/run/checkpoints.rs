@@ -96,7 +96,6 @@ impl Run<'_> {
         let Machinery { form, stepper, recorder, slope } = machinery;
         (self.form, self.stepper, self.recorder, self.g) = (form, stepper, recorder, slope);
         self.w.copy_from_slice(&checkpoint.w);
-        self.multipliers_wait = self.stepper.explicit();
         self.work_before = checkpoint.work;
         self.recorder.begin_step(self.form.point(), &self.state);
         self.powers.at[2] = powers(&self.system.energy(&self.state));

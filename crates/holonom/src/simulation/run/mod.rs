@@ -167,8 +167,6 @@ struct Run<'a> {
     g: Vec<f64>,
     w_end: Vec<f64>,
     g_end: Vec<f64>,
-    /// Whether the multipliers of `state` are still to be found.
-    multipliers_wait: bool,
     scratch: [Vec<f64>; 2],
     condition_reference: f64,
     /// Residuals at the start, position and velocity: redundant rows may contradict each other a little.
@@ -340,26 +338,9 @@ impl Run<'_> {
             self.stepper.discard();
             return Err(failure);
         }
-        // Implicit formulas linearize about the multipliers.
-        let asked = self.output.time() <= t_end || t_end >= self.options.end_time;
-        self.multipliers_wait = self.stepper.explicit() && !asked;
-        if !self.multipliers_wait {
-            self.form.point_mut().complete();
-        }
+        self.form.point_mut().complete();
         self.check_residuals().inspect_err(|_| self.stepper.discard())?;
         self.find_middle(t, step);
-        Ok(())
-    }
-
-    /// Multipliers of the present state, which no row has asked for so far.
-    fn find_multipliers(&mut self) -> Result<(), EvaluationFailure> {
-        self.form.begin_step(&self.state);
-        self.form.derivative(self.state.t, &self.w, &mut self.g_end)?;
-        let point = self.form.point_mut();
-        point.complete();
-        self.state.lambda.copy_from_slice(&point.state.lambda);
-        point.manifold.minimum_norm_multipliers(&mut self.state.lambda);
-        self.multipliers_wait = false;
         Ok(())
     }
 
@@ -412,9 +393,7 @@ impl Run<'_> {
         let begun = Instant::now();
         // Here a step counts, in whole: nothing is given up before it is among the steps that are stored.
         self.row.copy_from(&self.form.point().state);
-        if !self.multipliers_wait {
-            self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.row.lambda);
-        }
+        self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.row.lambda);
         std::mem::swap(&mut self.row, &mut self.state);
         self.w.copy_from_slice(&self.w_end);
         self.g.copy_from_slice(&self.g_end);

@@ -90,10 +90,6 @@ impl Run<'_> {
     /// Flushes, completes the statistics and says why the run ended.
     pub(super) fn finish(&mut self, stop: Result<(), Stop>) -> (Status, StopReason) {
         if stop.is_err() {
-            if self.multipliers_wait {
-                // Where they cannot be found any more the state goes out with those it has.
-                let _ = self.find_multipliers();
-            }
             self.output.push_last(self.system.as_ref(), &self.state);
         }
         let flushed = self.flush();

@@ -4,8 +4,8 @@ use super::{Run, Start};
 use crate::method::stepper::{Stepper, StepperStatistics};
 use crate::method::{StateSpace, build_state_space, build_stepper};
 use crate::newton::MatrixOptions;
-use crate::reduction::{Choice, Manifold};
 use crate::reduction::assembly::{AssemblyError, manifold_of};
+use crate::reduction::{Choice, Manifold};
 use crate::simulation::checkpoint::foreign;
 use crate::simulation::checks::{
     RunError, check_options, check_tables, find_channels, set_accelerations, set_coordinates,
@@ -156,7 +156,6 @@ pub(super) fn set_up<'a>(
         g: slope,
         w_end: vec![0.0; dimension],
         g_end: vec![0.0; dimension],
-        multipliers_wait: false,
         scratch: [vec![0.0; dimension], vec![0.0; dimension]],
         row: state.clone(),
         state,
