@@ -242,13 +242,15 @@ hinge = { type = "revolute", between = ["washer", "bar"], point = [0.0, 0.0] }
 
 /// A chain of links in the plane, its first hinge driven or not.
 fn chain(links: usize, driven: bool) -> Model {
-    let mut text = String::from("holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n");
-    for k in 0..links {
+    let link = |k: usize| {
         let base = if k == 0 { "ground".to_owned() } else { format!("b{}", k - 1) };
-        text += &format!("[bodies.b{k}]\nmass = 1.0\ninertia = 0.1\nposition = [{k}.5, 0.0]\n");
-        text += &format!("[joints.j{k}]\ntype = \"revolute\"\nbetween = [\"{base}\", \"b{k}\"]\n");
-        text += &format!("point = [{k}.0, 0.0]\n");
-    }
+        format!(
+            "[bodies.b{k}]\nmass = 1.0\ninertia = 0.1\nposition = [{k}.5, 0.0]\n[joints.j{k}]\ntype = \"revolute\"\n\
+             between = [\"{base}\", \"b{k}\"]\npoint = [{k}.0, 0.0]\n"
+        )
+    };
+    let mut text = String::from("holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n");
+    text.extend((0..links).map(link));
     if driven {
         text += "[drivers.d]\njoint = \"j0\"\ncoordinate = \"rotation\"\n";
         text += "motion = { type = \"polynomial\", coefficients = [0.0, 1.0, 2.0] }\n";
