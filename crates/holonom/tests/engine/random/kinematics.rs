@@ -1,8 +1,8 @@
 //! Motion near the design configuration by differences: consistent speeds and preloads.
 
 use super::numbers::{
-    IDENTITY, M3, Random, V3, add, apply, dot, norm, product, rank, scale, sine_vector, solve, sub,
-    transpose, turn,
+    IDENTITY, M3, Random, V3, add, apply, dot, norm, perpendicular, product, rank, scale,
+    sine_vector, solve, sub, transpose, turn,
 };
 use super::{Between, Element, Joint, Kind, LONGEST, Law, Mechanism, STIFF};
 
@@ -74,7 +74,7 @@ impl Mechanism {
             let [first, second] = ends(&maps, joint.between);
             let d = sub(&second.of(&joint.points[1]), &first.of(&joint.points[0]));
             let [a, b] = joint.axes;
-            let f = super::perpendicular(&a);
+            let f = perpendicular(&a);
             let g = super::numbers::cross(&a, &f);
             let axis = apply(&second.r, &b);
             let along = |x: &V3| apply(&first.r, x);
