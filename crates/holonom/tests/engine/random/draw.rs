@@ -344,11 +344,7 @@ impl Mechanism {
             }
         }
         let lever = r.logarithmic(0.03, 0.3).powi(2);
-        // What rings for long between floating bodies makes every code's errors grow.
-        if self.adrift && stiffness > STIFF {
-            damping = damping.max(1e-3);
-        }
-        let settled = stiffness > STIFF && (self.adrift || damping < 1e-4 || r.chance(0.6));
+        let settled = stiffness > STIFF && (damping < 1e-4 || r.chance(0.6));
         let settled = settled || law == Law::Bushing(true);
         let scaled = if law == Law::Rsda { stiffness * lever } else { stiffness };
         let rows = if matches!(law, Law::Bushing(_)) { 3 } else { 1 };
