@@ -16,10 +16,8 @@ if TYPE_CHECKING:
 
 Series = NDArray[np.float64]
 
-#: States that are computed in each step beside the rows, and how many of them times bodies.
+#: States that are computed in each step beside the rows, and how many times bodies at a time.
 _PER_STEP, _MOST = 8, 200_000
-#: Peaks that are looked into at most: the highest row need not be on the highest one.
-_RIVALS = 3
 #: How often the surroundings of a peak are divided, and into how many parts.
 _ROUNDS, _PARTS = 4, 8
 
@@ -32,8 +30,8 @@ class Extrema(NamedTuple):
     largest: Series
 
 
-def extrema(result: Result, names: Sequence[str]) -> tuple[list[Extrema], bool]:
-    """Return the extrema of channels, and whether they were looked for between the rows, too.
+def extrema(result: Result, names: Sequence[str]) -> tuple[list[Extrema], str]:
+    """Return the extrema of channels, and why they are those of the rows alone, if they are.
 
     There they are those of states computed from the steps: first some in each step, then ever
     nearer to the highest peaks. Of a run without steps, and of what moves less than its solver
@@ -42,18 +40,20 @@ def extrema(result: Result, names: Sequence[str]) -> tuple[list[Extrema], bool]:
     found = curves(result, names)
     times, values = result.time, _side_by_side([one.values for one in found])
     columns = np.nonzero(~np.concatenate([one.still for one in found]))[0]
-    between = result.span is not None
     best = _best_rows(times, values)
-    if between:
+    why = ""
+    if result.span is None:
+        why = "there are no steps from which what lies between them follows"
+    else:
         try:
             best = _look_between(result, names, times, values, columns, best)
-        except HolonomError:  # steps that are damaged
-            between = False
+        except HolonomError as error:
+            why = f"what lies between them cannot be computed: {error}"
     ends = np.cumsum([len(one.labels) for one in found])
     parts = np.split(best, ends[:-1], axis=1)
     return [
         Extrema(one, part[0] * [-1.0, 1.0], part[1]) for one, part in zip(found, parts, strict=True)
-    ], between
+    ], why
 
 
 def _best_rows(times: Series, values: Series) -> Series:
@@ -87,11 +87,13 @@ def _look_between(
         order = np.argsort(every, kind="stable")
         times, values = every[order], np.concatenate([values, sampled(more)])[order]
         best = _best_rows(times, values)
+    # Any of the peaks that may be higher than the highest row can be the highest one.
+    most = _most(result) // ((_PARTS + 1) * 2 * max(1, columns.size))
     peaks = [
         (side, column, *around)
         for side, sign in enumerate((-1.0, 1.0))
         for column in columns
-        for around in _surroundings(times, sign * values[:, column], best[side, column, 0])
+        for around in _surroundings(times, sign * values[:, column], best[side, column, 0], most)
     ]
     if not peaks:
         return best
@@ -112,14 +114,16 @@ def _look_between(
     return best
 
 
-def _surroundings(times: Series, values: Series, best: float) -> list[tuple[float, float]]:
-    """Return between which times the peaks lie that may be higher than the highest value."""
+def _surroundings(
+    times: Series, values: Series, best: float, most: int
+) -> list[tuple[float, float]]:
+    """Return between which times peaks lie that may be higher than the best value, some at most."""
     before = np.nan_to_num(np.diff(values, prepend=values[0]), nan=0.0)
     after = np.nan_to_num(np.diff(values, append=values[-1]), nan=0.0)
     tops = np.nonzero((before >= 0.0) & (after <= 0.0) & np.isfinite(values))[0]
     # A parabola gets higher by an eighth of its fall to a neighbour at most; times may be uneven.
     reach = values[tops] + 0.25 * np.maximum(before[tops], -after[tops])
-    order = np.argsort(-reach, kind="stable")[:_RIVALS]
+    order = np.argsort(-reach, kind="stable")[: max(1, most)]
     tops = tops[order][reach[order] >= best]
     low, high = times[np.maximum(tops - 1, 0)], times[np.minimum(tops + 1, times.size - 1)]
     return list(zip(low, high, strict=True))
@@ -133,8 +137,12 @@ def _in_steps(result: Result) -> Series:
     inner = (start[:, None] + size[:, None] * np.arange(_PER_STEP) / _PER_STEP).ravel()
     assert result.span is not None
     inner = np.unique(inner[(inner >= result.span[0]) & (inner <= result.span[1])])
-    most = _MOST // max(1, len(result.model.geometry["bodies"]))
-    return inner[:: max(1, -(-inner.size // max(1, most)))]
+    return inner[:: max(1, -(-inner.size // _most(result)))]
+
+
+def _most(result: Result) -> int:
+    """Return how many states may be computed at a time."""
+    return max(1, _MOST // max(1, len(result.model.geometry["bodies"])))
 
 
 def _side_by_side(parts: Sequence[Series]) -> Series:

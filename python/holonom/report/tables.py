@@ -21,7 +21,7 @@ _ROUND_OFF = 1e-6
 
 def extrema(result: Result, names: Sequence[str]) -> str:
     """Return the smallest and the largest value of every component with their times."""
-    found, between = extrema_of(result, names)
+    found, why = extrema_of(result, names)
     rows = []
     for one, smallest, largest in found:
         for i, label in enumerate(one.labels):
@@ -37,10 +37,10 @@ def extrema(result: Result, names: Sequence[str]) -> str:
         return ""
     head = ("channel", "unit", "smallest", "at, s", "largest", "at, s")
     said = (
-        "Of the whole motion: between the stored rows states are computed from the steps, but for "
-        "what moves less than its solver tells."
-        if between
-        else "Of the stored rows: there are no steps from which what lies between them follows."
+        f"Of the stored rows: {escape(why).removesuffix('.')}."
+        if why
+        else "Of the whole motion: between the stored rows states are computed from the steps, but "
+        "for what moves less than its solver tells."
     )
     return card(grid(head, rows, numbers=(2, 3, 4, 5))) + f'<p class="note">{said}</p>'
 

@@ -28,6 +28,7 @@ const POWERS: usize = 2;
 impl ExplicitForm {
     /// Starts at a consistent state whose factors the manifold holds.
     pub fn new(manifold: Manifold, weights: Weights, state: &State) -> Self {
+        let dimension = 2 * manifold.chart().ndof() + state.z.len() + POWERS;
         Self {
             weights,
             dq: vec![0.0; state.q.len()],
@@ -35,8 +36,8 @@ impl ExplicitForm {
             rows: vec![0.0; state.lambda.len()],
             rates: vec![0.0; manifold.chart().ndof()],
             at_time: f64::NAN,
-            at: Vec::new(),
-            slope: Vec::new(),
+            at: vec![0.0; dimension],
+            slope: vec![0.0; dimension],
             point: Point::new(manifold, state),
         }
     }

@@ -65,7 +65,8 @@ pub(crate) struct Simulation {
     /// drivers and for models in space of up to 64 bodies.
     pub(crate) coordinates: Option<Coordinates>,
     /// Joints that close loops of the spanning forest, by name; which others do is chosen by the fewest relative
-    /// coordinates. A body that nothing else ties is free then.
+    /// coordinates. A body that nothing else ties is free then. A joint that is not
+    /// `enabled` is not there and cannot be named.
     #[serde(default)]
     pub(crate) cut: Vec<String>,
     /// Choices that go with a code; improved unless stated.

@@ -28,7 +28,7 @@ pub struct RecoveryCounters {
     pub accelerations: u64,
     /// Of these, those that the joint form left to the Cartesian solvers.
     #[serde(default)]
-    pub left: u64,
+    pub left_to_cartesian: u64,
     /// Symbolic analyses of matrices that have been replaced since.
     pub analyses: u64,
 }
@@ -274,7 +274,7 @@ impl Manifold {
             if self.multipliers_wait {
                 return finite(state);
             }
-            self.counters.left += 1;
+            self.counters.left_to_cartesian += 1;
             self.catch_up()?;
         }
         let system = self.system.as_ref();
