@@ -101,7 +101,10 @@ fn both_forms_agree_on_the_library() {
             }
         }
         assert!(compared >= 15, "{name}: {compared} states");
-        assert_eq!(points[1].manifold.counters.left_to_cartesian, 0, "{name}: left to the Cartesian solvers");
+        assert_eq!(
+            points[1].manifold.counters.left_to_cartesian, 0,
+            "{name}: left to the Cartesian solvers"
+        );
     }
 }
 
@@ -270,7 +273,10 @@ fn long_chains_are_solved_along_the_tree() {
             worst[8] *= 9.81 / tension;
             assert!(worst.iter().all(|x| *x < 1e-8), "{links}, {driven}: {worst:?}");
         }
-        assert_eq!(points[1].manifold.counters.left_to_cartesian, 0, "{links} links, driven: {driven}");
+        assert_eq!(
+            points[1].manifold.counters.left_to_cartesian, 0,
+            "{links} links, driven: {driven}"
+        );
     }
 }
 
