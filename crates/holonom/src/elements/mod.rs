@@ -169,9 +169,23 @@ pub trait ForceElement<const N: usize> {
     fn breakpoints(&self) -> Vec<f64> {
         Vec::new()
     }
-    /// Longest step from here that cannot jump over a local feature of the law, s.
+    /// Longest step from here that does not jump over a local feature of the law that lies ahead, s: spares a step that
+    /// would be refused.
     fn longest_step(&self, _input: &ForceInput<'_, f64, N>) -> f64 {
         f64::INFINITY
+    }
+    /// Knots, increasing, of each scalar along which the law has local features: the deformation of a law through a
+    /// table, what a tyre is pressed in, its way along a road with an obstacle.
+    fn knots(&self) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+    /// One of these scalars and its rate.
+    fn argument(&self, _index: usize, _input: &ForceInput<'_, f64, N>) -> [f64; 2] {
+        [0.0; 2]
+    }
+    /// What the law makes of the scalar, in whatever unit: the measure of what a step may pass over.
+    fn profile(&self, _index: usize, _argument: f64) -> f64 {
+        0.0
     }
 }
 

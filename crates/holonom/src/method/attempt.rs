@@ -271,6 +271,12 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         last.degree()
     }
 
+    fn filter(&mut self, ode: &mut dyn LinearizedOde, change: &mut [f64]) {
+        let mut ode = Counted::new(ode, self.statistics);
+        self.stages.filter(&mut ode, change);
+        self.statistics = ode.statistics;
+    }
+
     fn last_change(&self) -> &[f64] {
         &self.change
     }

@@ -270,6 +270,10 @@ pub trait Stepper: Send {
     /// after the other, into `coefficients`, which has room for the largest degree. Returns the degree.
     fn polynomial(&self, coefficients: &mut [f64]) -> usize;
 
+    /// Multiplies a change of w at the end of the last accepted step by (I − γh J)⁻¹, as the formula does with its
+    /// estimate of the error; explicit formulas leave it as it is.
+    fn filter(&mut self, _ode: &mut dyn LinearizedOde, _change: &mut [f64]) {}
+
     /// What a formula that keeps slopes of earlier steps has kept, as numbers; empty for others.
     fn history(&self) -> Vec<f64> {
         Vec::new()

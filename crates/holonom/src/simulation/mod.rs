@@ -11,6 +11,7 @@ mod energy_scale;
 mod ledger;
 mod options;
 mod output;
+mod passage;
 mod problem;
 mod recorder;
 mod reparametrization;

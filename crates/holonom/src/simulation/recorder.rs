@@ -119,6 +119,25 @@ impl Recorder {
         Ok(&self.point.state)
     }
 
+    /// Slope that the equations give at such a state, in the velocity entries of `slope`.
+    ///
+    /// # Errors
+    /// As [`Recorder::state`].
+    pub(super) fn slope(
+        &mut self,
+        interpolate: &mut dyn FnMut(f64, &mut [f64]),
+        t: f64,
+        step: f64,
+        theta: f64,
+        slope: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.state(interpolate, t, step, theta, true)?;
+        let Point { manifold, state, .. } = &mut self.point;
+        let ndof = manifold.chart().ndof();
+        manifold.independent_acceleration_anew(state, &mut slope[ndof..2 * ndof]);
+        Ok(())
+    }
+
     fn evaluate(
         &mut self,
         interpolate: &mut dyn FnMut(f64, &mut [f64]),

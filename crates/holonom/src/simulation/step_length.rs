@@ -11,7 +11,7 @@ const UNTOLD_TURN: f64 = 2.0;
 /// Largest rotation of a body in a step of a run without unknowns, rad.
 const KINEMATIC_TURN: f64 = 0.5;
 
-/// Longest step from a state, s: none of a force's local features is jumped over. Turns are not limited
+/// Longest step from a state, s: no local feature of a force that lies ahead is jumped over. Turns are not limited
 /// where bodies are placed along the forest (`tree`), but for angles whose turns it does not tell; in the other
 /// charts no body in space turns by more than its Euler parameters can tell apart, so that not every other
 /// step is refused where a rotor's tolerance is loose.

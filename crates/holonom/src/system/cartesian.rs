@@ -8,7 +8,7 @@ use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
 use super::quantities::Channel;
 use super::space::Space;
 use super::turns::Turns;
-use super::{DerivativeBlocks, EnergyBalance, Equations, State, Structure, System};
+use super::{DerivativeBlocks, EnergyBalance, Equations, LawArgument, State, Structure, System};
 use crate::elements::{ConstraintElement, ForceElement, ForceInput, ForceOutput, RowBlocks};
 use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
@@ -30,6 +30,8 @@ pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
     pub(super) edges: Vec<PlacedEdge<S::Kinematics>>,
     /// Laws of the force elements of the tree.
     pub(super) resistances: Vec<ResistanceLaw>,
+    /// Scalars along which forces have local features.
+    pub(super) arguments: Vec<LawArgument>,
     pub(super) gravity: [f64; 3],
     pub(super) length: f64,
     pub(super) channels: Vec<Channel>,
@@ -443,6 +445,19 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
     fn longest_step(&self, state: &State) -> f64 {
         let steps = self.forces.iter().map(|f| f.element.longest_step(&Self::input(f, state)));
         steps.fold(f64::INFINITY, f64::min)
+    }
+
+    fn law_arguments(&self) -> &[LawArgument] {
+        &self.arguments
+    }
+
+    fn law_argument(&self, argument: &LawArgument, state: &State) -> [f64; 2] {
+        let force = &self.forces[argument.force];
+        force.element.argument(argument.index, &Self::input(force, state))
+    }
+
+    fn law_profile(&self, argument: &LawArgument, value: f64) -> f64 {
+        self.forces[argument.force].element.profile(argument.index, value)
     }
 }
 

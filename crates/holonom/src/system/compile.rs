@@ -8,7 +8,7 @@ use super::placed::{Elements, Part, PlacedBody, PlacedConstraint, PlacedForce, S
 use super::space::Space;
 use super::structure::{JointRows, Sizes, Structure};
 use super::turns::Turns;
-use super::{Measure, System, quantities};
+use super::{LawArgument, Measure, System, quantities};
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use crate::topology::Forest;
@@ -139,7 +139,18 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     built.tree.untold_turns.extend(untold);
     let resistance = |e: &super::ElasticLoop| ResistanceLaw::of(&model.forces[e.force]);
     let resistances = built.tree.elastic.iter().filter_map(resistance).collect();
+    let knots = forces.iter().enumerate().flat_map(|(force, f)| {
+        let of_force = f.element.knots().into_iter().enumerate();
+        let measure = match &model.forces[force].kind {
+            ForceKind::Rsda { .. } => Measure::Angle,
+            _ => Measure::Length,
+        };
+        let line = matches!(model.forces[force].kind, ForceKind::Tsda { .. }).then_some(f.bodies);
+        of_force.map(move |(index, knots)| LawArgument { force, index, measure, line, knots })
+    });
+    let arguments = knots.collect();
     let mut system = Cartesian {
+        arguments,
         structure,
         slots,
         bodies,

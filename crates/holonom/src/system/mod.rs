@@ -111,6 +111,22 @@ pub struct EnergyBalance {
     pub supplied: f64,
 }
 
+/// A scalar along which a force law has local features: deformation of a law through a table, deflection of a
+/// tyre, its way along a road with an obstacle.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LawArgument {
+    /// Place of the force among those of the system.
+    pub(crate) force: usize,
+    /// Place among the arguments of that force.
+    pub(crate) index: usize,
+    /// What it measures.
+    pub measure: Measure,
+    /// Bodies of the line whose length it is.
+    pub line: Option<[Option<usize>; 2]>,
+    /// Values between which the law is smooth, increasing.
+    pub knots: Vec<f64>,
+}
+
 /// What a coordinate or row measures, which decides its scale.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Measure {
@@ -195,9 +211,18 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// Times at which forces or drivers have a kink, sorted, s.
     fn breakpoints(&self) -> Vec<f64>;
 
-    /// Longest step from a state that cannot jump over a local feature of a force, such as a bump
-    /// of the road under a smooth ride, s.
+    /// Longest step from a state that does not jump over a local feature of a force that lies ahead, such as a bump of
+    /// the road under a smooth ride, s.
     fn longest_step(&self, state: &State) -> f64;
+
+    /// Scalars along which forces have local features, such as a stop or a bump of the road.
+    fn law_arguments(&self) -> &[LawArgument];
+
+    /// One of them at a state, with its rate.
+    fn law_argument(&self, argument: &LawArgument, state: &State) -> [f64; 2];
+
+    /// What the law makes of a value of the scalar, in whatever unit.
+    fn law_profile(&self, argument: &LawArgument, value: f64) -> f64;
 }
 
 /// The bodies behind the coordinates: their motion, inertia, and relative coordinates along the spanning forest.

@@ -12,6 +12,14 @@ pub(super) fn value_and_slope<T: Real>(law: &ElasticLaw, x: T) -> (T, T) {
     }
 }
 
+/// Knots of the law as [`ForceElement::knots`](crate::elements::ForceElement::knots).
+pub(super) fn knots(law: &ElasticLaw) -> Vec<Vec<f64>> {
+    match law {
+        ElasticLaw::Linear(_) => Vec::new(),
+        ElasticLaw::Table(table) => vec![table.knots().to_vec()],
+    }
+}
+
 /// Stored energy ∫ force dx, J.
 pub(super) fn energy(law: &ElasticLaw, x: f64) -> f64 {
     match law {

@@ -87,6 +87,15 @@ macro_rules! by_variant {
             fn longest_step(&self, input: &ForceInput<'_, f64, $n>) -> f64 {
                 match self { $(Self::$variant(e) => e.longest_step(input),)+ }
             }
+            fn knots(&self) -> Vec<Vec<f64>> {
+                match self { $(Self::$variant(e) => e.knots(),)+ }
+            }
+            fn argument(&self, index: usize, input: &ForceInput<'_, f64, $n>) -> [f64; 2] {
+                match self { $(Self::$variant(e) => e.argument(index, input),)+ }
+            }
+            fn profile(&self, index: usize, argument: f64) -> f64 {
+                match self { $(Self::$variant(e) => e.profile(index, argument),)+ }
+            }
         }
     };
 }

@@ -33,18 +33,31 @@ pub(super) fn height<T: Real>(road: &Road, wheel_radius: f64, x: T) -> [T; 3] {
 /// its length. A longer step from a smooth ride could begin before it and end behind it without
 /// any stage on it. Infinite where no obstacle lies ahead.
 pub(super) fn time_into_obstacle(road: &Road, wheel_radius: f64, x: f64, speed: f64) -> f64 {
-    let (center, half_length) = match *road {
-        Road::Flat { .. } => return f64::INFINITY,
-        Road::SmoothBump { half_length, center, .. } => (center, half_length),
-        Road::HalfCylinder { radius, center } => {
-            (center, (radius * (radius + 2.0 * wheel_radius)).sqrt())
-        }
+    let Some((center, half_length)) = obstacle(road, wheel_radius) else {
+        return f64::INFINITY;
     };
     let ahead = (center - x) * speed.signum();
     if speed == 0.0 || ahead < -half_length {
         return f64::INFINITY;
     }
     ((ahead - half_length).max(0.0) + 0.5 * half_length) / speed.abs()
+}
+
+/// Centre and half the length of the obstacle on the road, if there is one, for a wheel centre.
+fn obstacle(road: &Road, wheel_radius: f64) -> Option<(f64, f64)> {
+    match *road {
+        Road::Flat { .. } => None,
+        Road::SmoothBump { half_length, center, .. } => Some((center, half_length)),
+        Road::HalfCylinder { radius, center } => {
+            Some((center, (radius * (radius + 2.0 * wheel_radius)).sqrt()))
+        }
+    }
+}
+
+/// Ends, quarters and middle of the obstacle.
+pub(super) fn knots(road: &Road, wheel_radius: f64) -> Option<Vec<f64>> {
+    let (center, half_length) = obstacle(road, wheel_radius)?;
+    Some([-1.0, -0.5, 0.0, 0.5, 1.0].map(|part| center + part * half_length).to_vec())
 }
 
 #[cfg(test)]
@@ -85,6 +98,19 @@ mod tests {
             }
             for (x, speed) in [(-10.0, -20.0), (15.0, 0.5)] {
                 assert_eq!(time_into_obstacle(road, 0.4699, x, speed), f64::INFINITY);
+            }
+        }
+    }
+
+    #[test] // independent truth: the height
+    fn knots_enclose_the_obstacle() {
+        assert_eq!(knots(&ROADS[0], 0.4699), None);
+        for road in &ROADS[1..] {
+            let knots = knots(road, 0.4699).unwrap();
+            assert!(knots.is_sorted());
+            for (end, inwards) in [(knots[0], 1e-3), (knots[4], -1e-3)] {
+                assert_eq!(height(road, 0.4699, end - inwards)[0], 0.0, "{road:?}");
+                assert!(height(road, 0.4699, end + inwards)[0] > 0.0, "{road:?}");
             }
         }
     }

@@ -89,6 +89,19 @@ impl<A: Angle<N>, const N: usize> ForceElement<N> for Rsda<A> {
         }
     }
 
+    fn knots(&self) -> Vec<Vec<f64>> {
+        law::knots(&self.law)
+    }
+
+    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 2] {
+        let angle = self.angle.nearest(input.q, input.winding);
+        [angle - self.free_angle, product(&self.angle.gradient(input.q), input.v)]
+    }
+
+    fn profile(&self, _: usize, argument: f64) -> f64 {
+        law::value_and_slope(&self.law, argument).0
+    }
+
     fn quantities(&self) -> &'static [Quantity] {
         QUANTITIES
     }

@@ -79,6 +79,19 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
         }
     }
 
+    fn knots(&self) -> Vec<Vec<f64>> {
+        law::knots(&self.law)
+    }
+
+    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 2] {
+        let span = self.line.span(input.q, input.v);
+        [span.length - self.free_length, span.rate]
+    }
+
+    fn profile(&self, _: usize, argument: f64) -> f64 {
+        law::value_and_slope(&self.law, argument).0
+    }
+
     fn quantities(&self) -> &'static [Quantity] {
         QUANTITIES
     }

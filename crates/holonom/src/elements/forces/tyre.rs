@@ -309,6 +309,29 @@ impl ForceElement<7> for Tyre {
         road::time_into_obstacle(&self.law.road, self.law.radius, x, contact.speed[0])
     }
 
+    /// Deflection, whose sign tells contact, and the wheel centre's way along the road.
+    fn knots(&self) -> Vec<Vec<f64>> {
+        let obstacle = road::knots(&self.law.road, self.law.radius);
+        std::iter::once(vec![0.0]).chain(obstacle).collect()
+    }
+
+    fn argument(&self, index: usize, input: &ForceInput<'_, f64, 7>) -> [f64; 2] {
+        let contact = self.contact(input.q[1], input.v[1]);
+        if index == 0 {
+            return [contact.deflection, contact.rate];
+        }
+        let x = input.q[1][0] + rotate(&contact.p, &self.center)[0];
+        [x, contact.speed[0]]
+    }
+
+    fn profile(&self, index: usize, argument: f64) -> f64 {
+        if index == 0 {
+            argument.max(0.0)
+        } else {
+            road::height(&self.law.road, self.law.radius, argument)[0]
+        }
+    }
+
     fn quantities(&self) -> &'static [Quantity] {
         QUANTITIES
     }

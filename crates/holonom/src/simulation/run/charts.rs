@@ -99,7 +99,9 @@ impl Run<'_> {
             chart.parametrization(),
             &self.options.tolerance,
         );
-        self.recorder.set_chart(chart.clone());
+        for recorder in std::iter::once(&mut self.recorder).chain(&mut self.inspector) {
+            recorder.set_chart(chart.clone());
+        }
         self.form.point_mut().manifold.set_chart(chart);
         self.form.reparametrized();
         if self.stepper.explicit() {

@@ -93,8 +93,9 @@ impl Run<'_> {
     }
 
     fn take_over(&mut self, machinery: Machinery, checkpoint: &Checkpoint) {
-        let Machinery { form, stepper, recorder, slope } = machinery;
-        (self.form, self.stepper, self.recorder, self.g) = (form, stepper, recorder, slope);
+        let Machinery { form, stepper, recorder, inspector, slope } = machinery;
+        (self.form, self.stepper, self.g) = (form, stepper, slope);
+        (self.recorder, self.inspector) = (recorder, inspector);
         self.w.copy_from_slice(&checkpoint.w);
         self.work_before = checkpoint.work;
         self.recorder.begin_step(self.form.point(), &self.state);

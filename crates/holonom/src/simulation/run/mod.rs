@@ -2,6 +2,7 @@
 
 mod charts;
 mod checkpoints;
+mod passing;
 mod reporting;
 mod set_up;
 
@@ -19,6 +20,7 @@ use crate::simulation::energy_scale::EnergyScale;
 use crate::simulation::ledger::{StepPowers, powers};
 use crate::simulation::options::Options;
 use crate::simulation::output::Output;
+use crate::simulation::passage::{Place, Way};
 use crate::simulation::problem::Problem;
 use crate::simulation::recorder::{Inside, Recorder};
 use crate::simulation::reparametrization::no_longer_redundant;
@@ -163,11 +165,19 @@ struct Run<'a> {
     state: State,
     row: State,
     recorder: Recorder,
+    /// What looks into steps that may pass over something, where forces have laws of such arguments. What it finds
+    /// decides on steps, so that it has nothing in common with what writes rows.
+    inspector: Option<Recorder>,
     w: Vec<f64>,
     g: Vec<f64>,
     w_end: Vec<f64>,
     g_end: Vec<f64>,
     scratch: [Vec<f64>; 2],
+    /// Arguments of force laws in the middle of the step just accepted, if it is known.
+    halfway: Vec<Place>,
+    /// Room for a dense output and for the way of a force law's argument.
+    coefficients: Vec<f64>,
+    way: Way,
     condition_reference: f64,
     /// Residuals at the start, position and velocity: redundant rows may contradict each other a little.
     start_residuals: (f64, f64),
@@ -212,6 +222,7 @@ impl Run<'_> {
         let fixed = self.options.fixed_step.is_some();
         let mut rejections = 0;
         let mut repartitioned = false;
+        let mut seen = true;
         while self.state.t < end {
             self.poll(h)?;
             if attempts >= self.options.max_steps {
@@ -237,15 +248,25 @@ impl Run<'_> {
             let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let t_end = if reaches { next } else { t + step };
             let mut rejection = report.cause.take();
+            let mut retry = if report.accepted { 0.5 * step } else { report.next_step };
             if report.accepted {
                 rejection = self.accept(t, step, t_end).err().map(Rejection::Evaluation);
+            }
+            if report.accepted
+                && rejection.is_none()
+                && let Some(passed) = self.passed_over(t, step, t_end)
+            {
+                self.stepper.discard();
+                (rejection, report.error) = (Some(Rejection::ErrorTooLarge), passed.error);
+                // The next attempt ends where it sees what this one did not, the one after that is shorter still.
+                let first = std::mem::replace(&mut seen, false);
+                retry = (passed.time - t).min(if first { step } else { 0.5 * step });
             }
             self.record(t, step, &report, rejection.as_ref());
             let (accepted, change) = (rejection.is_none(), self.stepper.last_change());
             self.slowness.count(accepted, report.error, change, &self.w);
             if let Some(cause) = rejection {
                 rejections += 1;
-                let retry = if report.accepted { 0.5 * step } else { report.next_step };
                 let lost = matches!(&cause, Rejection::Evaluation(_));
                 let before = self.statistics.reparametrizations;
                 if lost && !std::mem::replace(&mut repartitioned, true) {
@@ -267,7 +288,7 @@ impl Run<'_> {
                 }
                 continue;
             }
-            (rejections, repartitioned) = (0, false);
+            (rejections, repartitioned, seen) = (0, false, true);
             let energy = self.emit(t, step)?;
             self.account(step, &energy);
             h = self.options.fixed_step.unwrap_or(report.next_step);
@@ -344,18 +365,32 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Powers in the middle of the accepted step, where the ledger needs them.
+    /// Powers in the middle of the accepted step, where the ledger needs them, and arguments of force laws.
     fn find_middle(&mut self, t: f64, step: f64) {
-        if self.form.integrates_powers() {
+        self.middle = None;
+        self.halfway.clear();
+        let powered = !self.form.integrates_powers();
+        if !powered && self.inspector.is_none() {
             return;
         }
         // Driver power needs multipliers; without drivers the recovery is enough.
-        let full = self.system.has_drivers();
+        let full = powered && self.system.has_drivers();
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
-        let middle = self.recorder.state(interpolate, t, step, 0.5, full);
+        let recorder = match &mut self.inspector {
+            Some(inspector) => {
+                inspector.begin_step(self.form.point(), &self.state);
+                inspector
+            }
+            None => &mut self.recorder,
+        };
         // The middle of an accepted step failing is rare; the trapezoid serves.
-        self.middle = middle.ok().map(|middle| powers(&self.system.energy(middle)));
+        if let Ok(middle) = recorder.state(interpolate, t, step, 0.5, full) {
+            let system = self.system.as_ref();
+            self.middle = powered.then(|| powers(&system.energy(middle)));
+            let arguments = system.law_arguments().iter();
+            self.halfway.extend(arguments.map(|a| Place::of(system, a, t + 0.5 * step, middle)));
+        }
         self.recorder.begin_step(self.form.point(), &self.state);
     }
 

@@ -17,6 +17,7 @@ use crate::simulation::energy_scale::EnergyScale;
 use crate::simulation::ledger::{StepPowers, powers};
 use crate::simulation::options::Options;
 use crate::simulation::output::Output;
+use crate::simulation::passage::Way;
 use crate::simulation::problem::Problem;
 use crate::simulation::recorder::Recorder;
 use crate::simulation::reparametrization::new_chart;
@@ -35,6 +36,7 @@ pub(super) struct Machinery {
     pub(super) form: Box<dyn StateSpace>,
     pub(super) stepper: Box<dyn Stepper>,
     pub(super) recorder: Recorder,
+    pub(super) inspector: Option<Recorder>,
     /// Room for a slope.
     pub(super) slope: Vec<f64>,
 }
@@ -69,7 +71,9 @@ impl Machinery {
         );
         copied();
         let recorder = Recorder::new(form.point(), dimension, form.integrates_powers());
-        Self { form, stepper, recorder, slope: vec![0.0; dimension] }
+        let watches = !fixed && !form.point().manifold.system().law_arguments().is_empty();
+        let inspector = watches.then(|| recorder.clone());
+        Self { form, stepper, recorder, inspector, slope: vec![0.0; dimension] }
     }
 }
 
@@ -139,7 +143,9 @@ pub(super) fn set_up<'a>(
         output.chunk.dense =
             Segments::with_room(system.as_ref(), &state, dimension, degree, powers);
     }
-    let Machinery { form, stepper, recorder, slope } = machinery;
+    let Machinery { form, stepper, recorder, inspector, slope } = machinery;
+    let polynomial = (stepper.largest_degree() + 1) * dimension;
+    let laws = system.law_arguments().iter().map(|a| a.knots.len()).max().unwrap_or(0);
     let mut run = Run {
         options,
         condition_reference: 0.0,
@@ -152,11 +158,15 @@ pub(super) fn set_up<'a>(
         middle: None,
         output,
         recorder,
+        inspector,
         w: vec![0.0; dimension],
         g: slope,
         w_end: vec![0.0; dimension],
         g_end: vec![0.0; dimension],
         scratch: [vec![0.0; dimension], vec![0.0; dimension]],
+        halfway: Vec::with_capacity(system.law_arguments().len()),
+        coefficients: Vec::with_capacity(if laws == 0 { 0 } else { polynomial }),
+        way: Way::with_room(laws),
         row: state.clone(),
         state,
         form,

@@ -1,0 +1,338 @@
+//! Parts of force laws that a step passes over.
+
+use crate::error::EvaluationFailure;
+use crate::system::{LawArgument, State, System};
+
+/// Halvings of a piece of a cubic in search of a knot: round-off.
+const HALVINGS: u32 = 50;
+/// Halvings of a step in search of a course that is a cubic.
+const PARTS: u32 = 10;
+/// Turn of the bodies of a line against each other over which its length is a cubic, rad.
+const TURN: f64 = 1.0;
+
+/// What cubics seem to miss may be so many times as much.
+const CAUTION: f64 = 4.0;
+
+/// An argument of a law at a time: value and rate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    /// s.
+    pub(super) time: f64,
+    pub(super) value: f64,
+    pub(super) rate: f64,
+    /// How fast the directions turn that it depends on, rad/s.
+    pub(super) turning: f64,
+}
+
+impl Place {
+    /// The argument at a state.
+    pub(super) fn of(
+        system: &dyn System,
+        argument: &LawArgument,
+        time: f64,
+        state: &State,
+    ) -> Self {
+        let [value, rate] = system.law_argument(argument, state);
+        let spin = |body: Option<usize>| {
+            body.map_or([0.0; 3], |b| system.body(b, &state.q, &state.v).angular_velocity)
+        };
+        let turning = argument.line.map_or(0.0, |bodies| {
+            let [first, second] = bodies.map(spin);
+            (0..3).map(|k| (second[k] - first[k]).powi(2)).sum::<f64>().sqrt()
+        });
+        Self { time, value, rate, turning }
+    }
+}
+
+/// A part of what a step passes over between two knots of a law or more.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Passage {
+    /// Its middle, s.
+    pub(super) time: f64,
+    /// How long it lasts, s.
+    pub(super) duration: f64,
+    /// How far the law is from the line between both ends of the step there, in its unit.
+    pub(super) deviation: f64,
+}
+
+/// The cubic through two places, in 0 ≤ θ ≤ 1: s(θ) = Σ cₖ θᵏ.
+#[derive(Debug, Clone, Copy)]
+struct Course([f64; 4]);
+
+impl Course {
+    fn through([start, end]: [&Place; 2]) -> Self {
+        let length = end.time - start.time;
+        let (first, last) = (length * start.rate, length * end.rate);
+        let change = end.value - start.value;
+        Self([start.value, first, 3.0 * change - 2.0 * first - last, first + last - 2.0 * change])
+    }
+
+    fn at(&self, theta: f64) -> f64 {
+        let [a, b, c, d] = self.0;
+        a + theta * (b + theta * (c + theta * d))
+    }
+
+    /// How far the change is from the one of mean rates: 0 on a parabola, and the more the less the ends say of
+    /// what is between them.
+    fn doubt(&self) -> f64 {
+        0.5 * self.0[3].abs()
+    }
+
+    /// Ends of the pieces on which it rises or falls.
+    fn pieces(&self) -> [f64; 4] {
+        let [_, b, c, d] = self.0;
+        // b + 2 c θ + 3 d θ² = 0, without cancellation
+        let root = (c * c - 3.0 * b * d).max(0.0).sqrt();
+        let sum = -(c + root.copysign(c));
+        let inside = |x: f64| if x > 0.0 && x < 1.0 { x } else { 0.0 };
+        let [x, y] = [b / sum, sum / (3.0 * d)].map(inside);
+        [0.0, x.min(y), x.max(y), 1.0]
+    }
+
+    /// Smallest and largest value.
+    fn range(&self) -> [f64; 2] {
+        let values = self.pieces().map(|theta| self.at(theta));
+        let least = values.into_iter().fold(f64::INFINITY, f64::min);
+        [least, values.into_iter().fold(f64::NEG_INFINITY, f64::max)]
+    }
+
+    /// Whether it passes two knots or more, or may pass others than it seems to if it is wrong by `doubt`.
+    fn is_doubtful(&self, knots: &[f64], doubt: f64) -> bool {
+        let [least, largest] = self.range();
+        let below = |value: f64| knots.partition_point(|&knot| knot <= value);
+        if below(least - doubt) < below(least) || below(largest) < below(largest + doubt) {
+            return true;
+        }
+        let mut passed = 0;
+        self.marks(knots, |_, is_knot| passed += u32::from(is_knot));
+        passed > 1
+    }
+
+    /// Tells the θ at which it passes one of the knots or turns back, in their order, and whether it is a knot.
+    fn marks(&self, knots: &[f64], mut found: impl FnMut(f64, bool)) {
+        let below = |theta: f64| knots.partition_point(|&knot| knot <= self.at(theta));
+        for piece in self.pieces().windows(2) {
+            let (from, to) = (piece[0], piece[1]);
+            let (first, last) = (below(from), below(to));
+            let passed = &knots[first.min(last)..first.max(last)];
+            let rises = last > first;
+            for k in 0..passed.len() {
+                let knot = passed[if rises { k } else { passed.len() - 1 - k }];
+                let (mut a, mut b) = (from, to);
+                for _ in 0..HALVINGS {
+                    let middle = 0.5 * (a + b);
+                    if (self.at(middle) < knot) == rises { a = middle } else { b = middle }
+                }
+                found(0.5 * (a + b), true);
+            }
+            if from < to && to < 1.0 {
+                found(to, false);
+            }
+        }
+    }
+}
+
+/// What the way of an argument is looked at for.
+pub(super) struct Looking<'a> {
+    /// Knots of the law.
+    pub(super) knots: &'a [f64],
+    /// Changes of the argument that do not count.
+    pub(super) negligible: f64,
+    /// The argument at a time inside the step.
+    pub(super) inside: &'a mut dyn FnMut(f64) -> Result<Place, EvaluationFailure>,
+}
+
+/// The way of an argument through a step, with room for one.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Way {
+    /// Between each two of them the argument follows the cubic through them.
+    places: Vec<Place>,
+    /// Times at which it passes a knot, and between these at which it turns back, s.
+    marks: Vec<f64>,
+    passages: Vec<Passage>,
+}
+
+impl Way {
+    /// Room for laws with at most so many knots.
+    pub(super) fn with_room(knots: usize) -> Self {
+        let places = if knots == 0 { 0 } else { (1 << PARTS) + 1 };
+        let marks = 3 * knots + places;
+        Self {
+            places: Vec::with_capacity(places),
+            marks: Vec::with_capacity(marks),
+            passages: Vec::with_capacity(marks),
+        }
+    }
+
+    /// Follows an argument through the start, the middle and the end of a step, and looks at more of its states where
+    /// these do not say whether a knot is passed between them.
+    ///
+    /// # Errors
+    /// Where a state inside the step is not found.
+    pub(super) fn follow(
+        &mut self,
+        mut looking: Looking<'_>,
+        places: [Place; 3],
+    ) -> Result<(), EvaluationFailure> {
+        self.places.clear();
+        self.places.push(places[0]);
+        self.halves(&mut looking, places, PARTS)?;
+        self.marks.clear();
+        let [least, largest] =
+            self.pairs().fold([f64::INFINITY, f64::NEG_INFINITY], |all, pair| {
+                let [least, largest] = Course::through(pair).range();
+                [all[0].min(least), all[1].max(largest)]
+            });
+        if largest - least <= looking.negligible {
+            return Ok(());
+        }
+        let Self { places, marks, .. } = self;
+        let mut passes = false;
+        marks.push(places[0].time);
+        for pair in places.windows(2) {
+            let length = pair[1].time - pair[0].time;
+            let course = Course::through([&pair[0], &pair[1]]);
+            course.marks(looking.knots, |theta, is_knot| {
+                marks.push(pair[0].time + theta * length);
+                passes |= is_knot;
+            });
+        }
+        marks.push(places[places.len() - 1].time);
+        if !passes {
+            marks.clear();
+        }
+        Ok(())
+    }
+
+    /// Goes on over the middle of a part to its end, in smaller parts if need be.
+    fn halves(
+        &mut self,
+        looking: &mut Looking<'_>,
+        [start, middle, end]: [Place; 3],
+        parts: u32,
+    ) -> Result<(), EvaluationFailure> {
+        let missed = (Course::through([&start, &end]).at(0.5) - middle.value).abs();
+        for half in [[start, middle], [middle, end]] {
+            let course = Course::through([&half[0], &half[1]]);
+            let doubt = CAUTION * course.doubt().max(missed);
+            let length = half[1].time - half[0].time;
+            let turns = half[0].turning.max(half[1].turning) * length > TURN;
+            let doubtful =
+                || doubt > looking.negligible && course.is_doubtful(looking.knots, doubt);
+            if parts > 0 && (turns || doubtful()) {
+                let middle = (looking.inside)(0.5 * (half[0].time + half[1].time))?;
+                self.halves(looking, [half[0], middle, half[1]], parts - 1)?;
+            } else {
+                self.places.push(half[1]);
+            }
+        }
+        Ok(())
+    }
+
+    fn pairs(&self) -> impl Iterator<Item = [&Place; 2]> {
+        self.places.windows(2).map(|pair| [&pair[0], &pair[1]])
+    }
+
+    /// The argument at a time, s.
+    fn value(&self, time: f64) -> f64 {
+        let after = self.places.partition_point(|place| place.time <= time);
+        let after = after.clamp(1, self.places.len() - 1);
+        let [start, end] = [&self.places[after - 1], &self.places[after]];
+        Course::through([start, end]).at((time - start.time) / (end.time - start.time))
+    }
+
+    /// What it passes over between the first and the last knot on its way, parted where it turns back; nothing where
+    /// the law is as both ends of the step let expect: on the line between them. What deviates most comes first.
+    pub(super) fn passages(&mut self, system: &dyn System, argument: &LawArgument) -> &[Passage] {
+        let mut passages = std::mem::take(&mut self.passages);
+        passages.clear();
+        let profile = |time: f64| system.law_profile(argument, self.value(time));
+        let [from, to] = [self.places[0].time, self.places[self.places.len() - 1].time];
+        let [start, end] = [from, to].map(profile);
+        passages.extend(self.marks.windows(2).filter_map(|between| {
+            let (time, duration) = (0.5 * (between[0] + between[1]), between[1] - between[0]);
+            let expected = start + (time - from) / (to - from) * (end - start);
+            let deviation = (profile(time) - expected).abs();
+            (duration * deviation > 0.0).then_some(Passage { time, duration, deviation })
+        }));
+        let weight = |p: &Passage| p.duration * p.deviation;
+        passages.sort_unstable_by(|a, b| {
+            weight(b).total_cmp(&weight(a)).then(a.time.total_cmp(&b.time))
+        });
+        self.passages = passages;
+        &self.passages
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// θ at which the cubic through two places passes knots.
+    fn crossings(length: f64, ends: [[f64; 2]; 2], knots: &[f64]) -> Vec<f64> {
+        let [start, end] = [(0.0, ends[0]), (length, ends[1])].map(|(time, [value, rate])| Place {
+            turning: 0.0,
+            time,
+            value,
+            rate,
+        });
+        let mut found = Vec::new();
+        Course::through([&start, &end]).marks(knots, |theta, is_knot| {
+            if is_knot {
+                found.push(theta);
+            }
+        });
+        found
+    }
+
+    #[test] // truth: θ at which polynomials have been given their values
+    fn knots_are_passed_in_their_order() {
+        let hill = [[0.0, 8.0], [0.0, -8.0]]; // 4 θ (1 − θ)
+        let wave = [[0.0, 0.5], [0.0, 0.5]]; // θ (θ − 1/2) (θ − 1)
+        for (length, ends, knots, truth) in [
+            (0.5, hill, &[-0.1, 0.36, 0.64, 1.1][..], &[0.1, 0.2, 0.8, 0.9][..]),
+            (0.5, [[0.0, 2.0], [1.0, 2.0]], &[0.25, 0.5], &[0.25, 0.5]),
+            (0.5, [[1.0, -2.0], [0.0, -2.0]], &[0.25, 0.5], &[0.5, 0.75]),
+            (0.5, [[1.0, 0.0], [1.0, 0.0]], &[0.25, 0.5, 1.0], &[]),
+            (1.0, wave, &[-0.024], &[0.6, 0.942_442_89]),
+        ] {
+            let found = crossings(length, ends, knots);
+            assert_eq!(found.len(), truth.len(), "{found:?} {truth:?}");
+            for (found, truth) in found.iter().zip(truth) {
+                assert!((found - truth).abs() < 1e-7, "{found} {truth}");
+            }
+        }
+    }
+
+    #[test] // truth: |t − 1/3| passes 0.1 at 7/30 and 13/30, and the ends do not know
+    fn what_ends_cannot_tell_is_looked_for_inside() {
+        let place = |time: f64| Place {
+            time,
+            value: (time - 1.0 / 3.0).abs(),
+            rate: (time - 1.0 / 3.0).signum(),
+            turning: 0.0,
+        };
+        let mut way = Way::with_room(1);
+        let mut asked = 0;
+        let inside = &mut |time: f64| {
+            asked += 1;
+            Ok(place(time))
+        };
+        let looking = Looking { knots: &[0.1], negligible: 1e-6, inside };
+        way.follow(looking, [0.0, 0.5, 1.0].map(place)).unwrap();
+        assert_eq!(way.marks.len(), 5);
+        for (found, truth) in way.marks.iter().zip([0.0, 7.0, 10.0, 13.0, 30.0].map(|t| t / 30.0)) {
+            assert!((found - truth).abs() < 0.02, "{found} {truth}");
+        }
+        assert!(asked > 0 && asked < 30, "{asked}");
+        // Nothing is asked for where a parabola tells everything, or where nothing is near.
+        let mut no = |_: f64| -> Result<Place, EvaluationFailure> { panic!("no need to ask") };
+        let fall = |time: f64| Place { time, value: -time * time, rate: -2.0 * time, turning: 0.0 };
+        let looking = Looking { knots: &[-0.3], negligible: 1e-6, inside: &mut no };
+        way.follow(looking, [-1.0, 0.25, 1.5].map(fall)).unwrap();
+        assert_eq!(way.marks.len(), 5);
+        let looking = Looking { knots: &[-9.0], negligible: 1e-6, inside: &mut no };
+        way.follow(looking, [0.0, 0.5, 1.0].map(place)).unwrap();
+        assert!(way.marks.is_empty());
+    }
+}
