@@ -47,3 +47,4 @@ mod stiff_elements;
 mod stiff_sweep;
 mod turns;
 mod units;
+mod unseen;
