@@ -7,7 +7,7 @@ use crate::simulation::recorder::Recorder;
 use crate::system::{LawArgument, Measure};
 
 /// Parts of a law that accelerations are compared in; they stand for the others.
-const LOOKED_AT: usize = 4;
+const LOOKED_AT: usize = 2;
 
 /// A part of a force law that a step has not seen, and that counts.
 pub(super) struct PassedOver {
