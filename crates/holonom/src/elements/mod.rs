@@ -179,9 +179,9 @@ pub trait ForceElement<const N: usize> {
     fn knots(&self) -> Vec<Vec<f64>> {
         Vec::new()
     }
-    /// One of these scalars and its rate.
-    fn argument(&self, _index: usize, _input: &ForceInput<'_, f64, N>) -> [f64; 2] {
-        [0.0; 2]
+    /// One of these scalars, its rate, and how fast the direction may turn that it depends on, rad/s.
+    fn argument(&self, _index: usize, _input: &ForceInput<'_, f64, N>) -> [f64; 3] {
+        [0.0; 3]
     }
     /// What the law makes of the scalar, in whatever unit: the measure of what a step may pass over.
     fn profile(&self, _index: usize, _argument: f64) -> f64 {

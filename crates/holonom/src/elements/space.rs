@@ -5,6 +5,7 @@ use std::fmt::Debug;
 
 use super::angle::{Angle, LineAngle, PlanarAngle, SpatialAngle};
 use super::turning::{SpatialDirection, SpatialRotation, Turning};
+use crate::math::spatial::cross;
 use crate::math::{Real, planar, spatial};
 use crate::model;
 
@@ -23,6 +24,8 @@ pub trait Space<const D: usize, const N: usize, const R: usize>:
 
     /// A a.
     fn rotate<T: Real>(q: &[T; N], a: &[T; D]) -> [T; D];
+    /// ω × a for a vector a in ground axes.
+    fn spin(q: &[f64; N], v: &[f64; N], a: &[f64; D]) -> [f64; D];
     /// B = (A a)_rot.
     fn slope<T: Real>(q: &[T; N], a: &[T; D]) -> [[T; R]; D];
     /// (B w)_rot with w = rates, of which the rotational part is used.
@@ -45,6 +48,10 @@ impl Space<2, 3, 1> for Planar {
     #[inline(always)]
     fn rotate<T: Real>(q: &[T; 3], a: &[T; 2]) -> [T; 2] {
         planar::rotate(q[2], a)
+    }
+
+    fn spin(_q: &[f64; 3], v: &[f64; 3], a: &[f64; 2]) -> [f64; 2] {
+        planar::quarter_turn(a).map(|x| v[2] * x)
     }
 
     #[inline(always)]
@@ -91,6 +98,10 @@ impl Space<3, 7, 4> for Spatial {
     #[inline(always)]
     fn rotate<T: Real>(q: &[T; 7], a: &[T; 3]) -> [T; 3] {
         spatial::rotate(&euler(q), a)
+    }
+
+    fn spin(q: &[f64; 7], v: &[f64; 7], a: &[f64; 3]) -> [f64; 3] {
+        cross(&spatial::e_times(&euler(q), &euler(v)).map(|x| 2.0 * x), a)
     }
 
     #[inline(always)]

@@ -5,10 +5,10 @@ use crate::system::{LawArgument, State, System};
 
 /// Halvings of a piece of a cubic in search of a knot: round-off.
 const HALVINGS: u32 = 50;
-/// Halvings of a step in search of a course that is a cubic.
+/// Halvings of each half of a step in search of a course that is a cubic.
 const PARTS: u32 = 10;
-/// Turn of the bodies of a line against each other over which its length is a cubic, rad.
-const TURN: f64 = 1.0;
+/// Turn of a line within which its length is a cubic, rad: next to its other end it has a cusp.
+const TURN: f64 = 0.5;
 
 /// What cubics seem to miss may be so many times as much.
 const CAUTION: f64 = 4.0;
@@ -20,7 +20,7 @@ pub(super) struct Place {
     pub(super) time: f64,
     pub(super) value: f64,
     pub(super) rate: f64,
-    /// How fast the directions turn that it depends on, rad/s.
+    /// How fast the direction may turn that it depends on, rad/s.
     pub(super) turning: f64,
 }
 
@@ -32,19 +32,12 @@ impl Place {
         time: f64,
         state: &State,
     ) -> Self {
-        let [value, rate] = system.law_argument(argument, state);
-        let spin = |body: Option<usize>| {
-            body.map_or([0.0; 3], |b| system.body(b, &state.q, &state.v).angular_velocity)
-        };
-        let turning = argument.line.map_or(0.0, |bodies| {
-            let [first, second] = bodies.map(spin);
-            (0..3).map(|k| (second[k] - first[k]).powi(2)).sum::<f64>().sqrt()
-        });
+        let [value, rate, turning] = system.law_argument(argument, state);
         Self { time, value, rate, turning }
     }
 }
 
-/// A part of what a step passes over between two knots of a law or more.
+/// A part of a step between knots of a law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Passage {
     /// Its middle, s.
@@ -70,6 +63,12 @@ impl Course {
     fn at(&self, theta: f64) -> f64 {
         let [a, b, c, d] = self.0;
         a + theta * (b + theta * (c + theta * d))
+    }
+
+    /// ds/dθ.
+    fn rate(&self, theta: f64) -> f64 {
+        let [_, b, c, d] = self.0;
+        b + theta * (2.0 * c + 3.0 * d * theta)
     }
 
     /// How far the change is from the one of mean rates: 0 on a parabola, and the more the less the ends say of
@@ -155,7 +154,7 @@ pub(super) struct Way {
 impl Way {
     /// Room for laws with at most so many knots.
     pub(super) fn with_room(knots: usize) -> Self {
-        let places = if knots == 0 { 0 } else { (1 << PARTS) + 1 };
+        let places = if knots == 0 { 0 } else { (2 << PARTS) + 1 };
         let marks = 3 * knots + places;
         Self {
             places: Vec::with_capacity(places),
@@ -211,7 +210,9 @@ impl Way {
         [start, middle, end]: [Place; 3],
         parts: u32,
     ) -> Result<(), EvaluationFailure> {
-        let missed = (Course::through([&start, &end]).at(0.5) - middle.value).abs();
+        let whole = Course::through([&start, &end]);
+        let missed_rate = whole.rate(0.5) - middle.rate * (end.time - start.time);
+        let missed = (whole.at(0.5) - middle.value).abs().max(0.25 * missed_rate.abs());
         for half in [[start, middle], [middle, end]] {
             let course = Course::through([&half[0], &half[1]]);
             let doubt = CAUTION * course.doubt().max(missed);
@@ -241,8 +242,8 @@ impl Way {
         Course::through([start, end]).at((time - start.time) / (end.time - start.time))
     }
 
-    /// What it passes over between the first and the last knot on its way, parted where it turns back; nothing where
-    /// the law is as both ends of the step let expect: on the line between them. What deviates most comes first.
+    /// The parts of the step between knots on its way, parted where it turns back; nothing where
+    /// the law is as both ends of the step let expect: on the line between them.
     pub(super) fn passages(&mut self, system: &dyn System, argument: &LawArgument) -> &[Passage] {
         let mut passages = std::mem::take(&mut self.passages);
         passages.clear();
@@ -255,10 +256,6 @@ impl Way {
             let deviation = (profile(time) - expected).abs();
             (duration * deviation > 0.0).then_some(Passage { time, duration, deviation })
         }));
-        let weight = |p: &Passage| p.duration * p.deviation;
-        passages.sort_unstable_by(|a, b| {
-            weight(b).total_cmp(&weight(a)).then(a.time.total_cmp(&b.time))
-        });
         self.passages = passages;
         &self.passages
     }

@@ -451,7 +451,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         &self.arguments
     }
 
-    fn law_argument(&self, argument: &LawArgument, state: &State) -> [f64; 2] {
+    fn law_argument(&self, argument: &LawArgument, state: &State) -> [f64; 3] {
         let force = &self.forces[argument.force];
         force.element.argument(argument.index, &Self::input(force, state))
     }

@@ -145,8 +145,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
             ForceKind::Rsda { .. } => Measure::Angle,
             _ => Measure::Length,
         };
-        let line = matches!(model.forces[force].kind, ForceKind::Tsda { .. }).then_some(f.bodies);
-        of_force.map(move |(index, knots)| LawArgument { force, index, measure, line, knots })
+        of_force.map(move |(index, knots)| LawArgument { force, index, measure, knots })
     });
     let arguments = knots.collect();
     let mut system = Cartesian {

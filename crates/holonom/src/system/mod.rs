@@ -121,8 +121,6 @@ pub struct LawArgument {
     pub(crate) index: usize,
     /// What it measures.
     pub measure: Measure,
-    /// Bodies of the line whose length it is.
-    pub line: Option<[Option<usize>; 2]>,
     /// Values between which the law is smooth, increasing.
     pub knots: Vec<f64>,
 }
@@ -218,8 +216,8 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// Scalars along which forces have local features, such as a stop or a bump of the road.
     fn law_arguments(&self) -> &[LawArgument];
 
-    /// One of them at a state, with its rate.
-    fn law_argument(&self, argument: &LawArgument, state: &State) -> [f64; 2];
+    /// One of them at a state, its rate, and how fast the direction may turn that it depends on, rad/s.
+    fn law_argument(&self, argument: &LawArgument, state: &State) -> [f64; 3];
 
     /// What the law makes of a value of the scalar, in whatever unit.
     fn law_profile(&self, argument: &LawArgument, value: f64) -> f64;

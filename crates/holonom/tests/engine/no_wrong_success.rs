@@ -51,6 +51,12 @@ const SEEDS_ADRIFT: u64 = 200;
 #[cfg(not(feature = "long"))]
 const SEEDS_ADRIFT: u64 = 60;
 
+/// Of those with stops.
+#[cfg(feature = "long")]
+const SEEDS_WITH_STOPS: u64 = 200;
+#[cfg(not(feature = "long"))]
+const SEEDS_WITH_STOPS: u64 = 40;
+
 /// The mechanism of a seed and a change of its speeds.
 type Draw = fn(u64, f64) -> Mechanism;
 
@@ -503,6 +509,11 @@ fn a_random_mechanism_is_right_or_warned_of_or_fails() {
 #[test] // independent truth: likewise
 fn bodies_that_forces_alone_tie_are_right_or_warned_of_or_fail() {
     no_wrong_success(SEEDS_ADRIFT, Mechanism::adrift);
+}
+
+#[test] // independent truth: likewise
+fn mechanisms_with_stops_are_right_or_warned_of_or_fail() {
+    no_wrong_success(SEEDS_WITH_STOPS, Mechanism::with_stops);
 }
 
 fn no_wrong_success(count: u64, draw: Draw) {

@@ -2,9 +2,9 @@
 
 use std::marker::PhantomData;
 
-use crate::elements::PairBlocks;
 use crate::elements::space::{Space, Triad};
 use crate::elements::vector_function::{Jet, Vector};
+use crate::elements::{ForceInput, PairBlocks};
 use crate::math::Real;
 use crate::math::vector::{add_scaled, dot};
 
@@ -55,6 +55,13 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Line<S, 
         let unit = link.x.map(|x| x * inverse);
         let speed = link.d.times(v);
         Span { length, rate: dot(&unit, &speed), unit, speed, link }
+    }
+
+    /// How fast the direction may turn seen from the first body, rad/s: the speed of the line's end over its length.
+    pub(super) fn turning(&self, span: &Span<f64, D, R>, input: &ForceInput<'_, f64, N>) -> f64 {
+        let carried = S::spin(input.q[0], input.v[0], &span.link.x);
+        let square: f64 = span.speed.iter().zip(carried).map(|(s, c)| (s - c) * (s - c)).sum();
+        square.sqrt() / span.length
     }
 
     /// l̇_q.

@@ -90,7 +90,7 @@ macro_rules! by_variant {
             fn knots(&self) -> Vec<Vec<f64>> {
                 match self { $(Self::$variant(e) => e.knots(),)+ }
             }
-            fn argument(&self, index: usize, input: &ForceInput<'_, f64, $n>) -> [f64; 2] {
+            fn argument(&self, index: usize, input: &ForceInput<'_, f64, $n>) -> [f64; 3] {
                 match self { $(Self::$variant(e) => e.argument(index, input),)+ }
             }
             fn profile(&self, index: usize, argument: f64) -> f64 {

@@ -93,9 +93,10 @@ impl<A: Angle<N>, const N: usize> ForceElement<N> for Rsda<A> {
         law::knots(&self.law)
     }
 
-    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 2] {
+    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 3] {
         let angle = self.angle.nearest(input.q, input.winding);
-        [angle - self.free_angle, product(&self.angle.gradient(input.q), input.v)]
+        let rate = product(&self.angle.gradient(input.q), input.v);
+        [angle - self.free_angle, rate, 0.0]
     }
 
     fn profile(&self, _: usize, argument: f64) -> f64 {

@@ -83,9 +83,9 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
         law::knots(&self.law)
     }
 
-    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 2] {
+    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 3] {
         let span = self.line.span(input.q, input.v);
-        [span.length - self.free_length, span.rate]
+        [span.length - self.free_length, span.rate, self.line.turning(&span, input)]
     }
 
     fn profile(&self, _: usize, argument: f64) -> f64 {

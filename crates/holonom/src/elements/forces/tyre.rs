@@ -315,13 +315,13 @@ impl ForceElement<7> for Tyre {
         std::iter::once(vec![0.0]).chain(obstacle).collect()
     }
 
-    fn argument(&self, index: usize, input: &ForceInput<'_, f64, 7>) -> [f64; 2] {
+    fn argument(&self, index: usize, input: &ForceInput<'_, f64, 7>) -> [f64; 3] {
         let contact = self.contact(input.q[1], input.v[1]);
         if index == 0 {
-            return [contact.deflection, contact.rate];
+            return [contact.deflection, contact.rate, 0.0];
         }
         let x = input.q[1][0] + rotate(&contact.p, &self.center)[0];
-        [x, contact.speed[0]]
+        [x, contact.speed[0], 0.0]
     }
 
     fn profile(&self, index: usize, argument: f64) -> f64 {

@@ -6,8 +6,9 @@ use crate::simulation::passage::{Looking, Passage, Place, Way};
 use crate::simulation::recorder::Recorder;
 use crate::system::{LawArgument, Measure};
 
-/// Parts of a law that accelerations are compared in; they stand for the others.
-const LOOKED_AT: usize = 2;
+/// Moments at which accelerations are compared: in all parts of a step, or, where these are more, each for an equal
+/// share of what the law deviates.
+const LOOKED_AT: usize = 3;
 
 /// A part of a force law that a step has not seen, and that counts.
 pub(super) struct PassedOver {
@@ -21,29 +22,38 @@ impl Run<'_> {
     /// The first part of a force law that the attempt from `t` over `step` has passed over, if the error that this
     /// makes exceeds the tolerance.
     ///
-    /// The formula's own estimate knows of the laws what its stages see. Where the argument of a law passes two knots
-    /// or more, the accelerations of the equations between these are set against those of the dense output.
+    /// The formula's own estimate knows of the laws what its stages see. Where the argument of a law passes a knot,
+    /// the accelerations of the equations are set against those of the dense output. A step into which one cannot
+    /// look is refused, too: a shorter one can be looked into.
     pub(super) fn passed_over(&mut self, t: f64, step: f64, t_end: f64) -> Option<PassedOver> {
-        let system = self.system.clone();
         let mut inspector = self.inspector.take()?;
         let mut way = std::mem::take(&mut self.way);
+        let found = self.look_into([t, step, t_end], &mut inspector, &mut way);
+        (self.way, self.inspector) = (way, Some(inspector));
+        found.unwrap_or(Some(PassedOver { time: t + 0.5 * step, error: f64::INFINITY }))
+    }
+
+    fn look_into(
+        &mut self,
+        times: [f64; 3],
+        inspector: &mut Recorder,
+        way: &mut Way,
+    ) -> Result<Option<PassedOver>, EvaluationFailure> {
+        let system = self.system.clone();
         let mut found: Option<PassedOver> = None;
         for (k, argument) in system.law_arguments().iter().enumerate() {
-            // A state inside an accepted step that cannot be recovered is told where a row asks for it.
-            let Some(&halfway) = self.halfway.get(k) else { break };
-            let times = [t, step, t_end];
-            if self.follow(&mut way, &mut inspector, argument, halfway, times).is_err() {
-                continue;
-            }
+            let halfway = *self.halfway.get(k).ok_or_else(|| {
+                EvaluationFailure::new("simulation/middle", "the middle of the step is not found")
+            })?;
+            self.follow(way, inspector, argument, halfway, times)?;
             let passages = way.passages(system.as_ref(), argument);
-            if let Some(passed) = self.missed(&mut inspector, t, step, passages)
+            if let Some(passed) = self.missed(inspector, [times[0], times[1]], passages)?
                 && found.as_ref().is_none_or(|first| passed.time < first.time)
             {
                 found = Some(passed);
             }
         }
-        (self.way, self.inspector) = (way, Some(inspector));
-        found
+        Ok(found)
     }
 
     /// Follows the argument of a law through the attempt.
@@ -74,37 +84,50 @@ impl Run<'_> {
         way.follow(Looking { knots, negligible, inside }, [first, halfway, last])
     }
 
-    /// Where the attempt misses most of what it passes over, if that exceeds the tolerance.
+    /// Where a law deviates most, if what the attempt misses of it exceeds the tolerance.
     fn missed(
         &mut self,
         inspector: &mut Recorder,
-        t: f64,
-        step: f64,
+        [t, step]: [f64; 2],
         passages: &[Passage],
-    ) -> Option<PassedOver> {
-        let time = passages.first()?.time;
+    ) -> Result<Option<PassedOver>, EvaluationFailure> {
+        if passages.is_empty() {
+            return Ok(None);
+        }
+        let weight = |p: &Passage| p.duration * p.deviation;
+        let share = passages.iter().map(weight).sum::<f64>() / LOOKED_AT as f64;
+        let few = passages.len() <= LOOKED_AT;
         self.scratch[0].fill(0.0);
-        let mut seen = 0.0;
-        for passage in passages.iter().take(LOOKED_AT) {
-            if self.miss(inspector, t, step, passage).is_ok() {
-                seen += passage.duration * passage.deviation;
+        let (mut sum, mut looked, mut worst) = (0.0, 0.5, &passages[0]);
+        for passage in passages {
+            if weight(passage) > weight(worst) {
+                worst = passage;
+            }
+            sum += weight(passage);
+            let mut shares = 0.0;
+            while looked < LOOKED_AT as f64 && looked * share <= sum {
+                looked += 1.0;
+                shares += share;
+            }
+            let duration = if few { passage.duration } else { shares / passage.deviation };
+            if duration > 0.0 {
+                self.miss(inspector, [t, step], passage.time, duration)?;
             }
         }
-        let whole: f64 = passages.iter().map(|p| p.duration * p.deviation).sum();
         let missed = &mut self.scratch[0];
         self.stepper.filter(self.form.as_mut(), missed);
-        let error = whole / seen * self.form.error_norm(missed, &self.w_end);
-        (error > 1.0).then_some(PassedOver { time, error })
+        let error = self.form.error_norm(missed, &self.w_end);
+        Ok((error > 1.0).then_some(PassedOver { time: worst.time, error }))
     }
 
-    /// Adds what the end of the attempt misses if its accelerations miss those of the equations all along a passage as
-    /// they do in its middle.
+    /// Adds what the end of the attempt misses if its accelerations miss those of the equations for `duration` seconds
+    /// as they do at `time`.
     fn miss(
         &mut self,
         inspector: &mut Recorder,
-        t: f64,
-        step: f64,
-        &Passage { time, duration, .. }: &Passage,
+        [t, step]: [f64; 2],
+        time: f64,
+        duration: f64,
     ) -> Result<(), EvaluationFailure> {
         let theta = ((time - t) / step).clamp(0.0, 1.0);
         let [missed, slope] = &mut self.scratch;

@@ -71,7 +71,10 @@ impl Machinery {
         );
         copied();
         let recorder = Recorder::new(form.point(), dimension, form.integrates_powers());
-        let watches = !fixed && !form.point().manifold.system().law_arguments().is_empty();
+        // Without unknowns no error can refuse a step.
+        let manifold = &form.point().manifold;
+        let watches =
+            !fixed && manifold.chart().ndof() > 0 && !manifold.system().law_arguments().is_empty();
         let inspector = watches.then(|| recorder.clone());
         Self { form, stepper, recorder, inspector, slope: vec![0.0; dimension] }
     }

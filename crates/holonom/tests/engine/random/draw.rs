@@ -31,6 +31,22 @@ impl Mechanism {
         Self::drawn(seed, nudge, true)
     }
 
+    /// One of either kind whose springs along a line or about an axis are stops with play.
+    pub(crate) fn with_stops(seed: u64, nudge: f64) -> Self {
+        let mut out = Self::drawn(seed, nudge, seed % 2 == 1);
+        let mut random = Random::new(!seed);
+        for element in &mut out.elements {
+            let play = match element.law {
+                Law::Tsda => random.logarithmic(0.02, 0.3),
+                Law::Rsda => random.logarithmic(0.05, 0.8),
+                Law::Maxwell | Law::Bushing(_) => continue,
+            };
+            element.gap = Some(play);
+            element.stiffness = element.stiffness.clamp(1e2, 1e7);
+        }
+        out
+    }
+
     fn drawn(seed: u64, nudge: f64, adrift: bool) -> Self {
         let mut random = Random::new(seed);
         let r = &mut random;
@@ -358,6 +374,7 @@ impl Mechanism {
             damping,
             rotational_damping: damping.max(1e-4),
             settled,
+            gap: None,
             preload: (0..rows)
                 .map(|_| {
                     r.range(-1.0, 1.0) * (0.05 * scaled).min(if rows == 1 { 5.0 } else { 3.0 })

@@ -114,6 +114,8 @@ struct Element {
     settled: bool,
     /// Elastic forces at the start.
     preload: Vec<f64>,
+    /// Deformation to either side without force, m or rad: a stop beyond it, unloaded at the start.
+    gap: Option<f64>,
 }
 
 #[derive(Debug, Clone)]

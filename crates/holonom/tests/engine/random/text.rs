@@ -117,6 +117,13 @@ impl Mechanism {
 
     fn element(&self, element: &Element) -> String {
         let Element { law, stiffness, preload, points, .. } = element;
+        let elastic = |field: &str| match element.gap {
+            None => format!("stiffness = {stiffness:?}"),
+            Some(gap) => {
+                let x = [-1.0 - gap, -gap, gap, 1.0 + gap];
+                format!("{field} = {{ x = {x:?}, y = {:?} }}", [-stiffness, 0.0, 0.0, *stiffness])
+            }
+        };
         let damping = element.damping * stiffness;
         let mut out = between(element.between);
         let axes = transpose(&element.axes);
@@ -125,18 +132,20 @@ impl Mechanism {
                 let name = if *law == Law::Tsda { "tsda" } else { "maxwell" };
                 let [a, b] = points.map(|p| self.vector(&p));
                 let length = norm(&sub(&points[1], &points[0]));
-                let free = (length - preload[0] / stiffness).max(0.0);
+                let deformed = if element.gap.is_some() { 0.0 } else { preload[0] / stiffness };
+                let (free, elastic) = ((length - deformed).max(0.0), elastic("force"));
                 let _ = write!(
                     out,
-                    ", type = \"{name}\", points = [{a}, {b}], stiffness = {stiffness:?}, damping = {damping:?}, free_length = {free:?}"
+                    ", type = \"{name}\", points = [{a}, {b}], {elastic}, damping = {damping:?}, free_length = {free:?}"
                 );
             }
             Law::Rsda => {
                 let angle = if self.planar { self.angle_between(element.between) } else { 0.0 };
-                let free = angle - preload[0] / stiffness;
+                let deformed = if element.gap.is_some() { 0.0 } else { preload[0] / stiffness };
+                let (free, elastic) = (angle - deformed, elastic("torque"));
                 let _ = write!(
                     out,
-                    ", type = \"rsda\", stiffness = {stiffness:?}, damping = {damping:?}, free_angle = {free:?}"
+                    ", type = \"rsda\", {elastic}, damping = {damping:?}, free_angle = {free:?}"
                 );
                 if !self.planar {
                     let _ = write!(out, ", axis = {:?}", axes[2]);
