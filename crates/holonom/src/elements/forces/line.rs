@@ -58,7 +58,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Line<S, 
     }
 
     /// How fast the direction may turn seen from the first body, rad/s: the speed of the line's end over its length.
-    pub(super) fn turning(&self, span: &Span<f64, D, R>, input: &ForceInput<'_, f64, N>) -> f64 {
+    pub(super) fn turning(span: &Span<f64, D, R>, input: &ForceInput<'_, f64, N>) -> f64 {
         let carried = S::spin(input.q[0], input.v[0], &span.link.x);
         let square: f64 = span.speed.iter().zip(carried).map(|(s, c)| (s - c) * (s - c)).sum();
         square.sqrt() / span.length

@@ -85,7 +85,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
 
     fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 3] {
         let span = self.line.span(input.q, input.v);
-        [span.length - self.free_length, span.rate, self.line.turning(&span, input)]
+        [span.length - self.free_length, span.rate, Line::<S, D, N, R>::turning(&span, input)]
     }
 
     fn profile(&self, _: usize, argument: f64) -> f64 {
