@@ -26,11 +26,15 @@ impl Run<'_> {
     /// the accelerations of the equations are set against those of the dense output. A step into which one cannot
     /// look is refused, too: a shorter one can be looked into.
     pub(super) fn passed_over(&mut self, t: f64, step: f64, t_end: f64) -> Option<PassedOver> {
+        let unknown = PassedOver { time: t + 0.5 * step, error: f64::INFINITY };
+        if self.inspector.is_some() && self.halfway.is_empty() {
+            return Some(unknown);
+        }
         let mut inspector = self.inspector.take()?;
         let mut way = std::mem::take(&mut self.way);
         let found = self.look_into([t, step, t_end], &mut inspector, &mut way);
         (self.way, self.inspector) = (way, Some(inspector));
-        found.unwrap_or(Some(PassedOver { time: t + 0.5 * step, error: f64::INFINITY }))
+        found.unwrap_or(Some(unknown))
     }
 
     fn look_into(
@@ -42,9 +46,7 @@ impl Run<'_> {
         let system = self.system.clone();
         let mut found: Option<PassedOver> = None;
         for (k, argument) in system.law_arguments().iter().enumerate() {
-            let halfway = *self.halfway.get(k).ok_or_else(|| {
-                EvaluationFailure::new("simulation/middle", "the middle of the step is not found")
-            })?;
+            let halfway = self.halfway[k];
             self.follow(way, inspector, argument, halfway, times)?;
             let passages = way.passages(system.as_ref(), argument);
             if let Some(passed) = self.missed(inspector, [times[0], times[1]], passages)?
