@@ -1,202 +1,206 @@
 //! Stops, contacts and bumps that a step could jump over: what flies or turns freely makes steps as long as the run,
 //! and the stages of a formula see force laws at a few moments only.
 //!
-//! Truth: DOPRI5 at 1e-9 whose steps are shorter than any of these passages.
+//! Truth: the equation of motion of the one coordinate that moves, written down here, by DOP853 in steps shorter than
+//! any of these passages.
 
+use crate::common::integrate::tight;
 use crate::common::table::{
-    Bounds, Case, DEFAULT, Kind, TOLERANCES, Table, all_codes, measure, times, truth,
+    Bounds, Case, DEFAULT, Kind, TOLERANCES, Table, all_codes, measure, truth,
 };
 use crate::common::{model_of, options, run_model};
+use holonom::math::MonotoneCubic;
 use holonom::method::Code;
 use holonom::simulation::{Options, OutputTimes};
 
 /// Longest step of the truth, s.
 const FINE: f64 = 1e-3;
+/// Rows of a run.
+const ROWS: usize = 60;
+const GRAVITY: f64 = 9.81;
 
-/// A block that bounces on a spring; the spring's line begins where the block would fall to, so that a step that
-/// misses it finds no force beyond.
-const BLOCK: &str = r#"
+/// A law through a table: abscissas and ordinates.
+type Law<'a> = [&'a [f64]; 2];
+
+const SPRING: Law = [&[-1.0, 0.0, 0.001, 1.0], &[-4000.0, 0.0, 0.0, 0.0]];
+const STOP: Law = [&[-1.0, -0.5, 0.0, 1.0], &[-4000.0, -2000.0, 0.0, 0.0]];
+const DETENT: Law =
+    [&[0.0, 2.0, 2.005, 2.01, 2.015, 2.02, 6.0], &[0.0, 0.0, 150.0, 0.0, -50.0, 0.0, 0.0]];
+const PEG: Law = [&[-0.05, -0.03, 0.0, 0.05, 9.0], &[-2.0, -2.0, 0.0, 0.0, 0.0]];
+const CAM: Law = [&[-0.3, -0.2, -0.1, 0.0, 0.05, 3.0], &[-20.0, -10.0, -5.0, 0.0, 0.0, 0.0]];
+const STOPS: Law =
+    [&[-2.0, -1.6, -1.5, 0.0, 1.5, 1.6, 2.0], &[-6000.0, -1200.0, 0.0, 0.0, 0.0, 1200.0, 6000.0]];
+
+fn table([x, y]: Law<'_>) -> String {
+    format!("{{ x = {x:?}, y = {y:?} }}")
+}
+
+/// The law as a function.
+fn function([x, y]: Law<'_>) -> impl Fn(f64) -> f64 {
+    let law = MonotoneCubic::new(x.to_vec(), y.to_vec()).unwrap();
+    move |deformation| law.value_and_slope(deformation).0
+}
+
+/// A body of 1 kg on a guide along `axis` with a spring to `anchor`.
+fn slider(
+    axis: [f64; 2],
+    [start, speed]: [f64; 2],
+    anchor: [f64; 2],
+    free: f64,
+    law: Law<'_>,
+) -> String {
+    let [position, velocity] = [start, speed].map(|s| axis.map(|a| a * s));
+    format!(
+        r#"
 holonom = 1
 dimension = "planar"
-gravity = [0.0, -9.81]
+gravity = [0.0, -{GRAVITY}]
 [bodies]
-block = { mass = 1.0, inertia = 0.01, position = [0.0, 1.6] }
+block = {{ mass = 1.0, inertia = 0.01, position = [0.0, 0.0] }}
 [joints]
-guide = { type = "translational", between = ["ground", "block"], point = [0.0, 0.0], axis = [0.0, 1.0] }
-[forces.stop]
+guide = {{ type = "translational", between = ["ground", "block"], point = [0.0, 0.0], axis = {axis:?} }}
+[forces.spring]
 type = "tsda"
 between = ["ground", "block"]
-points_in_body = [[0.0, 0.0], [0.0, 0.0]]
-force = { x = [-1.0, 0.0, 0.001, 1.0], y = [-4000.0, 0.0, 0.0, 0.0] }
-free_length = 1.0
-"#;
-
-/// The same on a stop that reaches as deep as one likes.
-const DEEP: &str = r#"
-holonom = 1
-dimension = "planar"
-gravity = [0.0, -9.81]
-[bodies]
-block = { mass = 1.0, inertia = 0.01, position = [0.0, 1.6] }
-[joints]
-guide = { type = "translational", between = ["ground", "block"], point = [0.0, 0.0], axis = [0.0, 1.0] }
-[forces.stop]
-type = "tsda"
-between = ["ground", "block"]
-points_in_body = [[0.0, -99.0], [0.0, 0.0]]
-force = { x = [-1.0, -0.5, 0.0, 1.0], y = [-4000.0, -2000.0, 0.0, 0.0] }
-free_length = 100.0
-"#;
-
-/// A slide that passes a detent of 2 cm at 2 m/s.
-const DETENT: &str = r#"
-holonom = 1
-dimension = "planar"
-gravity = [0.0, -9.81]
-[bodies]
-block = { mass = 1.0, inertia = 0.01, position = [0.0, 0.0] }
-[joints]
-guide = { type = "translational", between = ["ground", "block"], point = [0.0, 0.0], axis = [1.0, 0.0] }
-[forces.detent]
-type = "tsda"
-between = ["ground", "block"]
-points_in_body = [[-10.0, 0.0], [0.0, 0.0]]
-force = { x = [0.0, 2.0, 2.005, 2.01, 2.015, 2.02, 6.0], y = [0.0, 0.0, 150.0, 0.0, -50.0, 0.0, 0.0] }
-free_length = 10.0
+points_in_body = [{anchor:?}, [0.0, 0.0]]
+force = {}
+free_length = {free:?}
 [initial.bodies]
-block = { velocity = [2.0, 0.0] }
-"#;
+block = {{ position = {position:?}, velocity = {velocity:?} }}
+"#,
+        table(law)
+    )
+}
 
 /// A rotor that is pressed on during a seventh of each turn.
-const CAM: &str = r#"
-holonom = 1
-dimension = "planar"
-gravity = [0.0, 0.0]
-[bodies]
-rotor = { mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }
-[joints]
-axle = { type = "revolute", between = ["ground", "rotor"], point = [0.0, 0.0] }
-[forces.cam]
-type = "tsda"
-between = ["ground", "rotor"]
-points_in_body = [[1.2, 0.0], [1.0, 0.0]]
-force = { x = [-0.3, -0.2, -0.1, 0.0, 0.05, 3.0], y = [-20.0, -10.0, -5.0, 0.0, 0.0, 0.0] }
-free_length = 0.5
-[initial.bodies]
-rotor = { angle = 2.0, angular_velocity = 10.0 }
-"#;
-
-/// A wheel that bounces on the road, hardly damped.
-const WHEEL: &str = r#"
-holonom = 1
-dimension = "spatial"
-gravity = [0.0, 0.0, -9.81]
-[bodies]
-wheel = { mass = 50.0, inertia = [[2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 2.0]], position = [0.0, 0.0, 1.0] }
-[roads]
-flat = { type = "flat", height = 0.0 }
-[forces.tyre]
-type = "tyre"
-on = "wheel"
-point = [0.0, 0.0, 1.0]
-radius = 0.4
-stiffness = 3.0e5
-damping = 20.0
-smoothing = 1.0e-3
-road = "flat"
-[initial.bodies]
-wheel = { velocity = [5.0, 0.0, 0.0] }
-"#;
-
-/// A wheel that rolls smoothly at 20 m/s over a bump of 20 cm, 1 s ahead.
-const BUMP: &str = r#"
-holonom = 1
-dimension = "spatial"
-gravity = [0.0, 0.0, -9.81]
-[bodies]
-wheel = { mass = 500.0, inertia = [[2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 2.0]], position = [0.0, 0.0, 0.38365] }
-[roads]
-bump = { type = "smooth_bump", height = 0.02, half_length = 0.1, center = 20.0 }
-[forces.tyre]
-type = "tyre"
-on = "wheel"
-point = [0.0, 0.0, 0.38365]
-radius = 0.4
-stiffness = 3.0e5
-damping = 2000.0
-smoothing = 1.0e-3
-road = "bump"
-[initial.bodies]
-wheel = { velocity = [20.0, 0.0, 0.0] }
-"#;
-
-/// A door between two stops.
-const DOOR: &str = r#"
-holonom = 1
-dimension = "spatial"
-gravity = [0.0, 0.0, -9.81]
-[bodies]
-door = { mass = 20.0, inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.5]], position = [0.5, 0.0, 0.0] }
-[joints]
-hinge = { type = "revolute", between = ["ground", "door"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }
-[forces.stops]
-type = "rsda"
-between = ["ground", "door"]
-axis = [0.0, 0.0, 1.0]
-torque = { x = [-2.0, -1.6, -1.5, 0.0, 1.5, 1.6, 2.0], y = [-6000.0, -1200.0, 0.0, 0.0, 0.0, 1200.0, 6000.0] }
-[initial.joints]
-hinge = { angular_velocity = 1.5 }
-"#;
-
-/// A puck that slides past a peg at 1 cm from its way: the length of the line has nearly a cusp there.
-fn puck(start: f64) -> String {
+fn rotor() -> String {
     format!(
         r#"
 holonom = 1
 dimension = "planar"
 gravity = [0.0, 0.0]
 [bodies]
-puck = {{ mass = 1.0, inertia = 0.01, position = [0.0, 0.0] }}
+rotor = {{ mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }}
 [joints]
-guide = {{ type = "translational", between = ["ground", "puck"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
-[forces.peg]
+axle = {{ type = "revolute", between = ["ground", "rotor"], point = [0.0, 0.0] }}
+[forces.cam]
 type = "tsda"
-between = ["ground", "puck"]
-points_in_body = [[0.0, 0.01], [0.0, 0.0]]
-force = {{ x = [-0.05, -0.03, 0.0, 0.05, 9.0], y = [-2.0, -2.0, 0.0, 0.0, 0.0] }}
-free_length = 0.05
+between = ["ground", "rotor"]
+points_in_body = [[1.2, 0.0], [1.0, 0.0]]
+force = {}
+free_length = 0.5
 [initial.bodies]
-puck = {{ position = [{start:?}, 0.0], velocity = [0.917, 0.0] }}
+rotor = {{ angle = 2.0, angular_velocity = 10.0 }}
+"#,
+        table(CAM)
+    )
+}
+
+/// A wheel of radius 0.4 m on a road.
+fn wheel(mass: f64, [height, speed]: [f64; 2], damping: f64, road: &str) -> String {
+    format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -{GRAVITY}]
+[bodies]
+wheel = {{ mass = {mass:?}, inertia = [[2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 2.0]], position = [0.0, 0.0, {height:?}] }}
+[roads]
+road = {{ {road} }}
+[forces.tyre]
+type = "tyre"
+on = "wheel"
+point = [0.0, 0.0, {height:?}]
+radius = 0.4
+stiffness = 3.0e5
+damping = {damping:?}
+smoothing = 1.0e-3
+road = "road"
+[initial.bodies]
+wheel = {{ velocity = [{speed:?}, 0.0, 0.0] }}
 "#
     )
 }
 
-/// A case whose truth is computed with short steps.
-fn case(text: &str, end: f64, channel: &'static str, size: usize, kind: Kind) -> Case {
-    let n = 60;
-    let fine = Options {
-        channels: vec![channel.to_owned()],
-        output: OutputTimes::Interval(end / n as f64),
-        max_step: FINE,
-        ..options(Code::Dopri5, 1e-9, end)
-    };
-    let outcome = run_model(&model_of(text), &fine);
-    let rows = outcome.rows.all.channels[0].chunks_exact(size).map(<[f64]>::to_vec);
-    let case = Case::new(text, end, vec![truth(channel, kind, rows)]);
-    assert_eq!(case.truths[0].rows.len(), times(end, n).len());
-    Case { max_steps: 60_000, ..case }
+/// Force of its tyre that is pressed in by δ at the rate δ̇; without cancellation off the road.
+fn tyre(deflection: f64, rate: f64, damping: f64) -> f64 {
+    let root = deflection.hypot(1e-3);
+    let s = if deflection < 0.0 { 0.5e-6 / (root - deflection) } else { 0.5 * (deflection + root) };
+    3.0e5 * s + damping * s / root * rate
 }
 
-/// Errors of each bounce add up, and the time of the next one tells of all before it: a nudge grows 20-fold in six
-/// seconds of bouncing.
-const BOUNDS: Bounds =
-    Bounds { position: 150.0, velocity: 150.0, or_warned: true, or_stopped: false };
+/// A door between two stops.
+fn door() -> String {
+    format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -{GRAVITY}]
+[bodies]
+door = {{ mass = 20.0, inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.5]], position = [0.5, 0.0, 0.0] }}
+[joints]
+hinge = {{ type = "revolute", between = ["ground", "door"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }}
+[forces.stops]
+type = "rsda"
+between = ["ground", "door"]
+axis = [0.0, 0.0, 1.0]
+torque = {}
+[initial.joints]
+hinge = {{ angular_velocity = 1.5 }}
+"#,
+        table(STOPS)
+    )
+}
+
+/// A case with the truth of its coordinate s, s̈ = `acceleration`(t, s, ṡ), and what a nudge of its start grows by.
+fn case(
+    text: &str,
+    end: f64,
+    (channel, kind): (&'static str, Kind),
+    start: [f64; 2],
+    acceleration: &dyn Fn(f64, f64, f64) -> f64,
+    row: &dyn Fn(f64, f64) -> Vec<f64>,
+) -> (Case, f64) {
+    let each = (end / (ROWS as f64 * FINE)).ceil() as usize;
+    let times: Vec<f64> =
+        (0..=ROWS * each).map(|k| end * k as f64 / (ROWS * each) as f64).collect();
+    let rate = |t: f64, y: &[f64]| vec![y[1], acceleration(t, y[0], y[1])];
+    let solution = |nudge: f64| tight(&rate, &start.map(|x| x + nudge), &times);
+    let (found, nudged) = (solution(0.0), solution(1e-7));
+    let growth = found.iter().zip(&nudged).map(|(a, b)| (a[0] - b[0]).abs() / 1e-7);
+    let growth = growth.fold(1.0, f64::max);
+    let rows = times.iter().zip(&found).step_by(each).map(|(&t, y)| row(t, y[0]));
+    let case = Case::new(text, end, vec![truth(channel, kind, rows)]);
+    (Case { max_steps: 60_000, ..case }, growth)
+}
+
+/// A block that falls from 1.6 m onto a spring whose line begins where it would fall to: a step that misses it finds
+/// no force beyond.
+fn block() -> String {
+    slider([0.0, 1.0], [1.6, 0.0], [0.0, 0.0], 1.0, SPRING)
+}
+
+/// A puck that slides past a peg at 1 cm from its way: the length of the line has nearly a cusp there.
+fn puck(start: f64) -> (Case, f64) {
+    let start = [start, 0.917];
+    let text = slider([1.0, 0.0], start, [0.0, 0.01], 0.05, PEG);
+    let force = function(PEG);
+    let acceleration = |_: f64, s: f64, _: f64| {
+        let length = s.hypot(0.01);
+        -force(length - 0.05) * s / length
+    };
+    let channel = ("block.position", Kind::Point);
+    case(&text, 10.0, channel, start, &acceleration, &|_, s| vec![s, 0.0])
+}
 
 /// Runs a case by a code and claims that nothing of it is lost.
-fn look(table: &mut Table, name: &str, case: &Case, code: Code, tolerance: f64) {
+fn look(table: &mut Table, name: &str, (case, growth): &(Case, f64), code: Code, tolerance: f64) {
     let run = measure(case, DEFAULT, code, tolerance);
     let line = format!("{name}, {}", code.info().name);
-    table.run(&line, &format!("{tolerance:.0e}"), &run, BOUNDS);
+    // What is usual, grown as the motion grows it, and no more than random mechanisms may be off.
+    let position = (Bounds::usual().position * growth).min(100.0);
+    let bounds = Bounds { position, or_warned: true, ..Bounds::usual() };
+    table.run(&line, &format!("{tolerance:.0e}"), &run, bounds);
     // A step that jumped over something would be off by the size of the motion, warned or not.
     let lost = 0.1 / tolerance;
     table.claim(run.position < lost, || format!("{line}, {tolerance:.0e}: lost"));
@@ -205,15 +209,102 @@ fn look(table: &mut Table, name: &str, case: &Case, code: Code, tolerance: f64) 
 #[test]
 fn nothing_is_jumped_over() {
     let mut table = Table::new("what steps could jump over");
+    let [spring, stop, detent, cam, stops] = [SPRING, STOP, DETENT, CAM, STOPS].map(function);
+    let (up, along, at) = ([0.0, 1.0], [1.0, 0.0], ("block.position", Kind::Point));
+    let center = ("wheel.position", Kind::Point);
     for (name, case) in [
-        ("block on a spring", case(BLOCK, 6.0, "block.position", 2, Kind::Point)),
-        ("block on a deep stop", case(DEEP, 6.0, "block.position", 2, Kind::Point)),
-        ("detent", case(DETENT, 4.0, "block.position", 2, Kind::Point)),
-        ("rotor and cam", case(CAM, 5.0, "rotor.angle", 1, Kind::Angle)),
-        ("bouncing wheel", case(WHEEL, 4.0, "wheel.position", 3, Kind::Point)),
-        ("bump ahead", case(BUMP, 3.0, "wheel.position", 3, Kind::Point)),
-        ("door between stops", case(DOOR, 10.0, "door.position", 3, Kind::Point)),
+        (
+            "block on a spring",
+            case(
+                &block(),
+                6.0,
+                at,
+                [1.6, 0.0],
+                &|_, s, _| -GRAVITY - spring(s.abs() - 1.0) * s.signum(),
+                &|_, s| vec![0.0, s],
+            ),
+        ),
+        (
+            "block on a deep stop",
+            case(
+                &slider(up, [1.6, 0.0], [0.0, -99.0], 100.0, STOP),
+                6.0,
+                at,
+                [1.6, 0.0],
+                &|_, s, _| -GRAVITY - stop(s - 1.0),
+                &|_, s| vec![0.0, s],
+            ),
+        ),
+        (
+            "detent",
+            case(
+                &slider(along, [0.0, 2.0], [-10.0, 0.0], 10.0, DETENT),
+                4.0,
+                at,
+                [0.0, 2.0],
+                &|_, s, _| -detent(s),
+                &|_, s| vec![s, 0.0],
+            ),
+        ),
+        (
+            "rotor and cam",
+            case(
+                &rotor(),
+                5.0,
+                ("rotor.angle", Kind::Angle),
+                [2.0, 10.0],
+                &|_, angle, _| {
+                    let length = (2.44 - 2.4 * angle.cos()).sqrt();
+                    -cam(length - 0.5) * 1.2 * angle.sin() / length / 0.1
+                },
+                &|_, angle| vec![angle],
+            ),
+        ),
+        (
+            "bouncing wheel",
+            case(
+                &wheel(50.0, [1.0, 5.0], 20.0, "type = \"flat\", height = 0.0"),
+                4.0,
+                center,
+                [1.0, 0.0],
+                &|_, z, rate| tyre(0.4 - z, -rate, 20.0) / 50.0 - GRAVITY,
+                &|t, z| vec![5.0 * t, 0.0, z],
+            ),
+        ),
+        (
+            "bump ahead",
+            case(
+                &wheel(
+                    500.0,
+                    [0.38365, 20.0],
+                    2000.0,
+                    "type = \"smooth_bump\", height = 0.02, half_length = 0.1, center = 20.0",
+                ),
+                3.0,
+                center,
+                [0.38365, 0.0],
+                &|t, z, rate| {
+                    let u = (20.0 * t - 20.0) / 0.1;
+                    let m = (1.0 - u * u).max(0.0);
+                    let (height, climb) = (0.02 * m.powi(3), -0.12 * u * m * m / 0.1 * 20.0);
+                    tyre(0.4 - (z - height), climb - rate, 2000.0) / 500.0 - GRAVITY
+                },
+                &|t, z| vec![20.0 * t, 0.0, z],
+            ),
+        ),
+        (
+            "door between stops",
+            case(
+                &door(),
+                10.0,
+                ("door.position", Kind::Point),
+                [0.0, 1.5],
+                &|_, angle, _| -stops(angle) / (1.5 + 20.0 * 0.25),
+                &|_, angle| vec![0.5 * angle.cos(), 0.5 * angle.sin(), 0.0],
+            ),
+        ),
     ] {
+        table.note(name, format!("a nudge grows {:.1}-fold", case.1));
         for code in all_codes() {
             for &tolerance in TOLERANCES {
                 look(&mut table, name, &case, code, tolerance);
@@ -223,7 +314,7 @@ fn nothing_is_jumped_over() {
     table.finish();
 }
 
-/// Codes of high order, for which a long flight is one step at any tolerance.
+/// Codes for which a long flight is one step at any tolerance: not those of order 2.
 fn of_high_order() -> impl Iterator<Item = Code> {
     all_codes().into_iter().filter(|code| !matches!(code, Code::SspTrap | Code::InflTrap))
 }
@@ -233,10 +324,10 @@ fn nothing_is_jumped_over_wherever_a_step_begins() {
     let mut table = Table::new("a puck past a peg");
     for k in 0..12 {
         let start = -3.9 - 0.2 * f64::from(k);
-        let case = case(&puck(start), 10.0, "puck.position", 2, Kind::Point);
+        let case = puck(start);
         for code in of_high_order() {
             for tolerance in [1e-4, 1e-8] {
-                look(&mut table, &format!("from {start}"), &case, code, tolerance);
+                look(&mut table, &format!("from {start:.1} m"), &case, code, tolerance);
             }
         }
     }
@@ -251,10 +342,10 @@ fn a_block_bounces_for_ever() {
             output: OutputTimes::Interval(0.05),
             ..options(code, 1e-6, 300.0)
         };
-        let outcome = run_model(&model_of(BLOCK), &long);
-        let heights = outcome.series("block.position", 1);
-        let (low, high) =
-            heights.iter().fold((f64::INFINITY, 0.0f64), |(l, h), &y| (l.min(y), h.max(y)));
+        let heights = run_model(&model_of(&block()), &long).series("block.position", 1);
+        let [low, high] = heights
+            .iter()
+            .fold([f64::INFINITY, 0.0], |[low, high]: [f64; 2], &y| [low.min(y), high.max(y)]);
         assert!(low > 0.8 && high < 1.61, "{code:?}: {low} to {high} m");
     }
 }
