@@ -9,11 +9,10 @@ const HALVINGS: u32 = 50;
 const PARTS: u32 = 10;
 /// Turn of a line within which its length is a cubic, rad: next to its other end it has a cusp.
 const TURN: f64 = 0.5;
-
 /// What cubics seem to miss may be so many times as much.
 const CAUTION: f64 = 4.0;
 
-/// An argument of a law at a time: value and rate.
+/// An argument of a law at a time; its unit is that of the knots.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Place {
     /// s.
@@ -146,7 +145,7 @@ pub(super) struct Looking<'a> {
 pub(super) struct Way {
     /// Between each two of them the argument follows the cubic through them.
     places: Vec<Place>,
-    /// Times at which it passes a knot, and between these at which it turns back, s.
+    /// Start of the step, times at which it passes a knot or turns back, end, s; empty where it passes no knot.
     marks: Vec<f64>,
     passages: Vec<Passage>,
 }
@@ -242,8 +241,8 @@ impl Way {
         Course::through([start, end]).at((time - start.time) / (end.time - start.time))
     }
 
-    /// The parts of the step between knots on its way, parted where it turns back; nothing where
-    /// the law is as both ends of the step let expect: on the line between them.
+    /// The parts between the marks of the step, but for those in which the law is as both ends of the step let
+    /// expect: on the line between them.
     pub(super) fn passages(&mut self, system: &dyn System, argument: &LawArgument) -> &[Passage] {
         let mut passages = std::mem::take(&mut self.passages);
         passages.clear();

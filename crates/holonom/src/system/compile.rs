@@ -142,8 +142,12 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     let knots = forces.iter().enumerate().flat_map(|(force, f)| {
         let of_force = f.element.knots().into_iter().enumerate();
         let measure = match &model.forces[force].kind {
-            ForceKind::Rsda { .. } => Measure::Angle,
-            _ => Measure::Length,
+            ForceKind::Rsda { .. } | ForceKind::Torque { .. } => Measure::Angle,
+            ForceKind::Tsda { .. }
+            | ForceKind::Maxwell { .. }
+            | ForceKind::Bushing { .. }
+            | ForceKind::Tyre(_)
+            | ForceKind::PointForce { .. } => Measure::Length,
         };
         of_force.map(move |(index, knots)| LawArgument { force, index, measure, knots })
     });

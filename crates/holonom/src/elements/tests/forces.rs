@@ -1,5 +1,6 @@
 //! Blocks and energies of forces. Independent truth: Richardson-extrapolated differences of
-//! `evaluate`, dual numbers through `evaluate`, and differences of the potential along a motion.
+//! `evaluate`, dual numbers through `evaluate`, and differences of the potential along a motion. Rates of the
+//! arguments of laws: differences along it.
 
 use num_dual::Dual64;
 
@@ -121,6 +122,17 @@ fn check<const N: usize>(name: &str, e: &impl ForceElement<N>, at: &At<f64, N>, 
     let largest = out.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     let noise = (1e-14 * potential.abs() + 1e-15 * largest) / h;
     assert!(balance.abs() <= 1e-7 * size + noise, "{name}: energy {balance:e} of {size:e}");
+
+    for index in 0..e.knots().len() {
+        let [value, rate, _] = e.argument(index, &at.input());
+        let found = richardson(h, |s| vec![e.argument(index, &at.after(s, 0.0).input())[0]])[0];
+        let noise = 1e-14 * value.abs().max(1.0) / h;
+        let error = (rate - found).abs();
+        assert!(
+            error <= 1e-7 * rate.abs() + noise,
+            "{name}: argument {index}, rate off by {error:e}"
+        );
+    }
 }
 
 fn table() -> ElasticLaw {
