@@ -44,7 +44,7 @@ $(STAMP): $(SOURCES)
 # assertions, too.
 test: check
 	cargo test --workspace --release --quiet
-	$(BIN)/pytest --quiet
+	$(BIN)/pytest --quiet --numprocesses auto
 
 check: setup
 	cargo fmt --all --check

@@ -112,8 +112,8 @@ pub struct EdgeScrews {
 /// Services of an edge of the forest.
 pub trait EdgeKinematics<const N: usize> {
     /// Columns at the poses of first and second body; none where no such columns exist (lines). Which bodies
-    /// these are is left to the caller, but for `base` and `first` of coordinates against the ground.
-    fn screws(&self, q: [&[f64; N]; 2], child: &[f64; N]) -> Option<EdgeScrews>;
+    /// these are is left to the caller. Columns beyond their number stay what they were.
+    fn screws(&self, q: [&[f64; N]; 2], child: &[f64; N], out: &mut EdgeScrews) -> bool;
 
     /// Whether coordinates are those of the child against the ground.
     fn is_free(&self) -> bool;
@@ -140,12 +140,12 @@ where
         matches!((self.turns, self.link), (Turns::Free, Link::Components(_)))
     }
 
-    fn screws(&self, q: [&[f64; N]; 2], child: &[f64; N]) -> Option<EdgeScrews> {
+    fn screws(&self, q: [&[f64; N]; 2], child: &[f64; N], out: &mut EdgeScrews) -> bool {
         let free = self.is_free();
         let ([first, second], outer) = (q, if free { child } else { q[1] });
         let vector = |a: [f64; D]| std::array::from_fn(|k| if k < D { a[k] } else { 0.0 });
         let arm = if free { [0.0; D] } else { S::rotate(second, &self.points[1]) };
-        let mut out = EdgeScrews::default();
+        (out.count, out.rotation) = (0, None);
         let center: [f64; D] = std::array::from_fn(|k| outer[k] + arm[k]);
         out.center = vector(center);
         let mut push = |linear, angular, stage| {
@@ -160,7 +160,7 @@ where
             Link::Components(axes) => {
                 axes.iter().for_each(|axis| push(in_ground(axis), rest, 0));
             }
-            Link::Line(_) => return None,
+            Link::Line(_) => return false,
         }
         match &self.turns {
             Turns::Rigid => {}
@@ -181,7 +181,7 @@ where
                 out.rotation = (D == 3).then_some(start);
             }
         }
-        Some(out)
+        true
     }
 
     fn orientation(&self, q: [&[f64; N]; 2], child: &[f64; N]) -> [f64; 4] {

@@ -124,18 +124,17 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, 
         q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);
     }
 
-    fn edge_screws(&self, edge: usize, form: usize, q: &[f64]) -> Option<EdgeScrews> {
+    fn edge_screws(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool {
         let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
         let kinematics = &placed.kinematics[form];
         let child = Self::pose(q, Some(tree.body));
-        let mut out = kinematics.screws(Self::pair(q, placed.bodies), child)?;
         if kinematics.is_free() {
-            out.outward = true;
+            (out.base, out.first, out.outward) = (None, None, true);
         } else {
             (out.base, out.first) = (tree.parent, placed.bodies[0]);
             out.outward = placed.bodies[0] == tree.parent;
         }
-        Some(out)
+        kinematics.screws(Self::pair(q, placed.bodies), child, out)
     }
 
     fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance {

@@ -301,9 +301,9 @@ pub trait Bodies {
         q: &mut [f64],
     );
 
-    /// How the outer body of an edge moves against the inner one, at a configuration; `None` for the
-    /// direction of a line.
-    fn edge_screws(&self, edge: usize, form: usize, q: &[f64]) -> Option<EdgeScrews>;
+    /// How the outer body of an edge moves against the inner one, at a configuration; `false` for the
+    /// direction of a line. Columns beyond their number stay what they were.
+    fn edge_screws(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool;
 
     /// What an elastic loop of the tree sets against its deformation `row`, whose value is given.
     fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance;

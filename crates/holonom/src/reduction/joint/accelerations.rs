@@ -41,14 +41,14 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         branched.sizes()
     }
 
-    /// Wrenches of inertia and forces of every body for the present rates of twists.
+    /// Wrenches of inertia and forces of every body for the present rates of twists, and sizes of what they are summed from.
     pub(super) fn evaluate_wrenches(&mut self, force: &[f64], q: &[f64], a: &[f64]) {
         for (b, (mass, inertia)) in self.inertias.iter().enumerate() {
             let (q, o) = (pose(q, b), &self.origin[b]);
-            let mut wrench =
-                A::inertia_force(*mass, inertia, q, pose(a, b), o, &self.twist_rate[b]);
-            add(&mut wrench, -1.0, &A::wrench(q, o, pose(force, b)));
-            self.wrench[b] = wrench;
+            let own = A::inertia_force(*mass, inertia, q, pose(a, b), o, &self.twist_rate[b]);
+            let applied = A::wrench(q, o, pose(force, b));
+            self.wrench[b] = std::array::from_fn(|i| own[i] - applied[i]);
+            self.wrench_size[b] = std::array::from_fn(|i| own[i].abs() + applied[i].abs());
         }
     }
 
@@ -74,7 +74,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         self.evaluate_twist_rates(q, v, a);
         self.evaluate_wrenches(force, q, a);
-        self.evaluate_sizes(force, q, a);
         self.gather();
         self.is_balanced(lambda)
     }
@@ -112,7 +111,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.accelerate_along();
         self.evaluate_twist_rates(q, v, a);
         self.evaluate_wrenches(force, q, a);
-        self.evaluate_sizes(force, q, a);
         self.gather();
         let mut left = std::mem::take(&mut self.zero_rates);
         self.gathered.copy_from_slice(&self.along);
@@ -121,22 +119,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.zero_rates = left;
         self.along.copy_from_slice(&self.gathered);
         self.is_balanced(lambda)
-    }
-
-    /// Sizes of the terms of [`Engine::evaluate_wrenches`], part by part, of each body and of all that hangs on it.
-    fn evaluate_sizes(&mut self, force: &[f64], q: &[f64], a: &[f64]) {
-        for (b, (mass, inertia)) in self.inertias.iter().enumerate() {
-            let (q, o) = (pose(q, b), &self.origin[b]);
-            let own = A::inertia_force(*mass, inertia, q, pose(a, b), o, &self.twist_rate[b]);
-            let applied = A::wrench(q, o, pose(force, b));
-            self.wrench_size[b] = std::array::from_fn(|i| own[i].abs() + applied[i].abs());
-        }
-        for edge in self.edges.iter().rev() {
-            if let Some(base) = edge.base {
-                let own = self.wrench_size[edge.body];
-                add(&mut self.wrench_size[base], 1.0, &own);
-            }
-        }
     }
 
     /// Whether what is left of the forces `along` the coordinates, with those of closures and drivers, is round-off of what it
@@ -148,11 +130,16 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 *y = if is_joint { -lambda[*row] } else { 0.0 };
             }
         }
+        // Of each body and of all that hangs on it.
         let mut sizes = std::mem::take(&mut self.change);
-        for edge in &self.edges {
+        for edge in self.edges.iter().rev() {
+            let own = self.wrench_size[edge.body];
             for k in edge.range.clone() {
-                let terms = self.columns[k].iter().zip(&self.wrench_size[edge.body]);
+                let terms = self.columns[k].iter().zip(&own);
                 sizes[k] = terms.map(|(column, size)| column.abs() * size).sum();
+            }
+            if let Some(base) = edge.base {
+                add(&mut self.wrench_size[base], 1.0, &own);
             }
         }
         self.closures.subtract_transposed(&self.rows, &mut self.along);

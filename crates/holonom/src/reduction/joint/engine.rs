@@ -8,7 +8,7 @@ use super::directions::Directions;
 use crate::math::turn::TurnRate;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
-use crate::system::{EdgeSource, Measure, System};
+use crate::system::{EdgeScrews, EdgeSource, Measure, System};
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -27,6 +27,8 @@ pub(super) struct Edge {
     /// Its coordinates among all.
     pub(super) range: Range<usize>,
     pub(super) stage: [u8; 6],
+    /// Whether a column is carried along by another one.
+    pub(super) nested: bool,
     pub(super) rotation: Option<usize>,
     /// The joint that it is and the driver on it, by their places in the structure.
     pub(super) joint: Option<usize>,
@@ -62,7 +64,9 @@ pub(super) struct Engine<A, const N: usize, const W: usize> {
     pub(super) wrench: Vec<[f64; W]>,
     pub(super) inertias: Vec<(f64, [[f64; 3]; 3])>,
     pub(super) articulated: Vec<Articulated<W>>,
-    /// Composite inertia times the columns.
+    /// Columns about the bodies' own places.
+    pub(super) own_columns: Vec<[f64; W]>,
+    /// Articulated or composite inertia times the columns.
     pub(super) felt: Vec<[f64; W]>,
     pub(super) branched: Option<Box<Branched>>,
     pub(super) directions: Option<Box<Directions<W>>>,
@@ -116,9 +120,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut edges = Vec::new();
         let (mut coordinates, mut names) = (Vec::new(), Vec::new());
         let mut edge_of = vec![None; bodies];
+        let mut screws = EdgeScrews::default();
         let mut root: Vec<usize> = (0..bodies).collect();
         for (at, (edge, &form)) in tree.edges.iter().zip(&relatives.forms).enumerate() {
-            let screws = system.edge_screws(at, form, q)?;
+            if !system.edge_screws(at, form, q, &mut screws) {
+                return None;
+            }
             let start = coordinates.len();
             for &group in &edge.forms[form] {
                 let info = &groups[group];
@@ -144,6 +151,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 outward: screws.outward,
                 range: start..coordinates.len(),
                 stage: screws.stage,
+                nested: screws.stage[..screws.count].windows(2).any(|two| two[0] < two[1]),
                 rotation: screws.rotation,
                 joint: match edge.source {
                     EdgeSource::Joint(joint) => Some(joint),
@@ -191,6 +199,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             generalized: vec![0.0; system.structure().sizes.coordinates],
             zero_rates: vec![0.0; parametrization.ndof],
             articulated: vec![Articulated::zero(); bodies],
+            own_columns: vec![[0.0; W]; n],
             felt: vec![[0.0; W]; n],
             branched: None,
             directions: None,
@@ -218,8 +227,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for (origin, root) in self.origin.iter_mut().zip(&self.root) {
             *origin = A::center(pose(q, *root));
         }
+        let mut screws = EdgeScrews::default();
         for (edge, turning) in self.edges.iter().zip(&mut self.turning) {
-            let Some(screws) = self.system.edge_screws(edge.at, edge.form, q) else { continue };
+            if !self.system.edge_screws(edge.at, edge.form, q, &mut screws) {
+                continue;
+            }
             let sign = if edge.outward { 1.0 } else { -1.0 };
             let o = &self.origin[edge.body];
             let own = &mut self.screws[edge.range.clone()];
@@ -255,40 +267,49 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     }
 
     /// Rates as the screws have them: of a rotation vector the angular velocity.
-    pub(super) fn screw_rates(&self, edge: &Edge, at: usize, x_rate: &[f64]) -> [f64; 6] {
-        let mut out = [0.0; 6];
-        out[..edge.range.len()].copy_from_slice(&x_rate[edge.range.clone()]);
-        if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
-            let rate = [out[start], out[start + 1], out[start + 2]];
-            out[start..start + 3].copy_from_slice(&turning.times(&rate));
-        }
-        out
+    fn screw_rates<'a>(&self, at: usize, x_rate: &'a [f64], room: &'a mut [f64; 6]) -> &'a [f64] {
+        let edge = &self.edges[at];
+        let own = &x_rate[edge.range.clone()];
+        let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) else { return own };
+        room[..own.len()].copy_from_slice(own);
+        let rate = [own[start], own[start + 1], own[start + 2]];
+        room[start..start + 3].copy_from_slice(&turning.times(&rate));
+        &room[..own.len()]
     }
 
-    /// Ḃ ẋ of an edge.
-    fn bias(&self, at: usize) -> [f64; W] {
+    /// δ(B ẋ) of an edge at fixed ẋ, where bodies move by the twists `motion` and coordinates by `change`.
+    pub(super) fn column_change(&self, at: usize, motion: &[[f64; W]], change: &[f64]) -> [f64; W] {
         let edge = &self.edges[at];
-        let mut out = [0.0; W];
-        let carrier = edge.first.map(|first| &self.twist[first]);
-        let rates = self.screw_rates(edge, at, &self.rates);
-        let sign = if edge.outward { 1.0 } else { -1.0 };
+        let mut room = [0.0; 6];
+        let rates = self.screw_rates(at, &self.rates, &mut room);
         let screws = &self.screws[edge.range.clone()];
-        let mut own = [0.0; W];
-        for (k, (screw, rate)) in screws.iter().zip(&rates).enumerate() {
-            if let Some(carrier) = carrier {
-                add(&mut out, *rate, &A::cross(carrier, screw));
+        let mut out = [0.0; W];
+        if let Some(carrier) = edge.first {
+            let mut relative = [0.0; W];
+            for (screw, rate) in screws.iter().zip(rates) {
+                add(&mut relative, *rate, screw);
             }
-            for (j, inner) in screws.iter().enumerate().take(k) {
-                if edge.stage[j] < edge.stage[k] {
-                    add(&mut own, rate * rates[j], &A::cross(inner, screw));
+            out = A::cross(&motion[carrier], &relative);
+        }
+        if edge.nested {
+            let mut room = [0.0; 6];
+            let moved = self.screw_rates(at, change, &mut room);
+            let sign = if edge.outward { 1.0 } else { -1.0 };
+            for (k, (screw, rate)) in screws.iter().zip(rates).enumerate() {
+                for (j, inner) in screws.iter().enumerate().take(k) {
+                    if edge.stage[j] < edge.stage[k] {
+                        add(&mut out, sign * rate * moved[j], &A::cross(inner, screw));
+                    }
                 }
             }
         }
-        add(&mut out, sign, &own);
         if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
-            let first = edge.range.start + start;
-            let rate = [self.rates[first], self.rates[first + 1], self.rates[first + 2]];
-            for (x, screw) in turning.first(&rate, &rate).iter().zip(&screws[start..]) {
+            let three = |x: &[f64]| {
+                let first = edge.range.start + start;
+                [x[first], x[first + 1], x[first + 2]]
+            };
+            let bend = turning.first(&three(change), &three(&self.rates));
+            for (x, screw) in bend.iter().zip(&screws[start..]) {
                 add(&mut out, *x, screw);
             }
         }
@@ -298,7 +319,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Ḃ ẋ of all edges.
     pub(super) fn evaluate_bias(&mut self) {
         for at in 0..self.edges.len() {
-            self.bias[at] = self.bias(at);
+            self.bias[at] = self.column_change(at, &self.twist, &self.rates);
         }
     }
 

@@ -38,6 +38,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let system = self.system.clone();
         let structure = system.structure();
         // Generalized forces that the joints' own leave, for the normalizations.
+        let normalized = structure.normalization_start < structure.sizes.rows;
         self.generalized.copy_from_slice(force);
         let mut gradients = [[0.0; 6 * 14]; 2];
         let mut places = [0; 2];
@@ -89,9 +90,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             for k in 0..count {
                 lambda[rows[k]] = right[k] + again[k];
             }
-            for (gradient, joint) in
-                gradients.iter().zip(places).take(both.iter().flatten().count())
-            {
+            let used = if normalized { both.iter().flatten().count() } else { 0 };
+            for (gradient, joint) in gradients.iter().zip(places).take(used) {
                 let placed = &structure.joints[joint];
                 let rows = gradient.chunks_exact(2 * N).take(placed.rows).enumerate();
                 for (k, own) in rows {
@@ -104,7 +104,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
             }
         }
-        if structure.normalization_start == structure.sizes.rows {
+        if !normalized {
             return true;
         }
         let mut rest = self.gradients.as_slice();

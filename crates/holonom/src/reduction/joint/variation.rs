@@ -20,38 +20,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.change = change;
     }
 
-    /// δ(B ẋ) of an edge at fixed ẋ with the displacements of [`Engine::displace`].
-    fn column_change(&self, at: usize) -> [f64; W] {
-        let edge = &self.edges[at];
-        let mut out = [0.0; W];
-        let carrier = edge.first.map(|first| &self.motion[first]);
-        let rates = self.screw_rates(edge, at, &self.rates);
-        let moved = self.screw_rates(edge, at, &self.change);
-        let sign = if edge.outward { 1.0 } else { -1.0 };
-        let screws = &self.screws[edge.range.clone()];
-        for (k, (screw, rate)) in screws.iter().zip(&rates).enumerate() {
-            if let Some(carrier) = carrier {
-                add(&mut out, *rate, &A::cross(carrier, screw));
-            }
-            for (j, inner) in screws.iter().enumerate().take(k) {
-                if edge.stage[j] < edge.stage[k] {
-                    add(&mut out, sign * rate * moved[j], &A::cross(inner, screw));
-                }
-            }
-        }
-        if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
-            let three = |x: &[f64]| {
-                let first = edge.range.start + start;
-                [x[first], x[first + 1], x[first + 2]]
-            };
-            let bend = turning.first(&three(&self.change), &three(&self.rates));
-            for (x, screw) in bend.iter().zip(&screws[start..]) {
-                add(&mut out, *x, screw);
-            }
-        }
-        out
-    }
-
     /// δq̇ of δv and δv̇ after [`Engine::displace`] of the same δv.
     pub(super) fn displace_rates(
         &mut self,
@@ -64,7 +32,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut rates = std::mem::take(&mut self.rate_change);
         self.tell(0.0, None, dp_rate, &mut rates);
         for at in 0..self.edges.len() {
-            self.bias_change[at] = self.column_change(at);
+            self.bias_change[at] = self.column_change(at, &self.motion, &self.change);
         }
         self.twists_change(&rates, &state.q, dq, dv);
         if self.closures.rows() > 0 {
