@@ -116,6 +116,8 @@ def measure(shape: str, n: int) -> dict[str, float]:
     """Run one model in this process; return counts, processor seconds and memory."""
     import holonom
 
+    # A first run loads what any run needs.
+    holonom.Model.from_text(SHAPES[shape][0].format(n=3)).simulate(end_time=1e-3, interval=1e-3)
     before = resource.getrusage(resource.RUSAGE_SELF)
     model = holonom.Model.from_text(SHAPES[shape][0].format(n=n))
     result = model.simulate(end_time=END, tolerance=TOLERANCE, interval=END, newton="sparse")

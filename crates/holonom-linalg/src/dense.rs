@@ -143,7 +143,22 @@ impl DenseLu {
     /// # Panics
     /// If `b` has not n entries.
     pub fn solve_transposed(&self, b: &mut [f64]) {
-        self.solve_transposed_many(b, 1);
+        let n = self.n;
+        assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
+        for p in 0..n {
+            b.swap(p, self.exchanges[p]);
+        }
+        // Columns of L, then of U.
+        for i in 0..n {
+            let (known, rest) = b.split_at_mut(i + 1);
+            subtract(rest, known[i], &self.factors[i * n + i + 1..(i + 1) * n]);
+        }
+        for i in (0..n).rev() {
+            let column = &self.factors[i * n..=i * n + i];
+            let (rest, known) = b.split_at_mut(i);
+            known[0] /= column[i];
+            subtract(rest, known[0], column);
+        }
     }
 
     /// Solves Aᵀ X = B in place; `b` is n×k by rows.
@@ -151,6 +166,9 @@ impl DenseLu {
     /// # Panics
     /// If `b` has not n·k entries.
     pub fn solve_transposed_many(&self, b: &mut [f64], k: usize) {
+        if k == 1 {
+            return self.solve_transposed(b);
+        }
         let n = self.n;
         assert_eq!(b.len(), n * k, "right-hand sides of a matrix of {n} rows");
         for p in 0..n {
@@ -161,6 +179,10 @@ impl DenseLu {
         triangular_solve::solve_unit_lower_triangular_in_place(factors, x.as_mut(), Par::Seq);
         triangular_solve::solve_upper_triangular_in_place(factors, x, Par::Seq);
     }
+}
+
+fn subtract(out: &mut [f64], factor: f64, x: &[f64]) {
+    out.iter_mut().zip(x).for_each(|(out, x)| *out -= factor * x);
 }
 
 fn swap_rows(b: &mut [f64], k: usize, p: usize, q: usize) {

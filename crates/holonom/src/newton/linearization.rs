@@ -20,7 +20,9 @@ pub struct Linearization {
     /// Changes are measured with D and q̇_v at fixed v̇, where these are small enough.
     pub(super) maps: bool,
     /// q̇_v at fixed v̇, n×ndof.
-    pub(super) rate_map: Vec<f64>,
+    rate_map: Vec<f64>,
+    /// Columns of D and of q̇_v at fixed v̇, for one variable after the other.
+    columns: Vec<f64>,
     pub(super) gamma_h: f64,
     pub(super) beta_h2: f64,
     /// E⁻¹ = (1 − γh ż_z)⁻¹, E being diagonal.
@@ -51,6 +53,7 @@ impl Linearization {
             made: false,
             maps: false,
             rate_map: vec![0.0; if reduced { s.coordinates * ndof } else { 0 }],
+            columns: vec![0.0; if reduced { 2 * s.coordinates * ndof } else { 0 }],
             gamma_h: 0.0,
             beta_h2: 0.0,
             inverse_e: vec![0.0; s.extra_states],
@@ -77,8 +80,33 @@ impl Linearization {
     ) -> Result<(), EvaluationFailure> {
         differences.evaluate(&mut self.blocks, &mut self.rate_map, point, w)?;
         self.chart.copy_from(point.manifold.chart());
-        (self.made, self.maps) = (true, true);
+        self.made = true;
+        self.keep_maps();
         Ok(())
+    }
+
+    /// q̇_v at fixed v̇ at the state of the blocks, if changes are to be measured with it.
+    pub(super) fn evaluate_maps(&mut self, chart: &mut Chart) {
+        self.maps = 3 * self.blocks.d.len() <= 8 * chart.fill();
+        if self.maps {
+            self.blocks.rate_map(chart, &mut self.rate_map);
+            self.keep_maps();
+        } else {
+            self.chart.copy_from(chart);
+        }
+    }
+
+    fn keep_maps(&mut self) {
+        self.maps = true;
+        let ndof = self.rates.len().max(1);
+        let size = (2 * self.blocks.d.len() / ndof).max(1);
+        for (k, column) in self.columns.chunks_exact_mut(size).enumerate() {
+            let (d, rates) = column.split_at_mut(column.len() / 2);
+            for (to, from) in [(d, &self.blocks.d), (rates, &self.rate_map)] {
+                let from = from[k..].iter().step_by(ndof);
+                to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+            }
+        }
     }
 
     pub(super) fn set_coefficients(&mut self, gamma_h: f64, beta_h2: f64) {
@@ -143,13 +171,16 @@ impl Linearization {
 
     /// Changes of v and v̇ on all coordinates.
     pub(super) fn spread(&mut self, p: &[f64], v: &[f64], dq: &mut [f64], dv: &mut [f64]) {
-        let ndof = self.rates.len();
         if self.made && self.maps {
-            let maps = self.blocks.d.chunks_exact(ndof.max(1));
-            let maps = maps.zip(self.rate_map.chunks_exact(ndof.max(1)));
-            for ((dq, dv), (d, j)) in dq.iter_mut().zip(dv).zip(maps) {
-                *dq = dot(d, p);
-                *dv = dot(d, v) + dot(j, p);
+            dq.fill(0.0);
+            dv.fill(0.0);
+            for ((column, p), v) in self.columns.chunks_exact((2 * dq.len()).max(1)).zip(p).zip(v) {
+                let (d, rates) = column.split_at(dq.len());
+                let out = dq.iter_mut().zip(&mut *dv);
+                for ((dq, dv), (d, rate)) in out.zip(d.iter().zip(rates)) {
+                    *dq += p * d;
+                    *dv += v * d + p * rate;
+                }
             }
             return;
         }

@@ -46,13 +46,7 @@ impl Matrix for ReducedMatrix {
 
     fn linearize(&mut self, parts: &mut Linearization, point: &mut Point) {
         parts.blocks.evaluate(&mut point.manifold, &point.state);
-        let chart = point.manifold.chart_mut();
-        parts.maps = 3 * parts.blocks.d.len() <= 8 * chart.fill();
-        if parts.maps {
-            parts.blocks.rate_map(chart, &mut parts.rate_map);
-        } else {
-            parts.chart.copy_from(chart);
-        }
+        parts.evaluate_maps(point.manifold.chart_mut());
     }
 
     fn take_blocks(&mut self, _parts: &Linearization, _manifold: &Manifold) {} // it has no others
