@@ -349,3 +349,56 @@ fn a_block_bounces_for_ever() {
         assert!(low > 0.8 && high < 1.61, "{code:?}: {low} to {high} m");
     }
 }
+
+/// A wheel of 300 kg on a sled that slides over a bump of 3 cm in 7 ms, far from the start.
+fn sled(center: f64) -> String {
+    format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -{GRAVITY}]
+[bodies]
+sled = {{ mass = 10.0, inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], position = [0.0, 0.0, 0.0] }}
+wheel = {{ mass = 300.0, inertia = [[10.0, 0.0, 0.0], [0.0, 10.0, 0.0], [0.0, 0.0, 10.0]], position = [0.0, 0.0, 0.285285] }}
+[joints]
+rail = {{ type = "translational", between = ["ground", "sled"], point = [0.0, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }}
+guide = {{ type = "translational", between = ["sled", "wheel"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }}
+[roads]
+road = {{ type = "smooth_bump", height = 0.03, half_length = 0.1, center = {center:?} }}
+[forces.tyre]
+type = "tyre"
+on = "wheel"
+point_in_body = [0.0, 0.0, 0.0]
+radius = 0.3
+stiffness = 2.0e5
+damping = 2000.0
+road = "road"
+[initial]
+velocity = [30.0, 0.0, 0.0]
+"#
+    )
+}
+
+#[test] // truth: 2 mm by DOP853; at 30 m/s ten tolerances of the velocity, v = 310 × tolerance, lift by v²/2g
+fn a_short_bump_lifts_no_wheel() {
+    for k in 0..12 {
+        let center = 100.0 + 0.7 * f64::from(k);
+        let model = model_of(&sled(center));
+        for code in of_high_order() {
+            for (tolerance, most) in [(1e-2, 0.5), (1e-3, 0.02), (1e-4, 0.003)] {
+                let options = Options {
+                    channels: vec!["wheel.position".to_owned()],
+                    output: OutputTimes::Interval(0.01),
+                    ..options(code, tolerance, 6.0)
+                };
+                let run = run_model(&model, &options);
+                let heights = run.series("wheel.position", 2);
+                let lifted = heights.into_iter().fold(0.0f64, f64::max) - 0.285285;
+                assert!(
+                    lifted < most || !run.summary.warnings.is_empty(),
+                    "{code:?} at {tolerance:e} past {center} m: {lifted} m"
+                );
+            }
+        }
+    }
+}

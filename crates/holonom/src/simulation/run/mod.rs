@@ -173,6 +173,8 @@ struct Run<'a> {
     w_end: Vec<f64>,
     g_end: Vec<f64>,
     scratch: [Vec<f64>; 2],
+    /// What a step misses of force laws near its end, and further away from it.
+    missed: [Vec<f64>; 2],
     /// Arguments of force laws in the middle of the step just accepted, if it is known.
     halfway: Vec<Place>,
     /// Room for a dense output and for the way of a force law's argument.

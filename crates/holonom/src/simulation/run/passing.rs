@@ -9,6 +9,8 @@ use crate::system::{LawArgument, Measure};
 /// Moments at which accelerations are compared: in all parts of a step, or, where these are more, each for an equal
 /// share of what the law deviates.
 const LOOKED_AT: usize = 3;
+/// Part of a step over which the filter of a formula lets changes decay, its γ: about a quarter in all of them.
+const FILTERED: f64 = 0.25;
 
 /// A part of a force law that a step has not seen, and that counts.
 pub(super) struct PassedOver {
@@ -99,7 +101,7 @@ impl Run<'_> {
         let weight = |p: &Passage| p.duration * p.deviation;
         let share = passages.iter().map(weight).sum::<f64>() / LOOKED_AT as f64;
         let few = passages.len() <= LOOKED_AT;
-        self.scratch[0].fill(0.0);
+        self.missed.iter_mut().for_each(|missed| missed.fill(0.0));
         let (mut sum, mut looked, mut worst) = (0.0, 0.5, &passages[0]);
         for passage in passages {
             if weight(passage) > weight(worst) {
@@ -116,8 +118,21 @@ impl Run<'_> {
                 self.miss(inspector, [t, step], passage.time, duration)?;
             }
         }
-        let missed = &mut self.scratch[0];
-        self.stepper.filter(self.form.as_mut(), missed);
+        // Changes of velocities and of positions both as changes of velocities: what the filter makes of them together
+        // may cancel where a step is as long as a swing.
+        let [missed, far] = &mut self.missed;
+        let moved = &mut self.scratch[0];
+        let ndof = self.form.second_order_split();
+        moved.fill(0.0);
+        moved[ndof..2 * ndof].copy_from_slice(&far[..ndof]);
+        far[..ndof].fill(0.0);
+        for velocities in [&mut *far, &mut *moved] {
+            self.stepper.filter(self.form.as_mut(), velocities);
+        }
+        for k in 0..ndof {
+            missed[k] += moved[ndof + k];
+            missed[ndof + k] += far[ndof + k];
+        }
         let error = self.form.error_norm(missed, &self.w_end);
         Ok((error > 1.0).then_some(PassedOver { time: worst.time, error }))
     }
@@ -132,12 +147,12 @@ impl Run<'_> {
         duration: f64,
     ) -> Result<(), EvaluationFailure> {
         let theta = ((time - t) / step).clamp(0.0, 1.0);
-        let [missed, slope] = &mut self.scratch;
+        let ([near, far], [slope, _]) = (&mut self.missed, &mut self.scratch);
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         inspector.slope(interpolate, t, step, theta, slope)?;
         let (n, degree, ndof) =
-            (missed.len(), self.stepper.largest_degree(), self.form.second_order_split());
+            (near.len(), self.stepper.largest_degree(), self.form.second_order_split());
         self.coefficients.resize((degree + 1) * n, 0.0);
         let degree = self.stepper.polynomial(&mut self.coefficients);
         let powers = self.coefficients.chunks_exact(n.max(1)).take(degree + 1);
@@ -148,10 +163,14 @@ impl Run<'_> {
             }
             weight *= theta;
         }
+        let left = t + step - time;
+        let damped = (left / (FILTERED * step)).min(1.0).powi(2);
         for k in 0..ndof {
             let change = duration * slope[ndof + k];
-            missed[ndof + k] += change;
-            missed[k] += (t + step - time) * change;
+            for (missed, part) in [(&mut *near, 1.0 - damped), (&mut *far, damped)] {
+                missed[ndof + k] += part * change;
+                missed[k] += part * left * change;
+            }
         }
         Ok(())
     }
