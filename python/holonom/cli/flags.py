@@ -71,4 +71,6 @@ def _read(name: str, kind: str, value: Any) -> Any:
     flag = f"--{name.replace('_', '-')}"
     if kind == "tolerance":
         return read_tolerance(value, flag)
+    if kind == "names":
+        return [name.strip() for text in value for name in text.split(",")]
     return read_times(value, flag) if kind == "times" else value

@@ -224,9 +224,13 @@ def _limits(result: Result, start: float | None, end: float | None) -> tuple[flo
         return low, high
     first, last = float(min(e[0] for e in ends)), float(max(e[1] for e in ends))
     if not low < high or low >= last or high <= first:
+        asked = " ".join(
+            f"{word} {limit:g} s"
+            for word, limit in (("from", start), ("to", end))
+            if limit is not None
+        )
         raise UsageError(
-            f"the run covers {first:g} s to {last:g} s, and nothing of it lies between "
-            f"{max(low, -1e300):g} s and {min(high, 1e300):g} s",
+            f"the run covers {first:g} s to {last:g} s, and nothing of it lies {asked}",
             help="take a part of the run",
         )
     return low, high

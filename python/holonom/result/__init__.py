@@ -37,6 +37,21 @@ if TYPE_CHECKING:
     from holonom.view.sketch import Sketch
 
 
+def require_results(*given: object) -> list[Result]:
+    """Return results, as a list.
+
+    Raises
+    ------
+    UsageError
+        If one is something else.
+    """
+    for one in given:
+        if not isinstance(one, Result):
+            tip = "pass results; `Result.load(path)` reads one"
+            raise UsageError(f"{quoted(repr(one))} is no result", help=tip)
+    return list(given)  # type: ignore[arg-type]
+
+
 class Result(Arrays):
     """A trajectory and what is known about the run that made it.
 
@@ -157,7 +172,8 @@ class Result(Arrays):
         FileError
             If the file cannot be written.
         """
-        runs = [self, *others]
+        given: object = others
+        runs = require_results(self, *([given] if isinstance(given, Result) else others))
         sources = [run.path for run in runs]
         target = None if path is None else as_path(path)
         if target is not None:  # before the work, not after it
@@ -255,12 +271,7 @@ class Result(Arrays):
         """
         from holonom import view  # here: most runs are not looked at
 
-        given: tuple[object, ...] = others
-        for other in given:
-            if not isinstance(other, Result):
-                tip = "pass results; `Result.load(path)` reads one"
-                raise UsageError(f"{quoted(repr(other))} is no result", help=tip)
-        return view.show([self, *others])
+        return view.show(require_results(self, *others))
 
     def render(
         self,
@@ -320,8 +331,9 @@ class Result(Arrays):
         from holonom.view.render import render  # here: most runs are not looked at
 
         return render(
-            [self, *others], as_path(path), at=at, size=size, camera=camera, fps=fps, start=start,
-            end=end, speed=speed, dark=dark, browser=browser, progress=progress, force=force,
+            require_results(self, *others), as_path(path), at=at, size=size, camera=camera,
+            fps=fps, start=start, end=end, speed=speed, dark=dark, browser=browser,
+            progress=progress, force=force,
         )  # fmt: skip
 
     def to_csv(

@@ -195,6 +195,9 @@ def diff(
     UsageError
         If a channel is in neither run, or they have no time in common.
     """
+    from holonom.result import require_results  # here: it is what is compared that imports most
+
+    require_results(first, second)
     within = require_positive("within", within)
     chosen = _tolerance(first, second, tolerance)
     limits = _parts(chosen)

@@ -320,6 +320,14 @@ impl Checker<'_> {
                     "choose another name, of letters, digits, `_` and `-`",
                 );
             }
+            if let Some(Value::Bool(false)) = entry.node.field("enabled").map(|node| &node.value)
+                && entry.node.table().is_some_and(|fields| fields.len() == 1)
+            {
+                let message = format!("`{at}` is switched off; there is no such item");
+                let help = "name an item of the file that is extended, or delete the line";
+                self.refuse(Code::UnknownName, &at, message, help);
+                continue;
+            }
             out.insert(name.clone(), self.value(item, &entry.node, &at, unit));
         }
         out.into()

@@ -119,6 +119,7 @@ fn load(
     match resolver(&name) {
         Ok(text) => Ok((text, Syntax::of_file(&name), name)),
         Err(reason) => {
+            let reason = reason.lines().next().unwrap_or_default();
             let message = format!("`extends` names `{name}`, which cannot be read: {reason}");
             let help = "the path is relative to this file and stays in the tree of model folders";
             Err(fail(Code::Extends, message, help))
@@ -198,10 +199,12 @@ fn without_disabled_shapes(body: &mut Node) {
     }
 }
 
+/// Items of which nothing else is stated stay, for the check of fields: there is nothing that they switch off.
 fn retain_enabled(items: &mut Table) {
     items.retain(|_, entry| {
         let enabled = entry.node.field("enabled").map(|node| &node.value);
-        !matches!(enabled, Some(Value::Bool(false)))
+        let alone = matches!(&entry.node.value, Value::Table(fields) if fields.len() == 1);
+        alone || !matches!(enabled, Some(Value::Bool(false)))
     });
 }
 

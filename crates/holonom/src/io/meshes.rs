@@ -83,6 +83,7 @@ impl Work<'_, '_> {
             }
             Err(reason) => {
                 let path = join(path, "file");
+                let reason = reason.lines().next().unwrap_or_default();
                 let message = format!("`{path}` names `{name}`, which cannot be read: {reason}");
                 let help = "the path is relative to this file; triangles are read from STL files";
                 let error = Diagnostic::new(Code::Mesh, &path, message).help(help);

@@ -29,8 +29,9 @@ pub(super) fn nearest<'a>(
     let mut best: Option<(f64, &str)> = None;
     for candidate in candidates.into_iter().take(COMPARED) {
         let score = strsim::normalized_damerau_levenshtein(&lower, &candidate.to_lowercase());
-        // A name that is part of the other is meant more often than its distance says.
-        let part = !lower.is_empty() && (candidate.contains(name) || name.contains(candidate));
+        // A name that is part of the other is meant more often than its distance says, if it is no mere letter.
+        let part = name.len().min(candidate.len()) > 2
+            && (candidate.contains(name) || name.contains(candidate));
         let score = if part { score.max(0.6) } else { score };
         if best.is_none_or(|(b, _)| score > b) {
             best = Some((score, candidate));

@@ -13,6 +13,8 @@ const LENGTH: f64 = 1e3;
 const GRAVITY: f64 = 100.0;
 /// Distance of a body over the size of the model: more loses digits that constraints need.
 const DISTANCE: f64 = 1e7;
+/// Part of the range of a table's points by which the curve through them may leave it.
+const OVERSHOOT: f64 = 0.5;
 /// Turns: more than a mechanism starts with.
 const TURNS: f64 = 100.0;
 
@@ -100,7 +102,40 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
             out.push(Diagnostic::new(Code::ShortTable, path, message).help(help));
         }
     }
+    for_motions(model, |path, function| {
+        if let TimeFunction::Table { spline, .. } = function
+            && let Some([found, given]) = overshoot(spline.knots(), function)
+        {
+            let [low, high, least, most] = [found[0], found[1], given[0], given[1]].map(shown);
+            let message = format!(
+                "the curve through the table of `{path}` reaches from {low} to {high} between its points, \
+                 which lie from {least} to {most}"
+            );
+            let help = "a motion is the natural cubic spline through its points: give more of them where it is sudden, \
+                        or use `smooth_step`";
+            out.push(Diagnostic::new(Code::Implausible, path, message).help(help));
+        }
+    });
     out
+}
+
+/// Ranges of a curve and of the points that it goes through, where it leaves theirs by more than half of it: a wave that is
+/// sampled at few points does by less.
+fn overshoot(times: &[f64], function: &TimeFunction) -> Option<[[f64; 2]; 2]> {
+    const SAMPLES: usize = 8;
+    let range = |values: &mut dyn Iterator<Item = f64>| {
+        values.fold([f64::INFINITY, f64::NEG_INFINITY], |[a, b], x| [x.min(a), x.max(b)])
+    };
+    let value = |t: f64| function.derivatives(t)[0];
+    let given = range(&mut times.iter().map(|&t| value(t)));
+    let between = times.windows(2).flat_map(|two| {
+        checkpoint(NAMED);
+        let step = (two[1] - two[0]) / SAMPLES as f64;
+        (1..SAMPLES).map(move |k| two[0] + k as f64 * step)
+    });
+    let found = range(&mut between.map(value));
+    let allowed = OVERSHOOT * (given[1] - given[0]);
+    (found[0] < given[0] - allowed || found[1] > given[1] + allowed).then_some([found, given])
 }
 
 /// A table of times that a driver or an applied force follows.
@@ -127,13 +162,19 @@ impl MotionTable {
 /// The tables of times of a model, one entry for each motion that follows one.
 pub fn motion_tables(model: &Model) -> Vec<MotionTable> {
     let mut out = Vec::new();
-    let mut add = |path: String, function: &TimeFunction| {
+    for_motions(model, |path, function| {
         let TimeFunction::Table { spline, name } = function else { return };
         let knots = spline.knots();
         let name = if name.is_empty() { path.clone() } else { name.clone() };
         let (first, last) = (knots[0], knots[knots.len() - 1]);
         out.push(MotionTable { path, name, first, last });
-    };
+    });
+    out.dedup();
+    out
+}
+
+/// Tells all functions of time with their paths.
+fn for_motions(model: &Model, mut add: impl FnMut(String, &TimeFunction)) {
     for driver in &model.drivers {
         add(format!("drivers.{}.motion", driver.name), &driver.motion);
     }
@@ -147,8 +188,6 @@ pub fn motion_tables(model: &Model) -> Vec<MotionTable> {
             add(format!("forces.{}.{field}", force.name), function);
         }
     }
-    out.dedup();
-    out
 }
 
 /// Positions far from the origin are coarse: of two nearby points the difference keeps few digits.

@@ -22,6 +22,7 @@ const CHOSEN_SHOWN: usize = 8;
 pub(super) fn warnings(
     system: &dyn System,
     dropped: &[usize],
+    ndof: usize,
     s: &Statistics,
     e: &EnergySummary,
     negligible: f64,
@@ -31,6 +32,20 @@ pub(super) fn warnings(
     let mut out = Vec::new();
     if !dropped.is_empty() {
         out.push(redundancy(system, dropped));
+        if s.residual_ratio > 1.0 {
+            let message = format!(
+                "joints are violated by up to {:.1e} m (or as direction cosines), {:.1e} times the bound: redundant \
+                 constraints contradict each other by that much; check their points and axes",
+                s.position_residual, s.residual_ratio
+            );
+            out.push(RunWarning { code: "simulation/contradiction", message });
+        }
+    }
+    if ndof == 0 && !system.has_drivers() {
+        let message = "there are no degrees of freedom and no drivers, so nothing moves; where a mechanism should, \
+                       axes or points of its joints are not as parallel or as flat as they are meant to be"
+            .into();
+        out.push(RunWarning { code: "simulation/immobile", message });
     }
     if s.stiff_steps > (s.steps / 10).max(s.rejected_evaluation) && s.stiff_steps > 50 {
         let message = "the explicit code was limited by stability, not accuracy: an implicit \

@@ -209,3 +209,36 @@ high = { type = "revolute", between = ["ground", "door"], point = [0.0, 0.0, 0.5
     assert!((turn_low[1] - turn_high[1]).abs() < 1e-9);
     assert!((turn_low[1].abs() - 3.2).abs() < 1e-6, "{turn_low:?}");
 }
+
+/// Warnings of a four-bar in space whose last joint has this point or axis.
+fn warned(last: &str) -> Vec<&'static str> {
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+crank = {{ mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]], position = [0.0, 0.0, 0.1] }}
+coupler = {{ mass = 2.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.05, 0.0], [0.0, 0.0, 0.05]], position = [0.25, 0.0, 0.25] }}
+rocker = {{ mass = 1.0, inertia = [[0.02, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.01]], position = [0.5, 0.0, 0.15] }}
+[joints]
+a = {{ type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0, 0.0], axis = [0.0, 1.0, 0.0] }}
+b = {{ type = "revolute", between = ["crank", "coupler"], point = [0.0, 0.0, 0.2], axis = [0.0, 1.0, 0.0] }}
+c = {{ type = "revolute", between = ["coupler", "rocker"], point = [0.5, 0.0, 0.3], axis = [0.0, 1.0, 0.0] }}
+d = {{ type = "revolute", between = ["ground", "rocker"], {last} }}
+"#
+    ));
+    let mut rows = Memory::default();
+    let summary = run(&Problem::new(model), &Options::new(0.1), None, &mut rows).unwrap();
+    summary.warnings.iter().map(|w| w.code).collect()
+}
+
+#[test] // truth: parallel axes move, others do not; what redundant rows contradict each other by is left
+fn what_is_a_little_off_is_said() {
+    let exact = "point = [0.5, 0.0, 0.0], axis = [0.0, 1.0, 0.0]";
+    assert_eq!(warned(exact), ["simulation/redundant"]);
+    let tilted = "point = [0.5, 0.0, 0.0], axis = [0.0, 1.0, 0.001]";
+    assert_eq!(warned(tilted), ["simulation/redundant", "simulation/immobile"]);
+    let beside = "points_in_body = [[0.5, 1.0e-8, 0.0], [0.0, 0.0, -0.15]], axis = [0.0, 1.0, 0.0]";
+    assert_eq!(warned(beside), ["simulation/redundant", "simulation/contradiction"]);
+}

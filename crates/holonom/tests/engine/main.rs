@@ -18,6 +18,7 @@ mod dense_output;
 mod derivatives;
 mod determinism;
 mod documentation;
+mod driven_energies;
 mod energy_warning;
 mod giving_up;
 mod honest_failures;

@@ -327,6 +327,38 @@ fn a_motion_that_ends_before_the_run_brings_a_warning() {
 }
 
 #[test]
+fn a_motion_that_swings_far_beyond_its_table_brings_a_warning() {
+    let turning = |x: &str, y: &str| {
+        let driver = format!(
+            "[drivers]\nturn = {{ joint = \"pivot\", coordinate = \"rotation\", motion = {{ type = \"table\", x = {x}, y = {y} }} }}\n[initial.bodies]"
+        );
+        let (_, warnings) = document(&DOUBLE_PENDULUM.replace("[initial.bodies]", &driver))
+            .unwrap()
+            .build()
+            .unwrap();
+        warnings.iter().map(|w| (w.code, w.path.clone())).collect::<Vec<_>>()
+    };
+    let path = "drivers.turn.motion".to_owned();
+    // A tenth of a radian in a tenth of a second, between two rests of five.
+    assert_eq!(
+        turning("[0.0, 5.0, 5.1, 10.0]", "[0.0, 0.0, 0.1, 0.1]"),
+        [(Code::Implausible, path)]
+    );
+    // A wave at four points of each period, none of which is at its crest.
+    let wave =
+        turning("[0.0, 2.0, 4.0, 6.0, 8.0, 10.0, 12.0]", "[0.7, 0.7, -0.7, -0.7, 0.7, 0.7, -0.7]");
+    assert_eq!(wave, []);
+}
+
+#[test]
+fn what_is_switched_off_has_to_be_there() {
+    let text = format!("{DOUBLE_PENDULUM}\n[forces.sprnig]\nenabled = false\n");
+    let errors = document(&text).unwrap().build().unwrap_err().errors;
+    let found: Vec<_> = errors.iter().map(|e| (e.code, e.path.as_str())).collect();
+    assert_eq!(found, [(Code::UnknownName, "forces.sprnig")]);
+}
+
+#[test]
 fn a_tiny_model_far_away_brings_a_warning_with_the_numbers() {
     let far = |x: f64| {
         format!(

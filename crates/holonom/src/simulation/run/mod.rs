@@ -222,6 +222,8 @@ impl Run<'_> {
         let span = end - self.started;
         let kinematic = self.form.point().manifold.chart().ndof() == 0;
         let fixed = self.options.fixed_step.is_some();
+        let relative = self.options.tolerance.relative;
+        let drivers = step_length::drivers(self.system.as_ref(), [self.started, end]);
         let mut rejections = 0;
         let mut repartitioned = false;
         let mut seen = true;
@@ -240,6 +242,10 @@ impl Run<'_> {
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree));
                 if self.stepper.explicit() {
                     h = h.min(self.explicit_turn());
+                }
+                if !drivers.is_empty() {
+                    let most = h.min(next - t);
+                    h = step_length::driven(self.system.as_ref(), &drivers, t, most, relative);
                 }
                 if kinematic {
                     let most = step_length::kinematic(self.system.as_ref(), &self.state, span);

@@ -119,11 +119,12 @@ impl Run<'_> {
             - ledger.supplied;
         e.range = self.kinetic_range.1 - self.kinetic_range.0;
         e.moved = self.energy_scale.moved();
-        let dropped = &self.form.point().manifold.chart().parametrization().dropped;
+        let chart = self.form.point().manifold.chart();
+        let (dropped, ndof) = (&chart.parametrization().dropped, chart.ndof());
         let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
         let negligible = self.energy_scale.negligible(system, tolerance);
         self.warnings =
-            warnings(system, dropped, s, e, negligible, self.drift.largest(), tolerance);
+            warnings(system, dropped, ndof, s, e, negligible, self.drift.largest(), tolerance);
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
                 Err(Stop::Sink(message))

@@ -1,0 +1,69 @@
+//! Energies of what drivers move: no error of a step knows of it.
+//!
+//! Truth: a damper c on a motion A sin ωt takes c A² ω²/2 on average.
+
+use crate::common::table::all_codes;
+use crate::common::{model_of, options, run_model};
+use holonom::method::Code;
+use holonom::simulation::{Options, OutputTimes};
+
+const DAMPING: f64 = 3.0;
+const AMPLITUDE: f64 = 0.1;
+/// Hz: as many periods as a run without unknowns has steps, at least.
+const FREQUENCY: f64 = 20.0;
+const END: f64 = 10.0;
+
+/// A light body that is shaken on a damper, beside others.
+fn shaken(others: [&str; 3]) -> String {
+    let [bodies, joints, initial] = others;
+    format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+shaken = {{ mass = 1.0e-6, inertia = 1.0, position = [0.0, 0.0] }}
+{bodies}
+[joints]
+guide = {{ type = "translational", between = ["ground", "shaken"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+{joints}
+[drivers]
+shaker = {{ joint = "guide", coordinate = "translation", motion = {{ type = "harmonic", amplitude = {AMPLITUDE}, angular_frequency = "=2*pi*{FREQUENCY}" }} }}
+[forces]
+damper = {{ type = "tsda", between = ["ground", "shaken"], points = [[-5.0, 0.0], [0.0, 0.0]], damping = {DAMPING:?} }}
+{initial}
+"#
+    )
+}
+
+#[test]
+fn what_a_driver_works_and_a_damper_takes_is_known_at_any_frequency() {
+    let pendulum = [
+        "pendulum = { mass = 100.0, inertia = 10.0, position = [3.0, -2.0] }",
+        "hinge = { type = \"revolute\", between = [\"ground\", \"pendulum\"], point = [3.0, 0.0] }",
+        "[initial.bodies]\npendulum = { angular_velocity = 0.1 }",
+    ];
+    let rate = AMPLITUDE * FREQUENCY * std::f64::consts::TAU;
+    let truth = 0.5 * DAMPING * rate * rate * END;
+    for (name, others) in [("alone", [""; 3]), ("beside a pendulum", pendulum)] {
+        let model = model_of(&shaken(others));
+        for code in all_codes() {
+            for tolerance in [1e-3, 1e-4] {
+                let channels = ["energy.dissipated", "energy.driver_work"].map(str::to_owned);
+                let options = Options {
+                    channels: channels.to_vec(),
+                    output: OutputTimes::Interval(END),
+                    ..options(code, tolerance, END)
+                };
+                let run = run_model(&model, &options);
+                // The power of an Adams formula of the motion's order is not held by any error.
+                let most = if code == Code::Deabm { 60.0 } else { 15.0 };
+                for channel in &channels {
+                    let found = *run.series(channel, 0).last().unwrap();
+                    let error = (found / truth - 1.0).abs() / tolerance;
+                    assert!(error < most, "{name}, {code:?}, {tolerance:e}: {channel} {error:.1}");
+                }
+            }
+        }
+    }
+}
