@@ -12,6 +12,7 @@ use holonom::simulation::{
     Checkpoint, Choices, DenseOutput, Options, Problem, RunError, check_run, resume, run,
 };
 use holonom::system::Sample;
+use holonom::watch::unwatched;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -93,10 +94,11 @@ fn read_by<T>(read: &Py<PyAny>, path: &str) -> Result<T, String>
 where
     T: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>,
 {
-    Python::attach(|py| {
+    let call = |py: Python<'_>| {
         let found = read.call1(py, (path,)).and_then(|value| value.extract::<T>(py));
         found.map_err(|error| error.value(py).to_string())
-    })
+    };
+    unwatched(|| Python::attach(call))
 }
 
 #[pymethods]

@@ -4,6 +4,7 @@ use crate::dense;
 use crate::state::rows;
 use holonom::simulation::{Chunk, Flow, Sink, StepOutcome};
 use holonom::system::{Channel, Sizes};
+use holonom::watch::unwatched;
 use numpy::PyArray1;
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
@@ -86,14 +87,15 @@ impl Callbacks {
 
 impl Sink for Callbacks {
     fn chunk(&mut self, chunk: &Chunk) -> Result<(), String> {
-        Python::attach(|py| {
+        let write = |py: Python<'_>| {
             let result = self.chunk_dict(py, chunk).and_then(|d| self.on_chunk.call1(py, (d,)));
             result.map(drop).map_err(|e| self.keep(e))
-        })
+        };
+        unwatched(|| Python::attach(write))
     }
 
     fn progress(&mut self, t: f64, step_size: f64, steps: u64) -> Flow {
-        Python::attach(|py| {
+        let tell = |py: Python<'_>| {
             let result = py
                 .check_signals()
                 .and_then(|()| self.on_progress.call1(py, (t, step_size, steps)).map(drop));
@@ -107,6 +109,7 @@ impl Sink for Callbacks {
                     Flow::Interrupt
                 }
             }
-        })
+        };
+        unwatched(|| Python::attach(tell))
     }
 }

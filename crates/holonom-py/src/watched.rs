@@ -1,6 +1,6 @@
 //! Long work that Ctrl-C ends.
 
-use holonom::watch::{Flow, Observer, observed};
+use holonom::watch::{Flow, Observer, observed, unwatched};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
 use std::rc::Rc;
@@ -55,7 +55,7 @@ pub(crate) fn watched<T: Send>(
                 on_stage.as_ref().map_or(Ok(()), |call| call.call1(py, (stage,)).map(drop))
             })
         };
-        let observer: Observer = Rc::new(move |stage| match ask(stage) {
+        let observer: Observer = Rc::new(move |stage| match unwatched(|| ask(stage)) {
             Ok(()) => Flow::Continue,
             Err(error) => {
                 kept.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
