@@ -63,11 +63,16 @@ pub(super) struct Driven {
 /// The drivers of a run from `start` to `end`.
 pub(super) fn drivers(system: &dyn System, [start, end]: [f64; 2]) -> Vec<Driven> {
     const SAMPLES: u32 = 256;
-    // Multiples of the golden section, which no period meets.
+    if !system.has_drivers() {
+        return Vec::new();
+    }
+    // Multiples of the golden section, which no period meets, and what is between breakpoints, however short.
     let part = |k: u32| (0.618_033_988_749_894_9 * f64::from(k)).fract();
+    let mut times: Vec<f64> = (1..=SAMPLES).map(|k| start + part(k) * (end - start)).collect();
+    times.extend(system.breakpoints().windows(2).map(|two| 0.5 * (two[0] + two[1])));
     let all = system.structure().joints.iter().map(|joint| {
-        let rate = |k: u32| system.drive(joint.row, start + part(k) * (end - start))[1].abs();
-        Driven { row: joint.row, rate: (1..=SAMPLES).map(rate).fold(0.0, f64::max) }
+        let rate = |t: &f64| system.drive(joint.row, *t)[1].abs();
+        Driven { row: joint.row, rate: times.iter().map(rate).fold(0.0, f64::max) }
     });
     all.filter(|driven| driven.rate > 0.0).collect()
 }
@@ -86,8 +91,9 @@ pub(super) fn driven(
     let most = 0.5 * (10.0 * 2880.0 * relative).powf(0.25);
     let mut longest = h;
     for Driven { row, rate } in drivers {
+        let mut rate = *rate;
         for _ in 0..HALVINGS {
-            let (mut rate, mut bend) = (*rate, 0.0f64);
+            let mut bend = 0.0f64;
             for x in MOMENTS {
                 let [_, first, _, third] = system.drive(*row, t + x * longest);
                 (rate, bend) = (rate.max(first.abs()), bend.max(third.abs()));

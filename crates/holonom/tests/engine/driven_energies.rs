@@ -1,6 +1,6 @@
 //! Energies of what drivers move: no error of a step knows of it.
 //!
-//! Truth: a damper c on a motion A sin ωt takes c A² ω²/2 on average.
+//! Truth: a damper c on a motion A sin ωt takes c A² ω²/2 on average, on a smooth step by A in T 10 c A²/(7 T).
 
 use crate::common::table::all_codes;
 use crate::common::{model_of, options, run_model};
@@ -13,8 +13,8 @@ const AMPLITUDE: f64 = 0.1;
 const FREQUENCY: f64 = 20.0;
 const END: f64 = 10.0;
 
-/// A light body that is shaken on a damper, beside others.
-fn shaken(others: [&str; 3]) -> String {
+/// A light body that is moved on a damper, beside others.
+fn shaken(motion: &str, others: [&str; 3]) -> String {
     let [bodies, joints, initial] = others;
     format!(
         r#"
@@ -28,7 +28,7 @@ shaken = {{ mass = 1.0e-6, inertia = 1.0, position = [0.0, 0.0] }}
 guide = {{ type = "translational", between = ["ground", "shaken"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
 {joints}
 [drivers]
-shaker = {{ joint = "guide", coordinate = "translation", motion = {{ type = "harmonic", amplitude = {AMPLITUDE}, angular_frequency = "=2*pi*{FREQUENCY}" }} }}
+shaker = {{ joint = "guide", coordinate = "translation", motion = {{ {motion} }} }}
 [forces]
 damper = {{ type = "tsda", between = ["ground", "shaken"], points = [[-5.0, 0.0], [0.0, 0.0]], damping = {DAMPING:?} }}
 {initial}
@@ -44,9 +44,20 @@ fn what_a_driver_works_and_a_damper_takes_is_known_at_any_frequency() {
         "[initial.bodies]\npendulum = { angular_velocity = 0.1 }",
     ];
     let rate = AMPLITUDE * FREQUENCY * std::f64::consts::TAU;
-    let truth = 0.5 * DAMPING * rate * rate * END;
-    for (name, others) in [("alone", [""; 3]), ("beside a pendulum", pendulum)] {
-        let model = model_of(&shaken(others));
+    let wave = format!(
+        "type = \"harmonic\", amplitude = {AMPLITUDE}, angular_frequency = \"=2*pi*{FREQUENCY}\""
+    );
+    let jerk =
+        format!("type = \"smooth_step\", from = 0.0, to = {AMPLITUDE}, start = 4.321, end = 4.331");
+    let (waved, jerked) =
+        (0.5 * DAMPING * rate * rate * END, 10.0 * DAMPING * AMPLITUDE * AMPLITUDE / (7.0 * 0.01));
+    for (name, motion, others, truth) in [
+        ("a wave alone", &wave, [""; 3], waved),
+        ("a wave beside a pendulum", &wave, pendulum, waved),
+        ("a jerk alone", &jerk, [""; 3], jerked),
+        ("a jerk beside a pendulum", &jerk, pendulum, jerked),
+    ] {
+        let model = model_of(&shaken(motion, others));
         for code in all_codes() {
             for tolerance in [1e-3, 1e-4] {
                 let channels = ["energy.dissipated", "energy.driver_work"].map(str::to_owned);
