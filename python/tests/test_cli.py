@@ -81,14 +81,14 @@ def test_flags_override_the_model(
     path = tmp_path / "rod.holonom"
     arguments = ["run", str(pendulum), "-o", str(path), "--json", "--end-time", "0.5"]
     arguments += ["--tolerance", "relative=1e-4,rotation=1e-5", "--interval", "0.1"]
-    arguments += ["-c", "rod.angle", "--set", "bodies.rod.mass=3", "--method", "DEABM"]
+    arguments += ["-c", "rod.angle,rod.position", "--set", "bodies.rod.mass=3", "--method", "DEABM"]
     assert invoke(arguments) == 0
     facts = output_json(capsys)
     assert facts["status"] == "completed"
     assert facts["stop_reason"]["code"] == "simulation/end-time"
     assert facts["stored_until"] == 0.5
     assert facts["n_times"] == 6
-    assert facts["requested"] == ["rod.angle"]
+    assert facts["requested"] == ["rod.angle", "rod.position"]
     assert facts["options"]["method"] == "DEABM"
     assert facts["options"]["tolerance"] == {
         "relative": 1e-4,

@@ -194,3 +194,18 @@ def test_the_exit_status_tells_whether_results_are_equal(
     assert capsys.readouterr().out == ""
     assert invoke(["diff", *pair, "rod.nothing"]) == 1
     assert invoke(["diff", pair[0], str(tmp_path / "none.holonom")]) == 5
+
+
+def test_what_is_no_result_is_named(tmp_path: Path) -> None:
+    model = holonom.Model.from_text(PENDULUM)
+    result = model.simulate(end_time=0.05)
+    for work in (
+        lambda: holonom.diff(result, "run.holonom"),  # type: ignore[arg-type]
+        lambda: holonom.diff(model, result),  # type: ignore[arg-type]
+        lambda: result.plot("rod.position", others=["run.holonom"]),  # type: ignore[list-item]
+        lambda: result.render(tmp_path / "rod.png", "run.holonom"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(UsageError, match="is no result"):
+            work()
+    # One result in place of a list of them is taken as it is meant.
+    assert result.plot("rod.position", others=result) is not None  # type: ignore[arg-type]

@@ -195,7 +195,7 @@ def diff(
     UsageError
         If a channel is in neither run, or they have no time in common.
     """
-    from holonom.result import require_results  # here: it is what is compared that imports most
+    from holonom.result import require_results  # here: options and names need no results
 
     require_results(first, second)
     within = require_positive("within", within)

@@ -111,7 +111,7 @@ pub struct EdgeScrews {
 
 /// Services of an edge of the forest.
 pub trait EdgeKinematics<const N: usize> {
-    /// Columns at the poses of first and second body; none where no such columns exist (lines). Which bodies
+    /// Columns at the poses of first and second body; `false` where no such columns exist (lines). Which bodies
     /// these are is left to the caller. Columns beyond their number stay what they were.
     fn screws(&self, q: [&[f64; N]; 2], child: &[f64; N], out: &mut EdgeScrews) -> bool;
 

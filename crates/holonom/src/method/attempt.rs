@@ -271,6 +271,10 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         last.degree()
     }
 
+    fn filter_part(&self) -> f64 {
+        self.stages.gamma()
+    }
+
     fn filter(&mut self, ode: &mut dyn LinearizedOde, change: &mut [f64]) {
         let mut ode = Counted::new(ode, self.statistics);
         self.stages.filter(&mut ode, change);

@@ -151,6 +151,10 @@ impl Stages for RadauStages {
         self.formula.order
     }
 
+    fn gamma(&self) -> f64 {
+        1.0 / self.formula.real
+    }
+
     fn embedded_order(&self) -> u32 {
         self.formula.embedded_order
     }

@@ -68,6 +68,10 @@ impl Stages for RosenbrockStages {
         self.formula.order
     }
 
+    fn gamma(&self) -> f64 {
+        self.formula.gamma
+    }
+
     fn embedded_order(&self) -> u32 {
         self.formula.embedded_order
     }

@@ -100,6 +100,10 @@ impl Stages for SdirkStages {
         self.formula.order
     }
 
+    fn gamma(&self) -> f64 {
+        self.formula.gamma
+    }
+
     fn embedded_order(&self) -> u32 {
         self.formula.embedded_order
     }

@@ -80,6 +80,9 @@ pub trait Stages: Debug + Send {
         error: &mut [f64],
     ) -> Result<(), EvaluationFailure>;
 
+    /// γ of the matrix.
+    fn gamma(&self) -> f64;
+
     /// Multiplies an error by (I − γhJ)⁻¹.
     fn filter(&mut self, ode: &mut Counted<'_>, error: &mut [f64]) {
         ode.solve(error);

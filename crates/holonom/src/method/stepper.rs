@@ -270,6 +270,11 @@ pub trait Stepper: Send {
     /// after the other, into `coefficients`, which has room for the largest degree. Returns the degree.
     fn polynomial(&self, coefficients: &mut [f64]) -> usize;
 
+    /// γ of [`Stepper::filter`], the part of the step over which it lets changes decay; 0 for explicit formulas.
+    fn filter_part(&self) -> f64 {
+        0.0
+    }
+
     /// Multiplies a change of w at the end of the last accepted step by (I − γh J)⁻¹, as the formula does with its
     /// estimate of the error; explicit formulas leave it as it is.
     fn filter(&mut self, _ode: &mut dyn LinearizedOde, _change: &mut [f64]) {}

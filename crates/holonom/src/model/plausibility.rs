@@ -106,10 +106,11 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
         if let TimeFunction::Table { spline, .. } = function
             && let Some([found, given]) = overshoot(spline.knots(), function)
         {
-            let [low, high, least, most] = [found[0], found[1], given[0], given[1]].map(shown);
+            let [least, most] = given.map(shown);
             let message = format!(
-                "the curve through the table of `{path}` reaches from {low} to {high} between its points, \
-                 which lie from {least} to {most}"
+                "the curve through the table of `{path}` reaches from {:.2e} to {:.2e} between its points, \
+                 which lie from {least} to {most}",
+                found[0], found[1]
             );
             let help = "a motion is the natural cubic spline through its points: give more of them where it is sudden, \
                         or use `smooth_step`";

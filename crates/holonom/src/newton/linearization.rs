@@ -80,7 +80,7 @@ impl Linearization {
     ) -> Result<(), EvaluationFailure> {
         differences.evaluate(&mut self.blocks, &mut self.rate_map, point, w)?;
         self.chart.copy_from(point.manifold.chart());
-        self.made = true;
+        (self.made, self.maps) = (true, true);
         self.keep_maps();
         Ok(())
     }
@@ -97,7 +97,6 @@ impl Linearization {
     }
 
     fn keep_maps(&mut self) {
-        self.maps = true;
         let ndof = self.rates.len().max(1);
         let size = (2 * self.blocks.d.len() / ndof).max(1);
         for (k, column) in self.columns.chunks_exact_mut(size).enumerate() {

@@ -69,7 +69,9 @@ pub(super) fn drivers(system: &dyn System, [start, end]: [f64; 2]) -> Vec<Driven
     // Multiples of the golden section, which no period meets, and what is between breakpoints, however short.
     let part = |k: u32| (0.618_033_988_749_894_9 * f64::from(k)).fract();
     let mut times: Vec<f64> = (1..=SAMPLES).map(|k| start + part(k) * (end - start)).collect();
-    times.extend(system.breakpoints().windows(2).map(|two| 0.5 * (two[0] + two[1])));
+    let inside = system.breakpoints().into_iter().filter(|t| *t > start && *t < end);
+    let parts: Vec<f64> = std::iter::once(start).chain(inside).chain([end]).collect();
+    times.extend(parts.windows(2).map(|two| 0.5 * (two[0] + two[1])));
     let all = system.structure().joints.iter().map(|joint| {
         let rate = |t: &f64| system.drive(joint.row, *t)[1].abs();
         Driven { row: joint.row, rate: times.iter().map(rate).fold(0.0, f64::max) }

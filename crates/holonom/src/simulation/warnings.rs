@@ -34,9 +34,10 @@ pub(super) fn warnings(
         out.push(redundancy(system, dropped));
         if s.residual_ratio > 1.0 {
             let message = format!(
-                "joints are violated by up to {:.1e} m (or as direction cosines), {:.1e} times the bound: redundant \
-                 constraints contradict each other by that much; check their points and axes",
-                s.position_residual, s.residual_ratio
+                "joints are violated by up to {:.1e} m (or as direction cosines) in position and {:.1e} m/s in \
+                 velocity, {:.1e} times the bound: redundant constraints contradict each other by that much; check \
+                 their points and axes",
+                s.position_residual, s.velocity_residual, s.residual_ratio
             );
             out.push(RunWarning { code: "simulation/contradiction", message });
         }

@@ -9,8 +9,6 @@ use crate::system::{LawArgument, Measure};
 /// Moments at which accelerations are compared: in all parts of a step, or, where these are more, each for an equal
 /// share of what the law deviates.
 const LOOKED_AT: usize = 3;
-/// Part of a step over which the filter of a formula lets changes decay, its γ: about a quarter in all of them.
-const FILTERED: f64 = 0.25;
 
 /// A part of a force law that a step has not seen, and that counts.
 pub(super) struct PassedOver {
@@ -164,7 +162,7 @@ impl Run<'_> {
             weight *= theta;
         }
         let left = t + step - time;
-        let damped = (left / (FILTERED * step)).min(1.0).powi(2);
+        let damped = (left / (self.stepper.filter_part() * step)).min(1.0).powi(2);
         for k in 0..ndof {
             let change = duration * slope[ndof + k];
             for (missed, part) in [(&mut *near, 1.0 - damped), (&mut *far, damped)] {
