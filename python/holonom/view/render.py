@@ -64,12 +64,13 @@ def render(
     _require(size, camera, fps, speed)
     inputs = [result.path for result in results]
     files.require_target(path, kind, inputs=inputs, force=force)
+    times = _times(results, kind, at, fps, start, end, speed)
+    # What is asked for is judged before what is installed.
     if kind == "gif":
         _pillow()
     ffmpeg = _ffmpeg() if kind == "mp4" else ""
     program = find(browser)
     runs = scenes(results)
-    times = _times(results, kind, at, fps, start, end, speed)
     # Encoders halve the resolution of colours, for which edges have to be even.
     width, height = (2 * (x // 2) for x in size) if kind == "mp4" else size
     job = {"times": times, "size": [width, height], "camera": camera, "dark": dark}

@@ -145,7 +145,8 @@ impl Ode for ExplicitForm {
         let (dp_rate, rest) = rest.split_at(ndof);
         let Self { point, dq, dv, rows, rates, weights, .. } = self;
         point.spread(dp, dp_rate, dq, dv, rows, rates);
-        weights.norm(dq, dv, &rest[..point.z_rate.len()])
+        let at = [&*point.state.q, &*point.state.v];
+        weights.norm(Some(at), [dq, dv], &rest[..point.z_rate.len()])
     }
 }
 

@@ -231,7 +231,8 @@ impl<M: Matrix> Ode for FirstOrder<M> {
             return self.weights.independent_norm(change, None);
         }
         self.newton.spread(change, &mut self.dq, &mut self.dv);
-        self.weights.norm(&self.dq, &self.dv, &change[2 * self.rates.len()..])
+        let extra = &change[2 * self.rates.len()..];
+        self.weights.norm(self.newton.linearized_at(), [&self.dq, &self.dv], extra)
     }
 
     /// With the factors of the last evaluation, which was at the end of the step or next to it: those of
@@ -245,7 +246,8 @@ impl<M: Matrix> Ode for FirstOrder<M> {
         let (rate, extra) = rest.split_at(ndof);
         let Self { point, dq, dv, rows, rates, .. } = self;
         point.spread(dp, rate, dq, dv, rows, rates);
-        self.weights.norm(&self.dq, &self.dv, extra)
+        let state = &self.point.state;
+        self.weights.norm(Some([&state.q, &state.v]), [&self.dq, &self.dv], extra)
     }
 }
 

@@ -23,6 +23,7 @@ mod stages;
 mod state_space;
 mod state_space_method;
 pub mod stepper;
+mod ties;
 mod weights;
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
-//! Error weights on all coordinates: per body, translation and rotation, position and velocity.
+//! Error weights on all coordinates: per body, translation and rotation, position and velocity, against the
+//! ground and against the bodies that it is tied to.
 
+use super::ties::Ties;
 use crate::model::Tolerance;
 use crate::system::{Measure, Sizes, State, System};
 use std::f64::consts::TAU;
@@ -7,13 +9,13 @@ use std::f64::consts::TAU;
 /// Scales of one body: translation, rotation, velocity, angular velocity.
 type BodyScales = [f64; 4];
 
-/// The norm of `docs/theory/method.md` (3)-(9): a change is measured on all coordinates of each body, so that neither the
+/// The norm of `docs/theory/method.md` (3)-(9c): a change is measured on all coordinates of each body, so that neither the
 /// choice of independent coordinates nor the place of the model in space changes it.
 ///
 /// Positions are weighed against absolute + relative × movement since the start, velocities against
 /// absolute + relative × value; a change of Euler parameters δp is the angle 2|δp|. The movement of
 /// an orientation is the angle to that at the start, at most π, planar as in space. RMS within a body,
-/// maximum over bodies and extra states.
+/// maximum over bodies, pairs of tied bodies and extra states.
 #[derive(Debug, Clone)]
 pub struct Weights {
     tolerance: Tolerance,
@@ -25,6 +27,7 @@ pub struct Weights {
     bodies: Vec<BodyScales>,
     extra_scales: Vec<f64>,
     extra: Vec<f64>,
+    ties: Ties,
     independent: Option<Independent>,
 }
 
@@ -44,10 +47,18 @@ fn length(x: &[f64]) -> f64 {
 impl Weights {
     /// Weights of a run that starts at `start`.
     pub fn new(tolerance: Tolerance, system: &dyn System, start: &State) -> Self {
-        Self::of(tolerance, &system.structure().sizes, system.extra_state_scales(), start)
+        let structure = system.structure();
+        let ties = Ties::new(structure, start);
+        Self::of(tolerance, &structure.sizes, ties, system.extra_state_scales(), start)
     }
 
-    fn of(tolerance: Tolerance, sizes: &Sizes, extra_scales: Vec<f64>, start: &State) -> Self {
+    fn of(
+        tolerance: Tolerance,
+        sizes: &Sizes,
+        ties: Ties,
+        extra_scales: Vec<f64>,
+        start: &State,
+    ) -> Self {
         let mut out = Self {
             tolerance,
             start: start.q.clone(),
@@ -57,6 +68,7 @@ impl Weights {
             bodies: vec![[1.0; 4]; sizes.bodies],
             extra_scales,
             extra: vec![1.0; sizes.extra_states],
+            ties,
             independent: None,
         };
         out.set(start);
@@ -122,14 +134,16 @@ impl Weights {
                 rotation + relative * self.angle_factor * length(&v[d..]),
             ];
         }
+        self.ties.set(state, &self.tolerance);
         let scaled = self.extra_scales.iter().zip(&state.z);
         for (weight, (scale, z)) in self.extra.iter_mut().zip(scaled) {
             *weight = scale * translation + relative * z.abs();
         }
     }
 
-    /// Weighted norm of a change of positions, velocities and extra states; 1 is on tolerance.
-    pub fn norm(&self, dq: &[f64], dv: &[f64], dz: &[f64]) -> f64 {
+    /// Weighted norm of a change of positions, velocities and extra states; 1 is on tolerance. `at` are the
+    /// coordinates and velocities that change, where they are known.
+    pub fn norm(&mut self, at: Option<[&[f64]; 2]>, [dq, dv]: [&[f64]; 2], dz: &[f64]) -> f64 {
         let (n, d) = (self.per_body, self.translations);
         let mut largest = 0.0f64;
         for (b, scales) in self.bodies.iter().enumerate() {
@@ -141,6 +155,9 @@ impl Weights {
                 self.angle_factor * length(&v[d..]) / scales[3],
             ];
             largest = keep_larger(largest, 0.5 * length(&parts));
+        }
+        if let Some(at) = at {
+            largest = keep_larger(largest, self.ties.norm(at, [dq, dv]));
         }
         for (z, scale) in dz.iter().zip(&self.extra) {
             largest = keep_larger(largest, (z / scale).abs());
@@ -181,12 +198,14 @@ mod tests {
         let planar =
             |angle| State { q: vec![0.0, 0.0, angle], v: vec![0.0; 3], ..State::default() };
         for angle in [0.0, 0.5, 3.0, 3.3, 6.0, 7.0, -4.0, 50.0] {
-            let mut flat = Weights::of(tolerance, &sizes(3, 2), Vec::new(), &planar(0.2));
-            let mut deep = Weights::of(tolerance, &sizes(7, 3), Vec::new(), &spatial(0.2));
+            let mut flat =
+                Weights::of(tolerance, &sizes(3, 2), Ties::default(), Vec::new(), &planar(0.2));
+            let mut deep =
+                Weights::of(tolerance, &sizes(7, 3), Ties::default(), Vec::new(), &spatial(0.2));
             flat.set(&planar(0.2 + angle));
             deep.set(&spatial(0.2 + angle));
-            let norm = flat.norm(&[0.0, 0.0, 1e-3], &[0.0; 3], &[]);
-            let same = deep.norm(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5e-3], &[0.0; 7], &[]);
+            let norm = flat.norm(None, [&[0.0, 0.0, 1e-3], &[0.0; 3]], &[]);
+            let same = deep.norm(None, [&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5e-3], &[0.0; 7]], &[]);
             assert!((norm - same).abs() < 1e-6 * norm, "{angle}: {norm} {same}");
         }
     }

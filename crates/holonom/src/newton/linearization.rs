@@ -17,6 +17,9 @@ pub struct Linearization {
     pub(super) chart: Chart,
     /// Whether there has been one.
     pub(super) made: bool,
+    /// Where it was.
+    pub(super) q: Vec<f64>,
+    pub(super) v: Vec<f64>,
     /// Changes are measured with D and q̇_v at fixed v̇, where these are small enough.
     pub(super) maps: bool,
     /// q̇_v at fixed v̇, n×ndof.
@@ -51,6 +54,8 @@ impl Linearization {
             },
             chart: manifold.chart().clone(),
             made: false,
+            q: vec![0.0; s.coordinates],
+            v: vec![0.0; s.coordinates],
             maps: false,
             rate_map: vec![0.0; if reduced { s.coordinates * ndof } else { 0 }],
             columns: vec![0.0; if reduced { 2 * s.coordinates * ndof } else { 0 }],

@@ -65,6 +65,11 @@ impl<M: Matrix> Newton<M> {
         self.parts.made
     }
 
+    /// Coordinates and velocities of the last linearization.
+    pub fn linearized_at(&self) -> Option<[&[f64]; 2]> {
+        self.parts.made.then(|| [&*self.parts.q, &*self.parts.v])
+    }
+
     /// A step starts where this is the chart: changes are measured there until the first linearization.
     pub fn begin_step(&mut self, chart: &Chart) {
         self.parts.begin_step(chart);
@@ -77,6 +82,8 @@ impl<M: Matrix> Newton<M> {
     /// Where a neighbouring point for differences cannot be evaluated; the point is then elsewhere.
     pub fn linearize(&mut self, point: &mut Point, w: &[f64]) -> Result<(), EvaluationFailure> {
         point.manifold.catch_up()?;
+        self.parts.q.copy_from_slice(&point.state.q);
+        self.parts.v.copy_from_slice(&point.state.v);
         if let Some(differences) = &mut self.differences {
             self.parts.take_differences(differences, point, w)?;
             self.matrix.take_blocks(&self.parts, &point.manifold);

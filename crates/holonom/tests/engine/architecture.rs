@@ -16,7 +16,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("newton", &["reduction", "system"]),
     ("formula", &[]),
     ("control", &[]),
-    ("method", &["newton", "reduction", "system", "formula", "control", "model"]),
+    ("method", &["newton", "reduction", "system", "formula", "control", "model", "math"]),
     (
         "simulation",
         &["method", "newton", "reduction", "system", "formula", "control", "topology", "model"],

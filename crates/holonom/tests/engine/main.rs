@@ -46,6 +46,7 @@ mod spectrum;
 mod spinning_bodies;
 mod stiff_elements;
 mod stiff_sweep;
+mod travelling;
 mod turns;
 mod units;
 mod unseen;
