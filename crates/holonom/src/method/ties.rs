@@ -4,17 +4,40 @@ use crate::math::spatial::{conjugate, cross, e_times, product, rotate_back};
 use crate::math::vector::{difference, dot, sum};
 use crate::model::Tolerance;
 use crate::system::{State, Structure};
+use std::f64::consts::TAU;
 
 /// Tolerances that two bodies may be off against each other, since each of them may be by one.
 const OF_TWO: f64 = 2.0;
 
-/// Where a body is and how it moves, ground axes.
+/// The norm of `docs/theory/method.md` (9a) to (9c): motions of tied bodies against each other, so that what
+/// travels or turns as a whole is as exact within as what stands.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Ties {
+    planar: bool,
+    pairs: Vec<Tie>,
+    /// Of the bodies of a model in space.
+    motions: Vec<Motion>,
+    changes: Vec<Change>,
+}
+
+/// Two bodies that a joint or force ties. The motion of the second is seen from axes that move with the first.
+#[derive(Debug, Clone, Default)]
+struct Tie {
+    bodies: [usize; 2],
+    /// Place and orientation of the second body in axes of the first when the run started; of an orientation in
+    /// the plane the first number is the angle.
+    start: ([f64; 3], [f64; 4]),
+    /// Inverse squares of the tolerances of place, orientation, velocity and angular velocity.
+    weights: [f64; 4],
+}
+
+/// Where a body in space is and how it moves, ground axes.
 #[derive(Debug, Clone, Copy, Default)]
 struct Motion {
     place: [f64; 3],
     velocity: [f64; 3],
     angular_velocity: [f64; 3],
-    /// Euler parameters and their rates; in the plane an angle.
+    /// Euler parameters and their rates.
     p: [f64; 4],
     p_rate: [f64; 4],
 }
@@ -26,26 +49,6 @@ struct Change {
     turn: [f64; 3],
     velocity: [f64; 3],
     angular_velocity: [f64; 3],
-}
-
-/// Two bodies that a joint or force ties. The motion of the second is seen from axes that move with the first.
-#[derive(Debug, Clone, Default)]
-struct Tie {
-    bodies: [usize; 2],
-    /// Place and orientation of the second body in axes of the first when the run started.
-    start: ([f64; 3], [f64; 4]),
-    /// Of place, orientation, velocity and angular velocity.
-    scales: [f64; 4],
-}
-
-/// The norm of `docs/theory/method.md` (9a) to (9c): motions of tied bodies
-/// against each other, so that what travels or turns as a whole is as exact within as what stands.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Ties {
-    planar: bool,
-    pairs: Vec<Tie>,
-    motions: Vec<Motion>,
-    changes: Vec<Change>,
 }
 
 impl Ties {
@@ -61,132 +64,128 @@ impl Ties {
         let mut pairs: Vec<_> = pairs.map(|[a, b]| [a.min(b), a.max(b)]).collect();
         pairs.sort_unstable();
         pairs.dedup();
+        Self::of(pairs, structure.sizes.translations == 2, structure.sizes.bodies, start)
+    }
+
+    fn of(pairs: Vec<[usize; 2]>, planar: bool, bodies: usize, start: &State) -> Self {
+        let bodies = if planar || pairs.is_empty() { 0 } else { bodies };
         let mut out = Self {
-            planar: structure.sizes.translations == 2,
+            planar,
             pairs: pairs.into_iter().map(|bodies| Tie { bodies, ..Tie::default() }).collect(),
-            motions: vec![Motion::default(); structure.sizes.bodies],
-            changes: vec![Change::default(); structure.sizes.bodies],
+            motions: vec![Motion::default(); bodies],
+            changes: vec![Change::default(); bodies],
         };
         out.move_to([&start.q, &start.v]);
         for tie in &mut out.pairs {
-            tie.start = seen(out.planar, tie.bodies.map(|body| &out.motions[body]));
+            tie.start = if planar {
+                let seen = Flat::new(tie.bodies, [&start.q, &start.v]);
+                ([seen.place[0], seen.place[1], 0.0], [seen.angle, 0.0, 0.0, 0.0])
+            } else {
+                seen(tie.bodies.map(|body| &out.motions[body]))
+            };
         }
         out
     }
 
-    fn move_to(&mut self, [q, v]: [&[f64]; 2]) {
-        let n = if self.planar { 3 } else { 7 };
-        let coordinates = q.chunks_exact(n).zip(v.chunks_exact(n));
-        for (motion, (q, v)) in self.motions.iter_mut().zip(coordinates) {
-            *motion = if self.planar {
-                Motion {
-                    place: [q[0], q[1], 0.0],
-                    velocity: [v[0], v[1], 0.0],
-                    angular_velocity: [0.0, 0.0, v[2]],
-                    p: [q[2], 0.0, 0.0, 0.0],
-                    p_rate: [0.0; 4],
-                }
-            } else {
-                let [p, p_rate] = [parameters(q), parameters(v)];
-                Motion {
-                    place: [q[0], q[1], q[2]],
-                    velocity: [v[0], v[1], v[2]],
-                    angular_velocity: e_times(&p, &p_rate).map(|x| 2.0 * x),
-                    p,
-                    p_rate,
-                }
-            };
-        }
-    }
-
     /// Takes the scales of the state that a step starts from.
     pub(super) fn set(&mut self, state: &State, tolerance: &Tolerance) {
-        if self.pairs.is_empty() {
-            return;
-        }
-        self.move_to([&state.q, &state.v]);
+        let at = [&*state.q, &*state.v];
+        self.move_to(at);
         let Tolerance { relative, translation, rotation } = *tolerance;
         for tie in &mut self.pairs {
-            let [first, second] = tie.bodies.map(|body| &self.motions[body]);
-            let (place, orientation) = seen(self.planar, [first, second]);
-            let moved = size(&difference(&place, &tie.start.0));
-            let turned = 2.0 * dot(&orientation, &tie.start.1).abs().min(1.0).acos();
-            let (_, velocity, angular_velocity) = against([first, second]);
-            tie.scales = [
+            let (place, orientation) = tie.start;
+            let [moved, turned, speed, spin] = if self.planar {
+                let flat = Flat::new(tie.bodies, at);
+                let angle = (flat.angle - orientation[0]).abs() % TAU;
+                [
+                    (flat.place[0] - place[0]).hypot(flat.place[1] - place[1]),
+                    angle.min(TAU - angle),
+                    flat.velocity[0].hypot(flat.velocity[1]),
+                    flat.angular_velocity.abs(),
+                ]
+            } else {
+                let bodies = tie.bodies.map(|body| &self.motions[body]);
+                let (now, turn) = seen(bodies);
+                let (_, velocity, angular_velocity) = against(bodies);
+                [
+                    size(&difference(&now, &place)),
+                    2.0 * dot(&turn, &orientation).abs().min(1.0).acos(),
+                    size(&velocity),
+                    size(&angular_velocity),
+                ]
+            };
+            tie.weights = [
                 translation + relative * moved,
                 rotation + relative * turned,
-                translation + relative * size(&velocity),
-                rotation + relative * size(&angular_velocity),
+                translation + relative * speed,
+                rotation + relative * spin,
             ]
-            .map(|scale| OF_TWO * scale);
+            .map(|scale| (OF_TWO * scale).powi(-2));
         }
     }
 
     /// Weighted norm of a change of coordinates and velocities at `at` (q, q̇): the largest over the ties; 0 without
     /// ties.
     pub(super) fn norm(&mut self, at: [&[f64]; 2], change: [&[f64]; 2]) -> f64 {
-        if self.pairs.is_empty() {
-            return 0.0;
-        }
         self.move_to(at);
         self.spread(change);
         let mut largest = 0.0f64;
         for tie in &self.pairs {
-            let motions = tie.bodies.map(|body| &self.motions[body]);
-            let (link, velocity, angular_velocity) = against(motions);
-            let [first, second] = tie.bodies.map(|body| &self.changes[body]);
-            // What is seen from axes that turn with the first body changes by their turn as well.
-            let seen =
-                |change: &[f64; 3], of: &[f64; 3]| difference(change, &cross(&first.turn, of));
-            let moved = difference(&second.place, &first.place);
-            let carried = sum(
-                &cross(&first.angular_velocity, &link),
-                &cross(&motions[0].angular_velocity, &moved),
-            );
-            let faster = difference(&second.velocity, &first.velocity);
-            let parts = [
-                seen(&moved, &link),
-                difference(&second.turn, &first.turn),
-                seen(&difference(&faster, &carried), &velocity),
-                seen(
-                    &difference(&second.angular_velocity, &first.angular_velocity),
-                    &angular_velocity,
-                ),
-            ];
-            let squares =
-                parts.iter().zip(&tie.scales).map(|(x, scale)| dot(x, x) / (scale * scale));
-            let norm = 0.5 * squares.sum::<f64>().sqrt();
-            if norm.is_nan() || norm > largest {
-                largest = norm;
+            let squares = if self.planar {
+                flat_changes(tie.bodies, at, change)
+            } else {
+                let motions = tie.bodies.map(|body| &self.motions[body]);
+                changes(motions, tie.bodies.map(|body| &self.changes[body]))
+            };
+            let square = dot(&squares, &tie.weights);
+            if square.is_nan() || square > largest {
+                largest = square;
             }
         }
-        largest
+        0.5 * largest.sqrt()
     }
 
-    fn spread(&mut self, [dq, dv]: [&[f64]; 2]) {
-        let n = if self.planar { 3 } else { 7 };
-        let changes = dq.chunks_exact(n).zip(dv.chunks_exact(n));
-        let bodies = self.changes.iter_mut().zip(&self.motions);
-        for ((out, motion), (dq, dv)) in bodies.zip(changes) {
-            *out = if self.planar {
-                Change {
-                    place: [dq[0], dq[1], 0.0],
-                    turn: [0.0, 0.0, dq[2]],
-                    velocity: [dv[0], dv[1], 0.0],
-                    angular_velocity: [0.0, 0.0, dv[2]],
-                }
-            } else {
-                let [dp, dp_rate] = [parameters(dq), parameters(dv)];
-                let rate = sum(&e_times(&motion.p, &dp_rate), &e_times(&dp, &motion.p_rate));
-                Change {
-                    place: [dq[0], dq[1], dq[2]],
-                    turn: e_times(&motion.p, &dp).map(|x| 2.0 * x),
-                    velocity: [dv[0], dv[1], dv[2]],
-                    angular_velocity: rate.map(|x| 2.0 * x),
-                }
+    fn move_to(&mut self, [q, v]: [&[f64]; 2]) {
+        for (motion, (q, v)) in
+            self.motions.iter_mut().zip(q.as_chunks::<7>().0.iter().zip(v.as_chunks::<7>().0))
+        {
+            let [p, p_rate] = [parameters(q), parameters(v)];
+            *motion = Motion {
+                place: [q[0], q[1], q[2]],
+                velocity: [v[0], v[1], v[2]],
+                angular_velocity: e_times(&p, &p_rate).map(|x| 2.0 * x),
+                p,
+                p_rate,
             };
         }
     }
+
+    fn spread(&mut self, [dq, dv]: [&[f64]; 2]) {
+        let bodies = self.changes.iter_mut().zip(&self.motions);
+        for ((out, motion), (dq, dv)) in
+            bodies.zip(dq.as_chunks::<7>().0.iter().zip(dv.as_chunks::<7>().0))
+        {
+            let [dp, dp_rate] = [parameters(dq), parameters(dv)];
+            let rate = sum(&e_times(&motion.p, &dp_rate), &e_times(&dp, &motion.p_rate));
+            *out = Change {
+                place: [dq[0], dq[1], dq[2]],
+                turn: e_times(&motion.p, &dp).map(|x| 2.0 * x),
+                velocity: [dv[0], dv[1], dv[2]],
+                angular_velocity: rate.map(|x| 2.0 * x),
+            };
+        }
+    }
+}
+
+/// Euler parameters among the coordinates of a body in space.
+fn parameters(x: &[f64; 7]) -> [f64; 4] {
+    [x[3], x[4], x[5], x[6]]
+}
+
+/// Place and orientation of the second body in axes of the first.
+fn seen([first, second]: [&Motion; 2]) -> ([f64; 3], [f64; 4]) {
+    let link = difference(&second.place, &first.place);
+    (rotate_back(&first.p, &link), product(&conjugate(&first.p), &second.p))
 }
 
 /// Place, velocity and angular velocity of the second body against the first, components in ground axes.
@@ -197,23 +196,69 @@ fn against([first, second]: [&Motion; 2]) -> ([f64; 3], [f64; 3], [f64; 3]) {
     (link, velocity, difference(&second.angular_velocity, &first.angular_velocity))
 }
 
-/// Euler parameters among the coordinates of a body in space.
-fn parameters(x: &[f64]) -> [f64; 4] {
-    [x[3], x[4], x[5], x[6]]
+/// Squares of the changes of place, orientation, velocity and angular velocity that the first body sees.
+fn changes(motions: [&Motion; 2], [first, second]: [&Change; 2]) -> [f64; 4] {
+    let (link, velocity, angular_velocity) = against(motions);
+    // What is seen from axes that turn with the first body changes by their turn as well.
+    let seen = |change: &[f64; 3], of: &[f64; 3]| difference(change, &cross(&first.turn, of));
+    let moved = difference(&second.place, &first.place);
+    let carried =
+        sum(&cross(&first.angular_velocity, &link), &cross(&motions[0].angular_velocity, &moved));
+    let faster = difference(&difference(&second.velocity, &first.velocity), &carried);
+    let spun = difference(&second.angular_velocity, &first.angular_velocity);
+    [
+        seen(&moved, &link),
+        difference(&second.turn, &first.turn),
+        seen(&faster, &velocity),
+        seen(&spun, &angular_velocity),
+    ]
+    .map(|x| dot(&x, &x))
 }
 
-/// Place and orientation of the second body in axes of the first.
-fn seen(planar: bool, motions: [&Motion; 2]) -> ([f64; 3], [f64; 4]) {
-    let link = difference(&motions[1].place, &motions[0].place);
-    let [first, second] = motions.map(|motion| {
-        if planar {
-            let (sin, cos) = (0.5 * motion.p[0]).sin_cos();
-            [cos, 0.0, 0.0, sin]
-        } else {
-            motion.p
+/// The second of two bodies in the plane in axes of the first; the velocity in ground axes.
+struct Flat {
+    place: [f64; 2],
+    angle: f64,
+    velocity: [f64; 2],
+    angular_velocity: f64,
+}
+
+impl Flat {
+    fn new(bodies: [usize; 2], [q, v]: [&[f64]; 2]) -> Self {
+        let ([x, y, angle], turned) = apart(bodies, q);
+        let ([u, w, angular_velocity], spin) = apart(bodies, v);
+        let (sin, cos) = turned.sin_cos();
+        Self {
+            place: [cos * x + sin * y, cos * y - sin * x],
+            angle,
+            velocity: [u + spin * y, w - spin * x],
+            angular_velocity,
         }
-    });
-    (rotate_back(&first, &link), product(&conjugate(&first), &second))
+    }
+}
+
+/// Coordinates, or their rates or changes, of two bodies in the plane: the difference, and the angle of the first.
+#[inline(always)]
+fn apart([first, second]: [usize; 2], x: &[f64]) -> ([f64; 3], f64) {
+    let (bodies, _) = x.as_chunks::<3>();
+    let (a, b) = (&bodies[first], &bodies[second]);
+    ([b[0] - a[0], b[1] - a[1], b[2] - a[2]], a[2])
+}
+
+/// As [`changes`], in the plane.
+#[inline(always)]
+fn flat_changes(bodies: [usize; 2], [q, v]: [&[f64]; 2], [dq, dv]: [&[f64]; 2]) -> [f64; 4] {
+    let (link, _) = apart(bodies, q);
+    let (speed, spin) = apart(bodies, v);
+    let (moved, turn) = apart(bodies, dq);
+    let (faster, spun) = apart(bodies, dv);
+    let velocity = [speed[0] + spin * link[1], speed[1] - spin * link[0]];
+    let place = [moved[0] + turn * link[1], moved[1] - turn * link[0]];
+    let rate = [
+        faster[0] + spun * link[1] + spin * moved[1] + turn * velocity[1],
+        faster[1] - spun * link[0] - spin * moved[0] - turn * velocity[0],
+    ];
+    [dot(&place, &place), moved[2] * moved[2], dot(&rate, &rate), faster[2] * faster[2]]
 }
 
 fn size(x: &[f64; 3]) -> f64 {
@@ -240,15 +285,7 @@ mod tests {
     }
 
     fn ties(start: &State) -> Ties {
-        let mut out = Ties {
-            planar: false,
-            pairs: vec![Tie { bodies: [0, 1], ..Tie::default() }],
-            motions: vec![Motion::default(); 2],
-            changes: vec![Change::default(); 2],
-        };
-        out.move_to([&start.q, &start.v]);
-        out.pairs[0].start = seen(false, [&out.motions[0], &out.motions[1]]);
-        out
+        Ties::of(vec![[0, 1]], false, 2, start)
     }
 
     fn two(turn: f64) -> State {
@@ -355,5 +392,51 @@ mod tests {
         }
         let norm = ties.norm([&here.q, &here.v], [&dq, &dv]);
         assert!(norm < 1e-11, "{norm}");
+    }
+
+    #[test] // independent truth: the same bodies in space
+    fn the_plane_is_a_part_of_space() {
+        let turned = |angle: f64| exponential(&[0.0, 0.0, angle]);
+        let bodies = [([0.3, -0.2], 0.4, [3.0, 1.0], 9.0), ([1.1, 0.6], 2.9, [2.0, -1.0], -4.0)];
+        let (mut flat, mut deep) = (State::default(), Vec::new());
+        for ([x, y], angle, [u, w], spin) in bodies {
+            flat.q.extend([x, y, angle]);
+            flat.v.extend([u, w, spin]);
+            deep.push(([x, y, 0.0], turned(angle), [u, w, 0.0], [0.0, 0.0, spin]));
+        }
+        let deep = state([deep[0], deep[1]]);
+        let later = |flat: &State, deep: &State| {
+            let (mut flat, mut deep) = (flat.clone(), deep.clone());
+            for (b, turn) in [0.5, -4.0].into_iter().enumerate() {
+                flat.q[3 * b] += 0.7;
+                deep.q[7 * b] += 0.7;
+                flat.q[3 * b + 2] += turn;
+                let p = product(&turned(turn), &parameters(&deep.q.as_chunks().0[b]));
+                deep.q[7 * b + 3..][..4].copy_from_slice(&p);
+                let rate = e_transposed_times(&p, &[0.0, 0.0, 0.5 * flat.v[3 * b + 2]]);
+                deep.v[7 * b + 3..][..4].copy_from_slice(&rate);
+            }
+            (flat, deep)
+        };
+        let mut both = [Ties::of(vec![[0, 1]], true, 2, &flat), ties(&deep)];
+        let (flat, deep) = later(&flat, &deep);
+        both[0].set(&flat, &TOLERANCE);
+        both[1].set(&deep, &TOLERANCE);
+        let (dq, dv) = ([0.1, -0.3, 0.2, 0.4, 0.5, -0.7], [2.0, 1.0, -1.5, 0.3, -2.0, 0.8]);
+        let (mut deep_dq, mut deep_dv) = (Vec::new(), Vec::new());
+        for b in [0, 1] {
+            let [p, rate] = [&deep.q, &deep.v].map(|x| parameters(&x.as_chunks().0[b]));
+            let half = |x: f64| [0.0, 0.0, 0.5 * x];
+            let dp = e_transposed_times(&p, &half(dq[3 * b + 2]));
+            // δṗ = ½ Eᵀ(p) δω + ½ Eᵀ(δp) ω with ω = 2 E(p) ṗ
+            let own = e_transposed_times(&p, &half(dv[3 * b + 2]));
+            let carried = e_transposed_times(&dp, &e_times(&p, &rate));
+            deep_dq.extend([dq[3 * b], dq[3 * b + 1], 0.0].iter().chain(&dp));
+            deep_dv.extend([dv[3 * b], dv[3 * b + 1], 0.0]);
+            deep_dv.extend((0..4).map(|k| own[k] + carried[k]));
+        }
+        let here = both[0].norm([&flat.q, &flat.v], [&dq, &dv]);
+        let there = both[1].norm([&deep.q, &deep.v], [&deep_dq, &deep_dv]);
+        assert!((here / there - 1.0).abs() < 1e-7, "{here} {there}");
     }
 }

@@ -6,8 +6,8 @@ use crate::model::Tolerance;
 use crate::system::{Measure, Sizes, State, System};
 use std::f64::consts::TAU;
 
-/// Scales of one body: translation, rotation, velocity, angular velocity.
-type BodyScales = [f64; 4];
+/// Inverse squares of the tolerances of one body: translation, rotation, velocity, angular velocity.
+type BodyWeights = [f64; 4];
 
 /// The norm of `docs/theory/method.md` (3)-(9c): a change is measured on all coordinates of each body, so that neither the
 /// choice of independent coordinates nor the place of the model in space changes it.
@@ -24,7 +24,7 @@ pub struct Weights {
     translations: usize,
     /// 2 for Euler parameters, 1 for an angle.
     angle_factor: f64,
-    bodies: Vec<BodyScales>,
+    bodies: Vec<BodyWeights>,
     extra_scales: Vec<f64>,
     extra: Vec<f64>,
     ties: Ties,
@@ -40,8 +40,12 @@ struct Independent {
     absolute: Vec<f64>,
 }
 
+fn square(x: &[f64]) -> f64 {
+    x.iter().map(|v| v * v).sum()
+}
+
 fn length(x: &[f64]) -> f64 {
-    x.iter().map(|v| v * v).sum::<f64>().sqrt()
+    square(x).sqrt()
 }
 
 impl Weights {
@@ -116,7 +120,7 @@ impl Weights {
     pub fn set(&mut self, state: &State) {
         let Tolerance { relative, translation, rotation } = self.tolerance;
         let (n, d) = (self.per_body, self.translations);
-        for (b, scales) in self.bodies.iter_mut().enumerate() {
+        for (b, weights) in self.bodies.iter_mut().enumerate() {
             let (q, q0) = (&state.q[b * n..(b + 1) * n], &self.start[b * n..(b + 1) * n]);
             let v = &state.v[b * n..(b + 1) * n];
             let moved = q[..d].iter().zip(q0).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
@@ -127,12 +131,13 @@ impl Weights {
                 let cosine: f64 = q[d..].iter().zip(&q0[d..]).map(|(x, y)| x * y).sum();
                 2.0 * cosine.abs().min(1.0).acos()
             };
-            *scales = [
+            *weights = [
                 translation + relative * moved,
                 rotation + relative * turned,
                 translation + relative * length(&v[..d]),
                 rotation + relative * self.angle_factor * length(&v[d..]),
-            ];
+            ]
+            .map(|scale| scale.powi(-2));
         }
         self.ties.set(state, &self.tolerance);
         let scaled = self.extra_scales.iter().zip(&state.z);
@@ -144,18 +149,12 @@ impl Weights {
     /// Weighted norm of a change of positions, velocities and extra states; 1 is on tolerance. `at` are the
     /// coordinates and velocities that change, where they are known.
     pub fn norm(&mut self, at: Option<[&[f64]; 2]>, [dq, dv]: [&[f64]; 2], dz: &[f64]) -> f64 {
-        let (n, d) = (self.per_body, self.translations);
-        let mut largest = 0.0f64;
-        for (b, scales) in self.bodies.iter().enumerate() {
-            let (q, v) = (&dq[b * n..(b + 1) * n], &dv[b * n..(b + 1) * n]);
-            let parts = [
-                length(&q[..d]) / scales[0],
-                self.angle_factor * length(&q[d..]) / scales[1],
-                length(&v[..d]) / scales[2],
-                self.angle_factor * length(&v[d..]) / scales[3],
-            ];
-            largest = keep_larger(largest, 0.5 * length(&parts));
-        }
+        let largest = if self.per_body == 7 {
+            largest_square::<7, 3>(dq, dv, &self.bodies)
+        } else {
+            largest_square::<3, 2>(dq, dv, &self.bodies)
+        };
+        let mut largest = 0.5 * largest.sqrt();
         if let Some(at) = at {
             largest = keep_larger(largest, self.ties.norm(at, [dq, dv]));
         }
@@ -164,6 +163,26 @@ impl Weights {
         }
         largest
     }
+}
+
+/// Largest sum over the bodies of four weighted squares.
+fn largest_square<const N: usize, const D: usize>(
+    dq: &[f64],
+    dv: &[f64],
+    bodies: &[BodyWeights],
+) -> f64 {
+    // An Euler parameter counts as half an angle.
+    let turns = if N == 7 { 4.0 } else { 1.0 };
+    let mut largest = 0.0f64;
+    let changes = dq.as_chunks::<N>().0.iter().zip(dv.as_chunks::<N>().0);
+    for ((q, v), weights) in changes.zip(bodies) {
+        let squares = weights[0] * square(&q[..D])
+            + weights[1] * turns * square(&q[D..])
+            + weights[2] * square(&v[..D])
+            + weights[3] * turns * square(&v[D..]);
+        largest = keep_larger(largest, squares);
+    }
+    largest
 }
 
 /// Maximum that does not pass over NaN.
