@@ -229,14 +229,40 @@ fn paths_that_lead_nowhere_are_refused_with_the_nearest() {
         assert_eq!(errors.errors[0].code, Code::UnknownPath, "{path}");
         assert!(errors.render().contains(nearest), "{path}: {}", errors.render());
     }
-    let errors = d.with_values(&[("bodies.base.mass", json!(null))]).unwrap_err();
-    assert_eq!(errors.errors[0].path, "bodies.base.mass");
     let errors =
         d.with_values(&[("bodies.base.mass", json!("heavy"))]).unwrap().build().unwrap_err();
     assert_eq!(
         (errors.errors[0].code, errors.errors[0].location.is_none()),
         (Code::WrongType, true)
     );
+}
+
+#[test] // truth: what is said to switch the item off does
+fn null_is_no_value_and_the_way_to_remove_is_told() {
+    let d = document(SPATIAL).unwrap();
+    for (path, value, way) in [
+        ("joints.weld", json!(null), Some("joints.weld")),
+        ("forces.rubber.stiffness", json!([1.0, null, 1.0]), Some("forces.rubber")),
+        ("forces.rubber.stiffness[1]", json!(null), Some("forces.rubber")),
+        ("parameters.speed", json!(null), None),
+        ("gravity", json!(null), None),
+    ] {
+        let errors = d.with_values(&[(path, value)]).unwrap_err();
+        let [error] = &errors.errors[..] else { panic!("{errors:?}") };
+        assert_eq!((error.code, error.path.as_str()), (Code::UnusableValue, path));
+        assert!(error.message.contains("null"), "{error:?}");
+        let told = error.help.split('`').find_map(|part| part.strip_suffix(".enabled = false"));
+        assert_eq!(told, way, "{error:?}");
+        if let Some(item) = told {
+            let off = d.with_values(&[(format!("{item}.enabled"), json!(false))]).unwrap();
+            let name = item.split('.').nth(1).unwrap();
+            let model = off.build().unwrap().0;
+            assert!(model.joints.iter().all(|j| j.name != name));
+            assert!(model.forces.iter().all(|f| f.name != name));
+        }
+    }
+    let errors = d.with_values(&[("bodies.base.mass", json!(1e200))]).unwrap_err();
+    assert_eq!(errors.errors[0].code, Code::NotFinite);
 }
 
 #[test]
