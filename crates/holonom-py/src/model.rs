@@ -84,7 +84,9 @@ pub(crate) fn parse(
         let document = Document::parse(text, syntax, name, &mut resolver)?;
         let document = document.with_meshes(&mut reader)?;
         let (model, warnings) = document.build()?;
-        Ok(CoreModel { document, problem: Problem::new(model), warnings })
+        let problem = Problem::new(model);
+        document.check_channels(&problem)?;
+        Ok(CoreModel { document, problem, warnings })
     };
     watched(py, on_stage.as_ref(), work).whole()?.map_err(|e| refused(&e))
 }
@@ -110,7 +112,9 @@ impl CoreModel {
         let work = || {
             let document = self.document.with_values(&values)?;
             let (model, warnings) = document.build()?;
-            Ok(Self { document, problem: self.problem.with_model(model), warnings })
+            let problem = self.problem.with_model(model);
+            document.check_channels(&problem)?;
+            Ok(Self { document, problem, warnings })
         };
         watched(py, None, work).whole()?.map_err(|e| refused(&e))
     }
@@ -162,9 +166,8 @@ impl CoreModel {
     ) -> PyResult<String> {
         let problem = &self.problem;
         let work = || {
-            // Names of channels may be patterns, which the caller expands as for a run.
             let mut options = Choices::of_file(problem.model())?;
-            let channels = std::mem::take(&mut options.channels);
+            options.channels.clear(); // of patterns too; they were checked when the file was read
             let warnings = check_run(problem, &options)?;
             let assembled = problem.assemble()?;
             let values = spectrum.then(|| self::spectrum(assembled)).transpose().map_err(|e| {
@@ -172,7 +175,7 @@ impl CoreModel {
                 RunError::Assembly(AssemblyError::Evaluation(failure))
             })?;
             let summary = problem.summary(assembled);
-            Ok(report::check(problem, assembled, &summary, values, &warnings, &channels))
+            Ok(report::check(problem, assembled, &summary, values, &warnings))
         };
         watched(py, on_stage.as_ref(), work).whole()?.map_err(not_run)
     }

@@ -8,6 +8,7 @@ use holonom::model::{
 };
 use holonom::newton::JacobianSource;
 use holonom::reduction::Choice;
+use holonom::simulation::Problem;
 use serde_json::json;
 
 fn document(text: &str) -> Result<Document, ModelErrors> {
@@ -263,6 +264,45 @@ fn null_is_no_value_and_the_way_to_remove_is_told() {
     }
     let errors = d.with_values(&[("bodies.base.mass", json!(1e200))]).unwrap_err();
     assert_eq!(errors.errors[0].code, Code::NotFinite);
+}
+
+#[test] // truth: the channels that docs/conventions.md lists
+fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
+    let with = |channels: &str| {
+        let text =
+            format!("{DOUBLE_PENDULUM}[outputs]\nchannels = [\"energy.total\", {channels}]\n");
+        let d = document(&text).unwrap();
+        let problem = Problem::new(d.build().unwrap().0);
+        d.check_channels(&problem)
+    };
+    for known in [
+        "upper.position",
+        "upper.*",
+        "*.position",
+        "*.*",
+        "upper.position[1]",
+        "pivot.a*",
+        "pivot.force",
+        "constraint.position",
+    ] {
+        assert!(with(&format!("\"{known}\"")).is_ok(), "{known}");
+    }
+    for (unknown, help) in [
+        ("upper.velocityy", "did you mean `velocity`?"),
+        ("upper.yaw_pitch_roll", "`angle`"),
+        ("upper.position[2]", "up to 1"),
+        ("upper.angle[0]", "leave the index out"),
+        ("*.positon", "did you mean `position`?"),
+        ("pivot.x*", "`angle`"),
+    ] {
+        let errors = with(&format!("\n  \"{unknown}\"")).unwrap_err();
+        let [error] = &errors.errors[..] else { panic!("{errors:?}") };
+        assert_eq!((error.code, error.path.as_str()), (Code::UnknownName, "outputs.channels[1]"));
+        let place = error.location.as_ref().unwrap();
+        let line = DOUBLE_PENDULUM.lines().count() + 3;
+        assert_eq!((place.file.as_str(), place.line), ("model.toml", line), "{error:?}");
+        assert!(error.message.contains(unknown) && error.help.contains(help), "{error:?}");
+    }
 }
 
 #[test]

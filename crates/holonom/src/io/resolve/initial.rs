@@ -178,7 +178,8 @@ impl Context<'_> {
         out
     }
 
-    /// Channels are `item.quantity`; that the item exists is checked here, the quantity by the run.
+    /// Channels are `item.quantity`; that the item exists is checked here, the quantity where the model is compiled:
+    /// [`crate::io::Document::check_channels`].
     pub(super) fn outputs(&mut self) -> Outputs {
         let file = self.file;
         let known: IndexSet<&str> = ["energy", "constraint", "*"]
