@@ -383,6 +383,21 @@ def test_a_failed_start_leaves_an_older_result_alone(model: holonom.Model, tmp_p
     assert path.read_bytes() == before
 
 
+def test_a_tolerance_in_part_is_the_same_in_a_file_and_in_a_call(pendulum: Path) -> None:
+    text = pendulum.read_text()
+    part = {"relative": 1e-7}
+    stated = text.replace("tolerance = 1.0e-6", "tolerance = { relative = 1e-7 }")
+    free = text.replace("tolerance = 1.0e-6\n", "")
+    of_file = holonom.Model.from_text(stated).simulate(end_time=0.01)
+    of_call = holonom.Model.from_text(free).simulate(end_time=0.01, tolerance=part)
+    assert of_file.options["tolerance"] == of_call.options["tolerance"]
+    assert of_file.options["tolerance"] == {
+        "relative": 1e-7,
+        "translation": 1e-4,
+        "rotation": 1e-4,
+    }
+
+
 def test_extends_stays_in_the_tree_of_model_folders(pendulum: Path) -> None:
     folder = pendulum.parents[1] / "variant"
     folder.mkdir()

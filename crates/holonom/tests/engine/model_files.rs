@@ -305,6 +305,24 @@ fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
     }
 }
 
+#[test] // truth: docs/conventions.md, what is not stated of a tolerance in parts is 1e-4
+fn a_tolerance_may_be_stated_in_part() {
+    let with = |tolerance: &str| build(&format!("{DOUBLE_PENDULUM}tolerance = {tolerance}\n"));
+    let parts = |tolerance: &str| {
+        let t = with(tolerance).unwrap().simulation.tolerance.unwrap();
+        [t.relative, t.translation, t.rotation]
+    };
+    assert_eq!(parts("{ relative = 1e-6 }"), [1e-6, 1e-4, 1e-4]);
+    assert_eq!(parts("{ rotation = 1e-3, translation = 1e-2 }"), [1e-4, 1e-2, 1e-3]);
+    assert_eq!(parts("1e-6"), [1e-6; 3]);
+    let d = document(DOUBLE_PENDULUM).unwrap();
+    let d = d.with_values(&[("simulation.tolerance.translation", json!(1e-5))]).unwrap();
+    assert_eq!(d.build().unwrap().0.simulation.tolerance.unwrap().translation, 1e-5);
+    let errors = with("{}").unwrap_err();
+    assert_eq!(errors.errors[0].path, "simulation.tolerance");
+    assert!(with("{ relative = -1.0 }").is_err());
+}
+
 #[test]
 fn a_variant_changes_what_it_names_and_keeps_the_rest() {
     let variant = r#"
