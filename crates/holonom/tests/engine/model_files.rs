@@ -396,6 +396,85 @@ fn warnings_speak_of_what_is_legal_but_implausible() {
     assert_eq!(warnings[0].code, Code::NotStated);
 }
 
+/// Paths of what looks like another unit in a linkage whose values are these.
+fn suspected(values: [&str; 6]) -> Vec<String> {
+    let [angle, shift, motion, drive, free, rod] = values;
+    let text = format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+arm = {{ mass = 1.0, inertia = 0.01, position = [0.25, 0.0] }}
+slider = {{ mass = 1.0, inertia = 0.01, position = [0.0, 0.5] }}
+car = {{ mass = 1.0, inertia = 0.01, position = [0.0, 1.0] }}
+bob = {{ mass = 1.0, inertia = 0.01, position = [1.0, 1.0] }}
+[joints]
+hinge = {{ type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0] }}
+rail = {{ type = "translational", between = ["ground", "slider"], point = [0.0, 0.75], axis = [1.0, 0.0] }}
+road = {{ type = "translational", between = ["ground", "car"], point = [0.0, 1.2], axis = [1.0, 0.0] }}
+rod = {{ type = "distance", between = ["arm", "bob"], points = [[0.5, 0.0], [1.0, 1.0]], {rod} }}
+[forces]
+spring = {{ type = "tsda", between = ["arm", "slider"], points = [[0.0, 0.0], [0.0, 0.25]], stiffness = 10.0, {free} }}
+[drivers]
+turn = {{ joint = "hinge", coordinate = "rotation", motion = {motion} }}
+drive = {{ joint = "road", coordinate = "translation", motion = {drive} }}
+[initial.joints]
+hinge = {{ angle = {angle} }}
+rail = {{ displacement = {shift} }}
+"#
+    );
+    let warnings = document(&text).unwrap().build().unwrap().1;
+    assert!(warnings.iter().all(|w| w.code == Code::Implausible && w.location.is_some()));
+    warnings.into_iter().map(|w| w.path).collect()
+}
+
+#[test] // truth: the same mechanism in metres and radians, and in millimetres and degrees
+fn starts_drivers_and_lengths_in_other_units_bring_warnings() {
+    let right = ["1.5707963", "0.25", "0.7853982", "0.1", "free_length = 0.2", "length = 1.2"];
+    assert_eq!(suspected(right), [""; 0]);
+    let wrong = ["90", "250", "45", "200", "free_length = 200", "length = 1200"];
+    let expected = [
+        "forces.spring.free_length",
+        "joints.rod.length",
+        "initial.joints.hinge.angle",
+        "initial.joints.rail.displacement",
+        "drivers.turn.motion",
+        "drivers.drive.motion",
+    ];
+    assert_eq!(suspected(wrong), expected);
+    for (at, path) in [4, 5, 0, 1, 2, 3].into_iter().zip(expected) {
+        let mut one = right;
+        one[at] = wrong[at];
+        assert_eq!(suspected(one), [path]);
+    }
+    for (motion, path) in [
+        (r#"{ type = "smooth_step", from = 0.0, to = 90.0, start = 0.0, end = 1.0 }"#, "to"),
+        (r#"{ type = "harmonic", amplitude = 30.0, angular_frequency = 2.0 }"#, "amplitude"),
+        (
+            r#"{ type = "harmonic", amplitude = 0.5, angular_frequency = 2.0, phase = 90.0 }"#,
+            "phase",
+        ),
+        (r#"{ type = "polynomial", coefficients = [45.0, 1.0] }"#, "coefficients[0]"),
+    ] {
+        let mut one = right;
+        one[2] = motion;
+        assert_eq!(suspected(one), [format!("drivers.turn.motion.{path}")]);
+    }
+    // What turns or drives far is no other unit, nor is a few turns more.
+    for (at, value) in [
+        (2, r#"{ type = "polynomial", coefficients = [0.0, 100.0] }"#),
+        (2, "12.566370614359172"),
+        (3, r#"{ type = "smooth_step", from = 0.0, to = 500.0, start = 0.0, end = 9.0 }"#),
+        (4, "free_length = 5.0"),
+        (1, "20.0"),
+    ] {
+        let mut one = right;
+        one[at] = value;
+        assert_eq!(suspected(one), [""; 0], "{value}");
+    }
+}
+
 #[test]
 fn a_motion_that_ends_before_the_run_brings_a_warning() {
     let text = DOUBLE_PENDULUM.replace(
