@@ -13,9 +13,10 @@ use holonom::simulation::{
 };
 use holonom::system::Sample;
 use holonom::watch::unwatched;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyException, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::{Mutex, PoisonError};
 
 /// A validated model.
 #[pyclass(frozen, module = "holonom._core")]
@@ -78,9 +79,10 @@ pub(crate) fn parse(
             return Err(PyValueError::new_err(message));
         }
     };
+    let raised = Mutex::new(None);
     let work = || {
-        let mut resolver = |path: &str| read_by::<String>(&read, path);
-        let mut reader = |path: &str| read_by::<Vec<u8>>(&read_bytes, path);
+        let mut resolver = |path: &str| read_by::<String>(&read, path, &raised);
+        let mut reader = |path: &str| read_by::<Vec<u8>>(&read_bytes, path, &raised);
         let document = Document::parse(text, syntax, name, &mut resolver)?;
         let document = document.with_meshes(&mut reader)?;
         let (model, warnings) = document.build()?;
@@ -88,17 +90,32 @@ pub(crate) fn parse(
         document.check_channels(&problem)?;
         Ok(CoreModel { document, problem, warnings })
     };
-    watched(py, on_stage.as_ref(), work).whole()?.map_err(|e| refused(&e))
+    let found = watched(py, on_stage.as_ref(), work);
+    if let Some(interruption) = raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(interruption);
+    }
+    found.whole()?.map_err(|e| refused(&e))
 }
 
-/// What a function of the caller reads from a path, or its reason not to.
-fn read_by<T>(read: &Py<PyAny>, path: &str) -> Result<T, String>
+/// What a function of the caller reads from a path, or its reason not to. What is raised to end the caller, as by Ctrl-C,
+/// is no such reason: it is kept in `raised`, and nothing more is read.
+fn read_by<T>(read: &Py<PyAny>, path: &str, raised: &Mutex<Option<PyErr>>) -> Result<T, String>
 where
     T: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>,
 {
     let call = |py: Python<'_>| {
+        let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
+        if raised.is_some() {
+            return Err("interrupted".to_owned());
+        }
         let found = read.call1(py, (path,)).and_then(|value| value.extract::<T>(py));
-        found.map_err(|error| error.value(py).to_string())
+        found.map_err(|error| {
+            let reason = error.value(py).to_string();
+            if !error.is_instance_of::<PyException>(py) {
+                *raised = Some(error);
+            }
+            reason
+        })
     };
     unwatched(|| Python::attach(call))
 }
