@@ -239,6 +239,22 @@ def test_every_refusal_has_its_status_and_one_message(
     assert pendulum.read_text() == PENDULUM
 
 
+def test_the_exit_status_of_a_run_is_in_its_data(
+    pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["run", str(pendulum), "-o", str(tmp_path / "rod.holonom"), "--json"]
+    assert invoke([*line, "--end-time", "0.1"]) == 0
+    facts = output_json(capsys)
+    assert facts["exit_status"] == 0
+    assert "error" not in facts
+    assert invoke([*line, "--end-time", "0.2", "--max-steps", "1"]) == 3
+    facts = output_json(capsys)
+    assert facts["exit_status"] == 3
+    assert facts["error"]["code"] == "simulation/max-steps"
+    assert invoke([*line, "--end-time", "-1"]) == 1
+    assert output_json(capsys)["exit_status"] == 1
+
+
 def test_a_channel_of_the_file_that_is_not_there_is_refused_with_the_file(
     pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
