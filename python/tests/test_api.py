@@ -15,6 +15,7 @@ import pytest
 from conftest import MODELS, PENDULUM
 
 import holonom
+from holonom.model import reading
 from holonom.store.memory import Memory
 from holonom.store.writer import Writer
 
@@ -381,6 +382,49 @@ def test_a_failed_start_leaves_an_older_result_alone(model: holonom.Model, tmp_p
     with pytest.raises(holonom.UsageError):
         model.simulate(output=path, method="ForSDIRC")
     assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("what", ["extends", "meshes"])
+def test_an_interruption_while_files_are_read_is_let_through(
+    pendulum: Path, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    variant = pendulum.parent.parent / "variant" / "model.toml"
+    variant.parent.mkdir()
+    text = 'holonom = 1\nextends = "../rod/model.toml"\n'
+    for name in ("first", "second"):
+        text += f'[bodies.rod.shapes.{name}]\ntype = "mesh"\nfile = "{name}.stl"\n'
+    variant.write_text(text)
+    read: list[str] = []
+
+    def interrupted(path: Path) -> bytes:
+        read.append(path.name)
+        raise KeyboardInterrupt
+
+    if what == "meshes":
+        monkeypatch.setattr(reading, "_read_mesh", interrupted)
+    else:
+        whole = reading._read
+        monkeypatch.setattr(
+            reading, "_read", lambda path: whole(path) if path == variant else interrupted(path)
+        )
+    with pytest.raises(KeyboardInterrupt):
+        holonom.Model.load(variant)
+    assert read == ["first.stl" if what == "meshes" else "model.toml"]  # and nothing after it
+
+
+def test_a_tolerance_in_part_is_the_same_in_a_file_and_in_a_call(pendulum: Path) -> None:
+    text = pendulum.read_text()
+    part = {"relative": 1e-7}
+    stated = text.replace("tolerance = 1.0e-6", "tolerance = { relative = 1e-7 }")
+    free = text.replace("tolerance = 1.0e-6\n", "")
+    of_file = holonom.Model.from_text(stated).simulate(end_time=0.01)
+    of_call = holonom.Model.from_text(free).simulate(end_time=0.01, tolerance=part)
+    assert of_file.options["tolerance"] == of_call.options["tolerance"]
+    assert of_file.options["tolerance"] == {
+        "relative": 1e-7,
+        "translation": 1e-4,
+        "rotation": 1e-4,
+    }
 
 
 def test_extends_stays_in_the_tree_of_model_folders(pendulum: Path) -> None:

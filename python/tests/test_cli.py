@@ -239,6 +239,40 @@ def test_every_refusal_has_its_status_and_one_message(
     assert pendulum.read_text() == PENDULUM
 
 
+def test_the_exit_status_of_a_run_is_in_its_data(
+    pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["run", str(pendulum), "-o", str(tmp_path / "rod.holonom"), "--json"]
+    assert invoke([*line, "--end-time", "0.1"]) == 0
+    facts = output_json(capsys)
+    assert facts["exit_status"] == 0
+    assert "error" not in facts
+    assert invoke([*line, "--end-time", "0.2", "--max-steps", "1"]) == 3
+    facts = output_json(capsys)
+    assert facts["exit_status"] == 3
+    assert facts["error"]["code"] == "simulation/max-steps"
+    assert invoke([*line, "--end-time", "-1"]) == 1
+    assert output_json(capsys)["exit_status"] == 1
+
+
+def test_a_channel_of_the_file_that_is_not_there_is_refused_with_the_file(
+    pendulum: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wrong = pendulum.with_name("wrong.toml")
+    channels = [line for line in PENDULUM.splitlines() if line.startswith("channels")]
+    assert len(channels) == 1
+    wrong.write_text(PENDULUM.replace(channels[0], 'channels = ["rod.velocityy"]'))
+    number = PENDULUM.splitlines().index(channels[0]) + 1
+    for command in (["check"], ["run", "-o", str(tmp_path / "rod.holonom")]):
+        assert invoke([command[0], str(wrong), *command[1:], "--json"]) == 2
+        error = output_json(capsys)["error"]
+        assert error["code"] == "model/unknown-name"
+        (problem,) = error["errors"]
+        assert (problem["file"], problem["line"]) == (str(wrong), number)
+        assert problem["help"] == "did you mean `velocity`?"
+    assert not (tmp_path / "rod.holonom").exists()
+
+
 def test_without_a_command_the_help_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke(["--help"]) == 0
     assert "130 interrupted" in " ".join(capsys.readouterr().out.split())

@@ -329,6 +329,36 @@ def test_a_reference_of_other_values_or_of_too_short_a_time_is_told(
     assert comparison.rows[0].measure > 10.0  # the other mass is seen
 
 
+def test_a_reference_of_another_model_is_compared_in_what_both_have() -> None:
+    text = """
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+arm = { mass = 1.0, inertia = 0.1, position = [1.0, 0.0] }
+tip = { mass = 1.0, inertia = 0.1, position = [3.0, 0.0] }
+[simulation]
+end_time = 0.2
+"""
+    model = holonom.Model.from_text(text)
+    renamed = text.replace("tip", "end")
+    other = holonom.Model.from_text(renamed).simulate(interval=0.1, tolerance=1e-9)
+    asked: dict[str, Any] = {"methods": ["ForSDIRK"], "tolerances": [1e-3], "repeat": 0}
+    comparison = holonom.compare(model, reference=other, **asked)
+    # The arm falls alike in both: only names differ.
+    assert comparison.channels == ("arm.position[0]", "arm.position[1]", "arm.angle")
+    assert comparison.rows[0].measure is not None
+    assert comparison.rows[0].measure < 1.0
+    (said,) = [warning for warning in comparison.warnings if "which has no" in warning]
+    assert "no `tip.position`, `tip.angle`, while this one has no `end.position`" in said
+    with pytest.raises(holonom.UsageError, match=r"which has no `tip\.position`") as caught:
+        holonom.compare(model, reference=other, channels=["tip.position"], **asked)
+    assert "`arm.position`" in str(caught.value)
+    nothing = holonom.Model.from_text(renamed.replace("arm", "leg")).simulate(interval=0.1)
+    with pytest.raises(holonom.UsageError, match="is of another model"):
+        holonom.compare(model, reference=nothing, **asked)
+
+
 def test_angles_of_spatial_models_are_compared_without_whole_turns() -> None:
     model = holonom.Model.from_text(TOP, name="top")
     # Exact: the yaw is 5 t, told as a principal value; codes may jump at different output times.

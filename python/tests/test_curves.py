@@ -110,6 +110,45 @@ def test_runs_are_laid_over_each_other_with_their_names(tmp_path: Path) -> None:
     assert labels == ["model (1)", "model (2)"]
 
 
+def test_runs_of_different_models_are_drawn_in_what_they_share() -> None:
+    two = """
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+arm = { mass = 1.0, inertia = 0.1, position = [1.0, 0.0] }
+tip = { mass = 1.0, inertia = 0.1, position = [3.0, 0.0] }
+[outputs]
+channels = ["arm.position", "tip.position"]
+[simulation]
+end_time = 0.1
+"""
+    texts = [two, two.replace("tip", "end"), two.replace("tip", "end").replace("arm", "leg")]
+    first, second, third = [
+        holonom.Model.from_text(text, name=name).simulate()
+        for text, name in zip(texts, "abc", strict=True)
+    ]
+    picture = first.plot(others=[second])
+    assert [panel.title for panel in picture.panels] == ["arm.position, x", "arm.position, y"]
+    assert "b has no tip.position" in picture.panels[0].note
+    assert "tip" not in picture.panels[1].note
+    for work, said in (
+        (lambda: first.plot(others=[third]), "c has no `arm.position`, `tip.position`"),
+        (lambda: first.plot("tip.position", others=[second]), "b has no `tip.position`"),
+        (lambda: first.plot("end.position", others=[second]), "a has no `end.position`"),
+        (
+            lambda: first.plot("arm.position", versus="tip.angle", others=[second]),
+            "b has no `tip.angle`",
+        ),
+    ):
+        with pytest.raises(UsageError, match=said) as caught:
+            work()
+        assert "different models" in str(caught.value)
+        assert caught.value.code == "simulation/unknown-channel"
+    with pytest.raises(UsageError, match=r"no channel `arm\.positon`"):
+        first.plot("arm.positon", others=[second])
+
+
 def test_components_have_names() -> None:
     assert components("b.yaw_pitch_roll", 3) == ["yaw", "pitch", "roll"]
     assert components("b.deformation", 6) == ["x", "y", "z", "rx", "ry", "rz"]

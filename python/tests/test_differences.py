@@ -129,6 +129,11 @@ def test_a_channel_of_one_model_only_is_a_difference() -> None:
     assert found.only_second == ("bar.position",)
     assert not found.equal
     assert not found.differing
+    # What both have is the same, and still the results are not equal.
+    text = str(found)
+    assert "different models" in text
+    assert "equal in common" in text
+    assert "\nequal  " not in text
 
 
 def test_rows_without_steps_are_compared_where_both_have_them() -> None:

@@ -40,13 +40,6 @@ def test_check_and_run_tell_chosen_velocities() -> None:
     assert any(w["code"] == "model/not-stated" for w in result.warnings)
 
 
-def test_check_refuses_a_channel_that_a_run_refuses() -> None:
-    wrong = model('[outputs]\nchannels = ["arm.positon"]\n')
-    for call in (wrong.check, wrong.simulate):
-        with pytest.raises(holonom.UsageError, match=r"arm\.position"):
-            call()
-
-
 def test_joints_start_where_they_are_stated_in_units_of_the_file() -> None:
     stated = "[initial.joints]\nhinge = { angle = 30.0 }\nrail = { displacement = 100.0 }\n"
     result = model(stated, 'units = { angle = "deg", length = "cm" }').simulate(

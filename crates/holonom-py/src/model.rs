@@ -13,9 +13,10 @@ use holonom::simulation::{
 };
 use holonom::system::Sample;
 use holonom::watch::unwatched;
-use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyException, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::sync::{Mutex, PoisonError};
 
 /// A validated model.
 #[pyclass(frozen, module = "holonom._core")]
@@ -78,25 +79,43 @@ pub(crate) fn parse(
             return Err(PyValueError::new_err(message));
         }
     };
+    let raised = Mutex::new(None);
     let work = || {
-        let mut resolver = |path: &str| read_by::<String>(&read, path);
-        let mut reader = |path: &str| read_by::<Vec<u8>>(&read_bytes, path);
+        let mut resolver = |path: &str| read_by::<String>(&read, path, &raised);
+        let mut reader = |path: &str| read_by::<Vec<u8>>(&read_bytes, path, &raised);
         let document = Document::parse(text, syntax, name, &mut resolver)?;
         let document = document.with_meshes(&mut reader)?;
         let (model, warnings) = document.build()?;
-        Ok(CoreModel { document, problem: Problem::new(model), warnings })
+        let problem = Problem::new(model);
+        document.check_channels(&problem)?;
+        Ok(CoreModel { document, problem, warnings })
     };
-    watched(py, on_stage.as_ref(), work).whole()?.map_err(|e| refused(&e))
+    let found = watched(py, on_stage.as_ref(), work);
+    if let Some(interruption) = raised.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(interruption);
+    }
+    found.whole()?.map_err(|e| refused(&e))
 }
 
-/// What a function of the caller reads from a path, or its reason not to.
-fn read_by<T>(read: &Py<PyAny>, path: &str) -> Result<T, String>
+/// What a function of the caller reads from a path, or its reason not to. What is raised to end the caller, as by Ctrl-C,
+/// is no such reason: it is kept in `raised`, and nothing more is read.
+fn read_by<T>(read: &Py<PyAny>, path: &str, raised: &Mutex<Option<PyErr>>) -> Result<T, String>
 where
     T: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>,
 {
     let call = |py: Python<'_>| {
+        let mut raised = raised.lock().unwrap_or_else(PoisonError::into_inner);
+        if raised.is_some() {
+            return Err("interrupted".to_owned());
+        }
         let found = read.call1(py, (path,)).and_then(|value| value.extract::<T>(py));
-        found.map_err(|error| error.value(py).to_string())
+        found.map_err(|error| {
+            let reason = error.value(py).to_string();
+            if !error.is_instance_of::<PyException>(py) {
+                *raised = Some(error);
+            }
+            reason
+        })
     };
     unwatched(|| Python::attach(call))
 }
@@ -110,7 +129,9 @@ impl CoreModel {
         let work = || {
             let document = self.document.with_values(&values)?;
             let (model, warnings) = document.build()?;
-            Ok(Self { document, problem: self.problem.with_model(model), warnings })
+            let problem = self.problem.with_model(model);
+            document.check_channels(&problem)?;
+            Ok(Self { document, problem, warnings })
         };
         watched(py, None, work).whole()?.map_err(|e| refused(&e))
     }
@@ -162,9 +183,8 @@ impl CoreModel {
     ) -> PyResult<String> {
         let problem = &self.problem;
         let work = || {
-            // Names of channels may be patterns, which the caller expands as for a run.
             let mut options = Choices::of_file(problem.model())?;
-            let channels = std::mem::take(&mut options.channels);
+            options.channels.clear(); // of patterns too; they were checked when the file was read
             let warnings = check_run(problem, &options)?;
             let assembled = problem.assemble()?;
             let values = spectrum.then(|| self::spectrum(assembled)).transpose().map_err(|e| {
@@ -172,7 +192,7 @@ impl CoreModel {
                 RunError::Assembly(AssemblyError::Evaluation(failure))
             })?;
             let summary = problem.summary(assembled);
-            Ok(report::check(problem, assembled, &summary, values, &warnings, &channels))
+            Ok(report::check(problem, assembled, &summary, values, &warnings))
         };
         watched(py, on_stage.as_ref(), work).whole()?.map_err(not_run)
     }

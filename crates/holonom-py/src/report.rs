@@ -110,7 +110,6 @@ pub(crate) fn check(
     summary: &ModelSummary,
     spectrum: Option<Spectrum>,
     warnings: &[RunWarning],
-    channels: &[String],
 ) -> String {
     let model = problem.model();
     let tree: Vec<Value> = (summary.tree.iter())
@@ -154,7 +153,7 @@ pub(crate) fn check(
         }),
         "adjustments": adjustments,
         "chosen_velocities": chosen_velocities(problem),
-        "warnings": run_warnings(warnings), "channels": channels,
+        "warnings": run_warnings(warnings),
         "initial_residuals": {
             "position": assembled.stated_residuals.0, "velocity": assembled.stated_residuals.1,
         },

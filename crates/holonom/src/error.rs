@@ -61,7 +61,7 @@ codes! {
     WrongSize = "model/wrong-size", Error;
     /// A spatial item or field stands in a planar model, or the other way round.
     WrongDimension = "model/wrong-dimension", Error;
-    /// A body, marker, joint, table, road, parameter or force of this name does not exist.
+    /// A body, marker, joint, table, road, parameter, force or channel of this name does not exist.
     UnknownName = "model/unknown-name", Error;
     /// An expression after `=` or in braces cannot be read, or has no value that fits.
     Expression = "model/expression", Error;

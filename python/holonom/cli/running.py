@@ -123,7 +123,9 @@ def run(
             live.finish(result.status)
     with result:
         if json_:
-            print_json(facts(result) | ({"error": failure.to_json()} if failure else {}))
+            failed = {} if failure is None else {"error": failure.to_json()}
+            status = Exit.OK if failure is None else failure.exit_code
+            print_json(facts(result) | failed | {"exit_status": int(status)})
         elif not quiet:
             print_summary(result)
             before.tell(result)

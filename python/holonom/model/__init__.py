@@ -222,12 +222,11 @@ class Model(Compiled):
         ModelError
             If the initial state cannot be assembled.
         SimulationError, UsageError
-            If a choice or an output channel of the file cannot be used.
+            If a choice of the file cannot be used.
         """
         require_callable("watch", watch)
         with translated():
             data = json.loads(self._core.check(bool(spectrum), watch))
-        self.expand(data.pop("channels"))
         warnings = [*self.warnings, *data.pop("warnings")]
         return CheckReport(name=self.name, data=data, warnings=warnings)
 

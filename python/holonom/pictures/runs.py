@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from holonom import signals
 from holonom.base.errors import UsageError
+from holonom.base.names import listed
 from holonom.base.text import quoted
 from holonom.channels import split_component
 from holonom.pictures.curves import STILL, Curves, curves
@@ -56,14 +58,18 @@ def plot(
             f"{len(results)} results are given", help=f"a picture shows {MOST_RUNS} of them at most"
         )
     first = results[0]
-    names = first.expand(list(patterns)) if patterns else first.requested
+    names = _named(results, patterns) if patterns else first.requested
     if not names:
         raise UsageError("the run was asked for no channel", help="name at least one")
     if versus is not None and fft:
         raise UsageError("a spectrum is over frequencies", help="leave `fft` or `versus` out")
-    across = [] if versus is None else [_scalar(first, versus)]
-    for result in results[1:]:
-        result.expand([*names, *across])  # refuses what it does not have
+    across = [] if versus is None else [_scalar(results, versus)]
+    called = _labels(results)
+    absent = _absent(results, [*names, *across], called)
+    common = [name for name in names if not any(name in lacking for lacking in absent.values())]
+    if absent and (patterns or across or not common):
+        raise _different_models(absent, common)
+    names = common
     part: dict[str, Any] = {"start": start, "end": end, "interval": interval, "low_pass": low_pass}
     found = [
         curves(result, names, derivative=derivative, even=bool(fft), **part) for result in results
@@ -72,7 +78,7 @@ def plot(
         raise UsageError(
             f"{len(labels)} labels are given for {len(results)} runs", help="give one for each"
         )
-    labels = list(map(str, labels or _labels(results))) if len(results) > 1 else [""]
+    labels = list(map(str, labels or called)) if len(results) > 1 else [""]
     note = "" if low_pass is None else f"low-pass {low_pass:g} Hz"
     if fft:
         return _spectra(found, labels, "hann" if fft is True else str(fft), note)
@@ -80,7 +86,61 @@ def plot(
         over = [curves(result, across, **part)[0] for result in results]
         return _phases(found, over, labels, note)
     panels = [p for rows in zip(*found, strict=True) for p in _panels(rows, labels, note)]
+    if absent:
+        lacking = ", ".join(f"{run} has no {', '.join(names)}" for run, names in absent.items())
+        panels[0] = replace(panels[0], note=", ".join(filter(None, (panels[0].note, lacking))))
     return Picture(", ".join(names), panels)
+
+
+def _named(results: Sequence[Result], patterns: Sequence[str]) -> list[str]:
+    """Return the channels meant by names and patterns, each of the first run that has some."""
+    found = [name for pattern in patterns for name in _meant(results, pattern)[1]]
+    return list(dict.fromkeys(found))
+
+
+def _meant(results: Sequence[Result], pattern: str) -> tuple[Result, list[str]]:
+    """Return the first run that has what a pattern means, and the names of that."""
+    for result in results:
+        with contextlib.suppress(UsageError):
+            return result, result.expand([pattern])
+    return results[0], results[0].expand([pattern])  # refuses it, with the nearest names
+
+
+def _absent(
+    results: Sequence[Result], names: Sequence[str], called: Sequence[str]
+) -> dict[str, list[str]]:
+    """Return the channels that a run has not, or with as many components as the others, by run."""
+    found = {}
+    for result, label in zip(results, called, strict=True):
+        sizes = [_size(result, name) for name in names]
+        lacking = [
+            name
+            for name, size in zip(names, sizes, strict=True)
+            if size is None or size != next(filter(None, (_size(one, name) for one in results)))
+        ]
+        if lacking:
+            found[label] = lacking
+    return found
+
+
+def _size(result: Result, name: str) -> int | None:
+    """Return how many components a channel has; None where there is no such channel."""
+    if name not in result:
+        return None
+    whole, index = split_component(name)
+    quantity = result.quantities.get(whole) or result.model.channels[whole]
+    return quantity.size if index is None else 1
+
+
+def _different_models(absent: dict[str, list[str]], common: Sequence[str]) -> UsageError:
+    lacking = "; ".join(f"{run} has no {listed(names)}" for run, names in absent.items())
+    return UsageError(
+        f"the results are of different models: {lacking}",
+        "simulation/unknown-channel",
+        f"name channels that all of them have, such as {listed(common[:3])}"
+        if common
+        else "name channels that all of them have, such as `energy.total`",
+    )
 
 
 def channels(result: Result, names: Sequence[str], *, whole: bool = False) -> Picture:
@@ -165,10 +225,10 @@ def _stillness(bound: float, unit: str) -> str:
     return f"moves < {STILL:g} tolerances ({f'{bound:.1g} {unit}'.removesuffix(' –')})"
 
 
-def _scalar(result: Result, name: str) -> str:
+def _scalar(results: Sequence[Result], name: str) -> str:
     """Refuse a channel of several components: one must be named."""
     whole, index = split_component(name)
-    found = result.expand([name])
+    result, found = _meant(results, name)
     quantity = result.quantities.get(whole) or result.model.channels.get(whole)
     if len(found) != 1 or (index is None and quantity is not None and quantity.size > 1):
         raise UsageError(

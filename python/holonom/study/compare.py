@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base.errors import SimulationError, UsageError
+from holonom.base.names import listed
 from holonom.base.plain import as_path, require_callable
 from holonom.base.text import quoted
+from holonom.channels import split_component
 from holonom.model import Model
 from holonom.options import Options, Tolerance
 from holonom.result import Result
@@ -28,6 +30,8 @@ Series = NDArray[np.float64]
 
 #: Tolerances of the thesis's tables.
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
+#: Channels that a message names.
+_SHOWN = 6
 #: Errors less than so many times the difference between the reference and its check are in doubt.
 DOUBTFUL = 10.0
 
@@ -113,9 +117,9 @@ def compare(
     if not (channels is None or isinstance(channels, Iterable)):
         raise UsageError(f"`channels` is {quoted(repr(channels))}", help="pass a list of names")
     wanted = targets(loaded, channels)
-    for name, listed in (("methods", methods or ()), ("tolerances", tolerances)):
-        if isinstance(listed, str | Mapping) or not isinstance(listed, Sequence):
-            raise UsageError(f"`{name}` is {quoted(repr(listed))}", help="pass a list of them")
+    for name, given_list in (("methods", methods or ()), ("tolerances", tolerances)):
+        if isinstance(given_list, str | Mapping) or not isinstance(given_list, Sequence):
+            raise UsageError(f"`{name}` is {quoted(repr(given_list))}", help="pass a list of them")
     require_callable("progress", progress)
     if not (reference is None or isinstance(reference, Result | str | Path)):
         raise UsageError(
@@ -170,6 +174,7 @@ def compare(
         start=start,
         repeat=repeat,
         progress=progress,
+        named={split_component(name)[0] for name in channels or ()},
     )
     if given is None:
         begin = {"start_time": choices["start_time"]} if "start_time" in choices else {}
@@ -205,6 +210,8 @@ class _Work:
     start: Mapping[str, Series] | None
     repeat: int
     progress: Progress | None
+    #: Channels that were asked for by name, not by a pattern or as one of a set.
+    named: set[str] = field(default_factory=set)
     candidates: list[Task] = field(default_factory=list)
     outcomes: dict[int, Outcome] = field(default_factory=dict)
     samples: dict[int, list[float]] = field(default_factory=dict)
@@ -219,9 +226,12 @@ class _Work:
         return list(dict.fromkeys(target.channel for target in self.wanted))
 
     def use(self, given: Result) -> None:
-        """Take a given result as the reference."""
+        """Take a given result as the reference.
+
+        Of what was not named, the channels that only one of the models has are left out.
+        """
         if given.meta.get("model_hash") not in (None, self.model.hash):
-            self.warnings.append("the reference is a run of another model, or of other values")
+            self._keep_common(given)
         tolerance = given.options.get("tolerance")
         self.reference = Reference(
             method=str(given.meta.get("method") or given.options.get("method") or "unknown"),
@@ -231,6 +241,31 @@ class _Work:
         )
         values = {name: given.matrix(name) for name in self.channels}
         self.truth = Truth(self.wanted, given.time, values, self.times)
+
+    def _keep_common(self, given: Result) -> None:
+        """Leave out what the reference has not, or refuse where it was asked for by name."""
+        there = {**given.model.channels, **given.quantities}
+
+        def shape(name: str) -> Any:
+            return there[name].shape if name in there else None
+
+        absent = [n for n in self.channels if shape(n) != self.model.channels[n].shape]
+        if not absent:
+            self.warnings.append("the reference is a run of another model, or of other values")
+            return
+        here = self.model.channels
+        known = dict.fromkeys(target.channel for target in targets(given.model, None))
+        others = [name for name in known if name not in here]
+        text = f"the reference is of another model, which has no {_some(absent)}"
+        if others and not self.named:
+            text += f", while this one has no {_some(others)}"
+        kept = [target for target in self.wanted if target.channel not in absent]
+        if not kept or self.named & set(absent):
+            common = [name for name in here if shape(name) == here[name].shape]
+            tip = f"name channels that both have, such as {_some(common)}"
+            raise UsageError(text, "simulation/unknown-channel", tip)
+        self.wanted = kept
+        self.warnings.append(f"{text}: only what both have is compared")
 
     def run(self, processes: int) -> None:
         """Make the reference and all rows; Ctrl-C leaves what is finished."""
@@ -411,6 +446,11 @@ def _coarse(rows: list[Row]) -> list[str]:
 
 def _title(task: Task) -> str:
     return f"{task.label} at {task.choices['tolerance'].relative:.0e}"
+
+
+def _some(names: Sequence[str]) -> str:
+    more = len(names) - _SHOWN
+    return listed(names[:_SHOWN]) + (f" and {more} more" if more > 0 else "")
 
 
 def _said(outcome: Outcome) -> str:

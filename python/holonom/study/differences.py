@@ -140,14 +140,18 @@ class Differences:
             f"{'compared':<22}{len(self.channels)} channels at {self.times} times, {between}",
             f"{'tolerance':<22}{parts}",
         ]
+        if self.only_first or self.only_second:
+            counts = f"{len(self.only_first)} in the first, {len(self.only_second)} in the second"
+            lines.append(f"{'different models':<22}channels in one alone: {counts}")
         lines += [f"{'only in the first':<22}{name}" for name in self.only_first[:SHOWN]]
         lines += [f"{'only in the second':<22}{name}" for name in self.only_second[:SHOWN]]
         lines += [f"{'not the same time':<22}{self.uncovered}"] if self.uncovered else []
         bound = f"{self.within:g} tolerance{'' if self.within == 1.0 else 's'}"
         worst, differing = self.worst, self.differing
         if worst is not None and not differing:
+            label = "equal" if self.equal else "equal in common"
             lines.append(
-                f"{'equal':<22}within {bound}; furthest apart is {worst.name}: "
+                f"{label:<22}within {bound}; furthest apart is {worst.name}: "
                 f"{worst.tolerances:.3g} tolerances at {worst.time:.6g} s"
             )
         elif differing:
@@ -174,7 +178,8 @@ def diff(
     """Compare two results channel by channel, in tolerances.
 
     They are compared at the output times of both; where one has no row, its state is computed from
-    its stored steps. Their models need not be the same.
+    its stored steps. Their models need not be the same: what both have is compared, and a channel
+    that only one of them has is a difference, told with the result that has it.
 
     Parameters
     ----------
@@ -184,7 +189,8 @@ def diff(
         but energies.
     tolerance : float, mapping or Tolerance, optional
         The looser one of the two runs, part by part, when not given. What one tolerance is of a
-        channel, `docs/conventions.md` says under “Certified runs”.
+        channel, `docs/conventions.md` says under “Certified runs”; movements count from the first
+        time compared, so that what has come far since then may be farther off.
     within : float
         So many tolerances count as equal.
     start, end : float, optional

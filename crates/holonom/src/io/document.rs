@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 
 use indexmap::IndexMap;
 
+use super::channels::unknown_channels;
 use super::check::check_file;
 use super::expression::{Part, names, parts};
 use super::limits;
@@ -19,6 +20,7 @@ use super::tree::{Node, Places, Source, Span, Value, location, marks_key, node_a
 use super::units::Units;
 use crate::error::{Code, Diagnostic, ModelErrors, Severity, Warning, told};
 use crate::model::Model;
+use crate::simulation::Problem;
 use crate::watch::{NAMED, checkpoint, stage};
 
 /// What observers are told while a file becomes a model.
@@ -148,6 +150,16 @@ impl Document {
     /// All errors found, up to [`limits::ERRORS_SHOWN`], in file order.
     pub fn build(&self) -> Result<(Model, Vec<Warning>), ModelErrors> {
         stage(READING, || self.built())
+    }
+
+    /// Checks the output channels of the file, whose quantities only the compiled model knows: `problem` is that of the
+    /// model that [`Self::build`] returns.
+    ///
+    /// # Errors
+    /// [`Code::UnknownName`] for every channel that is not there, with the nearest.
+    pub fn check_channels(&self, problem: &Problem) -> Result<(), ModelErrors> {
+        let errors = unknown_channels(problem);
+        if errors.is_empty() { Ok(()) } else { Err(self.collect(errors, &self.expanded())) }
     }
 
     fn built(&self) -> Result<(Model, Vec<Warning>), ModelErrors> {

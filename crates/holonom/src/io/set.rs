@@ -5,7 +5,7 @@ use indexmap::IndexSet;
 use super::check::{COLLECTIONS, kind_fits};
 use super::names::suggestion;
 use super::shape::{Shape, Tagged, model_shape};
-use super::tree::{Entry, Node, Span, Step, Table, Value, join, node_at, parse_path};
+use super::tree::{Entry, Node, Span, Step, Table, Value, join, node_at, parse_path, path_of};
 use crate::error::{Code, Diagnostic};
 
 /// Tables whose names are those of items defined elsewhere.
@@ -33,10 +33,7 @@ pub(super) fn set(
     }
     let new = match Node::from_json(value) {
         Ok(new) => new,
-        Err(reason) => {
-            let message = format!("the value for `{path}`: {reason}");
-            return Err(Box::new(Diagnostic::new(Code::NotFinite, path, message)));
-        }
+        Err(code) => return Err(Box::new(no_value(code, path, &steps))),
     };
     // `parameters.spring` means its value.
     if let [Step::Field(collection), Step::Field(_)] = &steps[..]
@@ -131,6 +128,34 @@ pub(super) fn set(
     }
     *node = new;
     Ok(())
+}
+
+/// Null is what other programs remove things by: the help says how that is done here.
+fn no_value(code: Code, path: &str, steps: &[Step]) -> Diagnostic {
+    if code == Code::NotFinite {
+        let message = format!(
+            "the new value of `{path}` is not finite; numbers of a model are at most 1e100"
+        );
+        return Diagnostic::new(code, path, message).help("look for a slip in the exponent");
+    }
+    let item = match steps {
+        [Step::Field(of), Step::Field(_), ..]
+            if of != "parameters" && COLLECTIONS.contains(&of.as_str()) =>
+        {
+            Some(path_of(&steps[..2]))
+        }
+        _ => None,
+    };
+    let help = match (item, steps.len()) {
+        (Some(item), 2) => format!("`{item}.enabled = false` switches it off"),
+        (Some(item), _) => format!(
+            "give the value that is meant, such as the field's default; `{item}.enabled = false` switches the \
+             whole item off"
+        ),
+        (None, _) => "give the value that is meant, such as the field's default".to_owned(),
+    };
+    let message = format!("the new value of `{path}` is null or holds one, which is no value");
+    Diagnostic::new(code, path, message).help(help)
 }
 
 fn empty() -> Node {

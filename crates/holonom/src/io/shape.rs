@@ -248,11 +248,16 @@ pub(super) fn describe(shape: &Shape, unit: Option<&str>, dimension: Option<Dime
             format!("a list{count}{of} {entries}")
         }
         Shape::Record(record) => {
-            let needed = record.fields.iter().filter(|f| f.required);
-            let names: Vec<_> = needed.map(|f| format!("`{}`", f.name)).collect();
-            match &names[..] {
-                [] => "a table".to_owned(),
-                names => format!("a table with {}", names.join(", ")),
+            let named = |required: bool| -> Vec<String> {
+                let fields = record.fields.iter().filter(|f| f.required == required);
+                fields.map(|f| format!("`{}`", f.name)).collect()
+            };
+            match (&named(true)[..], &named(false)[..]) {
+                ([], few @ ([_] | [_, _] | [_, _, _])) => {
+                    format!("a table with some of {}", few.join(", "))
+                }
+                ([], _) => "a table".to_owned(),
+                (names, _) => format!("a table with {}", names.join(", ")),
             }
         }
         Shape::Tagged(_) => "a table with a `type`".to_owned(),

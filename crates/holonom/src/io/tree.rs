@@ -99,14 +99,14 @@ impl Node {
     /// A value given by the caller.
     ///
     /// # Errors
-    /// A reason when the value is null or not finite.
-    pub(super) fn from_json(value: &serde_json::Value) -> Result<Self, &'static str> {
+    /// [`Code::UnusableValue`] where there is a null, [`Code::NotFinite`] with a number that no file may hold.
+    pub(super) fn from_json(value: &serde_json::Value) -> Result<Self, Code> {
         let value = match value {
-            serde_json::Value::Null => return Err("null is not a value"),
+            serde_json::Value::Null => return Err(Code::UnusableValue),
             serde_json::Value::Bool(b) => Value::Bool(*b),
             serde_json::Value::Number(n) => match n.as_f64() {
                 Some(x) if x.abs() <= limits::NUMBER => Value::Number(x),
-                _ => return Err("the number is not finite or larger than 1e100"),
+                _ => return Err(Code::NotFinite),
             },
             serde_json::Value::String(t) => Value::Text(t.clone()),
             serde_json::Value::Array(list) => {
@@ -118,7 +118,7 @@ impl Node {
                         let node = Self::from_json(value)?;
                         Ok((key.clone(), Entry { key: Span::SET, node }))
                     })
-                    .collect::<Result<_, &'static str>>()?,
+                    .collect::<Result<_, Code>>()?,
             ),
         };
         Ok(Self { value, span: Span::SET })

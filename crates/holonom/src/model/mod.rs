@@ -8,7 +8,7 @@ mod plausibility;
 mod shapes;
 mod validation;
 
-use crate::math::{planar, spatial};
+use crate::math::{planar, spatial, vector};
 
 pub use crate::math::{MonotoneCubic, TableError, TimeFunction};
 
@@ -93,14 +93,27 @@ impl Model {
 
     /// Axis f, g or h (0, 1, 2) of a frame in the design configuration, ground axes.
     pub fn design_axis(&self, frame: &Frame, k: usize) -> [f64; 3] {
-        let axis = frame.axes.map(|row| row[k]);
-        match frame.body.map(|b| self.bodies[b].orientation) {
-            Some(Orientation::EulerParameters(p)) => spatial::rotate(&p, &axis),
+        self.design_turned(frame.body, frame.axes.map(|row| row[k]))
+    }
+
+    /// Distance of the points of two frames in the design configuration, m.
+    pub fn design_distance(&self, frames: &[Frame; 2]) -> f64 {
+        let [first, second] = frames.each_ref().map(|frame| {
+            let origin = frame.body.map_or([0.0; 3], |b| self.bodies[b].position);
+            vector::sum(&origin, &self.design_turned(frame.body, frame.point))
+        });
+        vector::difference(&second, &first).iter().map(|x| x * x).sum::<f64>().sqrt()
+    }
+
+    /// A vector in the axes of a body in the design configuration, in ground axes.
+    fn design_turned(&self, body: BodyIndex, a: [f64; 3]) -> [f64; 3] {
+        match body.map(|b| self.bodies[b].orientation) {
+            Some(Orientation::EulerParameters(p)) => spatial::rotate(&p, &a),
             Some(Orientation::Angle(angle)) => {
-                let [x, y] = planar::rotate(angle, &[axis[0], axis[1]]);
-                [x, y, axis[2]]
+                let [x, y] = planar::rotate(angle, &[a[0], a[1]]);
+                [x, y, a[2]]
             }
-            None => axis,
+            None => a,
         }
     }
 }

@@ -1,6 +1,6 @@
 //! What is legal but looks like another unit: millimetres, degrees, grams.
 
-use super::{Dimension, ForceKind, Frame, InitialBody, Model, Orientation};
+use super::{Dimension, DriverKind, ForceKind, Frame, InitialBody, JointKind, Model, Orientation};
 use crate::error::{Code, Diagnostic, Warning, shown};
 use crate::math::TimeFunction;
 use crate::watch::{NAMED, checkpoint};
@@ -17,6 +17,10 @@ const DISTANCE: f64 = 1e7;
 const OVERSHOOT: f64 = 0.5;
 /// Turns: more than a mechanism starts with.
 const TURNS: f64 = 100.0;
+/// A length over those around it: in millimetres it is 1000 times what it should be.
+const LONG: f64 = 100.0;
+/// m: shorter displacements are not told from a long way of a small body.
+const WAY: f64 = 10.0;
 
 /// Warnings about numbers that are legal but implausible.
 pub fn implausible(model: &Model) -> Vec<Warning> {
@@ -90,6 +94,8 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
             angle(&mut warn, path, Orientation::Angle(*free_angle));
         }
     }
+    long_springs(&mut warn, model);
+    prescribed(&mut warn, model);
     for table in motion_tables(model) {
         let start = model.simulation.start_time.unwrap_or(0.0);
         let end = model.simulation.end_time.unwrap_or(start);
@@ -216,6 +222,84 @@ fn distant(warn: &mut impl FnMut(String, String, &str), model: &Model) {
         distance * f64::EPSILON
     );
     warn(format!("bodies.{name}.position"), message, "put the origin of the ground near the model");
+}
+
+/// Lengths of springs and rods far beyond the distance of their points and the size of the model.
+fn long_springs(warn: &mut impl FnMut(String, String, &str), model: &Model) {
+    let size = model.characteristic_length();
+    let springs = model.forces.iter().filter_map(|force| match &force.kind {
+        ForceKind::Tsda { frames, free_length, .. }
+        | ForceKind::Maxwell { frames, free_length, .. } => {
+            Some((format!("forces.{}.free_length", force.name), frames, *free_length))
+        }
+        _ => None,
+    });
+    let rods = model.joints.iter().filter_map(|joint| match joint.kind {
+        JointKind::Distance { length } => {
+            Some((format!("joints.{}.length", joint.name), &joint.frames, length))
+        }
+        _ => None,
+    });
+    for (path, frames, length) in springs.chain(rods) {
+        checkpoint(NAMED);
+        let distance = model.design_distance(frames);
+        if length > LONG * distance.max(size) {
+            let message = format!(
+                "`{path}` is {} m, while its points are {} m apart in the design configuration",
+                shown(length),
+                shown(distance)
+            );
+            warn(path, message, "lengths are in metres; is it in millimetres?");
+        }
+    }
+}
+
+/// Values that joints start with and that drivers prescribe. Tables, rates and how far a driver slides say nothing:
+/// wheels turn far, and vehicles drive far.
+fn prescribed(warn: &mut impl FnMut(String, String, &str), model: &Model) {
+    let points = model.joints.iter().flat_map(|j| &j.frames);
+    let points = points.chain(model.drivers.iter().flat_map(|d| &d.frames));
+    let farthest = |m: f64, p: &[f64; 3]| p.iter().fold(m, |m, x| m.max(x.abs()));
+    let size = points.map(|frame| &frame.point).chain(model.bodies.iter().map(|b| &b.position));
+    let size = size.fold(model.characteristic_length(), farthest);
+    let mut look = |path: String, kind: DriverKind, value: f64| match kind {
+        DriverKind::Rotation => angle(warn, path, Orientation::Angle(value)),
+        DriverKind::Translation if value.abs() > WAY.max(LONG * size) => {
+            let message = format!(
+                "`{path}` is {} m; the points of the model lie within {} m",
+                shown(value),
+                shown(size)
+            );
+            warn(path, message, "lengths are in metres; is it in millimetres?");
+        }
+        DriverKind::Translation => {}
+    };
+    for stated in model.initial.joints.iter().filter(|stated| !stated.is_rate) {
+        let joint = &model.joints[stated.joint].name;
+        look(format!("initial.joints.{joint}.{}", stated.field), stated.kind, stated.value);
+    }
+    for driver in &model.drivers {
+        let path = format!("drivers.{}.motion", driver.name);
+        let mut part = |field: &str, value: f64| look(format!("{path}{field}"), driver.kind, value);
+        match &driver.motion {
+            TimeFunction::Constant(value) => part("", *value),
+            TimeFunction::Polynomial { coefficients, .. } => {
+                part(".coefficients[0]", coefficients.first().copied().unwrap_or(0.0));
+            }
+            TimeFunction::Harmonic { amplitude, offset, phase, .. } => {
+                part(".amplitude", *amplitude);
+                part(".offset", *offset);
+                look(format!("{path}.phase"), DriverKind::Rotation, *phase);
+            }
+            TimeFunction::SmoothStep { from, to, .. } => {
+                part(".from", *from);
+                if driver.kind == DriverKind::Rotation {
+                    part(".to", *to);
+                }
+            }
+            TimeFunction::Table { .. } => {}
+        }
+    }
 }
 
 /// 90 is 14.3 turns: whole multiples of 5 beyond one turn are degrees more often than radians.

@@ -5,7 +5,8 @@
 
 use super::accelerations::{Accelerations, Accelerator};
 use super::chart::Chart;
-use super::closing::{closed, scale};
+pub use super::closing::Conflict;
+use super::closing::{closed, contradiction, scale};
 use super::manifold::Manifold;
 use super::parametrization::Parametrization;
 use super::saddle::Saddle;
@@ -67,7 +68,9 @@ pub enum AssemblyError {
         allowed: f64,
     },
     /// The joints cannot be closed.
-    #[error("the model cannot be assembled: {row} keeps a residual of {residual:.3e}")]
+    #[error(
+        "the model cannot be assembled: {row} keeps a residual of {residual:.3e}; it cannot be met together with {others}"
+    )]
     Unreachable {
         /// Joint and row.
         row: String,
@@ -75,9 +78,11 @@ pub enum AssemblyError {
         item: String,
         /// Residual, m or rad.
         residual: f64,
+        /// What it cannot be met together with.
+        others: Conflict,
     },
     /// Redundant constraints contradict each other.
-    #[error("{row} contradicts the other joints: residual {residual:.3e} at {level} level")]
+    #[error("{row} contradicts {others}: residual {residual:.3e} at {level} level")]
     Contradiction {
         /// `position`, `velocity` or `acceleration`.
         level: &'static str,
@@ -87,6 +92,8 @@ pub enum AssemblyError {
         item: String,
         /// Residual.
         residual: f64,
+        /// What it contradicts.
+        others: Conflict,
     },
     /// No mass behind a degree of freedom.
     #[error("the mass matrix is singular: no mass or inertia behind `{coordinate}`")]
@@ -156,10 +163,11 @@ impl AssemblyError {
                 "state fewer values, or set `initial.assembly = \"adjust\"` to treat them as guesses"
             }
             Self::Unreachable { .. } => {
-                "check lengths and points of the loop, or start nearer to an assembled configuration"
+                "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or start nearer \
+                 to an assembled configuration"
             }
             Self::Contradiction { .. } => {
-                "two joints prescribe the same motion differently; remove or change one of them"
+                "these joints or drivers prescribe the same motion differently; remove or change one of them"
             }
             Self::SingularMass { .. } => "give the body a mass and inertia, or hold it by a joint",
             Self::CoincidentEnds { .. } => {
@@ -337,11 +345,13 @@ fn check_dropped(
     for (k, level) in ["position", "velocity", "acceleration"].into_iter().enumerate() {
         for &row in &parametrization.dropped {
             if residuals[k][row].abs() > allowed[k] {
+                let left = contradiction(system, &state.q, g, &residuals[k]);
                 return Err(AssemblyError::Contradiction {
                     level,
                     row: system.row_name(row),
                     item: system.row_item(row).0.to_owned(),
                     residual: residuals[k][row],
+                    others: Conflict::of(system, &left, row),
                 });
             }
         }

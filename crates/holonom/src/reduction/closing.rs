@@ -57,19 +57,115 @@ pub(super) fn closed(
             });
         }
     }
-    let row = system.row_name(plain.row);
-    let item = system.row_item(plain.row).0.to_owned();
-    let residual = plain.residual;
-    Err(match level {
-        Level::Position if !plain.has_stated => AssemblyError::Unreachable { row, item, residual },
-        _ => AssemblyError::Inconsistent {
+    // What cannot be closed with everything free is no fault of what is stated.
+    let everything = everything(system.as_ref());
+    let mut state = plain.state;
+    let (mut left, mut worst) = (plain.residual, plain.row);
+    if plain.has_stated {
+        state = from.clone();
+        (left, worst) = solve(system.as_ref(), model, level, &mut state, &everything);
+    }
+    if left <= PROJECTED {
+        return Err(AssemblyError::Inconsistent {
             level: if level == Level::Position { "positions" } else { "velocities" },
-            row,
-            item,
-            residual,
+            row: system.row_name(plain.row),
+            item: system.row_item(plain.row).0.to_owned(),
+            residual: plain.residual,
             allowed: PROJECTED,
-        },
+        });
+    }
+    let open = open(system.as_ref(), level, &state);
+    let most = largest_index(&open);
+    // Where small changes would close everything, the iteration has lost its way.
+    let (worst, residual) = match open.get(most).map(|x| x.abs()) {
+        Some(residual) if residual > PROJECTED => (most, residual),
+        _ => (worst, left),
+    };
+    let others = Conflict::of(system.as_ref(), &open, worst);
+    let (row, item) = (system.row_name(worst), system.row_item(worst).0.to_owned());
+    Err(match level {
+        Level::Position => AssemblyError::Unreachable { row, item, residual, others },
+        Level::Velocity => {
+            AssemblyError::Contradiction { level: "velocity", row, item, residual, others }
+        }
     })
+}
+
+/// What stays open of joints and drivers at a state; see [`contradiction`].
+fn open(system: &dyn System, level: Level, state: &State) -> Vec<f64> {
+    let mut residual = vec![0.0; system.structure().sizes.rows];
+    let mut g = system.structure().constraint_pattern.clone();
+    system.constraint_jacobian(&state.q, &mut g);
+    if level == Level::Position {
+        system.position_constraints(state.t, &state.q, &mut residual);
+    } else {
+        system.velocity_rhs(state.t, &mut residual);
+        g.multiply_add(-1.0, &state.v, &mut residual);
+    }
+    contradiction(system, &state.q, &g, &residual)
+}
+
+/// What is left of a residual when no small change of the coordinates makes it smaller, by rows of joints and
+/// drivers: Gᵀ n = 0, so that rows with n ≠ 0 depend on each other, and do not agree.
+pub(super) fn contradiction(
+    system: &dyn System,
+    q: &[f64],
+    g: &BlockMatrix,
+    residual: &[f64],
+) -> Vec<f64> {
+    let mut left = residual.to_vec();
+    if let Some(x) = least_change(system, g, residual, &everything(system), q) {
+        g.multiply_add(-1.0, &x, &mut left);
+    }
+    // That Euler parameters have unit length is no constraint of the user.
+    left.truncate(system.structure().sizes.joint_rows);
+    left
+}
+
+fn everything(system: &dyn System) -> Unknowns {
+    Unknowns { free: (0..system.structure().sizes.coordinates).collect(), coupled: Vec::new() }
+}
+
+/// Constraints that contradict one of them, one row of each.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Conflict(pub Vec<String>);
+
+/// Constraints that a message names.
+const SHOWN: usize = 6;
+/// Part of the largest entry below which a row takes no part in a contradiction.
+const PART: f64 = 0.05;
+
+impl Conflict {
+    /// Those that with `row` take part in a [`contradiction`].
+    pub(super) fn of(system: &dyn System, left: &[f64], row: usize) -> Self {
+        let most = left.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let mut largest: Vec<(&str, usize)> = Vec::new();
+        for (k, x) in left.iter().enumerate().filter(|(_, x)| x.abs() > PART * most) {
+            let item = system.row_item(k).0;
+            match largest.last_mut() {
+                Some((last, at)) if *last == item => {
+                    if x.abs() > left[*at].abs() {
+                        *at = k;
+                    }
+                }
+                _ => largest.push((item, k)),
+            }
+        }
+        let own = system.row_item(row).0;
+        let others = largest.into_iter().filter(|(item, _)| *item != own);
+        Self(others.map(|(_, k)| system.row_name(k)).collect())
+    }
+}
+
+impl std::fmt::Display for Conflict {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let shown = self.0[..self.0.len().min(SHOWN)].join("; ");
+        match self.0.len().saturating_sub(SHOWN) {
+            _ if shown.is_empty() => f.write_str("the other joints"),
+            0 => f.write_str(&shown),
+            more => write!(f, "{shown}; and {more} more"),
+        }
+    }
 }
 
 fn unit(c: &InitialCoordinate) -> &'static str {
@@ -113,8 +209,7 @@ impl Attempt {
     /// The state with what is left of the residual removed.
     fn finished(&self, model: &Model, level: Level) -> State {
         let mut state = self.state.clone();
-        let coordinates = self.system.structure().sizes.coordinates;
-        let everything = Unknowns { free: (0..coordinates).collect(), coupled: Vec::new() };
+        let everything = everything(self.system.as_ref());
         solve(self.system.as_ref(), model, level, &mut state, &everything);
         state
     }
@@ -198,7 +293,9 @@ impl Solver<'_> {
                 break;
             }
             self.system.constraint_jacobian(&state.q, g);
-            let Some(mut step) = self.least_change(g, &phi, unknowns, &state.q) else { break };
+            let Some(mut step) = least_change(self.system, g, &phi, unknowns, &state.q) else {
+                break;
+            };
             // Long steps are shortened: the joints' equations are nonlinear in angles.
             let longest = step
                 .iter()
@@ -213,8 +310,29 @@ impl Solver<'_> {
             self.restore_origins(state, unknowns);
         }
         self.system.position_constraints(state.t, &state.q, &mut phi);
-        let worst = largest_index(&phi);
+        let mut worst = largest_index(&phi);
+        // Parameters of another length than one hide which joint is open.
+        let joint_rows = self.system.structure().sizes.joint_rows;
+        if worst >= joint_rows && phi.get(worst).is_some_and(|x| x.abs() > PROJECTED) {
+            self.restore_lengths(state, unknowns);
+            self.system.position_constraints(state.t, &state.q, &mut phi);
+            worst = largest_index(&phi);
+        }
         if phi.is_empty() { (0.0, 0) } else { (phi[worst].abs(), worst) }
+    }
+
+    /// Gives free Euler parameters unit length.
+    fn restore_lengths(&self, state: &mut State, unknowns: &Unknowns) {
+        let sizes = self.system.structure().sizes;
+        let (n, d) = (sizes.per_body, sizes.translations);
+        for at in unknowns.free.iter().filter(|&&i| i % n == d) {
+            let p = &mut state.q[*at..at + n - d];
+            let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
+            if length > 0.0 {
+                p.iter_mut().for_each(|x| *x /= length);
+            }
+        }
+        self.restore_origins(state, unknowns);
     }
 
     /// Minimum-norm correction of velocities; returns the largest residual left and its row.
@@ -237,7 +355,9 @@ impl Solver<'_> {
             if unknowns.free.is_empty() || residual.iter().all(|x| x.abs() < 1e-14) {
                 break;
             }
-            let Some(step) = self.least_change(g, &residual, unknowns, &state.q) else { break };
+            let Some(step) = least_change(self.system, g, &residual, unknowns, &state.q) else {
+                break;
+            };
             for (v, x) in state.v.iter_mut().zip(&step) {
                 *v -= x;
             }
@@ -245,96 +365,6 @@ impl Solver<'_> {
         evaluate(&state.v, &mut residual);
         let worst = largest_index(&residual);
         if rows == 0 { (0.0, 0) } else { (residual[worst].abs(), worst) }
-    }
-
-    /// Minimum-norm x over the free unknowns with G x = r, lengths measured against the
-    /// characteristic length; coupled translations follow their orientations.
-    fn least_change(
-        &self,
-        g: &BlockMatrix,
-        r: &[f64],
-        unknowns: &Unknowns,
-        q: &[f64],
-    ) -> Option<Vec<f64>> {
-        let sizes = self.system.structure().sizes;
-        let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
-        let (per_body, d) = (sizes.per_body, sizes.translations);
-        let couplings: Vec<(usize, Vec<f64>)> =
-            unknowns.coupled.iter().map(|&b| (b, self.coupling(b, q))).collect();
-        let mut column = vec![None; n];
-        for (at, &i) in unknowns.free.iter().enumerate() {
-            column[i] = Some(at);
-        }
-        let weights: Vec<f64> =
-            unknowns.free.iter().map(|&i| 1.0 / scale(self.system, i)).collect();
-        let mut coupled = vec![None; sizes.bodies];
-        for (b, w) in &couplings {
-            coupled[*b] = Some(w);
-        }
-        let mut entries = Vec::new();
-        for ((row, i), x) in g.entries(0, 0).into_iter().zip(g.values()) {
-            let mut add = |i: usize, x: f64| {
-                if let Some(at) = column[i] {
-                    entries.push((row, at, x * weights[at]));
-                }
-            };
-            add(i, *x);
-            if let (Some(w), true) = (coupled[i / per_body], i % per_body < d) {
-                for c in 0..per_body - d {
-                    let factor = w[i % per_body * (per_body - d) + c];
-                    add(i / per_body * per_body + d + c, x * factor);
-                }
-            }
-        }
-        let solution = if (m * m) as f64 * k as f64 <= DENSE_OPERATIONS {
-            let mut a = vec![0.0; m * k];
-            for (row, at, x) in entries {
-                a[row * k + at] += x;
-            }
-            least_norm(m, k, &a, r, RANK).ok()?.x
-        } else {
-            sparse_least_norm(m, k, &entries, r).ok()?
-        };
-        let mut x = vec![0.0; n];
-        for ((&i, y), w) in unknowns.free.iter().zip(&solution).zip(&weights) {
-            x[i] = y * w;
-        }
-        for (b, w) in &couplings {
-            for i in 0..d {
-                x[b * per_body + i] = (0..per_body - d)
-                    .map(|c| w[i * (per_body - d) + c] * x[b * per_body + d + c])
-                    .sum();
-            }
-        }
-        Some(x)
-    }
-
-    /// ∂(A c)/∂p of a body, D×(N−D) by rows; A is quadratic in the Euler parameters, so central
-    /// differences are exact for them and accurate to 1e-10 for an angle.
-    fn coupling(&self, body: usize, q: &[f64]) -> Vec<f64> {
-        let sizes = self.system.structure().sizes;
-        let (n, d) = (sizes.per_body, sizes.translations);
-        let h = 1e-5;
-        let arm = |shift: f64, c: usize| {
-            let mut moved = q.to_vec();
-            moved[body * n + d + c] += shift;
-            let rest = vec![0.0; q.len()];
-            let pose = self.system.body(body, &moved, &rest);
-            let r = &moved[body * n..];
-            [
-                r[0] - pose.position[0],
-                r[1] - pose.position[1],
-                r.get(2).unwrap_or(&0.0) - pose.position[2],
-            ]
-        };
-        let mut w = vec![0.0; d * (n - d)];
-        for c in 0..n - d {
-            let (plus, minus) = (arm(h, c), arm(-h, c));
-            for i in 0..d {
-                w[i * (n - d) + c] = (plus[i] - minus[i]) / (2.0 * h);
-            }
-        }
-        w
     }
 
     /// Puts the origins of coupled bodies back to their stated places.
@@ -347,6 +377,95 @@ impl Solver<'_> {
             self.system.set_body(b, &pose, &mut state.q, &mut v);
         }
     }
+}
+
+/// Minimum-norm x over the free unknowns with G x = r, lengths measured against the
+/// characteristic length; coupled translations follow their orientations.
+fn least_change(
+    system: &dyn System,
+    g: &BlockMatrix,
+    r: &[f64],
+    unknowns: &Unknowns,
+    q: &[f64],
+) -> Option<Vec<f64>> {
+    let sizes = system.structure().sizes;
+    let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
+    let (per_body, d) = (sizes.per_body, sizes.translations);
+    let couplings: Vec<(usize, Vec<f64>)> =
+        unknowns.coupled.iter().map(|&b| (b, coupling(system, b, q))).collect();
+    let mut column = vec![None; n];
+    for (at, &i) in unknowns.free.iter().enumerate() {
+        column[i] = Some(at);
+    }
+    let weights: Vec<f64> = unknowns.free.iter().map(|&i| 1.0 / scale(system, i)).collect();
+    let mut coupled = vec![None; sizes.bodies];
+    for (b, w) in &couplings {
+        coupled[*b] = Some(w);
+    }
+    let mut entries = Vec::new();
+    for ((row, i), x) in g.entries(0, 0).into_iter().zip(g.values()) {
+        let mut add = |i: usize, x: f64| {
+            if let Some(at) = column[i] {
+                entries.push((row, at, x * weights[at]));
+            }
+        };
+        add(i, *x);
+        if let (Some(w), true) = (coupled[i / per_body], i % per_body < d) {
+            for c in 0..per_body - d {
+                let factor = w[i % per_body * (per_body - d) + c];
+                add(i / per_body * per_body + d + c, x * factor);
+            }
+        }
+    }
+    let solution = if (m * m) as f64 * k as f64 <= DENSE_OPERATIONS {
+        let mut a = vec![0.0; m * k];
+        for (row, at, x) in entries {
+            a[row * k + at] += x;
+        }
+        least_norm(m, k, &a, r, RANK).ok()?.x
+    } else {
+        sparse_least_norm(m, k, &entries, r).ok()?
+    };
+    let mut x = vec![0.0; n];
+    for ((&i, y), w) in unknowns.free.iter().zip(&solution).zip(&weights) {
+        x[i] = y * w;
+    }
+    for (b, w) in &couplings {
+        for i in 0..d {
+            x[b * per_body + i] = (0..per_body - d)
+                .map(|c| w[i * (per_body - d) + c] * x[b * per_body + d + c])
+                .sum();
+        }
+    }
+    Some(x)
+}
+
+/// ∂(A c)/∂p of a body, D×(N−D) by rows; A is quadratic in the Euler parameters, so central
+/// differences are exact for them and accurate to 1e-10 for an angle.
+fn coupling(system: &dyn System, body: usize, q: &[f64]) -> Vec<f64> {
+    let sizes = system.structure().sizes;
+    let (n, d) = (sizes.per_body, sizes.translations);
+    let h = 1e-5;
+    let arm = |shift: f64, c: usize| {
+        let mut moved = q.to_vec();
+        moved[body * n + d + c] += shift;
+        let rest = vec![0.0; q.len()];
+        let pose = system.body(body, &moved, &rest);
+        let r = &moved[body * n..];
+        [
+            r[0] - pose.position[0],
+            r[1] - pose.position[1],
+            r.get(2).unwrap_or(&0.0) - pose.position[2],
+        ]
+    };
+    let mut w = vec![0.0; d * (n - d)];
+    for c in 0..n - d {
+        let (plus, minus) = (arm(h, c), arm(-h, c));
+        for i in 0..d {
+            w[i * (n - d) + c] = (plus[i] - minus[i]) / (2.0 * h);
+        }
+    }
+    w
 }
 
 /// What makes changes of a coordinate comparable: 1/m for lengths.

@@ -12,6 +12,14 @@ const RUNAWAY: f64 = 1e100;
 /// Items that a message names.
 const SHOWN: usize = 6;
 
+/// What to try where the step could not be shortened because its size is fixed: that it is too long is likelier than a
+/// fault of the model.
+const SHORTER: &str =
+    "take a smaller `fixed_step`, or leave it out, so that the steps follow the tolerance";
+/// The same where the mechanism may be at fault after all.
+const SHORTER_OR_DEAD_POINT: &str = "take a smaller `fixed_step`, or leave it out; where that does not help, the \
+    mechanism comes to a dead point: change its lengths or its start, or stop before it";
+
 /// Why the loop ended early.
 pub(super) enum Stop {
     Interrupted,
@@ -160,7 +168,17 @@ pub(super) fn diagnose(
             (Status::Failed, reason("simulation/sink", message, 0.0, help))
         }
         Err(Stop::Failed { cause, step_size }) => {
-            (Status::Failed, failure(cause, time, step_size, suspects, system))
+            let mut reason = failure(cause, time, step_size, options, suspects, system);
+            if options.fixed_step.is_some() {
+                reason.help = match reason.code {
+                    "simulation/branch" | "simulation/singular-configuration" => {
+                        SHORTER_OR_DEAD_POINT
+                    }
+                    "simulation/singular-mass" => reason.help,
+                    _ => SHORTER,
+                };
+            }
+            (Status::Failed, reason)
         }
     }
 }
@@ -169,9 +187,11 @@ fn failure(
     cause: Option<Rejection>,
     time: f64,
     step_size: f64,
+    options: &Options,
     suspects: &Suspects,
     system: &dyn System,
 ) -> StopReason {
+    let fixed = options.fixed_step.is_some();
     let (weak_item, weak_coordinate) = suspects.weakest.clone();
     if let Some((coordinate, size)) = &suspects.runaway {
         return StopReason {
@@ -209,7 +229,8 @@ fn failure(
         Some(Rejection::NewtonDivergence | Rejection::NewtonSlow) => (
             "simulation/newton-divergence",
             format!(
-                "the iteration diverged at t = {time:.6} s with steps down to {step_size:.1e} s{}",
+                "the iteration diverged at t = {time:.6} s with {} {step_size:.1e} s{}",
+                if fixed { "the fixed step of" } else { "steps down to" },
                 suspects.told("the largest correction")
             ),
             "look for a stop, contact or kink in these forces there",
@@ -219,7 +240,12 @@ fn failure(
         _ => (
             "simulation/step-size-underflow",
             format!(
-                "the step size fell to {step_size:.1e} s at t = {time:.6} s{}",
+                "{} {step_size:.1e} s at t = {time:.6} s{}",
+                if fixed {
+                    "no step is possible of the fixed size"
+                } else {
+                    "the step size fell to"
+                },
                 suspects.told("the largest error")
             ),
             "look for a jump in a force law or motion there, or loosen the tolerance",

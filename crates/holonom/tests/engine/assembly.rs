@@ -101,15 +101,58 @@ fn a_loop_that_cannot_close_is_refused() {
     assert!(!error.help().is_empty());
 }
 
-#[test] // two drivers that turn one crank at different rates
-fn redundant_constraints_that_contradict_each_other_are_refused() {
-    let drivers = "[drivers]\n\
-        slow = { coordinate = \"rotation\", joint = \"a\", motion = { type = \"polynomial\", coefficients = [0.0, 1.0] } }\n\
-        fast = { coordinate = \"rotation\", joint = \"a\", motion = { type = \"polynomial\", coefficients = [0.0, 2.0] } }\n";
-    let error = refusal(&four_bar(&format!("{CLOSED}{drivers}")));
-    assert!(["assembly/contradiction", "assembly/inconsistent"].contains(&error.code()), "{error}");
-    let item = error.item().unwrap();
-    assert!(item == "slow" || item == "fast", "{item}");
+/// Items that a refusal names.
+fn named(error: &AssemblyError) -> Vec<String> {
+    let text = error.to_string();
+    let mut names: Vec<String> = text.split('`').skip(1).step_by(2).map(str::to_owned).collect();
+    names.sort();
+    names
+}
+
+#[test] // truth: two drivers turn one crank by other angles, rates or accelerations; the joints are innocent
+fn drivers_that_contradict_each_other_are_both_named() {
+    let motion = |coefficients: &str| {
+        format!(
+            "{{ coordinate = \"rotation\", joint = \"a\", motion = {{ type = \"polynomial\", coefficients = \
+             {coefficients} }} }}"
+        )
+    };
+    for (slow, fast, code) in [
+        ("[0.0]", "[0.1]", "assembly/unreachable"),
+        ("[0.0, 1.0]", "[0.0, 2.0]", "assembly/contradiction"),
+        ("[0.0, 1.0]", "[0.0, 1.0, 1.0]", "assembly/contradiction"),
+    ] {
+        let drivers = format!("[drivers]\nslow = {}\nfast = {}\n", motion(slow), motion(fast));
+        // A stated velocity is not what they contradict.
+        for stated in ["", "[initial.bodies]\nrocker = { angular_velocity = 1.0 }\n"] {
+            let error = refusal(&four_bar(&format!("{CLOSED}{drivers}{stated}")));
+            assert_eq!(error.code(), code, "{error}");
+            assert_eq!(named(&error), ["fast", "slow"], "{error}");
+        }
+    }
+    // The other way round a stated velocity contradicts drivers that agree.
+    let drivers = format!("[drivers]\nslow = {0}\nfast = {0}\n", motion("[0.0, 1.0]"));
+    let stated = "[initial.bodies]\ncrank = { angular_velocity = 7.0 }\n";
+    let error = refusal(&four_bar(&format!("{CLOSED}{drivers}{stated}")));
+    assert_eq!(error.code(), "assembly/inconsistent", "{error}");
+}
+
+#[test] // truth: four joints with parallel axes keep a loop in a plane; the pendulum hangs beside it
+fn a_loop_in_space_that_cannot_close_names_its_joints() {
+    for last in [
+        "points_in_body = [[0.5, 0.1, 0.0], [0.0, 0.0, -0.15]], axis = [0.0, 1.0, 0.0]",
+        "points_in_body = [[0.5, 1.1, 0.0], [0.0, 0.0, -0.15]], axis = [0.0, 1.0, 0.0]",
+        "points_in_body = [[2.5, 0.0, 0.0], [0.0, 0.0, -0.15]], axis = [0.0, 1.0, 0.0]",
+        "point = [0.5, 0.0, 0.0], axes_in_body = [[0.0, 1.0, 1.0], [0.0, 1.0, 0.0]]",
+    ] {
+        let pendulum = "pendulum = { type = \"spherical\", between = [\"coupler\", \"bob\"], point = [0.25, 0.0, \
+            0.25] }\n[bodies.bob]\nmass = 1.0\ninertia = [[0.02, 0.0, 0.0], [0.0, 0.02, 0.0], [0.0, 0.0, 0.01]]\n\
+            position = [0.25, 0.0, 0.1]\n";
+        let text = spatial_four_bar(last) + pendulum;
+        let error = refusal(&Problem::new(model_of(&text)));
+        assert_eq!(error.code(), "assembly/unreachable");
+        assert_eq!(named(&error), ["a", "b", "c", "d"], "{error}");
+    }
 }
 
 #[test]
@@ -210,9 +253,9 @@ high = { type = "revolute", between = ["ground", "door"], point = [0.0, 0.0, 0.5
     assert!((turn_low[1].abs() - 3.2).abs() < 1e-6, "{turn_low:?}");
 }
 
-/// Warnings of a four-bar in space whose last joint has this point or axis.
-fn warned(last: &str) -> Vec<&'static str> {
-    let model = model_of(&format!(
+/// A four-bar in space whose last joint has this point or axis.
+fn spatial_four_bar(last: &str) -> String {
+    format!(
         r#"
 holonom = 1
 dimension = "spatial"
@@ -227,9 +270,12 @@ b = {{ type = "revolute", between = ["crank", "coupler"], point = [0.0, 0.0, 0.2
 c = {{ type = "revolute", between = ["coupler", "rocker"], point = [0.5, 0.0, 0.3], axis = [0.0, 1.0, 0.0] }}
 d = {{ type = "revolute", between = ["ground", "rocker"], {last} }}
 "#
-    ));
-    let mut rows = Memory::default();
-    let summary = run(&Problem::new(model), &Options::new(0.1), None, &mut rows).unwrap();
+    )
+}
+
+fn warned(last: &str) -> Vec<&'static str> {
+    let problem = Problem::new(model_of(&spatial_four_bar(last)));
+    let summary = run(&problem, &Options::new(0.1), None, &mut Memory::default()).unwrap();
     summary.warnings.iter().map(|w| w.code).collect()
 }
 

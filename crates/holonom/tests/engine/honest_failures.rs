@@ -138,6 +138,20 @@ fn a_row_that_is_no_longer_redundant_ends_the_run_before_it_opens() {
     assert_eq!(rows.all.time.last(), Some(&summary.end.t));
 }
 
+#[test] // truth: the advice, followed, helps
+fn a_fixed_step_that_is_too_long_is_told_as_such() {
+    let problem = Problem::new(crate::common::model("slider_crank"));
+    for (code, step) in [(Code::ForSdirk, 0.3), (Code::SspTrap, 0.3), (Code::Dopri5, 0.3)] {
+        let fixed = |h: f64| Options { fixed_step: Some(h), ..options(code, 1e-4, 0.3) };
+        let long = run(&problem, &fixed(step), None, &mut Memory::default()).unwrap();
+        assert_eq!(long.status, Status::Failed, "{code:?}");
+        assert!(long.stop.help.contains("smaller `fixed_step`"), "{:?}", long.stop);
+        assert!(!long.stop.message.contains("fell to"), "{:?}", long.stop);
+        let short = run(&problem, &fixed(1e-3), None, &mut Memory::default()).unwrap();
+        assert_eq!(short.status, Status::Completed, "{:?}", short.stop);
+    }
+}
+
 #[test] // independent truth: the slider is asked for 0.6 m, rod and crank reach 0.4 m
 fn a_recovery_out_of_reach_names_residual_and_last_correction() {
     let problem = Problem::new(model("slider_beyond_reach"));

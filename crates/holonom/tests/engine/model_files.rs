@@ -8,6 +8,7 @@ use holonom::model::{
 };
 use holonom::newton::JacobianSource;
 use holonom::reduction::Choice;
+use holonom::simulation::Problem;
 use serde_json::json;
 
 fn document(text: &str) -> Result<Document, ModelErrors> {
@@ -229,14 +230,97 @@ fn paths_that_lead_nowhere_are_refused_with_the_nearest() {
         assert_eq!(errors.errors[0].code, Code::UnknownPath, "{path}");
         assert!(errors.render().contains(nearest), "{path}: {}", errors.render());
     }
-    let errors = d.with_values(&[("bodies.base.mass", json!(null))]).unwrap_err();
-    assert_eq!(errors.errors[0].path, "bodies.base.mass");
     let errors =
         d.with_values(&[("bodies.base.mass", json!("heavy"))]).unwrap().build().unwrap_err();
     assert_eq!(
         (errors.errors[0].code, errors.errors[0].location.is_none()),
         (Code::WrongType, true)
     );
+}
+
+#[test] // truth: what is said to switch the item off does
+fn null_is_no_value_and_the_way_to_remove_is_told() {
+    let d = document(SPATIAL).unwrap();
+    for (path, value, way) in [
+        ("joints.weld", json!(null), Some("joints.weld")),
+        ("forces.rubber.stiffness", json!([1.0, null, 1.0]), Some("forces.rubber")),
+        ("forces.rubber.stiffness[1]", json!(null), Some("forces.rubber")),
+        ("parameters.speed", json!(null), None),
+        ("gravity", json!(null), None),
+    ] {
+        let errors = d.with_values(&[(path, value)]).unwrap_err();
+        let [error] = &errors.errors[..] else { panic!("{errors:?}") };
+        assert_eq!((error.code, error.path.as_str()), (Code::UnusableValue, path));
+        assert!(error.message.contains("null"), "{error:?}");
+        let told = error.help.split('`').find_map(|part| part.strip_suffix(".enabled = false"));
+        assert_eq!(told, way, "{error:?}");
+        if let Some(item) = told {
+            let off = d.with_values(&[(format!("{item}.enabled"), json!(false))]).unwrap();
+            let name = item.split('.').nth(1).unwrap();
+            let model = off.build().unwrap().0;
+            assert!(model.joints.iter().all(|j| j.name != name));
+            assert!(model.forces.iter().all(|f| f.name != name));
+        }
+    }
+    let errors = d.with_values(&[("bodies.base.mass", json!(1e200))]).unwrap_err();
+    assert_eq!(errors.errors[0].code, Code::NotFinite);
+}
+
+#[test] // truth: the channels that docs/conventions.md lists
+fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
+    let with = |channels: &str| {
+        let text =
+            format!("{DOUBLE_PENDULUM}[outputs]\nchannels = [\"energy.total\", {channels}]\n");
+        let d = document(&text).unwrap();
+        let problem = Problem::new(d.build().unwrap().0);
+        d.check_channels(&problem)
+    };
+    for known in [
+        "upper.position",
+        "upper.*",
+        "*.position",
+        "*.*",
+        "upper.position[1]",
+        "pivot.a*",
+        "pivot.force",
+        "constraint.position",
+    ] {
+        assert!(with(&format!("\"{known}\"")).is_ok(), "{known}");
+    }
+    for (unknown, help) in [
+        ("upper.velocityy", "did you mean `velocity`?"),
+        ("upper.yaw_pitch_roll", "`angle`"),
+        ("upper.position[2]", "up to 1"),
+        ("upper.angle[0]", "leave the index out"),
+        ("*.positon", "did you mean `position`?"),
+        ("pivot.x*", "`angle`"),
+    ] {
+        let errors = with(&format!("\n  \"{unknown}\"")).unwrap_err();
+        let [error] = &errors.errors[..] else { panic!("{errors:?}") };
+        assert_eq!((error.code, error.path.as_str()), (Code::UnknownName, "outputs.channels[1]"));
+        let place = error.location.as_ref().unwrap();
+        let line = DOUBLE_PENDULUM.lines().count() + 3;
+        assert_eq!((place.file.as_str(), place.line), ("model.toml", line), "{error:?}");
+        assert!(error.message.contains(unknown) && error.help.contains(help), "{error:?}");
+    }
+}
+
+#[test] // truth: docs/conventions.md, what is not stated of a tolerance in parts is 1e-4
+fn a_tolerance_may_be_stated_in_part() {
+    let with = |tolerance: &str| build(&format!("{DOUBLE_PENDULUM}tolerance = {tolerance}\n"));
+    let parts = |tolerance: &str| {
+        let t = with(tolerance).unwrap().simulation.tolerance.unwrap();
+        [t.relative, t.translation, t.rotation]
+    };
+    assert_eq!(parts("{ relative = 1e-6 }"), [1e-6, 1e-4, 1e-4]);
+    assert_eq!(parts("{ rotation = 1e-3, translation = 1e-2 }"), [1e-4, 1e-2, 1e-3]);
+    assert_eq!(parts("1e-6"), [1e-6; 3]);
+    let d = document(DOUBLE_PENDULUM).unwrap();
+    let d = d.with_values(&[("simulation.tolerance.translation", json!(1e-5))]).unwrap();
+    assert_eq!(d.build().unwrap().0.simulation.tolerance.unwrap().translation, 1e-5);
+    let errors = with("{}").unwrap_err();
+    assert_eq!(errors.errors[0].path, "simulation.tolerance");
+    assert!(with("{ relative = -1.0 }").is_err());
 }
 
 #[test]
@@ -310,6 +394,85 @@ fn warnings_speak_of_what_is_legal_but_implausible() {
     let (_, warnings) =
         document(&DOUBLE_PENDULUM.replace("gravity", "# gravity")).unwrap().build().unwrap();
     assert_eq!(warnings[0].code, Code::NotStated);
+}
+
+/// Paths of what looks like another unit in a linkage whose values are these.
+fn suspected(values: [&str; 6]) -> Vec<String> {
+    let [angle, shift, motion, drive, free, rod] = values;
+    let text = format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+arm = {{ mass = 1.0, inertia = 0.01, position = [0.25, 0.0] }}
+slider = {{ mass = 1.0, inertia = 0.01, position = [0.0, 0.5] }}
+car = {{ mass = 1.0, inertia = 0.01, position = [0.0, 1.0] }}
+bob = {{ mass = 1.0, inertia = 0.01, position = [1.0, 1.0] }}
+[joints]
+hinge = {{ type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0] }}
+rail = {{ type = "translational", between = ["ground", "slider"], point = [0.0, 0.75], axis = [1.0, 0.0] }}
+road = {{ type = "translational", between = ["ground", "car"], point = [0.0, 1.2], axis = [1.0, 0.0] }}
+rod = {{ type = "distance", between = ["arm", "bob"], points = [[0.5, 0.0], [1.0, 1.0]], {rod} }}
+[forces]
+spring = {{ type = "tsda", between = ["arm", "slider"], points = [[0.0, 0.0], [0.0, 0.25]], stiffness = 10.0, {free} }}
+[drivers]
+turn = {{ joint = "hinge", coordinate = "rotation", motion = {motion} }}
+drive = {{ joint = "road", coordinate = "translation", motion = {drive} }}
+[initial.joints]
+hinge = {{ angle = {angle} }}
+rail = {{ displacement = {shift} }}
+"#
+    );
+    let warnings = document(&text).unwrap().build().unwrap().1;
+    assert!(warnings.iter().all(|w| w.code == Code::Implausible && w.location.is_some()));
+    warnings.into_iter().map(|w| w.path).collect()
+}
+
+#[test] // truth: the same mechanism in metres and radians, and in millimetres and degrees
+fn starts_drivers_and_lengths_in_other_units_bring_warnings() {
+    let right = ["1.5707963", "0.25", "0.7853982", "0.1", "free_length = 0.2", "length = 1.2"];
+    assert_eq!(suspected(right), [""; 0]);
+    let wrong = ["90", "250", "45", "200", "free_length = 200", "length = 1200"];
+    let expected = [
+        "forces.spring.free_length",
+        "joints.rod.length",
+        "initial.joints.hinge.angle",
+        "initial.joints.rail.displacement",
+        "drivers.turn.motion",
+        "drivers.drive.motion",
+    ];
+    assert_eq!(suspected(wrong), expected);
+    for (at, path) in [4, 5, 0, 1, 2, 3].into_iter().zip(expected) {
+        let mut one = right;
+        one[at] = wrong[at];
+        assert_eq!(suspected(one), [path]);
+    }
+    for (motion, path) in [
+        (r#"{ type = "smooth_step", from = 0.0, to = 90.0, start = 0.0, end = 1.0 }"#, "to"),
+        (r#"{ type = "harmonic", amplitude = 30.0, angular_frequency = 2.0 }"#, "amplitude"),
+        (
+            r#"{ type = "harmonic", amplitude = 0.5, angular_frequency = 2.0, phase = 90.0 }"#,
+            "phase",
+        ),
+        (r#"{ type = "polynomial", coefficients = [45.0, 1.0] }"#, "coefficients[0]"),
+    ] {
+        let mut one = right;
+        one[2] = motion;
+        assert_eq!(suspected(one), [format!("drivers.turn.motion.{path}")]);
+    }
+    // What turns or drives far is no other unit, nor is a few turns more.
+    for (at, value) in [
+        (2, r#"{ type = "polynomial", coefficients = [0.0, 100.0] }"#),
+        (2, "12.566370614359172"),
+        (3, r#"{ type = "smooth_step", from = 0.0, to = 500.0, start = 0.0, end = 9.0 }"#),
+        (4, "free_length = 5.0"),
+        (1, "20.0"),
+    ] {
+        let mut one = right;
+        one[at] = value;
+        assert_eq!(suspected(one), [""; 0], "{value}");
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::error::Code;
 use crate::io::names::suggest;
 use crate::io::schema::{self, Rotational, Tolerance as Stated, Vector};
 use crate::model::{
-    self, Assembly, DriverKind, Frame, Initial, InitialBody, InitialCoordinate, Joint, JointKind,
+    Assembly, DriverKind, Frame, Initial, InitialBody, InitialCoordinate, Joint, JointKind,
     Orientation, Outputs, SimulationDefaults, Tolerance,
 };
 
@@ -178,7 +178,8 @@ impl Context<'_> {
         out
     }
 
-    /// Channels are `item.quantity`; that the item exists is checked here, the quantity by the run.
+    /// Channels are `item.quantity`; that the item exists is checked here, the quantity where the model is compiled:
+    /// [`crate::io::Document::check_channels`].
     pub(super) fn outputs(&mut self) -> Outputs {
         let file = self.file;
         let known: IndexSet<&str> = ["energy", "constraint", "*"]
@@ -208,8 +209,30 @@ impl Context<'_> {
         Outputs { channels: file.outputs.channels.clone(), interval: file.outputs.interval }
     }
 
+    /// What a tolerance in parts does not state is what a run takes that states none.
+    fn tolerance(&mut self, stated: Stated) -> Tolerance {
+        let parts = match stated {
+            Stated::Uniform(value) => return Tolerance::uniform(value),
+            Stated::Parts(parts) => parts,
+        };
+        let schema::ToleranceParts { relative, translation, rotation } = parts;
+        if [relative, translation, rotation] == [None; 3] {
+            let message = "`simulation.tolerance` is empty".to_owned();
+            let help =
+                "give one of `relative`, `translation` and `rotation`, or one number for all";
+            self.refuse(Code::MissingField, "simulation.tolerance", message, help);
+        }
+        let usual = Tolerance::default();
+        Tolerance {
+            relative: relative.unwrap_or(usual.relative),
+            translation: translation.unwrap_or(usual.translation),
+            rotation: rotation.unwrap_or(usual.rotation),
+        }
+    }
+
     pub(super) fn simulation(&mut self, joints: &[Joint]) -> SimulationDefaults {
-        let stated = &self.file.simulation;
+        let file = self.file;
+        let stated = &file.simulation;
         let mut cut = Vec::new();
         for (i, name) in stated.cut.iter().enumerate() {
             let path = format!("simulation.cut[{i}]");
@@ -221,12 +244,7 @@ impl Context<'_> {
         SimulationDefaults {
             start_time: stated.start_time,
             end_time: stated.end_time,
-            tolerance: stated.tolerance.map(|tolerance| match tolerance {
-                Stated::Uniform(value) => Tolerance::uniform(value),
-                Stated::Parts(schema::ToleranceParts { relative, translation, rotation }) => {
-                    model::Tolerance { relative, translation, rotation }
-                }
-            }),
+            tolerance: stated.tolerance.map(|tolerance| self.tolerance(tolerance)),
             method: stated.method.clone(),
             formula: stated.formula.clone(),
             fixed_step: stated.fixed_step,

@@ -12,7 +12,8 @@ use super::{Motion, Place, Rotational, Shape, Vector, item};
 #[allow(dead_code, reason = "values are put in place while the file is checked")]
 #[schemars(title = "Parameters")]
 pub(crate) struct Parameter {
-    /// The number, in the unit of the fields that use it.
+    /// The number itself, no expression, in the unit of the fields that use it.
+    #[schemars(extend("x-plain" = true))]
     pub(crate) value: f64,
     /// Unit, for readers.
     pub(crate) unit: Option<String>,

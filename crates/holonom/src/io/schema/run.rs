@@ -27,7 +27,7 @@ pub(crate) struct Simulation {
     /// End, not before the start.
     #[schemars(extend("x-unit" = "s"))]
     pub(crate) end_time: Option<f64>,
-    /// One number for all parts, or the parts.
+    /// One number for all parts, or some of them.
     pub(crate) tolerance: Option<Tolerance>,
     /// Name of a code (`ForSDIRK`) or of a family of methods (`first_order`).
     pub(crate) method: Option<String>,
@@ -222,17 +222,17 @@ pub(crate) enum Tolerance {
     Parts(ToleranceParts),
 }
 
-/// Tolerances by part.
+/// Tolerances by part; at least one is stated, and what is not is 1e-4.
 #[derive(Debug, Clone, Copy, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Tolerances")]
 pub(crate) struct ToleranceParts {
     /// Relative part: of the movement since the start (positions) or of the value (velocities).
-    pub(crate) relative: f64,
+    pub(crate) relative: Option<f64>,
     /// Absolute part of translations (m, m/s).
     #[schemars(extend("x-unit" = "m"))]
-    pub(crate) translation: f64,
+    pub(crate) translation: Option<f64>,
     /// Absolute part of rotations (rad, rad/s).
     #[schemars(extend("x-unit" = "rad"))]
-    pub(crate) rotation: f64,
+    pub(crate) rotation: Option<f64>,
 }
