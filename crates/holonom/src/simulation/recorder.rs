@@ -70,6 +70,19 @@ impl Recorder {
         self.point.manifold.stand_at(t, q, p, winding, turning, normals)
     }
 
+    /// Gives the state that the next step starts from, whose w is `w`, its multipliers; as they are where this
+    /// cannot be evaluated.
+    pub(super) fn complete(&mut self, w: &[f64], state: &mut State) {
+        let ndof = self.point.manifold.chart().ndof();
+        let (p, rest) = w.split_at(ndof);
+        let (rates, z) = rest.split_at(ndof);
+        if self.point.evaluate(state.t, p, rates, &z[..state.z.len()], true).is_ok() {
+            self.point.complete();
+            state.lambda.copy_from_slice(&self.point.state.lambda);
+            self.point.manifold.minimum_norm_multipliers(&mut state.lambda);
+        }
+    }
+
     /// The row of a time inside a step: state with accelerations, multipliers, windings and ledger.
     ///
     /// # Errors

@@ -21,6 +21,7 @@ impl Run<'_> {
         if !(unfinished && self.statistics.steps.is_multiple_of(due.max(1))) {
             return Ok(());
         }
+        self.complete_state();
         let mut checkpoint = self.checkpoint(pace);
         // Where the equations cannot be set up anew the run goes on as it is, and nobody can begin here.
         let Ok(machinery) = self.machinery(&checkpoint) else { return Ok(()) };

@@ -30,7 +30,7 @@ use crate::simulation::step_length::{self, clip, smallest_step};
 use crate::simulation::trajectory::{EventKind, Memory, Sink};
 use crate::simulation::warnings::chosen;
 use crate::system::{EnergyBalance, State, System};
-use crate::watch::{stage, within};
+use crate::watch::{stage, unwatched, within};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -190,6 +190,8 @@ struct Run<'a> {
     energy_scale: EnergyScale,
     drift: Drift,
     powers: StepPowers,
+    /// Whether the present state has its multipliers: what needs them completes it.
+    complete: bool,
     /// Powers in the middle of the step just accepted, if they are known.
     middle: Option<[f64; 2]>,
     output: Output,
@@ -367,7 +369,6 @@ impl Run<'_> {
             self.stepper.discard();
             return Err(failure);
         }
-        self.form.point_mut().complete();
         self.check_residuals().inspect_err(|_| self.stepper.discard())?;
         self.find_middle(t, step);
         Ok(())
@@ -436,8 +437,12 @@ impl Run<'_> {
         let begun = Instant::now();
         // Here a step counts, in whole: nothing is given up before it is among the steps that are stored.
         self.row.copy_from(&self.form.point().state);
-        self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.row.lambda);
         std::mem::swap(&mut self.row, &mut self.state);
+        self.complete = false;
+        // Powers of drivers are those of their multipliers.
+        if self.system.has_drivers() || self.state.t >= self.options.end_time {
+            self.take_multipliers();
+        }
         self.w.copy_from_slice(&self.w_end);
         self.g.copy_from_slice(&self.g_end);
         let t_end = self.state.t;
@@ -480,6 +485,7 @@ impl Run<'_> {
             }
         }
         while self.output.time() <= t_end {
+            self.take_multipliers();
             self.output.push(self.system.as_ref(), &self.state);
         }
         self.move_references().map_err(|f| failed(f, step))?;
@@ -487,6 +493,25 @@ impl Run<'_> {
         self.recorder.begin_step(self.form.point(), &self.state);
         self.statistics.output_seconds += begun.elapsed().as_secs_f64();
         Ok(energy)
+    }
+
+    /// Multipliers of the end of the step just accepted, where the form of the equations still stands.
+    fn take_multipliers(&mut self) {
+        if self.complete {
+            return;
+        }
+        self.complete = true;
+        let point = self.form.point_mut();
+        point.complete();
+        self.state.lambda.copy_from_slice(&point.state.lambda);
+        point.manifold.minimum_norm_multipliers(&mut self.state.lambda);
+    }
+
+    /// Multipliers of the present state, wherever the form stands; also where the run is given up.
+    fn complete_state(&mut self) {
+        if !std::mem::replace(&mut self.complete, true) {
+            unwatched(|| self.recorder.complete(&self.w, &mut self.state));
+        }
     }
 
     /// Step sizes and energy of the new state.

@@ -89,6 +89,7 @@ impl Run<'_> {
 
     /// Flushes, completes the statistics and says why the run ended.
     pub(super) fn finish(&mut self, stop: Result<(), Stop>) -> (Status, StopReason) {
+        self.complete_state();
         if stop.is_err() {
             self.output.push_last(self.system.as_ref(), &self.state);
         }

@@ -158,6 +158,7 @@ pub(super) fn set_up<'a>(
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         drift: Drift::new(system.structure().sizes.bodies),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
+        complete: true,
         middle: None,
         output,
         recorder,
