@@ -243,6 +243,43 @@ hinge = { type = "revolute", between = ["washer", "bar"], point = [0.0, 0.0] }
     assert_eq!(joint.manifold.counters.left_to_cartesian, 1);
 }
 
+#[test] // independent truth: what falls freely accelerates by g and leaves its slides alone
+fn what_balances_to_nothing_is_no_lost_digit() {
+    for (angle, axis) in [(0.3, [0.0, 1.0, 0.0]), (1.1, [1.0, 0.0, 0.0]), (-2.0, [0.0, 1.0, 0.0])] {
+        let (s, c) = f64::sin_cos(0.5 * angle);
+        let text = format!(
+            r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies.frame]
+mass = 7.3
+inertia = [[1.3, 0.1, 0.2], [0.1, 2.1, 0.3], [0.2, 0.3, 1.7]]
+position = [0.3, 0.1, 0.7]
+euler_parameters = [{c:?}, {:?}, 0.0, {:?}]
+[bodies.rack]
+mass = 0.9
+inertia = [[0.02, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.02]]
+position = [1.1, 0.2, 0.7]
+[joints.guide]
+type = "translational"
+between = ["frame", "rack"]
+point = [1.1, 0.2, 0.7]
+axis = {axis:?}
+"#,
+            0.6 * s,
+            0.8 * s
+        );
+        let ([_, mut joint], state) = points(model_of(&text)).expect("a joint form");
+        let (mut p, mut rates) = ([0.0; 7], [0.0; 7]);
+        joint.manifold.independent_state(&state, &mut p, &mut rates);
+        joint.evaluate(0.0, &p, &rates, &[], true).expect("has accelerations");
+        let a = &joint.state.a;
+        assert!([a[2], a[9]].iter().all(|a| (a + 9.81).abs() < 1e-9), "{a:?}");
+        assert_eq!(joint.manifold.counters.left_to_cartesian, 0, "{angle} {axis:?}");
+    }
+}
+
 /// A chain of links in the plane, its first hinge driven or not.
 fn chain(links: usize, driven: bool) -> Model {
     let link = |k: usize| {

@@ -4,7 +4,7 @@ use super::algebra::Algebra;
 use super::branched::Branched;
 use super::closures::Origin;
 use super::directions::Directions;
-use super::engine::{Engine, add, pose};
+use super::engine::{BodyInertia, Engine, add, pose};
 use crate::reduction::relatives::Source;
 use crate::system::State;
 
@@ -43,12 +43,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 
     /// Wrenches of inertia and forces of every body for the present rates of twists, and sizes of what they are summed from.
     pub(super) fn evaluate_wrenches(&mut self, force: &[f64], q: &[f64], a: &[f64]) {
-        for (b, (mass, inertia)) in self.inertias.iter().enumerate() {
+        for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
             let (q, o) = (pose(q, b), &self.origin[b]);
-            let own = A::inertia_force(*mass, inertia, q, pose(a, b), o, &self.twist_rate[b]);
+            let own = A::inertia_force(*mass, turned, q, pose(a, b), o, &self.twist_rate[b]);
             let applied = A::wrench(q, o, pose(force, b));
             self.wrench[b] = std::array::from_fn(|i| own[i] - applied[i]);
-            self.wrench_size[b] = std::array::from_fn(|i| own[i].abs() + applied[i].abs());
+            self.wrench_size[b] =
+                A::sizes(&std::array::from_fn(|i| own[i].abs() + applied[i].abs()));
         }
     }
 

@@ -4,8 +4,8 @@
 //! the force, then the moment about O. No transformation stands between bodies then (`docs/theory/joint.md` (1)-(6);
 //! thesis (3.133)).
 
-use crate::math::spatial::{cross, e_times, e_transposed_times, rotate, rotate_back};
-use crate::math::vector::{add_scaled, difference, sum};
+use crate::math::spatial::{cross, e_times, e_transposed_times, rotation_matrix};
+use crate::math::vector::{difference, dot, sum};
 
 /// Twists and wrenches of `W` numbers for poses of `N` coordinates.
 pub(super) trait Algebra<const N: usize, const W: usize>:
@@ -56,8 +56,14 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// A wrench with its moments multiplied.
     fn scaled(w: &[f64; W], factor: f64) -> [f64; W];
 
-    /// Inertia of a body about its own place, by rows.
-    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3], q: &[f64; N]) -> [[f64; W]; W];
+    /// Inertia about the centre of mass, given in axes of the body, in axes of the ground.
+    fn turned(inertia: &[[f64; 3]; 3], q: &[f64; N]) -> [[f64; 3]; 3];
+
+    /// Sizes of what a wrench is the sum of: components of one vector turn into each other.
+    fn sizes(terms: &[f64; W]) -> [f64; W];
+
+    /// Inertia of a body about its own place, by rows; here and below from that in axes of the ground.
+    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3]) -> [[f64; W]; W];
 
     /// Inertia times the rate of a twist, velocities left out.
     fn inertia_times(
@@ -180,12 +186,30 @@ impl Algebra<7, 6> for Spatial {
         joined(&f, &n.map(|x| factor * x))
     }
 
-    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3], q: &[f64; 7]) -> [[f64; 6]; 6] {
+    fn turned(inertia: &[[f64; 3]; 3], q: &[f64; 7]) -> [[f64; 3]; 3] {
+        let a = rotation_matrix(&euler(q));
+        let half = a.map(|row| times(inertia, &row)); // A J, J being symmetric
+        let mut out = [[0.0; 3]; 3];
+        for i in 0..3 {
+            for j in 0..=i {
+                out[i][j] = dot(&half[i], &a[j]);
+                out[j][i] = out[i][j];
+            }
+        }
+        out
+    }
+
+    fn sizes(terms: &[f64; 6]) -> [f64; 6] {
+        let (f, n) = parts(terms);
+        let [f, n] = [f, n].map(|x| x[0] + x[1] + x[2]);
+        [f, f, f, n, n, n]
+    }
+
+    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3]) -> [[f64; 6]; 6] {
         let mut out = [[0.0; 6]; 6];
         for k in 0..3 {
-            let unit = std::array::from_fn(|i| f64::from(u8::from(i == k)));
             out[k][k] = mass;
-            out[3 + k][3..].copy_from_slice(&turned(inertia, q, &unit));
+            out[3 + k][3..].copy_from_slice(&inertia[k]);
         }
         out
     }
@@ -200,7 +224,7 @@ impl Algebra<7, 6> for Spatial {
         let (a, alpha) = parts(yd);
         let arm = difference(&place(q), o);
         let f = sum(&a, &cross(&alpha, &arm)).map(|x| mass * x);
-        joined(&f, &sum(&turned(inertia, q, &alpha), &cross(&arm, &f)))
+        joined(&f, &sum(&times(inertia, &alpha), &cross(&arm, &f)))
     }
 
     fn inertia_force(
@@ -213,19 +237,12 @@ impl Algebra<7, 6> for Spatial {
     ) -> [f64; 6] {
         let (_, alpha) = parts(yd);
         let f = place(a).map(|x| mass * x);
-        joined(&f, &sum(&turned(inertia, q, &alpha), &cross(&difference(&place(q), o), &f)))
+        joined(&f, &sum(&times(inertia, &alpha), &cross(&difference(&place(q), o), &f)))
     }
 }
 
-/// A J Aᵀ x.
-fn turned(inertia: &[[f64; 3]; 3], q: &[f64; 7], x: &[f64; 3]) -> [f64; 3] {
-    let p = euler(q);
-    let own = rotate_back(&p, x);
-    let mut out = [0.0; 3];
-    for (row, x) in inertia.iter().zip(own) {
-        add_scaled(&mut out, x, row); // J is symmetric
-    }
-    rotate(&p, &out)
+fn times(a: &[[f64; 3]; 3], x: &[f64; 3]) -> [f64; 3] {
+    a.map(|row| dot(&row, x))
 }
 
 /// ω × a.
@@ -302,7 +319,16 @@ impl Algebra<3, 3> for Planar {
         [w[0], w[1], factor * w[2]]
     }
 
-    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3], _: &[f64; 3]) -> [[f64; 3]; 3] {
+    fn turned(inertia: &[[f64; 3]; 3], _: &[f64; 3]) -> [[f64; 3]; 3] {
+        *inertia
+    }
+
+    fn sizes(terms: &[f64; 3]) -> [f64; 3] {
+        let f = terms[0] + terms[1];
+        [f, f, terms[2]]
+    }
+
+    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
         [[mass, 0.0, 0.0], [0.0, mass, 0.0], [0.0, 0.0, inertia[2][2]]]
     }
 

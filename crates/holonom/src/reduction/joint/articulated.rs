@@ -1,7 +1,7 @@
 //! Accelerations of a tree, from the leaves inwards and out again: articulated bodies.
 
 use super::algebra::Algebra;
-use super::engine::{Engine, add, dot, pose};
+use super::engine::{BodyInertia, Engine, add, dot, pose};
 use super::small::{factor, substitute};
 
 /// Growth of numbers in the elimination of an edge that leaves ten digits; beyond it other solvers answer.
@@ -36,10 +36,10 @@ impl<const W: usize> Articulated<W> {
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Inertia of every body about its own place.
     pub(super) fn evaluate_inertias(&mut self, q: &[f64]) {
-        for (b, (mass, inertia)) in self.inertias.iter().enumerate() {
-            let (q, own) = (pose(q, b), &mut self.articulated[b]);
-            own.place = A::center(q);
-            own.inertia = A::own_inertia(*mass, inertia, q);
+        for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
+            let own = &mut self.articulated[b];
+            own.place = A::center(pose(q, b));
+            own.inertia = A::own_inertia(*mass, turned);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::algebra::Algebra;
 use super::closures::Closures;
-use super::engine::{Edge, Engine, add, dot, pose};
+use super::engine::{BodyInertia, Edge, Engine, add, dot, pose};
 use crate::reduction::relatives::Source;
 use holonom_linalg::Cholesky;
 
@@ -135,10 +135,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     }
                 }
             }
-            let (mass, inertia) = &self.inertias[b];
-            let q = pose(q, b);
-            let inertia = A::own_inertia(*mass, inertia, q);
-            let inertia = A::moved_inertia(&inertia, &A::center(q), &self.origin[b]);
+            let BodyInertia { mass, turned, .. } = &self.inertias[b];
+            let inertia = A::own_inertia(*mass, turned);
+            let inertia = A::moved_inertia(&inertia, &A::center(pose(q, b)), &self.origin[b]);
             for (i, column) in columns.iter().enumerate() {
                 let felt = inertia.map(|row| dot(&row, column));
                 let row = &mut at.mass[own.variables[i] * n..][..n];

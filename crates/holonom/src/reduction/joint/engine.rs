@@ -35,6 +35,14 @@ pub(super) struct Edge {
     pub(super) driver: Option<usize>,
 }
 
+/// Mass, kg, and inertia about the centre of mass, kg m², in axes of the body and in axes of the ground.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BodyInertia {
+    pub(super) mass: f64,
+    own: [[f64; 3]; 3],
+    pub(super) turned: [[f64; 3]; 3],
+}
+
 /// Joint coordinates with twists and wrenches of `W` numbers.
 #[derive(Debug, Clone)]
 pub(super) struct Engine<A, const N: usize, const W: usize> {
@@ -62,7 +70,7 @@ pub(super) struct Engine<A, const N: usize, const W: usize> {
     /// Of each body, or of all that hangs on it, and the sizes of what they are summed from.
     pub(super) wrench_size: Vec<[f64; W]>,
     pub(super) wrench: Vec<[f64; W]>,
-    pub(super) inertias: Vec<(f64, [[f64; 3]; 3])>,
+    pub(super) inertias: Vec<BodyInertia>,
     pub(super) articulated: Vec<Articulated<W>>,
     /// Columns about the bodies' own places.
     pub(super) own_columns: Vec<[f64; W]>,
@@ -191,7 +199,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             wrench: zeros(),
             wrench_size: zeros(),
             bias: vec![[0.0; W]; edges.len()],
-            inertias: (0..bodies).map(|b| (system.mass(b), system.inertia(b))).collect(),
+            inertias: (0..bodies)
+                .map(|b| BodyInertia {
+                    mass: system.mass(b),
+                    own: system.inertia(b),
+                    turned: system.inertia(b),
+                })
+                .collect(),
             gradients: vec![0.0; closures.all.iter().map(|c| c.count * 2 * N).sum()],
             rows: vec![0.0; rows],
             along: vec![0.0; n],
@@ -222,10 +236,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         parametrization.relatives().expect("the parametrization that it was made for")
     }
 
-    /// Columns of all coordinates at q, with the reference points of the trees there.
+    /// Columns of all coordinates at q, with the reference points of the trees and the inertias there.
     pub(super) fn evaluate_columns(&mut self, x: &[[f64; 6]], q: &[f64]) {
         for (origin, root) in self.origin.iter_mut().zip(&self.root) {
             *origin = A::center(pose(q, *root));
+        }
+        for (b, inertia) in self.inertias.iter_mut().enumerate() {
+            inertia.turned = A::turned(&inertia.own, pose(q, b));
         }
         let mut screws = EdgeScrews::default();
         for (edge, turning) in self.edges.iter().zip(&mut self.turning) {

@@ -3,7 +3,7 @@
 use super::JointForm;
 use super::algebra::Algebra;
 use super::closures::Origin;
-use super::engine::{Engine, pose, pose_mut};
+use super::engine::{BodyInertia, Engine, pose, pose_mut};
 use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
@@ -114,9 +114,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         self.multiply_null_space(p, &mut change);
         let mut motion = std::mem::take(&mut self.motion);
         self.carry(&change, &mut motion);
-        for (b, (mass, inertia)) in self.inertias.iter().enumerate() {
+        for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
             let (q, o) = (pose(q, b), &self.origin[b]);
-            self.wrench[b] = A::inertia_times(*mass, inertia, q, o, &motion[b]);
+            self.wrench[b] = A::inertia_times(*mass, turned, q, o, &motion[b]);
         }
         self.motion = motion;
         self.change = change;
