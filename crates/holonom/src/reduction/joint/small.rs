@@ -1,6 +1,7 @@
 //! Symmetric matrices of an edge: a few numbers, of a size known where the code is made.
 
 /// Cholesky factor of the leading block of a matrix whose lower triangle is given.
+#[inline(always)]
 pub(super) fn factor<const M: usize>(a: &mut [[f64; M]; M], n: usize) -> bool {
     for i in 0..n {
         let given = a[i][i];
@@ -23,6 +24,7 @@ pub(super) fn factor<const M: usize>(a: &mut [[f64; M]; M], n: usize) -> bool {
 }
 
 /// Solves with the factor in place.
+#[inline(always)]
 pub(super) fn substitute<const M: usize>(l: &[[f64; M]; M], n: usize, b: &mut [f64; M]) {
     for i in 0..n {
         for j in 0..i {
