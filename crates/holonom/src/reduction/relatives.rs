@@ -394,9 +394,12 @@ impl Relatives {
             }
         }
         let tree = system.tree();
+        // Where all independent variables are coordinates of edges, those of the edges are all there are.
+        let mut all = self.exact;
         for (at, (edge, form)) in tree.edges.iter().zip(&self.forms).enumerate() {
             let stays = |&group: &usize| groups[group].reach.is_finite() && !turning;
             if edge.forms[*form].iter().any(stays) {
+                all = false;
                 continue;
             }
             let mut first = 0;
@@ -414,7 +417,7 @@ impl Relatives {
                 Anchor { orientation: system.anchor_orientation(at, *form, q), x: x[at] };
         }
         for (group, _) in &self.rows {
-            if turning || groups[*group].reach.is_infinite() {
+            if !all && (turning || groups[*group].reach.is_infinite()) {
                 let reference = &mut self.references[*group];
                 *reference = system.moved_reference(*group, q, reference);
             }
