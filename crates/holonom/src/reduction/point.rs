@@ -101,6 +101,10 @@ impl Point {
     /// # Errors
     /// `simulation/singular-configuration`.
     pub fn move_references(&mut self, p: &[f64], turn: f64) -> Result<bool, EvaluationFailure> {
+        // A linearization may follow at this very state, and the factors that its multipliers follow from are lost.
+        if !self.manifold.has_joint_coordinates() && self.manifold.moves_references(p, turn) {
+            self.complete();
+        }
         self.manifold.move_references(&self.state.q, p, turn)
     }
 }

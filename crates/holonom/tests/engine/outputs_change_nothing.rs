@@ -7,8 +7,9 @@ use crate::common::{
 };
 use holonom::method::{Code, DEFAULT_CODE};
 use holonom::model::Model;
-use holonom::reduction::Choice;
-use holonom::simulation::{Options, OutputTimes, Problem, StepRecord};
+use holonom::reduction::accelerations::Accelerations;
+use holonom::reduction::{Choice, Coordinates};
+use holonom::simulation::{Memory, Options, OutputTimes, Problem, StepRecord, run};
 
 /// Time, length, error and outcome of all attempts, as bits.
 fn bits(steps: &[StepRecord]) -> Vec<(u64, u64, u64, &'static str)> {
@@ -95,6 +96,86 @@ fn outputs_change_no_bit_of_any_code() {
                 if cfg!(feature = "long") && choice != Choice::default() {
                     compare(&mut table, name, &model, code, choice, 1.0);
                 }
+            }
+        }
+    }
+    table.finish();
+}
+
+/// Three links that hang on balls.
+const LINKS: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+a = { mass = 1.0, inertia = [[0.02, 0.0, 0.0], [0.0, 0.05, 0.0], [0.0, 0.0, 0.06]], position = [0.5, 0.0, 0.0] }
+b = { mass = 0.7, inertia = [[0.01, 0.0, 0.0], [0.0, 0.04, 0.0], [0.0, 0.0, 0.045]], position = [1.5, 0.0, 0.0] }
+c = { mass = 0.5, inertia = [[0.01, 0.0, 0.0], [0.0, 0.03, 0.0], [0.0, 0.0, 0.035]], position = [2.5, 0.0, 0.0] }
+[joints]
+first = { type = "spherical", between = ["ground", "a"], point = [0.0, 0.0, 0.0] }
+second = { type = "spherical", between = ["a", "b"], point = [1.0, 0.0, 0.0] }
+third = { type = "spherical", between = ["b", "c"], point = [2.0, 0.0, 0.0] }
+[initial.bodies]
+a = { angular_velocity = [1.0, 0.5, 2.0] }
+b = { angular_velocity = [0.5, -1.0, 1.0] }
+c = { angular_velocity = [0.3, 0.7, -1.0] }
+"#;
+
+/// And a rod from the last one to the ground.
+const ROD: &str = r#"
+[joints.rod]
+type = "distance"
+between = ["ground", "c"]
+points = [[3.0, 1.0, 0.0], [3.0, 0.0, 0.0]]
+"#;
+
+#[test] // rows at the ends of steps ask for reactions there, whichever way accelerations were found
+fn rows_at_the_ends_of_steps_change_no_bit() {
+    let mut table = Table::new("rows at the ends of steps");
+    for (name, model) in [
+        ("links on balls", model_of(LINKS)),
+        ("links on balls and a rod", model_of(&format!("{LINKS}\n{ROD}"))),
+        ("spatial_four_bar", model("spatial_four_bar")),
+        ("double_pendulum", model("double_pendulum")),
+    ] {
+        let ways = [
+            Accelerations::Auto,
+            Accelerations::Recursive,
+            Accelerations::NullSpace,
+            Accelerations::Reduced,
+            Accelerations::Augmented,
+        ];
+        let ways = ways.map(|way| (Coordinates::Cartesian, way));
+        for (coordinates, accelerations) in
+            [(Coordinates::Joint, Accelerations::Auto)].into_iter().chain(ways)
+        {
+            for code in all_codes() {
+                let step = 1.0 / 64.0;
+                let ends =
+                    [OutputTimes::Listed(Vec::new()), OutputTimes::Interval(step)].map(|output| {
+                        let options = Options {
+                            output,
+                            coordinates,
+                            accelerations,
+                            fixed_step: Some(step),
+                            ..options(code, 1e-4, 0.5)
+                        };
+                        let outcome = run(
+                            &Problem::new(model.clone()),
+                            &options,
+                            None,
+                            &mut Memory::default(),
+                        );
+                        // What cannot be with loops is refused.
+                        outcome.ok().map(|summary| {
+                            let end = summary.end;
+                            end.q.iter().chain(&end.v).map(|x| x.to_bits()).collect::<Vec<_>>()
+                        })
+                    });
+                let line =
+                    format!("{name}, {coordinates:?}, {accelerations:?}, {}", code.info().name);
+                table.note(&line, if ends[0].is_some() { "runs" } else { "refused" }.to_owned());
+                table.claim(ends[0] == ends[1], || format!("{line}: rows change the end"));
             }
         }
     }

@@ -22,6 +22,13 @@ impl Manifold {
         }
     }
 
+    /// Whether [`Manifold::move_references`] gives independent variables another meaning.
+    pub fn moves_references(&self, p: &[f64], turn: f64) -> bool {
+        self.chart.parametrization().relatives().is_some_and(|relatives| {
+            relatives.moves && (turn == 0.0 || relatives.turning(self.system.as_ref(), p) > turn)
+        })
+    }
+
     /// Moves references to the configuration q last recovered, whose independent variables are `p`; those of
     /// directions and rotations once one of them is `turn` (rad) away. Returns whether v has changed.
     ///
