@@ -175,7 +175,8 @@ pub trait ForceElement<const N: usize> {
         f64::INFINITY
     }
     /// Knots, increasing, of each scalar along which the law has local features: the deformation of a law through a
-    /// table, what a tyre is pressed in, its way along a road with an obstacle.
+    /// table, what a tyre is pressed in, its way along a road with an obstacle. None of them for a line whose law is
+    /// smooth: that has a local feature where it is short.
     fn knots(&self) -> Vec<Vec<f64>> {
         Vec::new()
     }

@@ -2,12 +2,15 @@
 
 use crate::error::EvaluationFailure;
 use crate::system::{LawArgument, State, System};
+use std::f64::consts::PI;
 
 /// Halvings of a piece of a cubic in search of a knot: round-off.
 const HALVINGS: u32 = 50;
 /// Halvings of each half of a step in search of a course that is a cubic.
 const PARTS: u32 = 10;
-/// Turn of a line within which its length is a cubic, rad: next to its other end it has a cusp.
+/// The same in search of the moment at which a line is next to its other end, where its length has a cusp.
+const PARTS_AT_CUSP: u32 = 25;
+/// Turn of a line within which its length is a cubic, rad.
 const TURN: f64 = 0.5;
 /// What cubics seem to miss may be so many times as much.
 const CAUTION: f64 = 4.0;
@@ -33,6 +36,11 @@ impl Place {
     ) -> Self {
         let [value, rate, turning] = system.law_argument(argument, state);
         Self { time, value, rate, turning }
+    }
+
+    /// Whether the line that it depends on may be next to its other end within `step` of here.
+    pub(super) fn is_near_cusp(&self, step: f64) -> bool {
+        self.turning * step > TURN
     }
 }
 
@@ -148,17 +156,21 @@ pub(super) struct Way {
     /// Start of the step, times at which it passes a knot or turns back, end, s; empty where it passes no knot.
     marks: Vec<f64>,
     passages: Vec<Passage>,
+    /// Where the line is next to its other end.
+    cusps: Vec<Passage>,
 }
 
 impl Way {
-    /// Room for laws with at most so many knots.
-    pub(super) fn with_room(knots: usize) -> Self {
-        let places = if knots == 0 { 0 } else { (2 << PARTS) + 1 };
+    /// Room for laws with at most so many knots; for none at all without.
+    pub(super) fn with_room(knots: Option<usize>) -> Self {
+        let places = if knots.is_none() { 0 } else { (2 << PARTS) + 1 };
+        let knots = knots.unwrap_or(0);
         let marks = 3 * knots + places;
         Self {
             places: Vec::with_capacity(places),
             marks: Vec::with_capacity(marks),
             passages: Vec::with_capacity(marks),
+            cusps: Vec::with_capacity(places),
         }
     }
 
@@ -174,7 +186,8 @@ impl Way {
     ) -> Result<(), EvaluationFailure> {
         self.places.clear();
         self.places.push(places[0]);
-        self.halves(&mut looking, places, PARTS)?;
+        self.halves(&mut looking, places, 0)?;
+        self.find_cusps();
         self.marks.clear();
         let [least, largest] =
             self.pairs().fold([f64::INFINITY, f64::NEG_INFINITY], |all, pair| {
@@ -184,8 +197,9 @@ impl Way {
         if largest - least <= looking.negligible {
             return Ok(());
         }
-        let Self { places, marks, .. } = self;
-        let mut passes = false;
+        let Self { places, marks, cusps, .. } = self;
+        let mut passes = !cusps.is_empty();
+        let mut cusps = cusps.iter().map(|cusp| cusp.time).peekable();
         marks.push(places[0].time);
         for pair in places.windows(2) {
             let length = pair[1].time - pair[0].time;
@@ -194,12 +208,37 @@ impl Way {
                 marks.push(pair[0].time + theta * length);
                 passes |= is_knot;
             });
+            marks.extend(cusps.next_if(|&cusp| cusp <= pair[1].time));
         }
         marks.push(places[places.len() - 1].time);
         if !passes {
             marks.clear();
         }
         Ok(())
+    }
+
+    /// Finds the moments at which a line turns by half a turn in less than the step: then it is next to its other end.
+    ///
+    /// Past the distance d at the speed u it turns at ω/(1 + ω²t²), ω = u/d, and so does what its force leaves out:
+    /// for π/ω in the whole.
+    fn find_cusps(&mut self) {
+        let Self { places, cusps, .. } = self;
+        cusps.clear();
+        let step = places[places.len() - 1].time - places[0].time;
+        cusps.extend(places.windows(3).filter_map(|three| {
+            let [before, at, after] = [0, 1, 2].map(|k| three[k].turning);
+            let duration = PI / at;
+            (at > before && at >= after && duration < step).then_some(Passage {
+                time: three[1].time,
+                duration,
+                deviation: 1.0,
+            })
+        }));
+    }
+
+    /// What [`Way::follow`] has found where a line is next to its other end: how long that lasts.
+    pub(super) fn cusps(&self) -> &[Passage] {
+        &self.cusps
     }
 
     /// Goes on over the middle of a part to its end, in smaller parts if need be.
@@ -216,12 +255,12 @@ impl Way {
             let course = Course::through([&half[0], &half[1]]);
             let doubt = CAUTION * course.doubt().max(missed);
             let length = half[1].time - half[0].time;
-            let turns = half[0].turning.max(half[1].turning) * length > TURN;
+            let turns = half.iter().any(|place| place.is_near_cusp(length));
             let doubtful =
                 || doubt > looking.negligible && course.is_doubtful(looking.knots, doubt);
-            if parts > 0 && (turns || doubtful()) {
+            if (parts < PARTS_AT_CUSP && turns) || (parts < PARTS && doubtful()) {
                 let middle = (looking.inside)(0.5 * (half[0].time + half[1].time))?;
-                self.halves(looking, [half[0], middle, half[1]], parts - 1)?;
+                self.halves(looking, [half[0], middle, half[1]], parts + 1)?;
             } else {
                 self.places.push(half[1]);
             }
@@ -308,7 +347,7 @@ mod tests {
             rate: (time - 1.0 / 3.0).signum(),
             turning: 0.0,
         };
-        let mut way = Way::with_room(1);
+        let mut way = Way::with_room(Some(1));
         let mut asked = 0;
         let inside = &mut |time: f64| {
             asked += 1;

@@ -121,7 +121,7 @@ pub struct LawArgument {
     pub(crate) index: usize,
     /// What it measures.
     pub measure: Measure,
-    /// Values between which the law is smooth, increasing.
+    /// Values between which the law is smooth, increasing; none for a line that has a cusp only.
     pub knots: Vec<f64>,
 }
 

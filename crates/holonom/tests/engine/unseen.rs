@@ -354,6 +354,70 @@ fn a_block_bounces_for_ever() {
     }
 }
 
+/// A body of 1 kg that slides past the anchor of a spring and damper, from 1 m before it.
+fn past_an_anchor(
+    [offset, speed]: [f64; 2],
+    [stiffness, damping, free]: [f64; 3],
+    dimension: &str,
+) -> (Case, f64) {
+    let zero = if dimension == "spatial" { ", 0.0" } else { "" };
+    let inertia = if dimension == "spatial" {
+        "[[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]]"
+    } else {
+        "0.01"
+    };
+    let text = format!(
+        r#"
+holonom = 1
+dimension = "{dimension}"
+gravity = [0.0, 0.0{zero}]
+[bodies]
+block = {{ mass = 1.0, inertia = {inertia}, position = [0.0, 0.0{zero}] }}
+[joints]
+guide = {{ type = "translational", between = ["ground", "block"], point = [0.0, 0.0{zero}], axis = [1.0, 0.0{zero}] }}
+[forces.spring]
+type = "tsda"
+between = ["ground", "block"]
+points_in_body = [[0.0, {offset:?}{zero}], [0.0, 0.0{zero}]]
+stiffness = {stiffness:?}
+damping = {damping:?}
+free_length = {free:?}
+[initial.bodies]
+block = {{ position = [-1.0, 0.0{zero}], velocity = [{speed:?}, 0.0{zero}] }}
+"#
+    );
+    let acceleration = |_: f64, s: f64, rate: f64| {
+        let length = s.hypot(offset);
+        -(stiffness * (length - free) + damping * s * rate / length) * s / length
+    };
+    let row = |_, s: f64| if zero.is_empty() { vec![s, 0.0] } else { vec![s, 0.0, 0.0] };
+    case(&text, 1.0, ("block.position", Kind::Point), [-1.0, speed], &acceleration, &row)
+}
+
+#[test] // a damper does nothing, and a spring draws across, while the line is at its shortest: for 0.1 to 3 ms here
+fn a_line_passes_its_other_end() {
+    let mut table = Table::new("lines that pass their other ends");
+    for (name, geometry, law) in [
+        ("damper", [3e-3, 3.0], [0.0, 5.0, 0.0]),
+        ("damper, fast", [1e-3, 10.0], [0.0, 5.0, 0.0]),
+        ("spring and damper", [3e-3, 3.0], [200.0, 5.0, 0.0]),
+        ("the same, far", [1e-2, 3.0], [200.0, 5.0, 0.0]),
+        ("spring under pressure", [3e-3, 3.0], [200.0, 0.0, 0.3]),
+        ("the same, with a damper", [1e-3, 3.0], [200.0, 5.0, 0.3]),
+    ] {
+        for dimension in ["planar", "spatial"] {
+            let case = past_an_anchor(geometry, law, dimension);
+            table.note(name, format!("a nudge grows {:.1}-fold", case.1));
+            for code in all_codes() {
+                for &tolerance in TOLERANCES {
+                    look(&mut table, &format!("{name}, {dimension}"), &case, code, tolerance);
+                }
+            }
+        }
+    }
+    table.finish();
+}
+
 /// A wheel of 300 kg on a sled that slides over a bump of 3 cm in 7 ms, far from the start.
 fn sled(center: f64) -> String {
     format!(

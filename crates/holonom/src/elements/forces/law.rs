@@ -20,6 +20,13 @@ pub(super) fn knots(law: &ElasticLaw) -> Vec<Vec<f64>> {
     }
 }
 
+/// The same where the deformation is that of a line, whose length has a cusp next to its other end whatever the law.
+pub(super) fn knots_along_line(law: &ElasticLaw) -> Vec<Vec<f64>> {
+    let mut all = knots(law);
+    all.resize(1, Vec::new());
+    all
+}
+
 /// Stored energy ∫ force dx, J.
 pub(super) fn energy(law: &ElasticLaw, x: f64) -> f64 {
     match law {

@@ -83,6 +83,15 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
         }
     }
 
+    fn knots(&self) -> Vec<Vec<f64>> {
+        vec![Vec::new()]
+    }
+
+    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 3] {
+        let span = self.line.span(input.q, input.v);
+        [span.length, span.rate, Line::<S, D, N, R>::turning(&span, input)]
+    }
+
     fn quantities(&self) -> &'static [Quantity] {
         QUANTITIES
     }

@@ -80,7 +80,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
     }
 
     fn knots(&self) -> Vec<Vec<f64>> {
-        law::knots(&self.law)
+        law::knots_along_line(&self.law)
     }
 
     fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 3] {

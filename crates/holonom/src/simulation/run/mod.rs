@@ -370,16 +370,17 @@ impl Run<'_> {
             return Err(failure);
         }
         self.check_residuals().inspect_err(|_| self.stepper.discard())?;
-        self.find_middle(t, step);
+        self.find_middle(t, step, t_end);
         Ok(())
     }
 
     /// Powers in the middle of the accepted step, where the ledger needs them, and arguments of force laws.
-    fn find_middle(&mut self, t: f64, step: f64) {
+    fn find_middle(&mut self, t: f64, step: f64, t_end: f64) {
         self.middle = None;
         self.halfway.clear();
         let powered = !self.form.integrates_powers();
-        if !powered && self.inspector.is_none() {
+        let looks = self.may_pass_over(t, step, t_end);
+        if !powered && !looks {
             return;
         }
         // Driver power needs multipliers; without drivers the recovery is enough.
@@ -387,17 +388,17 @@ impl Run<'_> {
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         let recorder = match &mut self.inspector {
-            Some(inspector) => {
+            Some(inspector) if looks => {
                 inspector.begin_step(self.form.point(), &self.state);
                 inspector
             }
-            None => &mut self.recorder,
+            _ => &mut self.recorder,
         };
         // The middle of an accepted step failing is rare; the trapezoid serves.
         if let Ok(middle) = recorder.state(interpolate, t, step, 0.5, full) {
             let system = self.system.as_ref();
             self.middle = powered.then(|| powers(&system.energy(middle)));
-            let arguments = system.law_arguments().iter();
+            let arguments = system.law_arguments().iter().filter(|_| looks);
             self.halfway.extend(arguments.map(|a| Place::of(system, a, t + 0.5 * step, middle)));
         }
         self.recorder.begin_step(self.form.point(), &self.state);
@@ -500,11 +501,14 @@ impl Run<'_> {
         if self.complete {
             return;
         }
+        let (point, state) = (self.form.point_mut(), &mut self.state);
+        // The step counts by now: a state in part must not be its end.
+        unwatched(|| {
+            point.complete();
+            state.lambda.copy_from_slice(&point.state.lambda);
+            point.manifold.minimum_norm_multipliers(&mut state.lambda);
+        });
         self.complete = true;
-        let point = self.form.point_mut();
-        point.complete();
-        self.state.lambda.copy_from_slice(&point.state.lambda);
-        point.manifold.minimum_norm_multipliers(&mut self.state.lambda);
     }
 
     /// Multipliers of the present state, wherever the form stands; also where the run is given up.

@@ -27,7 +27,10 @@ impl Run<'_> {
     /// look is refused, too: a shorter one can be looked into.
     pub(super) fn passed_over(&mut self, t: f64, step: f64, t_end: f64) -> Option<PassedOver> {
         let unknown = PassedOver { time: t + 0.5 * step, error: f64::INFINITY };
-        if self.inspector.is_some() && self.halfway.is_empty() {
+        if !self.may_pass_over(t, step, t_end) {
+            return None;
+        }
+        if self.halfway.is_empty() {
             return Some(unknown);
         }
         let mut inspector = self.inspector.take()?;
@@ -48,14 +51,27 @@ impl Run<'_> {
         for (k, argument) in system.law_arguments().iter().enumerate() {
             let halfway = self.halfway[k];
             self.follow(way, inspector, argument, halfway, times)?;
-            let passages = way.passages(system.as_ref(), argument);
-            if let Some(passed) = self.missed(inspector, [times[0], times[1]], passages)?
-                && found.as_ref().is_none_or(|first| passed.time < first.time)
-            {
-                found = Some(passed);
-            }
+            let step = [times[0], times[1]];
+            let at_cusps = self.missed(inspector, step, way.cusps())?;
+            let between = self.missed(inspector, step, way.passages(system.as_ref(), argument))?;
+            let passed = [at_cusps, between].into_iter().flatten().chain(found);
+            found =
+                passed.reduce(|first, other| if other.time < first.time { other } else { first });
         }
         Ok(found)
+    }
+
+    /// Whether a law may have been passed over: always if it has knots, otherwise if its line is so short at one end
+    /// of the attempt that it may be next to its other end within.
+    pub(super) fn may_pass_over(&self, t: f64, step: f64, t_end: f64) -> bool {
+        let system = self.system.as_ref();
+        let ends = [(t, &self.state), (t_end, &self.form.point().state)];
+        self.inspector.is_some()
+            && system.law_arguments().iter().any(|argument| {
+                let near =
+                    |(time, state)| Place::of(system, argument, time, state).is_near_cusp(step);
+                !argument.knots.is_empty() || ends.into_iter().any(near)
+            })
     }
 
     /// Follows the argument of a law through the attempt.

@@ -148,7 +148,7 @@ pub(super) fn set_up<'a>(
     }
     let Machinery { form, stepper, recorder, inspector, slope } = machinery;
     let polynomial = (stepper.largest_degree() + 1) * dimension;
-    let laws = system.law_arguments().iter().map(|a| a.knots.len()).max().unwrap_or(0);
+    let laws = system.law_arguments().iter().map(|a| a.knots.len()).max();
     let mut run = Run {
         options,
         condition_reference: 0.0,
@@ -170,7 +170,7 @@ pub(super) fn set_up<'a>(
         scratch: [vec![0.0; dimension], vec![0.0; dimension]],
         missed: [vec![0.0; dimension], vec![0.0; dimension]],
         halfway: Vec::with_capacity(system.law_arguments().len()),
-        coefficients: Vec::with_capacity(if laws == 0 { 0 } else { polynomial }),
+        coefficients: Vec::with_capacity(laws.map_or(0, |_| polynomial)),
         way: Way::with_room(laws),
         row: state.clone(),
         state,
