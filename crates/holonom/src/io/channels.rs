@@ -3,6 +3,7 @@
 use super::names::suggest;
 use crate::error::{Code, Diagnostic};
 use crate::simulation::Problem;
+use glob::Pattern;
 
 /// One error for every output channel that a problem does not have.
 pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
@@ -47,27 +48,28 @@ fn is_there(problem: &Problem, wanted: &str) -> bool {
         return true; // every item has quantities, and that it is there was seen before
     }
     if let Some((name, index)) = wanted.strip_suffix(']').and_then(|w| w.rsplit_once('['))
+        && index.bytes().all(|digit| digit.is_ascii_digit())
         && let Ok(index) = index.parse::<usize>()
     {
         let vector = problem.channel(name).filter(|channel| channel.shape.len() == 1);
         return vector.is_some_and(|channel| index < channel.size());
     }
-    wanted.contains('*') && problem.channels().iter().any(|channel| fits(wanted, &channel.name))
+    let Some(pattern) = pattern(wanted) else { return false };
+    problem.channels().iter().any(|channel| pattern.matches(&channel.name))
 }
 
-/// Whether a name fits a pattern, in which `*` stands for any text.
-fn fits(pattern: &str, name: &str) -> bool {
-    let Some((start, rest)) = pattern.split_once('*') else { return pattern == name };
-    let (middle, end) = rest.rsplit_once('*').unwrap_or(("", rest));
-    let inner = name.strip_prefix(start).and_then(|name| name.strip_suffix(end));
-    // Where a part fits first is as good as anywhere later.
-    let parts = middle.split('*').filter(|part| !part.is_empty());
-    inner.is_some_and(|inner| {
-        let after =
-            |left: &mut &str, part: &str| left.split_once(part).map(|(_, tail)| *left = tail);
-        let mut left = inner;
-        parts.into_iter().all(|part| after(&mut left, part).is_some())
-    })
+/// The pattern of a name with `*`, `?` or `[…]` in it.
+fn pattern(name: &str) -> Option<Pattern> {
+    // Two stars are folders to the library, one to users.
+    let parts = name.split('*').filter(|part| !part.is_empty()).collect::<Vec<_>>();
+    let star = |there: bool| if there { "*" } else { "" };
+    let single = [
+        star(name.starts_with('*')),
+        &parts.join("*"),
+        star(name.ends_with('*') && name.len() > 1),
+    ];
+    let is_pattern = name.contains(['*', '?', '[']);
+    is_pattern.then(|| Pattern::new(&single.concat()).ok()).flatten()
 }
 
 #[cfg(test)]
@@ -75,7 +77,7 @@ mod tests {
     use super::*;
 
     #[test] // truth: the rule, by hand
-    fn a_star_stands_for_any_text() {
+    fn patterns_fit_what_they_stand_for() {
         for (pattern, name, truth) in [
             ("*.position", "arm.position", true),
             ("*.position", "arm.seat.position", true),
@@ -84,8 +86,16 @@ mod tests {
             ("arm.p*n", "arm.position", true),
             ("arm.p*x", "arm.position", false),
             ("*", "ärm.x", true),
+            ("**.x", "arm.x", true),
+            ("a**m.*", "arm.x", true),
+            ("arm.posi[t]ion", "arm.position", true),
+            ("arm.posi[!t]ion", "arm.position", false),
+            ("ar?.position", "arm.position", true),
+            ("ar?.position", "ar.position", false),
+            ("arm.[position", "arm.[position", false),
         ] {
-            assert_eq!(fits(pattern, name), truth, "{pattern} {name}");
+            let fits = super::pattern(pattern).is_some_and(|pattern| pattern.matches(name));
+            assert_eq!(fits, truth, "{pattern} {name}");
         }
     }
 }

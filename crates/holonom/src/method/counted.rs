@@ -39,13 +39,22 @@ impl<'a> Counted<'a> {
 
     pub(super) fn defect(
         &mut self,
+        stage: usize,
         t: f64,
         w: &[f64],
         slope: &[f64],
         defect: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
         self.statistics.derivatives += 1;
-        self.ode.defect(t, w, slope, defect)
+        self.ode.defect(stage, t, w, slope, defect)
+    }
+
+    pub(super) fn turns(&self) -> bool {
+        self.ode.turns()
+    }
+
+    pub(super) fn turn(&mut self, stage: usize, change: &mut [f64]) {
+        self.ode.turn(stage, change);
     }
 
     pub(super) fn linearize(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {

@@ -94,6 +94,8 @@ impl SecondOrder for Descriptor {
             }
             Iterate::Consistent => {
                 manifold.reduced_residual(state, rate, z_rate, &mut self.psi);
+                base.newton.align(0, manifold, &state.q);
+                base.newton.take_forces(0, &mut self.psi);
                 base.newton.extend(&self.psi, residual);
                 a.copy_from_slice(&state.a);
                 lambda.copy_from_slice(&state.lambda);
@@ -104,6 +106,9 @@ impl SecondOrder for Descriptor {
             *dz = past + stage.gamma_h * z_rate[k] - z[k];
         }
         base.newton.correct_unknowns(residual, change);
+        if self.iterate == Iterate::Consistent {
+            base.newton.turn(0, &mut residual.rate);
+        }
         for (x, delta) in x.iter_mut().zip(residual.iter()) {
             *x += delta;
         }

@@ -277,6 +277,7 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
     /// within the step would multiply stiff forces.
     fn defect(
         &mut self,
+        stage: usize,
         t: f64,
         w: &[f64],
         slope: &[f64],
@@ -293,12 +294,25 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
         }
         let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
         manifold.reduced_residual(state, rates, &mut self.point.z_rate, forces);
-        self.newton.respond_to_mass(manifold, forces);
+        self.newton.align(stage, manifold, &state.q);
+        self.newton.turn_back(stage, positions);
+        self.newton.take_forces(stage, forces);
+        self.newton.respond_to_mass(stage, manifold, forces);
         forces.iter_mut().for_each(|x| *x = -*x);
         for ((out, rate), s) in z.iter_mut().zip(&self.point.z_rate).zip(rest) {
             *out = rate - s;
         }
         Ok(())
+    }
+
+    fn turns(&self) -> bool {
+        self.newton.aligns()
+    }
+
+    fn turn(&mut self, stage: usize, change: &mut [f64]) {
+        let (positions, rest) = change.split_at_mut(self.rates.len());
+        self.newton.turn(stage, positions);
+        self.newton.turn(stage, rest);
     }
 
     fn solve_complex(&mut self, x: &mut [f64], y: &mut [f64]) {

@@ -65,13 +65,15 @@ pub trait LinearizedOde: Ode {
     /// x ← (I − γh J)⁻¹ x with the last factor.
     fn solve(&mut self, x: &mut [f64]);
 
-    /// How far `slope` is from g at a stage (t, w): g − slope, or that multiplied by a matrix in
-    /// which iterations converge from farther away. [`LinearizedOde::solve_defect`] undoes it.
+    /// How far `slope` is from g at a stage (t, w), by its place among those that are corrected together: g − slope, or
+    /// that multiplied by a matrix in which iterations converge from farther away. [`LinearizedOde::solve_defect`] and
+    /// [`LinearizedOde::turn`] undo it.
     ///
     /// # Errors
     /// As [`Ode::derivative`].
     fn defect(
         &mut self,
+        _stage: usize,
         t: f64,
         w: &[f64],
         slope: &[f64],
@@ -86,6 +88,14 @@ pub trait LinearizedOde: Ode {
     fn solve_defect(&mut self, x: &mut [f64]) {
         self.solve(x);
     }
+
+    /// Whether [`LinearizedOde::turn`] does anything.
+    fn turns(&self) -> bool {
+        false
+    }
+
+    /// Turns a correction from where the matrix belongs to the stage whose defect was the last of that place.
+    fn turn(&mut self, _stage: usize, _change: &mut [f64]) {}
 
     /// x + iy ← (I − γh J)⁻¹ (x + iy) for x, y made of defects, with the complex factor.
     fn solve_complex_defect(&mut self, x: &mut [f64], y: &mut [f64]) {

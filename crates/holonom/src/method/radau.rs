@@ -82,7 +82,7 @@ impl RadauStages {
                 *state = w + z;
             }
             let at = step.t + self.formula.c[i] * step.h;
-            ode.defect(at, &self.state, &self.slopes[i], &mut self.defects[i])?;
+            ode.defect(i, at, &self.state, &self.slopes[i], &mut self.defects[i])?;
         }
         self.solve(ode, step.h);
         let square: f64 = self.corrections.iter().map(|delta| ode.norm(delta).powi(2)).sum();
@@ -91,6 +91,9 @@ impl RadauStages {
         }
         transform(&self.formula.t, &self.y, &mut self.z);
         change.copy_from_slice(&self.corrections[0]);
+        if ode.turns() {
+            self.turn(ode);
+        }
         Ok((square / STAGES as f64).sqrt())
     }
 
@@ -106,6 +109,17 @@ impl RadauStages {
             s3[i] = (im * y2[i] + re * y3[i]) / h;
         }
         transform(&f.t, &self.corrections, &mut self.slopes);
+    }
+
+    /// Turns the corrections that z has got to their stages.
+    fn turn(&mut self, ode: &mut Counted<'_>) {
+        transform(&self.formula.t, &self.corrections, &mut self.slopes);
+        for (i, (z, correction)) in self.z.iter_mut().zip(&mut self.slopes).enumerate() {
+            add_scaled(z, -1.0, correction);
+            ode.turn(i, correction);
+            add_scaled(z, 1.0, correction);
+        }
+        transform(&self.formula.t_inverse, &self.z, &mut self.y);
     }
 
     /// Corrections of y from the defects at the stages.

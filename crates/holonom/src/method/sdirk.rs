@@ -85,11 +85,13 @@ impl SdirkStages {
             *slope = (z - past) / gamma_h;
         }
         let at = step.t + self.formula.c[i] * step.h;
-        ode.defect(at, &self.state, &self.slope, change)?;
+        ode.defect(0, at, &self.state, &self.slope, change)?;
         change.iter_mut().for_each(|r| *r *= gamma_h);
         ode.solve_defect(change);
+        let norm = ode.norm(change);
+        ode.turn(0, change);
         add_scaled(z, 1.0, change);
-        Ok(ode.norm(change))
+        Ok(norm)
     }
 }
 

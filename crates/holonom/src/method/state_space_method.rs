@@ -59,7 +59,10 @@ impl<M: FirstOrderMatrix> SecondOrder for FirstOrder<M> {
             let past = stage.past[2 * ndof + k];
             *dz = past + stage.gamma_h * self.point.z_rate[k] - z[k];
         }
+        self.newton.align(0, manifold, &state.q);
+        self.newton.take_forces(0, delta);
         self.newton.correct(delta, change);
+        self.newton.turn(0, delta);
         add(x, delta);
         add(z, &change[2 * ndof..]);
         Ok(())

@@ -226,7 +226,7 @@ fn distant(warn: &mut impl FnMut(String, String, &str), model: &Model) {
 
 /// Lengths of springs and rods far beyond the distance of their points and the size of the model.
 fn long_springs(warn: &mut impl FnMut(String, String, &str), model: &Model) {
-    let size = model.characteristic_length();
+    let size = size(model);
     let springs = model.forces.iter().filter_map(|force| match &force.kind {
         ForceKind::Tsda { frames, free_length, .. }
         | ForceKind::Maxwell { frames, free_length, .. } => {
@@ -254,14 +254,23 @@ fn long_springs(warn: &mut impl FnMut(String, String, &str), model: &Model) {
     }
 }
 
+/// Characteristic length, or how far from the origin a body is stated to start, m.
+fn size(model: &Model) -> f64 {
+    let stated = model.initial.bodies.iter().filter_map(|body| body.position.as_ref());
+    stated.fold(model.characteristic_length(), farthest)
+}
+
+fn farthest(m: f64, p: &[f64; 3]) -> f64 {
+    p.iter().fold(m, |m, x| m.max(x.abs()))
+}
+
 /// Values that joints start with and that drivers prescribe. Tables, rates and how far a driver slides say nothing:
 /// wheels turn far, and vehicles drive far.
 fn prescribed(warn: &mut impl FnMut(String, String, &str), model: &Model) {
     let points = model.joints.iter().flat_map(|j| &j.frames);
     let points = points.chain(model.drivers.iter().flat_map(|d| &d.frames));
-    let farthest = |m: f64, p: &[f64; 3]| p.iter().fold(m, |m, x| m.max(x.abs()));
-    let size = points.map(|frame| &frame.point).chain(model.bodies.iter().map(|b| &b.position));
-    let size = size.fold(model.characteristic_length(), farthest);
+    let points = points.map(|frame| &frame.point).chain(model.bodies.iter().map(|b| &b.position));
+    let size = points.fold(size(model), farthest);
     let mut look = |path: String, kind: DriverKind, value: f64| match kind {
         DriverKind::Rotation => angle(warn, path, Orientation::Angle(value)),
         DriverKind::Translation if value.abs() > WAY.max(LONG * size) => {

@@ -1,5 +1,6 @@
 //! Newton's matrix at one point: linearized, factored for a step and solved with.
 
+mod alignment;
 mod blocks;
 mod chosen;
 mod complex;

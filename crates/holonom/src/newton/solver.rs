@@ -1,5 +1,6 @@
 //! What methods use: linearize, factor, solve.
 
+use super::alignment::Alignment;
 use super::blocks::ReducedBlocks;
 use super::descriptor::Unknowns;
 use super::differences::{Differences, JacobianSource};
@@ -19,8 +20,10 @@ pub struct Newton<M> {
     /// None where the derivatives of the equations are used.
     differences: Option<Box<Differences>>,
     matrix: M,
+    alignment: Alignment,
     rate: Vec<f64>,
     felt: Vec<f64>,
+    turned: Vec<f64>,
 }
 
 impl<M: Matrix> Newton<M> {
@@ -35,8 +38,10 @@ impl<M: Matrix> Newton<M> {
             },
             options,
             matrix,
+            alignment: Alignment::new(manifold, q),
             rate: vec![0.0; manifold.chart().ndof()],
             felt: vec![0.0; manifold.chart().ndof()],
+            turned: vec![0.0; manifold.chart().ndof()],
         }
     }
 
@@ -84,6 +89,7 @@ impl<M: Matrix> Newton<M> {
         point.manifold.catch_up()?;
         self.parts.q.copy_from_slice(&point.state.q);
         self.parts.v.copy_from_slice(&point.state.v);
+        self.alignment.begin(&point.manifold, &point.state.q);
         if let Some(differences) = &mut self.differences {
             self.parts.take_differences(differences, point, w)?;
             self.matrix.take_blocks(&self.parts, &point.manifold);
@@ -101,6 +107,32 @@ impl<M: Matrix> Newton<M> {
     pub fn factor(&mut self, gamma_h: f64, beta_h2: f64) -> Result<u64, EvaluationFailure> {
         self.parts.set_coefficients(gamma_h, beta_h2);
         self.matrix.factor(&self.parts).map_err(|e| singular_jacobian(gamma_h, &e))
+    }
+
+    /// Whether stages see the matrix turned, see [`Newton::align`].
+    pub fn aligns(&self) -> bool {
+        self.alignment.is_needed()
+    }
+
+    /// A stage is at this configuration: the matrix turns along with its bodies. Where one has a small inertia about an
+    /// axis, its forces would otherwise be told from those of the others by the direction of that axis at the linearization.
+    pub fn align(&mut self, stage: usize, manifold: &Manifold, q: &[f64]) {
+        self.alignment.follow(stage, manifold, q);
+    }
+
+    /// Forces ψ of a stage as the matrix takes them.
+    pub fn take_forces(&mut self, stage: usize, psi: &mut [f64]) {
+        self.alignment.take_forces(stage, psi);
+    }
+
+    /// A change of v, or of v̇, that the matrix gives, as the stage takes it.
+    pub fn turn(&mut self, stage: usize, change: &mut [f64]) {
+        self.alignment.turn(stage, change);
+    }
+
+    /// The inverse of [`Newton::turn`].
+    pub fn turn_back(&mut self, stage: usize, change: &mut [f64]) {
+        self.alignment.turn_back(stage, change);
     }
 
     /// Multiplies an error (e_p, e_v, e_z) by (I − γhJ)⁻¹ with one solve: with ẽ_p = e_p + (β/γ)h e_v,
@@ -141,11 +173,14 @@ impl<M: FirstOrderMatrix> Newton<M> {
     }
 
     /// Takes from the forces of a stage what the change of M̂ since the linearization makes of them:
-    /// ψ ← ψ − (M̂ − M̂₀) Ψ⁻¹ψ with M̂ of the last residual of `manifold`.
-    pub fn respond_to_mass(&mut self, manifold: &mut Manifold, psi: &mut [f64]) {
+    /// ψ ← ψ − (M̂ − M̂₀) Ψ⁻¹ψ with M̂ of the last residual of `manifold`, turned as the matrix is.
+    pub fn respond_to_mass(&mut self, stage: usize, manifold: &mut Manifold, psi: &mut [f64]) {
         self.rate.copy_from_slice(psi);
         self.matrix.correct(&self.parts, &[], &mut self.rate);
-        manifold.reduced_mass_times(&self.rate, &mut self.felt);
+        self.turned.copy_from_slice(&self.rate);
+        self.alignment.turn(stage, &mut self.turned);
+        manifold.reduced_mass_times(&self.turned, &mut self.felt);
+        self.alignment.take_forces(stage, &mut self.felt);
         self.matrix.weigh(&mut self.parts, &mut self.rate);
         for ((psi, now), then) in psi.iter_mut().zip(&self.felt).zip(&self.rate) {
             *psi += now - then;

@@ -296,12 +296,14 @@ impl Solver<'_> {
             let Some(mut step) = least_change(self.system, g, &phi, unknowns, &state.q) else {
                 break;
             };
-            // Long steps are shortened: the joints' equations are nonlinear in angles.
-            let longest = step
-                .iter()
-                .enumerate()
-                .fold(0.0f64, |m, (i, x)| m.max((x * scale(self.system, i)).abs()));
-            if longest > 0.5 {
+            // Long steps are shortened: the joints' equations are nonlinear in angles, not in how far bodies slide.
+            let largest = |all: &dyn Fn(usize) -> bool| {
+                let sizes = (0..step.len()).filter(|&i| all(i));
+                sizes.fold(0.0f64, |m, i| m.max((step[i] * scale(self.system, i)).abs()))
+            };
+            let turns = |i| self.system.structure().coordinate_measure(i) == Measure::Angle;
+            let longest = largest(&|_| true);
+            if longest > 0.5 && largest(&turns) > 1e-9 * longest {
                 step.iter_mut().for_each(|x| *x *= 0.5 / longest);
             }
             for (q, x) in state.q.iter_mut().zip(&step) {

@@ -102,7 +102,7 @@ impl Relatives {
     }
 
     /// Runs of independent variables that belong to one group: group and their range.
-    pub(super) fn runs(&self) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> + '_ {
+    pub fn runs(&self) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> + '_ {
         let mut at = 0;
         std::iter::from_fn(move || {
             let group = self.rows.get(at)?.0;

@@ -10,6 +10,9 @@ const HALVINGS: u32 = 50;
 const PARTS: u32 = 10;
 /// The same in search of the moment at which a line is next to its other end, where its length has a cusp.
 const PARTS_AT_CUSP: u32 = 25;
+/// States that a law is worth: with knots those of all parts, without those on the way to a cusp from both sides. What
+/// turns on and on is not followed through all its turns.
+const STATES: [usize; 2] = [2 << PARTS, 4 * PARTS_AT_CUSP as usize];
 /// Turn of a line within which its length is a cubic, rad.
 const TURN: f64 = 0.5;
 /// What cubics seem to miss may be so many times as much.
@@ -158,12 +161,14 @@ pub(super) struct Way {
     passages: Vec<Passage>,
     /// Where the line is next to its other end.
     cusps: Vec<Passage>,
+    /// States that may still be asked for.
+    left: usize,
 }
 
 impl Way {
     /// Room for laws with at most so many knots; for none at all without.
     pub(super) fn with_room(knots: Option<usize>) -> Self {
-        let places = if knots.is_none() { 0 } else { (2 << PARTS) + 1 };
+        let places = if knots.is_none() { 0 } else { STATES[0] + 3 };
         let knots = knots.unwrap_or(0);
         let marks = 3 * knots + places;
         Self {
@@ -171,6 +176,7 @@ impl Way {
             marks: Vec::with_capacity(marks),
             passages: Vec::with_capacity(marks),
             cusps: Vec::with_capacity(places),
+            left: 0,
         }
     }
 
@@ -186,6 +192,7 @@ impl Way {
     ) -> Result<(), EvaluationFailure> {
         self.places.clear();
         self.places.push(places[0]);
+        self.left = STATES[usize::from(looking.knots.is_empty())];
         self.halves(&mut looking, places, 0)?;
         self.find_cusps();
         self.marks.clear();
@@ -258,7 +265,9 @@ impl Way {
             let turns = half.iter().any(|place| place.is_near_cusp(length));
             let doubtful =
                 || doubt > looking.negligible && course.is_doubtful(looking.knots, doubt);
-            if (parts < PARTS_AT_CUSP && turns) || (parts < PARTS && doubtful()) {
+            let halve = (parts < PARTS_AT_CUSP && turns) || (parts < PARTS && doubtful());
+            if halve && self.left > 0 {
+                self.left -= 1;
                 let middle = (looking.inside)(0.5 * (half[0].time + half[1].time))?;
                 self.halves(looking, [half[0], middle, half[1]], parts + 1)?;
             } else {

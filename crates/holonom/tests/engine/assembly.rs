@@ -288,3 +288,20 @@ fn what_is_a_little_off_is_said() {
     let beside = "points_in_body = [[0.5, 1.0e-8, 0.0], [0.0, 0.0, -0.15]], axis = [0.0, 1.0, 0.0]";
     assert_eq!(warned(beside), ["simulation/redundant", "simulation/contradiction"]);
 }
+
+#[test] // truth: the driver and the joint agree at any distance
+fn a_driver_far_from_the_design_is_met() {
+    for far in [10.0, 5000.0] {
+        let text = format!(
+            "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, 0.0]\n[bodies]\n\
+             car = {{ mass = 4.0, inertia = 1.0, position = [0.0, 0.0] }}\n[joints]\n\
+             shaft = {{ type = \"translational\", between = [\"ground\", \"car\"], point = [0.0, 0.0], \
+             axis = [0.0, 1.0] }}\n[drivers]\n\
+             lift = {{ joint = \"shaft\", coordinate = \"translation\", motion = {{ type = \"smooth_step\", \
+             from = {far:?}, to = 0.0, start = 0.0, end = 20.0 }} }}\n"
+        );
+        let problem = Problem::new(model_of(&text));
+        let height = problem.assemble().expect("it can be met").state.q[1];
+        assert!((height - far).abs() < 1e-9 * far, "{height} m");
+    }
+}
