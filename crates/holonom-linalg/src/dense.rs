@@ -13,6 +13,9 @@ use crate::lanes::dot;
 /// A pivot below this fraction of the numbers it is made of is cancellation noise.
 pub(crate) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
 
+/// Up to this size a plain elimination takes less time than the way into the library.
+const SMALL: usize = 8;
+
 /// LU factorisation with pivoting of a dense n×n matrix; its storage is reused.
 ///
 /// A matrix by rows is its transpose by columns, so it is Aᵀ that is factored, P Aᵀ = L U, and
@@ -60,14 +63,18 @@ impl DenseLu {
     pub fn factor(&mut self, a: &[f64]) -> Result<(), SingularMatrix> {
         let n = self.n;
         self.factors.copy_from_slice(a);
-        lu::lu_in_place(
-            MatMut::from_column_major_slice_mut(&mut self.factors, n, n),
-            &mut self.permutation,
-            &mut self.inverse_permutation,
-            Par::Seq,
-            MemStack::new(&mut self.scratch),
-            Spec::default(),
-        );
+        if n <= SMALL {
+            eliminate(&mut self.factors, &mut self.permutation);
+        } else {
+            lu::lu_in_place(
+                MatMut::from_column_major_slice_mut(&mut self.factors, n, n),
+                &mut self.permutation,
+                &mut self.inverse_permutation,
+                Par::Seq,
+                MemStack::new(&mut self.scratch),
+                Spec::default(),
+            );
+        }
         for p in 0..n {
             // Column p of U: what is left of row p of A.
             let column = &self.factors[p * n..=p * n + p];
@@ -178,6 +185,29 @@ impl DenseLu {
         let mut x = MatMut::from_row_major_slice_mut(b, n, k);
         triangular_solve::solve_unit_lower_triangular_in_place(factors, x.as_mut(), Par::Seq);
         triangular_solve::solve_upper_triangular_in_place(factors, x, Par::Seq);
+    }
+}
+
+/// Factors a matrix by columns and tells which row each pivot came from.
+fn eliminate(a: &mut [f64], permutation: &mut [usize]) {
+    let n = permutation.len();
+    (0..n).for_each(|p| permutation[p] = p);
+    for p in 0..n {
+        let column = &a[p * n..(p + 1) * n];
+        let at =
+            (p + 1..n).fold(p, |at, i| if column[i].abs() > column[at].abs() { i } else { at });
+        if at != p {
+            permutation.swap(p, at);
+            a.chunks_exact_mut(n).for_each(|column| column.swap(p, at));
+        }
+        let (known, rest) = a.split_at_mut((p + 1) * n);
+        let lower = &mut known[p * n + p..];
+        let inverse = lower[0].recip();
+        lower[1..].iter_mut().for_each(|x| *x *= inverse);
+        for column in rest.chunks_exact_mut(n) {
+            let factor = column[p];
+            subtract(&mut column[p + 1..], factor, &lower[1..]);
+        }
     }
 }
 

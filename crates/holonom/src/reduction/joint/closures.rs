@@ -69,7 +69,13 @@ pub(super) struct Closures {
     pub(super) column_scale: Vec<f64>,
     work: Vec<f64>,
     right: Vec<f64>,
+    /// Corrections of the dependent coordinates with the factors at hand, scaled to pure numbers.
+    steps: Vec<f64>,
+    taken: usize,
 }
+
+/// Corrections that are remembered.
+const STEPS: usize = 8;
 
 /// Clusters of closures; `None` where one has not as many rows as dependent coordinates.
 fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<Vec<Cluster>> {
@@ -203,6 +209,8 @@ impl Closures {
             column_scale: coordinates.iter().map(|(_, measure)| scale(*measure)).collect(),
             work: vec![0.0; rows],
             right: vec![0.0; rows],
+            steps: vec![0.0; STEPS * rows],
+            taken: 0,
         })
     }
 
@@ -215,6 +223,7 @@ impl Closures {
     /// # Errors
     /// With the place of the coordinate in `dependent`.
     pub(super) fn factor(&mut self) -> Result<(), SingularMatrix> {
+        self.taken = 0;
         for cluster in &mut self.clusters {
             let n = cluster.rows.len();
             for (out, &row) in cluster.square.chunks_exact_mut(n).zip(&cluster.rows) {
@@ -310,6 +319,54 @@ impl Closures {
         r.copy_from_slice(&self.work);
     }
 
+    /// Forgets the corrections made with these factors.
+    pub(super) fn begin_corrections(&mut self) {
+        self.taken = 0;
+    }
+
+    /// Residuals of all rows become the next correction of the dependent coordinates: Broyden's method from the factors at
+    /// hand, each cluster on its own (Kelley, *Iterative Methods for Linear and Nonlinear Equations*, 7.3). Returns the
+    /// largest one, scaled to pure numbers.
+    pub(super) fn correct(&mut self, r: &mut [f64]) -> f64 {
+        self.solve(r);
+        let n = r.len();
+        if self.taken == STEPS {
+            self.taken = 0;
+        }
+        let (steps, rest) = self.steps.split_at_mut(self.taken * n);
+        let own = &mut rest[..n];
+        for ((own, r), &k) in own.iter_mut().zip(r.iter()).zip(&self.dependent) {
+            *own = r / self.column_scale[k];
+        }
+        for cluster in &self.clusters {
+            let product = |a: &[f64], b: &[f64]| {
+                cluster.dependent.iter().map(|&at| a[at] * b[at]).sum::<f64>()
+            };
+            let mut before = steps.chunks_exact(n).peekable();
+            while let Some(step) = before.next() {
+                let square = product(step, step);
+                if square == 0.0 {
+                    continue;
+                }
+                let along = product(step, own) / square;
+                if let Some(next) = before.peek() {
+                    cluster.dependent.iter().for_each(|&at| own[at] += along * next[at]);
+                } else {
+                    // Where corrections do not fall, factors are made anew.
+                    let factor = 1.0 / (1.0 - along.clamp(-0.5, 0.5));
+                    cluster.dependent.iter().for_each(|&at| own[at] *= factor);
+                }
+            }
+        }
+        let mut largest = 0.0f64;
+        for ((r, own), &k) in r.iter_mut().zip(own.iter()).zip(&self.dependent) {
+            largest = keep_larger(largest, own.abs());
+            *r = own * self.column_scale[k];
+        }
+        self.taken += 1;
+        largest
+    }
+
     /// y with N_uᵀ y = r for forces r on the dependent coordinates.
     pub(super) fn solve_transposed(&mut self, r: &mut [f64]) {
         for cluster in &self.clusters {
@@ -353,4 +410,9 @@ impl Closures {
             Some((c, cluster.dependent.iter().position(|&other| other == at)?))
         })
     }
+}
+
+/// Maximum that does not pass over NaN.
+pub(super) fn keep_larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() || b > a { b } else { a }
 }
