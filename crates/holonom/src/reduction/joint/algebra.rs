@@ -4,6 +4,8 @@
 //! the force, then the moment about O. No transformation stands between bodies then (`docs/theory/joint.md` (1)-(6);
 //! thesis (3.133)).
 
+use super::articulated::Pivots;
+use super::small::factor;
 use crate::math::spatial::{cross, e_times, e_transposed_times, rotation_matrix};
 use crate::math::vector::{difference, dot, sum};
 
@@ -102,6 +104,19 @@ pub(super) trait Inertia<const W: usize>:
 
     /// Its diagonal.
     fn diagonal(&self) -> [f64; W];
+
+    /// What a body that turns freely about the point takes of this inertia and its wrench: with `own`, the three rotations
+    /// eliminated, whose moments and factor of J it leaves there and H in `felt`; `false` where too few digits are left, and in a
+    /// plane.
+    fn release(
+        &mut self,
+        own: &mut Pivots<W>,
+        felt: &mut [[f64; W]],
+        wrench: &mut [f64; W],
+    ) -> bool;
+
+    /// Rates of a rotation, by their columns, for which a body that moves by `motion` turns by `angular`.
+    fn turn(motion: &mut [f64; W], angular: [f64; 3], columns: &[[f64; W]], rates: &mut [f64]);
 }
 
 /// f = M v + H ω, n = Hᵀ v + J ω.
@@ -189,6 +204,61 @@ impl Inertia<6> for SpatialInertia {
         let Self { m, j, .. } = self;
         [m[0][0], m[1][1], m[2][2], j[0][0], j[1][1], j[2][2]]
     }
+
+    /// M ← M − H J⁻¹Hᵀ, f ← f − H J⁻¹n; H, J and n vanish.
+    fn release(
+        &mut self,
+        own: &mut Pivots<6>,
+        felt: &mut [[f64; 6]],
+        wrench: &mut [f64; 6],
+    ) -> bool {
+        let Self { m, h, j } = *self;
+        for i in 0..3 {
+            own.force[i] = -wrench[3 + i];
+            own.factor[i][..3].copy_from_slice(&j[i]);
+            felt[i] = [h[0][i], h[1][i], h[2][i], 0.0, 0.0, 0.0];
+        }
+        if !factor(&mut own.factor, 3) || (0..3).any(|i| own.is_lost(i, own.size[3 + i])) {
+            return false;
+        }
+        let l = &own.factor;
+        *self = Self { m, ..Self::default() };
+        let size: [f64; 3] = std::array::from_fn(|i| m[i][i]);
+        own.size = joined(&size, &[0.0; 3]);
+        let (mut halves, mut rates) = ([[0.0; 3]; 3], [0.0; 3]);
+        for i in 0..3 {
+            (halves[i], rates[i]) = ([h[0][i], h[1][i], h[2][i]], own.force[i]);
+            for k in 0..i {
+                rates[i] -= l[i][k] * rates[k];
+                for w in 0..3 {
+                    halves[i][w] -= l[i][k] * halves[k][w];
+                }
+            }
+            rates[i] *= l[i][i];
+            halves[i] = halves[i].map(|x| x * l[i][i]);
+            for w in 0..3 {
+                own.size[w] += halves[i][w] * halves[i][w];
+                wrench[w] += rates[i] * halves[i][w];
+                wrench[3 + w] = 0.0;
+                for k in 0..3 {
+                    self.m[w][k] -= halves[i][w] * halves[i][k];
+                }
+            }
+        }
+        true
+    }
+
+    fn turn(motion: &mut [f64; 6], angular: [f64; 3], columns: &[[f64; 6]], rates: &mut [f64]) {
+        let (_, before) = parts(motion);
+        motion[3..].copy_from_slice(&angular);
+        let change = difference(&angular, &before);
+        let [a, b, c] = std::array::from_fn(|k| parts(&columns[k]).1);
+        let (bc, ca, ab) = (cross(&b, &c), cross(&c, &a), cross(&a, &b));
+        let inverse = dot(&a, &bc).recip();
+        for (rate, row) in rates.iter_mut().zip([bc, ca, ab]) {
+            *rate = inverse * dot(&row, &change);
+        }
+    }
 }
 
 /// The same in a plane, M by its entries xx, xy, yy.
@@ -242,6 +312,12 @@ impl Inertia<3> for PlanarInertia {
     fn diagonal(&self) -> [f64; 3] {
         [self.m[0], self.m[2], self.j]
     }
+
+    fn release(&mut self, _: &mut Pivots<3>, _: &mut [[f64; 3]], _: &mut [f64; 3]) -> bool {
+        false
+    }
+
+    fn turn(_: &mut [f64; 3], _: [f64; 3], _: &[[f64; 3]], _: &mut [f64]) {}
 }
 
 /// In space: three of a velocity, three of an angular velocity.

@@ -8,28 +8,38 @@ use crate::math::vector::difference;
 /// Growth of numbers in the elimination of an edge that leaves ten digits; beyond it other solvers answer.
 const LARGEST_GROWTH: f64 = 1e-10 / f64::EPSILON;
 
-/// Articulated inertia of a body K, less what its edge takes of it once that is eliminated, its wrench, the factor of Bᵀ K B
-/// of its edge and Bᵀ's right-hand side, all about the point that the edge turns about: about the root's place, what is far
-/// out would be a small difference of what is long.
+/// What is left of an edge once its coordinates are eliminated.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pivots<const W: usize> {
+    /// Of Bᵀ K B.
+    pub(super) factor: [[f64; 6]; 6],
+    /// Bᵀ's right-hand side.
+    pub(super) force: [f64; 6],
+    /// Sizes of what the diagonal of the body's inertia is summed from.
+    pub(super) size: [f64; W],
+}
+
+impl<const W: usize> Pivots<W> {
+    /// Whether a pivot summed from terms of that size is round-off: of a light body between two hinges of one axis.
+    pub(super) fn is_lost(&self, i: usize, size: f64) -> bool {
+        size * self.factor[i][i] * self.factor[i][i] > LARGEST_GROWTH
+    }
+}
+
+/// Articulated inertia of a body K and its wrench, less what its edge takes of them once that is eliminated, about the point
+/// that the edge turns about: about the root's place, what is far out would be a small difference of what is long.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Articulated<I, const W: usize> {
     pub(super) inertia: I,
     wrench: [f64; W],
-    /// Sizes of what its diagonal is summed from.
-    size: [f64; W],
-    pivots: [[f64; 6]; 6],
-    force: [f64; 6],
+    pivots: Pivots<W>,
 }
 
 impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     pub(super) fn zero() -> Self {
-        Self {
-            inertia: I::default(),
-            wrench: [0.0; W],
-            size: [0.0; W],
-            pivots: [[0.0; 6]; 6],
-            force: [0.0; 6],
-        }
+        let (factor, force, size) = ([[0.0; 6]; 6], [0.0; 6], [0.0; W]);
+        let pivots = Pivots { factor, force, size };
+        Self { inertia: I::default(), wrench: [0.0; W], pivots }
     }
 
     /// By the number of an edge's coordinates: loops of known lengths are worth it.
@@ -62,42 +72,38 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     ) -> bool {
         let columns: &[[f64; W]; M] = columns.first_chunk().expect("M coordinates");
         let felt: &mut [[f64; W]; M] = felt.first_chunk_mut().expect("M coordinates");
+        let Self { inertia, wrench, pivots } = self;
         for i in 0..M {
-            felt[i] = self.inertia.times(&columns[i]);
-            self.force[i] = -dot(&columns[i], &self.wrench);
+            felt[i] = inertia.times(&columns[i]);
+            pivots.force[i] = -dot(&columns[i], wrench);
             for j in 0..=i {
-                self.pivots[i][j] = dot(&columns[i], &felt[j]);
+                pivots.factor[i][j] = dot(&columns[i], &felt[j]);
             }
         }
-        let factored = factor(&mut self.pivots, M);
-        // What the pivots were summed from: a light body between two hinges of one axis leaves round-off.
+        let served = factor(&mut pivots.factor, M);
         let lost = columns.iter().enumerate().any(|(i, column)| {
-            let terms = column.iter().zip(&self.size).map(|(x, size)| x * x * size);
-            let inverse = self.pivots[i][i];
-            terms.sum::<f64>() * inverse * inverse > LARGEST_GROWTH
+            let terms = column.iter().zip(&pivots.size).map(|(x, size)| x * x * size);
+            pivots.is_lost(i, terms.sum())
         });
-        if !factored || lost {
-            return false;
+        if !served || lost || !hangs {
+            return served && !lost;
         }
-        if !hangs {
-            return true;
-        }
-        self.size = self.inertia.diagonal();
+        pivots.size = inertia.diagonal();
         let (mut halves, mut rate) = (*felt, [0.0; M]);
         for i in 0..M {
-            rate[i] = self.force[i];
+            rate[i] = pivots.force[i];
             for j in 0..i {
                 let half = halves[j];
-                add(&mut halves[i], -self.pivots[i][j], &half);
-                rate[i] -= self.pivots[i][j] * rate[j];
+                add(&mut halves[i], -pivots.factor[i][j], &half);
+                rate[i] -= pivots.factor[i][j] * rate[j];
             }
-            let inverse = self.pivots[i][i];
+            let inverse = pivots.factor[i][i];
             halves[i] = halves[i].map(|x| x * inverse);
             rate[i] *= inverse;
-            self.inertia.subtract_square(&halves[i]);
+            inertia.subtract_square(&halves[i]);
             for w in 0..W {
-                self.size[w] += halves[i][w] * halves[i][w];
-                self.wrench[w] += rate[i] * halves[i][w];
+                pivots.size[w] += halves[i][w] * halves[i][w];
+                wrench[w] += rate[i] * halves[i][w];
             }
         }
         true
@@ -111,15 +117,22 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
         motion: &mut [f64; W],
         rates: &mut [f64],
     ) {
-        let mut rate = self.force;
-        for (rate, felt) in rate.iter_mut().zip(&felt[..M]) {
-            *rate -= dot(felt, motion);
-        }
-        substitute(&self.pivots, M, &mut rate);
+        let rate = self.rates(&felt[..M], motion);
         rates.copy_from_slice(&rate[..M]);
         for (column, rate) in columns[..M].iter().zip(&rate) {
             add(motion, *rate, column);
         }
+    }
+
+    /// Solution of the pivots where the base moves by `motion`.
+    #[inline(always)]
+    fn rates(&self, felt: &[[f64; W]], motion: &[f64; W]) -> [f64; 6] {
+        let mut rate = self.pivots.force;
+        for (rate, felt) in rate.iter_mut().zip(felt) {
+            *rate -= dot(felt, motion);
+        }
+        substitute(&self.pivots.factor, felt.len(), &mut rate);
+        rate
     }
 }
 
@@ -133,26 +146,32 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             own.wrench = A::moved(&wrench, &self.origin[b], center);
             let arm = difference(&A::center(pose(q, b)), center);
             own.inertia = A::Inertia::of_body(*mass, turned, &arm);
-            own.size = own.inertia.diagonal();
+            own.pivots.size = own.inertia.diagonal();
         }
         for edge in self.edges.iter().rev() {
             let b = edge.body;
             let own = &mut self.articulated[b];
             let columns = &self.own_columns[edge.range.clone()];
             let felt = &mut self.felt[edge.range.clone()];
-            let hangs = edge.base.is_some();
-            if !Articulated::ELIMINATE[edge.range.len()](own, columns, felt, hangs) {
+            let served = if edge.turns_freely() {
+                let Articulated { inertia, wrench, pivots } = own;
+                inertia.release(pivots, felt, wrench)
+            } else {
+                let hangs = edge.base.is_some();
+                Articulated::ELIMINATE[edge.range.len()](own, columns, felt, hangs)
+            };
+            if !served {
                 return false;
             }
             let Some(base) = edge.base else { continue };
             let (from, to) = (&self.center[b], &self.center[base]);
             let inertia = own.inertia.moved(&difference(from, to));
             let wrench = A::moved(&own.wrench, from, to);
-            let size = A::moved_sizes(&own.size, from, to);
+            let size = A::moved_sizes(&own.pivots.size, from, to);
             let carrier = &mut self.articulated[base];
             carrier.inertia.add(&inertia);
             add(&mut carrier.wrench, 1.0, &wrench);
-            add(&mut carrier.size, 1.0, &size);
+            add(&mut carrier.pivots.size, 1.0, &size);
         }
         for edge in &self.edges {
             let b = edge.body;
@@ -163,7 +182,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let felt = &self.felt[edge.range.clone()];
             let rates = &mut self.accelerations[edge.range.clone()];
             let own = &self.articulated[b];
-            Articulated::RESPOND[edge.range.len()](own, columns, felt, &mut motion, rates);
+            if edge.turns_freely() {
+                let [x, y, z, ..] = own.rates(felt, &motion);
+                A::Inertia::turn(&mut motion, [x, y, z], columns, rates);
+            } else {
+                Articulated::RESPOND[edge.range.len()](own, columns, felt, &mut motion, rates);
+            }
             self.motion[b] = motion;
         }
         true

@@ -26,8 +26,8 @@ pub(super) struct Closure {
     pub(super) first: usize,
     /// Number of rows of the element.
     pub(super) count: usize,
-    /// Coordinates between the bodies: those of an edge, and the end that it moves.
-    pub(super) path: Vec<(Range<usize>, usize)>,
+    /// Coordinates between the bodies, each with the end that it moves.
+    pub(super) path: Vec<(usize, usize)>,
 }
 
 /// Closures whose dependent coordinates are their own: loops with no coordinate in common are solved apart.
@@ -69,13 +69,7 @@ pub(super) struct Closures {
     pub(super) column_scale: Vec<f64>,
     work: Vec<f64>,
     right: Vec<f64>,
-    /// Corrections of the dependent coordinates with the factors at hand, scaled to pure numbers.
-    steps: Vec<f64>,
-    taken: usize,
 }
-
-/// Corrections that are remembered.
-const STEPS: usize = 8;
 
 /// Clusters of closures; `None` where one has not as many rows as dependent coordinates.
 fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<Vec<Cluster>> {
@@ -83,12 +77,11 @@ fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<
     let mut cluster: Vec<usize> = (0..all.len()).collect();
     let mut owner = vec![None; sources.len()];
     for (at, closure) in all.iter().enumerate() {
-        for (range, _) in &closure.path {
-            for k in range.clone().filter(|&k| sources[k] == Source::Dependent) {
-                let other = *owner[k].get_or_insert(at);
-                let (from, to) = (cluster[at].max(cluster[other]), cluster[at].min(cluster[other]));
-                cluster.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
-            }
+        let own = closure.path.iter().map(|(k, _)| *k);
+        for k in own.filter(|&k| sources[k] == Source::Dependent) {
+            let other = *owner[k].get_or_insert(at);
+            let (from, to) = (cluster[at].max(cluster[other]), cluster[at].min(cluster[other]));
+            cluster.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
         }
     }
     let mut out = Vec::new();
@@ -100,7 +93,7 @@ fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<
         }
         let (mut columns, mut free) = (Vec::new(), Vec::new());
         for closure in own() {
-            for k in closure.path.iter().flat_map(|(range, _)| range.clone()) {
+            for &(k, _) in &closure.path {
                 match sources[k] {
                     Source::Dependent => columns.push(dependent.binary_search(&k).ok()?),
                     Source::Independent(p) => free.push((p, Free::Coordinate(k))),
@@ -151,7 +144,7 @@ impl Closures {
             let [a, b] = ends.map(&path);
             let only = |own: &[Range<usize>], other: &[Range<usize>], end: usize| {
                 let own = own.iter().filter(|range| !other.contains(range));
-                own.map(|range| (range.clone(), end)).collect::<Vec<_>>()
+                own.flat_map(|range| range.clone().map(|k| (k, end))).collect::<Vec<_>>()
             };
             let mut out = only(&a, &b, 0);
             out.extend(only(&b, &a, 1));
@@ -209,8 +202,6 @@ impl Closures {
             column_scale: coordinates.iter().map(|(_, measure)| scale(*measure)).collect(),
             work: vec![0.0; rows],
             right: vec![0.0; rows],
-            steps: vec![0.0; STEPS * rows],
-            taken: 0,
         })
     }
 
@@ -223,7 +214,6 @@ impl Closures {
     /// # Errors
     /// With the place of the coordinate in `dependent`.
     pub(super) fn factor(&mut self) -> Result<(), SingularMatrix> {
-        self.taken = 0;
         for cluster in &mut self.clusters {
             let n = cluster.rows.len();
             for (out, &row) in cluster.square.chunks_exact_mut(n).zip(&cluster.rows) {
@@ -268,10 +258,7 @@ impl Closures {
         for closure in &self.all {
             for at in closure.first..closure.first + closure.rows.len() {
                 let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                for (range, _) in &closure.path {
-                    let terms = line[range.clone()].iter().zip(&x[range.clone()]);
-                    r[at] += terms.map(|(a, x)| a * x).sum::<f64>();
-                }
+                r[at] += closure.path.iter().map(|&(k, _)| line[k] * x[k]).sum::<f64>();
             }
         }
     }
@@ -281,11 +268,7 @@ impl Closures {
         for closure in &self.all {
             for at in closure.first..closure.first + closure.rows.len() {
                 let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                for (range, _) in &closure.path {
-                    for (x, a) in x[range.clone()].iter_mut().zip(&line[range.clone()]) {
-                        *x -= a * y[at];
-                    }
-                }
+                closure.path.iter().for_each(|&(k, _)| x[k] -= line[k] * y[at]);
             }
         }
     }
@@ -295,11 +278,7 @@ impl Closures {
         for closure in &self.all {
             for at in closure.first..closure.first + closure.rows.len() {
                 let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                for (range, _) in &closure.path {
-                    for (x, a) in x[range.clone()].iter_mut().zip(&line[range.clone()]) {
-                        *x += (a * y[at]).abs();
-                    }
-                }
+                closure.path.iter().for_each(|&(k, _)| x[k] += (line[k] * y[at]).abs());
             }
         }
     }
@@ -317,54 +296,6 @@ impl Closures {
             }
         }
         r.copy_from_slice(&self.work);
-    }
-
-    /// Forgets the corrections made with these factors.
-    pub(super) fn begin_corrections(&mut self) {
-        self.taken = 0;
-    }
-
-    /// Residuals of all rows become the next correction of the dependent coordinates: Broyden's method from the factors at
-    /// hand, each cluster on its own (Kelley, *Iterative Methods for Linear and Nonlinear Equations*, 7.3). Returns the
-    /// largest one, scaled to pure numbers.
-    pub(super) fn correct(&mut self, r: &mut [f64]) -> f64 {
-        self.solve(r);
-        let n = r.len();
-        if self.taken == STEPS {
-            self.taken = 0;
-        }
-        let (steps, rest) = self.steps.split_at_mut(self.taken * n);
-        let own = &mut rest[..n];
-        for ((own, r), &k) in own.iter_mut().zip(r.iter()).zip(&self.dependent) {
-            *own = r / self.column_scale[k];
-        }
-        for cluster in &self.clusters {
-            let product = |a: &[f64], b: &[f64]| {
-                cluster.dependent.iter().map(|&at| a[at] * b[at]).sum::<f64>()
-            };
-            let mut before = steps.chunks_exact(n).peekable();
-            while let Some(step) = before.next() {
-                let square = product(step, step);
-                if square == 0.0 {
-                    continue;
-                }
-                let along = product(step, own) / square;
-                if let Some(next) = before.peek() {
-                    cluster.dependent.iter().for_each(|&at| own[at] += along * next[at]);
-                } else {
-                    // Where corrections do not fall, factors are made anew.
-                    let factor = 1.0 / (1.0 - along.clamp(-0.5, 0.5));
-                    cluster.dependent.iter().for_each(|&at| own[at] *= factor);
-                }
-            }
-        }
-        let mut largest = 0.0f64;
-        for ((r, own), &k) in r.iter_mut().zip(own.iter()).zip(&self.dependent) {
-            largest = keep_larger(largest, own.abs());
-            *r = own * self.column_scale[k];
-        }
-        self.taken += 1;
-        largest
     }
 
     /// y with N_uᵀ y = r for forces r on the dependent coordinates.
@@ -386,19 +317,21 @@ impl Closures {
     pub(super) fn evaluate_maps(&mut self) {
         for cluster in &mut self.clusters {
             let free = cluster.free.len();
-            for (column, (_, kind)) in cluster.free.iter().enumerate() {
-                let right = &mut self.right[..cluster.rows.len()];
-                for (out, &row) in right.iter_mut().zip(&cluster.rows) {
+            if free == 0 {
+                continue;
+            }
+            for (out, &row) in cluster.map.chunks_exact_mut(free).zip(&cluster.rows) {
+                for (out, (_, kind)) in out.iter_mut().zip(&cluster.free) {
                     *out = self.row_scale[row]
                         * match *kind {
                             Free::Coordinate(k) => -self.matrix[row * self.coordinates + k],
                             Free::Row(at) => f64::from(u8::from(at == row)),
                         };
                 }
-                cluster.lu.solve(right);
-                for (i, (x, &at)) in right.iter().zip(&cluster.dependent).enumerate() {
-                    cluster.map[i * free + column] = x * self.column_scale[self.dependent[at]];
-                }
+            }
+            cluster.lu.solve_many(&mut cluster.map, free);
+            for (row, &at) in cluster.map.chunks_exact_mut(free).zip(&cluster.dependent) {
+                row.iter_mut().for_each(|x| *x *= self.column_scale[self.dependent[at]]);
             }
         }
     }
@@ -410,9 +343,4 @@ impl Closures {
             Some((c, cluster.dependent.iter().position(|&other| other == at)?))
         })
     }
-}
-
-/// Maximum that does not pass over NaN.
-pub(super) fn keep_larger(a: f64, b: f64) -> f64 {
-    if b.is_nan() || b > a { b } else { a }
 }

@@ -35,6 +35,13 @@ pub(super) struct Edge {
     pub(super) driver: Option<usize>,
 }
 
+impl Edge {
+    /// Whether its coordinates are those of any rotation about a point.
+    pub(super) fn turns_freely(&self) -> bool {
+        self.rotation == Some(0)
+    }
+}
+
 /// Mass, kg, and inertia about the centre of mass, kg m², in axes of the body and in axes of the ground.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyInertia {
@@ -270,10 +277,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 let theta = [x[edge.at][start], x[edge.at][start + 1], x[edge.at][start + 2]];
                 let rate = turning.insert(TurnRate::new(&theta)).matrix();
                 for (k, column) in columns[start..].iter_mut().enumerate() {
-                    *column = [0.0; W];
-                    for (row, screw) in rate.iter().zip(&own[start..]) {
-                        add(column, row[k], screw);
+                    let mut angular = [0.0; 3];
+                    for (row, [_, axis]) in rate.iter().zip(&screws.columns[start..]) {
+                        add(&mut angular, sign * row[k], axis);
                     }
+                    *column = A::screw(&[0.0; 3], &angular);
                 }
             }
             let o = &self.origin[edge.body];

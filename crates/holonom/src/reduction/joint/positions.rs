@@ -2,7 +2,7 @@
 
 use super::JointForm;
 use super::algebra::Algebra;
-use super::closures::{Origin, keep_larger};
+use super::closures::Origin;
 use super::engine::Engine;
 use super::residuals::counts_turns;
 use crate::error::EvaluationFailure;
@@ -58,7 +58,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let noise = 8.0 * f64::EPSILON * self.distance(x).max(1.0);
         self.keep_coordinates(x);
         relatives.place(system.as_ref(), x, q);
-        self.closures.begin_corrections();
         let (mut before, mut fresh) = (predicted, false);
         for count in 1..=MAX_CORRECTIONS {
             self.evaluate_residual(parametrization, t, p, q);
@@ -66,8 +65,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let size = self.correct(x);
             relatives.place(system.as_ref(), x, q);
             let rate = size / before;
-            // Or the next one would be lost in the last place.
-            let ends = size <= noise || (count > 1 && 4.0 * rate * size <= f64::EPSILON);
+            // Or the next one would be.
+            let ends = size <= noise || (count > 1 && 4.0 * rate * size <= noise);
             let stalls = count > 1 && rate > CONTRACTION_LIMIT;
             // Residuals are differences of places in the ground.
             let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
@@ -120,8 +119,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Moves the dependent coordinates by what the closures' residuals ask for; returns the largest change, lengths over
     /// the characteristic length.
     fn correct(&mut self, x: &mut [[f64; 6]]) -> f64 {
-        let largest = self.closures.correct(&mut self.rows);
+        self.closures.solve(&mut self.rows);
+        let mut largest = 0.0f64;
         for (change, &k) in self.rows.iter().zip(&self.closures.dependent) {
+            largest = keep_larger(largest, (change / self.closures.column_scale[k]).abs());
             self.along[k] = *change;
         }
         for edge in &self.edges {
@@ -178,4 +179,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 Relatives::name_of(system, group, row)
             )).of_row(worst.1)
     }
+}
+
+/// Maximum that does not pass over NaN.
+fn keep_larger(a: f64, b: f64) -> f64 {
+    if b.is_nan() || b > a { b } else { a }
 }
