@@ -13,6 +13,9 @@ use crate::lanes::dot;
 /// A pivot below this fraction of the numbers it is made of is cancellation noise.
 pub(crate) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
 
+/// Up to this size a plain elimination takes less time than the way into the library.
+const SMALL: usize = 32;
+
 /// LU factorisation with pivoting of a dense n×n matrix; its storage is reused.
 ///
 /// A matrix by rows is its transpose by columns, so it is Aᵀ that is factored, P Aᵀ = L U, and
@@ -60,14 +63,18 @@ impl DenseLu {
     pub fn factor(&mut self, a: &[f64]) -> Result<(), SingularMatrix> {
         let n = self.n;
         self.factors.copy_from_slice(a);
-        lu::lu_in_place(
-            MatMut::from_column_major_slice_mut(&mut self.factors, n, n),
-            &mut self.permutation,
-            &mut self.inverse_permutation,
-            Par::Seq,
-            MemStack::new(&mut self.scratch),
-            Spec::default(),
-        );
+        if n <= SMALL {
+            eliminate(&mut self.factors, &mut self.permutation);
+        } else {
+            lu::lu_in_place(
+                MatMut::from_column_major_slice_mut(&mut self.factors, n, n),
+                &mut self.permutation,
+                &mut self.inverse_permutation,
+                Par::Seq,
+                MemStack::new(&mut self.scratch),
+                Spec::default(),
+            );
+        }
         for p in 0..n {
             // Column p of U: what is left of row p of A.
             let column = &self.factors[p * n..=p * n + p];
@@ -129,10 +136,31 @@ impl DenseLu {
             return self.solve(b);
         }
         let n = self.n;
-        let factors = MatRef::from_column_major_slice(&self.factors, n, n).transpose();
-        let mut x = MatMut::from_row_major_slice_mut(&mut *b, n, k);
-        triangular_solve::solve_lower_triangular_in_place(factors, x.as_mut(), Par::Seq);
-        triangular_solve::solve_unit_upper_triangular_in_place(factors, x, Par::Seq);
+        if n <= SMALL && k > 0 {
+            for i in 0..n {
+                let (known, rest) = b.split_at_mut(i * k);
+                let own = &mut rest[..k];
+                let row = &self.factors[i * n..=i * n + i];
+                for (x, known) in row.iter().zip(known.chunks_exact(k)) {
+                    subtract(own, *x, known);
+                }
+                let inverse = row[i].recip();
+                own.iter_mut().for_each(|x| *x *= inverse);
+            }
+            for i in (0..n).rev() {
+                let (rest, known) = b.split_at_mut((i + 1) * k);
+                let own = &mut rest[i * k..];
+                let row = &self.factors[i * n + i + 1..(i + 1) * n];
+                for (x, known) in row.iter().zip(known.chunks_exact(k)) {
+                    subtract(own, *x, known);
+                }
+            }
+        } else {
+            let factors = MatRef::from_column_major_slice(&self.factors, n, n).transpose();
+            let mut x = MatMut::from_row_major_slice_mut(&mut *b, n, k);
+            triangular_solve::solve_lower_triangular_in_place(factors, x.as_mut(), Par::Seq);
+            triangular_solve::solve_unit_upper_triangular_in_place(factors, x, Par::Seq);
+        }
         for p in (0..n).rev() {
             swap_rows(b, k, p, self.exchanges[p]);
         }
@@ -181,6 +209,47 @@ impl DenseLu {
     }
 }
 
+/// Factors a matrix by columns and tells which row each pivot came from.
+fn eliminate(a: &mut [f64], permutation: &mut [usize]) {
+    let n = permutation.len();
+    (0..n).for_each(|p| permutation[p] = p);
+    for p in 0..n {
+        let column = &a[p * n..(p + 1) * n];
+        let at =
+            (p + 1..n).fold(p, |at, i| if column[i].abs() > column[at].abs() { i } else { at });
+        if at != p {
+            permutation.swap(p, at);
+            a.chunks_exact_mut(n).for_each(|column| column.swap(p, at));
+        }
+        let (known, rest) = a.split_at_mut((p + 1) * n);
+        let lower = &mut known[p * n + p..];
+        let inverse = lower[0].recip();
+        lower[1..].iter_mut().for_each(|x| *x *= inverse);
+        for column in rest.chunks_exact_mut(n) {
+            let factor = column[p];
+            subtract(&mut column[p + 1..], factor, &lower[1..]);
+        }
+    }
+}
+
+/// Factor of a symmetric matrix whose lower triangle is given by columns; returns how many pivots are positive.
+fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
+    for p in 0..n {
+        let (known, rest) = a.split_at_mut((p + 1) * n);
+        let own = &mut known[p * n + p..];
+        if own[0].is_nan() || own[0] <= 0.0 {
+            return p;
+        }
+        own[0] = own[0].sqrt();
+        let inverse = own[0].recip();
+        own[1..].iter_mut().for_each(|x| *x *= inverse);
+        for (j, column) in rest.chunks_exact_mut(n).enumerate() {
+            subtract(&mut column[p + 1 + j..], own[1 + j], &own[1 + j..]);
+        }
+    }
+    n
+}
+
 fn subtract(out: &mut [f64], factor: f64, x: &[f64]) {
     out.iter_mut().zip(x).for_each(|(out, x)| *out -= factor * x);
 }
@@ -226,14 +295,18 @@ impl Cholesky {
     pub fn factor(&mut self, a: &[f64]) -> Result<(), NotPositiveDefinite> {
         let n = self.n;
         self.factor.copy_from_slice(a);
-        let outcome = llt::cholesky_in_place(
-            MatMut::from_column_major_slice_mut(&mut self.factor, n, n),
-            llt::LltRegularization::default(),
-            Par::Seq,
-            MemStack::new(&mut self.scratch),
-            Spec::default(),
-        );
-        let done = outcome.map_or_else(|llt::LltError::NonPositivePivot { index }| index, |_| n);
+        let done = if n <= SMALL {
+            eliminate_symmetric(&mut self.factor, n)
+        } else {
+            let outcome = llt::cholesky_in_place(
+                MatMut::from_column_major_slice_mut(&mut self.factor, n, n),
+                llt::LltRegularization::default(),
+                Par::Seq,
+                MemStack::new(&mut self.scratch),
+                Spec::default(),
+            );
+            outcome.map_or_else(|llt::LltError::NonPositivePivot { index }| index, |_| n)
+        };
         for i in 0..done {
             let pivot = self.factor[i * n + i].powi(2);
             // Written so that a NaN fails.
@@ -286,6 +359,15 @@ impl Cholesky {
     /// # Panics
     /// If `b` has not n·k entries.
     pub fn solve_lower(&self, b: &mut [f64], k: usize) {
+        let n = self.n;
+        if k == 1 && n <= SMALL {
+            for p in 0..n {
+                let (known, rest) = b.split_at_mut(p + 1);
+                known[p] /= self.factor[p * n + p];
+                subtract(rest, known[p], &self.factor[p * n + p + 1..(p + 1) * n]);
+            }
+            return;
+        }
         let l = MatRef::from_column_major_slice(&self.factor, self.n, self.n);
         let x = MatMut::from_row_major_slice_mut(b, self.n, k);
         triangular_solve::solve_lower_triangular_in_place(l, x, Par::Seq);
@@ -296,6 +378,14 @@ impl Cholesky {
     /// # Panics
     /// If `b` has not n·k entries.
     pub fn solve_upper(&self, b: &mut [f64], k: usize) {
+        let n = self.n;
+        if k == 1 && n <= SMALL {
+            for p in (0..n).rev() {
+                let column = &self.factor[p * n + p..(p + 1) * n];
+                b[p] = (b[p] - dot(&column[1..], &b[p + 1..])) / column[0];
+            }
+            return;
+        }
         let l = MatRef::from_column_major_slice(&self.factor, self.n, self.n);
         let x = MatMut::from_row_major_slice_mut(b, self.n, k);
         triangular_solve::solve_upper_triangular_in_place(l.transpose(), x, Par::Seq);
@@ -324,4 +414,10 @@ pub fn gram_add(n_rows: usize, k: usize, a: &[f64], b: &[f64], c: &mut [f64]) {
     let b = MatRef::from_row_major_slice(b, n_rows, k);
     let c = MatMut::from_row_major_slice_mut(c, k, k);
     matmul(c, Accum::Add, a.transpose(), b, 1.0, Par::Seq);
+    // A large product leaves the wide registers in use, and from then on a call of a sine takes twenty times as long.
+    // Every other function of the library ends that.
+    let one = MatRef::from_column_major_slice(&[1.0], 1, 1);
+    let mut x = [0.0];
+    let x = MatMut::from_column_major_slice_mut(&mut x, 1, 1);
+    triangular_solve::solve_lower_triangular_in_place(one, x, Par::Seq);
 }

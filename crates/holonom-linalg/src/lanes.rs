@@ -81,6 +81,9 @@ pub(crate) fn lanes_mut<T, const W: usize>(
 /// Σ aᵢ bᵢ in eight interleaved sums, so that additions need not wait for each other.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    if a.len() < 8 {
+        return a.iter().zip(b).map(|(a, b)| a * b).sum();
+    }
     let mut sums = [0.0; 8];
     let (a_chunks, a_rest) = a.as_chunks::<8>();
     let (b_chunks, b_rest) = b.as_chunks::<8>();

@@ -243,8 +243,10 @@ where
         };
         let (first, second) = if parent_is_first { (*parent, child) } else { (child, *parent) };
         let arms = [S::rotate(&first, &self.points[0]), S::rotate(&second, &self.points[1])];
-        let along_ground = matches!(self.link, Link::Line(_));
-        let d = if along_ground { link } else { S::rotate(&first, &link) };
+        let d = match self.link {
+            Link::Coincides | Link::Line(_) => link,
+            Link::Slides(_) | Link::Components(_) => S::rotate(&first, &link),
+        };
         // Centres first: far from the origin their difference is exact where arms are not.
         let offset = sum(&d, &difference(&arms[0], &arms[1]));
         for k in 0..D {
@@ -444,8 +446,8 @@ impl Orientation<3, 7, 4> for Spatial {
 }
 
 fn unit(p: &[f64; 4]) -> [f64; 4] {
-    let size = dot(p, p).sqrt();
-    p.map(|x| x / size)
+    let inverse = dot(p, p).sqrt().recip();
+    p.map(|x| x * inverse)
 }
 
 fn points<const D: usize>(frames: &[Triad<D>; 2]) -> [[f64; D]; 2] {

@@ -176,20 +176,29 @@ pub struct TurnRate {
 }
 
 /// Terms of the series of c₆ and c₇: up to a whole turn what is left is below round-off.
-const RATE_TERMS: u32 = 16;
+const RATE_TERMS: usize = 17;
+/// 1/(6+2j)! and 1/(7+2j)!.
+const RATE_SERIES: [[f64; 2]; RATE_TERMS] = {
+    let mut out = [[1.0 / 720.0, 1.0 / 5040.0]; RATE_TERMS];
+    let mut j = 1;
+    while j < RATE_TERMS {
+        let next = (6 + 2 * j) as f64;
+        out[j][0] = out[j - 1][0] / (next * (next - 1.0));
+        out[j][1] = out[j - 1][1] / (next * (next + 1.0));
+        j += 1;
+    }
+    out
+};
 
 impl TurnRate {
     /// At a rotation vector of at most a whole turn.
     pub fn new(theta: &[f64; 3]) -> Self {
         let s = dot(theta, theta);
-        // Σⱼ (−s)ʲ/(k+2j)! by Horner's scheme, times k!.
-        let series = |k: u32| {
-            (0..RATE_TERMS).rev().fold(1.0, |sum, j| {
-                let next = f64::from(k + 2 * j);
-                1.0 - sum * s / ((next + 1.0) * (next + 2.0))
-            })
-        };
-        let (c6, c7) = (series(6) / 720.0, series(7) / 5040.0);
+        // Σⱼ (−s)ʲ/(k+2j)! by Horner's scheme, for both at once.
+        let (mut c6, mut c7) = (0.0, 0.0);
+        for [a, b] in RATE_SERIES.iter().rev() {
+            (c6, c7) = (a - s * c6, b - s * c7);
+        }
         let (c4, c5) = (1.0 / 24.0 - s * c6, 1.0 / 120.0 - s * c7);
         let (c2, c3) = (0.5 - s * c4, 1.0 / 6.0 - s * c5);
         let slope = |k: f64, two_up: f64, one_up: f64| 0.5 * (k * two_up - one_up);
@@ -211,6 +220,17 @@ impl TurnRate {
         let once = cross(d, x);
         let (outer, inner) = (cross(d, &cross(&self.theta, x)), cross(&self.theta, &once));
         std::array::from_fn(|i| a * once[i] + b * (outer[i] + inner[i]))
+    }
+
+    /// J.
+    pub fn matrix(&self) -> [[f64; 3]; 3] {
+        let ([x, y, z], [c2, c3]) = (self.theta, self.c[0]);
+        let diagonal = 1.0 - c3 * dot(&self.theta, &self.theta);
+        let turn = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
+        let square = |i: usize, k: usize| c2 * turn[i][k] + c3 * self.theta[i] * self.theta[k];
+        std::array::from_fn(|i| {
+            std::array::from_fn(|k| square(i, k) + if i == k { diagonal } else { 0.0 })
+        })
     }
 
     /// J x.

@@ -4,7 +4,7 @@ use super::algebra::Algebra;
 use super::branched::Branched;
 use super::closures::Origin;
 use super::directions::Directions;
-use super::engine::{BodyInertia, Engine, add, pose};
+use super::engine::{Engine, add, dot};
 use crate::reduction::relatives::Source;
 use crate::system::State;
 
@@ -41,41 +41,28 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         branched.sizes()
     }
 
-    /// Wrenches of inertia and forces of every body for the present rates of twists, and sizes of what they are summed from.
-    pub(super) fn evaluate_wrenches(&mut self, force: &[f64], q: &[f64], a: &[f64]) {
-        for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
-            let (q, o) = (pose(q, b), &self.origin[b]);
-            let own = A::inertia_force(*mass, turned, q, pose(a, b), o, &self.twist_rate[b]);
-            let applied = A::wrench(q, o, pose(force, b));
-            self.wrench[b] = std::array::from_fn(|i| own[i] - applied[i]);
-            self.wrench_size[b] =
-                A::sizes(&std::array::from_fn(|i| own[i].abs() + applied[i].abs()));
-        }
-    }
-
     /// q̈ and the multipliers of closures and drivers for forces Q; `false` where no or too few digits are left.
     pub(super) fn accelerations_of(&mut self, force: &[f64], state: &mut State) -> bool {
         let State { t, q, v, a, lambda, .. } = state;
         lambda.fill(0.0);
+        self.read_forces(force, q);
+        self.evaluate_bias();
         if self.directions.is_some() {
-            return self.follow_directions(*t, force, [q, v], a, lambda);
+            return self.follow_directions(*t, [q, v], a, lambda);
         }
         self.accelerations.fill(0.0);
-        self.evaluate_bias();
-        self.evaluate_twist_rates(q, v, a);
-        self.evaluate_wrenches(force, q, a);
+        self.evaluate_twist_rates();
         let served = if self.is_plain_tree {
-            self.evaluate_inertias(q);
-            self.articulate()
+            self.articulate(q, v)
         } else {
             self.branch(*t, q, v, a, lambda)
         };
         if !served {
             return false;
         }
-        self.evaluate_twist_rates(q, v, a);
-        self.evaluate_wrenches(force, q, a);
-        self.gather();
+        self.evaluate_twist_rates();
+        self.tell_second_rates(q, v, a);
+        self.balance(q, v);
         self.is_balanced(lambda)
     }
 
@@ -83,7 +70,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     fn follow_directions(
         &mut self,
         t: f64,
-        force: &[f64],
         [q, v]: [&[f64]; 2],
         a: &mut [f64],
         lambda: &mut [f64],
@@ -95,24 +81,24 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.zero_rates.fill(0.0);
         self.tell(t, Some(2), &self.zero_rates, &mut accelerations);
         self.accelerations = accelerations;
-        self.evaluate_bias();
-        self.evaluate_twist_rates(q, v, a);
+        self.evaluate_twist_rates();
         if self.closures.rows() > 0 {
             // Deformations stay as they are for now, whatever that is.
+            self.tell_second_rates(q, v, a);
             self.rows.fill(0.0);
             self.evaluate_rate_residual(None, t, 2, &[], [q, v, a]);
             self.closures.solve(&mut self.rows);
             for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
                 self.accelerations[k] = *x;
             }
-            self.evaluate_twist_rates(q, v, a);
+            self.evaluate_twist_rates();
         }
-        self.evaluate_wrenches(force, q, a);
+        self.evaluate_wrenches(q, v);
         self.gather();
         self.accelerate_along();
-        self.evaluate_twist_rates(q, v, a);
-        self.evaluate_wrenches(force, q, a);
-        self.gather();
+        self.evaluate_twist_rates();
+        self.tell_second_rates(q, v, a);
+        self.balance(q, v);
         let mut left = std::mem::take(&mut self.zero_rates);
         self.gathered.copy_from_slice(&self.along);
         self.project(&mut left);
@@ -120,6 +106,33 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.zero_rates = left;
         self.along.copy_from_slice(&self.gathered);
         self.is_balanced(lambda)
+    }
+
+    /// Forces `along` the coordinates for the present rates of twists, and in `change` the sizes of what they are summed
+    /// from.
+    fn balance(&mut self, q: &[f64], v: &[f64]) {
+        self.wrench.fill([0.0; W]);
+        self.wrench_size.fill([0.0; W]);
+        for edge in self.edges.iter().rev() {
+            let b = edge.body;
+            let (own, applied) = (self.inertia_force(b, q, v), &self.applied[b]);
+            let terms = A::sizes(&std::array::from_fn(|i| own[i].abs() + applied[i].abs()));
+            // Of the body and of all that hangs on it.
+            let (mut wrench, mut size) = (self.wrench[b], self.wrench_size[b]);
+            for i in 0..W {
+                wrench[i] += own[i] - applied[i];
+                size[i] += terms[i];
+            }
+            for k in edge.range.clone() {
+                let column = &self.columns[k];
+                self.along[k] = dot(column, &wrench);
+                self.change[k] = dot(&column.map(f64::abs), &size);
+            }
+            if let Some(base) = edge.base {
+                add(&mut self.wrench[base], 1.0, &wrench);
+                add(&mut self.wrench_size[base], 1.0, &size);
+            }
+        }
     }
 
     /// Whether what is left of the forces `along` the coordinates, with those of closures and drivers, is round-off of what it
@@ -131,18 +144,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 *y = if is_joint { -lambda[*row] } else { 0.0 };
             }
         }
-        // Of each body and of all that hangs on it.
         let mut sizes = std::mem::take(&mut self.change);
-        for edge in self.edges.iter().rev() {
-            let own = self.wrench_size[edge.body];
-            for k in edge.range.clone() {
-                let terms = self.columns[k].iter().zip(&own);
-                sizes[k] = terms.map(|(column, size)| column.abs() * size).sum();
-            }
-            if let Some(base) = edge.base {
-                add(&mut self.wrench_size[base], 1.0, &own);
-            }
-        }
         self.closures.subtract_transposed(&self.rows, &mut self.along);
         self.closures.add_sizes(&self.rows, &mut sizes);
         for ((along, size), source) in self.along.iter_mut().zip(&mut sizes).zip(&self.sources) {

@@ -4,6 +4,8 @@
 //! the force, then the moment about O. No transformation stands between bodies then (`docs/theory/joint.md` (1)-(6);
 //! thesis (3.133)).
 
+use super::articulated::Pivots;
+use super::small::factor;
 use crate::math::spatial::{cross, e_times, e_transposed_times, rotation_matrix};
 use crate::math::vector::{difference, dot, sum};
 
@@ -11,8 +13,11 @@ use crate::math::vector::{difference, dot, sum};
 pub(super) trait Algebra<const N: usize, const W: usize>:
     std::fmt::Debug + Clone + Send + Sync + 'static
 {
-    /// Twist of a velocity at `center` with an angular velocity.
-    fn screw(linear: &[f64; 3], angular: &[f64; 3], center: &[f64; 3], o: &[f64; 3]) -> [f64; W];
+    /// Symmetric matrices that make wrenches of rates of twists.
+    type Inertia: Inertia<W>;
+
+    /// Twist about a point of the velocity there with an angular velocity.
+    fn screw(linear: &[f64; 3], angular: &[f64; 3]) -> [f64; W];
 
     /// Rate of a twist that is fixed in what moves with twist `a`.
     fn cross(a: &[f64; W], b: &[f64; W]) -> [f64; W];
@@ -44,12 +49,6 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// A twist about another point.
     fn moved_twist(y: &[f64; W], from: &[f64; 3], to: &[f64; 3]) -> [f64; W];
 
-    /// Inertia, which makes wrenches of rates of twists, about another point.
-    fn moved_inertia(inertia: &[[f64; W]; W], from: &[f64; 3], to: &[f64; 3]) -> [[f64; W]; W] {
-        let half = inertia.map(|row| Self::moved(&row, from, to));
-        std::array::from_fn(|j| Self::moved(&std::array::from_fn(|i| half[i][j]), from, to))
-    }
-
     /// Bounds of the diagonal of an inertia about another point.
     fn moved_sizes(sizes: &[f64; W], from: &[f64; 3], to: &[f64; 3]) -> [f64; W];
 
@@ -62,10 +61,8 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// Sizes of what a wrench is the sum of: components of one vector turn into each other.
     fn sizes(terms: &[f64; W]) -> [f64; W];
 
-    /// Inertia of a body about its own place, by rows; here and below from that in axes of the ground.
-    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3]) -> [[f64; W]; W];
-
-    /// Inertia times the rate of a twist, velocities left out.
+    /// Inertia of a body times the rate of a twist, velocities left out; here and below from that about the centre of mass
+    /// in axes of the ground.
     fn inertia_times(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -75,15 +72,252 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     ) -> [f64; W];
 
     /// The wrench that accelerates a body: rate of momentum without the gyroscopic part, which counts among the
-    /// forces, for its twist, its rate, and q̇.
+    /// forces, for q and q̇, its twist and its rate.
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],
-        q: &[f64; N],
-        a: &[f64; N],
+        motion: [&[f64; N]; 2],
         o: &[f64; 3],
+        y: &[f64; W],
         yd: &[f64; W],
     ) -> [f64; W];
+}
+
+/// A symmetric matrix that makes wrenches of rates of twists about one point.
+pub(super) trait Inertia<const W: usize>:
+    std::fmt::Debug + Clone + Copy + Default + Send + Sync + 'static
+{
+    /// Of a body whose centre of mass is at `arm` from the point, from its inertia about it in axes of the ground.
+    fn of_body(mass: f64, inertia: &[[f64; 3]; 3], arm: &[f64; 3]) -> Self;
+
+    /// About another point, from which this one is at `arm`.
+    fn moved(&self, arm: &[f64; 3]) -> Self;
+
+    /// K += another one about the same point.
+    fn add(&mut self, other: &Self);
+
+    /// K −= u uᵀ.
+    fn subtract_square(&mut self, u: &[f64; W]);
+
+    /// K y.
+    fn times(&self, y: &[f64; W]) -> [f64; W];
+
+    /// Its diagonal.
+    fn diagonal(&self) -> [f64; W];
+
+    /// What a body that turns freely about the point takes of this inertia and its wrench: with `own`, the three rotations
+    /// eliminated, whose moments and factor of J it leaves there and H in `felt`; `false` where too few digits are left, and in a
+    /// plane.
+    fn release(
+        &mut self,
+        own: &mut Pivots<W>,
+        felt: &mut [[f64; W]],
+        wrench: &mut [f64; W],
+    ) -> bool;
+
+    /// Rates of a rotation, by their columns, for which a body that moves by `motion` turns by `angular`.
+    fn turn(motion: &mut [f64; W], angular: [f64; 3], columns: &[[f64; W]], rates: &mut [f64]);
+}
+
+/// f = M v + H ω, n = Hᵀ v + J ω.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct SpatialInertia {
+    m: [[f64; 3]; 3],
+    h: [[f64; 3]; 3],
+    j: [[f64; 3]; 3],
+}
+
+fn add_up(out: &mut [[f64; 3]; 3], x: &[[f64; 3]; 3]) {
+    for (out, x) in out.iter_mut().zip(x) {
+        *out = sum(out, x);
+    }
+}
+
+impl Inertia<6> for SpatialInertia {
+    fn of_body(mass: f64, inertia: &[[f64; 3]; 3], arm: &[f64; 3]) -> Self {
+        let [x, y, z] = arm.map(|x| mass * x);
+        let square = dot(arm, &[x, y, z]);
+        let mut out = Self { h: [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]], ..Self::default() };
+        for i in 0..3 {
+            out.m[i][i] = mass;
+            for j in 0..3 {
+                out.j[i][j] = inertia[i][j] - mass * arm[i] * arm[j];
+            }
+            out.j[i][i] += square;
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn moved(&self, arm: &[f64; 3]) -> Self {
+        // H' = H − M r̃, J' = J + Hᵀ·(−r̃) + r̃ H'
+        let h: [[f64; 3]; 3] = std::array::from_fn(|i| {
+            let turned = cross(&self.m[i], arm);
+            std::array::from_fn(|j| self.h[i][j] - turned[j])
+        });
+        let column = |h: &[[f64; 3]; 3], k: usize| cross(arm, &[h[0][k], h[1][k], h[2][k]]);
+        let [before, after]: [[[f64; 3]; 3]; 2] =
+            [&self.h, &h].map(|h| std::array::from_fn(|k| column(h, k)));
+        let mut j = self.j;
+        for i in 0..3 {
+            for k in 0..=i {
+                j[i][k] += before[i][k] + after[k][i];
+                j[k][i] = j[i][k];
+            }
+        }
+        Self { m: self.m, h, j }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, other: &Self) {
+        add_up(&mut self.m, &other.m);
+        add_up(&mut self.h, &other.h);
+        add_up(&mut self.j, &other.j);
+    }
+
+    #[inline(always)]
+    fn subtract_square(&mut self, u: &[f64; 6]) {
+        for i in 0..3 {
+            for k in 0..3 {
+                self.m[i][k] -= u[i] * u[k];
+                self.h[i][k] -= u[i] * u[3 + k];
+                self.j[i][k] -= u[3 + i] * u[3 + k];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn times(&self, y: &[f64; 6]) -> [f64; 6] {
+        let (v, w) = parts(y);
+        let Self { m, h, j } = self;
+        std::array::from_fn(|i| {
+            if i < 3 {
+                dot(&m[i], &v) + dot(&h[i], &w)
+            } else {
+                let k = i - 3;
+                h[0][k] * v[0] + h[1][k] * v[1] + h[2][k] * v[2] + dot(&j[k], &w)
+            }
+        })
+    }
+
+    fn diagonal(&self) -> [f64; 6] {
+        let Self { m, j, .. } = self;
+        [m[0][0], m[1][1], m[2][2], j[0][0], j[1][1], j[2][2]]
+    }
+
+    /// M ← M − H J⁻¹Hᵀ, f ← f − H J⁻¹n; H, J and n vanish.
+    fn release(
+        &mut self,
+        own: &mut Pivots<6>,
+        felt: &mut [[f64; 6]],
+        wrench: &mut [f64; 6],
+    ) -> bool {
+        let Self { m, h, j } = *self;
+        for i in 0..3 {
+            own.force[i] = -wrench[3 + i];
+            own.factor[i][..3].copy_from_slice(&j[i]);
+            felt[i] = [h[0][i], h[1][i], h[2][i], 0.0, 0.0, 0.0];
+        }
+        if !factor(&mut own.factor, 3) || (0..3).any(|i| own.is_lost(i, own.size[3 + i])) {
+            return false;
+        }
+        let l = &own.factor;
+        *self = Self { m, ..Self::default() };
+        let size: [f64; 3] = std::array::from_fn(|i| m[i][i]);
+        own.size = joined(&size, &[0.0; 3]);
+        let (mut halves, mut rates) = ([[0.0; 3]; 3], [0.0; 3]);
+        for i in 0..3 {
+            (halves[i], rates[i]) = ([h[0][i], h[1][i], h[2][i]], own.force[i]);
+            for k in 0..i {
+                rates[i] -= l[i][k] * rates[k];
+                for w in 0..3 {
+                    halves[i][w] -= l[i][k] * halves[k][w];
+                }
+            }
+            rates[i] *= l[i][i];
+            halves[i] = halves[i].map(|x| x * l[i][i]);
+            for w in 0..3 {
+                own.size[w] += halves[i][w] * halves[i][w];
+                wrench[w] += rates[i] * halves[i][w];
+                wrench[3 + w] = 0.0;
+                for k in 0..3 {
+                    self.m[w][k] -= halves[i][w] * halves[i][k];
+                }
+            }
+        }
+        true
+    }
+
+    fn turn(motion: &mut [f64; 6], angular: [f64; 3], columns: &[[f64; 6]], rates: &mut [f64]) {
+        let (_, before) = parts(motion);
+        motion[3..].copy_from_slice(&angular);
+        let change = difference(&angular, &before);
+        let [a, b, c] = std::array::from_fn(|k| parts(&columns[k]).1);
+        let (bc, ca, ab) = (cross(&b, &c), cross(&c, &a), cross(&a, &b));
+        let inverse = dot(&a, &bc).recip();
+        for (rate, row) in rates.iter_mut().zip([bc, ca, ab]) {
+            *rate = inverse * dot(&row, &change);
+        }
+    }
+}
+
+/// The same in a plane, M by its entries xx, xy, yy.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct PlanarInertia {
+    m: [f64; 3],
+    h: [f64; 2],
+    j: f64,
+}
+
+impl Inertia<3> for PlanarInertia {
+    fn of_body(mass: f64, inertia: &[[f64; 3]; 3], arm: &[f64; 3]) -> Self {
+        let [x, y] = [mass * arm[0], mass * arm[1]];
+        let j = inertia[2][2] + arm[0] * x + arm[1] * y;
+        Self { m: [mass, 0.0, mass], h: [-y, x], j }
+    }
+
+    #[inline(always)]
+    fn moved(&self, arm: &[f64; 3]) -> Self {
+        let (m, [x, y, _]) = (self.m, *arm);
+        let h = [self.h[0] - m[0] * y + m[1] * x, self.h[1] - m[1] * y + m[2] * x];
+        let j = self.j + x * (self.h[1] + h[1]) - y * (self.h[0] + h[0]);
+        Self { m, h, j }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, other: &Self) {
+        self.m = sum(&self.m, &other.m);
+        self.h = [self.h[0] + other.h[0], self.h[1] + other.h[1]];
+        self.j += other.j;
+    }
+
+    #[inline(always)]
+    fn subtract_square(&mut self, u: &[f64; 3]) {
+        let [x, y, z] = *u;
+        self.m = difference(&self.m, &[x * x, x * y, y * y]);
+        self.h = [self.h[0] - x * z, self.h[1] - y * z];
+        self.j -= z * z;
+    }
+
+    #[inline(always)]
+    fn times(&self, y: &[f64; 3]) -> [f64; 3] {
+        let ([xx, xy, yy], [u, v]) = (self.m, self.h);
+        [
+            xx * y[0] + xy * y[1] + u * y[2],
+            xy * y[0] + yy * y[1] + v * y[2],
+            u * y[0] + v * y[1] + self.j * y[2],
+        ]
+    }
+
+    fn diagonal(&self) -> [f64; 3] {
+        [self.m[0], self.m[2], self.j]
+    }
+
+    fn release(&mut self, _: &mut Pivots<3>, _: &mut [[f64; 3]], _: &mut [f64; 3]) -> bool {
+        false
+    }
+
+    fn turn(_: &mut [f64; 3], _: [f64; 3], _: &[[f64; 3]], _: &mut [f64]) {}
 }
 
 /// In space: three of a velocity, three of an angular velocity.
@@ -120,8 +354,10 @@ fn pose(r: &[f64; 3], p: &[f64; 4]) -> [f64; 7] {
 }
 
 impl Algebra<7, 6> for Spatial {
-    fn screw(linear: &[f64; 3], angular: &[f64; 3], center: &[f64; 3], o: &[f64; 3]) -> [f64; 6] {
-        joined(&sum(linear, &cross(angular, &difference(o, center))), angular)
+    type Inertia = SpatialInertia;
+
+    fn screw(linear: &[f64; 3], angular: &[f64; 3]) -> [f64; 6] {
+        joined(linear, angular)
     }
 
     fn cross(a: &[f64; 6], b: &[f64; 6]) -> [f64; 6] {
@@ -205,15 +441,6 @@ impl Algebra<7, 6> for Spatial {
         [f, f, f, n, n, n]
     }
 
-    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3]) -> [[f64; 6]; 6] {
-        let mut out = [[0.0; 6]; 6];
-        for k in 0..3 {
-            out[k][k] = mass;
-            out[3 + k][3..].copy_from_slice(&inertia[k]);
-        }
-        out
-    }
-
     fn inertia_times(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -230,14 +457,16 @@ impl Algebra<7, 6> for Spatial {
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],
-        q: &[f64; 7],
-        a: &[f64; 7],
+        [q, v]: [&[f64; 7]; 2],
         o: &[f64; 3],
+        y: &[f64; 6],
         yd: &[f64; 6],
     ) -> [f64; 6] {
-        let (_, alpha) = parts(yd);
-        let f = place(a).map(|x| mass * x);
-        joined(&f, &sum(&times(inertia, &alpha), &cross(&difference(&place(q), o), &f)))
+        let ((_, w), (a, alpha)) = (parts(y), parts(yd));
+        let arm = difference(&place(q), o);
+        let a = sum(&sum(&a, &cross(&alpha, &arm)), &cross(&w, &place(v)));
+        let f = a.map(|x| mass * x);
+        joined(&f, &sum(&times(inertia, &alpha), &cross(&arm, &f)))
     }
 }
 
@@ -259,10 +488,10 @@ fn arm(q: &[f64; 3], o: &[f64; 3]) -> [f64; 2] {
 }
 
 impl Algebra<3, 3> for Planar {
-    fn screw(linear: &[f64; 3], angular: &[f64; 3], center: &[f64; 3], o: &[f64; 3]) -> [f64; 3] {
-        let w = angular[2];
-        let [x, y] = across(w, &[o[0] - center[0], o[1] - center[1]]);
-        [linear[0] + x, linear[1] + y, w]
+    type Inertia = PlanarInertia;
+
+    fn screw(linear: &[f64; 3], angular: &[f64; 3]) -> [f64; 3] {
+        [linear[0], linear[1], angular[2]]
     }
 
     fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
@@ -328,10 +557,6 @@ impl Algebra<3, 3> for Planar {
         [f, f, terms[2]]
     }
 
-    fn own_inertia(mass: f64, inertia: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
-        [[mass, 0.0, 0.0], [0.0, mass, 0.0], [0.0, 0.0, inertia[2][2]]]
-    }
-
     fn inertia_times(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -348,12 +573,14 @@ impl Algebra<3, 3> for Planar {
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],
-        q: &[f64; 3],
-        a: &[f64; 3],
+        [q, v]: [&[f64; 3]; 2],
         o: &[f64; 3],
+        y: &[f64; 3],
         yd: &[f64; 3],
     ) -> [f64; 3] {
-        let f = [mass * a[0], mass * a[1]];
-        [f[0], f[1], inertia[2][2] * yd[2] + moment(&arm(q, o), &f)]
+        let arm = arm(q, o);
+        let ([a, b], [c, d]) = (across(yd[2], &arm), across(y[2], &[v[0], v[1]]));
+        let f = [mass * (yd[0] + a + c), mass * (yd[1] + b + d)];
+        [f[0], f[1], inertia[2][2] * yd[2] + moment(&arm, &f)]
     }
 }

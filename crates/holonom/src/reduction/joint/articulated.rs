@@ -1,39 +1,49 @@
 //! Accelerations of a tree, from the leaves inwards and out again: articulated bodies.
 
-use super::algebra::Algebra;
+use super::algebra::{Algebra, Inertia};
 use super::engine::{BodyInertia, Engine, add, dot, pose};
 use super::small::{factor, substitute};
+use crate::math::vector::difference;
 
 /// Growth of numbers in the elimination of an edge that leaves ten digits; beyond it other solvers answer.
 const LARGEST_GROWTH: f64 = 1e-10 / f64::EPSILON;
 
-/// Articulated inertia of a body K, less what its edge takes of it once that is eliminated, its wrench, the factor of Bᵀ K B
-/// of its edge and Bᵀ's right-hand side, all about the body's own place: about the root's, what is far out would be a small difference of what is long.
+/// What is left of an edge once its coordinates are eliminated.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Articulated<const W: usize> {
-    pub(super) inertia: [[f64; W]; W],
-    place: [f64; 3],
-    wrench: [f64; W],
-    /// Sizes of what its diagonal is summed from.
-    size: [f64; W],
-    pivots: [[f64; 6]; 6],
-    force: [f64; 6],
+pub(super) struct Pivots<const W: usize> {
+    /// Of Bᵀ K B.
+    pub(super) factor: [[f64; 6]; 6],
+    /// Bᵀ's right-hand side.
+    pub(super) force: [f64; 6],
+    /// Sizes of what the diagonal of the body's inertia is summed from.
+    pub(super) size: [f64; W],
 }
 
-impl<const W: usize> Articulated<W> {
+impl<const W: usize> Pivots<W> {
+    /// Whether a pivot summed from terms of that size is round-off: of a light body between two hinges of one axis.
+    pub(super) fn is_lost(&self, i: usize, size: f64) -> bool {
+        size * self.factor[i][i] * self.factor[i][i] > LARGEST_GROWTH
+    }
+}
+
+/// Articulated inertia of a body K and its wrench, less what its edge takes of them once that is eliminated, about the point
+/// that the edge turns about: about the root's place, what is far out would be a small difference of what is long.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Articulated<I, const W: usize> {
+    pub(super) inertia: I,
+    wrench: [f64; W],
+    pivots: Pivots<W>,
+}
+
+impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     pub(super) fn zero() -> Self {
-        Self {
-            inertia: [[0.0; W]; W],
-            place: [0.0; 3],
-            wrench: [0.0; W],
-            size: [0.0; W],
-            pivots: [[0.0; 6]; 6],
-            force: [0.0; 6],
-        }
+        let (factor, force, size) = ([[0.0; 6]; 6], [0.0; 6], [0.0; W]);
+        let pivots = Pivots { factor, force, size };
+        Self { inertia: I::default(), wrench: [0.0; W], pivots }
     }
 
     /// By the number of an edge's coordinates: loops of known lengths are worth it.
-    const ELIMINATE: [fn(&mut Self, &[[f64; W]], &mut [[f64; W]]) -> bool; 7] = [
+    const ELIMINATE: [fn(&mut Self, &[[f64; W]], &mut [[f64; W]], bool) -> bool; 7] = [
         Self::eliminate::<0>,
         Self::eliminate::<1>,
         Self::eliminate::<2>,
@@ -52,46 +62,49 @@ impl<const W: usize> Articulated<W> {
         Self::respond::<6>,
     ];
 
-    /// U = K B into `felt`, K ← K − U (BᵀU)⁻¹Uᵀ and the wrench with what the edge's own forces make of it; `false` where
-    /// too few digits are left.
-    fn eliminate<const M: usize>(&mut self, columns: &[[f64; W]], felt: &mut [[f64; W]]) -> bool {
+    /// U = K B into `felt` and, where the body hangs on another one, K ← K − U (BᵀU)⁻¹Uᵀ and the wrench with what the edge's
+    /// own forces make of it; `false` where too few digits are left.
+    fn eliminate<const M: usize>(
+        &mut self,
+        columns: &[[f64; W]],
+        felt: &mut [[f64; W]],
+        hangs: bool,
+    ) -> bool {
         let columns: &[[f64; W]; M] = columns.first_chunk().expect("M coordinates");
         let felt: &mut [[f64; W]; M] = felt.first_chunk_mut().expect("M coordinates");
-        for (felt, column) in felt.iter_mut().zip(columns) {
-            *felt = self.inertia.map(|row| dot(&row, column));
-        }
+        let Self { inertia, wrench, pivots } = self;
         for i in 0..M {
-            self.force[i] = -dot(&columns[i], &self.wrench);
+            felt[i] = inertia.times(&columns[i]);
+            pivots.force[i] = -dot(&columns[i], wrench);
             for j in 0..=i {
-                self.pivots[i][j] = dot(&columns[i], &felt[j]);
+                pivots.factor[i][j] = dot(&columns[i], &felt[j]);
             }
         }
-        let factored = factor(&mut self.pivots, M);
-        // What the pivots were summed from: a light body between two hinges of one axis leaves round-off.
+        let served = factor(&mut pivots.factor, M);
         let lost = columns.iter().enumerate().any(|(i, column)| {
-            let terms = column.iter().zip(&self.size).map(|(x, size)| x * x * size);
-            let pivot = self.pivots[i][i];
-            terms.sum::<f64>() > LARGEST_GROWTH * pivot * pivot
+            let terms = column.iter().zip(&pivots.size).map(|(x, size)| x * x * size);
+            pivots.is_lost(i, terms.sum())
         });
-        if !factored || lost {
-            return false;
+        if !served || lost || !hangs {
+            return served && !lost;
         }
-        self.size = std::array::from_fn(|w| self.inertia[w][w]);
-        let (mut halves, mut rate) = ([[0.0; W]; M], [0.0; M]);
+        pivots.size = inertia.diagonal();
+        let (mut halves, mut rate) = (*felt, [0.0; M]);
         for i in 0..M {
-            (halves[i], rate[i]) = (felt[i], self.force[i]);
+            rate[i] = pivots.force[i];
             for j in 0..i {
                 let half = halves[j];
-                add(&mut halves[i], -self.pivots[i][j], &half);
-                rate[i] -= self.pivots[i][j] * rate[j];
+                add(&mut halves[i], -pivots.factor[i][j], &half);
+                rate[i] -= pivots.factor[i][j] * rate[j];
             }
-            halves[i] = halves[i].map(|x| x / self.pivots[i][i]);
-            rate[i] /= self.pivots[i][i];
+            let inverse = pivots.factor[i][i];
+            halves[i] = halves[i].map(|x| x * inverse);
+            rate[i] *= inverse;
+            inertia.subtract_square(&halves[i]);
             for w in 0..W {
-                self.size[w] += halves[i][w] * halves[i][w];
-                add(&mut self.inertia[w], -halves[i][w], &halves[i]);
+                pivots.size[w] += halves[i][w] * halves[i][w];
+                wrench[w] += rate[i] * halves[i][w];
             }
-            add(&mut self.wrench, rate[i], &halves[i]);
         }
         true
     }
@@ -104,65 +117,78 @@ impl<const W: usize> Articulated<W> {
         motion: &mut [f64; W],
         rates: &mut [f64],
     ) {
-        let mut rate = self.force;
-        for (rate, felt) in rate.iter_mut().zip(&felt[..M]) {
-            *rate -= dot(felt, motion);
-        }
-        substitute(&self.pivots, M, &mut rate);
+        let rate = self.rates(&felt[..M], motion);
         rates.copy_from_slice(&rate[..M]);
         for (column, rate) in columns[..M].iter().zip(&rate) {
             add(motion, *rate, column);
         }
     }
+
+    /// Solution of the pivots where the base moves by `motion`.
+    #[inline(always)]
+    fn rates(&self, felt: &[[f64; W]], motion: &[f64; W]) -> [f64; 6] {
+        let mut rate = self.pivots.force;
+        for (rate, felt) in rate.iter_mut().zip(felt) {
+            *rate -= dot(felt, motion);
+        }
+        substitute(&self.pivots.factor, felt.len(), &mut rate);
+        rate
+    }
 }
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
-    /// Inertia of every body about its own place.
-    pub(super) fn evaluate_inertias(&mut self, q: &[f64]) {
+    /// Accelerations of a tree; the rates of twists are those at zero accelerations.
+    pub(super) fn articulate(&mut self, q: &[f64], v: &[f64]) -> bool {
         for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
+            let (center, wrench) = (&self.center[b], self.inertia_force(b, q, v));
+            let wrench = std::array::from_fn(|i| wrench[i] - self.applied[b][i]);
             let own = &mut self.articulated[b];
-            own.place = A::center(pose(q, b));
-            own.inertia = A::own_inertia(*mass, turned);
-        }
-    }
-
-    /// Accelerations of a tree; the wrenches are those at zero accelerations, the inertias those of the bodies alone.
-    pub(super) fn articulate(&mut self) -> bool {
-        for edge in &self.edges {
-            let (b, o) = (edge.body, &self.origin[edge.body]);
-            let own = &mut self.articulated[b];
-            own.size = std::array::from_fn(|k| own.inertia[k][k]);
-            own.wrench = A::moved(&self.wrench[b], o, &own.place);
-            for k in edge.range.clone() {
-                self.own_columns[k] = A::moved_twist(&self.columns[k], o, &own.place);
-            }
+            own.wrench = A::moved(&wrench, &self.origin[b], center);
+            let arm = difference(&A::center(pose(q, b)), center);
+            own.inertia = A::Inertia::of_body(*mass, turned, &arm);
+            own.pivots.size = own.inertia.diagonal();
         }
         for edge in self.edges.iter().rev() {
-            let own = &mut self.articulated[edge.body];
+            let b = edge.body;
+            let own = &mut self.articulated[b];
             let columns = &self.own_columns[edge.range.clone()];
             let felt = &mut self.felt[edge.range.clone()];
-            if !Articulated::ELIMINATE[edge.range.len()](own, columns, felt) {
+            let served = if edge.turns_freely() {
+                let Articulated { inertia, wrench, pivots } = own;
+                inertia.release(pivots, felt, wrench)
+            } else {
+                let hangs = edge.base.is_some();
+                Articulated::ELIMINATE[edge.range.len()](own, columns, felt, hangs)
+            };
+            if !served {
                 return false;
             }
             let Some(base) = edge.base else { continue };
-            let Articulated { inertia, place, wrench, size, .. } = *own;
+            let (from, to) = (&self.center[b], &self.center[base]);
+            let inertia = own.inertia.moved(&difference(from, to));
+            let wrench = A::moved(&own.wrench, from, to);
+            let size = A::moved_sizes(&own.pivots.size, from, to);
             let carrier = &mut self.articulated[base];
-            let to = &carrier.place;
-            add(&mut carrier.wrench, 1.0, &A::moved(&wrench, &place, to));
-            let inertia = A::moved_inertia(&inertia, &place, to);
-            carrier.inertia.iter_mut().zip(&inertia).for_each(|(out, row)| add(out, 1.0, row));
-            add(&mut carrier.size, 1.0, &A::moved_sizes(&size, &place, to));
+            carrier.inertia.add(&inertia);
+            add(&mut carrier.wrench, 1.0, &wrench);
+            add(&mut carrier.pivots.size, 1.0, &size);
         }
         for edge in &self.edges {
-            let own = &self.articulated[edge.body];
+            let b = edge.body;
             let mut motion = edge.base.map_or([0.0; W], |base| {
-                A::moved_twist(&self.motion[base], &self.articulated[base].place, &own.place)
+                A::moved_twist(&self.motion[base], &self.center[base], &self.center[b])
             });
             let columns = &self.own_columns[edge.range.clone()];
             let felt = &self.felt[edge.range.clone()];
             let rates = &mut self.accelerations[edge.range.clone()];
-            Articulated::RESPOND[edge.range.len()](own, columns, felt, &mut motion, rates);
-            self.motion[edge.body] = motion;
+            let own = &self.articulated[b];
+            if edge.turns_freely() {
+                let [x, y, z, ..] = own.rates(felt, &motion);
+                A::Inertia::turn(&mut motion, [x, y, z], columns, rates);
+            } else {
+                Articulated::RESPOND[edge.range.len()](own, columns, felt, &mut motion, rates);
+            }
+            self.motion[b] = motion;
         }
         true
     }

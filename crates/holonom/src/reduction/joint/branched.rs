@@ -1,8 +1,9 @@
 //! Algorithm 4: the composite inertia matrix, factored without fill, and the rows of what closes loops.
 
-use super::algebra::Algebra;
+use super::algebra::{Algebra, Inertia};
 use super::closures::{Closure, Origin};
-use super::engine::{Edge, Engine, add, dot, pose};
+use super::engine::{BodyInertia, Edge, Engine, dot, pose};
+use crate::math::vector::difference;
 use crate::reduction::relatives::Source;
 use holonom_linalg::{BranchedCholesky, BranchedPlan, CutRows};
 use std::sync::Arc;
@@ -92,32 +93,29 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         t: f64,
         q: &[f64],
         v: &[f64],
-        a: &[f64],
+        a: &mut [f64],
         lambda: &mut [f64],
     ) -> bool {
+        self.evaluate_wrenches(q, v);
         self.gather();
-        self.evaluate_inertias(q);
-        for (b, own) in self.articulated.iter_mut().enumerate() {
-            own.inertia = A::moved_inertia(&own.inertia, &A::center(pose(q, b)), &self.origin[b]);
+        for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
+            let arm = difference(&A::center(pose(q, b)), &self.origin[b]);
+            self.articulated[b].inertia = A::Inertia::of_body(*mass, turned, &arm);
         }
         for edge in self.edges.iter().rev() {
             if let Some(base) = edge.base {
                 let own = self.articulated[edge.body].inertia;
-                for (out, row) in self.articulated[base].inertia.iter_mut().zip(&own) {
-                    add(out, 1.0, row);
-                }
+                self.articulated[base].inertia.add(&own);
             }
         }
+        self.tell_second_rates(q, v, a);
         self.evaluate_rate_residual(None, t, 2, &[], [q, v, a]);
         let mut branched = self.branched.take().expect("made where something closes loops");
         let (plan, m) = (branched.factors.plan().clone(), branched.tau.len());
         for edge in &self.edges {
             for k in edge.range.clone() {
                 let composite = &self.articulated[edge.body].inertia;
-                let felt = &mut self.felt[k];
-                for (out, row) in felt.iter_mut().zip(composite) {
-                    *out = dot(row, &self.columns[k]);
-                }
+                self.felt[k] = composite.times(&self.columns[k]);
             }
         }
         for (c, &k) in branched.order.iter().enumerate() {

@@ -26,8 +26,8 @@ pub(super) struct Closure {
     pub(super) first: usize,
     /// Number of rows of the element.
     pub(super) count: usize,
-    /// Coordinates between the bodies: those of an edge, and the end that it moves.
-    pub(super) path: Vec<(Range<usize>, usize)>,
+    /// Coordinates between the bodies, each with the end that it moves.
+    pub(super) path: Vec<(usize, usize)>,
 }
 
 /// Closures whose dependent coordinates are their own: loops with no coordinate in common are solved apart.
@@ -77,12 +77,11 @@ fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<
     let mut cluster: Vec<usize> = (0..all.len()).collect();
     let mut owner = vec![None; sources.len()];
     for (at, closure) in all.iter().enumerate() {
-        for (range, _) in &closure.path {
-            for k in range.clone().filter(|&k| sources[k] == Source::Dependent) {
-                let other = *owner[k].get_or_insert(at);
-                let (from, to) = (cluster[at].max(cluster[other]), cluster[at].min(cluster[other]));
-                cluster.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
-            }
+        let own = closure.path.iter().map(|(k, _)| *k);
+        for k in own.filter(|&k| sources[k] == Source::Dependent) {
+            let other = *owner[k].get_or_insert(at);
+            let (from, to) = (cluster[at].max(cluster[other]), cluster[at].min(cluster[other]));
+            cluster.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
         }
     }
     let mut out = Vec::new();
@@ -94,7 +93,7 @@ fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<
         }
         let (mut columns, mut free) = (Vec::new(), Vec::new());
         for closure in own() {
-            for k in closure.path.iter().flat_map(|(range, _)| range.clone()) {
+            for &(k, _) in &closure.path {
                 match sources[k] {
                     Source::Dependent => columns.push(dependent.binary_search(&k).ok()?),
                     Source::Independent(p) => free.push((p, Free::Coordinate(k))),
@@ -145,7 +144,7 @@ impl Closures {
             let [a, b] = ends.map(&path);
             let only = |own: &[Range<usize>], other: &[Range<usize>], end: usize| {
                 let own = own.iter().filter(|range| !other.contains(range));
-                own.map(|range| (range.clone(), end)).collect::<Vec<_>>()
+                own.flat_map(|range| range.clone().map(|k| (k, end))).collect::<Vec<_>>()
             };
             let mut out = only(&a, &b, 0);
             out.extend(only(&b, &a, 1));
@@ -259,10 +258,7 @@ impl Closures {
         for closure in &self.all {
             for at in closure.first..closure.first + closure.rows.len() {
                 let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                for (range, _) in &closure.path {
-                    let terms = line[range.clone()].iter().zip(&x[range.clone()]);
-                    r[at] += terms.map(|(a, x)| a * x).sum::<f64>();
-                }
+                r[at] += closure.path.iter().map(|&(k, _)| line[k] * x[k]).sum::<f64>();
             }
         }
     }
@@ -272,11 +268,7 @@ impl Closures {
         for closure in &self.all {
             for at in closure.first..closure.first + closure.rows.len() {
                 let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                for (range, _) in &closure.path {
-                    for (x, a) in x[range.clone()].iter_mut().zip(&line[range.clone()]) {
-                        *x -= a * y[at];
-                    }
-                }
+                closure.path.iter().for_each(|&(k, _)| x[k] -= line[k] * y[at]);
             }
         }
     }
@@ -286,11 +278,7 @@ impl Closures {
         for closure in &self.all {
             for at in closure.first..closure.first + closure.rows.len() {
                 let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                for (range, _) in &closure.path {
-                    for (x, a) in x[range.clone()].iter_mut().zip(&line[range.clone()]) {
-                        *x += (a * y[at]).abs();
-                    }
-                }
+                closure.path.iter().for_each(|&(k, _)| x[k] += (line[k] * y[at]).abs());
             }
         }
     }
@@ -329,19 +317,21 @@ impl Closures {
     pub(super) fn evaluate_maps(&mut self) {
         for cluster in &mut self.clusters {
             let free = cluster.free.len();
-            for (column, (_, kind)) in cluster.free.iter().enumerate() {
-                let right = &mut self.right[..cluster.rows.len()];
-                for (out, &row) in right.iter_mut().zip(&cluster.rows) {
+            if free == 0 {
+                continue;
+            }
+            for (out, &row) in cluster.map.chunks_exact_mut(free).zip(&cluster.rows) {
+                for (out, (_, kind)) in out.iter_mut().zip(&cluster.free) {
                     *out = self.row_scale[row]
                         * match *kind {
                             Free::Coordinate(k) => -self.matrix[row * self.coordinates + k],
                             Free::Row(at) => f64::from(u8::from(at == row)),
                         };
                 }
-                cluster.lu.solve(right);
-                for (i, (x, &at)) in right.iter().zip(&cluster.dependent).enumerate() {
-                    cluster.map[i * free + column] = x * self.column_scale[self.dependent[at]];
-                }
+            }
+            cluster.lu.solve_many(&mut cluster.map, free);
+            for (row, &at) in cluster.map.chunks_exact_mut(free).zip(&cluster.dependent) {
+                row.iter_mut().for_each(|x| *x *= self.column_scale[self.dependent[at]]);
             }
         }
     }

@@ -136,19 +136,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
             }
             let BodyInertia { mass, turned, .. } = &self.inertias[b];
-            let inertia = A::own_inertia(*mass, turned);
-            let inertia = A::moved_inertia(&inertia, &A::center(pose(q, b)), &self.origin[b]);
             for (i, column) in columns.iter().enumerate() {
-                let felt = inertia.map(|row| dot(&row, column));
+                let felt = A::inertia_times(*mass, turned, pose(q, b), &self.origin[b], column);
+                // Ascending: the upper triangle, which is all that is read.
                 let row = &mut at.mass[own.variables[i] * n..][..n];
-                for (variable, other) in own.variables.iter().zip(&columns[..=i]) {
+                for (variable, other) in own.variables[i..].iter().zip(&columns[i..]) {
                     row[*variable] += dot(&felt, other);
                 }
-            }
-        }
-        for i in 0..n {
-            for j in 0..i {
-                at.mass[j * n + i] = at.mass[i * n + j];
             }
         }
         let served = at.factors.factor(&at.mass).is_ok();

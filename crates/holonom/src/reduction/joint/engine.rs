@@ -35,6 +35,13 @@ pub(super) struct Edge {
     pub(super) driver: Option<usize>,
 }
 
+impl Edge {
+    /// Whether its coordinates are those of any rotation about a point.
+    pub(super) fn turns_freely(&self) -> bool {
+        self.rotation == Some(0)
+    }
+}
+
 /// Mass, kg, and inertia about the centre of mass, kg m², in axes of the body and in axes of the ground.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyInertia {
@@ -45,7 +52,7 @@ pub(super) struct BodyInertia {
 
 /// Joint coordinates with twists and wrenches of `W` numbers.
 #[derive(Debug, Clone)]
-pub(super) struct Engine<A, const N: usize, const W: usize> {
+pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) system: Arc<dyn System>,
     pub(super) edges: Vec<Edge>,
     /// Per coordinate: where it comes from, and the row of the driver that tells it.
@@ -57,23 +64,29 @@ pub(super) struct Engine<A, const N: usize, const W: usize> {
     root: Vec<usize>,
     /// Reference point of each body.
     pub(super) origin: Vec<[f64; 3]>,
-    /// Columns for rates as in [`EdgeScrews`](crate::system::EdgeScrews), and for the coordinates' own.
+    /// The point that the rotations of each body's edge are about.
+    pub(super) center: Vec<[f64; 3]>,
+    /// Columns for rates as in [`EdgeScrews`](crate::system::EdgeScrews) about that point, and for the coordinates' own
+    /// about it and about the reference point.
     pub(super) screws: Vec<[f64; W]>,
+    pub(super) own_columns: Vec<[f64; W]>,
     pub(super) columns: Vec<[f64; W]>,
     pub(super) turning: Vec<Option<TurnRate>>,
     pub(super) rates: Vec<f64>,
     pub(super) accelerations: Vec<f64>,
+    /// B ẋ of each edge.
+    pub(super) relative: Vec<[f64; W]>,
     pub(super) twist: Vec<[f64; W]>,
     pub(super) twist_rate: Vec<[f64; W]>,
     /// Ḃ ẋ of each edge.
-    bias: Vec<[f64; W]>,
+    pub(super) bias: Vec<[f64; W]>,
+    /// Wrenches of the forces on each body.
+    pub(super) applied: Vec<[f64; W]>,
     /// Of each body, or of all that hangs on it, and the sizes of what they are summed from.
     pub(super) wrench_size: Vec<[f64; W]>,
     pub(super) wrench: Vec<[f64; W]>,
     pub(super) inertias: Vec<BodyInertia>,
-    pub(super) articulated: Vec<Articulated<W>>,
-    /// Columns about the bodies' own places.
-    pub(super) own_columns: Vec<[f64; W]>,
+    pub(super) articulated: Vec<Articulated<A::Inertia, W>>,
     /// Articulated or composite inertia times the columns.
     pub(super) felt: Vec<[f64; W]>,
     pub(super) branched: Option<Box<Branched>>,
@@ -189,16 +202,20 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             names,
             root,
             origin: vec![[0.0; 3]; bodies],
+            center: vec![[0.0; 3]; bodies],
             screws: vec![[0.0; W]; n],
+            own_columns: vec![[0.0; W]; n],
             columns: vec![[0.0; W]; n],
             turning: vec![None; edges.len()],
             rates: vec![0.0; n],
             accelerations: vec![0.0; n],
+            relative: zeros(),
             twist: zeros(),
             twist_rate: zeros(),
             wrench: zeros(),
             wrench_size: zeros(),
-            bias: vec![[0.0; W]; edges.len()],
+            bias: zeros(),
+            applied: zeros(),
             inertias: (0..bodies)
                 .map(|b| BodyInertia {
                     mass: system.mass(b),
@@ -213,7 +230,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             generalized: vec![0.0; system.structure().sizes.coordinates],
             zero_rates: vec![0.0; parametrization.ndof],
             articulated: vec![Articulated::zero(); bodies],
-            own_columns: vec![[0.0; W]; n],
             felt: vec![[0.0; W]; n],
             branched: None,
             directions: None,
@@ -250,24 +266,27 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 continue;
             }
             let sign = if edge.outward { 1.0 } else { -1.0 };
-            let o = &self.origin[edge.body];
+            self.center[edge.body] = screws.center;
             let own = &mut self.screws[edge.range.clone()];
             for (out, [linear, angular]) in own.iter_mut().zip(&screws.columns) {
-                *out = A::screw(linear, angular, &screws.center, o).map(|x| sign * x);
+                *out = A::screw(linear, angular).map(|x| sign * x);
             }
-            let columns = &mut self.columns[edge.range.clone()];
+            let columns = &mut self.own_columns[edge.range.clone()];
             columns.copy_from_slice(own);
             if let Some(start) = edge.rotation {
                 let theta = [x[edge.at][start], x[edge.at][start + 1], x[edge.at][start + 2]];
-                let rate = turning.insert(TurnRate::new(&theta));
-                for k in 0..3 {
-                    let unit = std::array::from_fn(|i| f64::from(u8::from(i == k)));
-                    let mut column = [0.0; W];
-                    for (x, screw) in rate.times(&unit).iter().zip(&own[start..]) {
-                        add(&mut column, *x, screw);
+                let rate = turning.insert(TurnRate::new(&theta)).matrix();
+                for (k, column) in columns[start..].iter_mut().enumerate() {
+                    let mut angular = [0.0; 3];
+                    for (row, [_, axis]) in rate.iter().zip(&screws.columns[start..]) {
+                        add(&mut angular, sign * row[k], axis);
                     }
-                    columns[start + k] = column;
+                    *column = A::screw(&[0.0; 3], &angular);
                 }
+            }
+            let o = &self.origin[edge.body];
+            for (out, own) in self.columns[edge.range.clone()].iter_mut().zip(columns) {
+                *out = A::moved_twist(own, &screws.center, o);
             }
         }
     }
@@ -284,38 +303,36 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     }
 
     /// Rates as the screws have them: of a rotation vector the angular velocity.
-    fn screw_rates<'a>(&self, at: usize, x_rate: &'a [f64], room: &'a mut [f64; 6]) -> &'a [f64] {
+    fn screw_rates(&self, at: usize, x_rate: &[f64]) -> [f64; 6] {
         let edge = &self.edges[at];
-        let own = &x_rate[edge.range.clone()];
-        let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) else { return own };
-        room[..own.len()].copy_from_slice(own);
-        let rate = [own[start], own[start + 1], own[start + 2]];
-        room[start..start + 3].copy_from_slice(&turning.times(&rate));
-        &room[..own.len()]
+        let mut out = [0.0; 6];
+        out[..edge.range.len()].copy_from_slice(&x_rate[edge.range.clone()]);
+        if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
+            let turned = turning.times(&[out[start], out[start + 1], out[start + 2]]);
+            out[start..start + 3].copy_from_slice(&turned);
+        }
+        out
     }
 
     /// δ(B ẋ) of an edge at fixed ẋ, where bodies move by the twists `motion` and coordinates by `change`.
     pub(super) fn column_change(&self, at: usize, motion: &[[f64; W]], change: &[f64]) -> [f64; W] {
         let edge = &self.edges[at];
-        let mut room = [0.0; 6];
-        let rates = self.screw_rates(at, &self.rates, &mut room);
-        let screws = &self.screws[edge.range.clone()];
-        let mut out = [0.0; W];
-        if let Some(carrier) = edge.first {
-            let mut relative = [0.0; W];
-            for (screw, rate) in screws.iter().zip(rates) {
-                add(&mut relative, *rate, screw);
-            }
-            out = A::cross(&motion[carrier], &relative);
+        let mut out = match edge.first {
+            Some(carrier) => A::cross(&motion[carrier], &self.relative[edge.body]),
+            None => [0.0; W],
+        };
+        if !edge.nested && edge.rotation.is_none() {
+            return out;
         }
+        let screws = &self.screws[edge.range.clone()];
+        let mut own = [0.0; W];
         if edge.nested {
-            let mut room = [0.0; 6];
-            let moved = self.screw_rates(at, change, &mut room);
+            let [rates, moved] = [&self.rates[..], change].map(|x| self.screw_rates(at, x));
             let sign = if edge.outward { 1.0 } else { -1.0 };
             for (k, (screw, rate)) in screws.iter().zip(rates).enumerate() {
                 for (j, inner) in screws.iter().enumerate().take(k) {
                     if edge.stage[j] < edge.stage[k] {
-                        add(&mut out, sign * rate * moved[j], &A::cross(inner, screw));
+                        add(&mut own, sign * rate * moved[j], &A::cross(inner, screw));
                     }
                 }
             }
@@ -327,32 +344,63 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             };
             let bend = turning.first(&three(change), &three(&self.rates));
             for (x, screw) in bend.iter().zip(&screws[start..]) {
-                add(&mut out, *x, screw);
+                add(&mut own, *x, screw);
             }
         }
+        let own = A::moved_twist(&own, &self.center[edge.body], &self.origin[edge.body]);
+        add(&mut out, 1.0, &own);
         out
     }
 
     /// Ḃ ẋ of all edges.
     pub(super) fn evaluate_bias(&mut self) {
         for at in 0..self.edges.len() {
-            self.bias[at] = self.column_change(at, &self.twist, &self.rates);
+            self.bias[self.edges[at].body] = self.column_change(at, &self.twist, &self.rates);
         }
     }
 
-    /// Rates of the twists for `accelerations`, and q̈.
-    pub(super) fn evaluate_twist_rates(&mut self, q: &[f64], v: &[f64], a: &mut [f64]) {
-        for at in 0..self.edges.len() {
-            let edge = &self.edges[at];
-            let mut rate = edge.base.map_or([0.0; W], |base| self.twist_rate[base]);
-            add(&mut rate, 1.0, &self.bias[at]);
-            for k in edge.range.clone() {
-                add(&mut rate, self.accelerations[k], &self.columns[k]);
+    /// Rates of the twists for `accelerations`.
+    pub(super) fn evaluate_twist_rates(&mut self) {
+        for edge in &self.edges {
+            let mut rate = self.bias[edge.body];
+            if let Some(base) = edge.base {
+                add(&mut rate, 1.0, &self.twist_rate[base]);
             }
-            let b = edge.body;
-            self.twist_rate[b] = rate;
+            let columns = &self.columns[edge.range.clone()];
+            for (column, x) in columns.iter().zip(&self.accelerations[edge.range.clone()]) {
+                add(&mut rate, *x, column);
+            }
+            self.twist_rate[edge.body] = rate;
+        }
+    }
+
+    /// q̈ for these rates.
+    pub(super) fn tell_second_rates(&self, q: &[f64], v: &[f64], a: &mut [f64]) {
+        for (b, rate) in self.twist_rate.iter().enumerate() {
             let (y, o) = (&self.twist[b], &self.origin[b]);
-            *pose_mut(a, b) = A::second_rates(pose(q, b), pose(v, b), o, y, &rate);
+            *pose_mut(a, b) = A::second_rates(pose(q, b), pose(v, b), o, y, rate);
+        }
+    }
+
+    /// Wrenches of generalized forces.
+    pub(super) fn read_forces(&mut self, force: &[f64], q: &[f64]) {
+        for (b, applied) in self.applied.iter_mut().enumerate() {
+            *applied = A::wrench(pose(q, b), &self.origin[b], pose(force, b));
+        }
+    }
+
+    /// The wrench that accelerates a body.
+    pub(super) fn inertia_force(&self, b: usize, q: &[f64], v: &[f64]) -> [f64; W] {
+        let BodyInertia { mass, turned, .. } = &self.inertias[b];
+        let (y, yd) = (&self.twist[b], &self.twist_rate[b]);
+        A::inertia_force(*mass, turned, [pose(q, b), pose(v, b)], &self.origin[b], y, yd)
+    }
+
+    /// Wrenches of inertia and forces of every body for the present rates of twists.
+    pub(super) fn evaluate_wrenches(&mut self, q: &[f64], v: &[f64]) {
+        for b in 0..self.inertias.len() {
+            let own = self.inertia_force(b, q, v);
+            self.wrench[b] = std::array::from_fn(|i| own[i] - self.applied[b][i]);
         }
     }
 

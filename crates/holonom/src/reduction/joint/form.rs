@@ -3,7 +3,7 @@
 use super::JointForm;
 use super::algebra::Algebra;
 use super::closures::Origin;
-use super::engine::{BodyInertia, Engine, pose, pose_mut};
+use super::engine::{BodyInertia, Engine, add, pose, pose_mut};
 use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
@@ -71,12 +71,20 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
             }
         }
         self.complete(&mut rates);
-        let mut twist = std::mem::take(&mut self.twist);
-        self.carry(&rates, &mut twist);
-        (self.rates, self.twist) = (rates, twist);
+        self.rates = rates;
         for edge in &self.edges {
             let b = edge.body;
-            *pose_mut(v, b) = A::rates(pose(q, b), &self.origin[b], &self.twist[b]);
+            let mut relative = [0.0; W];
+            let columns = &self.columns[edge.range.clone()];
+            for (column, x) in columns.iter().zip(&self.rates[edge.range.clone()]) {
+                add(&mut relative, *x, column);
+            }
+            let mut twist = relative;
+            if let Some(base) = edge.base {
+                add(&mut twist, 1.0, &self.twist[base]);
+            }
+            *pose_mut(v, b) = A::rates(pose(q, b), &self.origin[b], &twist);
+            (self.relative[b], self.twist[b]) = (relative, twist);
         }
     }
 
@@ -92,17 +100,20 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         let mut accelerations = std::mem::take(&mut self.accelerations);
         self.tell(*t, Some(2), p_rate, &mut accelerations);
         self.accelerations = accelerations;
+        self.read_forces(force, q);
         self.evaluate_bias();
-        self.evaluate_twist_rates(q, v, a);
+        self.evaluate_twist_rates();
+        self.tell_second_rates(q, v, a);
         if self.closures.rows() > 0 {
             self.evaluate_rate_residual(Some(parametrization), *t, 2, p_rate, [q, v, a]);
             self.closures.solve(&mut self.rows);
             for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
                 self.accelerations[k] = *x;
             }
-            self.evaluate_twist_rates(q, v, a);
+            self.evaluate_twist_rates();
+            self.tell_second_rates(q, v, a);
         }
-        self.evaluate_wrenches(force, q, a);
+        self.evaluate_wrenches(q, v);
         self.gather();
         self.project(psi);
         lambda.fill(0.0);

@@ -65,7 +65,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let size = self.correct(x);
             relatives.place(system.as_ref(), x, q);
             let rate = size / before;
-            let ends = size <= noise || (count > 1 && 4.0 * rate * size <= 0.1 * f64::EPSILON);
+            // Or the next one would be.
+            let ends = size <= noise || (count > 1 && 4.0 * rate * size <= noise);
             let stalls = count > 1 && rate > CONTRACTION_LIMIT;
             // Residuals are differences of places in the ground.
             let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));

@@ -25,10 +25,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     let Some(b) = closure.ends[side] else { continue };
                     *felt = A::wrench(pose(q, b), &self.origin[b], pose(own, side));
                 }
-                for (range, side) in &closure.path {
-                    for k in range.clone() {
-                        line[k] = dot(&felt[*side], &self.columns[k]);
-                    }
+                for &(k, side) in &closure.path {
+                    line[k] = dot(&felt[side], &self.columns[k]);
                 }
             }
         }
