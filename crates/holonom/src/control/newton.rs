@@ -62,6 +62,10 @@ pub struct NewtonMonitor {
     contraction: Option<f64>,
 }
 
+/// Tolerances below which corrections that do not fall are noise whatever the state is: one at rest has no round-off of
+/// its own.
+const NEGLIGIBLE: f64 = 1e-9;
+
 impl NewtonMonitor {
     /// Starts an iteration. `eta` is that of the same stage of the step before (1 if there is
     /// none), `floor` the weighted norm of a change by round-off.
@@ -89,7 +93,8 @@ impl NewtonMonitor {
             self.contraction = Some(self.contraction.map_or(theta, |c| c.max(theta)));
             if theta >= divergence {
                 // Noise of an evaluation is some thousand times that of the state at most.
-                let stagnates = correction <= (0.01 * kappa).max(1e5 * self.floor);
+                let noise = (1e5 * self.floor).max(NEGLIGIBLE);
+                let stagnates = correction <= (0.01 * kappa).max(noise);
                 self.eta = 1.0;
                 return if stagnates {
                     IterationVerdict::Converged
@@ -191,5 +196,14 @@ mod tests {
             assert_eq!(monitor.observe(correction), Continue);
         }
         assert_eq!(monitor.observe(2e-12), Converged);
+    }
+
+    #[test] // at rest the floor is zero, and accelerations are found to their round-off only
+    fn noise_about_a_state_at_rest_is_no_divergence() {
+        let mut monitor = NewtonMonitor::start(NewtonControl::to_round_off(), 1.0, 0.0);
+        for correction in [1.0, 1e-6, 1e-12] {
+            assert_eq!(monitor.observe(correction), Continue);
+        }
+        assert_eq!(monitor.observe(3e-12), Converged);
     }
 }

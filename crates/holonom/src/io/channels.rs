@@ -5,6 +5,9 @@ use crate::error::{Code, Diagnostic};
 use crate::simulation::Problem;
 use glob::Pattern;
 
+/// Characters that make a pattern of a name.
+pub(super) const PATTERN: [char; 3] = ['*', '?', '['];
+
 /// One error for every output channel that a problem does not have.
 pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
     let mut errors = Vec::new();
@@ -15,7 +18,7 @@ pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
         let path = format!("outputs.channels[{i}]");
         let Some((item, quantity)) = wanted.split_once('.') else { continue };
         let of_item = |name| match item {
-            "*" => str::split_once(name, '.').map(|(_, quantity)| quantity),
+            _ if item.contains(PATTERN) => str::split_once(name, '.').map(|(_, quantity)| quantity),
             _ => name.strip_prefix(item)?.strip_prefix('.'),
         };
         let known: indexmap::IndexSet<&str> =
@@ -43,7 +46,8 @@ pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
 
 /// Whether a name is that of a channel or of a component, or a pattern that fits one.
 fn is_there(problem: &Problem, wanted: &str) -> bool {
-    let of_item = wanted.split_once('.').is_some_and(|(_, quantity)| quantity == "*");
+    let of_item = |(item, quantity): (&str, &str)| quantity == "*" && !item.contains(PATTERN);
+    let of_item = wanted.split_once('.').is_some_and(of_item);
     if of_item || problem.channel(wanted).is_some() {
         return true; // every item has quantities, and that it is there was seen before
     }
@@ -68,13 +72,12 @@ fn pattern(name: &str) -> Option<Pattern> {
         &parts.join("*"),
         star(name.ends_with('*') && name.len() > 1),
     ];
-    let is_pattern = name.contains(['*', '?', '[']);
+    let is_pattern = name.contains(PATTERN);
     is_pattern.then(|| Pattern::new(&single.concat()).ok()).flatten()
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
 
     #[test] // truth: the rule, by hand
     fn patterns_fit_what_they_stand_for() {

@@ -92,7 +92,7 @@ impl RadauStages {
         transform(&self.formula.t, &self.y, &mut self.z);
         change.copy_from_slice(&self.corrections[0]);
         if ode.turns() {
-            self.turn(ode);
+            self.turn(ode, step);
         }
         Ok((square / STAGES as f64).sqrt())
     }
@@ -111,15 +111,22 @@ impl RadauStages {
         transform(&f.t, &self.corrections, &mut self.slopes);
     }
 
-    /// Turns the corrections that z has got to their stages.
-    fn turn(&mut self, ode: &mut Counted<'_>) {
-        transform(&self.formula.t, &self.corrections, &mut self.slopes);
+    /// Turns the corrections that z has got to their stages. Positions follow from rates: those equations are linear.
+    fn turn(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) {
+        let (f, n) = (self.formula, ode.second_order_split());
+        transform(&f.t, &self.corrections, &mut self.slopes);
         for (i, (z, correction)) in self.z.iter_mut().zip(&mut self.slopes).enumerate() {
             add_scaled(z, -1.0, correction);
             ode.turn(i, correction);
             add_scaled(z, 1.0, correction);
         }
-        transform(&self.formula.t_inverse, &self.z, &mut self.y);
+        for k in 0..n {
+            let rates: [f64; STAGES] = std::array::from_fn(|j| step.w[n + k] + self.z[j][n + k]);
+            for (z, a) in self.z.iter_mut().zip(&f.a) {
+                z[k] = step.h * (a[0] * rates[0] + a[1] * rates[1] + a[2] * rates[2]);
+            }
+        }
+        transform(&f.t_inverse, &self.z, &mut self.y);
     }
 
     /// Corrections of y from the defects at the stages.

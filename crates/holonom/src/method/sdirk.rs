@@ -89,8 +89,14 @@ impl SdirkStages {
         change.iter_mut().for_each(|r| *r *= gamma_h);
         ode.solve_defect(change);
         let norm = ode.norm(change);
+        let turns = ode.turns();
         ode.turn(0, change);
         add_scaled(z, 1.0, change);
+        // Positions follow from rates: those equations are linear.
+        let n = if turns { ode.second_order_split() } else { 0 };
+        for k in 0..n {
+            z[k] = self.past[k] + gamma_h * (step.w[n + k] + z[n + k]);
+        }
         Ok(norm)
     }
 }

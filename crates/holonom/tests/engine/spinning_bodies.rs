@@ -9,7 +9,9 @@ use crate::common::table::{
     Bounds, Case, DEFAULT, Kind, TOLERANCES, Table, Truth, all_codes, error, line, measure,
     run_everything, times, truth,
 };
+use crate::common::{model_of, options, run_model};
 use holonom::method::Code;
+use holonom::simulation::{Options, OutputTimes};
 use std::f64::consts::TAU;
 
 /// A body with principal axes that turns about a point: Euler parameters and angular velocity in body axes.
@@ -129,6 +131,86 @@ fn a_spinning_top_keeps_the_tolerance() {
     let mut table = Table::new("spinning top of 48 turns");
     run_everything(&mut table, "top", &case);
     table.finish();
+}
+
+#[test] // independent truth: Euler's equations by DOP853; without a torque about the axis of symmetry its spin is constant
+fn slender_bodies_keep_the_tolerance() {
+    let mut table = Table::new("slender bodies");
+    let weight = [0.0, 0.0, -9.81];
+    for (name, inertia, arm, gravity, w) in [
+        ("rod on a ball", [8.33e-5, 0.0833, 0.0833], [0.5, 0.0, 0.0], weight, [0.0, 0.2, 2.5]),
+        ("ball on an arm", [1e-3, 1e-3, 1e-3], [1.0, 0.0, 0.0], weight, [0.0, 0.0, 2.0]),
+        ("wire on a ball", [1e-6, 0.0833, 0.0833], [0.5, 0.0, 0.0], weight, [1.0, 0.5, 2.5]),
+        ("rod in flight", [1e-3, 1.0, 1.0], [0.0; 3], [0.0; 3], [3.0, 1.0, 0.5]),
+    ] {
+        let body = Body { mass: 1.0, inertia, arm, gravity };
+        let y = start(turn([0.1, 0.2, 0.3]), w);
+        let mut case = Case::new(
+            &body.text(NO_TURN, &y, gravity != [0.0; 3]),
+            3.0,
+            body.truths(&y, &times(3.0, 30)),
+        );
+        case.max_steps = 30_000; // for the formulas of order 2
+        for code in all_codes() {
+            for &tolerance in TOLERANCES {
+                let run = measure(&case, DEFAULT, code, tolerance);
+                let label = format!("{tolerance:.0e}");
+                table.run(&line(name, DEFAULT, code), &label, &run, Bounds::usual());
+            }
+        }
+    }
+    table.finish();
+}
+
+#[test] // independent truth: no torque acts about the axis of any rod
+fn slender_rods_on_each_other_do_not_begin_to_spin() {
+    let rods = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[patterns.c]
+over.i = { from = 0, to = 2 }
+bodies."a{i}" = { mass = 0.2, inertia = [[4.2e-6, 0.0, 0.0], [0.0, 4.2e-3, 0.0], [0.0, 0.0, 4.2e-3]], position = ["=(i + 0.5)*0.5", 0.0, 0.0] }
+joints."j{i}" = { type = "spherical", between = ["a{i - 1}", "a{i}"], point = ["=i*0.5", 0.0, 0.0] }
+initial.bodies."a{i}" = { angular_velocity = [0.0, 0.0, "=1 + 0.3*i"] }
+[joints]
+j0 = { between = ["ground", "a0"] }
+"#;
+    for code in all_codes() {
+        let order_2 = matches!(code, Code::SspTrap | Code::InflTrap);
+        for tolerance in if order_2 { [1e-3, 1e-4] } else { [1e-4, 1e-6] } {
+            let names = ["a0", "a1", "a2"];
+            let channels = names
+                .iter()
+                .flat_map(|a| [format!("{a}.angular_velocity"), format!("{a}.euler_parameters")]);
+            let options = Options {
+                channels: channels.collect(),
+                output: OutputTimes::Interval(0.02),
+                ..options(code, tolerance, 1.0)
+            };
+            let run = run_model(&model_of(rods), &options);
+            for name in names {
+                let series = |quantity: &str, k| run.series(&format!("{name}.{quantity}"), k);
+                let w: Vec<_> = (0..3).map(|k| series("angular_velocity", k)).collect();
+                let p: Vec<_> = (0..4).map(|k| series("euler_parameters", k)).collect();
+                let spin = (0..w[0].len()).map(|row| {
+                    let turned = unturned(
+                        pose(&[0, 1, 2, 3].map(|k| p[k][row])),
+                        [w[0][row], w[1][row], w[2][row]],
+                    );
+                    turned[0].abs()
+                });
+                let worst = spin.fold(0.0, f64::max) / tolerance;
+                assert!(
+                    worst < 60.0,
+                    "{code:?} at {tolerance:e}: {name} spins, {worst:.1} tolerances"
+                );
+            }
+            let steps = run.summary.statistics.steps;
+            let most = if order_2 { 20_000 } else { 1_000 };
+            assert!(steps < most, "{code:?} at {tolerance:e}: {steps} steps");
+        }
+    }
 }
 
 #[test] // independent truth: a turn about a principal axis is steady, whatever carries it

@@ -5,6 +5,7 @@ use indexmap::{IndexMap, IndexSet};
 use super::Context;
 use super::orientations::Turned;
 use crate::error::Code;
+use crate::io::channels::PATTERN;
 use crate::io::names::suggest;
 use crate::io::schema::{self, Rotational, Tolerance as Stated, Vector};
 use crate::model::{
@@ -182,7 +183,7 @@ impl Context<'_> {
     /// [`crate::io::Document::check_channels`].
     pub(super) fn outputs(&mut self) -> Outputs {
         let file = self.file;
-        let known: IndexSet<&str> = ["energy", "constraint", "*"]
+        let known: IndexSet<&str> = ["energy", "constraint"]
             .into_iter()
             .chain(file.bodies.keys().map(String::as_str))
             .chain(file.joints.keys().map(String::as_str))
@@ -197,7 +198,8 @@ impl Context<'_> {
                 self.refuse(Code::WrongType, path, message, help);
                 continue;
             };
-            if !known.contains(item) {
+            let is_pattern = item.contains(PATTERN);
+            if !known.contains(item) && !is_pattern {
                 let message = format!("`{path}` names the item `{item}`, which is not there");
                 let help = suggest(&self.errors, item, "items", known.iter().copied());
                 self.refuse(Code::UnknownName, path, message, &help);
