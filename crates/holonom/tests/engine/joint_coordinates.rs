@@ -280,6 +280,46 @@ axis = {axis:?}
     }
 }
 
+#[test] // independent truth: Lagrange's equation of a short pendulum at the end of an arm that a driver turns
+fn what_is_small_and_far_out_keeps_its_digits() {
+    let (short, mass, inertia, angle) = (0.01, 1.0, 1e-6, 0.4);
+    let (rate, growth) = (1.0, 0.8);
+    for far in [1.0, 1e3, 1e4] {
+        let text = format!(
+            r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+arm = {{ mass = 10.0, inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], position = [{:?}, 0.0, 0.0] }}
+bob = {{ mass = {mass:?}, inertia = [[{inertia:?}, 0.0, 0.0], [0.0, {inertia:?}, 0.0], [0.0, 0.0, {inertia:?}]], position = [{far:?}, {short:?}, 0.0] }}
+[joints]
+base = {{ type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }}
+tip = {{ type = "revolute", between = ["arm", "bob"], point = [{far:?}, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }}
+[drivers.turn]
+joint = "base"
+coordinate = "rotation"
+motion = {{ type = "polynomial", coefficients = [0.0, {rate:?}, {:?}] }}
+[initial.joints]
+tip = {{ angle = {angle:?}, angular_velocity = 0.3 }}
+"#,
+            0.5 * far,
+            0.5 * growth
+        );
+        let ([_, mut joint], state) = points(model_of(&text)).expect("a joint form");
+        let (mut p, mut rates) = ([0.0; 1], [0.0; 1]);
+        joint.manifold.independent_state(&state, &mut p, &mut rates);
+        joint.evaluate(0.0, &p, &rates, &[], true).expect("has accelerations");
+        let (sin, cos) = f64::sin_cos(angle);
+        let torque =
+            mass * short * (growth * far * sin - 9.81 * cos - short * rate * rate * sin * cos);
+        let truth = torque / (mass * short * short + inertia);
+        let (e, a) = (&joint.state.q[10..14], &joint.state.a[10..14]);
+        let found = 2.0 * (e[0] * a[1] - e[1] * a[0] - e[3] * a[2] + e[2] * a[3]);
+        assert!((found - truth).abs() < 1e-9 * truth.abs(), "{far} m: {found} and {truth}");
+    }
+}
+
 /// A chain of links in the plane, its first hinge driven or not.
 fn chain(links: usize, driven: bool) -> Model {
     let link = |k: usize| {

@@ -183,7 +183,7 @@ impl Context<'_> {
     /// [`crate::io::Document::check_channels`].
     pub(super) fn outputs(&mut self) -> Outputs {
         let file = self.file;
-        let known: IndexSet<&str> = ["energy", "constraint"]
+        let known: IndexSet<&str> = ["energy", "constraint", "*"]
             .into_iter()
             .chain(file.bodies.keys().map(String::as_str))
             .chain(file.joints.keys().map(String::as_str))

@@ -99,12 +99,14 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.evaluate_wrenches(q, v);
         self.gather();
         for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
-            let arm = difference(&A::center(pose(q, b)), &self.origin[b]);
+            // About the point that its edge turns about: about O what is light and far out is a small difference.
+            let arm = difference(&A::center(pose(q, b)), &self.center[b]);
             self.articulated[b].inertia = A::Inertia::of_body(*mass, turned, &arm);
         }
         for edge in self.edges.iter().rev() {
             if let Some(base) = edge.base {
-                let own = self.articulated[edge.body].inertia;
+                let arm = difference(&self.center[edge.body], &self.center[base]);
+                let own = self.articulated[edge.body].inertia.moved(&arm);
                 self.articulated[base].inertia.add(&own);
             }
         }
@@ -114,8 +116,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let (plan, m) = (branched.factors.plan().clone(), branched.tau.len());
         for edge in &self.edges {
             for k in edge.range.clone() {
-                let composite = &self.articulated[edge.body].inertia;
-                self.felt[k] = composite.times(&self.columns[k]);
+                let b = edge.body;
+                let felt = self.articulated[b].inertia.times(&self.own_columns[k]);
+                self.felt[k] = A::moved(&felt, &self.center[b], &self.origin[b]);
             }
         }
         for (c, &k) in branched.order.iter().enumerate() {

@@ -31,6 +31,8 @@ struct Moved {
 pub(super) struct Directions<const W: usize> {
     moved: Vec<Moved>,
     columns: Vec<[f64; W]>,
+    /// Those of one body about its own place.
+    own: Vec<[f64; W]>,
     mass: Vec<f64>,
     factors: Cholesky,
     rate: Vec<f64>,
@@ -88,6 +90,7 @@ impl<const W: usize> Directions<W> {
         Self {
             moved,
             columns: vec![[0.0; W]; count],
+            own: vec![[0.0; W]; ndof],
             mass: vec![0.0; ndof * ndof],
             factors: Cholesky::new(ndof),
             rate: vec![0.0; ndof],
@@ -136,8 +139,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
             }
             let BodyInertia { mass, turned, .. } = &self.inertias[b];
+            // About its own place: about O the inertia of what is light and far out is a small difference.
+            let (place, columns) = (A::center(pose(q, b)), &mut at.own[..own.variables.len()]);
+            for (about, column) in columns.iter_mut().zip(&rest[..own.variables.len()]) {
+                *about = A::moved_twist(column, &self.origin[b], &place);
+            }
             for (i, column) in columns.iter().enumerate() {
-                let felt = A::inertia_times(*mass, turned, pose(q, b), &self.origin[b], column);
+                let felt = A::inertia_times(*mass, turned, pose(q, b), &place, column);
                 // Ascending: the upper triangle, which is all that is read.
                 let row = &mut at.mass[own.variables[i] * n..][..n];
                 for (variable, other) in own.variables[i..].iter().zip(&columns[i..]) {
