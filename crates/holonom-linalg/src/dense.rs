@@ -25,6 +25,8 @@ pub struct DenseLu {
     n: usize,
     /// L without its unit diagonal and U, by columns.
     factors: Vec<f64>,
+    /// Of the diagonal of U.
+    inverses: Vec<f64>,
     permutation: Vec<usize>,
     inverse_permutation: Vec<usize>,
     /// The permutation as exchanges of position p with `exchanges[p] ≥ p`, in order.
@@ -40,6 +42,7 @@ impl DenseLu {
         Self {
             n,
             factors: vec![0.0; n * n],
+            inverses: vec![0.0; n],
             permutation: vec![0; n],
             inverse_permutation: vec![0; n],
             exchanges: vec![0; n],
@@ -84,6 +87,7 @@ impl DenseLu {
                 let column_of_a = self.permutation[p];
                 return Err(SingularMatrix { row: p, column: column_of_a, pivot: column[p] });
             }
+            self.inverses[p] = column[p].recip();
         }
         // From here on the inverse permutation keeps track of where each entry has gone.
         let (place, entry_at) = (&mut self.inverse_permutation, &mut self.exchanges);
@@ -116,8 +120,8 @@ impl DenseLu {
         let n = self.n;
         assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
         for i in 0..n {
-            let row = &self.factors[i * n..=i * n + i];
-            b[i] = (b[i] - dot(&row[..i], &b[..i])) / row[i];
+            let known = dot(&self.factors[i * n..i * n + i], &b[..i]);
+            b[i] = (b[i] - known) * self.inverses[i];
         }
         for i in (0..n).rev() {
             b[i] -= dot(&self.factors[i * n + i + 1..(i + 1) * n], &b[i + 1..]);
@@ -140,12 +144,11 @@ impl DenseLu {
             for i in 0..n {
                 let (known, rest) = b.split_at_mut(i * k);
                 let own = &mut rest[..k];
-                let row = &self.factors[i * n..=i * n + i];
+                let row = &self.factors[i * n..i * n + i];
                 for (x, known) in row.iter().zip(known.chunks_exact(k)) {
                     subtract(own, *x, known);
                 }
-                let inverse = row[i].recip();
-                own.iter_mut().for_each(|x| *x *= inverse);
+                own.iter_mut().for_each(|x| *x *= self.inverses[i]);
             }
             for i in (0..n).rev() {
                 let (rest, known) = b.split_at_mut((i + 1) * k);
@@ -182,10 +185,9 @@ impl DenseLu {
             subtract(rest, known[i], &self.factors[i * n + i + 1..(i + 1) * n]);
         }
         for i in (0..n).rev() {
-            let column = &self.factors[i * n..=i * n + i];
             let (rest, known) = b.split_at_mut(i);
-            known[0] /= column[i];
-            subtract(rest, known[0], column);
+            known[0] *= self.inverses[i];
+            subtract(rest, known[0], &self.factors[i * n..i * n + i]);
         }
     }
 
@@ -244,7 +246,10 @@ fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
         let inverse = own[0].recip();
         own[1..].iter_mut().for_each(|x| *x *= inverse);
         for (j, column) in rest.chunks_exact_mut(n).enumerate() {
-            subtract(&mut column[p + 1 + j..], own[1 + j], &own[1 + j..]);
+            // What hangs on other branches of a tree is zero.
+            if own[1 + j] != 0.0 {
+                subtract(&mut column[p + 1 + j..], own[1 + j], &own[1 + j..]);
+            }
         }
     }
     n

@@ -291,22 +291,27 @@ impl Relatives {
 
     /// Places all bodies, edge by edge.
     pub(super) fn place(&self, system: &dyn System, x: &[[f64; MOST]], q: &mut [f64]) {
+        (0..self.forms.len()).for_each(|edge| self.place_edge(system, edge, x, q));
+    }
+
+    /// Places the body of an edge.
+    pub(super) fn place_edge(
+        &self,
+        system: &dyn System,
+        edge: usize,
+        x: &[[f64; MOST]],
+        q: &mut [f64],
+    ) {
         let mut references = [[0.0; 6]; 3];
-        for (at, (edge, form)) in system.tree().edges.iter().zip(&self.forms).enumerate() {
-            let groups = &edge.forms[*form];
-            for (reference, &group) in references.iter_mut().zip(groups) {
-                *reference = self.references[group];
-            }
-            let used: usize = groups.iter().map(|&g| system.relative_groups()[g].rows).sum();
-            system.place(
-                at,
-                *form,
-                &x[at][..used],
-                &references[..groups.len()],
-                &self.anchors[at],
-                q,
-            );
+        let form = self.forms[edge];
+        let groups = &system.tree().edges[edge].forms[form];
+        let mut used = 0;
+        for (reference, &group) in references.iter_mut().zip(groups) {
+            *reference = self.references[group];
+            used += system.relative_groups()[group].rows;
         }
+        let references = &references[..groups.len()];
+        system.place(edge, form, &x[edge][..used], references, &self.anchors[edge], q);
     }
 
     /// Windings that follow the edges, from the coordinates of [`Relatives::coordinates`].

@@ -50,8 +50,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         if self.directions.is_some() {
             return self.follow_directions(*t, [q, v], a, lambda);
         }
-        self.accelerations.fill(0.0);
-        self.evaluate_twist_rates();
+        self.carry_bias();
         let served = if self.is_plain_tree {
             self.articulate(q, v)
         } else {
@@ -112,7 +111,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// from.
     fn balance(&mut self, q: &[f64], v: &[f64]) {
         self.wrench.fill([0.0; W]);
-        self.wrench_size.fill([0.0; W]);
+        self.wrench_size.fill([0.0; 2]);
         for edge in self.edges.iter().rev() {
             let b = edge.body;
             let (own, applied) = (self.inertia_force(b, q, v), &self.applied[b]);
@@ -121,12 +120,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let (mut wrench, mut size) = (self.wrench[b], self.wrench_size[b]);
             for i in 0..W {
                 wrench[i] += own[i] - applied[i];
-                size[i] += terms[i];
             }
+            add(&mut size, 1.0, &terms);
             for k in edge.range.clone() {
                 let column = &self.columns[k];
                 self.along[k] = dot(column, &wrench);
-                self.change[k] = dot(&column.map(f64::abs), &size);
+                self.change[k] = A::size_along(column, &size);
             }
             if let Some(base) = edge.base {
                 add(&mut self.wrench[base], 1.0, &wrench);

@@ -58,8 +58,11 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// Inertia about the centre of mass, given in axes of the body, in axes of the ground.
     fn turned(inertia: &[[f64; 3]; 3], q: &[f64; N]) -> [[f64; 3]; 3];
 
-    /// Sizes of what a wrench is the sum of: components of one vector turn into each other.
-    fn sizes(terms: &[f64; W]) -> [f64; W];
+    /// Sizes of the force and of the moment that a wrench is the sum of: components of one vector turn into each other.
+    fn sizes(terms: &[f64; W]) -> [f64; 2];
+
+    /// Size of what such a wrench does along a twist.
+    fn size_along(y: &[f64; W], sizes: &[f64; 2]) -> f64;
 
     /// Inertia of a body times the rate of a twist, velocities left out; here and below from that about the centre of mass
     /// in axes of the ground.
@@ -435,10 +438,14 @@ impl Algebra<7, 6> for Spatial {
         out
     }
 
-    fn sizes(terms: &[f64; 6]) -> [f64; 6] {
+    fn sizes(terms: &[f64; 6]) -> [f64; 2] {
         let (f, n) = parts(terms);
-        let [f, n] = [f, n].map(|x| x[0] + x[1] + x[2]);
-        [f, f, f, n, n, n]
+        [f, n].map(|x| x[0] + x[1] + x[2])
+    }
+
+    fn size_along(y: &[f64; 6], [f, n]: &[f64; 2]) -> f64 {
+        let [v, w] = Self::sizes(&y.map(f64::abs));
+        v * f + w * n
     }
 
     fn inertia_times(
@@ -552,9 +559,12 @@ impl Algebra<3, 3> for Planar {
         *inertia
     }
 
-    fn sizes(terms: &[f64; 3]) -> [f64; 3] {
-        let f = terms[0] + terms[1];
-        [f, f, terms[2]]
+    fn sizes(terms: &[f64; 3]) -> [f64; 2] {
+        [terms[0] + terms[1], terms[2]]
+    }
+
+    fn size_along(y: &[f64; 3], [f, n]: &[f64; 2]) -> f64 {
+        (y[0].abs() + y[1].abs()) * f + y[2].abs() * n
     }
 
     fn inertia_times(

@@ -2,8 +2,7 @@
 
 use super::algebra::{Algebra, Inertia};
 use super::closures::{Closure, Origin};
-use super::engine::{BodyInertia, Edge, Engine, dot, pose};
-use crate::math::vector::difference;
+use super::engine::{Edge, Engine, dot};
 use crate::reduction::relatives::Source;
 use holonom_linalg::{BranchedCholesky, BranchedPlan, CutRows};
 use std::sync::Arc;
@@ -98,18 +97,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     ) -> bool {
         self.evaluate_wrenches(q, v);
         self.gather();
-        for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
-            // About the point that its edge turns about: about O what is light and far out is a small difference.
-            let arm = difference(&A::center(pose(q, b)), &self.center[b]);
-            self.articulated[b].inertia = A::Inertia::of_body(*mass, turned, &arm);
-        }
-        for edge in self.edges.iter().rev() {
-            if let Some(base) = edge.base {
-                let arm = difference(&self.center[edge.body], &self.center[base]);
-                let own = self.articulated[edge.body].inertia.moved(&arm);
-                self.articulated[base].inertia.add(&own);
-            }
-        }
+        self.gather_inertias(q);
         self.tell_second_rates(q, v, a);
         self.evaluate_rate_residual(None, t, 2, &[], [q, v, a]);
         let mut branched = self.branched.take().expect("made where something closes loops");

@@ -1,6 +1,6 @@
 //! What each independent variable moves, and the reduced mass matrix of it.
 
-use super::algebra::Algebra;
+use super::algebra::{Algebra, Inertia};
 use super::closures::Closures;
 use super::engine::{BodyInertia, Edge, Engine, add, dot, pose};
 use crate::reduction::relatives::Source;
@@ -15,8 +15,8 @@ enum Part {
     Dependent { column: usize, coordinate: usize, cluster: usize, place: usize },
 }
 
-/// The variables that move a body, ascending.
-#[derive(Debug, Clone)]
+/// The variables of loops that move a body, ascending.
+#[derive(Debug, Clone, Default)]
 struct Moved {
     variables: Vec<usize>,
     /// Column of each of the base's directions.
@@ -26,16 +26,53 @@ struct Moved {
     first: usize,
 }
 
+/// A variable of no loop: it moves a body with all that hangs on it as one.
+#[derive(Debug, Clone)]
+struct Alone {
+    variable: usize,
+    coordinate: usize,
+    body: usize,
+    base: Option<usize>,
+    /// Variables of no loop, itself among them, that move the body, with their coordinates.
+    above: Vec<(usize, usize)>,
+    /// Variables of loops among what hangs on the body.
+    below: Vec<usize>,
+}
+
 /// Twists of the bodies for unit rates of the independent variables, where these are not zero, and M̂ made of them.
 #[derive(Debug, Clone)]
 pub(super) struct Directions<const W: usize> {
     moved: Vec<Moved>,
+    alone: Vec<Alone>,
     columns: Vec<[f64; W]>,
     /// Those of one body about its own place.
     own: Vec<[f64; W]>,
-    mass: Vec<f64>,
-    factors: Cholesky,
+    /// By variables of loops: what accelerates all that they move.
+    felt: Vec<[f64; W]>,
+    mass: ReducedMass,
     rate: Vec<f64>,
+}
+
+/// M̂ with the last variable first: what is far from the root is eliminated before what it hangs on, so that branches do
+/// not fill each other's places.
+#[derive(Debug, Clone)]
+struct ReducedMass {
+    n: usize,
+    entries: Vec<f64>,
+    factors: Cholesky,
+}
+
+impl ReducedMass {
+    fn add(&mut self, i: usize, j: usize, x: f64) {
+        let (row, column) = (self.n - 1 - i.max(j), self.n - 1 - i.min(j));
+        self.entries[row * self.n + column] += x;
+    }
+
+    fn solve(&self, x: &mut [f64]) {
+        x.reverse();
+        self.factors.solve(x);
+        x.reverse();
+    }
 }
 
 impl<const W: usize> Directions<W> {
@@ -46,34 +83,47 @@ impl<const W: usize> Directions<W> {
         bodies: usize,
         ndof: usize,
     ) -> Self {
-        let none = Moved { variables: vec![], from_base: vec![], parts: vec![], first: 0 };
-        let mut moved = vec![none; bodies];
+        let mut is_looped = vec![false; ndof];
+        let free = |cluster: usize| &closures.clusters[cluster].free;
+        for cluster in 0..closures.clusters.len() {
+            free(cluster).iter().for_each(|(p, _)| is_looped[*p] = true);
+        }
+        let mut moved = vec![Moved::default(); bodies];
+        // By bodies: variables of no loop that move them, with their coordinates.
+        let mut above: Vec<Vec<(usize, usize)>> = vec![vec![]; bodies];
+        let mut alone = Vec::new();
         let mut count = 0;
         for edge in edges {
-            let base = edge.base.map(|base| moved[base].variables.clone()).unwrap_or_default();
-            let mut variables = base.clone();
-            for k in edge.range.clone() {
-                match sources[k] {
-                    Source::Independent(p) => variables.push(p),
-                    Source::Dependent => {
-                        let cluster = closures.place(k).map(|(cluster, _)| cluster);
-                        let free = cluster.map(|c| &closures.clusters[c].free[..]);
-                        variables.extend(free.unwrap_or_default().iter().map(|(p, _)| *p));
+            let (body, base) = (edge.body, edge.base);
+            let from_base = base.map(|base| moved[base].variables.clone()).unwrap_or_default();
+            let mut variables = from_base.clone();
+            let mut own = base.map(|base| above[base].clone()).unwrap_or_default();
+            for coordinate in edge.range.clone() {
+                match (sources[coordinate], closures.place(coordinate)) {
+                    (Source::Independent(p), _) if is_looped[p] => variables.push(p),
+                    (Source::Independent(variable), _) => {
+                        own.push((variable, coordinate));
+                        let (above, below) = (own.clone(), Vec::new());
+                        alone.push(Alone { variable, coordinate, body, base, above, below });
                     }
-                    Source::Driven(..) => {}
+                    (Source::Dependent, Some((cluster, _))) => {
+                        variables.extend(free(cluster).iter().map(|(p, _)| *p));
+                    }
+                    _ => {}
                 }
             }
+            above[body] = own;
             variables.sort_unstable();
             variables.dedup();
             let column = |p: usize| variables.binary_search(&p).unwrap_or_default();
             let mut parts = Vec::new();
             for coordinate in edge.range.clone() {
                 match (sources[coordinate], closures.place(coordinate)) {
-                    (Source::Independent(p), _) => {
+                    (Source::Independent(p), _) if is_looped[p] => {
                         parts.push(Part::Own { column: column(p), coordinate });
                     }
                     (Source::Dependent, Some((cluster, row))) => {
-                        let free = &closures.clusters[cluster].free;
+                        let free = free(cluster);
                         for (at, (p, _)) in free.iter().enumerate() {
                             let (column, place) = (column(*p), row * free.len() + at);
                             parts.push(Part::Dependent { column, coordinate, cluster, place });
@@ -82,29 +132,54 @@ impl<const W: usize> Directions<W> {
                     _ => {}
                 }
             }
-            let from_base = base.iter().map(|&p| column(p)).collect();
+            let from_base = from_base.iter().map(|&p| column(p)).collect();
             let first = count;
             count += variables.len();
-            moved[edge.body] = Moved { variables, from_base, parts, first };
+            moved[body] = Moved { variables, from_base, parts, first };
+        }
+        // Variables of loops that move a body or something that hangs on it.
+        let mut below: Vec<Vec<usize>> = moved.iter().map(|own| own.variables.clone()).collect();
+        for edge in edges.iter().rev() {
+            below[edge.body].sort_unstable();
+            below[edge.body].dedup();
+            if let Some(base) = edge.base {
+                let own = below[edge.body].clone();
+                below[base].extend(own);
+            }
+        }
+        for one in &mut alone {
+            let known = one.base.map_or(&[][..], |base| &moved[base].variables);
+            let new = below[one.body].iter().filter(|p| known.binary_search(p).is_err());
+            one.below = new.copied().collect();
         }
         Self {
             moved,
+            alone,
             columns: vec![[0.0; W]; count],
             own: vec![[0.0; W]; ndof],
-            mass: vec![0.0; ndof * ndof],
-            factors: Cholesky::new(ndof),
+            felt: vec![[0.0; W]; ndof],
+            mass: ReducedMass {
+                n: ndof,
+                entries: vec![0.0; ndof * ndof],
+                factors: Cholesky::new(ndof),
+            },
             rate: vec![0.0; ndof],
         }
     }
 
     /// Multiplications of one evaluation and factorization of M̂.
     pub(super) fn operations(&self) -> f64 {
-        let n = self.rate.len() as f64;
-        let of = |moved: &Moved| {
+        let (n, square, w) = (self.rate.len() as f64, (W * W) as f64, W as f64);
+        let of_body = |moved: &Moved| {
             let s = moved.variables.len() as f64;
-            s * (W * W) as f64 + 0.5 * s * s * W as f64
+            (s + 1.0) * square + 0.5 * s * s * w
         };
-        self.moved.iter().map(of).sum::<f64>() + n * n * n / 6.0
+        let of_alone = |one: &Alone| {
+            let known = one.base.map_or(0, |base| self.moved[base].variables.len());
+            square + (known + one.above.len() + one.below.len()) as f64 * w
+        };
+        let bodies = self.moved.iter().map(of_body).sum::<f64>();
+        bodies + self.alone.iter().map(of_alone).sum::<f64>() + n * n * n / 6.0
     }
 }
 
@@ -113,16 +188,17 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     pub(super) fn evaluate_directions(&mut self, q: &[f64]) -> bool {
         let Some(mut at) = self.directions.take() else { return false };
         self.closures.evaluate_maps();
-        let n = at.rate.len();
-        at.mass.fill(0.0);
+        let Directions { moved, alone, columns: all, own: about, felt, mass, .. } = &mut *at;
+        mass.entries.fill(0.0);
+        felt.fill([0.0; W]);
         for edge in &self.edges {
             let b = edge.body;
-            let own = &at.moved[b];
-            let (known, rest) = at.columns.split_at_mut(own.first);
+            let own = &moved[b];
+            let (known, rest) = all.split_at_mut(own.first);
             let columns = &mut rest[..own.variables.len()];
             columns.fill([0.0; W]);
             if let Some(base) = edge.base {
-                let base = &known[at.moved[base].first..];
+                let base = &known[moved[base].first..];
                 for (column, from) in own.from_base.iter().zip(base) {
                     columns[*column] = *from;
                 }
@@ -138,22 +214,43 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     }
                 }
             }
-            let BodyInertia { mass, turned, .. } = &self.inertias[b];
             // About its own place: about O the inertia of what is light and far out is a small difference.
-            let (place, columns) = (A::center(pose(q, b)), &mut at.own[..own.variables.len()]);
+            let place = A::center(pose(q, b));
+            let columns = &mut about[..own.variables.len()];
             for (about, column) in columns.iter_mut().zip(&rest[..own.variables.len()]) {
                 *about = A::moved_twist(column, &self.origin[b], &place);
             }
-            for (i, column) in columns.iter().enumerate() {
-                let felt = A::inertia_times(*mass, turned, pose(q, b), &place, column);
-                // Ascending: the upper triangle, which is all that is read.
-                let row = &mut at.mass[own.variables[i] * n..][..n];
-                for (variable, other) in own.variables[i..].iter().zip(&columns[i..]) {
-                    row[*variable] += dot(&felt, other);
+            let BodyInertia { mass: m, turned, .. } = &self.inertias[b];
+            for (i, (&p, column)) in own.variables.iter().zip(&*columns).enumerate() {
+                let own_felt = A::inertia_times(*m, turned, pose(q, b), &place, column);
+                add(&mut felt[p], 1.0, &A::moved(&own_felt, &place, &self.origin[b]));
+                for (other, column) in own.variables[i..].iter().zip(&columns[i..]) {
+                    mass.add(p, *other, dot(&own_felt, column));
                 }
             }
         }
-        let served = at.factors.factor(&at.mass).is_ok();
+        if !alone.is_empty() {
+            self.gather_inertias(q);
+        }
+        for one in &*alone {
+            let column = &self.columns[one.coordinate];
+            let b = one.body;
+            let own = self.articulated[b].inertia.times(&self.own_columns[one.coordinate]);
+            let own = A::moved(&own, &self.center[b], &self.origin[b]);
+            for (other, coordinate) in &one.above {
+                mass.add(one.variable, *other, dot(&own, &self.columns[*coordinate]));
+            }
+            if let Some(base) = one.base {
+                let base = &moved[base];
+                for (other, column) in base.variables.iter().zip(&all[base.first..]) {
+                    mass.add(one.variable, *other, dot(&own, column));
+                }
+            }
+            for &other in &one.below {
+                mass.add(one.variable, other, dot(column, &felt[other]));
+            }
+        }
+        let served = mass.factors.factor(&mass.entries).is_ok();
         self.directions = Some(at);
         served
     }
@@ -164,7 +261,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut rate = std::mem::take(&mut at.rate);
         self.project(&mut rate);
         rate.iter_mut().for_each(|x| *x = -*x);
-        at.factors.solve(&mut rate);
+        at.mass.solve(&mut rate);
         let mut change = std::mem::take(&mut self.change);
         self.multiply_null_space(&rate, &mut change);
         for (out, x) in self.accelerations.iter_mut().zip(&change) {

@@ -1,11 +1,12 @@
 //! Recursions along the tree.
 
-use super::algebra::Algebra;
+use super::algebra::{Algebra, Inertia};
 use super::articulated::Articulated;
 use super::branched::Branched;
 use super::closures::{Closures, Origin};
 use super::directions::Directions;
 use crate::math::turn::TurnRate;
+use crate::math::vector::difference;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
 use crate::system::{EdgeScrews, EdgeSource, Measure, System};
@@ -30,6 +31,8 @@ pub(super) struct Edge {
     /// Whether a column is carried along by another one.
     pub(super) nested: bool,
     pub(super) rotation: Option<usize>,
+    /// Whether dependent coordinates move its body.
+    pub(super) depends: bool,
     /// The joint that it is and the driver on it, by their places in the structure.
     pub(super) joint: Option<usize>,
     pub(super) driver: Option<usize>,
@@ -60,6 +63,8 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     /// Group of each coordinate, and place in it.
     pub(super) names: Vec<(usize, usize)>,
     pub(super) closures: Closures,
+    /// Edge, and place among its coordinates, of each dependent coordinate.
+    pub(super) places: Vec<(usize, usize)>,
     /// Root of each body's tree.
     root: Vec<usize>,
     /// Reference point of each body.
@@ -83,7 +88,7 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     /// Wrenches of the forces on each body.
     pub(super) applied: Vec<[f64; W]>,
     /// Of each body, or of all that hangs on it, and the sizes of what they are summed from.
-    pub(super) wrench_size: Vec<[f64; W]>,
+    pub(super) wrench_size: Vec<[f64; 2]>,
     pub(super) wrench: Vec<[f64; W]>,
     pub(super) inertias: Vec<BodyInertia>,
     pub(super) articulated: Vec<Articulated<A::Inertia, W>>,
@@ -138,7 +143,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let joints = &system.structure().joints;
         let of_row: BTreeMap<usize, usize> =
             joints.iter().enumerate().map(|(at, joint)| (joint.row, at)).collect();
-        let mut edges = Vec::new();
+        let mut edges: Vec<Edge> = Vec::new();
         let (mut coordinates, mut names) = (Vec::new(), Vec::new());
         let mut edge_of = vec![None; bodies];
         let mut screws = EdgeScrews::default();
@@ -163,7 +168,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 root[edge.body] = root[base];
             }
             edge_of[edge.body] = Some(edges.len());
+            let carried = screws.base.and_then(|base| edge_of[base]);
+            let depends = coordinates[start..].iter().any(|c| c.0 == Source::Dependent)
+                || carried.is_some_and(|edge| edges[edge].depends);
             edges.push(Edge {
+                depends,
                 at,
                 form,
                 body: edge.body,
@@ -195,6 +204,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let closures =
             Closures::new(system.as_ref(), parametrization, relatives, &coordinates, path)?;
         let (n, rows) = (coordinates.len(), closures.rows());
+        let of_edges = edges.iter().flat_map(|edge| {
+            edge.range.clone().enumerate().map(|(place, k)| (k, (edge.at, place)))
+        });
+        let places = of_edges.filter(|(k, _)| coordinates[*k].0 == Source::Dependent);
+        let places = places.map(|(_, place)| place).collect();
         let zeros = || vec![[0.0; W]; bodies];
         let mut out = Self {
             system: system.clone(),
@@ -213,7 +227,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             twist: zeros(),
             twist_rate: zeros(),
             wrench: zeros(),
-            wrench_size: zeros(),
+            wrench_size: vec![[0.0; 2]; bodies],
             bias: zeros(),
             applied: zeros(),
             inertias: (0..bodies)
@@ -242,6 +256,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             twist_change: zeros(),
             algebra: PhantomData,
             closures,
+            places,
             edges,
         };
         out.plan_accelerations();
@@ -359,6 +374,17 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
+    /// Rates of the twists where no coordinate accelerates.
+    pub(super) fn carry_bias(&mut self) {
+        for edge in &self.edges {
+            let mut rate = self.bias[edge.body];
+            if let Some(base) = edge.base {
+                add(&mut rate, 1.0, &self.twist_rate[base]);
+            }
+            self.twist_rate[edge.body] = rate;
+        }
+    }
+
     /// Rates of the twists for `accelerations`.
     pub(super) fn evaluate_twist_rates(&mut self) {
         for edge in &self.edges {
@@ -413,6 +439,22 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
             if let Some(base) = edge.base {
                 add(&mut self.wrench[base], 1.0, &wrench);
+            }
+        }
+    }
+
+    /// Inertias of all that hangs on each body, about the point that its edge turns about: about the reference point what
+    /// is light and far out is a small difference.
+    pub(super) fn gather_inertias(&mut self, q: &[f64]) {
+        for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
+            let arm = difference(&A::center(pose(q, b)), &self.center[b]);
+            self.articulated[b].inertia = A::Inertia::of_body(*mass, turned, &arm);
+        }
+        for edge in self.edges.iter().rev() {
+            if let Some(base) = edge.base {
+                let arm = difference(&self.center[edge.body], &self.center[base]);
+                let own = self.articulated[edge.body].inertia.moved(&arm);
+                self.articulated[base].inertia.add(&own);
             }
         }
     }

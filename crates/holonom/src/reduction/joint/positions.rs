@@ -7,7 +7,7 @@ use super::engine::Engine;
 use super::residuals::counts_turns;
 use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
-use crate::reduction::relatives::{Relatives, Source};
+use crate::reduction::relatives::Relatives;
 use std::f64::consts::TAU;
 
 const MAX_CORRECTIONS: usize = 40;
@@ -45,12 +45,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         // What deformations and drivers have moved by since.
         self.evaluate_residual(parametrization, t, p, q);
         self.complete(&mut change);
-        for edge in &self.edges {
-            for (x, k) in x[edge.at].iter_mut().zip(edge.range.clone()) {
-                if self.sources[k] == Source::Dependent {
-                    *x += change[k];
-                }
-            }
+        for (&k, &(edge, place)) in self.closures.dependent.iter().zip(&self.places) {
+            x[edge][place] += change[k];
         }
         self.change = change;
         let predicted = self.distance(x);
@@ -63,16 +59,20 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             self.evaluate_residual(parametrization, t, p, q);
             let residual = self.rows.iter().fold(0.0f64, |m, x| keep_larger(m, x.abs()));
             let size = self.correct(x);
-            relatives.place(system.as_ref(), x, q);
+            for edge in self.edges.iter().filter(|edge| edge.depends) {
+                relatives.place_edge(system.as_ref(), edge.at, x, q);
+            }
             let rate = size / before;
             // Or the next one would be.
             let ends = size <= noise || (count > 1 && 4.0 * rate * size <= noise);
             let stalls = count > 1 && rate > CONTRACTION_LIMIT;
             // Residuals are differences of places in the ground.
-            let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
-            let is_noise = before <= 1e3 * noise
-                || (size <= NOISY_CORRECTION && residual <= 64.0 * f64::EPSILON * place);
-            if ends || (stalls && is_noise) {
+            let place = || q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+            let is_noise = || {
+                before <= 1e3 * noise
+                    || (size <= NOISY_CORRECTION && residual <= 64.0 * f64::EPSILON * place())
+            };
+            if ends || (stalls && is_noise()) {
                 if self.distance(x) <= 0.5 * predicted + 1e3 * noise.max(size) {
                     return Ok(count as u64);
                 }
@@ -121,16 +121,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     fn correct(&mut self, x: &mut [[f64; 6]]) -> f64 {
         self.closures.solve(&mut self.rows);
         let mut largest = 0.0f64;
-        for (change, &k) in self.rows.iter().zip(&self.closures.dependent) {
+        let places = self.closures.dependent.iter().zip(&self.places);
+        for (change, (&k, &(edge, place))) in self.rows.iter().zip(places) {
             largest = keep_larger(largest, (change / self.closures.column_scale[k]).abs());
-            self.along[k] = *change;
-        }
-        for edge in &self.edges {
-            for (out, k) in x[edge.at].iter_mut().zip(edge.range.clone()) {
-                if self.sources[k] == Source::Dependent {
-                    *out += self.along[k];
-                }
-            }
+            x[edge][place] += change;
         }
         if largest.is_finite() { largest } else { f64::INFINITY }
     }
