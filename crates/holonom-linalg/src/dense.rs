@@ -8,6 +8,7 @@ use faer::linalg::triangular_solve;
 use faer::{Accum, MatMut, MatRef, Par, Spec};
 
 use crate::error::{NotPositiveDefinite, SingularMatrix};
+use crate::few_rows;
 use crate::lanes::dot;
 
 /// A pivot below this fraction of the numbers it is made of is cancellation noise.
@@ -67,7 +68,9 @@ impl DenseLu {
         let n = self.n;
         self.factors.copy_from_slice(a);
         if n <= SMALL {
-            eliminate(&mut self.factors, &mut self.permutation);
+            if !few_rows::eliminate(&mut self.factors, &mut self.permutation) {
+                eliminate(&mut self.factors, &mut self.permutation);
+            }
         } else {
             lu::lu_in_place(
                 MatMut::from_column_major_slice_mut(&mut self.factors, n, n),
@@ -119,12 +122,14 @@ impl DenseLu {
     pub fn solve(&self, b: &mut [f64]) {
         let n = self.n;
         assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
-        for i in 0..n {
-            let known = dot(&self.factors[i * n..i * n + i], &b[..i]);
-            b[i] = (b[i] - known) * self.inverses[i];
-        }
-        for i in (0..n).rev() {
-            b[i] -= dot(&self.factors[i * n + i + 1..(i + 1) * n], &b[i + 1..]);
+        if !few_rows::solve(&self.factors, &self.inverses, b) {
+            for i in 0..n {
+                let known = dot(&self.factors[i * n..i * n + i], &b[..i]);
+                b[i] = (b[i] - known) * self.inverses[i];
+            }
+            for i in (0..n).rev() {
+                b[i] -= dot(&self.factors[i * n + i + 1..(i + 1) * n], &b[i + 1..]);
+            }
         }
         for p in (0..n).rev() {
             b.swap(p, self.exchanges[p]);
@@ -178,6 +183,9 @@ impl DenseLu {
         assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
         for p in 0..n {
             b.swap(p, self.exchanges[p]);
+        }
+        if few_rows::solve_transposed(&self.factors, &self.inverses, b) {
+            return;
         }
         // Columns of L, then of U.
         for i in 0..n {

@@ -23,6 +23,7 @@ mod condition;
 mod dense;
 mod envelope;
 mod error;
+mod few_rows;
 mod forest;
 mod full_pivot;
 #[cfg(feature = "general-sparse")]

@@ -1,0 +1,106 @@
+//! LU factors of the smallest matrices, by loops whose lengths the compiler knows: a loop of a mechanism has a few rows,
+//! and is closed several times in each evaluation.
+
+/// Calls a kernel for the size of `$b`; false where there is none of it.
+macro_rules! by_size {
+    ($n:expr, $kernel:ident($($argument:expr),*)) => {
+        match $n {
+            1 => $kernel::<1>($($argument),*),
+            2 => $kernel::<2>($($argument),*),
+            3 => $kernel::<3>($($argument),*),
+            4 => $kernel::<4>($($argument),*),
+            5 => $kernel::<5>($($argument),*),
+            6 => $kernel::<6>($($argument),*),
+            _ => return false,
+        }
+    };
+}
+
+/// Factors by columns, L without its unit diagonal and U, of a matrix by columns; tells which row each pivot came from.
+/// False, and nothing is done, where the matrix is too large.
+pub(crate) fn eliminate(a: &mut [f64], permutation: &mut [usize]) -> bool {
+    by_size!(permutation.len(), eliminate_of(a, permutation));
+    true
+}
+
+/// Solves with Uᵀ and Lᵀ of such factors; `inverses` are those of the diagonal.
+pub(crate) fn solve(factors: &[f64], inverses: &[f64], b: &mut [f64]) -> bool {
+    by_size!(b.len(), solve_of(factors, inverses, b));
+    true
+}
+
+/// Solves with L and U.
+pub(crate) fn solve_transposed(factors: &[f64], inverses: &[f64], b: &mut [f64]) -> bool {
+    by_size!(b.len(), solve_transposed_of(factors, inverses, b));
+    true
+}
+
+fn eliminate_of<const N: usize>(a: &mut [f64], permutation: &mut [usize]) {
+    let (columns, _) = a.as_chunks_mut::<N>();
+    let columns: &mut [[f64; N]; N] = columns.try_into().expect("a square matrix");
+    let permutation: &mut [usize; N] = permutation.try_into().expect("as many rows");
+    *permutation = std::array::from_fn(|p| p);
+    for p in 0..N {
+        let mut at = p;
+        for i in p + 1..N {
+            if columns[p][i].abs() > columns[p][at].abs() {
+                at = i;
+            }
+        }
+        if at != p {
+            permutation.swap(p, at);
+            columns.iter_mut().for_each(|column| column.swap(p, at));
+        }
+        let inverse = columns[p][p].recip();
+        for i in p + 1..N {
+            columns[p][i] *= inverse;
+        }
+        let lower = columns[p];
+        for column in &mut columns[p + 1..] {
+            let factor = column[p];
+            for i in p + 1..N {
+                column[i] -= factor * lower[i];
+            }
+        }
+    }
+}
+
+fn solve_of<const N: usize>(factors: &[f64], inverses: &[f64], b: &mut [f64]) {
+    let (columns, _) = factors.as_chunks::<N>();
+    let columns: &[[f64; N]; N] = columns.try_into().expect("a square matrix");
+    let inverses: &[f64; N] = inverses.try_into().expect("as many pivots");
+    let b: &mut [f64; N] = b.try_into().expect("as many right-hand sides");
+    let mut x = *b;
+    for i in 0..N {
+        for j in 0..i {
+            x[i] -= columns[i][j] * x[j];
+        }
+        x[i] *= inverses[i];
+    }
+    for i in (0..N).rev() {
+        for j in i + 1..N {
+            x[i] -= columns[i][j] * x[j];
+        }
+    }
+    *b = x;
+}
+
+fn solve_transposed_of<const N: usize>(factors: &[f64], inverses: &[f64], b: &mut [f64]) {
+    let (columns, _) = factors.as_chunks::<N>();
+    let columns: &[[f64; N]; N] = columns.try_into().expect("a square matrix");
+    let inverses: &[f64; N] = inverses.try_into().expect("as many pivots");
+    let b: &mut [f64; N] = b.try_into().expect("as many right-hand sides");
+    let mut x = *b;
+    for i in 0..N {
+        for j in i + 1..N {
+            x[j] -= columns[i][j] * x[i];
+        }
+    }
+    for i in (0..N).rev() {
+        x[i] *= inverses[i];
+        for j in 0..i {
+            x[j] -= columns[i][j] * x[i];
+        }
+    }
+    *b = x;
+}
