@@ -101,7 +101,7 @@ impl ExplicitForm {
         self.point.evaluate(t, positions, rates, z, full)?;
         self.point.state.ledger.dissipated = powers[0];
         self.point.state.ledger.supplied = powers[1];
-        if full && self.point.manifold.system().has_drivers() {
+        if full && self.point.manifold.system().drivers_move(t) {
             self.point.complete(); // the power of drivers
         }
         Ok(&self.point.state)

@@ -6,6 +6,7 @@ use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, Manifold, Point};
 use crate::system::System;
 use crate::threads::Threads;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// The blocks of the last linearization with the coefficients of the last factor.
@@ -26,6 +27,9 @@ pub struct Linearization {
     rate_map: Vec<f64>,
     /// Columns of D and of q̇_v at fixed v̇, for one variable after the other.
     columns: Vec<f64>,
+    /// Coordinates of bodies that each variable moves, and where those of the next one begin.
+    moved: Vec<Range<usize>>,
+    moved_ends: Vec<usize>,
     pub(super) gamma_h: f64,
     pub(super) beta_h2: f64,
     /// E⁻¹ = (1 − γh ż_z)⁻¹, E being diagonal.
@@ -59,6 +63,8 @@ impl Linearization {
             maps: false,
             rate_map: vec![0.0; if reduced { s.coordinates * ndof } else { 0 }],
             columns: vec![0.0; if reduced { 2 * s.coordinates * ndof } else { 0 }],
+            moved: Vec::with_capacity(if reduced { s.bodies.div_ceil(2) * ndof } else { 0 }),
+            moved_ends: Vec::with_capacity(if reduced { ndof } else { 0 }),
             gamma_h: 0.0,
             beta_h2: 0.0,
             inverse_e: vec![0.0; s.extra_states],
@@ -104,12 +110,28 @@ impl Linearization {
     fn keep_maps(&mut self) {
         let ndof = self.rates.len().max(1);
         let size = (2 * self.blocks.d.len() / ndof).max(1);
+        let per_body = self.system.structure().sizes.per_body;
+        self.moved.clear();
+        self.moved_ends.clear();
         for (k, column) in self.columns.chunks_exact_mut(size).enumerate() {
             let (d, rates) = column.split_at_mut(column.len() / 2);
             for (to, from) in [(d, &self.blocks.d), (rates, &self.rate_map)] {
                 let from = from[k..].iter().step_by(ndof);
                 to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
             }
+            let [d, rates] = [0, 1].map(|half| column[half * size / 2..].chunks_exact(per_body));
+            let first = self.moved.len();
+            for (b, (d, rates)) in d.take(size / 2 / per_body).zip(rates).enumerate() {
+                if d.iter().chain(rates).all(|x| *x == 0.0) {
+                    continue;
+                }
+                let own = b * per_body..(b + 1) * per_body;
+                match self.moved[first..].last_mut() {
+                    Some(last) if last.end == own.start => last.end = own.end,
+                    _ => self.moved.push(own),
+                }
+            }
+            self.moved_ends.push(self.moved.len());
         }
     }
 
@@ -178,13 +200,20 @@ impl Linearization {
         if self.made && self.maps {
             dq.fill(0.0);
             dv.fill(0.0);
-            for ((column, p), v) in self.columns.chunks_exact((2 * dq.len()).max(1)).zip(p).zip(v) {
+            let columns = self.columns.chunks_exact((2 * dq.len()).max(1));
+            let mut first = 0;
+            for (((column, p), v), &end) in columns.zip(p).zip(v).zip(&self.moved_ends) {
                 let (d, rates) = column.split_at(dq.len());
-                let out = dq.iter_mut().zip(&mut *dv);
-                for ((dq, dv), (d, rate)) in out.zip(d.iter().zip(rates)) {
-                    *dq += p * d;
-                    *dv += v * d + p * rate;
+                for own in &self.moved[first..end] {
+                    let out = dq[own.clone()].iter_mut().zip(&mut dv[own.clone()]);
+                    for ((dq, dv), (d, rate)) in
+                        out.zip(d[own.clone()].iter().zip(&rates[own.clone()]))
+                    {
+                        *dq += p * d;
+                        *dv += v * d + p * rate;
+                    }
                 }
+                first = end;
             }
             return;
         }

@@ -44,6 +44,15 @@ impl Recorder {
         self.point.begin_step(state);
     }
 
+    /// Makes what is made at a first evaluation: none of the steps is the place for it.
+    pub(super) fn prepare(&mut self, w: &[f64], state: &State) {
+        let ndof = self.point.manifold.chart().ndof();
+        let (p, rest) = w.split_at(ndof);
+        let (rates, z) = rest.split_at(ndof);
+        // Where this fails the run does, too.
+        let _ = self.point.evaluate(state.t, p, rates, &z[..state.z.len()], true);
+    }
+
     /// The steps have got another parametrization.
     pub(super) fn set_chart(&mut self, chart: Chart) {
         self.point.manifold.set_chart(chart);
@@ -119,6 +128,22 @@ impl Recorder {
         theta: f64,
         full: bool,
     ) -> Result<&State, EvaluationFailure> {
+        self.recover(interpolate, t, step, theta, full)?;
+        if full {
+            self.point.complete();
+        }
+        Ok(&self.point.state)
+    }
+
+    /// The same without multipliers, into the point.
+    fn recover(
+        &mut self,
+        interpolate: &mut dyn FnMut(f64, &mut [f64]),
+        t: f64,
+        step: f64,
+        theta: f64,
+        full: bool,
+    ) -> Result<(), EvaluationFailure> {
         if self.evaluate(interpolate, t, step, theta, full).is_err() {
             for k in 1..PIECES {
                 let part = theta * f64::from(k) / f64::from(PIECES);
@@ -126,10 +151,7 @@ impl Recorder {
             }
             self.evaluate(interpolate, t, step, theta, full)?;
         }
-        if full {
-            self.point.complete();
-        }
-        Ok(&self.point.state)
+        Ok(())
     }
 
     /// Slope that the equations give at such a state, in the velocity entries of `slope`.
@@ -144,7 +166,7 @@ impl Recorder {
         theta: f64,
         slope: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
-        self.state(interpolate, t, step, theta, true)?;
+        self.recover(interpolate, t, step, theta, true)?;
         let Point { manifold, state, .. } = &mut self.point;
         let ndof = manifold.chart().ndof();
         manifold.independent_acceleration_anew(state, &mut slope[ndof..2 * ndof]);

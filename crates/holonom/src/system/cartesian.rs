@@ -371,6 +371,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         self.constraints.iter().any(|c| c.element.drive(0.0).is_some())
     }
 
+    fn drivers_move(&self, t: f64) -> bool {
+        self.constraints.iter().any(|c| c.element.drive(t).is_some_and(|s| s[1] != 0.0))
+    }
+
     fn drive(&self, row: usize, t: f64) -> [f64; 4] {
         let at = self.constraints.partition_point(|c| c.row <= row) - 1;
         self.constraints[at].element.drive(t).unwrap_or_default()

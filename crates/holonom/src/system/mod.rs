@@ -173,6 +173,9 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// Whether there are drivers, whose power takes multipliers.
     fn has_drivers(&self) -> bool;
 
+    /// Whether one of them moves at a time: only then has its multiplier a power.
+    fn drivers_move(&self, t: f64) -> bool;
+
     /// s(t) of the driver with this row, m or rad.
     fn prescribed(&self, row: usize, t: f64) -> f64 {
         self.drive(row, t)[0]

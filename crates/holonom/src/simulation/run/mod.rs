@@ -326,6 +326,10 @@ impl Run<'_> {
         let chart = self.form.point().manifold.chart().parametrization();
         self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);
         self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
+        if let Some(inspector) = &mut self.inspector {
+            inspector.begin_step(self.form.point(), &self.state);
+            inspector.prepare(&self.w, &self.state);
+        }
         self.condition_reference = self.form.point_mut().manifold.condition();
         self.start_residuals = self.form.point_mut().manifold.residuals(&self.state);
         self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.state.lambda);
@@ -384,7 +388,7 @@ impl Run<'_> {
             return;
         }
         // Driver power needs multipliers; without drivers the recovery is enough.
-        let full = powered && self.system.has_drivers();
+        let full = powered && self.system.drivers_move(t + 0.5 * step);
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         let recorder = match &mut self.inspector {
@@ -441,12 +445,12 @@ impl Run<'_> {
         std::mem::swap(&mut self.row, &mut self.state);
         self.complete = false;
         // Powers of drivers are those of their multipliers.
-        if self.system.has_drivers() || self.state.t >= self.options.end_time {
+        let t_end = self.state.t;
+        if self.system.drivers_move(t_end) || t_end >= self.options.end_time {
             self.take_multipliers();
         }
         self.w.copy_from_slice(&self.w_end);
         self.g.copy_from_slice(&self.g_end);
-        let t_end = self.state.t;
         // `self.row` is now the state at the start, `self.state` the one at the end.
         self.system.update_windings(t_end, &self.state.q, &mut self.state.winding);
         self.powers.at[0] = self.powers.at[2];
