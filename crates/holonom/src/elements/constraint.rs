@@ -195,6 +195,16 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         }
     }
 
+    fn rate<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]) {
+        match &self.rows {
+            Rows::Measure(measure) => measure.rate(q, v, out),
+            Rows::Angle(angle) => {
+                *out = [T::zero(); 6];
+                out[0] = product(&angle.gradient(q), v);
+            }
+        }
+    }
+
     fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]) {
         match &self.rows {
             Rows::Measure(measure) => measure.curvature(q, v, out),

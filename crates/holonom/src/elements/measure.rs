@@ -4,7 +4,7 @@
 //! With x₁ = D_x v, x₂ = D²_x\[v] v, and the same for y, the bilinear row u = xᵀy has
 //!
 //! ```text
-//! G             = xᵀD_y + yᵀD_x
+//! G             = xᵀD_y + yᵀD_x                      G v = xᵀy₁ + yᵀx₁
 //! (G w)_q       = xᵀD²_y[w] + yᵀD²_x[w] + (D_y w)ᵀD_x + (D_x w)ᵀD_y
 //! (G v)_q v     = xᵀy₂ + yᵀx₂ + 2 x₁ᵀy₁
 //! ((G v)_q v)_q = y₂ᵀD_x + x₂ᵀD_y + 2 y₁ᵀD²_x[v] + 2 x₁ᵀD²_y[v] + xᵀD³_y[v] + yᵀD³_x[v]
@@ -134,6 +134,19 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
             y.d.add_to(&scaled(&x.x, scale), &mut values);
             x.d.add_to(&scaled(&y.x, scale), &mut values);
             out.set(row, &values);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn rate<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]) {
+        *out = [T::zero(); 6];
+        let link = self.link(q);
+        if let (true, Some(link)) = (self.coincide, &link) {
+            out[..D].copy_from_slice(&link.d.times(v));
+        }
+        for (row, d) in (self.first_dot()..).zip(&self.dots) {
+            let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
+            out[row] = (dot(&x.x, &y.d.times(v)) + dot(&y.x, &x.d.times(v))) * d.scale;
         }
     }
 

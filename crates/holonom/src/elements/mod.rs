@@ -49,6 +49,8 @@ pub trait ConstraintElement<const N: usize> {
     fn value<T: Real>(&self, q: [&[T; N]; 2], u: &mut [T; 6]);
     /// G.
     fn jacobian<T: Real>(&self, q: [&[T; N]; 2], out: &mut RowBlocks<T, N>);
+    /// G v.
+    fn rate<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]);
     /// (G w)_q: row k is wᵀ H_k.
     fn directional<T: Real>(&self, q: [&[T; N]; 2], w: [&[T; N]; 2], out: &mut RowBlocks<T, N>);
     /// (G v)_q v.

@@ -230,6 +230,24 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         }
     }
 
+    fn velocity_constraints(&self, t: f64, q: &[f64], v: &[f64], phi_rate: &mut [f64]) {
+        checkpoint(self.numbers());
+        let mut rate = [0.0; 6];
+        for c in &self.constraints {
+            c.element.rate(Self::pair(q, c.bodies), Self::rates(v, c.bodies), &mut rate);
+            rate[0] -= c.element.drive(t).map_or(0.0, |s| s[1]);
+            let rows = c.element.rows();
+            phi_rate[c.row..c.row + rows].copy_from_slice(&rate[..rows]);
+        }
+        if S::NORMALIZED {
+            let start = self.structure.normalization_start;
+            let bodies = q.chunks_exact(N).zip(v.chunks_exact(N));
+            for (row, (q, v)) in phi_rate[start..].iter_mut().zip(bodies) {
+                *row = 2.0 * q[D..].iter().zip(&v[D..]).map(|(e, rate)| e * rate).sum::<f64>();
+            }
+        }
+    }
+
     fn constraint_jacobian(&self, q: &[f64], g: &mut BlockMatrix) {
         checkpoint(self.numbers());
         let mut rows = RowBlocks([[[0.0; N]; 6]; 2]);

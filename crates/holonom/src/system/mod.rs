@@ -146,6 +146,9 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// Φ(q, t). Angle rows of drivers are wrapped to (−π, π].
     fn position_constraints(&self, t: f64, q: &[f64], phi: &mut [f64]);
 
+    /// G q̇ − ν.
+    fn velocity_constraints(&self, t: f64, q: &[f64], v: &[f64], phi_rate: &mut [f64]);
+
     /// G = Φ_q.
     fn constraint_jacobian(&self, q: &[f64], g: &mut BlockMatrix);
 

@@ -73,6 +73,11 @@ fn check<const N: usize>(
         assert!([rows.0[0][r], rows.0[1][r]].iter().flatten().all(|x| *x == 0.0), "{name}");
     }
     let label = |block: &str| format!("{name}, {block}");
+    let mut rate = [0.0; 6];
+    e.rate(refs(q), refs(&v), &mut rate);
+    for (rate, truth) in rate.iter().zip(times(e, q, &v)) {
+        assert!((rate - truth).abs() <= 1e-13 * (1.0 + length), "{}", label("G v"));
+    }
     check_block(&label("jacobian"), q, h, rows_of(&rows), |q| value(e, q), |q| value(e, q));
 
     e.directional(refs(q), refs(&w), &mut rows);

@@ -468,18 +468,13 @@ impl Manifold {
         self.g.multiply_add(1.0, &state.a, rows);
     }
 
-    /// ‖Φ‖∞ and ‖G q̇ − ν‖∞ over all rows (redundant ones too) at a state whose G is current.
+    /// ‖Φ‖∞ and ‖G q̇ − ν‖∞ over all rows (redundant ones too) at a state.
     pub fn residuals(&mut self, state: &State) -> (f64, f64) {
-        if self.stale {
-            self.system.constraint_jacobian(&self.at, &mut self.g);
-        }
+        let State { t, q, v, .. } = state;
         let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        self.system.position_constraints(state.t, &state.q, &mut self.phi);
-        let position = largest(&self.phi);
-        self.system.velocity_rhs(state.t, &mut self.rows);
-        self.rows.iter_mut().for_each(|x| *x = -*x);
-        self.g.multiply_add(1.0, &state.v, &mut self.rows);
-        (position, largest(&self.rows))
+        self.system.position_constraints(*t, q, &mut self.phi);
+        self.system.velocity_constraints(*t, q, v, &mut self.rows);
+        (largest(&self.phi), largest(&self.rows))
     }
 
     /// Replaces the multipliers of a redundant set, where dropped rows have none, by those of
