@@ -185,12 +185,14 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
     pub(super) fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]) {
         *out = [T::zero(); 6];
         let second = |x: &Vector<D>| x.second::<T, S, N, R>(&self.points, q, v).times(v);
+        let bent = if self.uses_link { second(&Vector::Link) } else { [T::zero(); D] };
         if self.coincide {
-            out[..D].copy_from_slice(&second(&Vector::Link));
+            out[..D].copy_from_slice(&bent);
         }
         if self.dots.is_empty() {
             return;
         }
+        let second = |x: &Vector<D>| if *x == Vector::Link { bent } else { second(x) };
         let link = self.link(q);
         for (row, d) in (self.first_dot()..).zip(&self.dots) {
             let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));

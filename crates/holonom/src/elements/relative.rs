@@ -220,9 +220,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
             Self::Displacement(measure) => measure.curvature(q, v, out),
             Self::Length(measure) => {
                 let [first, second, _] = Self::root(measure, q);
-                let rate = product(&row_of(measure, q), v);
+                let mut rate = [T::zero(); 6];
+                measure.rate(q, v, &mut rate);
                 measure.curvature(q, v, out);
-                out[0] = out[0] * first + second * rate * rate;
+                out[0] = out[0] * first + second * rate[0] * rate[0];
             }
             Self::Angle(angle) => {
                 *out = [T::zero(); 6];
