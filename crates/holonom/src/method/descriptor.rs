@@ -247,6 +247,14 @@ impl StateSpace for Descriptor {
         self.psi.resize(self.correction.rate.len(), 0.0);
     }
 
+    fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
+        self.base.spread(change)
+    }
+
+    fn displacement(&self, dq: &[f64]) -> f64 {
+        self.base.displacement(dq)
+    }
+
     fn set_matrix(&mut self, options: MatrixOptions) {
         self.base.set_matrix(options);
     }

@@ -56,6 +56,19 @@ impl ExplicitForm {
         &mut self.point
     }
 
+    /// A change of w on the coordinates and velocities of all bodies, with the factors of the last evaluation.
+    pub fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
+        let ndof = self.rates.len();
+        let Self { point, dq, dv, rows, rates, .. } = self;
+        point.spread(&change[..ndof], &change[ndof..2 * ndof], dq, dv, rows, rates);
+        [dq, dv]
+    }
+
+    /// The largest of the changes of bodies' places, in their tolerances at the start of the step.
+    pub fn displacement(&self, dq: &[f64]) -> f64 {
+        self.weights.displacement(dq)
+    }
+
     /// The state that the next step starts from.
     pub fn begin_step(&mut self, state: &State) {
         self.at_time = f64::NAN;
@@ -140,13 +153,10 @@ impl Ode for ExplicitForm {
 
     /// On all coordinates, with the factors of the last evaluation; energies have no part in it.
     fn norm(&mut self, change: &[f64]) -> f64 {
-        let ndof = self.rates.len();
-        let (dp, rest) = change.split_at(ndof);
-        let (dp_rate, rest) = rest.split_at(ndof);
-        let Self { point, dq, dv, rows, rates, weights, .. } = self;
-        point.spread(dp, dp_rate, dq, dv, rows, rates);
+        self.spread(change);
+        let Self { point, dq, dv, rates, weights, .. } = self;
         let at = [&*point.state.q, &*point.state.v];
-        weights.norm(Some(at), [dq, dv], &rest[..point.z_rate.len()])
+        weights.norm(Some(at), [dq, dv], &change[2 * rates.len()..][..point.z_rate.len()])
     }
 }
 

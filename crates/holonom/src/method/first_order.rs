@@ -84,6 +84,19 @@ impl<M: Matrix> FirstOrder<M> {
         self.at.copy_from_slice(w);
     }
 
+    /// A change of w on the coordinates and velocities of all bodies, with the factors of the last evaluation.
+    pub fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
+        let ndof = self.rates.len();
+        let Self { point, dq, dv, rows, rates, .. } = self;
+        point.spread(&change[..ndof], &change[ndof..2 * ndof], dq, dv, rows, rates);
+        [dq, dv]
+    }
+
+    /// The largest of the changes of bodies' places, in their tolerances at the start of the step.
+    pub fn displacement(&self, dq: &[f64]) -> f64 {
+        self.weights.displacement(dq)
+    }
+
     /// The state that the next step starts from: weights and windings follow it.
     pub fn begin_step(&mut self, state: &State) {
         // Recoveries go on from here, not from a stage of the step before.
@@ -241,11 +254,8 @@ impl<M: Matrix> Ode for FirstOrder<M> {
         if self.weights.are_independent() {
             return self.weights.independent_norm(error, Some(w_end));
         }
-        let ndof = self.point.manifold.chart().ndof();
-        let (dp, rest) = error.split_at(ndof);
-        let (rate, extra) = rest.split_at(ndof);
-        let Self { point, dq, dv, rows, rates, .. } = self;
-        point.spread(dp, rate, dq, dv, rows, rates);
+        self.spread(error);
+        let extra = &error[2 * self.rates.len()..];
         let state = &self.point.state;
         self.weights.norm(Some([&state.q, &state.v]), [&self.dq, &self.dv], extra)
     }

@@ -32,6 +32,12 @@ pub trait StateSpace: LinearizedOde + Send {
     /// References have been moved at the state last evaluated: its independent variables are now `w`.
     fn references_moved(&mut self, w: &[f64]);
 
+    /// A change of w on the coordinates and velocities of all bodies, with the factors of the last evaluation.
+    fn spread(&mut self, change: &[f64]) -> [&[f64]; 2];
+
+    /// The largest of the changes of bodies' places, in their tolerances at the start of the step.
+    fn displacement(&self, dq: &[f64]) -> f64;
+
     /// Where the integration Jacobian comes from.
     fn set_matrix(&mut self, options: MatrixOptions);
 
@@ -67,6 +73,12 @@ macro_rules! state_space {
             }
             fn references_moved(&mut self, w: &[f64]) {
                 Self::references_moved(self, w);
+            }
+            fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
+                Self::spread(self, change)
+            }
+            fn displacement(&self, dq: &[f64]) -> f64 {
+                Self::displacement(self, dq)
             }
             fn set_matrix(&mut self, options: MatrixOptions) {
                 Self::set_matrix(self, options);

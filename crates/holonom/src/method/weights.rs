@@ -163,6 +163,21 @@ impl Weights {
         }
         largest
     }
+
+    /// A change of positions alone, body by body: the larger of the weighted translation and rotation.
+    pub fn displacements(&self, dq: &[f64]) -> impl Iterator<Item = f64> {
+        let d = self.translations;
+        let turns = self.angle_factor * self.angle_factor;
+        dq.chunks_exact(self.per_body).zip(&self.bodies).map(move |(q, weights)| {
+            let translation = weights[0] * square(&q[..d]);
+            keep_larger(translation, weights[1] * turns * square(&q[d..])).sqrt()
+        })
+    }
+
+    /// The largest of these.
+    pub fn displacement(&self, dq: &[f64]) -> f64 {
+        self.displacements(dq).fold(0.0, keep_larger)
+    }
 }
 
 /// Largest sum over the bodies of four weighted squares.

@@ -1,5 +1,6 @@
 //! Where a run can be taken up again, to go the very way it would have gone.
 
+use super::carried_error::CarriedError;
 use super::checks::{RunError, check_numbers};
 use super::dense::ChartRecord;
 use super::drift::Drift;
@@ -41,6 +42,7 @@ pub struct Checkpoint {
     pub(super) kinetic_range: (f64, f64),
     pub(super) energy_scale: EnergyScale,
     pub(super) drift: Drift,
+    pub(super) carried: Option<CarriedError>,
     pub(super) limits: Vec<Named>,
 }
 

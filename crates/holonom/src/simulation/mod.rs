@@ -1,5 +1,6 @@
 //! The run: loop, output, energy, statistics, diagnosis.
 
+mod carried_error;
 mod checkpoint;
 mod checks;
 mod choices;
@@ -16,6 +17,7 @@ mod problem;
 mod recorder;
 mod reparametrization;
 mod run;
+mod second_run;
 mod slowness;
 mod statistics;
 mod step_length;

@@ -6,6 +6,7 @@ mod stiff_systems;
 
 mod acceleration_choice;
 mod accelerations;
+mod amplified_errors;
 mod architecture;
 mod assembly;
 mod broken_models;

@@ -3,6 +3,7 @@
 use super::Run;
 use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, Choice};
+use crate::simulation::carried_error::CarriedError;
 use crate::simulation::dense::ChartRecord;
 use crate::simulation::reparametrization::new_chart;
 use crate::simulation::trajectory::EventKind;
@@ -24,9 +25,9 @@ impl Run<'_> {
     /// Measures relative orientations and directions from the new state, whose independent variables and
     /// slope are read anew.
     pub(super) fn move_references(&mut self) -> Result<(), EvaluationFailure> {
-        let point = self.form.point_mut();
-        let ndof = point.manifold.chart().ndof();
+        let ndof = self.form.second_order_split();
         let turn = if self.stepper.multistep() { MULTISTEP_TURN } else { 0.0 };
+        let point = self.form.point_mut();
         if !point.move_references(&self.w[..ndof], turn)? {
             return Ok(());
         }
@@ -39,6 +40,9 @@ impl Run<'_> {
         rates.copy_from_slice(&self.w[ndof..2 * ndof]);
         self.form.point().manifold.independent_acceleration(&self.state, &mut rest[..ndof]);
         self.form.references_moved(&self.w);
+        if self.carried.as_ref().is_some_and(CarriedError::counts) {
+            self.express_error();
+        }
         Ok(())
     }
 
@@ -111,6 +115,7 @@ impl Run<'_> {
         self.form.begin_step(&self.state);
         self.recorder.begin_step(self.form.point(), &self.state);
         self.form.pack(&self.state, &mut self.w);
+        self.express_error();
         self.record_chart();
         self.evaluate_slope()?;
         self.condition_reference = self.form.point_mut().manifold.condition();

@@ -69,6 +69,7 @@ impl Run<'_> {
             kinetic_range: self.kinetic_range,
             energy_scale: self.energy_scale.clone(),
             drift: self.drift.clone(),
+            carried: self.carried.clone(),
             limits,
             state: self.state.clone(),
         }
@@ -124,6 +125,7 @@ impl Run<'_> {
         self.energy = checkpoint.energy;
         self.kinetic_range = checkpoint.kinetic_range;
         (self.energy_scale, self.drift) = (energy_scale.clone(), drift.clone());
+        self.carried.clone_from(&checkpoint.carried);
         self.start_residuals = checkpoint.start_residuals;
         self.condition_reference = checkpoint.condition;
         self.slowness = Slowness::after(checkpoint.limits.clone());

@@ -1,5 +1,6 @@
 //! The run loop: steps, outputs, limits.
 
+mod carrying;
 mod charts;
 mod checkpoints;
 mod passing;
@@ -11,6 +12,7 @@ use crate::method::StateSpace;
 use crate::method::stepper::{Rejection, Stepper, StepperStatistics, initial_step};
 use crate::reduction::Choice;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
+use crate::simulation::carried_error::CarriedError;
 use crate::simulation::checkpoint::{Checkpoint, Pace, foreign};
 use crate::simulation::checks::RunError;
 use crate::simulation::clock::{Elapsed, Stopwatch};
@@ -24,6 +26,7 @@ use crate::simulation::passage::{Place, Way};
 use crate::simulation::problem::Problem;
 use crate::simulation::recorder::{Inside, Recorder};
 use crate::simulation::reparametrization::no_longer_redundant;
+use crate::simulation::second_run;
 use crate::simulation::slowness::{LimitedBy, Limits, Slowness};
 use crate::simulation::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 use crate::simulation::step_length::{self, clip, smallest_step};
@@ -99,7 +102,7 @@ pub fn resume(
 
 /// What a run starts from.
 #[derive(Clone, Copy)]
-enum Start<'a> {
+pub(in crate::simulation) enum Start<'a> {
     /// The initial state of its model.
     Assembled,
     /// A given state.
@@ -107,6 +110,7 @@ enum Start<'a> {
     Checkpoint(&'a Checkpoint),
 }
 
+/// A run, and a second one where the errors of its steps may have grown beyond what they were allowed.
 fn begin(
     problem: &Problem,
     options: &Options,
@@ -114,12 +118,39 @@ fn begin(
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
+    let (mut summary, carried) = once(problem, options, start, "running", sink)?;
+    let sure = |code: &str| code == "simulation/energy-imbalance";
+    let known = summary.warnings.iter().any(|warning| sure(warning.code));
+    if let Some(carried) = carried.filter(CarriedError::is_suspicious)
+        && summary.status == Status::Completed
+        && !known
+    {
+        let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
+        let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
+        let checked = Stopwatch::start();
+        summary.warnings.extend(second_run::compare(problem, options, &carried, left, sink));
+        let took = checked.elapsed();
+        summary.statistics.run_seconds += took.wall.as_secs_f64();
+        summary.statistics.run_cpu_seconds += took.processor.as_secs_f64();
+    }
+    Ok(summary)
+}
+
+/// A run, under the name of its `task` for those who watch, and what it knows of its error.
+pub(in crate::simulation) fn once(
+    problem: &Problem,
+    options: &Options,
+    start: Start<'_>,
+    task: &'static str,
+    sink: &mut dyn Sink,
+) -> Result<(Summary, Option<CarriedError>), RunError> {
+    let begun = Stopwatch::start();
     let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
     let mut run = within(limit, || set_up::set_up(problem, options, start, sink, begun))
         .map_err(|given_up| RunError::given_up(given_up, options))??;
     run.looped = (Stopwatch::start(), Stopwatch::of_others(&options.threads));
     let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
-    let stop = within(left, || stage("running", || run.advance()))
+    let stop = within(left, || stage(task, || run.advance()))
         .unwrap_or_else(|given_up| Err(Stop::from(given_up)));
     let (status, stop) = run.finish(stop);
     let mut statistics = run.statistics;
@@ -128,7 +159,7 @@ fn begin(
         run.warnings.extend(chosen(problem.chosen_velocities()));
     }
     let chart = run.form.point().manifold.chart().parametrization().clone();
-    Ok(Summary {
+    let summary = Summary {
         status,
         stop,
         ndof: run.form.point().manifold.chart().ndof(),
@@ -137,7 +168,8 @@ fn begin(
         end: run.state,
         warnings: run.warnings,
         limits: Limits { counts: run.slowness, chart },
-    })
+    };
+    Ok((summary, run.carried))
 }
 
 /// Refuses what [`run`] refuses, before the first step: choices, channels, tables, the initial state, and
@@ -189,6 +221,8 @@ struct Run<'a> {
     kinetic_range: (f64, f64),
     energy_scale: EnergyScale,
     drift: Drift,
+    /// Of runs that have one.
+    carried: Option<CarriedError>,
     powers: StepPowers,
     /// Whether the present state has its multipliers: what needs them completes it.
     complete: bool,
@@ -299,7 +333,15 @@ impl Run<'_> {
                 continue;
             }
             (rejections, repartitioned, seen) = (0, false, true);
+            if let Some(carried) = &mut self.carried {
+                let (stepper, form) = (self.stepper.as_mut(), self.form.as_mut());
+                let tolerance = &self.options.tolerance;
+                carried.follow(stepper, form, report.error, tolerance, &mut self.scratch[0]);
+            }
             let energy = self.emit(t, step)?;
+            if let Some(carried) = &mut self.carried {
+                carried.milestones.pass(self.statistics.steps, &self.state);
+            }
             self.account(step, &energy);
             h = self.options.fixed_step.unwrap_or(report.next_step);
             // What has just been refused is approached again by doubling.

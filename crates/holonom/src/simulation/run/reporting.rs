@@ -93,6 +93,9 @@ impl Run<'_> {
         if stop.is_err() {
             self.output.push_last(self.system.as_ref(), &self.state);
         }
+        if let Some(carried) = &mut self.carried {
+            carried.milestones.end(&self.state);
+        }
         let flushed = self.flush();
         let counters = self.form.point().manifold.counters;
         let stepper = self.work();

@@ -6,6 +6,7 @@ use crate::method::{StateSpace, build_state_space, build_stepper};
 use crate::newton::MatrixOptions;
 use crate::reduction::assembly::{AssemblyError, manifold_of};
 use crate::reduction::{Choice, Manifold};
+use crate::simulation::carried_error::CarriedError;
 use crate::simulation::checkpoint::foreign;
 use crate::simulation::checks::{
     RunError, check_options, check_tables, find_channels, set_accelerations, set_coordinates,
@@ -148,6 +149,9 @@ pub(super) fn set_up<'a>(
     }
     let Machinery { form, stepper, recorder, inspector, slope } = machinery;
     let polynomial = (stepper.largest_degree() + 1) * dimension;
+    // A step of prescribed length has no tolerance, and an explicit formula no matrix to carry an error with.
+    let unknowns = form.second_order_split() > 0;
+    let follows = unknowns && options.fixed_step.is_none() && !stepper.explicit();
     let laws = system.law_arguments().iter().map(|a| a.knots.len()).max();
     let mut run = Run {
         options,
@@ -157,6 +161,7 @@ pub(super) fn set_up<'a>(
         kinetic_range: (energy.kinetic, energy.kinetic),
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         drift: Drift::new(system.structure().sizes.bodies),
+        carried: follows.then(|| CarriedError::new(dimension, &state)),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
         complete: true,
         middle: None,

@@ -1,0 +1,151 @@
+//! A second run that tells how far a suspicious one is off.
+
+use super::carried_error::{CarriedError, Milestones};
+use super::options::{Options, OutputTimes};
+use super::problem::Problem;
+use super::run::{Start, Summary, once};
+use super::statistics::{RunWarning, Status};
+use super::trajectory::{Chunk, Flow, Sink};
+use crate::method::Weights;
+use crate::model::Tolerance;
+use crate::system::{State, System};
+use std::time::Duration;
+
+/// Tolerances by which places may differ from those of the second run.
+const FAR: f64 = 50.0;
+/// Tolerance of the second run as a part of that of the first.
+const PART: f64 = 0.1;
+
+/// A warning where a run by `options`, whose `carried` error is suspicious, is far from a run by the default code at a
+/// tenth of its tolerance, or where such a run does not come to its end within what is `left` of the time.
+pub(super) fn compare(
+    problem: &Problem,
+    options: &Options,
+    carried: &CarriedError,
+    left: Option<Duration>,
+    sink: &mut dyn Sink,
+) -> Option<RunWarning> {
+    let milestones = &carried.milestones;
+    let system = problem.system().as_ref();
+    let Tolerance { relative, translation, rotation } = options.tolerance;
+    let tighter = Options {
+        tolerance: Tolerance {
+            relative: PART * relative,
+            translation: PART * translation,
+            rotation: PART * rotation,
+        },
+        output: OutputTimes::Listed(milestones.times.clone()),
+        max_step: options.max_step,
+        max_steps: options.max_steps,
+        max_seconds: left.map_or(f64::INFINITY, |left| left.as_secs_f64()),
+        threads: options.threads.clone(),
+        dense_output: Some(false),
+        ..Options::new(options.end_time)
+    };
+    let mut comparison = Comparison {
+        sink,
+        system,
+        milestones,
+        weights: Weights::new(options.tolerance, system, &milestones.start),
+        place: milestones.start.clone(),
+        difference: vec![0.0; milestones.start.q.len()],
+        compared: 0,
+        far: None,
+    };
+    let outcome =
+        once(problem, &tighter, Start::At(&milestones.start), "checking", &mut comparison);
+    let message = match (comparison.far, outcome) {
+        (Some(Far { item, tolerances, t }), _) => format!(
+            "small errors grow in this motion: `{item}` is {tolerances:.0} tolerances away from where a second run, at a \
+             tenth of the tolerance, has it at t = {t:.4} s; tighten the tolerance, to a hundredth or less if it is to be \
+             met, and compare with another code"
+        ),
+        (None, Ok((Summary { status: Status::Completed, .. }, _))) => return None,
+        (None, outcome) => {
+            let why = match outcome {
+                Ok((summary, _)) => summary.stop.message,
+                Err(error) => error.to_string(),
+            };
+            format!(
+                "small errors may grow in this motion, to more than {:.0} tolerances, and the second run that was to tell, \
+                 at a tenth of the tolerance, did not reach its end: {why}",
+                carried.largest().floor()
+            )
+        }
+    };
+    Some(RunWarning { code: "simulation/amplified-error", message })
+}
+
+/// Where a run is far from the second one.
+struct Far {
+    item: String,
+    tolerances: f64,
+    /// s
+    t: f64,
+}
+
+/// Compares the places of the second run with those of the first as they come.
+struct Comparison<'a> {
+    sink: &'a mut dyn Sink,
+    system: &'a dyn System,
+    milestones: &'a Milestones,
+    weights: Weights,
+    place: State,
+    difference: Vec<f64>,
+    compared: usize,
+    /// The first that was found.
+    far: Option<Far>,
+}
+
+impl Comparison<'_> {
+    /// Compares one row.
+    fn take(&mut self, t: f64, q: &[f64]) {
+        let n = q.len();
+        let first = &self.milestones.places[self.compared * n..][..n];
+        self.compared += 1;
+        self.place.q.copy_from_slice(q);
+        self.weights.set(&self.place);
+        let sizes = self.system.structure().sizes;
+        let bodies = self.difference.chunks_exact_mut(sizes.per_body);
+        let rows = q.chunks_exact(sizes.per_body).zip(first.chunks_exact(sizes.per_body));
+        for (out, (q, first)) in bodies.zip(rows) {
+            // Both signs of Euler parameters are one orientation.
+            let turns = &q[sizes.translations..];
+            let dot: f64 = turns.iter().zip(&first[sizes.translations..]).map(|(x, y)| x * y).sum();
+            let flipped = turns.len() == 4 && dot < 0.0;
+            for (k, (out, (x, y))) in out.iter_mut().zip(q.iter().zip(first)).enumerate() {
+                let sign = if flipped && k >= sizes.translations { -1.0 } else { 1.0 };
+                *out = sign * x - y;
+            }
+        }
+        let displacements = self.weights.displacements(&self.difference).enumerate();
+        let (body, tolerances) =
+            displacements.reduce(|a, b| if b.1 > a.1 { b } else { a }).unwrap_or((0, 0.0));
+        if self.far.is_none() && tolerances > FAR {
+            let item = self.system.coordinate_item(body * sizes.per_body).to_owned();
+            self.far = Some(Far { item, tolerances, t });
+        }
+    }
+}
+
+impl Sink for Comparison<'_> {
+    fn chunk(&mut self, chunk: &Chunk) -> Result<(), String> {
+        let n = self.difference.len();
+        for (&t, q) in chunk.time.iter().zip(chunk.q.chunks_exact(n.max(1))) {
+            // A run that is given up hands out its last state, too.
+            if self.milestones.times.get(self.compared) == Some(&t) {
+                self.take(t, q);
+            }
+        }
+        Ok(())
+    }
+
+    /// The first run is at its end.
+    fn progress(&mut self, _: f64, step_size: f64, steps: u64) -> Flow {
+        if self.far.is_some() {
+            return Flow::Interrupt;
+        }
+        let end = self.milestones.times.last().copied().unwrap_or(self.milestones.start.t);
+        self.sink.progress(end, step_size, steps)
+    }
+}

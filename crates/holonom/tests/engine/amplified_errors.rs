@@ -1,0 +1,129 @@
+//! Motions in which small errors grow: a run is right, or it is warned of.
+
+use crate::common::integrate::dop853;
+use crate::common::table::implicit;
+use crate::common::{model_of, options, run_model};
+use holonom::method::{Code, DEFAULT_CODE};
+use holonom::model::Model;
+use holonom::simulation::{
+    Checkpoint, Chunk, Flow, Memory, Options, OutputTimes, Problem, Sink, Summary, resume, run,
+};
+
+const TOLERANCE: f64 = 1e-4;
+/// Tolerances by which a run may be off without a warning.
+const WRONG: f64 = 100.0;
+/// Tolerances within which a warning is not deserved.
+const RIGHT: f64 = 30.0;
+const AMPLIFIED: &str = "simulation/amplified-error";
+
+/// A bar that stands on its hinge, `lean` rad from upright; it falls by θ̈ = 5 sin θ.
+fn standing(lean: f64) -> Model {
+    let (x, y) = lean.sin_cos();
+    model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -10.0]
+[bodies]
+bar = {{ mass = 1.0, inertia = 1.0, position = [{x:e}, {y:e}], angle = {:e} }}
+[joints]
+hinge = {{ type = "revolute", between = ["ground", "bar"], point = [0.0, 0.0] }}
+[initial]
+angular_velocity = 0.0
+"#,
+        -lean
+    ))
+}
+
+fn asked(code: Code, end: f64) -> Options {
+    Options {
+        channels: vec!["bar.angle".to_owned()],
+        output: OutputTimes::Interval(end / 50.0),
+        ..options(code, TOLERANCE, end)
+    }
+}
+
+fn warned(summary: &Summary) -> bool {
+    summary.warnings.iter().any(|warning| warning.code == AMPLIFIED)
+}
+
+/// Largest error of the angle, in tolerances.
+fn error(model: &Model, lean: f64, options: &Options) -> (f64, Summary) {
+    let outcome = run_model(model, options);
+    let (times, angles) = (outcome.times(), outcome.series("bar.angle", 0));
+    let falls = |_: f64, y: &[f64]| vec![y[1], 5.0 * y[0].sin()];
+    // Relative to the lean at any time: nothing else is a measure of it at first.
+    let norm = |error: &[f64], y: &[f64]| {
+        let length = |x: &[f64]| x[0].hypot(x[1]);
+        length(error) / (1e-13 * length(y))
+    };
+    let (truth, _) = dop853(&falls, &[lean, 0.0], times, &norm);
+    let errors = angles.iter().zip(&truth).map(|(angle, y)| {
+        let turned = (y[0] - lean).abs().min(std::f64::consts::PI);
+        (angle + y[0]).abs() / (TOLERANCE * (1.0 + turned))
+    });
+    (errors.fold(0.0, f64::max), outcome.summary)
+}
+
+#[test] // independent truth: the equation of the bar by DOP853 at 1e-13
+fn a_bar_that_falls_from_upright_is_right_or_warned_of() {
+    let mut found = [0; 2];
+    for lean in [1e-1, 1e-2, 1e-3, 1e-5] {
+        let model = standing(lean);
+        for code in implicit() {
+            let (error, summary) = error(&model, lean, &asked(code, 12.0));
+            let warned = warned(&summary);
+            assert!(error <= WRONG || warned, "{lean:e} {code:?}: {error} without a warning");
+            assert!(error > RIGHT || !warned, "{lean:e} {code:?}: warned of {error}");
+            found[usize::from(warned)] += 1;
+        }
+    }
+    assert!(found.iter().all(|&n| n > 5), "{found:?} runs without and with a warning");
+}
+
+#[test] // independent truth: the run as a whole
+fn a_run_that_is_taken_up_knows_of_the_errors_before() {
+    let problem = Problem::new(standing(1e-3));
+    // The end is long after the errors were made.
+    let options = Options { checkpoint_steps: Some(10), ..asked(DEFAULT_CODE, 12.0) };
+    let mut rows = Checkpoints::default();
+    let whole = run(&problem, &options, None, &mut rows).expect("a run");
+    assert!(warned(&whole), "{:?}", whole.warnings);
+    assert!(rows.0.len() > 2, "{} checkpoints", rows.0.len());
+    for checkpoint in rows.0 {
+        let again = Checkpoint::from_text(&checkpoint.to_text()).expect("a checkpoint");
+        let rest = resume(&problem, &options, &again, &mut Memory::default()).expect("a run");
+        assert_eq!(rest.warnings, whole.warnings, "from {} s on", checkpoint.time());
+    }
+}
+
+#[derive(Default)]
+struct Checkpoints(Vec<Checkpoint>);
+
+impl Sink for Checkpoints {
+    fn chunk(&mut self, chunk: &Chunk) -> Result<(), String> {
+        self.0.extend(chunk.checkpoint.clone());
+        Ok(())
+    }
+
+    fn progress(&mut self, _: f64, _: f64, _: u64) -> Flow {
+        Flow::Continue
+    }
+}
+
+#[test] // independent truth: by construction
+fn a_second_run_that_does_not_end_is_told() {
+    // Off by less than what is far, so that the second run goes on until it is stopped.
+    let model = standing(1e-1);
+    let whole = run_model(&model, &asked(DEFAULT_CODE, 12.0)).summary;
+    assert!(!warned(&whole), "{:?}", whole.warnings);
+    let s = whole.statistics;
+    // Enough for the first run alone.
+    let attempts = s.steps + s.rejected_error + s.rejected_newton + s.rejected_evaluation;
+    let options = Options { max_steps: attempts, ..asked(DEFAULT_CODE, 12.0) };
+    let summary = run_model(&model, &options).summary;
+    let told = summary.warnings.iter().find(|warning| warning.code == AMPLIFIED).expect("one");
+    for part in ["did not reach its end", "max_steps"] {
+        assert!(told.message.contains(part), "{}", told.message);
+    }
+}
