@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import csv
+import itertools
+import math
 import statistics
+from collections.abc import Iterator
 from pathlib import Path
 
 import holonom
@@ -21,12 +24,96 @@ MODELS = (
 )
 
 
+def closed_chain(links: int) -> str:
+    """Return a chain of links in the plane, in a half circle between two hinges in the ground."""
+    points = [
+        (math.cos(math.pi * (1 - k / links)), -math.sin(math.pi * k / links))
+        for k in range(links + 1)
+    ]
+    lines = ["[bodies]"]
+    for k, (a, b) in enumerate(itertools.pairwise(points)):
+        middle = [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2]
+        lines.append(f"b{k} = {{ mass = 1.0, inertia = 0.01, position = {middle} }}")
+    lines.append("[joints]")
+    for k, point in enumerate(points):
+        ends = ["ground" if k == 0 else f"b{k - 1}", "ground" if k == links else f"b{k}"]
+        lines.append(hinge(f"j{k}", ends, point))
+    return "\n".join(lines)
+
+
+def four_bars(count: int) -> str:
+    """Return a row of four-bars, each moved by the one before."""
+    bodies, joints = ["[bodies]"], ["[joints]"]
+    for k in range(count):
+        x = 3.0 * k
+        for name, place in (("c", [x, 0.5]), ("k", [x + 1.25, 1.25]), ("r", [x + 2.5, 0.75])):
+            bodies.append(f"{name}{k} = {{ mass = 1.0, inertia = 0.2, position = {place} }}")
+        joints += [
+            hinge(f"a{k}", ["ground", f"c{k}"], (x, 0.0)),
+            hinge(f"b{k}", [f"c{k}", f"k{k}"], (x, 1.0)),
+            hinge(f"d{k}", [f"k{k}", f"r{k}"], (x + 2.5, 1.5)),
+            hinge(f"e{k}", ["ground", f"r{k}"], (x + 2.5, 0.0)),
+        ]
+        if k:
+            bodies.append(f"l{k} = {{ mass = 0.5, inertia = 0.05, position = [{x - 0.25}, 0.9] }}")
+            joints += [
+                hinge(f"f{k}", [f"r{k - 1}", f"l{k}"], (x - 0.5, 0.8)),
+                hinge(f"g{k}", [f"l{k}", f"c{k}"], (x, 1.0)),
+            ]
+    return "\n".join([*bodies, *joints, "[initial.joints]", "a0 = { angular_velocity = 2.0 }"])
+
+
+def scissors(stages: int) -> str:
+    """Return a scissor lift on a spring."""
+    slide = 'type = "translational", between = ["ground", "foot"], axis = [1.0, 0.0]'
+    bodies = ["[bodies]", "foot = { mass = 0.2, inertia = 0.01, position = [1.0, 0.0] }"]
+    joints = [
+        "[joints]",
+        hinge("base", ["ground", "p0"], (0.0, 0.0)),
+        hinge("pin", ["foot", "q0"], (1.0, 0.0)),
+        f"slide = {{ {slide} }}",
+    ]
+    for k in range(stages):
+        arm = f"{{ mass = 1.0, inertia = 0.1, position = [0.5, {k + 0.5}] }}"
+        bodies += [f"p{k} = {arm}", f"q{k} = {arm}"]
+        joints.append(hinge(f"x{k}", [f"p{k}", f"q{k}"], (0.5, k + 0.5)))
+        if k:
+            joints.append(hinge(f"l{k}", [f"q{k - 1}", f"p{k}"], (0.0, float(k))))
+            joints.append(hinge(f"r{k}", [f"p{k - 1}", f"q{k}"], (1.0, float(k))))
+    spring = (
+        'spring = { type = "tsda", between = ["ground", "foot"], '
+        "points = [[0.0, 0.0], [1.0, 0.0]], stiffness = 2000.0, damping = 20.0, free_length = 1.0 }"
+    )
+    return "\n".join([*bodies, *joints, "[forces]", spring])
+
+
+def hinge(name: str, ends: list[str], point: tuple[float, float]) -> str:
+    """Return a revolute joint between two bodies."""
+    return f'{name} = {{ type = "revolute", between = {ends}, point = {list(point)} }}'.replace(
+        "'", '"'
+    )
+
+
+def models() -> Iterator[tuple[str, holonom.Model, float]]:
+    """Return names, models and end times: the library's, and planar families with loops."""
+    for name in MODELS:
+        model = holonom.Model.library(name)
+        yield name, model, 0.03 if name == "andrews" else model.defaults.get("end_time", 1.0)
+    for family, sizes in (
+        (closed_chain, (5, 20, 100, 200)),
+        (four_bars, (1, 3, 10)),
+        (scissors, (1, 3, 5, 10, 30)),
+    ):
+        for size in sizes:
+            head = 'holonom = 1\ndimension = "planar"\ngravity = [0.0, -9.81]\n'
+            name = f"{family.__name__}_{size}"
+            yield name, holonom.Model.from_text(head + family(size), name=name), 1.0
+
+
 def main() -> None:
     """Measure every model, alternating between both forms, and write the table."""
     lines = []
-    for name in MODELS:
-        model = holonom.Model.library(name)
-        end = 0.03 if name == "andrews" else model.defaults.get("end_time", 1.0)
+    for name, model, end in models():
         seconds: dict[str, list[float]] = {"cartesian": [], "joint": []}
         steps = {}
         for _ in range(ROUNDS):

@@ -146,8 +146,8 @@ class Options:
         "word",
         "Which coordinates recoveries go through: poses of bodies with equations for every joint "
         "(cartesian), relative coordinates along the spanning tree with equations for what closes "
-        "loops only (joint), or auto (default): joint for trees without drivers and for "
-        "models in space of up to 64 bodies, where it has been measured to cost less. "
+        "loops only (joint), or auto (default): joint for trees, and for models with loops of up "
+        "to 200 degrees of freedom where few loops hang together, as measured to cost less. "
         "The motion is the same, and so are states, channels and reactions.",
         words=("auto", "cartesian", "joint"),
     )

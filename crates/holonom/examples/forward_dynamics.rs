@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let problem = Problem::new(model);
     let assembled = problem.assemble().map_err(|e| e.to_string())?;
     let mut manifold = assembled.manifold.clone();
-    if !manifold.use_joint_coordinates(&assembled.state.q) {
+    if !manifold.use_joint_coordinates(&assembled.state.q, usize::MAX) {
         return Err("no joint coordinates".into());
     }
     let [coordinates, rows, _] = manifold.joint_sizes().unwrap_or_default();

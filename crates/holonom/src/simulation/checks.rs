@@ -373,8 +373,12 @@ pub(super) fn set_coordinates(
         Coordinates::Cartesian => {}
         Coordinates::Auto => {
             let dense = options.newton != Representation::Sparse;
-            if !stated && dense && pays(manifold) {
-                manifold.use_joint_coordinates(q);
+            let explicit = options.code.info().family == "explicit";
+            if !stated
+                && dense
+                && let Some(together) = pays(manifold, explicit)
+            {
+                manifold.use_joint_coordinates(q, together);
             }
         }
         Coordinates::Joint if stated => {
@@ -384,7 +388,7 @@ pub(super) fn set_coordinates(
             return refused("it goes with `parametrization` tree");
         }
         Coordinates::Joint => {
-            if !manifold.use_joint_coordinates(q) {
+            if !manifold.use_joint_coordinates(q, usize::MAX) {
                 return refused(
                     "the direction of a distance joint or of a stiff spring is a coordinate of the tree, which is no joint \
                      coordinate",
@@ -395,19 +399,30 @@ pub(super) fn set_coordinates(
     Ok(())
 }
 
-/// Whether joint coordinates cost less, a rule from measurements: on trees, where they leave no equations, they take 0.35 to
-/// 0.85 of the instructions, of any size; with loops 0.6 to 0.8 in space, 0.8 to 1.2 in a plane. Large models with loops are
-/// left to the sparse matrices of the Cartesian form.
-fn pays(manifold: &Manifold) -> bool {
-    let system = manifold.system();
-    let sizes = system.structure().sizes;
-    let loops_in_space = sizes.translations == 3 && sizes.bodies <= LARGEST_WITH_LOOPS;
-    let told_all = manifold.chart().parametrization().relatives().is_some_and(|r| r.exact);
-    loops_in_space || (told_all && !system.has_drivers())
+/// How many equations that close loops may be solved together where joint coordinates cost less; `None` where they do not
+/// anyway. A rule from measurements (`benchmarks/coordinates`): on trees they take 0.45 to 0.85 of the time, whether or not drivers
+/// move them. Where loops are closed their matrices are dense: up to ten equations in a plane and about 60 in space,
+/// and as many freedoms as a dense mass matrix is worth at each evaluation, which implicit codes have more use for.
+fn pays(manifold: &Manifold, explicit: bool) -> Option<usize> {
+    let relatives = manifold.chart().parametrization().relatives()?;
+    if relatives.exact {
+        return Some(usize::MAX);
+    }
+    let planar = manifold.system().structure().sizes.translations == 2;
+    let freedoms = if explicit { LARGEST_EXPLICIT } else { LARGEST_IMPLICIT };
+    let together = if planar { TOGETHER_IN_A_PLANE } else { TOGETHER_IN_SPACE };
+    let equations: usize =
+        manifold.system().tree().closures.iter().map(|closure| closure.rows).sum();
+    (manifold.chart().ndof() <= freedoms && equations <= EQUATIONS).then_some(together)
 }
 
-/// Bodies up to which matrices are dense in space.
-const LARGEST_WITH_LOOPS: usize = 64;
+/// Degrees of freedom of a model with loops, and equations that are solved together, up to which dense matrices cost less.
+const LARGEST_EXPLICIT: usize = 100;
+const LARGEST_IMPLICIT: usize = 200;
+const TOGETHER_IN_A_PLANE: usize = 10;
+const TOGETHER_IN_SPACE: usize = 60;
+/// Equations up to which it is found out which of them are solved together.
+const EQUATIONS: usize = 1000;
 
 /// Why there is no reduced matrix, or no null space, in words of the model.
 pub(super) fn why(system: &dyn System, refusal: Refusal) -> String {

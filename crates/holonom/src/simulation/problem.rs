@@ -319,7 +319,7 @@ impl Problem {
         let joint_coordinates = (sizes.bodies <= SUMMARIZED_IN_JOINT_COORDINATES)
             .then(|| {
                 let mut manifold = assembled.manifold.clone();
-                manifold.use_joint_coordinates(&assembled.state.q);
+                manifold.use_joint_coordinates(&assembled.state.q, usize::MAX);
                 manifold.joint_sizes()
             })
             .flatten();

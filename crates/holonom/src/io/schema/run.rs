@@ -61,8 +61,8 @@ pub(crate) struct Simulation {
     pub(crate) newton: Option<Newton>,
     /// Where accelerations and multipliers come from; by predicted cost unless stated.
     pub(crate) accelerations: Option<Accelerations>,
-    /// Which coordinates recoveries and derivatives go through; unless stated joint for trees without
-    /// drivers and for models in space of up to 64 bodies.
+    /// Which coordinates recoveries and derivatives go through; unless stated joint for trees, and
+    /// for models with loops of up to 200 degrees of freedom where few loops hang together.
     pub(crate) coordinates: Option<Coordinates>,
     /// Joints that close loops of the spanning forest, by name; which others do is chosen by the fewest relative
     /// coordinates. A body that nothing else ties is free then. A joint that is not
@@ -175,7 +175,8 @@ impl Accelerations {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Coordinates {
-    /// Joint for trees without drivers and for models in space of up to 64 bodies, else Cartesian.
+    /// Joint for trees, and for models with loops of up to 200 degrees of freedom where few loops hang together; else
+    /// Cartesian.
     Auto,
     /// Poses of bodies, with equations for every joint.
     Cartesian,

@@ -209,6 +209,11 @@ impl Closures {
         self.row_scale.len()
     }
 
+    /// Rows of the largest cluster.
+    pub(super) fn largest(&self) -> usize {
+        self.clusters.iter().map(|cluster| cluster.rows.len()).max().unwrap_or(0)
+    }
+
     /// Factors the dependent columns.
     ///
     /// # Errors

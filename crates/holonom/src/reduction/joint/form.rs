@@ -181,4 +181,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
     fn sizes(&self) -> [usize; 3] {
         self.matrix_sizes()
     }
+
+    fn largest_closure(&self) -> usize {
+        self.closures.largest()
+    }
 }

@@ -131,6 +131,9 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
     /// matrix.
     fn sizes(&self) -> [usize; 3];
 
+    /// Equations in the largest of the systems that close loops, each with dependent coordinates of its own.
+    fn largest_closure(&self) -> usize;
+
     /// M̂ p at the configuration last factored.
     fn mass_times(&mut self, p: &[f64], q: &[f64], out: &mut [f64]);
 }

@@ -49,7 +49,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             x[edge][place] += change[k];
         }
         self.change = change;
-        let predicted = self.distance(x);
+        let mut predicted = self.distance(x);
         self.before.fill(0.0);
         let noise = 8.0 * f64::EPSILON * self.distance(x).max(1.0);
         self.keep_coordinates(x);
@@ -61,6 +61,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let size = self.correct(x);
             for edge in self.edges.iter().filter(|edge| edge.depends) {
                 relatives.place_edge(system.as_ref(), edge.at, x, q);
+            }
+            if count == 1 {
+                predicted += size;
+                self.keep_coordinates(x);
             }
             let rate = size / before;
             // Or the next one would be.
@@ -76,10 +80,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 if self.distance(x) <= 0.5 * predicted + 1e3 * noise.max(size) {
                     return Ok(count as u64);
                 }
-                return Err(EvaluationFailure::new(
-                    "simulation/branch",
-                    "a coordinate would leave the branch of the mechanism that was followed so far",
-                ));
+                return Err(self.another_branch(x));
             }
             if (stalls && fresh) || !size.is_finite() {
                 return Err(self.failure(t, q, size));
@@ -149,29 +150,63 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
+    /// The corrections left the neighbourhood of what was predicted.
+    fn another_branch(&self, x: &[[f64; 6]]) -> EvaluationFailure {
+        let moved = |(at, &(edge, place)): (usize, &(usize, usize))| {
+            let k = self.closures.dependent[at];
+            (at, ((x[edge][place] - self.before[k]) / self.closures.column_scale[k]).abs())
+        };
+        let (name, coordinate) = self.largest(self.places.iter().enumerate().map(moved));
+        let message =
+            format!("`{name}` would leave the branch of the mechanism that was followed so far");
+        EvaluationFailure::new("simulation/branch", message).of_coordinate(coordinate)
+    }
+
+    /// Name of the dependent coordinate with the largest change, and a coordinate of the body that it moves.
+    fn largest(&self, changes: impl Iterator<Item = (usize, f64)>) -> (String, usize) {
+        let largest = changes.reduce(|a, b| if b.1 > a.1 { b } else { a });
+        let k = largest.map_or(0, |(at, _)| self.closures.dependent[at]);
+        let (group, row) = self.names[k];
+        let info = &self.system.relative_groups()[group];
+        let sizes = self.system.structure().sizes;
+        let body = self.edges.iter().find(|edge| edge.range.contains(&k)).map_or(0, |e| e.body);
+        let first = if info.kind.turns() { sizes.translations } else { 0 };
+        let coordinate = body * sizes.per_body + first;
+        (Relatives::name_of(self.system.as_ref(), group, row), coordinate)
+    }
+
+    /// The last corrections of size `correction` do not fall: nothing is left of the residuals, or they cannot be closed.
     fn failure(&self, t: f64, q: &[f64], correction: f64) -> EvaluationFailure {
         let system = self.system.as_ref();
-        let mut worst = (0.0f64, None);
+        let (mut worst, mut place) = (0.0f64, None);
         let mut value = [0.0; 6];
         for closure in &self.closures.all {
             let Origin::Joint(joint) = closure.origin else { continue };
             system.joint_value(joint, t, q, &mut value);
             for &(k, row) in &closure.rows {
-                if value[k].abs() > worst.0 || value[k].is_nan() {
-                    worst = (value[k].abs(), Some(row));
+                if value[k].abs() > worst || value[k].is_nan() {
+                    (worst, place) = (value[k].abs(), Some(row));
                 }
             }
         }
-        let residual = match worst.1 {
-            Some(row) => format!("{:.2e}, is in {}", worst.0, system.row_name(row)),
+        let scaled = self.rows.iter().zip(&self.closures.dependent).enumerate();
+        let changes = scaled.map(|(at, (x, &k))| (at, (x / self.closures.column_scale[k]).abs()));
+        let (name, coordinate) = self.largest(changes);
+        let largest = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+        if worst <= 64.0 * f64::EPSILON * largest {
+            return EvaluationFailure::new("simulation/singular-configuration", format!(
+                    "the joints are closed at t = {t:.6} s, but leave `{name}` undetermined: corrections of \
+                     {correction:.2e} do not fall"
+                )).of_coordinate(coordinate);
+        }
+        let residual = match place {
+            Some(row) => format!("{worst:.2e}, is in {}", system.row_name(row)),
             None => "0, is in no joint".to_owned(),
         };
-        let (group, row) = self.closures.dependent.first().map_or((0, 0), |&k| self.names[k]);
         EvaluationFailure::new("simulation/position-recovery", format!(
                 "the joints could not be closed at t = {t:.6} s; the largest residual, {residual}; the \
-                 last correction, {correction:.2e}, was of `{}` and others on its loops",
-                Relatives::name_of(system, group, row)
-            )).of_row(worst.1)
+                 last correction, {correction:.2e}, was of `{name}`"
+            )).of_row(place).of_coordinate(coordinate)
     }
 }
 

@@ -6,11 +6,13 @@ use crate::reduction::joint::joint_form;
 
 impl Manifold {
     /// Recovers in joint coordinates from now on, in other parametrizations too; at the configuration q whose factors
-    /// are at hand. Returns whether it can: lines are no edges there.
-    pub fn use_joint_coordinates(&mut self, q: &[f64]) -> bool {
+    /// are at hand. Returns whether it can: lines are no edges there, and it does not where more than `together` equations
+    /// that close loops are to be solved together.
+    pub fn use_joint_coordinates(&mut self, q: &[f64], together: usize) -> bool {
         self.at = q.to_vec();
         self.stale = false;
-        self.joint = joint_form(&self.system, self.chart.parametrization(), q);
+        self.joint = joint_form(&self.system, self.chart.parametrization(), q)
+            .filter(|form| form.largest_closure() <= together);
         if self.joint.is_some() && self.refactor_joint().is_err() {
             self.joint = None;
         }

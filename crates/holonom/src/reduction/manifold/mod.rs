@@ -185,7 +185,7 @@ impl Manifold {
         self.chart = chart;
         if self.joint.is_some() {
             let q = std::mem::take(&mut self.at);
-            self.use_joint_coordinates(&q);
+            self.use_joint_coordinates(&q, usize::MAX);
         }
     }
 
