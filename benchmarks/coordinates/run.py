@@ -65,13 +65,13 @@ def four_bars(count: int) -> str:
 
 def scissors(stages: int) -> str:
     """Return a scissor lift on a spring."""
-    slide = 'type = "translational", between = ["ground", "foot"], axis = [1.0, 0.0]'
+    slide = 'between = ["ground", "foot"], point = [1.0, 0.0], axis = [1.0, 0.0]'
     bodies = ["[bodies]", "foot = { mass = 0.2, inertia = 0.01, position = [1.0, 0.0] }"]
     joints = [
         "[joints]",
         hinge("base", ["ground", "p0"], (0.0, 0.0)),
         hinge("pin", ["foot", "q0"], (1.0, 0.0)),
-        f"slide = {{ {slide} }}",
+        f'slide = {{ type = "translational", {slide} }}',
     ]
     for k in range(stages):
         arm = f"{{ mass = 1.0, inertia = 0.1, position = [0.5, {k + 0.5}] }}"
