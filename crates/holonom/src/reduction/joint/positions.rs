@@ -49,12 +49,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             x[edge][place] += change[k];
         }
         self.change = change;
-        let mut predicted = self.distance(x);
+        let predicted = self.distance(x);
         self.before.fill(0.0);
         let noise = 8.0 * f64::EPSILON * self.distance(x).max(1.0);
         self.keep_coordinates(x);
         relatives.place(system.as_ref(), x, q);
-        let (mut before, mut fresh) = (predicted, false);
+        let (mut before, mut fresh, mut first) = (predicted, false, (0.0, 0.0));
         for count in 1..=MAX_CORRECTIONS {
             self.evaluate_residual(parametrization, t, p, q);
             let residual = self.rows.iter().fold(0.0f64, |m, x| keep_larger(m, x.abs()));
@@ -63,8 +63,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 relatives.place_edge(system.as_ref(), edge.at, x, q);
             }
             if count == 1 {
-                predicted += size;
-                self.keep_coordinates(x);
+                first = (residual, size);
             }
             let rate = size / before;
             // Or the next one would be.
@@ -72,12 +71,14 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let stalls = count > 1 && rate > CONTRACTION_LIMIT;
             // Residuals are differences of places in the ground.
             let place = || q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
-            let is_noise = || {
-                before <= 1e3 * noise
-                    || (size <= NOISY_CORRECTION && residual <= 64.0 * f64::EPSILON * place())
-            };
+            let is_round_off = |residual: f64| residual <= 64.0 * f64::EPSILON * place();
+            let is_noise =
+                || before <= 1e3 * noise || (size <= NOISY_CORRECTION && is_round_off(residual));
             if ends || (stalls && is_noise()) {
-                if self.distance(x) <= 0.5 * predicted + 1e3 * noise.max(size) {
+                let moved = self.distance(x);
+                let near = 0.5 * predicted + 1e3 * noise.max(size);
+                // Next to a dead point round-off of the residuals alone moves by more than a short step.
+                if moved <= near || (is_round_off(first.0) && moved <= near + first.1) {
                     return Ok(count as u64);
                 }
                 return Err(self.another_branch(x));
