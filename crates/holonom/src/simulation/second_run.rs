@@ -13,6 +13,8 @@ use std::time::Duration;
 
 /// Tolerances by which places may differ from those of the second run.
 const FAR: f64 = 50.0;
+/// Tolerances within which a run may be called right.
+const MET: f64 = 20.0;
 /// Tolerance of the second run as a part of that of the first.
 const PART: f64 = 0.1;
 
@@ -55,11 +57,14 @@ pub(super) fn compare(
     let outcome =
         once(problem, &tighter, Start::At(&milestones.start), "checking", &mut comparison);
     let message = match (comparison.far, outcome) {
-        (Some(Far { item, tolerances, t }), _) => format!(
-            "small errors grow in this motion: `{item}` is {tolerances:.0} tolerances away from where a second run, at a \
-             tenth of the tolerance, has it at t = {t:.4} s; tighten the tolerance, to a hundredth or less if it is to be \
-             met, and compare with another code"
-        ),
+        (Some(Far { item, tolerances, t }), _) => {
+            let fold = 10f64.powf((tolerances / MET).log10().ceil());
+            format!(
+                "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances away from where a second run, at \
+                 a tenth of the tolerance, has it at t = {t:.4} s; tighten the tolerance, {fold:.0}-fold at least if it is \
+                 to be met, and compare with another code"
+            )
+        }
         (None, Ok((Summary { status: Status::Completed, .. }, _))) => return None,
         (None, outcome) => {
             let why = match outcome {
@@ -67,7 +72,7 @@ pub(super) fn compare(
                 Err(error) => error.to_string(),
             };
             format!(
-                "small errors may grow in this motion, to more than {:.0} tolerances, and the second run that was to tell, \
+                "small errors may add up or grow in this motion, to more than {:.0} tolerances, and the second run that was to tell, \
                  at a tenth of the tolerance, did not reach its end: {why}",
                 carried.largest().floor()
             )
