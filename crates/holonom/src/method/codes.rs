@@ -265,6 +265,14 @@ pub fn build_stepper(
         options.newton.kappa = StepperOptions::share(tolerance.relative);
     }
     (options.fixed_step, options.max_step) = (fixed_step, max_step);
+    let manifold = &form.point().manifold;
+    if manifold.chart().parametrization().relatives().is_none()
+        && manifold.system().structure().sizes.translations == 3
+    {
+        // Matrices in coordinates of the ground do not turn along with bodies: an old one is small about an axis where a
+        // slender body had its own, and iterations seem to have converged.
+        options.reuse_contraction = 0.0;
+    }
     // A dense matrix of order ndof costs less to factor than a step that is shorter than it need be.
     if !matches!(code, Code::InflSdirk | Code::InflSdirk15 | Code::InflTrap) {
         options.dead_band = 1.0;

@@ -151,13 +151,7 @@ fn slender_bodies_keep_the_tolerance() {
             body.truths(&y, &times(3.0, 30)),
         );
         case.max_steps = 30_000; // for the formulas of order 2
-        for code in all_codes() {
-            for &tolerance in TOLERANCES {
-                let run = measure(&case, DEFAULT, code, tolerance);
-                let label = format!("{tolerance:.0e}");
-                table.run(&line(name, DEFAULT, code), &label, &run, Bounds::usual());
-            }
-        }
+        run_everything(&mut table, name, &case);
     }
     table.finish();
 }
