@@ -216,7 +216,7 @@ impl AdamsStepper {
             let lower = if k == 2 {
                 below <= 0.5 * at_k
             } else {
-                below.max(scale(k - 2) * self.norm_with(ode, k - 2)) <= at_k
+                below <= at_k && scale(k - 2) * self.norm_with(ode, k - 2) <= at_k
             };
             if lower {
                 order = k - 1;

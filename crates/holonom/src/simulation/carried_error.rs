@@ -54,7 +54,8 @@ impl CarriedError {
         self.present > NEGLIGIBLE
     }
 
-    /// Takes the error over the step just accepted, whose own error was estimated as `estimate`, 1 = on tolerance.
+    /// Takes the error over the step just accepted, whose own error was estimated as `estimate`, 1 = on tolerance; with
+    /// the length of the step and the slope of the equations at its end also what its iterations have left.
     pub(super) fn follow(
         &mut self,
         stepper: &mut dyn Stepper,
@@ -62,6 +63,7 @@ impl CarriedError {
         estimate: f64,
         tolerance: &Tolerance,
         power: &mut [f64],
+        iterated: Option<(f64, &[f64])>,
     ) {
         if self.is_suspicious() {
             return;
@@ -77,6 +79,14 @@ impl CarriedError {
         let orders = [stepper.order(), stepper.starting_order()];
         let part = true_part(orders, estimate * tolerance.relative.max(tolerance.rotation));
         add(&mut self.error, part, stepper.last_change());
+        if let Some((step, slope)) = iterated {
+            let part = stepper.filter_part() * step;
+            for (x, (g, s)) in power.iter_mut().zip(slope.iter().zip(stepper.end().slope)) {
+                *x = part * (g - s);
+            }
+            stepper.filter(form, power);
+            add(&mut self.error, 1.0, power);
+        }
         let [dq, dv] = form.spread(&self.error);
         self.spread[0].copy_from_slice(dq);
         self.spread[1].copy_from_slice(dv);

@@ -335,8 +335,11 @@ impl Run<'_> {
             (rejections, repartitioned, seen) = (0, false, true);
             if let Some(carried) = &mut self.carried {
                 let (stepper, form) = (self.stepper.as_mut(), self.form.as_mut());
-                let tolerance = &self.options.tolerance;
-                carried.follow(stepper, form, report.error, tolerance, &mut self.scratch[0]);
+                let chart = form.point().manifold.chart().parametrization();
+                // Where matrices do not turn along with bodies.
+                let iterated = chart.relatives().is_none().then_some((step, &self.g_end[..]));
+                let (tolerance, power) = (&self.options.tolerance, &mut self.scratch[0]);
+                carried.follow(stepper, form, report.error, tolerance, power, iterated);
             }
             let energy = self.emit(t, step)?;
             if let Some(carried) = &mut self.carried {
