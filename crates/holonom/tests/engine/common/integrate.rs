@@ -331,12 +331,15 @@ pub(crate) fn slow_start(
     heavy: bool,
     y: &[f64],
 ) -> Vec<f64> {
-    if heavy {
+    let found = if heavy {
         let balanced = slow(accelerations, stiff, false, y, 1);
         slow(accelerations, stiff, true, &balanced, 4)
     } else {
         slow(accelerations, stiff, false, y, 4)
-    }
+    };
+    // What is too soft for the motion has no slow manifold: any start will do.
+    let is_one = found.iter().all(|x| x.is_finite());
+    if is_one { found } else { slow(accelerations, stiff, false, y, 0) }
 }
 
 fn slow(
