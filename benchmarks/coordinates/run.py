@@ -87,6 +87,42 @@ def scissors(stages: int) -> str:
     return "\n".join([*bodies, *joints, "[forces]", spring])
 
 
+def spatial_four_bars(count: int) -> str:
+    """Return a row of four-bars in space, each moved by the one before."""
+    inertia = "inertia = [[0.1, 0.0, 0.0], [0.0, 0.12, 0.0], [0.0, 0.0, 0.13]]"
+    ball = 'type = "spherical"'
+    cross = 'type = "universal", axes = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]'
+    bodies, joints = ["[bodies]"], ["[joints]"]
+
+    def body(name: str, mass: float, place: list[float]) -> None:
+        bodies.append(f"{name} = {{ mass = {mass}, {inertia}, position = {place} }}")
+
+    def joint(name: str, kind: str, ends: list[str], point: list[float]) -> None:
+        between = ", ".join(f'"{end}"' for end in ends)
+        joints.append(f"{name} = {{ {kind}, between = [{between}], point = {point} }}")
+
+    for k in range(count):
+        x = 3.0 * k
+        body(f"c{k}", 1.0, [x, 0.5, 0.0])
+        body(f"k{k}", 2.0, [x + 1.25, 1.25, 0.1])
+        body(f"r{k}", 1.5, [x + 2.5, 0.75, 0.2])
+        joint(f"a{k}", 'type = "revolute", axis = [0.0, 0.0, 1.0]', ["ground", f"c{k}"], [x, 0, 0])
+        joint(f"b{k}", ball, [f"c{k}", f"k{k}"], [x, 1.0, 0.0])
+        joint(f"d{k}", cross, [f"k{k}", f"r{k}"], [x + 2.5, 1.5, 0.2])
+        tilted = 'type = "revolute", axis = [0.0, 0.1, 1.0]'
+        joint(f"e{k}", tilted, ["ground", f"r{k}"], [x + 2.5, 0.0, 0.2])
+        if k:
+            body(f"l{k}", 0.5, [x - 0.25, 0.9, 0.1])
+            joint(f"f{k}", cross, [f"r{k - 1}", f"l{k}"], [x - 0.5, 0.8, 0.2])
+            joint(f"g{k}", ball, [f"l{k}", f"c{k}"], [x, 0.6, 0.0])
+    spring = (
+        'spring = { type = "rsda", between = ["ground", "c0"], axis = [0.0, 0.0, 1.0], '
+        "stiffness = 100.0, damping = 1.0 }"
+    )
+    initial = ["[initial.joints]", "a0 = { angular_velocity = 2.0 }"]
+    return "\n".join([*bodies, *joints, "[forces]", spring, *initial])
+
+
 def hinge(name: str, ends: list[str], point: tuple[float, float]) -> str:
     """Return a revolute joint between two bodies."""
     return f'{name} = {{ type = "revolute", between = {ends}, point = {list(point)} }}'.replace(
@@ -94,32 +130,41 @@ def hinge(name: str, ends: list[str], point: tuple[float, float]) -> str:
     )
 
 
-def models() -> Iterator[tuple[str, holonom.Model, float]]:
-    """Return names, models and end times: the library's, and planar families with loops."""
+def models() -> Iterator[tuple[str, holonom.Model, str, float]]:
+    """Return names, models, codes and end times: the library's, and families with loops."""
     for name in MODELS:
         model = holonom.Model.library(name)
-        yield name, model, 0.03 if name == "andrews" else model.defaults.get("end_time", 1.0)
-    for family, sizes in (
-        (closed_chain, (5, 20, 100, 200)),
-        (four_bars, (1, 3, 10)),
-        (scissors, (1, 3, 5, 10, 30)),
+        end = 0.03 if name == "andrews" else model.defaults.get("end_time", 1.0)
+        yield name, model, "ForRadau", end
+    plane = 'holonom = 1\ndimension = "planar"\ngravity = [0.0, -9.81]\n'
+    space = 'holonom = 1\ndimension = "spatial"\ngravity = [0.0, -9.81, 0.0]\n'
+    for family, head, code, end, sizes in (
+        (closed_chain, plane, "ForRadau", 1.0, (5, 20, 100, 200)),
+        (four_bars, plane, "ForRadau", 1.0, (1, 3, 10)),
+        (scissors, plane, "ForRadau", 1.0, (1, 3, 5, 10, 30)),
+        (spatial_four_bars, space, "ForRadau", 1.0, (1, 4, 6, 10)),
+        (closed_chain, plane, "DEABM", 0.3, (20, 50, 100, 150, 200)),
     ):
         for size in sizes:
-            head = 'holonom = 1\ndimension = "planar"\ngravity = [0.0, -9.81]\n'
             name = f"{family.__name__}_{size}"
-            yield name, holonom.Model.from_text(head + family(size), name=name), 1.0
+            yield name, holonom.Model.from_text(head + family(size), name=name), code, end
 
 
 def main() -> None:
     """Measure every model, alternating between both forms, and write the table."""
     lines = []
-    for name, model, end in models():
+    for name, model, code, end in models():
         seconds: dict[str, list[float]] = {"cartesian": [], "joint": []}
         steps = {}
         for _ in range(ROUNDS):
             for form, measured in seconds.items():
                 result = model.simulate(
-                    end_time=end, interval=end, tolerance=TOLERANCE, channels=[], coordinates=form
+                    end_time=end,
+                    interval=end,
+                    method=code,
+                    tolerance=TOLERANCE,
+                    channels=[],
+                    coordinates=form,
                 )
                 measured.append(result.statistics["run_cpu_seconds"])
                 steps[form] = result.statistics["steps"]
@@ -127,13 +172,15 @@ def main() -> None:
         ratio = median["cartesian"] / median["joint"]
         per_second = 1e3 * median["joint"] / end
         print(
-            f"{name:20} {1e3 * median['cartesian']:8.2f} ms {1e3 * median['joint']:8.2f} ms "
+            f"{name:20} {code:8} {1e3 * median['cartesian']:8.2f} ms "
+            f"{1e3 * median['joint']:8.2f} ms "
             f"{ratio:5.2f} times, {steps['cartesian']} and {steps['joint']} steps, "
             f"{per_second:.2f} ms per simulated second"
         )
         lines.append(
             [
                 name,
+                code,
                 steps["cartesian"],
                 steps["joint"],
                 f"{1e3 * median['cartesian']:.3g}",
@@ -147,6 +194,7 @@ def main() -> None:
         table.writerow(
             [
                 "model",
+                "code",
                 "steps_cartesian",
                 "steps_joint",
                 "cartesian_ms",

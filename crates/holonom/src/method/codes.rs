@@ -269,8 +269,8 @@ pub fn build_stepper(
     if manifold.chart().parametrization().relatives().is_none()
         && manifold.system().structure().sizes.translations == 3
     {
-        // Matrices in coordinates of the ground do not turn along with bodies: an old one is small about an axis where a
-        // slender body had its own, and iterations seem to have converged.
+        // Matrices in coordinates of the ground do not turn along with bodies: an old one is large about the axis
+        // that a slender body has now, corrections of its spin are too small, and iterations seem to have converged.
         options.reuse_contraction = 0.0;
     }
     // A dense matrix of order ndof costs less to factor than a step that is shorter than it need be.

@@ -58,9 +58,8 @@ impl ExplicitForm {
 
     /// A change of w on the coordinates and velocities of all bodies, with the factors of the last evaluation.
     pub fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
-        let ndof = self.rates.len();
         let Self { point, dq, dv, rows, rates, .. } = self;
-        point.spread(&change[..ndof], &change[ndof..2 * ndof], dq, dv, rows, rates);
+        point.spread(change, dq, dv, rows, rates);
         [dq, dv]
     }
 

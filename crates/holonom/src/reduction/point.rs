@@ -76,16 +76,18 @@ impl Point {
         recovered
     }
 
-    /// A change of independent variables and their rates on all coordinates, as [`Manifold::spread`].
+    /// A change of independent variables, their rates, and whatever follows them, on all coordinates, as
+    /// [`Manifold::spread`].
     pub fn spread(
         &mut self,
-        dp: &[f64],
-        dp_rate: &[f64],
+        change: &[f64],
         dq: &mut [f64],
         dv: &mut [f64],
         rows: &mut [f64],
         rates: &mut [f64],
     ) {
+        let (dp, rest) = change.split_at(rates.len());
+        let dp_rate = &rest[..rates.len()];
         self.manifold.spread(&self.state, [dp, dp_rate], [dq, dv], [rows, rates]);
     }
 

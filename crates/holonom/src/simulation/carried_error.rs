@@ -1,4 +1,4 @@
-//! The errors of steps, carried along with the motion. Equations: `docs/theory/simulation.md` (9) to (12).
+//! The errors of steps, carried along with the motion. Equations: `docs/theory/simulation.md` (11), (12).
 
 use crate::method::StateSpace;
 use crate::method::stepper::Stepper;
@@ -37,6 +37,21 @@ impl CarriedError {
             largest: 0.0,
             milestones: Milestones::new(start),
         }
+    }
+
+    /// Whether it can be one of a run with `dimension` unknowns whose states have as many numbers as `state`.
+    pub(super) fn fits(&self, dimension: usize, state: &State) -> bool {
+        let Self { error, spread: [dq, dv], milestones, .. } = self;
+        let Milestones { start, times, places, .. } = milestones;
+        let n = state.q.len();
+        let lengths = [start.q.len(), start.v.len(), dq.len(), dv.len()];
+        error.len() == dimension
+            && start.z.len() == state.z.len()
+            && start.winding.len() == state.winding.len()
+            && lengths == [n; 4]
+            && places.len() == n * times.len()
+            && times.len() <= MILESTONES
+            && milestones.every > 0
     }
 
     /// The largest error so far, in tolerances of places; it is not followed any further once it is suspicious.
@@ -106,7 +121,7 @@ fn add(y: &mut [f64], a: f64, x: &[f64]) {
 }
 
 /// Coefficients of (1 − γz)⁻¹, (1 − γz)⁻², (1 − γz)⁻³ in an approximation of eᶻ of second order that vanishes at
-/// infinity. Source: `docs/theory/simulation.md` (10).
+/// infinity. Source: `docs/theory/simulation.md` (12).
 fn transfer(gamma: f64) -> [f64; 3] {
     let m = 1.0 / gamma;
     let third = 0.5 * m * m - 2.0 * m + 1.0;
@@ -115,7 +130,7 @@ fn transfer(gamma: f64) -> [f64; 3] {
 }
 
 /// Part of an estimate that is the error of a formula of order p whose estimate is that of order p̂, where the estimate
-/// is `share` of the scale that tolerances are relative to. Source: `docs/theory/simulation.md` (12).
+/// is `share` of the scale that tolerances are relative to. Source: `docs/theory/simulation.md` (11).
 fn true_part([order, estimated]: [u32; 2], share: f64) -> f64 {
     let exponent = f64::from(order.saturating_sub(estimated)) / f64::from(estimated + 1);
     if share < 1.0 { share.powf(exponent) } else { 1.0 }

@@ -46,11 +46,15 @@ impl Recorder {
 
     /// Makes what is made at a first evaluation: none of the steps is the place for it.
     pub(super) fn prepare(&mut self, w: &[f64], state: &State) {
+        // Where this fails the run does, too.
+        let _ = self.evaluate_at(w, state);
+    }
+
+    fn evaluate_at(&mut self, w: &[f64], state: &State) -> Result<(), EvaluationFailure> {
         let ndof = self.point.manifold.chart().ndof();
         let (p, rest) = w.split_at(ndof);
         let (rates, z) = rest.split_at(ndof);
-        // Where this fails the run does, too.
-        let _ = self.point.evaluate(state.t, p, rates, &z[..state.z.len()], true);
+        self.point.evaluate(state.t, p, rates, &z[..state.z.len()], true)
     }
 
     /// The steps have got another parametrization.
@@ -82,10 +86,7 @@ impl Recorder {
     /// Gives the state that the next step starts from, whose w is `w`, its multipliers; as they are where this
     /// cannot be evaluated.
     pub(super) fn complete(&mut self, w: &[f64], state: &mut State) {
-        let ndof = self.point.manifold.chart().ndof();
-        let (p, rest) = w.split_at(ndof);
-        let (rates, z) = rest.split_at(ndof);
-        if self.point.evaluate(state.t, p, rates, &z[..state.z.len()], true).is_ok() {
+        if self.evaluate_at(w, state).is_ok() {
             self.point.complete();
             state.lambda.copy_from_slice(&self.point.state.lambda);
             self.point.manifold.minimum_norm_multipliers(&mut state.lambda);

@@ -60,9 +60,9 @@ pub(super) fn compare(
         (Some(Far { item, tolerances, t }), _) => {
             let fold = 10f64.powf((tolerances / MET).log10().ceil());
             format!(
-                "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances away from where a second run, at \
-                 a tenth of the tolerance, has it at t = {t:.4} s; tighten the tolerance, {fold:.0}-fold at least if it is \
-                 to be met, and compare with another code"
+                "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances away from where \
+                 a second run, at a tenth of the tolerance, has it at t = {t:.4} s; tighten the tolerance, \
+                 {fold:.0}-fold at least if it is to be met, and compare with another code"
             )
         }
         (None, Ok((Summary { status: Status::Completed, .. }, _))) => return None,
@@ -72,8 +72,8 @@ pub(super) fn compare(
                 Err(error) => error.to_string(),
             };
             format!(
-                "small errors may add up or grow in this motion, to more than {:.0} tolerances, and the second run that was to tell, \
-                 at a tenth of the tolerance, did not reach its end: {why}",
+                "small errors may add up or grow in this motion, to more than {:.0} tolerances, and the second run \
+                 that was to tell, at a tenth of the tolerance, did not reach its end: {why}",
                 carried.largest().floor()
             )
         }

@@ -105,9 +105,9 @@ pub struct Statistics {
     pub assembly_seconds: f64,
     /// Processor time of assembly, s.
     pub assembly_cpu_seconds: f64,
-    /// Wall time of the run without its sink, s.
+    /// Wall time of the run without its sink, s; a second run, where errors may have grown, is included.
     pub run_seconds: f64,
-    /// Processor time of the run's thread without its sink, s; 0 where the system does not tell.
+    /// Processor time of the run's thread without its sink, s, a second run included; 0 where the system does not tell.
     pub run_cpu_seconds: f64,
     /// Part of the wall time spent on output rows, s.
     pub output_seconds: f64,

@@ -286,6 +286,17 @@ fn foreign_checkpoints_are_refused() {
     }
     let longer = Checkpoint::from_text(&text.replace("\"w\":[", "\"w\":[0.0,")).expect("is text");
     assert_eq!(refused(&four_bar, &options, &longer), Some("simulation/checkpoint"));
+    for [numbers, more] in [
+        ["\"carried\":{\"error\":[", "0.0,"],
+        ["\"spread\":[[", "0.0,"],
+        ["\"places\":[", "0.0,"],
+        ["\"times\":[", "0.0,"],
+    ] {
+        assert!(text.contains(numbers), "{numbers}");
+        let longer = Checkpoint::from_text(&text.replace(numbers, &format!("{numbers}{more}")));
+        let code = refused(&four_bar, &options, &longer.expect("is text"));
+        assert_eq!(code, Some("simulation/checkpoint"), "{numbers}");
+    }
     // Another code has other unknowns.
     let explicit = Options { code: Code::Deabm, ..options.clone() };
     assert_eq!(refused(&four_bar, &explicit, checkpoint), Some("simulation/checkpoint"));

@@ -71,7 +71,8 @@ fn compare(points: &mut [Point; 2], state: &State, random: &mut Random) -> Optio
     for point in &mut *points {
         let (coordinates, rows) = (state.q.len(), state.lambda.len());
         let (mut dq, mut dv) = (vec![0.0; coordinates], vec![0.0; coordinates]);
-        point.spread(&change, &rates, &mut dq, &mut dv, &mut vec![0.0; rows], &mut vec![0.0; n]);
+        let both = [&*change, &*rates].concat();
+        point.spread(&both, &mut dq, &mut dv, &mut vec![0.0; rows], &mut vec![0.0; n]);
         let (mut psi, mut felt) = (vec![0.0; n], vec![0.0; n]);
         let Point { manifold, state, z_rate, .. } = point;
         manifold.reduced_residual(state, &guess, z_rate, &mut psi);

@@ -115,8 +115,10 @@ impl Run<'_> {
     /// Takes over what a run has counted and bounded up to a checkpoint.
     pub(super) fn go_on_counting(&mut self, checkpoint: &Checkpoint) -> Result<(), RunError> {
         let here = self.statistics;
-        let Checkpoint { statistics, energy_scale, drift, .. } = checkpoint;
-        if !(energy_scale.is_like(&self.energy_scale) && drift.is_like(&self.drift)) {
+        let Checkpoint { statistics, energy_scale, drift, carried, w, state, .. } = checkpoint;
+        let carried_fits = carried.as_ref().is_none_or(|carried| carried.fits(w.len(), state));
+        if !(energy_scale.is_like(&self.energy_scale) && drift.is_like(&self.drift) && carried_fits)
+        {
             return Err(foreign());
         }
         self.statistics = *statistics;
@@ -125,7 +127,7 @@ impl Run<'_> {
         self.energy = checkpoint.energy;
         self.kinetic_range = checkpoint.kinetic_range;
         (self.energy_scale, self.drift) = (energy_scale.clone(), drift.clone());
-        self.carried.clone_from(&checkpoint.carried);
+        self.carried.clone_from(carried);
         self.start_residuals = checkpoint.start_residuals;
         self.condition_reference = checkpoint.condition;
         self.slowness = Slowness::after(checkpoint.limits.clone());

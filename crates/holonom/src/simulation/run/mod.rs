@@ -119,8 +119,8 @@ fn begin(
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
     let (mut summary, carried) = once(problem, options, start, "running", sink)?;
-    let sure = |code: &str| code == "simulation/energy-imbalance";
-    let known = summary.warnings.iter().any(|warning| sure(warning.code));
+    let told = |warning: &RunWarning| warning.code == "simulation/energy-imbalance";
+    let known = summary.warnings.iter().any(told);
     if let Some(carried) = carried.filter(CarriedError::is_suspicious)
         && summary.status == Status::Completed
         && !known
