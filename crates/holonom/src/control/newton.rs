@@ -49,6 +49,7 @@ pub enum IterationVerdict {
 /// ```
 ///
 /// The first correction is judged with η₀ = max(η_old, ε)^0.8, η_old the last η of the same stage.
+/// What is kept for later steps, η and the largest θ, comes from corrections above the noise of evaluations.
 /// Corrections that stop falling are convergence, not divergence, when they are at round-off
 /// (`floor`) or so small that even η = 100 leaves the allowed error.
 /// Source: thesis (4.89)-(4.91); Hairer & Wanner, *Solving ODEs II*, section IV.8.
@@ -65,6 +66,8 @@ pub struct NewtonMonitor {
 /// Tolerances below which corrections that do not fall are noise whatever the state is: one at rest has no round-off of
 /// its own.
 const NEGLIGIBLE: f64 = 1e-9;
+/// Fall of a correction to noise that tells a good matrix.
+const TELLING: f64 = 0.01;
 
 impl NewtonMonitor {
     /// Starts an iteration. `eta` is that of the same stage of the step before (1 if there is
@@ -86,14 +89,19 @@ impl NewtonMonitor {
         if correction <= self.floor {
             return IterationVerdict::Converged;
         }
+        let mut eta = self.eta;
         let left =
             i32::try_from(max_iterations.saturating_sub(self.iterations)).unwrap_or(i32::MAX);
         if self.iterations > 1 {
             let theta = correction / last;
-            self.contraction = Some(self.contraction.map_or(theta, |c| c.max(theta)));
+            // Noise of an evaluation is some thousand times that of the state at most.
+            let noise = (1e5 * self.floor).max(NEGLIGIBLE);
+            // A ratio of noise says nothing about the matrix, a fall into noise how good it is at least.
+            let seen = correction.max(noise) / last;
+            if correction > noise || seen < TELLING {
+                self.contraction = Some(self.contraction.map_or(seen, |c| c.max(seen)));
+            }
             if theta >= divergence {
-                // Noise of an evaluation is some thousand times that of the state at most.
-                let noise = (1e5 * self.floor).max(NEGLIGIBLE);
                 let stagnates = correction <= (0.01 * kappa).max(noise);
                 self.eta = 1.0;
                 return if stagnates {
@@ -102,16 +110,20 @@ impl NewtonMonitor {
                     IterationVerdict::Diverged
                 };
             }
-            self.eta = theta / (1.0 - theta);
-            if self.eta * correction > kappa && kappa > 0.0 && left > 0 {
-                let forecast = self.eta * correction * theta.powi(left - 1) / kappa;
+            eta = theta / (1.0 - theta);
+            // What later steps begin with.
+            if seen < divergence {
+                self.eta = seen / (1.0 - seen);
+            }
+            if eta * correction > kappa && kappa > 0.0 && left > 0 {
+                let forecast = eta * correction * theta.powi(left - 1) / kappa;
                 if forecast > 1.0 {
                     let q = forecast.clamp(1e-4, 16.0);
                     return IterationVerdict::Slow { ratio: 0.8 * q.powf(-1.0 / f64::from(left)) };
                 }
             }
         }
-        if self.eta * correction <= kappa {
+        if eta * correction <= kappa {
             IterationVerdict::Converged
         } else if left == 0 {
             IterationVerdict::Slow { ratio: 0.5 }
@@ -196,6 +208,21 @@ mod tests {
             assert_eq!(monitor.observe(correction), Continue);
         }
         assert_eq!(monitor.observe(2e-12), Converged);
+    }
+
+    #[test]
+    fn what_is_kept_of_a_matrix_does_not_depend_on_noise() {
+        // Round-off of 1e-12 of the state: noise of evaluations up to 1e-7.
+        let kept = |corrections: [f64; 2]| {
+            let mut monitor = NewtonMonitor::start(NewtonControl::default(), f64::INFINITY, 1e-12);
+            corrections.map(|correction| monitor.observe(correction));
+            (monitor.eta(), monitor.contraction())
+        };
+        assert_eq!(kept([1.0, 1e-9]), kept([1.0, 9e-8]));
+        assert_eq!(kept([1e-6, 1e-9]), kept([1e-6, 9e-8]));
+        assert_eq!(kept([1.0, 1e-9]).1, Some(1e-7));
+        assert_eq!(kept([1e-6, 9e-8]).1, None);
+        assert_eq!(kept([1.0, 0.5]).1, Some(0.5));
     }
 
     #[test] // at rest the floor is zero, and accelerations are found to their round-off only

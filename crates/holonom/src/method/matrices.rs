@@ -19,10 +19,17 @@ enum Linearization {
     Current,
 }
 
+/// Growth of the step beyond which a linearization is not believed any more, however small corrections are. Large forces and
+/// accelerations of a transient make it large; kept when they are gone, it would leave corrections so small that nothing
+/// seems to be left to correct.
+const MOST_GROWTH: f64 = 10.0;
+
 /// Linearization and factors that a stepper has.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Matrices {
     linearization: Linearization,
+    /// Step that it was made for.
+    reach: f64,
     /// Step of the last factorization.
     factored: Option<f64>,
 }
@@ -50,7 +57,8 @@ impl Ahead {
 
 impl Matrices {
     /// None yet, or none that hold any longer.
-    pub(super) const NONE: Self = Self { linearization: Linearization::None, factored: None };
+    pub(super) const NONE: Self =
+        Self { linearization: Linearization::None, reach: 0.0, factored: None };
 
     /// The start of the step that they belong to is past.
     pub(super) fn grow_old(&mut self) {
@@ -74,6 +82,7 @@ impl Matrices {
         reuse: bool,
         ahead: Option<(&mut Ahead, &Segment)>,
     ) -> Result<(), Failure> {
+        let reuse = reuse && step.h <= MOST_GROWTH * self.reach;
         let fresh = match self.linearization {
             Linearization::Current => true,
             // Of a rejected attempt, whose middle is not far from the one of this.
@@ -82,7 +91,7 @@ impl Matrices {
             Linearization::None => false,
         };
         if !fresh {
-            *self = Self::NONE;
+            *self = Self { reach: step.h, ..Self::NONE };
             let made = ahead.is_some_and(|(ahead, before)| ahead.linearize(ode, before, step));
             self.linearization = if made {
                 Linearization::Predicted

@@ -148,12 +148,14 @@ fn a_diverging_iteration_makes_the_step_shorter() {
 
 #[test]
 fn a_fast_iteration_keeps_linearization_and_factors() {
-    // Linear with constant J: one linearization serves the whole run.
+    // Linear with constant J: one linearization serves until steps are ten times as long.
     let mut ode = prothero_robinson(-1e3);
     let mut stepper = SDIRK(1, StepperOptions::improved(1e-6));
     let run = run(&mut *stepper, &mut ode, 0.0, &[0.0], 10.0, None);
     assert!(run.accepted > 20);
-    assert_eq!(ode.linearizations, 1);
+    let (first, longest) = (run.steps[0], run.steps.iter().fold(0.0f64, |m, h| m.max(*h)));
+    let decades = (longest / first).log10().ceil() as u64;
+    assert!(ode.linearizations <= decades.max(1), "{} in {decades}", ode.linearizations);
     assert!(ode.factorizations < run.accepted, "{} of {}", ode.factorizations, run.accepted);
 }
 

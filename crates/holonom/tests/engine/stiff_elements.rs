@@ -117,6 +117,24 @@ fn bushings_keep_the_tolerance() {
     table.finish();
 }
 
+#[test] // independent truth: minimal coordinates, Radau IIA
+fn the_matrix_of_a_transient_is_not_believed_after_it() {
+    let mut table = Table::new("nearly rigid bushings off the slow manifold");
+    // 0.1 m/s is stopped within 1e-11 s, at 1e10 m/s².
+    for (k, seconds) in [(1e11, 0.1), (1e12, 1e-3)] {
+        let case = bushed(&Stiffness { k, seconds, on: false }, Swinging);
+        let case = Case { max_steps: 6000, ..case };
+        for code in implicit() {
+            for tolerance in [1e-3, 1e-4] {
+                let run = measure(&case, DEFAULT, code, tolerance);
+                let line = format!("{} {tolerance:.0e}", line("bushing", DEFAULT, code));
+                table.run(&line, &format!("{k:.0e}"), &run, bounds(code, false));
+            }
+        }
+    }
+    table.finish();
+}
+
 #[test] // independent truth: Lagrange's equations in six coordinates, Radau IIA
 fn hinges_of_two_bushings_keep_the_tolerance() {
     let mut table = Table::new("hinges of two bushings");

@@ -58,6 +58,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for count in 1..=MAX_CORRECTIONS {
             self.evaluate_residual(parametrization, t, p, q);
             let residual = self.rows.iter().fold(0.0f64, |m, x| keep_larger(m, x.abs()));
+            // Residuals are differences of places in the ground.
+            let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+            let is_round_off = |residual: f64| residual <= 64.0 * f64::EPSILON * place;
+            if count == 1 && predicted <= noise && is_round_off(residual) {
+                // Closed where it stands. Next to a dead point a correction would be noise.
+                return Ok(0);
+            }
             let size = self.correct(x);
             for edge in self.edges.iter().filter(|edge| edge.depends) {
                 relatives.place_edge(system.as_ref(), edge.at, x, q);
@@ -69,9 +76,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             // Or the next one would be.
             let ends = size <= noise || (count > 1 && 4.0 * rate * size <= noise);
             let stalls = count > 1 && rate > CONTRACTION_LIMIT;
-            // Residuals are differences of places in the ground.
-            let place = || q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
-            let is_round_off = |residual: f64| residual <= 64.0 * f64::EPSILON * place();
             let is_noise =
                 || before <= 1e3 * noise || (size <= NOISY_CORRECTION && is_round_off(residual));
             if ends || (stalls && is_noise()) {

@@ -70,6 +70,13 @@ impl Manifold {
             if exact {
                 return Ok(());
             }
+            if predicted <= noise {
+                self.system.position_constraints(t, q, &mut self.phi);
+                if self.residual_is_noise(q) {
+                    // Closed where it stands. Next to a dead point a correction would be noise.
+                    return Ok(());
+                }
+            }
         }
         let mut before = f64::INFINITY;
         let mut fresh = false;
