@@ -215,7 +215,9 @@ mod tests {
         // Round-off of 1e-12 of the state: noise of evaluations up to 1e-7.
         let kept = |corrections: [f64; 2]| {
             let mut monitor = NewtonMonitor::start(NewtonControl::default(), f64::INFINITY, 1e-12);
-            corrections.map(|correction| monitor.observe(correction));
+            for correction in corrections {
+                monitor.observe(correction);
+            }
             (monitor.eta(), monitor.contraction())
         };
         assert_eq!(kept([1.0, 1e-9]), kept([1.0, 9e-8]));
