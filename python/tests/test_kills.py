@@ -24,7 +24,7 @@ import holonom
 from holonom.result import Result
 from holonom.store import layout
 
-END, INTERVAL = 400.0, 0.05
+END, INTERVAL = 2000.0, 0.05
 STATE = ("time", "q", "qd", "qdd", "lambda", "rod.position", "pin.force", "energy.total")
 
 _RUN = """
@@ -242,8 +242,8 @@ model.simulate(start=state, output=sys.argv[2], progress=progress, **options)
 """
 
 
-def _going_on(model_file: Path, path: Path) -> list[str]:
-    return [sys.executable, "-c", _GO_ON, str(model_file), str(path), str(END), str(INTERVAL)]
+def _going_on(model_file: Path, path: Path, end: float = END) -> list[str]:
+    return [sys.executable, "-c", _GO_ON, str(model_file), str(path), str(end), str(INTERVAL)]
 
 
 def _kill_later(model_file: Path, path: Path, moment: float) -> None:
@@ -273,7 +273,7 @@ def test_a_run_is_interrupted_and_goes_on(
 ) -> None:
     path, options = tmp_path / "rod.holonom", {"end_time": END, "interval": INTERVAL}
     model = holonom.Model.load(model_file)
-    for moment in (5.0, 150.0):  # before and after the first checkpoint, on machines of today
+    for moment in (5.0, 750.0):  # before and after the first checkpoint, on machines of today
         _interrupted(model, path, moment, **options)
         with Result.load(path) as stopped:
             state, last = stopped.state(), stopped.time[-1]
@@ -291,13 +291,16 @@ def test_a_part_of_a_result_is_killed_and_goes_on(model_file: Path, tmp_path: Pa
         model.simulate(output=file, end_time=5.0, interval=INTERVAL, threads=1).close()
     with Result.load(truth) as result:
         first = result.time.size
-    subprocess.run(_going_on(model_file, truth), check=True, stdout=subprocess.DEVNULL)
-    killed = subprocess.run([*_going_on(model_file, path), "250"], stdout=subprocess.DEVNULL)
+    end = 4 * END  # long enough for many calls of `progress`, which come by the clock
+    going_on = _going_on(model_file, truth, end)
+    subprocess.run(going_on, check=True, stdout=subprocess.DEVNULL)
+    going_on = _going_on(model_file, path, end)
+    killed = subprocess.run([*going_on, "250"], stdout=subprocess.DEVNULL)
     assert killed.returncode == -signal.SIGKILL
     with Result.load(path) as result:
         assert result.status == "killed"
         assert result.time.size > first
-    subprocess.run(_going_on(model_file, path), check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(going_on, check=True, stdout=subprocess.DEVNULL)
     with Result.load(path) as result, Result.load(truth) as expected:
         for name in STATE:
             assert result[name].tobytes() == expected[name].tobytes(), name
