@@ -25,8 +25,8 @@ class CheckReport:
         ``coordinate``, ``rate``, ``unit``), ``initial_residuals``, ``spectrum`` (1/s, real and
         imaginary parts; only the fastest of large models, ``spectrum_is_complete`` tells), ``tree``
         (edges of the spanning forest with their relative coordinates and the role of each),
-        ``accelerations`` (``solver``, whether it is ``stated`` by the model, predicted
-        ``operations`` of each solver, ``refusal`` where one cannot be).
+        ``end_time`` (s, of the file), ``accelerations`` (``solver``, whether it is ``stated`` by
+        the model, predicted ``operations`` of each solver, ``refusal`` where one cannot be).
     warnings : list of dict
         ``code``, ``message``, ``path``.
     """
@@ -100,6 +100,8 @@ class CheckReport:
         redundant = [f"{entry['joint']}: {entry['direction']}" for entry in self.redundant]
         facts.append(("redundant constraints", str(len(redundant)) if redundant else "none"))
         facts += [("", entry) for entry in redundant]
+        if "end_time" in data and data["end_time"] is None:
+            facts.append(("end time", "not stated: a run has to be given one"))
         facts += [("moved by assembly", plain(entry)) for entry in data.get("adjustments") or []]
         if residuals := data.get("initial_residuals"):
             facts.append(("initial residuals", plain(residuals)))

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 
 from holonom.base import files
 from holonom.base.errors import UsageError
+from holonom.base.names import did_you_mean, nearest
+from holonom.base.text import quoted
 
 if TYPE_CHECKING:
     import pandas as pd  # type: ignore[import-untyped]
@@ -218,8 +220,12 @@ def format_of(path: Path | None, stated: str | None) -> str:
     endings = {ending: kind for kind, (ending, _) in FORMATS.items()}
     known = ", ".join(f"{kind} ({ending})" for ending, kind in endings.items())
     if stated is not None and stated not in FORMATS:
-        raise UsageError(f"there is no format `{stated}`\n  help: known are {known}")
-    ending = "" if path is None or str(path) == "-" else path.suffix.lower()
+        near = nearest(stated, FORMATS, {kind: ending[1:] for kind, (ending, _) in FORMATS.items()})
+        raise UsageError(
+            f"there is no format {quoted(stated)}",
+            help=did_you_mean(near, f"known are {known}"),
+        )
+    ending = "" if path is None or str(path) == "-" else files.ending_of(path)
     told = endings.get(ending)
     if stated is None:
         if ending and told is None:

@@ -15,7 +15,7 @@ from holonom import _core
 from holonom.base.errors import UsageError
 from holonom.base.names import METHODS, TOLERANCES, did_you_mean, listed, nearest
 from holonom.base.names import OPTIONS as WORDS_OF_OTHERS
-from holonom.base.text import quoted
+from holonom.base.text import is_unicode, quoted
 
 #: Largest count: whole numbers up to here are exact as numbers of any file.
 MOST = 2.0**53
@@ -183,7 +183,7 @@ class Options:
     def __post_init__(self) -> None:
         # Each by itself was checked before: see `_checked`.
         if self.method is not None:
-            _require_method(self.method, self.formula)
+            require_method(self.method, self.formula)
         if self.output_times is not None and self.interval is not None:
             raise UsageError(
                 "both `interval` and `output_times` are given", help="leave one of them out"
@@ -199,14 +199,23 @@ class Options:
             )
 
     @classmethod
-    def of(cls, choices: Mapping[str, Any]) -> Options:
+    def of(cls, choices: Mapping[str, Any], beside: Iterable[str] = ()) -> Options:
         """Return options by name; a name that is none is refused with the nearest.
+
+        Parameters
+        ----------
+        choices : mapping
+        beside : iterable of str
+            What the caller takes beside options, which may have been meant, too.
 
         Raises
         ------
         UsageError
             If there is no such option, or its value cannot be used.
         """
+        for name in choices:
+            if name not in _KINDS:
+                raise _unknown_option(name, beside)
         return cls(**choices)
 
     def to_dict(self) -> dict[str, Any]:
@@ -240,8 +249,8 @@ def _checked(made: Callable[..., None]) -> Callable[..., None]:
 Options.__init__ = _checked(Options.__init__)  # type: ignore[method-assign]
 
 
-def _unknown_option(name: str) -> UsageError:
-    known = Options.__dataclass_fields__
+def _unknown_option(name: str, beside: Iterable[str] = ()) -> UsageError:
+    known = [*_KINDS, *beside]
     near = did_you_mean(nearest(name, known, WORDS_OF_OTHERS), f"there are {listed(known)}")
     return UsageError(f"there is no option {quoted(name)}", help=near)
 
@@ -291,13 +300,25 @@ def unknown_method(method: object, formula: object = None) -> UsageError:
     return UsageError(f"there is no method {asked}", "simulation/unknown-method", tip)
 
 
-def _require_method(method: str, formula: str | None) -> None:
+def require_method(method: str, formula: str | None) -> None:
+    """Refuse a code, or a pair of family and formula, that there is none of.
+
+    Raises
+    ------
+    UsageError
+    """
     for code in _methods():
         if method == code["name"] and formula in (None, code["formula"]):
             return
         if method == code["family"] and formula in (None, code["formula"], code["name"]):
             return
     raise unknown_method(method, formula)
+
+
+def require_known_code(defaults: Mapping[str, Any]) -> None:
+    """Refuse the code that a model file asks for, if there is none of its name."""
+    if method := defaults.get("method"):
+        require_method(method, defaults.get("formula"))
 
 
 def _parts(stated: Mapping[str, float]) -> dict[str, float]:
@@ -378,7 +399,13 @@ def _require_names(name: str, values: Any) -> tuple[str, ...]:
         raise UsageError(f"`{name}` is one text", help="pass a list of channel names")
     if not isinstance(values, Iterable) or not all(isinstance(entry, str) for entry in values):
         raise UsageError(f"`{name}` is {quoted(repr(values))}", help="pass a list of channel names")
-    return tuple(map(str, values))
+    names = tuple(map(str, values))
+    for i, entry in enumerate(names):
+        if not is_unicode(entry):
+            raise UsageError(
+                f"`{name}[{i}]`, {quoted(entry)}, holds half a character", help="take valid text"
+            )
+    return names
 
 
 def _require_text(name: str, value: object) -> str:

@@ -37,7 +37,7 @@ STATUS = {
 def summarize(result: Result) -> list[tuple[str, str]]:
     """Return labels and texts: what was run, how, and how well it went."""
     facts = [("model", _model(result)), ("status", _status(result)), ("method", _method(result))]
-    facts += [("items", items(result.items))]
+    facts += [("items", items(result.written_out))]
     facts += _sizes(result)
     facts += [("outputs", _outputs(result))]
     facts += _steps(result)
@@ -125,8 +125,29 @@ def _steps(result: Result) -> list[tuple[str, str]]:
 
 
 def _limits(result: Result) -> list[tuple[str, str]]:
-    text = limits(result.meta.get("limited_by") or {})
-    return [("limited by", text)] if text else []
+    parts = _choices_that_limit(result)
+    stiff = result.statistics.get("stiff_steps") or 0
+    if stiff and any(w.get("code") == "simulation/stiff" for w in result.warnings):
+        parts.append(f"stability, not accuracy, held the explicit code in {stiff} steps")
+    elif text := limits(result.meta.get("limited_by") or {}):
+        parts.append(text)
+    return [("limited by", "; ".join(parts))] if parts else []
+
+
+#: Part of `max_step` that steps have on average where that is what limits them.
+_MOST = 0.9
+
+
+def _choices_that_limit(result: Result) -> list[str]:
+    """Return what was chosen of the steps' sizes, where that decided them."""
+    options = result.meta.get("options") or {}
+    if options.get("fixed_step"):
+        return [f"`fixed_step`: every step has {options['fixed_step']:g} s"]
+    largest = options.get("max_step")
+    means = [row[-1] for row in result.step_totals if row[0]]
+    if largest and means and means[0] >= _MOST * largest:
+        return [f"`max_step`: steps have {means[0] / largest:.0%} of it on average"]
+    return []
 
 
 def limits(found: Mapping[str, Any]) -> str:

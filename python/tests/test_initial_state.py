@@ -57,3 +57,22 @@ def test_a_summary_says_what_limited_the_steps() -> None:
     assert limited["coordinate"] in {"hinge.angle", "rail.displacement"}
     assert 0 < limited["steps"] <= limited["of"] <= result.statistics.steps
     assert limited["coordinate"] in dict(summarize(result))["limited by"]
+
+
+def test_the_summary_names_choices_and_stability_that_limited_the_steps() -> None:
+    moving = model("[initial.joints]\nhinge = { angular_velocity = 3.0 }\n")
+    told = dict(summarize(moving.simulate(end_time=0.5, max_step=0.001)))
+    assert told["limited by"].startswith("`max_step`")
+    told = dict(summarize(moving.simulate(end_time=0.5, fixed_step=0.01)))
+    assert told["limited by"] == "`fixed_step`: every step has 0.01 s"
+    # Its eigenvalue of -1e5 1/s lets DOPRI5 make steps of 3.3e-5 s.
+    stiff = holonom.Model.library("stiff_slider").simulate(end_time=0.1, method="DOPRI5")
+    assert stiff.statistics.steps > 2900
+    assert [w["code"] for w in stiff.warnings] == ["simulation/stiff"]
+    assert dict(summarize(stiff))["limited by"].startswith("stability")
+
+
+def test_a_check_says_that_a_run_needs_an_end() -> None:
+    text = ARM.replace("UNITS", "").replace("end_time = 0.1", "")
+    assert "end time" in str(holonom.Model.from_text(text).check())
+    assert "end time" not in str(model("").check())

@@ -96,6 +96,29 @@ def test_models_and_results_can_be_pickled_and_copied(tmp_path: Path) -> None:
             assert other.statistics.steps == result.statistics.steps
 
 
+def test_a_model_that_was_pickled_does_not_replace_what_it_extends(tmp_path: Path) -> None:
+    (tmp_path / "base.toml").write_text(PENDULUM)
+    (tmp_path / "model.toml").write_text('holonom = 1\nextends = "base.toml"\n')
+    again = pickle.loads(pickle.dumps(holonom.Model.load(tmp_path / "model.toml")))
+    with pytest.raises(holonom.FileError, match="extends"):
+        again.save(tmp_path / "base.toml")
+    assert (tmp_path / "base.toml").read_text() == PENDULUM
+
+
+def test_another_run_in_the_file_of_a_pickled_result_is_told(tmp_path: Path) -> None:
+    model, path = holonom.Model.from_text(PENDULUM), tmp_path / "x.holonom"
+    with model.simulate(end_time=0.2, output=path) as result:
+        data = pickle.dumps(result)
+    # A run that went on is the same run.
+    with model.simulate(start=pickle.loads(data).state(), end_time=0.3, output=path) as longer:
+        assert longer.path == path
+    assert pickle.loads(data).time[-1] == 0.3
+    model.simulate(end_time=0.1, output=path).close()
+    with pytest.raises(holonom.FileError) as caught:
+        pickle.loads(data)
+    assert caught.value.code == "result/replaced"
+
+
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*/model.toml")), ids=lambda p: p.parent.name)
 def test_a_model_that_is_saved_or_plain_data_is_the_same(path: Path, tmp_path: Path) -> None:
     model = holonom.Model.load(path)
@@ -109,6 +132,7 @@ def test_a_model_that_is_saved_or_plain_data_is_the_same(path: Path, tmp_path: P
     with pytest.raises(holonom.FileError, match="not overwritten"):
         model.save(other)
     assert other.read_text() == "a = 1\n"
+    assert holonom.Model.load(model.save(other, force=True)).hash == model.hash
 
 
 def test_items_of_a_model_are_read_only_views() -> None:
@@ -118,6 +142,8 @@ def test_items_of_a_model_are_read_only_views() -> None:
     assert dict(model.forces) == {}
     with pytest.raises(TypeError):
         model.bodies["rod"]["mass"] = 3.0  # type: ignore[index]
+    with pytest.raises(KeyError, match="did you mean `rod`"):
+        model.bodies["rdo"]
     assert "<caption>Rod on a pin (planar)</caption>" in model._repr_html_()
 
 

@@ -150,6 +150,17 @@ def test_a_pipe_that_closes_ends_the_command_quietly(vehicle: Path) -> None:
     assert process.wait(timeout=60) == 141
 
 
+@pytest.mark.parametrize("line", [["--help"], ["check", "--help"], []])
+def test_help_whose_reader_has_gone_ends_quietly(line: list[str]) -> None:
+    process = start(*line)
+    for stream in (process.stdout, process.stderr):
+        assert stream is not None
+    process.stdout.close()  # type: ignore[union-attr]
+    assert process.stderr.read() == ""  # type: ignore[union-attr]
+    process.stderr.close()  # type: ignore[union-attr]
+    assert process.wait(timeout=60) == 141
+
+
 @pytest.mark.parametrize(
     ("arguments", "status", "said"),
     [

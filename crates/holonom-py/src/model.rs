@@ -5,11 +5,11 @@ use crate::state::{Rows, foreign, rows};
 use crate::watched::watched;
 use crate::{ModelError, SimulationError, dense, geometry, report, state};
 use holonom::analysis::spectrum;
-use holonom::error::{Diagnostic, EvaluationFailure, ModelErrors};
+use holonom::error::{Diagnostic, ModelErrors};
 use holonom::io::{Document, Syntax};
-use holonom::reduction::assembly::AssemblyError;
 use holonom::simulation::{
-    Checkpoint, Choices, DenseOutput, Options, Problem, RunError, check_run, resume, run,
+    Checkpoint, Choices, DenseOutput, Options, Problem, RunError, RunWarning, check_run, resume,
+    run,
 };
 use holonom::system::Sample;
 use holonom::watch::unwatched;
@@ -185,12 +185,18 @@ impl CoreModel {
         let work = || {
             let mut options = Choices::of_file(problem.model())?;
             options.channels.clear(); // of patterns too; they were checked when the file was read
-            let warnings = check_run(problem, &options)?;
+            let mut warnings = check_run(problem, &options)?;
             let assembled = problem.assemble()?;
-            let values = spectrum.then(|| self::spectrum(assembled)).transpose().map_err(|e| {
-                let failure = EvaluationFailure::new("simulation/spectrum", e.to_string());
-                RunError::Assembly(AssemblyError::Evaluation(failure))
-            })?;
+            let values = spectrum.then(|| self::spectrum(assembled)).transpose();
+            let values = values.unwrap_or_else(|why| {
+                warnings.push(RunWarning {
+                    code: "simulation/spectrum",
+                    message: format!(
+                        "the eigenvalues of the motion linearized at the initial state cannot be computed: {why}"
+                    ),
+                });
+                None
+            });
             let summary = problem.summary(assembled);
             Ok(report::check(problem, assembled, &summary, values, &warnings))
         };

@@ -95,6 +95,8 @@ pub(crate) fn defaults(model: &Model) -> String {
         },
         "start_time": file.start_time.unwrap_or(0.0),
         "end_time": file.end_time,
+        "method": file.method,
+        "formula": file.formula,
         "tolerance": {
             "relative": tolerance.relative,
             "translation": tolerance.translation,
@@ -151,6 +153,7 @@ pub(crate) fn check(
         "joint_coordinates": summary.joint_coordinates.map(|[coordinates, rows, entries]| {
             json!({"coordinates": coordinates, "rows": rows, "factor_entries": entries})
         }),
+        "end_time": model.simulation.end_time,
         "adjustments": adjustments,
         "chosen_velocities": chosen_velocities(problem),
         "warnings": run_warnings(warnings),

@@ -137,7 +137,8 @@ class FileError(HolonomError, OSError):
     Attributes
     ----------
     code : str
-        ``file/unusable``, ``file/protected``, ``result/busy`` or ``result/damaged``.
+        ``file/unusable``, ``file/protected``, ``result/busy``, ``result/damaged`` or
+        ``result/replaced``.
     """
 
     exit_code = Exit.FILES

@@ -188,8 +188,22 @@ def require_target(
     return real
 
 
+def found(path: Path) -> os.stat_result | None:
+    """Return what the system tells of a file, or None where there is none, also by its name."""
+    try:
+        return path.stat()
+    except (OSError, ValueError):
+        return None
+
+
+def ending_of(path: Path) -> str:
+    """Return by what other programs know a file, ``.csv``; that of ``.csv`` and ``x.`` too."""
+    _, dot, ending = path.name.rpartition(".")
+    return (dot + ending).lower() if dot else ""
+
+
 def _require_ending(path: Path, kind: Kind) -> None:
-    ending = path.suffix.lower()
+    ending = ending_of(path)
     if ending in kind.endings or ending not in _PROMISES.split():
         return
     raise UsageError(

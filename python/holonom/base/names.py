@@ -19,7 +19,7 @@ OPTIONS = {
     "output_times": "t_eval teval times tspan t_span time_points tlist",
     "channels": "channel outputs output_channels signals variables quantities observables sensors",
     "fixed_step": "dt h step step_size stepsize time_step timestep delta_t hfix",
-    "max_step": "hmax h_max dtmax dt_max maxstep max_dt largest_step",
+    "max_step": "hmax h_max dtmax dt_max maxstep max_dt largest_step max_step_size maximum_step",
     "initial_step": "h0 hini dt0 first_step initial_dt h_init",
     "max_steps": "nsteps n_steps mxstep maxsteps max_iter maxiter num_steps max_num_steps",
     "max_seconds": "timeout time_limit wall_time walltime max_time cpu_limit",
@@ -30,7 +30,7 @@ OPTIONS = {
     "newmark_gamma": "gamma",
     "newmark_beta": "beta",
     "certify": "verify estimate_error",
-    "output": "file filename path outfile result save save_as",
+    "output": "file filename path outfile out result save save_as to target",
     "start": "x0 y0 initial_state initial restart",
     "parametrization": "coordinates",
 }

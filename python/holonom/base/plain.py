@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from holonom.base.errors import FileError, ModelError, Problem, UsageError
-from holonom.base.text import quoted
+from holonom.base.text import is_unicode, quoted
 
 #: Deepest nesting of a value; the core states the same limit for files.
 MAX_DEPTH = 64
@@ -42,6 +43,13 @@ def as_path(path: str | Path) -> Path:
         ) from None
     if "\0" in str(found):
         raise FileError(f"{quoted(found)} holds a NUL, which no file name can", help="leave it out")
+    try:
+        os.fsencode(found)
+    except UnicodeEncodeError:
+        raise FileError(
+            f"{quoted(found)} holds what no file name can: half of a character",
+            help="leave it out",
+        ) from None
     return found
 
 
@@ -67,11 +75,9 @@ def plain(value: Any, path: str, depth: int = 0) -> Any:
             raise refused("model/not-finite", "holds a number that is not finite", tip)
         return value
     if isinstance(value, str):
-        try:
-            value.encode()
-        except UnicodeEncodeError:
+        if not is_unicode(value):
             tip = "take valid Unicode text"
-            raise refused("model/unusable-value", "holds half a character", tip) from None
+            raise refused("model/unusable-value", "holds half a character", tip)
         return value
     if isinstance(value, Mapping):
         return {

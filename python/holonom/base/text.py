@@ -46,6 +46,15 @@ def as_json(data: Any) -> str:
     return text if safe else json.dumps(data, indent=2, default=str)
 
 
+def is_unicode(text: str) -> bool:
+    """Return whether a text can be written in any file: it holds no half of a character."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def as_text(name: str) -> str:
     """Return a file name as valid text, from which `as_name` gets the name back."""
     return "".join(chr(ord(c) + 0x10FF80 - 0xDC80) if _is_byte(c) else c for c in name)

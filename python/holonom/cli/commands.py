@@ -79,6 +79,10 @@ def invoke(arguments: Sequence[str], received: Sequence[int] = ()) -> int:
         return fail(Exit.USAGE, {"code": "usage/command-line", "message": shown(text)}, line)
     except BrokenPipeError:  # who reads has had enough, as `head`: nothing is wrong
         return Exit.PIPE
+    except SystemExit as error:  # what the library of the command line makes of it in help
+        if isinstance(error.__context__, BrokenPipeError):
+            return Exit.PIPE
+        raise
     except OSError as error:
         if error.filename:
             found = files.unusable(Path(os.fsdecode(error.filename)), error)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
@@ -64,12 +65,20 @@ def _whole(word: Any, flag: str) -> int:
     return int(number)
 
 
+def _path(word: Any, flag: str) -> Path:
+    # Paths forget a slash at the end, by which a file would be made in place of a folder.
+    if str(word).endswith(os.sep) and not os.path.isdir(word):  # noqa: PTH112 - before it is a path
+        text = f"`{flag} {quoted(word)[1:]}" if flag else quoted(word)
+        raise UsageError(f"{text} names a folder that is not there", help="name a file")
+    return Path(word)
+
+
 _READERS: dict[Any, Callable[[Any, str], Any]] = {
     bool: lambda word, _: word,
     float: _number,
     int: _whole,
     str: lambda word, _: word,
-    Path: lambda word, _: Path(word),
+    Path: _path,
 }
 
 

@@ -21,8 +21,8 @@ from holonom.base.plain import as_path, plain, require_callable, require_text
 from holonom.base.text import quoted, shown
 from holonom.check import CheckReport
 from holonom.model import reading
-from holonom.model.compiled import Compiled
-from holonom.options import Options
+from holonom.model.compiled import KINDS, Compiled
+from holonom.options import Options, require_known_code
 
 if TYPE_CHECKING:
     import numpy as np
@@ -119,20 +119,29 @@ class Model(Compiled):
             )
         return cls.from_text(json.dumps(plain(data, "")), "json", name)
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the merged model, TOML or (with the ending ``.json``) JSON; return the path.
 
         A model that is there is replaced, in one move.
+
+        Parameters
+        ----------
+        path : path
+        force : bool
+            Whether a file that is no model may be replaced, and a name promise something else.
 
         Raises
         ------
         FileError
             If it cannot be written, something else than a model is there, or one that it extends.
+        UsageError
+            If a new name promises another kind of file.
         """
         path = as_path(path)
-        is_json = path.suffix.lower() == ".json"
+        is_json = files.ending_of(path) == ".json"
         text = json.dumps(self.to_dict(), indent=2) if is_json else toml.written(self.to_dict())
-        if path.exists():
+        known = False
+        if files.found(path) is not None:
             for source in self._sources[1:]:
                 if files.same_file(path, source):
                     raise FileError(
@@ -142,14 +151,15 @@ class Model(Compiled):
                     )
             try:
                 Model.load(path)
+                known = True
             except ModelError:
-                raise FileError(
-                    f"{path} is there and is no model; it is not overwritten",
-                    "take another name",
-                    code="file/protected",
-                ) from None
-        # What is there is a model, or nothing.
-        return files.write_text(path, "model", text, force=path.exists())
+                if not force:
+                    raise FileError(
+                        f"{path} is there and is no model; it is not overwritten",
+                        "take another name, or `force=True`",
+                        code="file/protected",
+                    ) from None
+        return files.write_text(path, "model", text, force=force or known)
 
     @property
     def sources(self) -> tuple[Path, ...]:
@@ -225,6 +235,7 @@ class Model(Compiled):
             If a choice of the file cannot be used.
         """
         require_callable("watch", watch)
+        require_known_code(self.defaults)
         with translated():
             data = json.loads(self._core.check(bool(spectrum), watch))
         warnings = [*self.warnings, *data.pop("warnings")]
@@ -308,7 +319,9 @@ class Model(Compiled):
         for name, flag in (("certify", certify), ("keep", keep), ("force", force)):
             if not isinstance(flag, bool):
                 raise UsageError(f"`{name}` is {quoted(repr(flag))}", help="it is True or False")
-        options = Options.of(choices)
+        if choices.get("method") is None:
+            require_known_code(self.defaults)
+        options = Options.of(choices, beside=Model.simulate.__kwdefaults__ or ())
         target = None if output is None else as_path(output)
         return run(
             self,
@@ -326,7 +339,8 @@ class Model(Compiled):
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Model.from_text, (self.to_json(), "json", self.name)
+        sources = [source.absolute() for source in self._sources]
+        return _restored, (self.to_json(), self.name, sources)
 
     def __copy__(self) -> Model:
         return self  # a model never changes
@@ -338,7 +352,7 @@ class Model(Compiled):
         rows = "".join(
             f"<tr><th>{kind}</th><td>{len(self._items(kind))}</td>"
             f"<td>{html.escape(shown(', '.join(list(self._items(kind))[:12])))}</td></tr>"
-            for kind in ("bodies", "joints", "forces", "drivers", "parameters")
+            for kind in KINDS
             if self._items(kind)
         )
         title = html.escape(shown(f"{self.title} ({self.defaults.get('dimension')})"))
@@ -346,3 +360,9 @@ class Model(Compiled):
 
     def __repr__(self) -> str:
         return f"<holonom.Model {self.name!r}, {self.defaults.get('dimension')}, {self.hash[:12]}>"
+
+
+def _restored(text: str, name: str, sources: Iterable[Path]) -> Model:
+    """Make a model again that was pickled; no run of it replaces a file that it was read from."""
+    core = reading.read_text(text, "json", name)
+    return Model(core, name, sources)

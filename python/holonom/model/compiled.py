@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from holonom import _core
 from holonom.base.errors import UsageError, translated
 from holonom.base.names import did_you_mean, nearest_channels
 from holonom.base.plain import frozen
+from holonom.base.record import Record
 from holonom.base.text import quoted
 from holonom.channels import expand, is_pattern, require_name, split_component, unknown
 from holonom.store.layout import Quantity
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 #: Beginnings of the names of channels that every run stores.
 DIAGNOSTICS = ("energy.", "constraint.")
+
+#: Kinds of items of a model.
+KINDS = ("bodies", "joints", "forces", "drivers", "parameters")
 
 
 class Compiled:
@@ -40,13 +43,13 @@ class Compiled:
         self._text: str | None = None
         self._hash: str | None = None
         self._warnings: str | None = None
-        self._tree: Mapping[str, Any] | None = None
+        self._tree: dict[str, Record] | None = None
         self._geometry: dict[str, Any] | None = None
         self.name = name
 
     @property
     def bodies(self) -> Mapping[str, Any]:
-        """Bodies by name, as the file states them, patterns written out; read-only."""
+        """Bodies by name as the file states them, in SI and patterns written out; read-only."""
         return self._items("bodies")
 
     @property
@@ -71,9 +74,9 @@ class Compiled:
 
     def _items(self, kind: str) -> Mapping[str, Any]:
         if self._tree is None:
-            self._tree = frozen(json.loads(self.to_json(plain=True)))
-        found: Mapping[str, Any] = self._tree.get(kind, MappingProxyType({}))
-        return found
+            tree = json.loads(self.to_json(plain=True))
+            self._tree = {key: Record(frozen(tree.get(key, {}))) for key in KINDS}
+        return self._tree[kind]
 
     @property
     def title(self) -> str:

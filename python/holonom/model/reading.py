@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
@@ -60,6 +61,7 @@ def read_text(text: str, syntax: str, name: str) -> _core.CoreModel:
         )
     if not isinstance(name, str):
         raise UsageError(f"`name` is {quoted(repr(name))}", help="pass a text")
+    require_text(name, "the name of the model")
     if syntax not in ("toml", "json"):
         raise UsageError(
             f"`syntax` is {quoted(syntax)}", help='it is "toml" or "json", without a dot'
@@ -85,18 +87,19 @@ def read_text(text: str, syntax: str, name: str) -> _core.CoreModel:
 
 
 def _read(path: Path) -> str:
-    if path.is_dir():
+    there = files.found(path)
+    if there is not None and stat.S_ISDIR(there.st_mode):
         meant = path / "model.toml"
         tip = f"did you mean {meant}?" if meant.is_file() else "name the model file in it"
         raise FileError(f"{path} is a folder, not a model file", tip)
-    if path.exists() and not path.is_file():
+    if there is not None and not stat.S_ISREG(there.st_mode):
         raise FileError(f"{path} is not a regular file", "save the model in a file first")
     try:
-        if path.stat().st_size > MAX_FILE_SIZE:
+        if there is not None and there.st_size > MAX_FILE_SIZE:
             raise ModelError(
                 Problem(
                     code="model/too-large",
-                    message=f"the file has {path.stat().st_size} bytes",
+                    message=f"the file has {there.st_size} bytes",
                     file=str(path),
                     expected=f"at most {MAX_FILE_SIZE} bytes",
                     help="repeat items by [patterns], or look whether this is a model at all",

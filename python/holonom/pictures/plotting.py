@@ -61,7 +61,7 @@ def require_format(path: Path) -> str:
     UsageError
         If it is not known, or needs matplotlib, which is not installed.
     """
-    kind = path.suffix.lower().removeprefix(".")
+    kind = files.ending_of(path).removeprefix(".")
     if kind not in FORMATS:
         ending = f"there are no pictures as {quoted(path.suffix)}" if kind else "it has no ending"
         endings = listed(f".{known}" for known in FORMATS)

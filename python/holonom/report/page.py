@@ -148,7 +148,7 @@ def _names(result: Result) -> tuple[list[str], str]:
     names = result.requested
     if names or not result.time.size:
         return names, ""
-    bodies = [f"{body}.position" for body in result.items.get("bodies", {})]
+    bodies = [f"{body}.position" for body in result.written_out.get("bodies", {})]
     names = [name for name in bodies if name in result][:BODIES_DRAWN]
     note = "The run was asked for no channels; these are bodies of the model."
     return names, f'<p class="note">{note}</p>' if names else ""

@@ -17,10 +17,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from holonom.base import files
-from holonom.base.errors import UsageError
+from holonom.base.errors import FileError, UsageError
 from holonom.base.plain import as_path
 from holonom.base.text import quoted, shown
 from holonom.pictures import runs as pictures
@@ -102,7 +103,8 @@ class Result(Arrays):
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy by the file where there is one, else by its bytes."""
         if self.path is not None:
-            return Result.load, (self.path.absolute(),)
+            known = [str(self.meta.get(key)) for key in _RUN]
+            return _from_file, (self.path.absolute(), known, self.time)
         with tempfile.TemporaryDirectory() as folder:
             return _from_bytes, (self.save(Path(folder) / "result.holonom").read_bytes(),)
 
@@ -479,6 +481,24 @@ class Result(Arrays):
     def __repr__(self) -> str:
         until = f"{self.time[-1]:.6g} s" if self.time.size else "no states"
         return f"<holonom.Result {self.meta.get('name')!r}: {self.status}, {until}>"
+
+
+#: What a run that goes on keeps in the head of its file.
+_RUN = ("model_hash", "started")
+
+
+def _from_file(path: Path, known: list[str], times: NDArray[np.float64]) -> Result:
+    """Open the file of a result that was pickled, if that run is still in it."""
+    result = Result.load(path)
+    same = [str(result.meta.get(key)) for key in _RUN] == known
+    if same and np.array_equal(result.time[: times.size], times, equal_nan=True):
+        return result
+    result.close()
+    raise FileError(
+        f"{path} holds another run than the result that was pickled",
+        "keep results by `--keep` (`keep=True`), or pickle those in memory, which hold their rows",
+        code="result/replaced",
+    )
 
 
 def _from_bytes(data: bytes) -> Result:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Self
+from collections.abc import ItemsView, Iterable, Iterator, Sequence, ValuesView
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,6 +101,20 @@ class Arrays(Facts):
         More names can be asked for: those of ``model.channels``, components, ``q``, ``qd``, ….
         """
         return ["time", *self.channels]
+
+    def values(self) -> ValuesView[NDArray[np.float64]]:
+        """Return the arrays of `keys`; each is read when its turn comes."""
+        return ValuesView(self)
+
+    def items(self) -> ItemsView[str, NDArray[np.float64]]:
+        """Return `keys` with their arrays; each is read when its turn comes."""
+        return ItemsView(self)
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return the array of a name, or `default` where there is none."""
+        if name not in self:
+            return default
+        return self[name]
 
     def _ipython_key_completions_(self) -> list[str]:
         return list(dict.fromkeys([*self.keys(), *self.quantities, *self.model.channels]))
@@ -287,6 +301,7 @@ class Arrays(Facts):
             if is_from_end(whole):
                 tip = FROM_ZERO
             elif is_pattern(whole):
+                expand([name], self.model.channels)  # refuses a pattern that means nothing
                 tip = "a pattern means several: `Result.expand([pattern])` lists them"
             raise unknown(name, tip)
         if index is not None:

@@ -60,7 +60,7 @@ class Facts:
         return self._model
 
     @property
-    def items(self) -> dict[str, Any]:
+    def written_out(self) -> dict[str, Any]:
         """The model as plain data, with what its patterns repeat written out."""
         model: dict[str, Any] = self.meta.get("model", {})
         if "patterns" in model:

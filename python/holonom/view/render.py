@@ -88,7 +88,7 @@ def render(
 
 def kind_of(path: Path) -> str:
     """Return the kind of file that a name asks for."""
-    ending = path.suffix.lower()
+    ending = files.ending_of(path)
     if ending not in FORMATS:
         raise UsageError(
             f"{path} ends in {ending or 'nothing'!r}", help=f"end it in {', '.join(FORMATS)}"

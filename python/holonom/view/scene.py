@@ -81,7 +81,7 @@ def scene(result: Result, channel_bytes: int = CHANNEL_BYTES) -> dict[str, Any]:
         "completed": result.status == "completed",
         "method": str(result.options.get("method", "")),
         "missed": list(knots.error),
-        **mechanism(model, result.items, times[frames], knots.ways()),
+        **mechanism(model, result.written_out, times[frames], knots.ways()),
         "channels": _channels(result, chosen, traces, channel_bytes),
     }
 

@@ -20,14 +20,39 @@ pub(super) fn objection(name: &str) -> Option<String> {
     }
 }
 
-/// The candidate that a misspelled name most likely means.
+/// Words of other programs for fields of a model file; the first that a table knows is meant.
+const WORDS_OF_OTHERS: [(&str, &[&str]); 16] = [
+    ("angular_velocity", &["omega", "w", "rpm", "spin", "rate", "angular_speed"]),
+    ("velocity", &["v", "vel", "speed", "rate"]),
+    ("position", &["pos", "r", "origin", "location", "translation"]),
+    ("angle", &["theta", "phi", "rotation", "rot"]),
+    ("axis_angle", &["orientation", "rotation", "rot"]),
+    ("euler_parameters", &["quaternion", "quat", "orientation"]),
+    ("displacement", &["position", "x", "s", "distance"]),
+    ("center_of_mass", &["com", "cog", "cg", "cm"]),
+    ("inertia", &["j", "i", "moment_of_inertia", "tensor"]),
+    ("mass", &["m"]),
+    ("stiffness", &["k", "spring_constant", "rate"]),
+    ("damping", &["c", "d", "b", "damper", "viscosity"]),
+    ("free_length", &["l0", "rest_length", "natural_length"]),
+    ("tolerance", &["tol", "rtol", "atol", "eps", "accuracy"]),
+    ("fixed_step", &["dt", "h", "step", "step_size", "time_step"]),
+    ("end_time", &["tend", "t_end", "tf", "tfinal", "t_final", "duration", "stop_time"]),
+];
+
+/// The candidate that a misspelled name, or one of other programs, most likely means.
 pub(super) fn nearest<'a>(
     name: &str,
     candidates: impl IntoIterator<Item = &'a str>,
 ) -> Option<&'a str> {
     let lower = name.to_lowercase();
     let mut best: Option<(f64, &str)> = None;
+    let words = WORDS_OF_OTHERS.iter().filter(|(_, words)| words.contains(&lower.as_str()));
+    let meant: Vec<&str> = words.map(|(field, _)| *field).collect();
     for candidate in candidates.into_iter().take(COMPARED) {
+        if meant.contains(&candidate) {
+            return Some(candidate);
+        }
         let score = strsim::normalized_damerau_levenshtein(&lower, &candidate.to_lowercase());
         // A name that is part of the other is meant more often than its distance says, if it is no mere letter.
         let part = name.len().min(candidate.len()) > 2
@@ -85,6 +110,9 @@ mod tests {
             ("stifness", Some("stiffness")),
             ("freelength", Some("free_length")),
             ("betwene", Some("between")),
+            ("k", Some("stiffness")),
+            ("L0", Some("free_length")),
+            ("omega", None),
             ("colour", None),
             ("", None),
         ] {

@@ -8,6 +8,9 @@ use crate::method::stepper::{
 };
 
 const STAGES: usize = 7;
+/// h|λ| beyond which steps are unstable where λ is real: a step there is held by stability (Hairer & Wanner,
+/// *Solving Ordinary Differential Equations II*, 2nd ed. (1996), section IV.2).
+const STIFF: f64 = 3.25;
 
 /// An accepted step: start, difference of the ends, and the further terms of dense output.
 #[derive(Debug, Clone)]
@@ -115,6 +118,27 @@ impl ExplicitRungeKuttaStepper {
         }
     }
 
+    /// h|λ| of what is fastest, from the two slopes at the end of a step, and the size that the system has there:
+    /// the smaller one of |Δk|/|Δw| of rates and, as λ², of positions, whose second derivatives k of rates are.
+    fn fastness(&self, h: f64, split: usize) -> f64 {
+        let rates = if split == 0 { 0..self.state.len() } else { split..2 * split };
+        let a = &self.formula.a;
+        let [mut slopes, mut changes, mut positions] = [0.0; 3];
+        let change = |i: usize| {
+            (0..STAGES - 1)
+                .map(|j| (a[STAGES - 1][j] - a[STAGES - 2][j]) * self.k[j][i])
+                .sum::<f64>()
+        };
+        for i in rates {
+            slopes += (self.k[STAGES - 1][i] - self.k[STAGES - 2][i]).powi(2);
+            changes += (h * change(i)).powi(2);
+            positions += (h * change(i.wrapping_sub(split))).powi(2);
+        }
+        let plain = (slopes / changes).sqrt();
+        let second = if split == 0 { plain } else { (slopes / positions).sqrt().sqrt() };
+        h * plain.min(second)
+    }
+
     /// Stores the end of the step and its dense output.
     fn finish(&mut self, h: f64, w: &[f64]) {
         let Segment { start, end, slope, terms } = &mut self.current;
@@ -176,6 +200,13 @@ impl Stepper for ExplicitRungeKuttaStepper {
                 self.finish(h, w);
                 self.history.accept(h, error);
                 report.accept(error, next.min(self.options.max_step));
+                // What may grow is not held by anything.
+                if !self.options.fixed_step
+                    && next < 2.0 * h
+                    && self.fastness(h, ode.second_order_split()) > STIFF
+                {
+                    self.statistics.stiff_steps += 1;
+                }
             }
             Ok((error, StepVerdict::Reject { retry })) => {
                 (report.error, report.next_step) = (error, retry);

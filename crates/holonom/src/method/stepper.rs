@@ -87,7 +87,7 @@ pub struct StepperStatistics {
     pub solves: u64,
     /// Newton iterations.
     pub iterations: u64,
-    /// Steps after which stiffness was suspected (explicit multistep only).
+    /// Steps after which stiffness was suspected (explicit codes only).
     pub stiff_steps: u64,
 }
 

@@ -225,10 +225,14 @@ pub fn assemble(
     let none = InitialBody::default();
     let stated = |b: usize| model.initial.bodies.get(b).unwrap_or(&none);
     for (b, body) in model.bodies.iter().enumerate() {
+        system.set_body(b, &stated_pose(body, &none), &mut state.q, &mut state.v);
+    }
+    let design = state.q.clone();
+    for (b, body) in model.bodies.iter().enumerate() {
         system.set_body(b, &stated_pose(body, stated(b)), &mut state.q, &mut state.v);
     }
     let wanted = state.clone();
-    place(system.as_ref(), model, &mut state);
+    place(system.as_ref(), model, &design, &mut state);
     let (mut state, worst) = closed(system, model, Level::Position, &state)?;
 
     // The Euler-parameter rates follow the projected parameters.

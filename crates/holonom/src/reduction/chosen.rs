@@ -3,7 +3,7 @@
 use super::assembly::Assembled;
 use super::closing::{closed, unknowns};
 use super::stated_joints::Level;
-use crate::model::{Assembly, InitialBody, Model};
+use crate::model::{Assembly, Model};
 use crate::system::{Measure, System};
 use std::sync::Arc;
 
@@ -32,29 +32,23 @@ pub fn chosen_velocities(
     assembled: &Assembled,
 ) -> Vec<ChosenVelocity> {
     let state = &assembled.state;
-    let none = InitialBody::default();
-    let moves = |x: [f64; 3]| x.iter().any(|x| x.abs() > REST);
-    let unstated_moves = (0..model.bodies.len()).any(|b| {
-        let pose = system.body(b, &state.q, &state.v);
-        let own = model.initial.bodies.get(b).unwrap_or(&none);
-        (own.velocity.is_none() && moves(pose.velocity))
-            || (own.angular_velocity.is_none() && moves(pose.angular_velocity))
-    });
-    if !unstated_moves || model.initial.assembly == Assembly::Adjust {
+    let parametrization = assembled.manifold.chart().parametrization();
+    let mut rates = vec![0.0; parametrization.ndof];
+    parametrization.rates(system.as_ref(), &state.q, &state.v, &mut rates);
+    let free = unknowns(system.as_ref(), model, Level::Velocity).free;
+    let rests = rates.iter().all(|rate| rate.abs() <= REST);
+    if rests || free.is_empty() || model.initial.assembly == Assembly::Adjust {
         return Vec::new();
     }
     let mut disturbed = state.clone();
-    for (k, i) in unknowns(system.as_ref(), model, Level::Velocity).free.into_iter().enumerate() {
+    for (k, i) in free.into_iter().enumerate() {
         // Any numbers of which none is a multiple of another by chance.
         disturbed.v[i] += 0.5 + (0.618_033_988_749_895 * k as f64).fract();
     }
     let Ok((disturbed, _)) = closed(system, model, Level::Velocity, &disturbed) else {
         return Vec::new();
     };
-    let parametrization = assembled.manifold.chart().parametrization();
-    let mut rates = vec![0.0; parametrization.ndof];
     let mut others = rates.clone();
-    parametrization.rates(system.as_ref(), &state.q, &state.v, &mut rates);
     parametrization.rates(system.as_ref(), &state.q, &disturbed.v, &mut others);
     (0..parametrization.ndof)
         .filter(|&k| rates[k].abs() > REST && (others[k] - rates[k]).abs() > FOLLOWS)

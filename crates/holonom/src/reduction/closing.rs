@@ -51,7 +51,7 @@ pub(super) fn closed(
                 value,
                 item: model.joints[c.joint].name.clone(),
                 unit: unit(c),
-                row: failed.system.row_name(failed.row),
+                row: failed.told(model, level, &coordinates[..=count]),
                 residual: failed.residual,
                 allowed: PROJECTED,
             });
@@ -204,6 +204,32 @@ impl Attempt {
         // No comparison holds for a residual that is not a number.
         let residual = if residual.is_nan() { f64::INFINITY } else { residual };
         Self { system, state, residual, row, has_stated }
+    }
+
+    /// What the worst row is to the user, who stated the coordinates and no drivers of their names.
+    fn told(&self, model: &Model, level: Level, coordinates: &[&InitialCoordinate]) -> String {
+        let first = self.system.structure().sizes.joint_rows - coordinates.len();
+        let Some(other) = self.row.checked_sub(first).and_then(|k| coordinates.get(k)) else {
+            return self.system.row_name(self.row);
+        };
+        if coordinates.last().is_some_and(|last| !std::ptr::eq(*last, *other)) {
+            let joint = &model.joints[other.joint].name;
+            return format!("the stated {} of joint `{joint}`", other.field);
+        }
+        let is_stated = |body: &usize| {
+            model.initial.bodies.get(*body).is_some_and(|own| match level {
+                Level::Position => own.position.is_some() || own.orientation.is_some(),
+                Level::Velocity => own.velocity.is_some() || own.angular_velocity.is_some(),
+            })
+        };
+        let bodies: Vec<String> = (other.frames.iter().filter_map(|frame| frame.body))
+            .filter(is_stated)
+            .map(|body| format!("body `{}`", model.bodies[body].name))
+            .collect();
+        match bodies.is_empty() {
+            true => "what else is stated".to_owned(),
+            false => format!("what is stated of {}", bodies.join(" and ")),
+        }
     }
 
     /// The state with what is left of the residual removed.

@@ -68,15 +68,18 @@ fn of_edge<'a>(model: &'a Model, edge: &TreeEdge, level: Level) -> Vec<&'a Initi
 }
 
 /// Places bodies along the forest with the stated coordinates of its joints, and those beyond as they
-/// were against their parents; bodies whose own pose is stated stay.
-pub(super) fn place(system: &dyn System, model: &Model, state: &mut State) {
+/// were against their parents in the design configuration; bodies whose own pose is stated stay.
+pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &mut State) {
     let groups = system.relative_groups();
-    let design = state.q.clone();
     let mut moved = vec![false; model.bodies.len()];
     for (at, edge) in system.tree().edges.iter().enumerate() {
         let own = of_edge(model, edge, Level::Position);
         let carried = carries(edge) && edge.parent.is_some_and(|parent| moved[parent]);
-        if stays(model, edge.body) || (own.is_empty() && !carried) {
+        if own.is_empty() && !carried {
+            continue;
+        }
+        moved[edge.body] = true;
+        if stays(model, edge.body) {
             continue;
         }
         let mut x = [0.0; 6];
@@ -85,9 +88,9 @@ pub(super) fn place(system: &dyn System, model: &Model, state: &mut State) {
         let mut first = 0;
         for &group in &edge.forms[0] {
             let info = &groups[group];
-            let reference = system.moved_reference(group, &design, &[0.0; 6]);
+            let reference = system.moved_reference(group, design, &[0.0; 6]);
             let range = first..first + info.rows;
-            system.relative_value(group, &reference, &design, &mut x[range.clone()]);
+            system.relative_value(group, &reference, design, &mut x[range.clone()]);
             wanted[range.clone()].copy_from_slice(&x[range]);
             let kind = match info.kind {
                 RelativeKind::Displacement => Some(DriverKind::Translation),
@@ -104,9 +107,8 @@ pub(super) fn place(system: &dyn System, model: &Model, state: &mut State) {
             references.push(reference);
             first += info.rows;
         }
-        let anchor = Anchor { orientation: system.anchor_orientation(at, 0, &design), x };
+        let anchor = Anchor { orientation: system.anchor_orientation(at, 0, design), x };
         system.place(at, 0, &wanted[..first], &references, &anchor, &mut state.q);
-        moved[edge.body] = true;
     }
 }
 

@@ -44,6 +44,50 @@ fn chosen_velocities_are_told_and_determined_ones_are_not() {
     assert!((chosen[0].rate - rate[0]).abs() < 1e-12 && rate[0].abs() > 0.1, "{chosen:?}");
 }
 
+#[test] // independent truth: rigid turning at 2 rad/s would move the rider at 4 m/s, which nothing says
+fn a_rate_that_follows_from_no_statement_is_told_where_all_bodies_are_said_to_turn() {
+    for stated in [
+        "[initial]\nangular_velocity = 2.0\n",
+        "[initial.bodies]\narm = { angular_velocity = 2.0 }\nrider = { angular_velocity = 2.0 }\n",
+    ] {
+        let found = checked(&format!("{ARM}{stated}")).unwrap();
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!(found[0].contains("`rail.displacement` -4 m/s"), "{found:?}");
+    }
+}
+
+#[test]
+fn stated_values_that_contradict_each_other_are_named() {
+    for (stated, expected) in [
+        (
+            "[initial.joints]\nhinge = { angle = 0.5 }\n[initial.bodies]\narm = { angle = 0.3 }\n",
+            "what is stated of body `arm`",
+        ),
+        (
+            "[initial]\nangular_velocity = 0.0\n[initial.joints]\nhinge = { angular_velocity = 1.0 }\n",
+            "what is stated of body `arm`",
+        ),
+    ] {
+        let error = checked(&format!("{ARM}{stated}")).unwrap_err();
+        assert!(error.contains(expected) && !error.contains("driver"), "{error}");
+    }
+}
+
+#[test] // independent truth: the rail as it was designed, 2 m from the hinge
+fn what_is_beyond_a_stated_joint_is_carried_along_also_where_its_body_says_the_same() {
+    let joint = "[initial.joints]\nhinge = { angle = 0.5 }\n";
+    for stated in [joint.to_owned(), format!("{joint}[initial.bodies]\narm = {{ angle = 0.5 }}\n")]
+    {
+        let problem = Problem::new(model_of(&format!("{ARM}{stated}")));
+        let channel = problem.channel("rail.displacement").unwrap();
+        let mut displacement = [f64::NAN];
+        let state = &problem.assemble().unwrap().state;
+        problem.system().channel(channel, &Sample::new(state), &mut displacement);
+        assert!(displacement[0].abs() < 1e-9, "{displacement:?}");
+        assert!((state.q[3] - 2.0 * 0.5f64.cos()).abs() < 1e-9, "{:?}", state.q);
+    }
+}
+
 #[test]
 fn choices_of_the_file_that_a_run_refuses_are_refused() {
     for (rest, expected) in [
