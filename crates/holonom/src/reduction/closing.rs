@@ -226,10 +226,10 @@ impl Attempt {
             .filter(is_stated)
             .map(|body| format!("body `{}`", model.bodies[body].name))
             .collect();
-        match bodies.is_empty() {
-            true => "what else is stated".to_owned(),
-            false => format!("what is stated of {}", bodies.join(" and ")),
+        if bodies.is_empty() {
+            return "what else is stated".to_owned();
         }
+        format!("what is stated of {}", bodies.join(" and "))
     }
 
     /// The state with what is left of the residual removed.
