@@ -98,6 +98,7 @@ pub struct AdamsStepper {
     pending: bool,
     failures: u32,
     predicted: Vec<f64>,
+    /// Of the slope there from the predicted one, then the estimated error.
     difference: Vec<f64>,
     work: Vec<f64>,
     slope: Vec<f64>,
@@ -208,28 +209,31 @@ impl AdamsStepper {
         let size = self.options.caution * h * ode.norm(&self.difference);
         let error = size * (c.g[k - 1] - c.g[k]);
         let at_k = size * c.sigma[k] * ADAMS_GAMMA_STAR[k].abs();
-        let scale = |m: usize| h * c.sigma[m] * ADAMS_GAMMA_STAR[m].abs();
+        let weight = |m: usize| h * c.sigma[m] * ADAMS_GAMMA_STAR[m].abs();
         let mut below = 0.0;
         let mut order = k;
         if k >= 2 {
-            below = scale(k - 1) * self.norm_with(ode, k - 1);
+            below = weight(k - 1) * self.norm_with(ode, k - 1);
             let lower = if k == 2 {
                 below <= 0.5 * at_k
             } else {
-                below <= at_k && scale(k - 2) * self.norm_with(ode, k - 2) <= at_k
+                below <= at_k && weight(k - 2) * self.norm_with(ode, k - 2) <= at_k
             };
             if lower {
                 order = k - 1;
             }
         }
         let acceptable = error <= 1.0 || (self.options.fixed_step && error.is_finite());
+        let part = h * (c.g[k - 1] - c.g[k]);
         if !acceptable {
+            scale(&mut self.difference, part);
             return Ok(self.after_failure(h, error, at_k, order));
         }
 
         let trial = &mut self.trial;
         trial.end.copy_from_slice(&self.predicted);
         add_scaled(&mut trial.end, h * c.g[k], &self.difference);
+        scale(&mut self.difference, part);
         self.statistics.derivatives += 1;
         ode.derivative(t + h, &trial.end, &mut self.slope).map_err(Rejection::Evaluation)?;
         // Differences of the slopes up to the new one.
@@ -303,6 +307,10 @@ impl AdamsStepper {
     }
 }
 
+fn scale(x: &mut [f64], part: f64) {
+    x.iter_mut().for_each(|x| *x *= part);
+}
+
 impl Stepper for AdamsStepper {
     fn order(&self) -> u32 {
         self.last().last_order.max(1) as u32
@@ -310,6 +318,10 @@ impl Stepper for AdamsStepper {
 
     fn starting_order(&self) -> u32 {
         1
+    }
+
+    fn orders_of_error(&self) -> [u32; 2] {
+        [self.order() + 1, self.order()]
     }
 
     fn explicit(&self) -> bool {

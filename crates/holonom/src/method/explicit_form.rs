@@ -1,8 +1,9 @@
 //! The equations for explicit formulas: w = (v, v̇, z, dissipated energy, supplied work).
 
+use super::first_order::new_matrix;
 use super::ode::{EvaluationFailure, LinearizedOde, Ode, require_finite};
 use super::weights::Weights;
-use crate::newton::MatrixOptions;
+use crate::newton::{Chosen, MatrixOptions, Newton, ReducedMatrix};
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
 
@@ -20,6 +21,8 @@ pub struct ExplicitForm {
     at_time: f64,
     at: Vec<f64>,
     slope: Vec<f64>,
+    /// What errors are carried along with, where they are; formulas have no use for it.
+    newton: Option<Box<Newton<Chosen<ReducedMatrix>>>>,
 }
 
 /// Energy components at the end of w.
@@ -38,12 +41,16 @@ impl ExplicitForm {
             at_time: f64::NAN,
             at: vec![0.0; dimension],
             slope: vec![0.0; dimension],
+            newton: None,
             point: Point::new(manifold, state),
         }
     }
 
-    /// Explicit formulas have no Jacobian: nothing changes.
-    pub fn set_matrix(&mut self, _options: MatrixOptions) {}
+    /// Makes room for a matrix, which no formula needs but the error that is carried along.
+    pub fn set_matrix(&mut self, options: MatrixOptions) {
+        let Point { manifold, anchor, .. } = &mut self.point;
+        self.newton = Some(Box::new(new_matrix(manifold, anchor, options)));
+    }
 
     /// The point of the last evaluation.
     pub fn point(&self) -> &Point {
@@ -89,6 +96,9 @@ impl ExplicitForm {
     /// After a re-parametrization.
     pub fn reparametrized(&mut self) {
         self.rates.resize(self.point.manifold.chart().ndof(), 0.0);
+        if let Some(options) = self.newton.as_ref().map(|newton| newton.options()) {
+            self.set_matrix(options);
+        }
     }
 
     /// Whether the powers in w are integrated under error control: not where there is nothing else.
@@ -159,26 +169,38 @@ impl Ode for ExplicitForm {
     }
 }
 
-/// Explicit formulas never linearize.
+/// For the error that is carried along, where there is a matrix; energies have no part in it.
 impl LinearizedOde for ExplicitForm {
-    fn linearize(&mut self, _: f64, _: &[f64]) -> Result<(), EvaluationFailure> {
-        Err(explicit_only())
+    fn linearize(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
+        if !(t == self.at_time && w == self.at) {
+            self.evaluate(t, w, true)?;
+        }
+        self.point.complete();
+        let Self { newton, point, .. } = self;
+        let newton = newton.as_mut().ok_or_else(no_matrix)?;
+        newton.linearize(point, &w[..w.len() - POWERS])
     }
 
-    fn factor(&mut self, _: f64) -> Result<(), EvaluationFailure> {
-        Err(explicit_only())
+    fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure> {
+        let newton = self.newton.as_mut().ok_or_else(no_matrix)?;
+        self.point.manifold.counters.analyses += newton.factor(gamma_h, gamma_h * gamma_h)?;
+        Ok(())
     }
 
     fn solve(&mut self, x: &mut [f64]) {
-        x.fill(f64::NAN);
+        let within = x.len() - POWERS;
+        match &mut self.newton {
+            Some(newton) => newton.filter(&mut x[..within]),
+            None => x.fill(f64::NAN),
+        }
     }
 
     fn time_derivative(&mut self, _: &mut [f64]) -> Result<(), EvaluationFailure> {
-        Err(explicit_only())
+        Err(no_matrix())
     }
 }
 
-fn explicit_only() -> EvaluationFailure {
+fn no_matrix() -> EvaluationFailure {
     EvaluationFailure::new(
         "simulation/explicit-only",
         "this form of the equations serves explicit formulas only",

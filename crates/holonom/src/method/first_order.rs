@@ -209,7 +209,11 @@ impl<M: Matrix> FirstOrder<M> {
 }
 
 /// A matrix, with room in the manifold for the solves that it takes.
-fn new_matrix<M: Matrix>(manifold: &mut Manifold, q: &[f64], options: MatrixOptions) -> Newton<M> {
+pub(super) fn new_matrix<M: Matrix>(
+    manifold: &mut Manifold,
+    q: &[f64],
+    options: MatrixOptions,
+) -> Newton<M> {
     let newton = Newton::new(manifold, q, options);
     if newton.representation() == Representation::Dense {
         manifold.reserve_lanes();

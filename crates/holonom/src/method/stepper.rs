@@ -225,6 +225,11 @@ pub trait Stepper: Send {
         self.order()
     }
 
+    /// Orders of what a step leaves, and of the formula whose error its estimate is: the first one is higher.
+    fn orders_of_error(&self) -> [u32; 2] {
+        [self.order(), self.starting_order()]
+    }
+
     /// Whether the formula never linearizes.
     fn explicit(&self) -> bool;
 

@@ -1,9 +1,8 @@
 //! Motions in which small errors grow: a run is right, or it is warned of.
 
 use crate::common::integrate::dop853;
-use crate::common::table::implicit;
 use crate::common::{model_of, options, run_model};
-use holonom::method::{Code, DEFAULT_CODE};
+use holonom::method::{CODES, Code, DEFAULT_CODE};
 use holonom::model::Model;
 use holonom::simulation::{
     Checkpoint, Chunk, Flow, Memory, Options, OutputTimes, Problem, Sink, Summary, resume, run,
@@ -70,7 +69,7 @@ fn a_bar_that_falls_from_upright_is_right_or_warned_of() {
     let mut found = [0; 2];
     for lean in [1e-1, 1e-2, 1e-3, 1e-5] {
         let model = standing(lean);
-        for code in implicit() {
+        for code in CODES.iter().map(|info| info.code) {
             let (error, summary) = error(&model, lean, &asked(code, 12.0));
             let warned = warned(&summary);
             assert!(error <= WRONG || warned, "{lean:e} {code:?}: {error} without a warning");
@@ -84,16 +83,18 @@ fn a_bar_that_falls_from_upright_is_right_or_warned_of() {
 #[test] // independent truth: the run as a whole
 fn a_run_that_is_taken_up_knows_of_the_errors_before() {
     let problem = Problem::new(standing(1e-3));
-    // The end is long after the errors were made.
-    let options = Options { checkpoint_steps: Some(10), ..asked(DEFAULT_CODE, 12.0) };
-    let mut rows = Checkpoints::default();
-    let whole = run(&problem, &options, None, &mut rows).expect("a run");
-    assert!(warned(&whole), "{:?}", whole.warnings);
-    assert!(rows.0.len() > 2, "{} checkpoints", rows.0.len());
-    for checkpoint in rows.0 {
-        let again = Checkpoint::from_text(&checkpoint.to_text()).expect("a checkpoint");
-        let rest = resume(&problem, &options, &again, &mut Memory::default()).expect("a run");
-        assert_eq!(rest.warnings, whole.warnings, "from {} s on", checkpoint.time());
+    for code in [DEFAULT_CODE, Code::Deabm, Code::Dopri5] {
+        // The end is long after the errors were made.
+        let options = Options { checkpoint_steps: Some(10), ..asked(code, 12.0) };
+        let mut rows = Checkpoints::default();
+        let whole = run(&problem, &options, None, &mut rows).expect("a run");
+        assert!(warned(&whole), "{code:?}: {:?}", whole.warnings);
+        assert!(rows.0.len() > 2, "{} checkpoints", rows.0.len());
+        for checkpoint in rows.0 {
+            let again = Checkpoint::from_text(&checkpoint.to_text()).expect("a checkpoint");
+            let rest = resume(&problem, &options, &again, &mut Memory::default()).expect("a run");
+            assert_eq!(rest.warnings, whole.warnings, "{code:?} from {} s on", checkpoint.time());
+        }
     }
 }
 

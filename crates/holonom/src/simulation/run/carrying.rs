@@ -14,7 +14,8 @@ impl Run<'_> {
         let ndof = self.form.second_order_split();
         let (row, state, shifted) = (&mut self.row, &self.state, &mut self.scratch[0]);
         let error = &mut carried.error;
-        let (before, after, extra) = (error.len(), self.w.len(), state.z.len());
+        let (before, after) = (error.len(), self.w.len());
+        let extra = after - 2 * ndof;
         error.resize(before.max(after), 0.0);
         error.copy_within(before - extra..before, after - extra);
         error.truncate(after);

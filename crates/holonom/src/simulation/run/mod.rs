@@ -339,7 +339,8 @@ impl Run<'_> {
                 // Where matrices do not turn along with bodies.
                 let iterated = chart.relatives().is_none().then_some((step, &self.g_end[..]));
                 let (tolerance, power) = (&self.options.tolerance, &mut self.scratch[0]);
-                carried.follow(stepper, form, report.error, tolerance, power, iterated);
+                let ended = (t_end, step, &self.w_end[..]);
+                carried.follow(stepper, form, report.error, tolerance, power, iterated, ended);
             }
             let energy = self.emit(t, step)?;
             if let Some(carried) = &mut self.carried {

@@ -56,7 +56,8 @@ impl Machinery {
             representation: options.newton,
             threads: options.threads.clone(),
         };
-        if matrix != MatrixOptions::default() {
+        let explicit = code.info().family == "explicit";
+        if matrix != MatrixOptions::default() || (explicit && options.fixed_step.is_none()) {
             form.set_matrix(matrix);
         }
         let dimension = form.dimension();
@@ -149,9 +150,8 @@ pub(super) fn set_up<'a>(
     }
     let Machinery { form, stepper, recorder, inspector, slope } = machinery;
     let polynomial = (stepper.largest_degree() + 1) * dimension;
-    // A step of prescribed length has no tolerance, and an explicit formula no matrix to carry an error with.
-    let unknowns = form.second_order_split() > 0;
-    let follows = unknowns && options.fixed_step.is_none() && !stepper.explicit();
+    // A step of prescribed length has no tolerance.
+    let follows = form.second_order_split() > 0 && options.fixed_step.is_none();
     let laws = system.law_arguments().iter().map(|a| a.knots.len()).max();
     let mut run = Run {
         options,
