@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +20,9 @@ from holonom.store.writer import Writer
 # The same cases at every run; `--hypothesis-profile=default` searches for other ones.
 settings.register_profile("same", derandomize=True)
 settings.load_profile("same")
+
+# A shell starts what runs in the background with interrupts ignored, which children inherit.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).resolve().parents[2]
 MODELS = ROOT / "models"

@@ -2,6 +2,7 @@
 
 use super::body_rows::BodyRows;
 use super::parametrization::{Parametrization, Projection, largest_index};
+use super::recent::RecentPoints;
 use super::relatives::Relatives;
 use super::square::Square;
 use crate::error::EvaluationFailure;
@@ -292,8 +293,18 @@ impl Chart {
     }
 
     /// A copy of the factors at hand.
-    pub(super) fn factors(&self) -> Factors {
+    fn factors(&self) -> Factors {
         Factors { matrix: self.matrix.clone(), moving: self.moving.clone() }
+    }
+
+    /// Whether recoveries of positions iterate: relative coordinates of a tree tell them at once.
+    pub(super) fn iterates(&self) -> bool {
+        !self.parametrization.relatives().is_some_and(|relatives| relatives.exact)
+    }
+
+    /// Room for configurations recovered lately.
+    pub(super) fn recent_points(&self, coordinates: usize, edges: usize) -> RecentPoints<Factors> {
+        RecentPoints::new(self.iterates(), || self.factors(), coordinates, edges)
     }
 
     /// Exchanges the factors at hand for others of this chart.

@@ -1,45 +1,52 @@
 //! Configurations of one step that were recovered lately, with the factors that belong to them.
 
-use super::chart::{Chart, Factors};
-
 /// As many as the stages that are iterated together, and the point of their linearization.
 const KEPT: usize = 3;
 
 /// A configuration, the time it was recovered at, and what it leaves for the next recovery there.
 #[derive(Debug, Clone)]
-struct Recent {
+struct Recent<F> {
     t: f64,
     used: u64,
     q: Vec<f64>,
     edges: Vec<[f64; 6]>,
-    factors: Factors,
+    factors: F,
 }
 
 /// Stages that are iterated together are recovered in turn, each time near to where they were before, while
 /// stages of different times are far apart. So each goes on from the configuration nearest in time.
+///
+/// `F` is what belongs to a configuration beside its coordinates; `exchange` swaps it for what is at hand.
 #[derive(Debug, Clone)]
-pub(super) struct RecentPoints {
+pub(super) struct RecentPoints<F> {
     /// Time of the configuration recovered last; NaN if none serves.
     t: f64,
     clock: u64,
-    points: Vec<Recent>,
+    points: Vec<Recent<F>>,
     /// The point that takes over the factors at hand before they are replaced, and its time: it serves only
     /// once it has them.
     leaving: Option<(usize, f64)>,
 }
 
-impl RecentPoints {
-    /// None yet; room for those of a chart, where recoveries iterate.
-    pub(super) fn new(chart: &Chart, coordinates: usize, edges: usize) -> Self {
-        let exact = chart.parametrization().relatives().is_some_and(|relatives| relatives.exact);
-        let point = || Recent {
-            t: f64::NAN,
-            used: 0,
-            q: vec![0.0; coordinates],
-            edges: vec![[0.0; 6]; edges],
-            factors: chart.factors(),
-        };
-        let points = (0..if exact { 0 } else { KEPT }).map(|_| point()).collect();
+impl<F: Clone> RecentPoints<F> {
+    /// None yet; room for those of as many coordinates and edges, where recoveries iterate.
+    pub(super) fn new(
+        iterates: bool,
+        factors: impl FnOnce() -> F,
+        coordinates: usize,
+        edges: usize,
+    ) -> Self {
+        let mut points = Vec::new();
+        if iterates {
+            let point = Recent {
+                t: f64::NAN,
+                used: 0,
+                q: vec![0.0; coordinates],
+                edges: vec![[0.0; 6]; edges],
+                factors: factors(),
+            };
+            points = vec![point; KEPT];
+        }
         Self { t: f64::NAN, clock: 0, points, leaving: None }
     }
 
@@ -56,7 +63,7 @@ impl RecentPoints {
     pub(super) fn go_near(
         &mut self,
         t: f64,
-        chart: &mut Chart,
+        mut exchange: impl FnMut(&mut F),
         q: &mut [f64],
         edges: &mut [[f64; 6]],
     ) {
@@ -74,7 +81,7 @@ impl RecentPoints {
             let point = &mut self.points[k];
             point.q.swap_with_slice(q);
             point.edges.swap_with_slice(edges);
-            chart.exchange(&mut point.factors);
+            exchange(&mut point.factors);
             std::mem::swap(&mut point.t, &mut self.t);
             point.used = self.clock;
         }
@@ -94,9 +101,9 @@ impl RecentPoints {
     }
 
     /// The factors at hand are about to be replaced.
-    pub(super) fn keep_factors(&mut self, chart: &mut Chart) {
+    pub(super) fn keep_factors(&mut self, exchange: impl FnOnce(&mut F)) {
         if let Some((k, t)) = self.leaving.take() {
-            chart.exchange(&mut self.points[k].factors);
+            exchange(&mut self.points[k].factors);
             self.points[k].t = t;
         }
     }

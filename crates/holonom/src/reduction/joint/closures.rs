@@ -71,6 +71,13 @@ pub(super) struct Closures {
     right: Vec<f64>,
 }
 
+/// What a configuration makes of closures.
+#[derive(Debug, Clone)]
+pub(super) struct Numbers {
+    matrix: Vec<f64>,
+    factors: Vec<DenseLu>,
+}
+
 /// Clusters of closures; `None` where one has not as many rows as dependent coordinates.
 fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<Vec<Cluster>> {
     // Each closure's cluster is the first closure it is tied to by a dependent coordinate.
@@ -212,6 +219,20 @@ impl Closures {
     /// Rows of the largest cluster.
     pub(super) fn largest(&self) -> usize {
         self.clusters.iter().map(|cluster| cluster.rows.len()).max().unwrap_or(0)
+    }
+
+    /// A copy of the numbers at hand.
+    pub(super) fn numbers(&self) -> Numbers {
+        let factors = self.clusters.iter().map(|cluster| cluster.lu.clone()).collect();
+        Numbers { matrix: self.matrix.clone(), factors }
+    }
+
+    /// Exchanges the numbers at hand for others.
+    pub(super) fn exchange(&mut self, other: &mut Numbers) {
+        std::mem::swap(&mut self.matrix, &mut other.matrix);
+        for (cluster, lu) in self.clusters.iter_mut().zip(&mut other.factors) {
+            std::mem::swap(&mut cluster.lu, lu);
+        }
     }
 
     /// Factors the dependent columns.

@@ -3,11 +3,12 @@
 use super::algebra::{Algebra, Inertia};
 use super::articulated::Articulated;
 use super::branched::Branched;
-use super::closures::{Closures, Origin};
+use super::closures::{Closures, Numbers, Origin};
 use super::directions::Directions;
 use crate::math::turn::TurnRate;
 use crate::math::vector::difference;
 use crate::reduction::parametrization::Parametrization;
+use crate::reduction::recent::RecentPoints;
 use crate::reduction::relatives::{Relatives, Source};
 use crate::system::{EdgeScrews, EdgeSource, Measure, System};
 use std::collections::BTreeMap;
@@ -63,6 +64,8 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     /// Group of each coordinate, and place in it.
     pub(super) names: Vec<(usize, usize)>,
     pub(super) closures: Closures,
+    /// Configurations recovered before, within this step.
+    pub(super) recent: RecentPoints<Numbers>,
     /// Edge, and place among its coordinates, of each dependent coordinate.
     pub(super) places: Vec<(usize, usize)>,
     /// Root of each body's tree.
@@ -255,6 +258,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             bias_change: vec![[0.0; W]; edges.len()],
             twist_change: zeros(),
             algebra: PhantomData,
+            recent: RecentPoints::new(rows > 0, || closures.numbers(), q.len(), tree.edges.len()),
             closures,
             places,
             edges,

@@ -22,7 +22,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         x: &mut [[f64; 6]],
         q: &mut [f64],
     ) -> Result<u64, EvaluationFailure> {
+        let closures = &mut self.closures;
+        self.recent.go_near(t, |numbers| closures.exchange(numbers), q, x);
         self.follow(parametrization, t, p, x, q)
+    }
+
+    fn forget_recent(&mut self) {
+        self.recent.forget();
     }
 
     fn read(&self, parametrization: &Parametrization, q: &[f64], x: &mut [[f64; 6]]) {
@@ -35,6 +41,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         x: &[[f64; 6]],
         q: &[f64],
     ) -> Result<(), EvaluationFailure> {
+        self.recent.keep_factors(|numbers| self.closures.exchange(numbers));
         self.evaluate_columns(x, q);
         self.evaluate_closures(parametrization, q);
         self.closures.factor().map_err(|e| {

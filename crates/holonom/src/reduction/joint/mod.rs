@@ -57,8 +57,8 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
     /// Reads the coordinates of the edges from a configuration; angles on the branch of what `x` has.
     fn read(&self, parametrization: &Parametrization, q: &[f64], x: &mut [[f64; 6]]);
 
-    /// Solves Φ(q, t) = 0, v(q) = p, going on from the coordinates `x` of the edges, which were those of the last
-    /// evaluation.
+    /// Solves Φ(q, t) = 0, v(q) = p, going on from the evaluation nearest in time, or the last one, whose coordinates of
+    /// the edges are `x`.
     ///
     /// # Errors
     /// `simulation/position-recovery`, `simulation/branch`, `simulation/chart-reach`.
@@ -70,6 +70,9 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
         x: &mut [[f64; 6]],
         q: &mut [f64],
     ) -> Result<u64, EvaluationFailure>;
+
+    /// Configurations recovered before serve no longer.
+    fn forget_recent(&mut self);
 
     /// Evaluates the columns of all coordinates at q and factors the closures.
     ///

@@ -44,6 +44,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         // What deformations and drivers have moved by since.
         self.evaluate_residual(parametrization, t, p, q);
+        // Residuals are differences of places in the ground.
+        let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+        let is_round_off = |residual: f64| residual <= 64.0 * f64::EPSILON * place;
+        if is_round_off(self.largest_residual()) {
+            // Next to a dead point it would move the mechanism by far more than round-off.
+            self.rows.fill(0.0);
+        }
         self.complete(&mut change);
         for (&k, &(edge, place)) in self.closures.dependent.iter().zip(&self.places) {
             x[edge][place] += change[k];
@@ -57,10 +64,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let (mut before, mut fresh, mut first) = (predicted, false, (0.0, 0.0));
         for count in 1..=MAX_CORRECTIONS {
             self.evaluate_residual(parametrization, t, p, q);
-            let residual = self.rows.iter().fold(0.0f64, |m, x| keep_larger(m, x.abs()));
-            // Residuals are differences of places in the ground.
-            let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
-            let is_round_off = |residual: f64| residual <= 64.0 * f64::EPSILON * place;
+            let residual = self.largest_residual();
             if count == 1 && predicted <= noise && is_round_off(residual) {
                 // Closed where it stands. Next to a dead point a correction would be noise.
                 return Ok(0);
@@ -145,6 +149,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
         }
         largest
+    }
+
+    fn largest_residual(&self) -> f64 {
+        self.rows.iter().fold(0.0, |m, x| keep_larger(m, x.abs()))
     }
 
     fn keep_coordinates(&mut self, x: &[[f64; 6]]) {

@@ -6,7 +6,7 @@ mod references;
 
 use crate::error::EvaluationFailure;
 use crate::reduction::accelerations::{Accelerations, Accelerator, Known, Refusal};
-use crate::reduction::chart::Chart;
+use crate::reduction::chart::{Chart, Factors};
 use crate::reduction::joint::JointForm;
 use crate::reduction::recent::RecentPoints;
 use crate::reduction::redundant::Redundant;
@@ -44,7 +44,7 @@ pub struct Manifold {
     /// Coordinates of the edges of the forest at the last recovery.
     edges: Vec<[f64; 6]>,
     /// Configurations recovered before, within this step.
-    recent: RecentPoints,
+    recent: RecentPoints<Factors>,
     /// G where it was last evaluated.
     g: BlockMatrix,
     phi: Vec<f64>,
@@ -98,7 +98,7 @@ impl Manifold {
             z_rate: vec![0.0; sizes.extra_states],
             accelerator,
             redundant: Redundant::new(&chart, &g).map(Box::new),
-            recent: RecentPoints::new(&chart, sizes.coordinates, anchored(&chart).len()),
+            recent: chart.recent_points(sizes.coordinates, anchored(&chart).len()),
             edges: anchored(&chart),
             system,
             chart,
@@ -134,7 +134,7 @@ impl Manifold {
     /// Makes room for solves with [G; P] for several right-hand sides at a time.
     pub fn reserve_lanes(&mut self) {
         self.chart.reserve_lanes();
-        self.recent = RecentPoints::new(&self.chart, self.correction.len(), self.edges.len());
+        self.recent = self.chart.recent_points(self.correction.len(), self.edges.len());
     }
 
     /// Where accelerations come from.
@@ -181,7 +181,7 @@ impl Manifold {
         let _ = self.accelerator.choose(self.system.as_ref(), &mut chart, stated);
         self.redundant = Redundant::new(&chart, &self.g).map(Box::new);
         self.edges = anchored(&chart);
-        self.recent = RecentPoints::new(&chart, self.correction.len(), self.edges.len());
+        self.recent = chart.recent_points(self.correction.len(), self.edges.len());
         self.chart = chart;
         if self.joint.is_some() {
             let q = std::mem::take(&mut self.at);
@@ -205,7 +205,7 @@ impl Manifold {
             return joint.factor(self.chart.parametrization(), &self.edges, q);
         }
         self.accelerator.forget();
-        self.recent.keep_factors(&mut self.chart);
+        self.recent.keep_factors(|factors| self.chart.exchange(factors));
         self.system.constraint_jacobian(q, &mut self.g);
         self.chart.refactor(self.system.as_ref(), q, &self.g)
     }

@@ -61,7 +61,8 @@ impl Manifold {
             self.counters.corrections += corrections;
             return Ok(());
         }
-        self.recent.go_near(t, &mut self.chart, q, &mut self.edges);
+        let chart = &mut self.chart;
+        self.recent.go_near(t, |factors| chart.exchange(factors), q, &mut self.edges);
         let noise = 8.0 * f64::EPSILON * self.size_of(q).max(1.0);
         let mut predicted = 0.0;
         let placed = self.chart.parametrization().relatives().map(|relatives| relatives.exact);
@@ -135,6 +136,10 @@ impl Manifold {
             }
             if let Some(relatives) = parametrization.relatives() {
                 relatives.count_turns(system, &self.edges, p, &mut self.independent);
+            }
+            if self.residual_is_noise(q) {
+                // Next to a dead point it would move the mechanism by far more than round-off.
+                self.phi.fill(0.0);
             }
             self.chart.solve(&self.phi, &self.independent, &mut self.correction);
         }

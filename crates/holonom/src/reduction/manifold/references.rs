@@ -7,6 +7,9 @@ impl Manifold {
     /// Recoveries go on from the configuration that references were last moved to.
     pub fn return_to_anchor(&mut self) {
         self.recent.forget();
+        if let Some(joint) = &mut self.joint {
+            joint.forget_recent();
+        }
         self.returned = true;
         if let Some(relatives) = self.chart.parametrization().relatives() {
             for (x, anchor) in self.edges.iter_mut().zip(&relatives.anchors) {
@@ -43,6 +46,9 @@ impl Manifold {
         let system = self.system.as_ref();
         let Some(relatives) = self.chart.relatives_mut() else { return Ok(false) };
         self.recent.forget();
+        if let Some(joint) = &mut self.joint {
+            joint.forget_recent();
+        }
         let turning = turn == 0.0 || relatives.turning(system, p) > turn;
         relatives.move_references(system, q, Some(p), &mut self.edges, turning);
         let changed = relatives.moves && turning;
