@@ -5,9 +5,8 @@
 //! the start, steps kept constant unless they can be doubled or must shrink. Two evaluations per
 //! step.
 
-use crate::formula::{
-    ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients, adams_interpolation, adams_polynomials,
-};
+use super::adams_history::History;
+use crate::formula::{ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients};
 use crate::method::ode::LinearizedOde;
 use crate::method::stepper::{
     Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
@@ -16,66 +15,8 @@ use crate::method::stepper::{
 /// A refused step is made shorter by this factor at most: an error estimate of a step that is far too
 /// long says little.
 const LEAST_RATIO: f64 = 0.01;
-/// Differences up to order k + 2.
-const COLUMNS: usize = ADAMS_MAX_ORDER + 2;
 /// Steps at order 4 or less after which stiffness is suspected.
 const STIFF_STEPS: u32 = 50;
-
-/// What a step leaves behind.
-#[derive(Debug, Clone)]
-struct History {
-    /// Order of the next step; 0 before the first.
-    order: usize,
-    /// Order and length of the last step.
-    last_order: usize,
-    last_step: f64,
-    /// Number of steps taken with that length, up to the order plus 1.
-    same_steps: usize,
-    /// Orders and steps are still being raised from the start.
-    starting: bool,
-    /// ψᵢ of the last step.
-    psi: [f64; ADAMS_MAX_ORDER + 1],
-    /// Modified divided differences φ₁ … φ_{k+2} of the slopes.
-    phi: [Vec<f64>; COLUMNS],
-    /// State at the end of the last step.
-    end: Vec<f64>,
-    /// Consecutive steps of order 4 or less.
-    low_orders: u32,
-}
-
-impl History {
-    fn new(n: usize) -> Self {
-        Self {
-            order: 0,
-            last_order: 0,
-            last_step: 0.0,
-            same_steps: 0,
-            starting: true,
-            psi: [0.0; ADAMS_MAX_ORDER + 1],
-            phi: std::array::from_fn(|_| vec![0.0; n]),
-            end: vec![0.0; n],
-            low_orders: 0,
-        }
-    }
-
-    /// Number of columns of φ in use.
-    fn columns(&self) -> usize {
-        (self.last_order + 2).min(COLUMNS)
-    }
-
-    fn copy_from(&mut self, other: &Self) {
-        for (to, from) in self.phi.iter_mut().zip(&other.phi).take(other.columns()) {
-            to.copy_from_slice(from);
-        }
-        self.order = other.order;
-        self.last_order = other.last_order;
-        self.last_step = other.last_step;
-        self.same_steps = other.same_steps;
-        self.starting = other.starting;
-        self.psi = other.psi;
-        self.low_orders = other.low_orders;
-    }
-}
 
 /// Outcome of a step that could be computed.
 struct Judgement {
@@ -133,29 +74,6 @@ impl AdamsStepper {
     /// The last accepted step.
     fn last(&self) -> &History {
         if self.pending { &self.trial } else { &self.history }
-    }
-
-    /// Makes the history end at slope `g`. All differences contain the newest slope with
-    /// coefficient 1, so a slope that the caller has changed (a projected state) is exchanged
-    /// exactly, the slopes before it staying as they are.
-    fn take_slope(&mut self, g: &[f64]) {
-        let history = &mut self.history;
-        if history.order == 0 {
-            history.phi[0].copy_from_slice(g);
-            history.phi[1].fill(0.0);
-            (history.order, history.last_order, history.last_step) = (1, 0, 0.0);
-            (history.same_steps, history.starting, history.low_orders) = (0, true, 0);
-        } else {
-            let columns = history.columns();
-            for i in 0..g.len() {
-                let change = g[i] - history.phi[0][i];
-                if change != 0.0 {
-                    for column in history.phi.iter_mut().take(columns) {
-                        column[i] += change;
-                    }
-                }
-            }
-        }
     }
 
     /// Norm of the difference d plus a column of φ.
@@ -357,7 +275,7 @@ impl Stepper for AdamsStepper {
         g: &[f64],
     ) -> StepReport {
         self.commit();
-        self.take_slope(g);
+        self.history.end_at(g);
         let mut report = StepReport::rejected(0.5 * h);
         match self.advance(ode, t, h, w) {
             Ok(judgement) if judgement.accepted => {
@@ -389,13 +307,7 @@ impl Stepper for AdamsStepper {
     }
 
     fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
-        let last = self.last();
-        let s = (theta - 1.0) * last.last_step;
-        let g = adams_interpolation(last.last_order, s, &last.psi);
-        w.copy_from_slice(&last.end);
-        for i in 0..=last.last_order {
-            add_scaled(w, s * g[i], &last.phi[i]);
-        }
+        self.last().interpolate(theta, w);
     }
 
     fn largest_degree(&self) -> usize {
@@ -403,66 +315,16 @@ impl Stepper for AdamsStepper {
     }
 
     fn polynomial(&self, coefficients: &mut [f64]) -> usize {
-        let last = self.last();
-        let (n, degree) = (last.end.len(), last.last_order + 1);
-        let rows = adams_polynomials(last.last_order, last.last_step, &last.psi);
-        for j in 0..=degree {
-            let out = &mut coefficients[j * n..(j + 1) * n];
-            if j == 0 {
-                out.copy_from_slice(&last.end);
-            } else {
-                out.fill(0.0);
-            }
-            for (row, phi) in rows.iter().zip(&last.phi).take(degree) {
-                add_scaled(out, row[j], phi);
-            }
-        }
-        degree
+        self.last().polynomial(coefficients)
     }
 
     fn history(&self) -> Vec<f64> {
-        let last = self.last();
-        let whole = [last.order, last.last_order, last.same_steps, usize::from(last.starting)];
-        let mut numbers: Vec<f64> = whole.iter().map(|&k| k as f64).collect();
-        numbers.extend([f64::from(last.low_orders), last.last_step]);
-        numbers.extend_from_slice(&last.psi);
-        for column in last.phi.iter().take(last.columns()) {
-            numbers.extend_from_slice(column);
-        }
-        numbers
+        self.last().numbers()
     }
 
     fn recall(&mut self, numbers: &[f64]) -> bool {
-        let most = ADAMS_MAX_ORDER as f64;
-        let Some((&[order, last_order, same_steps, starting, low_orders, last_step], rest)) =
-            numbers.split_first_chunk()
-        else {
-            return false;
-        };
-        let n = self.predicted.len();
-        let history = &mut self.history;
-        let Some((psi, columns)) = rest.split_first_chunk() else { return false };
-        let known = (0.0..=most).contains(&order)
-            && (0.0..=most).contains(&last_order)
-            && order <= last_order + 1.0
-            && (0.0..=most + 2.0).contains(&same_steps)
-            && (order == 0.0 || last_step > 0.0)
-            && numbers.iter().all(|x| x.is_finite());
-        if !known {
-            return false;
-        }
-        history.psi = *psi;
-        (history.order, history.last_order) = (order as usize, last_order as usize);
-        (history.same_steps, history.starting) = (same_steps as usize, starting != 0.0);
-        (history.low_orders, history.last_step) = (low_orders as u32, last_step);
-        if columns.len() != n * history.columns() {
-            return false;
-        }
-        for (column, stored) in history.phi.iter_mut().zip(columns.chunks_exact(n.max(1))) {
-            column.copy_from_slice(stored);
-        }
         self.pending = false;
-        true
+        self.history.recall(numbers)
     }
 
     fn last_change(&self) -> &[f64] {

@@ -2,6 +2,7 @@
 
 mod acceleration_buffers;
 pub mod adams;
+mod adams_history;
 pub mod attempt;
 mod codes;
 mod counted;

@@ -16,16 +16,26 @@ const MILESTONES: usize = 8;
 
 /// Most steps of explicit formulas, one-step and multistep, that a matrix serves: it costs as much as some evaluations.
 const MOST_STEPS: [u64; 2] = [3, 10];
+/// Part of the mean length of the steps that a matrix is to serve from which a step is of another kind.
+const SHORTER: f64 = 0.5;
 /// Growth of the error over these steps that a matrix is good for.
 const GROWTH: f64 = 2.0;
 
-/// What a run knows of its error: that of its present state, as far as it is estimated, and how large it has been.
+/// An error of the present state.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-pub(super) struct CarriedError {
+pub(super) struct Carried {
     /// In w.
     pub(super) error: Vec<f64>,
     /// On coordinates and velocities, at the end of the last step.
     pub(super) spread: [Vec<f64>; 2],
+}
+
+/// What a run knows of its error: that of its present state, as far as it is estimated, and how large it has been.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct CarriedError {
+    /// The sum of the estimates, and that of estimates whose signs make them add up: an estimate is the error of another
+    /// formula, which may change its sign where that of the motion does not.
+    pub(super) sums: [Carried; 2],
     serving: Serving,
     /// Of the place of a body, in its tolerances: there, and the largest of all.
     present: f64,
@@ -37,10 +47,10 @@ impl CarriedError {
     /// Of a run with `dimension` unknowns that begins at `start`, without an error.
     pub(super) fn new(dimension: usize, start: &State) -> Self {
         let n = start.q.len();
+        let none = || Carried { error: vec![0.0; dimension], spread: [vec![0.0; n], vec![0.0; n]] };
         Self {
-            error: vec![0.0; dimension],
-            spread: [vec![0.0; n], vec![0.0; n]],
-            serving: Serving { most: 1, ..Serving::default() },
+            sums: [none(), none()],
+            serving: Serving::NEW,
             present: 0.0,
             largest: 0.0,
             milestones: Milestones::new(start),
@@ -49,20 +59,22 @@ impl CarriedError {
 
     /// Whether it can be one of a run with `dimension` unknowns whose states have as many numbers as `state`.
     pub(super) fn fits(&self, dimension: usize, state: &State) -> bool {
-        let Self { error, spread: [dq, dv], milestones, .. } = self;
+        let Self { sums, milestones, .. } = self;
         let Milestones { start, times, places, .. } = milestones;
         let n = state.q.len();
-        let lengths = [start.q.len(), start.v.len(), dq.len(), dv.len()];
-        error.len() == dimension
+        let fits = |Carried { error, spread: [dq, dv] }: &Carried| {
+            error.len() == dimension && dq.len() == n && dv.len() == n
+        };
+        sums.iter().all(fits)
+            && [start.q.len(), start.v.len()] == [n; 2]
             && start.z.len() == state.z.len()
             && start.winding.len() == state.winding.len()
-            && lengths == [n; 4]
             && places.len() == n * times.len()
             && times.len() <= MILESTONES
             && milestones.every > 0
     }
 
-    /// The largest error so far, in tolerances of places; it is not followed any further once it is suspicious.
+    /// The largest error so far, in tolerances of places.
     pub(super) fn largest(&self) -> f64 {
         self.largest
     }
@@ -70,6 +82,11 @@ impl CarriedError {
     /// Whether it may be several tolerances.
     pub(super) fn is_suspicious(&self) -> bool {
         self.largest > SUSPICIOUS
+    }
+
+    /// The equations are set up anew, or in other variables: there is no matrix of theirs.
+    pub(super) fn forget_matrix(&mut self) {
+        self.serving.known = false;
     }
 
     /// Whether it is worth the trouble to turn it along with small turns of references.
@@ -87,50 +104,85 @@ impl CarriedError {
         tolerance: &Tolerance,
         power: &mut [f64],
         iterated: Option<(f64, &[f64])>,
+        passes_knots: bool,
         (t, step, w): (f64, f64, &[f64]),
     ) {
-        if self.is_suspicious() {
-            return;
-        }
-        if !stepper.explicit() && self.error.iter().any(|&e| e != 0.0) {
-            power.copy_from_slice(&self.error);
-            self.error.fill(0.0);
-            for c in transfer(stepper.filter_part()) {
-                stepper.filter(form, power);
-                add(&mut self.error, c, power);
+        if !stepper.explicit() {
+            for Carried { error, .. } in &mut self.sums {
+                if error.iter().any(|&e| e != 0.0) {
+                    power.copy_from_slice(error);
+                    error.fill(0.0);
+                    for c in transfer(stepper.filter_part()) {
+                        stepper.filter(form, power);
+                        add(error, c, power);
+                    }
+                }
             }
         }
-        let part = true_part(
-            stepper.orders_of_error(),
-            estimate * tolerance.relative.max(tolerance.rotation),
-        );
-        add(&mut self.error, part, stepper.last_change());
+        let share = estimate * tolerance.relative.max(tolerance.rotation);
+        // Where a law has a knot, no formula has its order.
+        let part = if passes_knots { 1.0 } else { true_part(stepper.orders_of_error(), share) };
+        let [sum, other] = &mut self.sums;
+        add(&mut sum.error, part, stepper.last_change());
+        // By rates: errors of places last, those of rates become more.
+        let ndof = form.second_order_split();
+        let rates = other.error.iter().zip(stepper.last_change()).skip(ndof).take(ndof);
+        let sign = rates.map(|(e, d)| e * d).sum();
+        add(&mut other.error, part.copysign(sign), stepper.last_change());
         if let Some((step, slope)) = iterated {
             let part = stepper.filter_part() * step;
             for (x, (g, s)) in power.iter_mut().zip(slope.iter().zip(stepper.end().slope)) {
                 *x = part * (g - s);
             }
             stepper.filter(form, power);
-            add(&mut self.error, 1.0, power);
+            for Carried { error, .. } in &mut self.sums {
+                add(error, 1.0, power);
+            }
         }
         if stepper.explicit()
             && !self.carry_explicitly(stepper.multistep(), form, power, (t, step, w))
         {
-            self.present = f64::MAX;
-            self.largest = f64::MAX;
+            self.lose();
             return;
         }
-        let [dq, dv] = form.spread(&self.error);
-        self.spread[0].copy_from_slice(dq);
-        self.spread[1].copy_from_slice(dv);
-        self.present = form.displacement(&self.spread[0]);
-        if self.present.is_finite() && self.error.iter().sum::<f64>().is_finite() {
-            self.largest = self.largest.max(self.present);
-        } else {
-            self.present = f64::MAX;
-            self.largest = f64::MAX;
-            self.error.fill(0.0);
+        self.look(form);
+    }
+
+    /// Takes what is left of it to the end of a run by an explicit formula, which is at (`t`, `w`).
+    pub(super) fn end(&mut self, form: &mut dyn StateSpace, power: &mut [f64], t: f64, w: &[f64]) {
+        let Serving { steps, span, .. } = self.serving;
+        if steps > 0 {
+            let done = form.linearize(t, w).is_ok();
+            if done && self.carry_over(form, power, (steps, span)).is_some() {
+                self.look(form);
+            } else {
+                self.lose();
+            }
         }
+    }
+
+    /// It is not known any more.
+    fn lose(&mut self) {
+        self.present = f64::MAX;
+        self.largest = f64::MAX;
+    }
+
+    /// How large it is.
+    fn look(&mut self, form: &mut dyn StateSpace) {
+        self.present = 0.0;
+        for Carried { error, spread } in &mut self.sums {
+            let [dq, dv] = form.spread(error);
+            spread[0].copy_from_slice(dq);
+            spread[1].copy_from_slice(dv);
+            let size = form.displacement(&spread[0]);
+            if size.is_finite() && error.iter().sum::<f64>().is_finite() {
+                self.present = self.present.max(size);
+            } else {
+                self.present = f64::MAX;
+                error.fill(0.0);
+            }
+        }
+        self.largest = self.largest.max(self.present);
     }
 }
 
@@ -144,30 +196,54 @@ impl CarriedError {
         power: &mut [f64],
         (t, step, w): (f64, f64, &[f64]),
     ) -> bool {
-        let Serving { steps, span, most } = &mut self.serving;
+        let Serving { steps, span, known, .. } = self.serving;
+        // What makes steps short was not there before: earlier ones keep the matrix of their time.
+        let abrupt = known && steps > 0 && step < SHORTER * span / steps as f64;
+        if abrupt && self.carry_over(form, power, (steps, span)).is_none() {
+            return false;
+        }
+        if abrupt {
+            self.serving = Serving { known, ..Serving::NEW };
+        }
+        let Serving { steps, span, most, .. } = &mut self.serving;
         (*steps, *span) = (*steps + 1, *span + step);
         if steps < most {
             return true;
         }
-        let (parts, span, most) = (steps.div_ceil(2), *span, *most);
-        let part = span / parts as f64;
-        if form.linearize(t, w).and_then(|()| form.factor(0.5 * part)).is_err() {
+        let (steps, span, most) = (*steps, *span, *most);
+        if form.linearize(t, w).is_err() {
             return false;
         }
-        let before = size(form, &self.error, span, power, &mut self.spread[0]);
-        for _ in 0..parts {
-            power.copy_from_slice(&self.error);
-            form.solve(power);
-            for (e, s) in self.error.iter_mut().zip(&*power) {
-                *e = 2.0 * s - *e;
-            }
-        }
-        let after = size(form, &self.error, span, power, &mut self.spread[0]);
-        let grows = after > GROWTH * before;
+        let Some(grows) = self.carry_over(form, power, (steps, span)) else { return false };
         let next = if grows { most / 2 } else { 2 * most };
         let most = next.clamp(1, MOST_STEPS[usize::from(multistep)]);
-        self.serving = Serving { most, ..Serving::default() };
+        self.serving = Serving { most, known: true, ..Serving::NEW };
         true
+    }
+
+    /// Carries it over a number of steps with the matrix at hand. Whether it grows too much for one matrix; none where
+    /// that cannot be done.
+    fn carry_over(
+        &mut self,
+        form: &mut dyn StateSpace,
+        power: &mut [f64],
+        (steps, span): (u64, f64),
+    ) -> Option<bool> {
+        let parts = steps.div_ceil(2);
+        form.factor(0.5 * span / parts as f64).ok()?;
+        let mut grows = false;
+        for Carried { error, spread: [places, _] } in &mut self.sums {
+            let before = size(form, error, span, power, places);
+            for _ in 0..parts {
+                power.copy_from_slice(error);
+                form.solve(power);
+                for (e, s) in error.iter_mut().zip(&*power) {
+                    *e = 2.0 * s - *e;
+                }
+            }
+            grows |= size(form, error, span, power, places) > GROWTH * before;
+        }
+        Some(grows)
     }
 }
 
@@ -191,13 +267,19 @@ fn size(
 }
 
 /// The steps of an explicit formula since the last matrix.
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct Serving {
     steps: u64,
     /// s
     span: f64,
     /// Steps after which the next matrix is due.
     most: u64,
+    /// Whether there is a matrix.
+    known: bool,
+}
+
+impl Serving {
+    const NEW: Self = Self { steps: 0, span: 0.0, most: 1, known: false };
 }
 
 fn add(y: &mut [f64], a: f64, x: &[f64]) {

@@ -248,6 +248,11 @@ impl Way {
         &self.cusps
     }
 
+    /// Whether [`Way::follow`] has found a knot or such a place.
+    pub(super) fn passes_knots(&self) -> bool {
+        !self.marks.is_empty()
+    }
+
     /// Goes on over the middle of a part to its end, in smaller parts if need be.
     fn halves(
         &mut self,

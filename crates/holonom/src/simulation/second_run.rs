@@ -15,6 +15,8 @@ use std::time::Duration;
 const FAR: f64 = 50.0;
 /// Tolerances within which a run may be called right.
 const MET: f64 = 20.0;
+/// Tolerances by which they may differ from those of one that is suspicious itself.
+const UNCERTAIN: f64 = 30.0;
 /// Tolerance of the second run as a part of that of the first.
 const PART: f64 = 0.1;
 
@@ -53,6 +55,7 @@ pub(super) fn compare(
         difference: vec![0.0; milestones.start.q.len()],
         compared: 0,
         far: None,
+        largest: 0.0,
     };
     let outcome =
         once(problem, &tighter, Start::At(&milestones.start), "checking", &mut comparison);
@@ -65,7 +68,18 @@ pub(super) fn compare(
                  {fold:.0}-fold at least if it is to be met, and compare with another code"
             )
         }
-        (None, Ok((Summary { status: Status::Completed, .. }, _))) => return None,
+        (None, Ok((Summary { status: Status::Completed, .. }, second))) => {
+            // What is not certain of itself vouches for less.
+            let certain = !second.as_ref().is_some_and(CarriedError::is_suspicious);
+            if certain || comparison.largest <= UNCERTAIN {
+                return None;
+            }
+            format!(
+                "small errors add up or grow in this motion: a second run, at a tenth of the tolerance, is up to {:.0} \
+                 tolerances elsewhere and may be off by some itself; tighten the tolerance, and compare with another code",
+                comparison.largest
+            )
+        }
         (None, outcome) => {
             let why = match outcome {
                 Ok((summary, _)) => summary.stop.message,
@@ -100,6 +114,8 @@ struct Comparison<'a> {
     compared: usize,
     /// The first that was found.
     far: Option<Far>,
+    /// The largest difference, in tolerances.
+    largest: f64,
 }
 
 impl Comparison<'_> {
@@ -126,6 +142,7 @@ impl Comparison<'_> {
         let displacements = self.weights.displacements(&self.difference).enumerate();
         let (body, tolerances) =
             displacements.reduce(|a, b| if b.1 > a.1 { b } else { a }).unwrap_or((0, 0.0));
+        self.largest = self.largest.max(tolerances);
         if self.far.is_none() && tolerances > FAR {
             let item = self.system.coordinate_item(body * sizes.per_body).to_owned();
             self.far = Some(Far { item, tolerances, t });

@@ -115,6 +115,7 @@ impl Run<'_> {
         self.form.begin_step(&self.state);
         self.recorder.begin_step(self.form.point(), &self.state);
         self.form.pack(&self.state, &mut self.w);
+        self.carried.iter_mut().for_each(CarriedError::forget_matrix);
         self.express_error();
         self.record_chart();
         self.evaluate_slope()?;

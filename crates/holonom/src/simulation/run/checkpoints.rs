@@ -6,6 +6,7 @@ use crate::error::EvaluationFailure;
 use crate::method::stepper::StepperStatistics;
 use crate::reduction::RecoveryCounters;
 use crate::reduction::assembly::manifold_of;
+use crate::simulation::carried_error::CarriedError;
 use crate::simulation::checkpoint::{Checkpoint, Pace, foreign};
 use crate::simulation::checks::{RunError, set_coordinates};
 use crate::simulation::dense::ChartRecord;
@@ -98,6 +99,7 @@ impl Run<'_> {
         let Machinery { form, stepper, recorder, inspector, slope } = machinery;
         (self.form, self.stepper, self.g) = (form, stepper, slope);
         (self.recorder, self.inspector) = (recorder, inspector);
+        self.carried.iter_mut().for_each(CarriedError::forget_matrix);
         self.w.copy_from_slice(&checkpoint.w);
         self.work_before = checkpoint.work;
         self.recorder.begin_step(self.form.point(), &self.state);

@@ -226,6 +226,8 @@ struct Run<'a> {
     powers: StepPowers,
     /// Whether the present state has its multipliers: what needs them completes it.
     complete: bool,
+    /// Whether a law passes a knot in the step just accepted.
+    knots: bool,
     /// Powers in the middle of the step just accepted, if they are known.
     middle: Option<[f64; 2]>,
     output: Output,
@@ -340,7 +342,17 @@ impl Run<'_> {
                 let iterated = chart.relatives().is_none().then_some((step, &self.g_end[..]));
                 let (tolerance, power) = (&self.options.tolerance, &mut self.scratch[0]);
                 let ended = (t_end, step, &self.w_end[..]);
-                carried.follow(stepper, form, report.error, tolerance, power, iterated, ended);
+                let knots = self.knots;
+                carried.follow(
+                    stepper,
+                    form,
+                    report.error,
+                    tolerance,
+                    power,
+                    iterated,
+                    knots,
+                    ended,
+                );
             }
             let energy = self.emit(t, step)?;
             if let Some(carried) = &mut self.carried {
