@@ -12,7 +12,7 @@ const SUSPICIOUS: f64 = 10.0;
 /// Tolerances below which the turn of a reference within a step makes no difference worth its cost.
 const NEGLIGIBLE: f64 = 0.1;
 /// Places on its way that a run keeps for the comparison with a second one.
-const MILESTONES: usize = 8;
+const MILESTONES: usize = 16;
 
 /// Most steps of explicit formulas, one-step and multistep, that a matrix serves: it costs as much as some evaluations.
 const MOST_STEPS: [u64; 2] = [3, 10];
@@ -393,8 +393,8 @@ mod tests {
             assert!(milestones.times.len() <= MILESTONES);
         }
         milestones.end(&state(1000));
-        let known = [128.0, 256.0, 384.0, 512.0, 640.0, 768.0, 896.0, 1000.0];
+        let known: Vec<f64> = (1..=15).map(|k| 64.0 * f64::from(k)).chain([1000.0]).collect();
         assert_eq!(milestones.times, known);
-        assert_eq!(milestones.places, known.map(|t| [t, -1.0]).concat());
+        assert_eq!(milestones.places, known.iter().flat_map(|&t| [t, -1.0]).collect::<Vec<_>>());
     }
 }

@@ -16,7 +16,7 @@ const FAR: f64 = 50.0;
 /// Tolerances within which a run may be called right.
 const MET: f64 = 20.0;
 /// Tolerances by which they may differ from those of one that is suspicious itself.
-const UNCERTAIN: f64 = 30.0;
+const UNCERTAIN: f64 = 40.0;
 /// Tolerance of the second run as a part of that of the first.
 const PART: f64 = 0.1;
 

@@ -287,7 +287,7 @@ fn foreign_checkpoints_are_refused() {
     let longer = Checkpoint::from_text(&text.replace("\"w\":[", "\"w\":[0.0,")).expect("is text");
     assert_eq!(refused(&four_bar, &options, &longer), Some("simulation/checkpoint"));
     for [numbers, more] in [
-        ["\"carried\":{\"error\":[", "0.0,"],
+        ["\"carried\":{\"sums\":[{\"error\":[", "0.0,"],
         ["\"spread\":[[", "0.0,"],
         ["\"places\":[", "0.0,"],
         ["\"times\":[", "0.0,"],

@@ -126,8 +126,7 @@ const TOP: Body = Body {
 fn a_spinning_top_keeps_the_tolerance() {
     let y = start(turn([0.3, 0.0, 0.0]), [0.0, 0.0, 24.0 * TAU]);
     let truths = TOP.truths(&y, &times(2.0, 40));
-    let mut case = Case::new(&TOP.text(NO_TURN, &y, true), 2.0, truths);
-    case.max_steps = 30_000; // for the formulas of order 2
+    let case = Case::new(&TOP.text(NO_TURN, &y, true), 2.0, truths);
     let mut table = Table::new("spinning top of 48 turns");
     run_everything(&mut table, "top", &case);
     table.finish();
@@ -145,12 +144,11 @@ fn slender_bodies_keep_the_tolerance() {
     ] {
         let body = Body { mass: 1.0, inertia, arm, gravity };
         let y = start(turn([0.1, 0.2, 0.3]), w);
-        let mut case = Case::new(
+        let case = Case::new(
             &body.text(NO_TURN, &y, gravity != [0.0; 3]),
             3.0,
             body.truths(&y, &times(3.0, 30)),
         );
-        case.max_steps = 30_000; // for the formulas of order 2
         run_everything(&mut table, name, &case);
     }
     table.finish();

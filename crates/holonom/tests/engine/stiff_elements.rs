@@ -2,8 +2,8 @@
 //! errors within bounds, and steps that do not know the stiffness.
 
 use crate::common::table::{
-    Bounds, Case, DEFAULT, Figures, Kind, OTHERS, TOLERANCES, Table, codes_of, error, implicit,
-    line, measure,
+    Bounds, Case, DEFAULT, Figures, Kind, MAX_STEPS, OTHERS, TOLERANCES, Table, codes_of, error,
+    implicit, line, measure,
 };
 use crate::common::{model_of, options, run_model, try_run};
 use crate::stiff_systems::Motion::{self, Swinging, Turning};
@@ -234,7 +234,7 @@ fn a_spatial_loop_with_a_bushing_takes_as_many_steps_at_any_stiffness() {
     let asked = |options: Options| Options {
         channels: vec!["coupler.position".into()],
         output: OutputTimes::Listed(vec![0.0, 1.0]),
-        max_steps: 6000,
+        max_steps: MAX_STEPS,
         ..options
     };
     let rigid = crate::common::model("spatial_four_bar");

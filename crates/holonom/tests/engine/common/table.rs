@@ -81,6 +81,9 @@ pub(crate) fn truth(
     Truth { channel, kind, rows: rows.into_iter().collect() }
 }
 
+/// Attempts that formulas of order 2 need at a tolerance of 1e-6, with some to spare.
+pub(crate) const MAX_STEPS: u64 = 60_000;
+
 /// A model, how long it runs and what is true of it.
 #[derive(Debug, Clone)]
 pub(crate) struct Case {
@@ -92,7 +95,7 @@ pub(crate) struct Case {
 
 impl Case {
     pub(crate) fn new(text: &str, end: f64, truths: Vec<Truth>) -> Self {
-        Self { model: model_of(text), end, truths, max_steps: 20_000 }
+        Self { model: model_of(text), end, truths, max_steps: MAX_STEPS }
     }
 }
 
@@ -142,7 +145,7 @@ pub(crate) fn measure(case: &Case, manner: Manner, code: Code, tolerance: f64) -
         channels: case.truths.iter().map(|truth| truth.channel.to_owned()).collect(),
         output: OutputTimes::Interval(case.end / rows as f64),
         max_steps: case.max_steps,
-        max_seconds: 20.0,
+        max_seconds: 60.0,
         profile: manner.profile,
         parametrization: manner.choice.unwrap_or_default(),
         tolerance: Tolerance::uniform(tolerance),
