@@ -131,3 +131,35 @@ fn one_solve_agrees_on_random_mechanisms() {
     }
     assert!(solved > 300 && with_extra_states > 30, "{solved}, {with_extra_states}");
 }
+
+/// Links of 1 m and 1 kg without springs or dampers that are let go horizontally.
+fn free_chain(links: usize) -> String {
+    let mut text = "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n".to_owned();
+    for i in 1..=links {
+        let (before, end) =
+            if i == 1 { ("ground".to_owned(), 0.0) } else { (format!("link_{}", i - 1), 0.5) };
+        text += &format!(
+            "bodies.link_{i} = {{ mass = 1.0, inertia = \"=1/12\", position = [{}, 0.0] }}\n\
+             joints.joint_{i} = {{ type = \"revolute\", between = [\"{before}\", \"link_{i}\"], \
+             points_in_body = [[{end:?}, 0.0], [-0.5, 0.0]] }}\n",
+            i as f64 - 0.5
+        );
+    }
+    text
+}
+
+#[test] // iterations contract as fast as steps that follow the motion let them, with either matrix
+fn iterations_on_a_free_chain_contract_below_a_tenth() {
+    let model = model_of(&free_chain(20));
+    for tolerance in [1e-3, 1e-4, 1e-5] {
+        for newton in [Representation::Dense, Representation::Sparse] {
+            let options = Options {
+                newton,
+                coordinates: Coordinates::Cartesian,
+                ..crate::common::options(Code::ForSdirk16, tolerance, 2.0)
+            };
+            let told = crate::common::run_model(&model, &options).summary.statistics.contractions;
+            assert!(told.count > 100 && told.mean() < 0.1, "{tolerance:e}: {told:?}");
+        }
+    }
+}
