@@ -173,6 +173,10 @@ def _work(result: Result) -> list[tuple[str, str]]:
         ("" if first else "work", ", ".join(counts[first : first + 3]))
         for first in range(0, len(counts), 3)
     ]
+    if (spent := result.statistics).get("contractions"):
+        mean, largest = spent["mean_contraction"], spent["largest_contraction"]
+        text = f"of iterations {mean:.2g} in the mean, at most {largest:.2g}"
+        facts.append(("contraction", text))
     seconds = result.meta.get("cpu_seconds")
     if isinstance(seconds, int | float) and result.time.size:
         text = f"{seconds:.3g} s"

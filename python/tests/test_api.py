@@ -53,6 +53,14 @@ def test_arrays_have_units_frames_and_shapes(model: holonom.Model) -> None:
     assert result.statistics.steps > 0
 
 
+def test_contraction_of_iterations_is_told(model: holonom.Model) -> None:
+    spent = model.simulate(method="SspSDIRK16", tolerance=1e-8).statistics
+    assert 0 < spent.contractions <= spent.iterations
+    assert 0.0 < spent.mean_contraction <= spent.largest_contraction < 1.0
+    spent = model.simulate(method="DEABM").statistics
+    assert (spent.contractions, spent.mean_contraction, spent.largest_contraction) == (0, 0.0, 0.0)
+
+
 def test_processor_time_is_that_of_assembly_and_run(model: holonom.Model) -> None:
     result = model.simulate(tolerance=1e-10)
     spent = result.statistics

@@ -243,7 +243,8 @@ def test_what_is_continued_is_appended(
     with Result.load(older) as first:
         rows = {name: first[name].copy() for name in ("time", "q", "qd", "rod.position")}
         after = model.simulate(start=first.state(), end_time=2.0)
-        steps = first.statistics.steps
+        before = first.statistics
+        steps = before.steps
         inside = first.state(0.7531)
     line = ["run", str(pendulum), "-o", str(older), "--start", str(older), "--end-time", "2"]
     assert invoke(line) == 0
@@ -256,6 +257,13 @@ def test_what_is_continued_is_appended(
         assert result.span == (0.0, 2.0)
         assert result.options["start_time"] == 0.0
         assert result.statistics.steps == steps + after.statistics.steps
+        parts = [part for part in (before, after.statistics) if part.contractions]
+        count = sum(part.contractions for part in parts)
+        assert result.statistics.contractions == count > 0
+        mean = sum(part.mean_contraction * part.contractions for part in parts) / count
+        assert result.statistics.mean_contraction == pytest.approx(mean, rel=1e-14)
+        largest = max(part.largest_contraction for part in parts)
+        assert result.statistics.largest_contraction == largest
         assert result.steps["t"].size == result.statistics.steps + result.statistics.rejected
         assert [part["until"] for part in result.meta["parts"]] == [1.0]
         for time in (0.7531, 1.2345):

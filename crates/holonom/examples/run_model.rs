@@ -52,6 +52,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     println!("evaluations         {}", s.evaluations);
     println!("iterations          {}", s.iterations);
+    println!(
+        "contraction         {:.1e} in the mean of {}, at most {:.1e}",
+        s.contractions.mean(),
+        s.contractions.count,
+        s.contractions.largest
+    );
     println!("Jacobians           {}, factorizations {}", s.jacobians, s.factorizations);
     println!("re-partitions       {}", s.reparametrizations);
     println!("recoveries          {}, corrections {}", s.recoveries, s.corrections);

@@ -25,7 +25,9 @@ State = Mapping[str, NDArray[np.float64]]
 _FREE = ("start_time", "max_steps", "max_seconds", "threads")
 
 #: Statistics that are not summed over the parts of a result.
-_EXTREMES = {"smallest_step": min, "largest_step": max}
+_EXTREMES = {"smallest_step": min, "largest_step": max, "largest_contraction": max}
+#: Those that are means, with the number of what they are means of.
+_MEANS = {"mean_contraction": "contractions"}
 
 
 def destination(
@@ -120,6 +122,11 @@ def merged(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]
         for key, value in before.items()
         if key in after
     }
+    for key, number in _MEANS.items():
+        if key in before and key in after:
+            counts = before.get(number) or 0, after.get(number) or 0
+            total = before[key] * counts[0] + after[key] * counts[1]
+            whole["statistics"][key] = total / max(sum(counts), 1)
     whole["residuals"] = _largest(older.get("residuals"), newer.get("residuals"))
     energy = dict(newer.get("energy") or {})
     for key in ("largest_imbalance", "range", "moved"):

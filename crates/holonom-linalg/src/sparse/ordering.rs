@@ -3,6 +3,7 @@
 use crate::error::SingularMatrix;
 use crate::sparse::SparsePattern;
 use crate::sparse::elimination::NEGLIGIBLE;
+use crate::sparse::wide_search::WideSearch;
 use crate::watch::checkpoint;
 
 /// A pivot sequence: position p eliminates row `rows[p]` with column `columns[p]`.
@@ -14,7 +15,16 @@ pub(super) struct PivotOrder {
 /// A pivot is at least this fraction of the largest entry of its row (of the scaled matrix).
 const THRESHOLD: f64 = 0.1;
 
-/// How many rows and columns of least count are looked at before the best entry is taken.
+/// Where a pivot is looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Search {
+    /// In the few rows and columns of least count.
+    Near,
+    /// In many columns of least count, one row each.
+    Wide,
+}
+
+/// How many rows and columns a near search looks at before the best entry is taken.
 const SEARCH: usize = 4;
 
 /// A row longer than this is not searched for what it has in common with others, which would make
@@ -25,8 +35,8 @@ const NONE: u32 = u32::MAX;
 /// Numbers in whose time a pivot is chosen, about.
 const PER_PIVOT: usize = 200;
 
-/// Eliminates the matrix once, choosing at each step, among the large enough entries of the few
-/// rows and columns of least count, the one that causes least fill.
+/// Eliminates the matrix once, choosing at each step, among the large enough entries that are looked at, the one
+/// that causes least fill.
 ///
 /// Entries are structural: one that happens to be zero still counts and still causes fill, since it
 /// may be different from zero when the matrix is factored again. Numbers only decide what may be a
@@ -36,14 +46,23 @@ const PER_PIVOT: usize = 200;
 pub(super) fn choose_pivots(
     pattern: &SparsePattern,
     scaled_values: &[f64],
+    search: Search,
 ) -> Result<PivotOrder, SingularMatrix> {
     let mut active = Active::new(pattern, scaled_values);
     let n = pattern.n_rows();
     let mut order = PivotOrder { rows: Vec::with_capacity(n), columns: Vec::with_capacity(n) };
+    let mut wide = (search == Search::Wide).then(|| WideSearch::new(n));
     for _ in 0..n {
         checkpoint(PER_PIVOT);
-        let Some(pivot) = active.best_pivot() else { return Err(active.obstacle()) };
-        active.eliminate(pivot.row, pivot.column);
+        let found = match &mut wide {
+            Some(wide) => wide.best_pivot(&mut active),
+            None => active.best_pivot(),
+        };
+        let Some(pivot) = found else { return Err(active.obstacle()) };
+        let eliminated = active.eliminate(pivot.row, pivot.column);
+        if let Some(wide) = &mut wide {
+            wide.note(&active, &eliminated);
+        }
         order.rows.push(pivot.row);
         order.columns.push(pivot.column);
     }
@@ -52,11 +71,11 @@ pub(super) fn choose_pivots(
 
 /// An entry that may be the next pivot.
 #[derive(Clone, Copy)]
-struct Candidate {
+pub(super) struct Candidate {
     row: usize,
-    column: usize,
+    pub(super) column: usize,
     /// New entries its elimination would cause.
-    fill: usize,
+    pub(super) fill: usize,
     /// (row count − 1)(column count − 1): updates its elimination would make.
     updates: usize,
     /// Its magnitude relative to the largest of its row.
@@ -69,13 +88,19 @@ impl Candidate {
             || ((self.fill, self.updates) == (other.fill, other.updates) && self.size > other.size)
     }
 
-    fn or_better(a: Self, b: Self) -> Self {
+    pub(super) fn or_better(a: Self, b: Self) -> Self {
         if b.is_better_than(&a) { b } else { a }
     }
 }
 
+/// Row and column of a pivot as they were when it was eliminated.
+pub(super) struct Eliminated {
+    pub(super) row: Vec<(u32, f64)>,
+    pub(super) column: Vec<u32>,
+}
+
 /// The part of the matrix that is not eliminated yet.
-struct Active {
+pub(super) struct Active {
     n: usize,
     rows: Vec<Vec<(u32, f64)>>,
     columns: Vec<Vec<u32>>,
@@ -154,10 +179,55 @@ impl Active {
         best
     }
 
-    fn best_in_row(&mut self, i: usize) -> Option<Candidate> {
+    /// Columns of a row.
+    pub(super) fn columns_of(&self, i: usize) -> impl Iterator<Item = usize> + '_ {
+        self.rows[i].iter().map(|&(j, _)| j as usize)
+    }
+
+    /// Rows with a single entry.
+    pub(super) fn single_row(&self) -> Option<usize> {
+        Some(self.lists.first(0, 1) as usize).filter(|&i| i < self.n)
+    }
+
+    /// Columns that are left, those with the fewest entries first.
+    pub(super) fn next_column(&self, after: Option<usize>) -> Option<usize> {
+        let n = self.n;
+        let mut line = after.map_or(NONE, |j| self.lists.next[n + j]);
+        let mut count = after.map_or(0, |j| self.lists.count[n + j] as usize);
+        while line == NONE && count < n {
+            count += 1;
+            line = self.lists.first(n, count);
+        }
+        (line != NONE).then(|| line as usize - n)
+    }
+
+    pub(super) fn best_in_row(&mut self, i: usize) -> Option<Candidate> {
         self.mark(i);
         let rated = self.rows[i].iter().filter_map(|&(j, v)| self.rate(i, j as usize, v));
         rated.reduce(Candidate::or_better)
+    }
+
+    /// The entry of a column in its shortest row, of such rows the one in which it is the largest.
+    pub(super) fn shortest_in_column(&mut self, j: usize) -> Option<Candidate> {
+        let mut shortest: Option<(usize, f64, usize, f64)> = None;
+        for &i in &self.columns[j] {
+            let row = &self.rows[i as usize];
+            let length = row.len();
+            if shortest.is_some_and(|(least, ..)| length > least) {
+                continue;
+            }
+            let entry = row.iter().find(|&&(c, _)| c as usize == j);
+            let &(_, v) = entry.expect("column is listed");
+            let size = v.abs() / self.row_max[i as usize];
+            let better =
+                shortest.is_none_or(|(least, largest, ..)| length < least || size > largest);
+            if better && self.admits(i as usize, j, v) {
+                shortest = Some((length, size, i as usize, v));
+            }
+        }
+        let (_, _, i, v) = shortest?;
+        self.mark(i);
+        self.rate(i, j, v)
     }
 
     fn best_in_column(&mut self, j: usize) -> Option<Candidate> {
@@ -213,7 +283,7 @@ impl Active {
         }
     }
 
-    fn eliminate(&mut self, p: usize, q: usize) {
+    fn eliminate(&mut self, p: usize, q: usize) -> Eliminated {
         self.lists.remove(p);
         self.lists.remove(self.n + q);
         let pivot_row = std::mem::take(&mut self.rows[p]);
@@ -263,6 +333,7 @@ impl Active {
             self.lists.remove(self.n + j as usize);
             self.lists.insert(self.n + j as usize, self.columns[j as usize].len());
         }
+        Eliminated { row: pivot_row, column: pivot_column }
     }
 
     /// Where elimination came to a stop: the remaining row with the largest entry.

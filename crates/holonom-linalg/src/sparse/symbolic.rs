@@ -63,6 +63,11 @@ impl FactorPattern {
         self.u_start[i] as usize..self.u_start[i + 1] as usize
     }
 
+    /// Entries stored in both factors, the diagonal counted once.
+    pub(super) fn fill(&self) -> usize {
+        self.l_column.len() + self.u_column.len() + self.n()
+    }
+
     /// Additions and multiplications of one elimination.
     pub(super) fn operations(&self) -> usize {
         self.l_column.iter().map(|&j| 2 * self.u_range(j as usize).len() + 1).sum()

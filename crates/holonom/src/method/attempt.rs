@@ -246,7 +246,9 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
                 report.cause = Some(failure.cause);
             }
         }
-        ode.statistics.iterations += u64::from(report.iterations);
+        let statistics = &mut ode.statistics;
+        statistics.iterations += u64::from(report.iterations);
+        statistics.contractions = statistics.contractions.plus(&report.contractions);
         ode.statistics.count(report.cause.as_ref());
         self.statistics = ode.statistics;
         report

@@ -67,8 +67,11 @@ impl Iteration<'_> {
             }
         };
         self.eta[i] = monitor.eta();
-        let seen = monitor.contraction().unwrap_or(0.0);
-        self.report.contraction = self.report.contraction.max(seen);
+        let seen = monitor.contraction();
+        self.report.contraction = self.report.contraction.max(seen.unwrap_or(0.0));
+        if let (IterationVerdict::Converged, Some(theta)) = (verdict, seen) {
+            self.report.contractions.observe(theta);
+        }
         match verdict {
             IterationVerdict::Slow { ratio } => {
                 Err(Failure { cause: Rejection::NewtonSlow, ratio })

@@ -1,6 +1,6 @@
 //! One step of ẇ = g(t, w): the contract between the run loop and the integration formulas.
 
-use crate::control::{NewtonControl, starting_step, trial_step};
+use crate::control::{Contractions, NewtonControl, starting_step, trial_step};
 use crate::method::ode::{EvaluationFailure, LinearizedOde, Ode};
 use serde::{Deserialize, Serialize};
 
@@ -35,6 +35,8 @@ pub struct StepReport {
     pub iterations: u32,
     /// Largest contraction θ seen in the iterations; 0 if none was seen.
     pub contraction: f64,
+    /// Of all iterations that converged.
+    pub contractions: Contractions,
 }
 
 impl StepReport {
@@ -47,6 +49,7 @@ impl StepReport {
             cause: None,
             iterations: 0,
             contraction: 0.0,
+            contractions: Contractions::default(),
         }
     }
 
@@ -67,7 +70,7 @@ pub struct StepEnd<'a> {
 }
 
 /// Work counters since construction.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct StepperStatistics {
     /// Attempts that were accepted (steps taken back by [`Stepper::discard`] included).
     pub accepted: u64,
@@ -87,6 +90,8 @@ pub struct StepperStatistics {
     pub solves: u64,
     /// Newton iterations.
     pub iterations: u64,
+    /// How they contracted.
+    pub contractions: Contractions,
     /// Steps after which stiffness was suspected (explicit codes only).
     pub stiff_steps: u64,
 }
@@ -105,6 +110,7 @@ impl StepperStatistics {
             factorizations: self.factorizations + other.factorizations,
             solves: self.solves + other.solves,
             iterations: self.iterations + other.iterations,
+            contractions: self.contractions.plus(&other.contractions),
             stiff_steps: self.stiff_steps + other.stiff_steps,
         }
     }

@@ -146,6 +146,22 @@ fn a_diverging_iteration_makes_the_step_shorter() {
     }
 }
 
+#[test] // truth: with J = 0 in place of −λ corrections of a stage fall by γhλ
+fn contraction_is_told() {
+    const LAMBDA: f64 = 10.0;
+    let mut ode = DenseOde::new(1, |_, y, g| g[0] = -LAMBDA * y[0], |_, _| vec![vec![0.0]])
+        .with_tolerance(0.0, 1e-3);
+    let options = StepperOptions { fixed_step: true, ..StepperOptions::thesis() };
+    let mut stepper = SDIRK(1, options);
+    let run = run(&mut *stepper, &mut ode, 0.0, &[1.0], 1.0, Some(0.05));
+    let told = stepper.statistics().contractions;
+    assert_eq!(told.count, 5 * run.accepted, "stages");
+    let factor = SDIRK4_15.gamma * 0.05 * LAMBDA;
+    for found in [told.mean(), told.largest] {
+        assert!((found - factor).abs() < 1e-6, "{found} in place of {factor}");
+    }
+}
+
 #[test]
 fn a_fast_iteration_keeps_linearization_and_factors() {
     // Linear with constant J: one linearization serves until steps are ten times as long.

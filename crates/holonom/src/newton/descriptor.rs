@@ -184,7 +184,7 @@ impl Matrix for DescriptorMatrix {
             return Ok(0);
         }
         (self.lu, self.left) = (None, 0.0);
-        self.lu = Some(SparseLu::analyze(&self.pattern.pattern, &self.values)?);
+        self.lu = Some(SparseLu::analyze_for_many(&self.pattern.pattern, &self.values)?);
         Ok(1)
     }
 

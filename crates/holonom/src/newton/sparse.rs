@@ -187,7 +187,7 @@ impl Matrix for SparseMatrix {
             return Ok(0);
         }
         (plan.lu, plan.left, plan.fresh, self.complex) = (None, 0.0, f64::NAN, None);
-        plan.lu = Some(SparseLu::analyze(&plan.pattern.pattern, &self.values)?);
+        plan.lu = Some(SparseLu::analyze_for_many(&plan.pattern.pattern, &self.values)?);
         Ok(1)
     }
 

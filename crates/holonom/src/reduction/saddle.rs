@@ -212,7 +212,7 @@ impl Saddle {
         };
         if !served {
             self.analyses += 1;
-            let analysis = SparseLu::analyze(&self.pattern, &self.values);
+            let analysis = SparseLu::analyze_for_many(&self.pattern, &self.values);
             self.lu = Some(analysis.map_err(|e| singular(system, e, n))?);
             self.fresh = self.solve_factored(force, tau);
         }

@@ -178,7 +178,7 @@ impl Sparse {
             return Ok(0);
         }
         self.refine = false;
-        let mut lu = SparseLu::analyze(&self.pattern, values)?;
+        let mut lu = SparseLu::analyze_for_many(&self.pattern, values)?;
         if self.lanes {
             lu.reserve_lanes();
         }

@@ -1,5 +1,6 @@
 //! Work, residuals and the reason for the end of a run.
 
+use crate::control::Contractions;
 use crate::system::EnergyBalance;
 use serde::{Deserialize, Serialize};
 
@@ -75,6 +76,8 @@ pub struct Statistics {
     pub factorizations: u64,
     /// Newton iterations.
     pub iterations: u64,
+    /// How these contracted.
+    pub contractions: Contractions,
     /// Changes of the parametrization.
     pub reparametrizations: u64,
     /// Recoveries of dependent positions.

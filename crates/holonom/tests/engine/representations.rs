@@ -12,8 +12,12 @@ fn implicit() -> impl Iterator<Item = Code> {
     CODES.iter().filter(|info| info.family != "explicit").map(|info| info.code)
 }
 
-/// Truth: the same run with the dense matrix. Steps are the same; results agree to a ten-thousandth of the
-/// tolerance, to a hundredth where round-off decided upon an iteration more or less.
+/// What two representations may differ by at tolerance 1e-4, against the largest entry of a state. Round-off does as much
+/// after some thousand steps, when it decides upon an iteration more or less: the tolerance changed in its last digit, with the
+/// dense matrix, moves the vehicle with bushings by 1e-9 after 0.5 s and by 3e-7 after 4 s.
+const SAME: f64 = 1e-9;
+
+/// Truth: the same run with the dense matrix. Steps are the same, and results agree.
 fn agree(name: &str, end: f64, charts: &[Choice]) {
     let model = crate::common::model(name);
     for code in implicit() {
@@ -33,12 +37,10 @@ fn agree(name: &str, end: f64, charts: &[Choice]) {
             let what = format!("{name}, {}, {}", code.info().name, parametrization.name());
             let steps = (dense.statistics.steps, sparse.statistics.steps);
             assert_eq!(steps.0, steps.1, "{what}");
-            let same = dense.statistics.iterations == sparse.statistics.iterations;
-            let bound = if same { 1e-8 } else { 1e-6 };
             let largest = |x: &[f64]| x.iter().fold(1.0f64, |m, x| m.max(x.abs()));
             for (a, b) in [(&dense.end.q, &sparse.end.q), (&dense.end.v, &sparse.end.v)] {
                 let error = a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-                assert!(error <= bound * largest(a), "{what}: {error:.1e}, steps {steps:?}");
+                assert!(error <= SAME * largest(a), "{what}: {error:.1e}, steps {steps:?}");
             }
         }
     }
@@ -46,19 +48,25 @@ fn agree(name: &str, end: f64, charts: &[Choice]) {
 
 #[test]
 fn all_codes_take_the_same_steps_on_the_library() {
+    let mut models = Vec::new();
     for (name, end) in [
-        ("simple_pendulum", 1.0),
-        ("double_pendulum", 0.5),
-        ("slider_crank", 0.5),
-        ("spatial_four_bar", 1.0),
-        ("andrews", 0.01),
-        ("stiff_slider", 0.5),
-        ("chain50", 0.2),
-        ("hmmwv14", 0.5),
+        ("simple_pendulum", 2.0),
+        ("double_pendulum", 1.0),
+        ("double_pendulum_w10", 1.0),
+        ("double_pendulum_rest", 2.0),
+        ("slider_crank", 1.0),
+        ("spatial_four_bar", 2.0),
+        ("andrews", 0.02),
+        ("stiff_slider", 1.0),
+        ("chain50", 0.5),
+        ("chain50_free", 0.2),
+        ("hmmwv14", 1.0),
         ("hmmwv14_bushing", 0.2),
     ] {
         agree(name, end, &[Choice::Tree]);
+        models.push(name);
     }
+    assert!(crate::common::LIBRARY.iter().all(|name| models.contains(name)), "a model is missing");
 }
 
 #[test]
@@ -122,4 +130,36 @@ fn one_solve_agrees_on_random_mechanisms() {
         }
     }
     assert!(solved > 300 && with_extra_states > 30, "{solved}, {with_extra_states}");
+}
+
+/// Links of 1 m and 1 kg without springs or dampers that are let go horizontally.
+fn free_chain(links: usize) -> String {
+    let mut text = "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n".to_owned();
+    for i in 1..=links {
+        let (before, end) =
+            if i == 1 { ("ground".to_owned(), 0.0) } else { (format!("link_{}", i - 1), 0.5) };
+        text += &format!(
+            "bodies.link_{i} = {{ mass = 1.0, inertia = \"=1/12\", position = [{}, 0.0] }}\n\
+             joints.joint_{i} = {{ type = \"revolute\", between = [\"{before}\", \"link_{i}\"], \
+             points_in_body = [[{end:?}, 0.0], [-0.5, 0.0]] }}\n",
+            i as f64 - 0.5
+        );
+    }
+    text
+}
+
+#[test] // iterations contract as fast as steps that follow the motion let them, with either matrix
+fn iterations_on_a_free_chain_contract_below_a_tenth() {
+    let model = model_of(&free_chain(20));
+    for tolerance in [1e-3, 1e-4, 1e-5] {
+        for newton in [Representation::Dense, Representation::Sparse] {
+            let options = Options {
+                newton,
+                coordinates: Coordinates::Cartesian,
+                ..crate::common::options(Code::ForSdirk16, tolerance, 2.0)
+            };
+            let told = crate::common::run_model(&model, &options).summary.statistics.contractions;
+            assert!(told.count > 100 && told.mean() < 0.1, "{tolerance:e}: {told:?}");
+        }
+    }
 }

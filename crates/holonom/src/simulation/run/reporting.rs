@@ -105,6 +105,7 @@ impl Run<'_> {
         s.jacobians = stepper.linearizations;
         s.factorizations = stepper.factorizations;
         s.iterations = stepper.iterations;
+        s.contractions = stepper.contractions;
         s.stiff_steps = stepper.stiff_steps;
         s.recoveries = counters.recoveries;
         s.corrections = counters.corrections;
