@@ -151,7 +151,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut edge_of = vec![None; bodies];
         let mut screws = EdgeScrews::default();
         let mut root: Vec<usize> = (0..bodies).collect();
-        for (at, (edge, &form)) in tree.edges.iter().zip(&relatives.forms).enumerate() {
+        for (at, (edge, &form)) in tree.edges.iter().zip(&*relatives.forms).enumerate() {
             if !system.edge_screws(at, form, q, &mut screws) {
                 return None;
             }
@@ -496,7 +496,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Entries of x that are independent variables, or told by drivers: `level` 1 for rates, 2 for accelerations, none
     /// for changes at a fixed time.
     pub(super) fn tell(&self, t: f64, level: Option<usize>, p: &[f64], x: &mut [f64]) {
-        for (x, source) in x.iter_mut().zip(&self.sources) {
+        for (x, source) in x.iter_mut().zip(&*self.sources) {
             *x = match (*source, level) {
                 (Source::Independent(k), _) => p[k],
                 (Source::Driven(row, sign, _), Some(level)) => {

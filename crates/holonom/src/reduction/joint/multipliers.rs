@@ -21,7 +21,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
             }
         }
-        for (along, source) in self.along.iter().zip(&self.sources) {
+        for (along, source) in self.along.iter().zip(&*self.sources) {
             if let Source::Driven(row, sign, _) = source {
                 lambda[*row] = -sign * along;
             }
