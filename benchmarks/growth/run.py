@@ -1,7 +1,8 @@
 """Processor time and memory of whole runs against the number of bodies.
 
 Run from anywhere with the package installed: ``python benchmarks/growth/run.py``. Each run is a
-process of its own, from reading the model to its result.
+process of its own, from reading the model to its result; what it would store of its steps is left
+out.
 """
 
 import csv
@@ -120,7 +121,9 @@ def measure(shape: str, n: int) -> dict[str, float]:
     holonom.Model.from_text(SHAPES[shape][0].format(n=3)).simulate(end_time=1e-3, interval=1e-3)
     before = resource.getrusage(resource.RUSAGE_SELF)
     model = holonom.Model.from_text(SHAPES[shape][0].format(n=n))
-    result = model.simulate(end_time=END, tolerance=TOLERANCE, interval=END, newton="sparse")
+    result = model.simulate(
+        end_time=END, tolerance=TOLERANCE, interval=END, newton="sparse", dense_output=False
+    )
     after = resource.getrusage(resource.RUSAGE_SELF)
     return {
         "steps": result.statistics["steps"],
@@ -144,7 +147,9 @@ def main() -> None:
     figure, axes = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
     with (HERE / "results.csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["shape", "n", "bodies", "steps", "cpu_seconds", "megabytes"])
+        writer.writerow(
+            ["shape", "n", "bodies", "steps", "cpu_seconds", "megabytes", "kilobytes_per_body"]
+        )
         for shape, (_, sizes) in SHAPES.items():
             rows = []
             for n in sizes:
@@ -153,8 +158,13 @@ def main() -> None:
                 row = json.loads(text)
                 rows.append(row)
                 seconds, size = f"{row['cpu_seconds']:.3f}", f"{row['megabytes']:.1f}"
-                writer.writerow([shape, n, row["bodies"], row["steps"], seconds, size])
-                print(f"{shape}, n = {n}: {row['steps']} steps, {seconds} s, {size} MB", flush=True)
+                each = f"{1e3 * row['megabytes'] / row['bodies']:.1f}"
+                writer.writerow([shape, n, row["bodies"], row["steps"], seconds, size, each])
+                print(
+                    f"{shape}, n = {n}: {row['steps']} steps, {seconds} s, {size} MB,"
+                    f" {each} kB per body",
+                    flush=True,
+                )
             slope = exponent(rows)
             print(f"{shape}: exponent {slope:.2f}")
             label = f"{shape}, {slope:.2f}"

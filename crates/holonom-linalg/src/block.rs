@@ -21,21 +21,19 @@ struct Block {
     offset: usize,
 }
 
-/// A matrix made of dense blocks at fixed places; everything outside the blocks is zero.
+/// Dense blocks at fixed places, one after the other: what matrices of one shape share.
 ///
-/// Values of a block are stored by rows, blocks one after the other. Blocks may overlap; the
-/// matrix is their sum.
+/// Blocks may overlap; a matrix is the sum of its blocks.
 #[derive(Debug, Clone, PartialEq)]
-pub struct BlockMatrix {
+pub struct BlockPattern {
     n_rows: usize,
     n_cols: usize,
-    /// Shared by copies.
     blocks: Arc<[Block]>,
-    values: Vec<f64>,
+    values: usize,
 }
 
-impl BlockMatrix {
-    /// A zero matrix with blocks given as (first row, first column, rows, columns).
+impl BlockPattern {
+    /// Blocks given as (first row, first column, rows, columns).
     ///
     /// Equal blocks are one block. The second result names the block of each request.
     ///
@@ -70,7 +68,12 @@ impl BlockMatrix {
                 ids.push(ids[first[e]]);
             }
         }
-        (Self { n_rows, n_cols, blocks: places.into(), values: vec![0.0; offset] }, ids)
+        (Self { n_rows, n_cols, blocks: places.into(), values: offset }, ids)
+    }
+
+    /// A matrix of zeros with these blocks.
+    pub fn zeros(&self) -> BlockMatrix {
+        BlockMatrix { pattern: self.clone(), values: vec![0.0; self.values] }
     }
 
     /// Number of rows.
@@ -83,26 +86,10 @@ impl BlockMatrix {
         self.n_cols
     }
 
-    /// Sets every value to zero.
-    pub fn clear(&mut self) {
-        self.values.fill(0.0);
-    }
-
-    /// Values of one block, by rows.
-    pub fn block(&self, id: BlockId) -> &[f64] {
-        let b = self.blocks[id.0];
-        &self.values[b.offset..b.offset + b.rows * b.columns]
-    }
-
-    /// Values of one block, by rows.
-    pub fn block_mut(&mut self, id: BlockId) -> &mut [f64] {
-        let b = self.blocks[id.0];
-        &mut self.values[b.offset..b.offset + b.rows * b.columns]
-    }
-
-    /// All blocks, to be parted.
-    pub fn blocks_mut(&mut self) -> BlocksMut<'_> {
-        BlocksMut { blocks: &self.blocks, first: 0, values: &mut self.values }
+    /// Number of values of all blocks.
+    #[allow(clippy::len_without_is_empty, reason = "a number of values, as of the matrix")]
+    pub fn len(&self) -> usize {
+        self.values
     }
 
     /// Place of one block: (first row, first column, rows, columns).
@@ -119,6 +106,114 @@ impl BlockMatrix {
     /// Number of different blocks.
     pub fn n_blocks(&self) -> usize {
         self.blocks.len()
+    }
+
+    /// (row, column) of every value, block after block, moved by the offsets: the entries of a matrix as a part of a
+    /// larger [`SparsePattern`].
+    ///
+    /// Where blocks overlap a pair comes more than once; its values add up.
+    ///
+    /// [`SparsePattern`]: crate::SparsePattern
+    pub fn entries(&self, row_offset: usize, column_offset: usize) -> Vec<(usize, usize)> {
+        let mut entries = Vec::with_capacity(self.values);
+        for b in &*self.blocks {
+            for i in 0..b.rows {
+                for j in 0..b.columns {
+                    entries.push((row_offset + b.row + i, column_offset + b.column + j));
+                }
+            }
+        }
+        entries
+    }
+}
+
+/// A matrix made of dense blocks at fixed places; everything outside the blocks is zero.
+///
+/// Values of a block are stored by rows, blocks one after the other. Blocks may overlap; the
+/// matrix is their sum.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BlockMatrix {
+    /// Shared by copies.
+    pattern: BlockPattern,
+    values: Vec<f64>,
+}
+
+impl BlockMatrix {
+    /// A zero matrix with blocks given as (first row, first column, rows, columns).
+    ///
+    /// Equal blocks are one block. The second result names the block of each request.
+    ///
+    /// # Panics
+    /// If a block reaches beyond the matrix.
+    pub fn new(
+        n_rows: usize,
+        n_cols: usize,
+        blocks: &[(usize, usize, usize, usize)],
+    ) -> (Self, Vec<BlockId>) {
+        let (pattern, ids) = BlockPattern::new(n_rows, n_cols, blocks);
+        (pattern.zeros(), ids)
+    }
+
+    /// Its blocks.
+    pub fn pattern(&self) -> &BlockPattern {
+        &self.pattern
+    }
+
+    /// Number of rows.
+    pub fn n_rows(&self) -> usize {
+        self.pattern.n_rows
+    }
+
+    /// Number of columns.
+    pub fn n_cols(&self) -> usize {
+        self.pattern.n_cols
+    }
+
+    /// Sets every value to zero.
+    pub fn clear(&mut self) {
+        self.values.fill(0.0);
+    }
+
+    /// Gives up the room of the values, which are not to be asked for before [`restore`](Self::restore).
+    pub fn release(&mut self) {
+        self.values = Vec::new();
+    }
+
+    /// Makes room for the values again where it was given up.
+    pub fn restore(&mut self) {
+        self.values.resize(self.pattern.values, 0.0);
+    }
+
+    /// Values of one block, by rows.
+    pub fn block(&self, id: BlockId) -> &[f64] {
+        let b = self.pattern.blocks[id.0];
+        &self.values[b.offset..b.offset + b.rows * b.columns]
+    }
+
+    /// Values of one block, by rows.
+    pub fn block_mut(&mut self, id: BlockId) -> &mut [f64] {
+        let b = self.pattern.blocks[id.0];
+        &mut self.values[b.offset..b.offset + b.rows * b.columns]
+    }
+
+    /// All blocks, to be parted.
+    pub fn blocks_mut(&mut self) -> BlocksMut<'_> {
+        BlocksMut { blocks: &self.pattern.blocks, first: 0, values: &mut self.values }
+    }
+
+    /// Place of one block: (first row, first column, rows, columns).
+    pub fn shape(&self, id: BlockId) -> (usize, usize, usize, usize) {
+        self.pattern.shape(id)
+    }
+
+    /// Places of all blocks in the order of their values: (first row, first column, rows, columns).
+    pub fn shapes(&self) -> impl Iterator<Item = (usize, usize, usize, usize)> + '_ {
+        self.pattern.shapes()
+    }
+
+    /// Number of different blocks.
+    pub fn n_blocks(&self) -> usize {
+        self.pattern.n_blocks()
     }
 
     /// Adds `values` (by rows) to one block.
@@ -143,22 +238,9 @@ impl BlockMatrix {
         &mut self.values
     }
 
-    /// (row, column) of every stored value, in the order of [`values`](Self::values), moved by the
-    /// offsets: the entries of this matrix as a part of a larger [`SparsePattern`].
-    ///
-    /// Where blocks overlap a pair comes more than once; its values add up.
-    ///
-    /// [`SparsePattern`]: crate::SparsePattern
+    /// (row, column) of every stored value; see [`BlockPattern::entries`].
     pub fn entries(&self, row_offset: usize, column_offset: usize) -> Vec<(usize, usize)> {
-        let mut entries = Vec::with_capacity(self.values.len());
-        for b in &*self.blocks {
-            for i in 0..b.rows {
-                for j in 0..b.columns {
-                    entries.push((row_offset + b.row + i, column_offset + b.column + j));
-                }
-            }
-        }
-        entries
+        self.pattern.entries(row_offset, column_offset)
     }
 
     /// y += α A x, with x of `n_cols` and y of `n_rows`.
@@ -182,7 +264,11 @@ impl BlockMatrix {
     /// # Panics
     /// If X or Y has not that many entries.
     pub fn multiply_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
-        assert_eq!((x.len(), y.len()), (self.n_cols * k, self.n_rows * k), "entries of X and Y");
+        assert_eq!(
+            (x.len(), y.len()),
+            (self.n_cols() * k, self.n_rows() * k),
+            "entries of X and Y"
+        );
         let mut product = Product { matrix: self, alpha, x, k, y };
         if k == 1 {
             product.run::<1>(0);
@@ -196,7 +282,11 @@ impl BlockMatrix {
     /// # Panics
     /// If X or Y has not that many entries.
     pub fn multiply_transposed_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
-        assert_eq!((x.len(), y.len()), (self.n_rows * k, self.n_cols * k), "entries of X and Y");
+        assert_eq!(
+            (x.len(), y.len()),
+            (self.n_rows() * k, self.n_cols() * k),
+            "entries of X and Y"
+        );
         let mut product = TransposedProduct { matrix: self, alpha, x, k, y };
         if k == 1 {
             product.run::<1>(0);
@@ -207,9 +297,9 @@ impl BlockMatrix {
 
     /// The matrix with all its zeros, `n_rows`×`n_cols` by rows.
     pub fn to_dense(&self) -> Vec<f64> {
-        let mut dense = vec![0.0; self.n_rows * self.n_cols];
+        let mut dense = vec![0.0; self.n_rows() * self.n_cols()];
         for ((i, j), v) in self.entries(0, 0).into_iter().zip(&self.values) {
-            dense[i * self.n_cols + j] += v;
+            dense[i * self.n_cols() + j] += v;
         }
         dense
     }
@@ -264,7 +354,7 @@ struct Product<'a> {
 impl LaneKernel for Product<'_> {
     #[inline(always)]
     fn run<const W: usize>(&mut self, from: usize) {
-        for b in self.matrix.blocks.iter().filter(|b| b.columns > 0) {
+        for b in self.matrix.pattern.blocks.iter().filter(|b| b.columns > 0) {
             let values = &self.matrix.values[b.offset..b.offset + b.rows * b.columns];
             if W == 1 && self.k == 1 {
                 let x = &self.x[b.column..b.column + b.columns];
@@ -321,7 +411,7 @@ struct TransposedProduct<'a> {
 impl LaneKernel for TransposedProduct<'_> {
     #[inline(always)]
     fn run<const W: usize>(&mut self, from: usize) {
-        for b in &*self.matrix.blocks {
+        for b in &*self.matrix.pattern.blocks {
             let values = &self.matrix.values[b.offset..b.offset + b.rows * b.columns];
             for j in 0..b.columns {
                 let mut sum = [0.0; W];

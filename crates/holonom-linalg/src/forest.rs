@@ -127,11 +127,11 @@ impl BlockForest {
     }
 }
 
-/// The factored matrix.
+/// The factored matrix. Of F its values serve, which solves are given once more.
 #[derive(Debug, Clone)]
 pub struct ForestLu {
     forest: Arc<BlockForest>,
-    /// F, and L and U of E with rows exchanged, of each block as among the values.
+    /// L and U of E with rows exchanged, block after block, by rows.
     factors: Vec<f64>,
     /// Row of E at each position of its factors.
     pivots: Vec<u8>,
@@ -145,7 +145,7 @@ impl ForestLu {
     pub fn new(forest: Arc<BlockForest>) -> Self {
         let n = forest.size * forest.len();
         Self {
-            factors: vec![0.0; forest.values()],
+            factors: vec![0.0; n * forest.size],
             pivots: vec![0; n],
             sign: 1.0,
             work: vec![0.0; n],
@@ -169,20 +169,23 @@ impl ForestLu {
     /// # Errors
     /// [`SingularMatrix`] where a block is singular; the factors must not be used then.
     pub fn factor(&mut self, values: &[f64]) -> Result<(), SingularMatrix> {
-        assert_eq!(values.len(), self.factors.len(), "E and F of every block");
-        self.factors.copy_from_slice(values);
+        assert_eq!(values.len(), self.forest.values(), "E and F of every block");
+        self.factors.resize(self.pivots.len() * self.forest.size, 0.0);
         match self.forest.size {
-            3 => self.eliminate::<3>(),
-            _ => self.eliminate::<7>(),
+            3 => self.eliminate::<3>(values),
+            _ => self.eliminate::<7>(values),
         }
     }
 
-    fn eliminate<const N: usize>(&mut self) -> Result<(), SingularMatrix> {
+    fn eliminate<const N: usize>(&mut self, values: &[f64]) -> Result<(), SingularMatrix> {
         self.sign = 1.0;
-        let (rows, _) = self.factors.as_chunks_mut::<N>();
+        let (rows, _) = values.as_chunks::<N>();
+        let (factors, _) = self.factors.as_chunks_mut::<N>();
+        let (factors, _) = factors.as_chunks_mut::<N>();
         let (pivots, _) = self.pivots.as_chunks_mut::<N>();
-        for (block, (rows, pivots)) in rows.chunks_exact_mut(2 * N).zip(pivots).enumerate() {
-            let e: &mut [[f64; N]; N] = rows.first_chunk_mut().expect("N rows of E");
+        let blocks = rows.chunks_exact(2 * N).zip(factors).zip(pivots).enumerate();
+        for (block, ((rows, e), pivots)) in blocks {
+            e.copy_from_slice(&rows[..N]);
             match factor_block(e, pivots) {
                 Ok(sign) => self.sign *= sign,
                 Err((at, pivot)) => {
@@ -198,6 +201,11 @@ impl ForestLu {
         Ok(())
     }
 
+    /// Gives up the room for factors until the next factorisation.
+    pub fn release(&mut self) {
+        (self.factors, self.work, self.probe) = (Vec::new(), Vec::new(), Vec::new());
+    }
+
     /// Takes over the factors of a matrix of the same shape.
     pub fn copy_from(&mut self, other: &Self) {
         self.factors.copy_from_slice(&other.factors);
@@ -211,7 +219,8 @@ impl ForestLu {
         let forest = self.forest.clone();
         let size = forest.size;
         let mut x = std::mem::take(&mut self.probe);
-        x.fill(0.0);
+        x.clear();
+        x.resize(self.pivots.len(), 0.0);
         for (at, value) in values.iter().enumerate() {
             let (block, side) = (at / (size * size) / 2, at / (size * size) % 2);
             let block = if side == 0 { Some(block) } else { forest.parent(block) };
@@ -220,7 +229,7 @@ impl ForestLu {
             }
         }
         let estimate =
-            condition_estimate(&mut x, |x, transposed| self.substitute(x, 1, transposed));
+            condition_estimate(&mut x, |x, transposed| self.substitute(values, x, 1, transposed));
         self.probe = x;
         estimate
     }
@@ -230,28 +239,28 @@ impl ForestLu {
         self.sign
     }
 
-    /// Entries stored in the factors.
+    /// Entries that a solve reads.
     pub fn fill(&self) -> usize {
-        self.factors.len()
+        self.forest.values()
     }
 
-    /// Solves A X = B in place; `b` is n×k by rows.
+    /// Solves A X = B in place with the values that were factored; `b` is n×k by rows.
     ///
     /// # Panics
     /// If `b` has not n·k entries.
-    pub fn solve_many(&mut self, b: &mut [f64], k: usize) {
-        self.substitute(b, k, false);
+    pub fn solve_many(&mut self, values: &[f64], b: &mut [f64], k: usize) {
+        self.substitute(values, b, k, false);
     }
 
-    /// Solves Aᵀ X = B in place; `b` is n×k by rows.
+    /// Solves Aᵀ X = B in place with the values that were factored; `b` is n×k by rows.
     ///
     /// # Panics
     /// If `b` has not n·k entries.
-    pub fn solve_transposed_many(&mut self, b: &mut [f64], k: usize) {
-        self.substitute(b, k, true);
+    pub fn solve_transposed_many(&mut self, values: &[f64], b: &mut [f64], k: usize) {
+        self.substitute(values, b, k, true);
     }
 
-    fn substitute(&mut self, b: &mut [f64], k: usize, transposed: bool) {
+    fn substitute(&mut self, values: &[f64], b: &mut [f64], k: usize, transposed: bool) {
         let n = self.pivots.len();
         assert_eq!(b.len(), n * k, "right-hand sides of a matrix of {n} rows");
         let room = n * k.min(MOST_LANES);
@@ -260,6 +269,7 @@ impl ForestLu {
         }
         let mut kernel = Substitution {
             forest: &self.forest,
+            values,
             factors: &self.factors,
             pivots: &self.pivots,
             transposed,
@@ -322,6 +332,7 @@ fn factor_block<const N: usize>(
 
 struct Substitution<'a> {
     forest: &'a BlockForest,
+    values: &'a [f64],
     factors: &'a [f64],
     pivots: &'a [u8],
     transposed: bool,
@@ -346,13 +357,15 @@ impl Substitution<'_> {
     /// x_b = E⁻¹(r_b − F x_parent), parents first.
     #[inline(always)]
     fn forward<const N: usize, const W: usize>(&mut self, from: usize) {
+        let (values, _) = self.values.as_chunks::<N>();
         let (factors, _) = self.factors.as_chunks::<N>();
         let (pivots, _) = self.pivots.as_chunks::<N>();
         let (rows, _) = self.forest.rows.as_chunks::<N>();
         let (x, _) = self.work.as_chunks_mut::<W>();
         for &block in &self.forest.order {
             let block = block as usize;
-            let (e, f) = factors[2 * N * block..2 * N * (block + 1)].split_at(N);
+            let e = &factors[N * block..N * (block + 1)];
+            let f = &values[2 * N * block + N..2 * N * (block + 1)];
             let mut r: [[f64; W]; N] =
                 std::array::from_fn(|i| *lanes(self.b, self.k, rows[block][i] as usize, from));
             let parent = self.forest.parent[block];
@@ -394,6 +407,7 @@ impl Substitution<'_> {
     /// y_b = E⁻ᵀ c_b, then c_parent −= Fᵀ y_b, children first.
     #[inline(always)]
     fn backward<const N: usize, const W: usize>(&mut self, from: usize) {
+        let (values, _) = self.values.as_chunks::<N>();
         let (factors, _) = self.factors.as_chunks::<N>();
         let (pivots, _) = self.pivots.as_chunks::<N>();
         let (rows, _) = self.forest.rows.as_chunks::<N>();
@@ -403,7 +417,8 @@ impl Substitution<'_> {
         }
         for &block in self.forest.order.iter().rev() {
             let block = block as usize;
-            let (e, f) = factors[2 * N * block..2 * N * (block + 1)].split_at(N);
+            let e = &factors[N * block..N * (block + 1)];
+            let f = &values[2 * N * block + N..2 * N * (block + 1)];
             let mut y: [[f64; W]; N] = std::array::from_fn(|i| c[block * N + i]);
             for i in 0..N {
                 for j in 0..i {

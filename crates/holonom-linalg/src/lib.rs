@@ -37,7 +37,7 @@ mod sparse;
 pub mod threads;
 pub mod watch;
 
-pub use block::{BlockId, BlockMatrix, BlocksMut};
+pub use block::{BlockId, BlockMatrix, BlockPattern, BlocksMut};
 pub use branched::{BranchedCholesky, BranchedPlan, CutRows, DenseAugmented, Operations, Stages};
 pub use complex::{Complex64, DenseComplexLu};
 pub use dense::{Cholesky, DenseLu, gram_add};

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{cases, largest_difference, noise, product, transpose};
-use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
+use holonom_linalg::{BlockMatrix, BlockPattern, SparseLu, SparsePattern};
 use proptest::prelude::*;
 
 /// Blocks that may repeat and overlap, in a matrix large enough for them; values by request.
@@ -86,6 +86,24 @@ fn equal_blocks_are_one_block() {
         3.0, 4.0, 0.0, 0.0, 0.0,
         0.0, 0.0, 0.0, 0.0, 7.0,
     ]);
+}
+
+#[test] // truth: counted by hand
+fn matrices_of_one_pattern_are_zeros_in_its_blocks() {
+    let (pattern, ids) = BlockPattern::new(3, 5, &[(0, 0, 2, 2), (2, 2, 1, 3), (0, 0, 2, 2)]);
+    assert_eq!((pattern.n_rows(), pattern.n_cols(), pattern.len()), (3, 5, 4 + 3));
+    assert_eq!(pattern.n_blocks(), 2);
+    let mut matrix = pattern.zeros();
+    assert_eq!(matrix.values(), [0.0; 7]);
+    assert_eq!(*matrix.pattern(), pattern);
+    matrix.add(ids[2], &[1.0, 2.0, 3.0, 4.0]);
+    matrix.release();
+    assert!(matrix.values().is_empty());
+    matrix.restore();
+    assert_eq!(matrix.values(), [0.0; 7]);
+    matrix.add(ids[1], &[5.0, 6.0, 7.0]);
+    matrix.restore();
+    assert_eq!(matrix.block(ids[1]), [5.0, 6.0, 7.0]);
 }
 
 #[test] // truth: A [1 2]ᵀ = b by hand for the assembled matrix [4 1; 1 3] at offset 1

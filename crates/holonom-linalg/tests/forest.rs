@@ -60,9 +60,9 @@ fn solves_like_dense_elimination() {
                 let exact = dense_solve(n, &matrix, &b, k).unwrap();
                 let mut x = b.clone();
                 if transposed {
-                    lu.solve_transposed_many(&mut x, k);
+                    lu.solve_transposed_many(&values, &mut x, k);
                 } else {
-                    lu.solve_many(&mut x, k);
+                    lu.solve_many(&values, &mut x, k);
                 }
                 let bound = 1e-12 / exact.ratio;
                 assert!(
@@ -77,6 +77,23 @@ fn solves_like_dense_elimination() {
         let estimate = lu.condition_estimate(&values);
         assert!(estimate <= true_condition * (1.0 + 1e-9) && estimate > 0.1 * true_condition);
     }
+}
+
+#[test] // truth: the factors before, to the last bit
+fn factors_that_were_given_up_come_back() {
+    let Sample { forest, values, .. } = sample(5, 7, 6);
+    let mut lu = ForestLu::new(Arc::new(forest));
+    let b = noise(6, 42);
+    let mut solved = || {
+        lu.factor(&values).unwrap();
+        let (mut x, mut y) = (b.clone(), b.clone());
+        lu.solve_many(&values, &mut x, 1);
+        lu.solve_transposed_many(&values, &mut y, 1);
+        let told = (x, y, lu.condition_estimate(&values), lu.determinant_sign());
+        lu.release();
+        told
+    };
+    assert_eq!(solved(), solved());
 }
 
 fn identity(n: usize) -> Vec<f64> {

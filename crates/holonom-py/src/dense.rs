@@ -83,8 +83,8 @@ fn encode(chart: &ChartRecord) -> (String, Vec<f64>) {
                 Source::Driven(row, sign, constant) => SourceText::Driven(row, sign, constant),
             };
             tree = Some(TreeText {
-                forms: relatives.forms.clone(),
-                rows: relatives.rows.clone(),
+                forms: relatives.forms.to_vec(),
+                rows: relatives.rows.to_vec(),
                 sources: relatives.sources.iter().map(|s| s.each_ref().map(text)).collect(),
                 exact: relatives.exact,
                 has_alternatives: relatives.has_alternatives,
@@ -97,7 +97,7 @@ fn encode(chart: &ChartRecord) -> (String, Vec<f64>) {
     let text = ChartText {
         parametrization: name.to_owned(),
         ndof: p.ndof,
-        kept: p.kept.clone(),
+        kept: p.kept.to_vec(),
         dropped: p.dropped.clone(),
         follows: chart.follows,
         independent,
@@ -128,8 +128,8 @@ fn decode(t: f64, text: &str, numbers: &[f64], n: usize) -> Option<ChartRecord> 
                 SourceText::Driven(row, sign, constant) => Source::Driven(row, sign, constant),
             };
             Projection::Relative(Box::new(Relatives {
-                forms: tree.forms,
-                rows: tree.rows,
+                forms: tree.forms.into(),
+                rows: tree.rows.into(),
                 sources: tree.sources.into_iter().map(|s| s.map(source)).collect(),
                 references: references.as_chunks::<REFERENCE>().0.to_vec(),
                 anchors: (anchors.as_chunks::<ANCHOR>().0.iter())
@@ -148,7 +148,7 @@ fn decode(t: f64, text: &str, numbers: &[f64], n: usize) -> Option<ChartRecord> 
         q: q.to_vec(),
         forest: Forest::known(edge, parent, order, edges)?,
         parametrization: Parametrization {
-            kept: text.kept,
+            kept: text.kept.into(),
             dropped: text.dropped,
             projection,
             ndof: text.ndof,

@@ -168,7 +168,7 @@ impl CoreModel {
     /// Name, unit, frame and shape of each; text would take longer than signals may wait.
     fn channels(&self) -> Vec<(&str, &str, &str, &[usize])> {
         let all = self.problem.channels().iter();
-        all.map(|c| (c.name.as_str(), c.unit, c.frame, c.shape.as_slice())).collect()
+        all.map(|c| (c.name.as_str(), c.unit, c.frame, c.shape)).collect()
     }
 
     fn warnings(&self) -> String {
@@ -312,7 +312,7 @@ impl CoreModel {
             for (row, sample) in values.chunks_exact_mut(size).zip(&samples) {
                 system.channel(channel, sample, row);
             }
-            out.set_item(&channel.name, rows(py, &values, states.len(), &channel.shape)?)?;
+            out.set_item(&channel.name, rows(py, &values, states.len(), channel.shape)?)?;
         }
         Ok(out)
     }

@@ -38,7 +38,7 @@ impl Callbacks {
         }
         let channels = PyDict::new(py);
         for (channel, values) in self.channels.iter().zip(&chunk.channels) {
-            channels.set_item(&channel.name, rows(py, values, count, &channel.shape)?)?;
+            channels.set_item(&channel.name, rows(py, values, count, channel.shape)?)?;
         }
         dict.set_item("channels", channels)?;
         let steps = PyDict::new(py);

@@ -61,9 +61,9 @@ impl Case {
         let (state, structure) = (point.state.clone(), system.structure());
         let mut out = Self {
             name,
-            kept: chart.kept,
-            mass: structure.mass_pattern.clone(),
-            jacobian: structure.constraint_pattern.clone(),
+            kept: chart.kept.to_vec(),
+            mass: structure.mass_pattern.zeros(),
+            jacobian: structure.constraint_pattern.zeros(),
             force: vec![0.0; structure.sizes.coordinates],
             tau: vec![0.0; structure.sizes.rows],
             system: system.clone(),

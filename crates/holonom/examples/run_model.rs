@@ -68,5 +68,20 @@ fn main() -> Result<(), Box<dyn Error>> {
         s.position_residual, s.velocity_residual, s.residual_ratio
     );
     println!("energy imbalance    {:.2e} J of {:.2e} J", e.largest_imbalance, e.range);
+    if let Some(bytes) = peak_memory() {
+        let bodies = problem.model().bodies.len().max(1) as f64;
+        let (all, each) = (bytes / 1e6, bytes / 1e3 / bodies);
+        println!(
+            "peak memory         {all:.1} MB, {each:.1} kB per body, program and outputs included"
+        );
+    }
     Ok(())
+}
+
+/// Most memory that this process has had so far, bytes, where the system tells it.
+fn peak_memory() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM:"))?;
+    let kibibytes: f64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(1024.0 * kibibytes)
 }

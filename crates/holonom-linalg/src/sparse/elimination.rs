@@ -68,9 +68,40 @@ pub(super) struct Plan {
     loads: Vec<Load>,
     segments: Vec<Segment>,
     /// Places in the row of the columns that the rows of U of a segment share.
-    targets: Vec<u32>,
+    targets: Targets,
     /// Entries of the matrix and segments of each row.
     counts: Vec<(u32, u32)>,
+}
+
+/// Places in rows. There are several to a number of the factors, and two bytes hold those of all but very long rows.
+#[derive(Debug)]
+enum Targets {
+    Narrow(Vec<u16>),
+    Wide(Vec<u32>),
+}
+
+impl Targets {
+    fn new(places: Vec<u32>) -> Self {
+        let narrow: Result<_, _> = places.iter().map(|&place| u16::try_from(place)).collect();
+        narrow.map_or_else(|_| Self::Wide(places), Self::Narrow)
+    }
+}
+
+/// A place in a row.
+trait Target: Copy {
+    fn place(self) -> usize;
+}
+
+impl Target for u16 {
+    fn place(self) -> usize {
+        usize::from(self)
+    }
+}
+
+impl Target for u32 {
+    fn place(self) -> usize {
+        self as usize
+    }
 }
 
 /// A row that could not be eliminated.
@@ -106,9 +137,10 @@ impl Plan {
             right: Vec::new(),
             loads: Vec::with_capacity(n_entries),
             segments: Vec::new(),
-            targets: Vec::new(),
+            targets: Targets::Narrow(Vec::new()),
             counts: Vec::with_capacity(n),
         };
+        let mut targets = Vec::new();
         let mut place = vec![u32::MAX; n];
         for i in 0..n {
             let left = &pattern.l_column[pattern.l_range(i)];
@@ -154,12 +186,14 @@ impl Plan {
             for segment in &mut out.segments[from..] {
                 let columns = right((segment.first + segment.count - 1) as usize);
                 segment.shared = columns.len() as u32;
-                out.targets.extend(columns.iter().map(|&k| place[k as usize]));
+                targets.extend(columns.iter().map(|&k| place[k as usize]));
             }
             out.counts.push(((out.loads.len() - loads) as u32, (out.segments.len() - from) as u32));
         }
+        out.left.shrink_to_fit();
+        out.right.shrink_to_fit();
         out.segments.shrink_to_fit();
-        out.targets.shrink_to_fit();
+        out.targets = Targets::new(targets);
         out
     }
 }
@@ -175,10 +209,21 @@ impl<T: Scalar> Factors<T> {
     ///
     /// Stops at a row whose pivot is negligible or not finite.
     pub(super) fn eliminate(&mut self, values: &[T]) -> Result<f64, Stopped> {
-        let plan = &*self.plan;
+        let plan = self.plan.clone();
+        match &plan.targets {
+            Targets::Narrow(targets) => self.eliminate_by(&plan, targets, values),
+            Targets::Wide(targets) => self.eliminate_by(&plan, targets, values),
+        }
+    }
+
+    fn eliminate_by<P: Target>(
+        &mut self,
+        plan: &Plan,
+        mut targets: &[P],
+        values: &[T],
+    ) -> Result<f64, Stopped> {
         let mut loads = &plan.loads[..];
         let mut segments = &plan.segments[..];
-        let mut targets = &plan.targets[..];
         let mut growth = 0.0f64;
         for (i, (row, &(n_loads, n_segments))) in plan.rows.iter().zip(&plan.counts).enumerate() {
             if i % WATCHED_ROWS == 0 {
@@ -225,14 +270,20 @@ impl<T: Scalar> Factors<T> {
 impl Segment {
     /// Subtracts from the row its multiples of the rows of U of this segment.
     #[inline(always)]
-    fn subtract<T: Scalar>(&self, here: &mut [T], targets: &[u32], rows: &[Row], above: &[T]) {
+    fn subtract<T: Scalar, P: Target>(
+        &self,
+        here: &mut [T],
+        targets: &[P],
+        rows: &[Row],
+        above: &[T],
+    ) {
         let (place, count) = (self.place as usize, self.count as usize);
         let rows = &rows[self.first as usize..][..count];
         let right = |k: usize| &above[rows[k].pivot as usize + 1..rows[k].end as usize];
         if count == 1 {
             let multiple = here[place];
             for (&t, u) in targets.iter().zip(right(0)) {
-                here[t as usize] = here[t as usize] - multiple * *u;
+                here[t.place()] = here[t.place()] - multiple * *u;
             }
             return;
         }
@@ -250,7 +301,7 @@ impl Segment {
             let l: [T; 4] = std::array::from_fn(|s| here[place + k + s]);
             let (u0, u1, u2, u3) = (shared(k), shared(k + 1), shared(k + 2), shared(k + 3));
             for (t, &at) in targets.iter().enumerate() {
-                here[at as usize] = here[at as usize]
+                here[at.place()] = here[at.place()]
                     - ((l[0] * u0[t] + l[1] * u1[t]) + (l[2] * u2[t] + l[3] * u3[t]));
             }
             k += 4;
@@ -259,14 +310,14 @@ impl Segment {
             let (l0, l1) = (here[place + k], here[place + k + 1]);
             let (u0, u1) = (shared(k), shared(k + 1));
             for (t, &at) in targets.iter().enumerate() {
-                here[at as usize] = here[at as usize] - (l0 * u0[t] + l1 * u1[t]);
+                here[at.place()] = here[at.place()] - (l0 * u0[t] + l1 * u1[t]);
             }
             k += 2;
         }
         if k < count {
             let l = here[place + k];
             for (&at, u) in targets.iter().zip(shared(k)) {
-                here[at as usize] = here[at as usize] - l * *u;
+                here[at.place()] = here[at.place()] - l * *u;
             }
         }
     }
@@ -292,5 +343,18 @@ impl Peak {
 
     fn value(&self) -> f64 {
         f64::from_bits(self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Targets;
+
+    #[test] // truth: the limits of two bytes
+    fn places_are_as_wide_as_they_must_be() {
+        let narrow = Targets::new(vec![0, 7, 65_535]);
+        assert!(matches!(narrow, Targets::Narrow(places) if places == [0, 7, 65_535]));
+        let wide = Targets::new(vec![0, 65_536]);
+        assert!(matches!(wide, Targets::Wide(places) if places == [0, 65_536]));
     }
 }

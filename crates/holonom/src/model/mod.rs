@@ -271,10 +271,10 @@ pub enum ForceKind {
     Bushing {
         /// Frames on the first and the second body.
         frames: [Frame; 2],
-        /// Symmetric, positive semidefinite; N/m, N, N m/rad.
-        stiffness: [[f64; 6]; 6],
+        /// Symmetric, positive semidefinite; N/m, N, N m/rad. Boxed, as that of dampers: other forces are much smaller.
+        stiffness: Box<[[f64; 6]; 6]>,
         /// Symmetric, positive semidefinite; N s/m, N s, N m s/rad.
-        damping: [[f64; 6]; 6],
+        damping: Box<[[f64; 6]; 6]>,
     },
     /// Smooth vertical tyre with optional lateral force, at a wheel centre. Spatial.
     Tyre(Tyre),

@@ -95,7 +95,7 @@ impl Alignment {
         let (tree, bodies) = (system.tree(), system.structure().sizes.bodies);
         let mut nodes: Vec<Node> = Vec::new();
         let mut screws = EdgeScrews::default();
-        for (at, (edge, &form)) in tree.edges.iter().zip(&relatives.forms).enumerate() {
+        for (at, (edge, &form)) in tree.edges.iter().zip(&*relatives.forms).enumerate() {
             let known = system.edge_screws(at, form, q, &mut screws);
             let inner = if known { screws.base } else { edge.parent };
             let mut node =

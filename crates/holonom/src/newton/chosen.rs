@@ -36,8 +36,8 @@ fn costs(manifold: &Manifold) -> (f64, f64) {
     let structure = manifold.system().structure();
     let (chart, n) = (manifold.chart(), structure.sizes.coordinates as f64);
     let ndof = chart.ndof() as f64;
-    let of_g = structure.constraint_pattern.values().len() as f64;
-    let of_k = structure.stiffness_pattern.values().len() as f64;
+    let of_g = structure.constraint_pattern.len() as f64;
+    let of_k = structure.stiffness_pattern.len() as f64;
     let blocks = 3.0 * (2.0 * of_k + 3.0 * of_g);
     let reduction = ndof * (2.0 * 4.0 * chart.fill() as f64 + 2.0 * blocks + 2.0 * n * ndof);
     let factor = ndof.powi(3) * 2.0 / 3.0;

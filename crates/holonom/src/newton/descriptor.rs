@@ -100,8 +100,8 @@ impl Matrix for DescriptorMatrix {
             values: vec![0.0; pattern.pattern.len()],
             lu: None,
             left: 0.0,
-            mass: structure.mass_pattern.clone(),
-            jacobian: structure.constraint_pattern.values().to_vec(),
+            mass: structure.mass_pattern.zeros(),
+            jacobian: vec![0.0; structure.constraint_pattern.len()],
             by_rate: dense(),
             by_position: dense(),
             sum: dense(),
@@ -269,7 +269,7 @@ impl DescriptorMatrix {
         for (out, x) in self.right.iter_mut().zip(&x.force) {
             *out = -x;
         }
-        for (out, &row) in self.right[n..].iter_mut().zip(&parametrization.kept) {
+        for (out, &row) in self.right[n..].iter_mut().zip(&*parametrization.kept) {
             *out = -x.rows[row];
         }
         for (out, x) in self.right[first..].iter_mut().zip(&x.rate[from..]) {
@@ -283,7 +283,7 @@ impl DescriptorMatrix {
         }
         x.force.copy_from_slice(&self.right[..n]);
         x.rows.fill(0.0);
-        for (solved, &row) in self.right[n..].iter().zip(&parametrization.kept) {
+        for (solved, &row) in self.right[n..].iter().zip(&*parametrization.kept) {
             x.rows[row] = *solved;
         }
         parametrization.project(&x.force, &mut x.rate);

@@ -4,7 +4,7 @@ use crate::reduction::{
     BodyRows, Manifold, Projection, structural_nonzeros, structural_null_space,
 };
 use crate::system::System;
-use holonom_linalg::{BlockMatrix, SparsePattern};
+use holonom_linalg::{BlockMatrix, BlockPattern, SparsePattern};
 
 /// The pattern with the source of every entry.
 #[derive(Debug, Clone)]
@@ -153,7 +153,7 @@ fn part_nonzeros(system: &dyn System, manifold: &Manifold, q: &[f64]) -> Vec<boo
             nonzero[(n + m + row) * k + column] |= d[j * k + column];
         }
     }
-    let mut propagate = |matrix: &BlockMatrix, first: usize| {
+    let mut propagate = |matrix: &BlockPattern, first: usize| {
         for (i, j) in matrix.entries(first, 0) {
             for column in 0..k {
                 nonzero[i * k + column] |= d[j * k + column];

@@ -34,11 +34,8 @@ pub struct SparseMatrix {
     elimination: Elimination,
     /// Other pivots are wanted than those of the forest.
     unfit: bool,
-    /// M, G and the moving rows of P of the linearization.
+    /// M of the linearization.
     mass: BlockMatrix,
-    jacobian: Vec<f64>,
-    moving: BodyRows,
-    values: Vec<f64>,
     right: Vec<f64>,
     complex: Option<Box<ComplexFactor>>,
     force: Vec<f64>,
@@ -61,6 +58,10 @@ enum Elimination {
 struct Plan {
     nonzeros: Nonzeros,
     pattern: InflatedPattern,
+    /// G and the moving rows of P of the linearization.
+    jacobian: Vec<f64>,
+    moving: BodyRows,
+    values: Vec<f64>,
     lu: Option<SparseLu>,
     /// Relative error that the last refinement left, and the one with fresh pivots; NaN until there is one.
     left: f64,
@@ -98,10 +99,7 @@ impl Matrix for SparseMatrix {
                 None => Elimination::General(None),
             },
             unfit: false,
-            mass: structure.mass_pattern.clone(),
-            jacobian: structure.constraint_pattern.values().to_vec(),
-            moving: manifold.chart().moving().clone(),
-            values: Vec::new(),
+            mass: structure.mass_pattern.zeros(),
             right: vec![0.0; 4 * n],
             complex: None,
             force: vec![0.0; n],
@@ -121,9 +119,7 @@ impl Matrix for SparseMatrix {
         let threads = blocks.blocks.threads().clone();
         checkpoint(8 * self.n);
         let (unfit, ()) = threads.share(|| {
-            let Self { mass, jacobian, moving, elimination, .. } = self;
-            jacobian.copy_from_slice(manifold.jacobian().values());
-            moving.copy_from(manifold.chart().moving());
+            let Self { mass, elimination, .. } = self;
             let copies = || {
                 mass.values_mut().copy_from_slice(manifold.mass().values());
                 chart.copy_from(manifold.chart());
@@ -131,7 +127,8 @@ impl Matrix for SparseMatrix {
             let linearize = || {
                 let Elimination::Forest(forest) = elimination else { return false };
                 blocks.evaluate_system(manifold, state);
-                forest.linearize(jacobian, moving, blocks).is_err()
+                let rows = [manifold.jacobian().values(), manifold.chart().moving().values()];
+                forest.linearize(rows, blocks).is_err()
             };
             threads.join(linearize, copies)
         });
@@ -152,7 +149,9 @@ impl Matrix for SparseMatrix {
                 plan.pattern = InflatedPattern::new(manifold, &state.q, &plan.nonzeros);
                 (plan.lu, self.complex) = (None, None);
             }
-            self.values.resize(plan.pattern.pattern.len(), 0.0);
+            plan.jacobian.copy_from_slice(manifold.jacobian().values());
+            plan.moving.copy_from(manifold.chart().moving());
+            plan.values.resize(plan.pattern.pattern.len(), 0.0);
         }
         parts.blocks.extra_extra.copy_from_slice(&parts.blocks.blocks.extra_extra);
     }
@@ -163,8 +162,6 @@ impl Matrix for SparseMatrix {
     fn factor(&mut self, parts: &Linearization) -> Result<u64, SingularMatrix> {
         let sum = Sum {
             mass: &self.mass,
-            jacobian: &self.jacobian,
-            moving: &self.moving,
             blocks: &parts.blocks,
             gamma_h: parts.gamma_h,
             beta_h2: parts.beta_h2,
@@ -179,15 +176,16 @@ impl Matrix for SparseMatrix {
             }
             Elimination::General(plan) => plan.as_mut().expect("linearized before it is factored"),
         };
-        plan.pattern.fill(&sum, &mut self.values);
+        let Plan { pattern, jacobian, moving, values, .. } = &mut **plan;
+        pattern.fill(&sum, jacobian, moving, values);
         if let Some(lu) = &mut plan.lu
             && plan.left <= ACCURACY.max(WORSE_THAN_FRESH * plan.fresh)
-            && lu.refactor(&self.values).is_ok()
+            && lu.refactor(&plan.values).is_ok()
         {
             return Ok(0);
         }
         (plan.lu, plan.left, plan.fresh, self.complex) = (None, 0.0, f64::NAN, None);
-        plan.lu = Some(SparseLu::analyze_for_many(&plan.pattern.pattern, &self.values)?);
+        plan.lu = Some(SparseLu::analyze_for_many(&plan.pattern.pattern, &plan.values)?);
         Ok(1)
     }
 
@@ -253,16 +251,17 @@ impl FirstOrderMatrix for SparseMatrix {
     ) -> Result<(), SingularMatrix> {
         let zero = Complex64::new(0.0, 0.0);
         let solver = self.complex.get_or_insert_with(|| {
-            let lu = match &self.elimination {
-                Elimination::Forest(_) => None,
+            let (lu, values) = match &self.elimination {
+                Elimination::Forest(_) => (None, Vec::new()),
                 Elimination::General(plan) => {
-                    let real = plan.as_ref().and_then(|plan| plan.lu.as_ref());
-                    Some(real.expect("the real factor comes first").complex())
+                    let plan = plan.as_ref().expect("the real factor comes first");
+                    let real = plan.lu.as_ref().expect("the real factor comes first");
+                    (Some(real.complex()), vec![zero; plan.values.len()])
                 }
             };
             Box::new(ComplexFactor {
                 gamma_h,
-                values: vec![zero; if lu.is_some() { self.values.len() } else { 0 }],
+                values,
                 lu,
                 right: vec![zero; 4 * self.n],
                 inverse_e: vec![zero; parts.inverse_e.len()],
@@ -274,8 +273,6 @@ impl FirstOrderMatrix for SparseMatrix {
         }
         let sum = Sum {
             mass: &self.mass,
-            jacobian: &self.jacobian,
-            moving: &self.moving,
             blocks: &parts.blocks,
             gamma_h,
             beta_h2: gamma_h * gamma_h,
@@ -284,7 +281,7 @@ impl FirstOrderMatrix for SparseMatrix {
         };
         match (&mut self.elimination, &mut solver.lu) {
             (Elimination::General(Some(plan)), Some(lu)) => {
-                plan.pattern.fill(&sum, &mut solver.values);
+                plan.pattern.fill(&sum, &plan.jacobian, &plan.moving, &mut solver.values);
                 let outcome = lu.refactor(&solver.values);
                 if outcome.is_err() {
                     // Pivots of the real matrix that do not serve here: the next real factor chooses others.
@@ -393,7 +390,7 @@ impl DescriptorForm for SparseMatrix {
             *out = -x;
         }
         add_extra_force(parts, None, |k| -z[k], force, 1);
-        for (out, &row) in rows.iter_mut().zip(&parametrization.kept) {
+        for (out, &row) in rows.iter_mut().zip(&*parametrization.kept) {
             *out = -x.rows[row];
         }
         for (out, x) in rows[self.rank..].iter_mut().zip(&x.rate) {
@@ -402,7 +399,7 @@ impl DescriptorForm for SparseMatrix {
         self.solve_right(parts, true);
         x.force.copy_from_slice(&self.right[2 * n..3 * n]);
         x.rows.fill(0.0);
-        for (solved, &row) in self.right[3 * n..].iter().zip(&parametrization.kept) {
+        for (solved, &row) in self.right[3 * n..].iter().zip(&*parametrization.kept) {
             x.rows[row] = *solved;
         }
         x.rate.copy_from_slice(self.solved_rate());
@@ -428,7 +425,7 @@ impl SparseMatrix {
         if lu.growth() <= HARMLESS_GROWTH {
             lu.solve(&mut self.right);
         } else {
-            plan.left = lu.solve_refined(&plan.pattern.pattern, &self.values, &mut self.right);
+            plan.left = lu.solve_refined(&plan.pattern.pattern, &plan.values, &mut self.right);
             if plan.fresh.is_nan() {
                 plan.fresh = plan.left;
             }
@@ -454,6 +451,15 @@ impl Plan {
         blocks.evaluate_system(manifold, state);
         nonzeros.observe(blocks);
         let pattern = InflatedPattern::new(manifold, &state.q, &nonzeros);
-        Self { nonzeros, pattern, lu: None, left: 0.0, fresh: f64::NAN }
+        Self {
+            nonzeros,
+            pattern,
+            jacobian: manifold.jacobian().values().to_vec(),
+            moving: manifold.chart().moving().clone(),
+            values: Vec::new(),
+            lu: None,
+            left: 0.0,
+            fresh: f64::NAN,
+        }
     }
 }

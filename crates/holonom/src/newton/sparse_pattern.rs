@@ -3,7 +3,7 @@
 use super::blocks::ReducedBlocks;
 use crate::reduction::{BodyRows, Manifold, Projection, structural_nonzeros};
 use crate::watch::checkpoint;
-use holonom_linalg::{BlockMatrix, Scalar, SparsePattern};
+use holonom_linalg::{BlockMatrix, BlockPattern, Scalar, SparsePattern};
 
 /// Numbers that could be computed in the time that an entry is listed in; for checkpoints.
 const PER_ENTRY: usize = 4;
@@ -55,8 +55,6 @@ struct ExtraEntry {
 /// Values that do not depend on the step, and the coefficients that do.
 pub(super) struct Sum<'a, T> {
     pub(super) mass: &'a BlockMatrix,
-    pub(super) jacobian: &'a [f64],
-    pub(super) moving: &'a BodyRows,
     pub(super) blocks: &'a ReducedBlocks,
     pub(super) gamma_h: T,
     pub(super) beta_h2: T,
@@ -138,7 +136,7 @@ impl InflatedPattern {
         let moving = manifold.chart().moving();
         let moving_entries: Vec<_> =
             moving.entries().map(|(at, row, j)| (at, (rank + linear + row, j))).collect();
-        let entries = |matrix: &BlockMatrix, nonzero: &[bool]| -> Vec<(usize, (usize, usize))> {
+        let entries = |matrix: &BlockPattern, nonzero: &[bool]| -> Vec<(usize, (usize, usize))> {
             let all = matrix.entries(0, 0).into_iter().enumerate();
             all.filter(|(at, _)| nonzero[*at]).collect()
         };
@@ -231,16 +229,22 @@ impl InflatedPattern {
         Self { terms: list.terms(&slots), pattern, constants, by_position, by_velocity }
     }
 
-    /// Sums the entries.
-    pub(super) fn fill<T: Scalar>(&self, sum: &Sum<'_, T>, values: &mut [T]) {
+    /// Sums the entries, with these values of G and of the moving rows of P.
+    pub(super) fn fill<T: Scalar>(
+        &self,
+        sum: &Sum<'_, T>,
+        jacobian: &[f64],
+        moving: &BodyRows,
+        values: &mut [T],
+    ) {
         values.fill(T::ZERO);
         let b = &sum.blocks.blocks;
         for term in &self.terms {
             let source = match term.source {
                 Source::Constant => &self.constants[..],
                 Source::Mass => sum.mass.values(),
-                Source::Jacobian => sum.jacobian,
-                Source::Moving => sum.moving.values(),
+                Source::Jacobian => jacobian,
+                Source::Moving => moving.values(),
                 Source::A0 => b.a0.values(),
                 Source::Turning => sum.blocks.turning.values(),
                 Source::A1 => b.a1.values(),

@@ -268,7 +268,7 @@ pub fn start(
     mut state: State,
     template: Option<&Manifold>,
 ) -> Result<(Manifold, State), AssemblyError> {
-    let mut g = system.structure().constraint_pattern.clone();
+    let mut g = system.structure().constraint_pattern.zeros();
     system.constraint_jacobian(&state.q, &mut g);
     let (nonzero_g, nonzero_m) = match template {
         Some(m) => (m.chart().nonzero().clone(), None),
@@ -306,6 +306,8 @@ pub fn start(
     manifold.accelerate(&mut state, &mut z_rate)?;
     manifold.multipliers(&mut state);
     check_dropped(system.as_ref(), &mut manifold, &state, &parametrization)?;
+    // Runs go on with copies.
+    manifold.release();
     Ok((manifold, state))
 }
 
@@ -318,7 +320,7 @@ pub fn manifold_of(
     parametrization: &Parametrization,
     q: &[f64],
 ) -> Result<Manifold, EvaluationFailure> {
-    let mut g = system.structure().constraint_pattern.clone();
+    let mut g = system.structure().constraint_pattern.zeros();
     system.constraint_jacobian(q, &mut g);
     let (nonzero_g, nonzero_m) = structural_nonzeros(system.as_ref(), q);
     let chart = Chart::new(system.as_ref(), parametrization.clone(), q, &g, &nonzero_g)?;
@@ -423,7 +425,7 @@ fn check_mass(
             }
         });
     }
-    let mut mass = structure.mass_pattern.clone();
+    let mut mass = structure.mass_pattern.zeros();
     system.mass_matrix(q, &mut mass);
     let mut d = vec![0.0; n * ndof];
     manifold.chart_mut().null_space(&mut d);

@@ -48,6 +48,11 @@ impl BodyRows {
         out
     }
 
+    /// Gives up the room of the values until they are evaluated.
+    pub(super) fn release(&mut self) {
+        self.values = Vec::new();
+    }
+
     /// Number of rows.
     #[allow(clippy::len_without_is_empty, reason = "a matrix")]
     pub fn len(&self) -> usize {
@@ -78,6 +83,7 @@ impl BodyRows {
     pub fn evaluate(&mut self, system: &dyn System, parametrization: &Parametrization, q: &[f64]) {
         let Some(relatives) = parametrization.relatives() else { return };
         let n = self.per_body;
+        self.values.resize(self.rows * 2 * n, 0.0);
         let mut gradient = [0.0; WIDEST];
         for (group, range) in relatives.runs() {
             let gradient = &mut gradient[..system.relative_groups()[group].rows * 2 * n];

@@ -2,7 +2,7 @@
 
 use super::chart::Chart;
 use holonom_linalg::small::Square;
-use holonom_linalg::{BlockForest, BlockMatrix, Scalar};
+use holonom_linalg::{BlockForest, BlockMatrix, BlockPattern, Scalar};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -50,7 +50,7 @@ pub struct BodyTree {
 
 impl BodyTree {
     /// Of a chart's [G; P] and of M, if these have that shape.
-    pub fn new(chart: &Chart, mass: &BlockMatrix) -> Option<Self> {
+    pub fn new(chart: &Chart, mass: &BlockPattern) -> Option<Self> {
         let forest = chart.forest()?.clone();
         let rank = chart.parametrization().kept.len();
         let (n, count) = (forest.size(), forest.len());

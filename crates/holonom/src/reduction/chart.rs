@@ -259,6 +259,7 @@ impl Chart {
         q: &[f64],
         g: &BlockMatrix,
     ) -> Result<(), EvaluationFailure> {
+        self.matrix.restore();
         for &(at, slot, scale) in &*self.copies {
             self.matrix.values[slot as usize] = g.values()[at as usize] * scale;
         }
@@ -268,6 +269,15 @@ impl Chart {
         }
         self.analyses += self.matrix.factor().map_err(|e| singular(system, e))?;
         Ok(())
+    }
+
+    /// Gives up the room of numbers that the next [`Chart::refactor`] makes anew.
+    pub(super) fn release(&mut self) {
+        // Constants among the rows of P are written once.
+        if self.parametrization.linear() == 0 {
+            self.matrix.release();
+            self.moving.release();
+        }
     }
 
     /// x = Pᵀ p, P of the configuration last factored.
@@ -384,7 +394,7 @@ impl Chart {
         }
         x.fill(0.0);
         for ((out, &row), scale) in
-            x.chunks_exact_mut(k).zip(&self.parametrization.kept).zip(&*self.row_scale)
+            x.chunks_exact_mut(k).zip(&*self.parametrization.kept).zip(&*self.row_scale)
         {
             for (out, r) in out.iter_mut().zip(&rows[row * k..(row + 1) * k]) {
                 *out = r * scale;

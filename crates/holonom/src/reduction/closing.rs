@@ -94,7 +94,7 @@ pub(super) fn closed(
 /// What stays open of joints and drivers at a state; see [`contradiction`].
 fn open(system: &dyn System, level: Level, state: &State) -> Vec<f64> {
     let mut residual = vec![0.0; system.structure().sizes.rows];
-    let mut g = system.structure().constraint_pattern.clone();
+    let mut g = system.structure().constraint_pattern.zeros();
     system.constraint_jacobian(&state.q, &mut g);
     if level == Level::Position {
         system.position_constraints(state.t, &state.q, &mut residual);
@@ -250,7 +250,7 @@ fn solve(
     unknowns: &Unknowns,
 ) -> (f64, usize) {
     let solver = Solver { system, model };
-    let mut g = system.structure().constraint_pattern.clone();
+    let mut g = system.structure().constraint_pattern.zeros();
     if level == Level::Position {
         return solver.close(state, unknowns, &mut g);
     }

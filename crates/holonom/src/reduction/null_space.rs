@@ -2,7 +2,7 @@
 
 use super::chart::Chart;
 use super::refinement::{larger, refine};
-use holonom_linalg::{BlockMatrix, Cholesky, NotPositiveDefinite, gram_add};
+use holonom_linalg::{BlockMatrix, BlockPattern, Cholesky, NotPositiveDefinite, gram_add};
 
 /// Buffers of
 ///
@@ -37,9 +37,9 @@ const CALLS: f64 = 400.0;
 
 impl NullSpace {
     /// Predicted operations of one solve, in multiplications of a sparse elimination.
-    pub(super) fn cost(chart: &Chart, mass: &BlockMatrix) -> f64 {
+    pub(super) fn cost(chart: &Chart, mass: &BlockPattern) -> f64 {
         let (n, ndof) = (mass.n_rows() as f64, chart.ndof() as f64);
-        let entries = 2.0 * chart.fill() as f64 + mass.values().len() as f64;
+        let entries = 2.0 * chart.fill() as f64 + mass.len() as f64;
         let columns = entries * (ENTRY * (ndof / GROUP).ceil() + LANE * ndof);
         let columns = columns + 2.0 * n * ndof;
         CALLS + columns + DENSE * ndof * ndof * (n + ndof / 3.0)

@@ -3,6 +3,7 @@
 use super::relatives::Relatives;
 use crate::system::{Measure, State, System};
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// What the independent variables are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,7 +20,7 @@ pub enum Projection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parametrization {
     /// Rows of independent constraints, ascending.
-    pub kept: Vec<usize>,
+    pub kept: Arc<[usize]>,
     /// Redundant rows, ascending.
     pub dropped: Vec<usize>,
     /// v(q).

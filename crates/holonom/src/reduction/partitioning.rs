@@ -44,7 +44,7 @@ pub fn partition(system: &dyn System, q: &[f64], g: &BlockMatrix) -> Parametriza
         _ => 1.0,
     };
     let projection = Projection::Selection(independent);
-    Parametrization { kept, dropped, projection, ndof: n - rank, pivot_ratio }
+    Parametrization { kept: kept.into(), dropped, projection, ndof: n - rank, pivot_ratio }
 }
 
 /// G with columns in metres multiplied by the characteristic length and a bias, then every row divided by its largest entry; m×n by rows.

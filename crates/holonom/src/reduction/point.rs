@@ -21,9 +21,16 @@ pub struct Point {
 
 impl Point {
     /// Starts at a consistent state whose factors the manifold holds.
-    pub fn new(manifold: Manifold, state: &State) -> Self {
+    pub fn new(mut manifold: Manifold, state: &State) -> Self {
+        manifold.keep_recent();
         let z_rate = vec![0.0; state.z.len()];
         Self { manifold, state: state.clone(), z_rate, anchor: state.q.clone() }
+    }
+
+    /// A copy for evaluations beside those of steps.
+    pub fn beside(&self) -> Self {
+        let (state, z_rate) = (self.state.clone(), self.z_rate.clone());
+        Self { manifold: self.manifold.beside(), state, z_rate, anchor: self.anchor.clone() }
     }
 
     /// Evaluations go on from this state, the start of a step.

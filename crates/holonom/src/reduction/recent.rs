@@ -29,6 +29,11 @@ pub(super) struct RecentPoints<F> {
 }
 
 impl<F: Clone> RecentPoints<F> {
+    /// None, and no room for any.
+    pub(super) fn none() -> Self {
+        Self { t: f64::NAN, clock: 0, points: Vec::new(), leaving: None }
+    }
+
     /// None yet; room for those of as many coordinates and edges, where recoveries iterate.
     pub(super) fn new(
         iterates: bool,
@@ -47,7 +52,7 @@ impl<F: Clone> RecentPoints<F> {
             };
             points = vec![point; KEPT];
         }
-        Self { t: f64::NAN, clock: 0, points, leaving: None }
+        Self { points, ..Self::none() }
     }
 
     /// No configuration serves any longer.

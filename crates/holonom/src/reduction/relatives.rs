@@ -5,6 +5,7 @@ use crate::error::EvaluationFailure;
 use crate::system::{Anchor, Measure, Reference, RelativeGroup, RelativeKind, State, System, Tree};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Coordinates of two bodies in space, for three rows.
 pub(super) const WIDEST: usize = 3 * 14;
@@ -24,15 +25,15 @@ pub enum Source {
     Dependent,
 }
 
-/// The relative coordinates in use.
+/// The relative coordinates in use. Copies share what does not move.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Relatives {
     /// Form of each edge of the forest.
-    pub forms: Vec<usize>,
+    pub forms: Arc<[usize]>,
     /// Group and place within it of each independent variable; those of a group are neighbours.
-    pub rows: Vec<(usize, usize)>,
+    pub rows: Arc<[(usize, usize)]>,
     /// Source of each coordinate of each edge.
-    pub sources: Vec<[Source; MOST]>,
+    pub sources: Arc<[[Source; MOST]]>,
     /// What each group is measured from.
     pub references: Vec<Reference>,
     /// Where each edge stood when references were last moved.
@@ -52,7 +53,7 @@ impl Relatives {
         self.rows.len() == ndof
             && [self.forms.len(), self.sources.len(), self.anchors.len()] == [edges; 3]
             && self.references.len() == groups.len()
-            && tree.edges.iter().zip(&self.forms).all(|(edge, form)| *form < edge.forms.len())
+            && tree.edges.iter().zip(&*self.forms).all(|(edge, form)| *form < edge.forms.len())
             && self
                 .rows
                 .iter()
@@ -227,7 +228,7 @@ impl Relatives {
     ) -> Result<(), EvaluationFailure> {
         let tree = system.tree();
         for ((edge, form), (sources, x)) in
-            tree.edges.iter().zip(&self.forms).zip(self.sources.iter().zip(x))
+            tree.edges.iter().zip(&*self.forms).zip(self.sources.iter().zip(x))
         {
             let mut at = 0;
             for &group in &edge.forms[*form] {
@@ -270,7 +271,7 @@ impl Relatives {
         let mut gradient = [0.0; WIDEST];
         let tree = system.tree();
         for ((edge, form), (sources, x)) in
-            tree.edges.iter().zip(&self.forms).zip(self.sources.iter().zip(x))
+            tree.edges.iter().zip(&*self.forms).zip(self.sources.iter().zip(x))
         {
             let mut at = 0;
             for &group in &edge.forms[*form] {
@@ -316,7 +317,7 @@ impl Relatives {
 
     /// Windings that follow the edges, from the coordinates of [`Relatives::coordinates`].
     pub(super) fn tell_turns(&self, system: &dyn System, x: &[[f64; MOST]], winding: &mut [f64]) {
-        for ((edge, form), x) in system.tree().edges.iter().zip(&self.forms).zip(x) {
+        for ((edge, form), x) in system.tree().edges.iter().zip(&*self.forms).zip(x) {
             let Some(index) = edge.winding else { continue };
             let mut at = 0;
             for &group in &edge.forms[*form] {
@@ -332,7 +333,7 @@ impl Relatives {
     /// Groups in use whose references have a history: the normals of directions in space are carried along.
     pub fn carried(&self, system: &dyn System) -> Vec<usize> {
         let groups = system.relative_groups();
-        let edges = system.tree().edges.iter().zip(&self.forms);
+        let edges = system.tree().edges.iter().zip(&*self.forms);
         let mut used: Vec<usize> = edges
             .flat_map(|(edge, form)| edge.forms[*form].iter().copied())
             .chain(self.rows.iter().map(|row| row.0))
@@ -356,7 +357,7 @@ impl Relatives {
         winding: &[f64],
         x: &mut [[f64; MOST]],
     ) -> Result<(), EvaluationFailure> {
-        for ((edge, form), x) in system.tree().edges.iter().zip(&self.forms).zip(&mut *x) {
+        for ((edge, form), x) in system.tree().edges.iter().zip(&*self.forms).zip(&mut *x) {
             x.fill(0.0);
             let Some(index) = edge.winding else { continue };
             let mut at = 0;
@@ -401,7 +402,7 @@ impl Relatives {
         let tree = system.tree();
         // Where all independent variables are coordinates of edges, those of the edges are all there are.
         let mut all = self.exact;
-        for (at, (edge, form)) in tree.edges.iter().zip(&self.forms).enumerate() {
+        for (at, (edge, form)) in tree.edges.iter().zip(&*self.forms).enumerate() {
             let stays = |&group: &usize| groups[group].reach.is_finite() && !turning;
             if edge.forms[*form].iter().any(stays) {
                 all = false;
@@ -421,7 +422,7 @@ impl Relatives {
             self.anchors[at] =
                 Anchor { orientation: system.anchor_orientation(at, *form, q), x: x[at] };
         }
-        for (group, _) in &self.rows {
+        for (group, _) in &*self.rows {
             if !all && (turning || groups[*group].reach.is_infinite()) {
                 let reference = &mut self.references[*group];
                 *reference = system.moved_reference(*group, q, reference);

@@ -2,15 +2,16 @@
 
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, System};
-use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
+use holonom_linalg::{BlockMatrix, BlockPattern, SparseLu, SparsePattern};
 use std::sync::Arc;
 
-/// The sparse saddle-point matrix with a fixed pattern and frozen pivots.
+/// The sparse saddle-point matrix with a fixed pattern and frozen pivots. Most accelerations come from elsewhere: the
+/// pattern is placed at the first solve.
 #[derive(Debug, Clone)]
 pub struct Saddle {
-    nonzero_g: Vec<bool>,
-    nonzero_m: Vec<bool>,
-    kept: Vec<usize>,
+    nonzero_g: Arc<[bool]>,
+    nonzero_m: Arc<[bool]>,
+    kept: Arc<[usize]>,
     pattern: SparsePattern,
     values: Vec<f64>,
     mass: BlockMatrix,
@@ -19,7 +20,7 @@ pub struct Saddle {
     /// (value of G, slot in G, slot in Gᵀ, scale).
     jacobian_copies: Arc<[(u32, u32, u32, f64)]>,
     /// Congruence scaling: coordinates by the characteristic length, rows by their kind and mass.
-    scale: Vec<f64>,
+    scale: Arc<[f64]>,
     lu: Option<SparseLu>,
     work: Vec<f64>,
     coordinates: usize,
@@ -36,18 +37,18 @@ const WORSE_THAN_FRESH: f64 = 100.0;
 const ELIMINATION: f64 = 6.0;
 
 impl Saddle {
-    /// Prepares the pattern; the matrix is analysed at the first solve.
+    /// For these rows of G and entries that can differ from zero; placed and analysed at the first solve.
     pub fn new(
         system: &dyn System,
         q: &[f64],
         kept: &[usize],
-        nonzero_g: &[bool],
-        nonzero_m: &[bool],
+        nonzero_g: &Arc<[bool]>,
+        nonzero_m: &Arc<[bool]>,
     ) -> Self {
         let structure = system.structure();
         let length = system.characteristic_length();
         let n = structure.sizes.coordinates;
-        let mut mass = structure.mass_pattern.clone();
+        let mut mass = structure.mass_pattern.zeros();
         system.mass_matrix(q, &mut mass);
         let mut scale: Vec<f64> = (0..n)
             .map(|i| match structure.coordinate_measure(i) {
@@ -67,24 +68,22 @@ impl Saddle {
         for row in &structure.row_measure {
             scale.push(mean / if *row == Measure::Length { length } else { 1.0 });
         }
-        let mut out = Self {
-            nonzero_g: nonzero_g.to_vec(),
-            nonzero_m: nonzero_m.to_vec(),
-            kept: Vec::new(),
+        Self {
+            nonzero_g: nonzero_g.clone(),
+            nonzero_m: nonzero_m.clone(),
+            kept: kept.into(),
             pattern: SparsePattern::new(0, 0, &[]).0,
             values: Vec::new(),
             mass,
             mass_copies: Arc::default(),
             jacobian_copies: Arc::default(),
-            scale,
+            scale: scale.into(),
             lu: None,
             work: Vec::new(),
             coordinates: n,
             fresh: 0.0,
             analyses: 0,
-        };
-        out.place(&structure.constraint_pattern, kept);
-        out
+        }
     }
 
     /// A copy with this matrix's pattern, scales and pivots for other numbers of the same structure.
@@ -104,17 +103,15 @@ impl Saddle {
 
     /// Uses other rows of G from now on; the pattern is placed anew at the next solve.
     pub fn set_rows(&mut self, kept: &[usize]) {
-        self.kept.clear();
-        self.kept.extend_from_slice(kept);
+        self.kept = kept.into();
         self.lu = None;
         self.pattern = SparsePattern::new(0, 0, &[]).0;
     }
 
-    fn place(&mut self, g: &BlockMatrix, kept: &[usize]) {
+    fn place(&mut self, g: &BlockMatrix) {
         let n = self.coordinates;
-        self.kept = kept.to_vec();
         let mut position = vec![usize::MAX; g.n_rows()];
-        for (k, &row) in kept.iter().enumerate() {
+        for (k, &row) in self.kept.iter().enumerate() {
             position[row] = n + k;
         }
         let mut entries = Vec::new();
@@ -133,7 +130,7 @@ impl Saddle {
                 jacobians.push((at, self.scale[n + row] * self.scale[j]));
             }
         }
-        let size = n + kept.len();
+        let size = self.order();
         let (pattern, slots) = SparsePattern::new(size, size, &entries);
         self.values = vec![0.0; pattern.len()];
         self.pattern = pattern;
@@ -158,8 +155,14 @@ impl Saddle {
 
     /// Evaluates M at q without factoring anything.
     pub fn evaluate_mass(&mut self, system: &dyn System, q: &[f64]) -> &BlockMatrix {
+        self.mass.restore();
         system.mass_matrix(q, &mut self.mass);
         &self.mass
+    }
+
+    /// Gives up the room of M until it is evaluated.
+    pub fn release_mass(&mut self) {
+        self.mass.release();
     }
 
     /// Takes M as evaluated elsewhere.
@@ -173,8 +176,8 @@ impl Saddle {
     }
 
     /// Predicted operations of one solve with M and G of these patterns, in multiplications.
-    pub(super) fn cost(mass: &BlockMatrix, g: &BlockMatrix) -> f64 {
-        ELIMINATION * (mass.values().len() + 2 * g.values().len()) as f64
+    pub(super) fn cost(mass: &BlockPattern, g: &BlockPattern) -> f64 {
+        ELIMINATION * (mass.len() + 2 * g.len()) as f64
     }
 
     /// Order of the matrix.
@@ -222,9 +225,8 @@ impl Saddle {
 
     /// Puts M and G, scaled, into their places.
     pub(super) fn load(&mut self, g: &BlockMatrix) {
-        if self.pattern.n_rows() != self.coordinates + self.kept.len() {
-            let kept = std::mem::take(&mut self.kept);
-            self.place(g, &kept);
+        if self.pattern.n_rows() != self.order() {
+            self.place(g);
         }
         for &(at, slot, scale) in &*self.mass_copies {
             self.values[slot as usize] = self.mass.values()[at as usize] * scale;
@@ -249,7 +251,7 @@ impl Saddle {
 
     /// The scaled right-hand side, to be solved in place.
     pub(super) fn right_side(&mut self, force: &[f64], tau: &[f64]) -> &mut [f64] {
-        for ((w, f), s) in self.work.iter_mut().zip(force).zip(&self.scale) {
+        for ((w, f), s) in self.work.iter_mut().zip(force).zip(&*self.scale) {
             *w = f * s;
         }
         for (k, &row) in self.kept.iter().enumerate() {
@@ -266,7 +268,7 @@ impl Saddle {
 
     /// Accelerations and multipliers from the scaled solution.
     pub(super) fn hand_out(&self, a: &mut [f64], lambda: &mut [f64]) {
-        for ((out, w), s) in a.iter_mut().zip(&self.work).zip(&self.scale) {
+        for ((out, w), s) in a.iter_mut().zip(&self.work).zip(&*self.scale) {
             *out = w * s;
         }
         lambda.fill(0.0);

@@ -85,6 +85,21 @@ impl Square {
         }
     }
 
+    /// Gives up the room of values and factors, where factoring again with no more than values gives the same.
+    pub(super) fn release(&mut self) {
+        if let Factors::Forest(lu) = &mut self.factors {
+            self.values = Vec::new();
+            lu.release();
+        }
+    }
+
+    /// Makes room for values again where it was given up.
+    pub(super) fn restore(&mut self) {
+        if let Factors::Forest(lu) = &self.factors {
+            self.values.resize(lu.forest().values(), 0.0);
+        }
+    }
+
     /// Factors the matrix of the present values, by the pivots chosen before while they serve; returns the
     /// number of symbolic analyses made.
     pub(super) fn factor(&mut self) -> Result<u64, SingularMatrix> {
@@ -107,7 +122,7 @@ impl Square {
     /// Solves in place.
     pub(super) fn solve(&mut self, b: &mut [f64]) {
         match &mut self.factors {
-            Factors::Forest(lu) => lu.solve_many(b, 1),
+            Factors::Forest(lu) => lu.solve_many(&self.values, b, 1),
             Factors::Sparse(sparse) if sparse.refine => {
                 let Sparse { pattern, lu, .. } = &mut **sparse;
                 factored(lu).solve_refined(pattern, &self.values, b);
@@ -119,7 +134,7 @@ impl Square {
     /// Solves in place for k right-hand sides, by rows.
     pub(super) fn solve_many(&mut self, b: &mut [f64], k: usize) {
         match &mut self.factors {
-            Factors::Forest(lu) => lu.solve_many(b, k),
+            Factors::Forest(lu) => lu.solve_many(&self.values, b, k),
             Factors::Sparse(sparse) => factored(&mut sparse.lu).solve_many(b, k),
         }
     }
@@ -127,7 +142,7 @@ impl Square {
     /// Solves with the transpose in place for k right-hand sides, by rows.
     pub(super) fn solve_transposed_many(&mut self, b: &mut [f64], k: usize) {
         match &mut self.factors {
-            Factors::Forest(lu) => lu.solve_transposed_many(b, k),
+            Factors::Forest(lu) => lu.solve_transposed_many(&self.values, b, k),
             Factors::Sparse(sparse) => factored(&mut sparse.lu).solve_transposed_many(b, k),
         }
     }
@@ -148,7 +163,7 @@ impl Square {
         }
     }
 
-    /// Entries stored in the factors.
+    /// Entries that a solve reads.
     pub(super) fn fill(&self) -> usize {
         match &self.factors {
             Factors::Forest(lu) => lu.fill(),

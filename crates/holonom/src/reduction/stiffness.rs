@@ -90,7 +90,7 @@ pub(super) fn mobilities(
     let length = system.characteristic_length();
     let scale_of = |measure| if measure == Measure::Length { length } else { 1.0 };
     let scale: Vec<f64> = (0..n).map(|i| scale_of(structure.coordinate_measure(i))).collect();
-    let mut mass = structure.mass_pattern.clone();
+    let mut mass = structure.mass_pattern.zeros();
     system.mass_matrix(q, &mut mass);
     let heaviest = (mass.entries(0, 0).into_iter().zip(mass.values()))
         .fold(0.0f64, |most, ((i, j), x)| most.max((x * scale[i] * scale[j]).abs()));

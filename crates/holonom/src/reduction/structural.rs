@@ -13,7 +13,7 @@ pub fn structural_null_space(system: &dyn System, chart: &Chart, q: &[f64]) -> V
         return vec![true; n * ndof];
     }
     let mut chart = chart.clone();
-    let mut g = system.structure().constraint_pattern.clone();
+    let mut g = system.structure().constraint_pattern.zeros();
     let mut d = vec![0.0; n * ndof];
     let mut nonzero = vec![false; n * ndof];
     let mut probe = q.to_vec();
@@ -43,8 +43,8 @@ pub fn disturb(q: &[f64], round: u32, probe: &mut [f64]) {
 /// Which stored values of G and M can differ from zero, found at a few generic configurations.
 pub fn structural_nonzeros(system: &dyn System, q: &[f64]) -> (Arc<[bool]>, Arc<[bool]>) {
     let structure = system.structure();
-    let mut g = structure.constraint_pattern.clone();
-    let mut m = structure.mass_pattern.clone();
+    let mut g = structure.constraint_pattern.zeros();
+    let mut m = structure.mass_pattern.zeros();
     let mut probe = q.to_vec();
     let (mut g_nonzero, mut m_nonzero) =
         (vec![false; g.values().len()], vec![false; m.values().len()]);

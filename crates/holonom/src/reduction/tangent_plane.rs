@@ -114,7 +114,7 @@ fn tangent_plane(
     let turns = |i: usize| structure.coordinate_measure(i) == Measure::Angle;
     let dense = g.to_dense();
     let mut a = Vec::with_capacity(rank * n);
-    for &row in &parametrization.kept {
+    for &row in &*parametrization.kept {
         let row = &dense[row * n..(row + 1) * n];
         let scaled = |i: usize| if turns(i) { row[i] } else { row[i] * length };
         let largest = (0..n).fold(0.0f64, |m, i| m.max(scaled(i).abs()));

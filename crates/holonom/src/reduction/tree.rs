@@ -12,6 +12,7 @@ use super::stiffness::{STIFF, effective, pace};
 use crate::error::EvaluationFailure;
 use crate::system::{Anchor, State, System};
 use holonom_linalg::BlockMatrix;
+use std::sync::Arc;
 
 /// Amplitude of a stiff spring, against its length, up to which its direction is a coordinate.
 const LARGEST_AMPLITUDE: f64 = 0.25;
@@ -58,8 +59,9 @@ pub(super) fn choose_tree(
     let groups = system.relative_groups();
     relatives.moves = choice.independent.iter().any(|(group, _)| groups[*group].reach.is_finite());
     relatives.has_alternatives = loops.any() || tree.edges.iter().any(|edge| edge.forms.len() > 1);
+    let sources = Arc::make_mut(&mut relatives.sources);
     for (k, c) in coordinates.iter().enumerate() {
-        let source = &mut relatives.sources[c.edge][c.at];
+        let source = &mut sources[c.edge][c.at];
         *source = match (driven[k], choice.independent.binary_search(&(c.group, c.row))) {
             (Some(row), _) => {
                 let sign = tree.edges[c.edge].driver.map_or(1.0, |d| d.2);
@@ -72,7 +74,7 @@ pub(super) fn choose_tree(
     }
     let sources = coordinates.iter().map(|c| relatives.sources[c.edge][c.at]);
     relatives.exact = sources.into_iter().all(|source| source != Source::Dependent);
-    relatives.rows = choice.independent;
+    relatives.rows = choice.independent.into();
     Ok(Parametrization {
         kept,
         dropped,
@@ -146,14 +148,14 @@ fn at_state(
     let tree = system.tree();
     let groups = system.relative_groups();
     let mut relatives = Relatives {
-        rows: Vec::new(),
-        sources: vec![[Source::Dependent; 6]; tree.edges.len()],
+        rows: Arc::default(),
+        sources: vec![[Source::Dependent; 6]; tree.edges.len()].into(),
         references: vec![[0.0; 6]; groups.len()],
         anchors: vec![Anchor::default(); tree.edges.len()],
         exact: true,
         has_alternatives: false,
         moves: false,
-        forms,
+        forms: forms.into(),
     };
     let mut x = vec![[0.0; 6]; tree.edges.len()];
     for c in coordinates {

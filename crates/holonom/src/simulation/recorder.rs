@@ -35,7 +35,7 @@ pub(super) struct Recorder {
 impl Recorder {
     /// A recorder beside the point of the steps.
     pub(super) fn new(point: &Point, dimension: usize, integrates_powers: bool) -> Self {
-        Self { point: point.clone(), w: vec![0.0; dimension], integrates_powers }
+        Self { point: point.beside(), w: vec![0.0; dimension], integrates_powers }
     }
 
     /// The next step starts at `state`, in the parametrization and with the references of `point`.

@@ -16,7 +16,7 @@ pub(super) fn new_chart(
     state: &State,
 ) -> Result<Option<Chart>, EvaluationFailure> {
     let system = manifold.system().as_ref();
-    let mut g = system.structure().constraint_pattern.clone();
+    let mut g = system.structure().constraint_pattern.zeros();
     system.constraint_jacobian(&state.q, &mut g);
     let new = choose(options.parametrization, manifold, state, &g)?;
     let old = manifold.chart().parametrization();
@@ -40,7 +40,7 @@ pub(super) fn no_longer_redundant(
     system.position_constraints(state.t, &state.q, &mut phi);
     system.velocity_rhs(state.t, &mut rate);
     rate.iter_mut().for_each(|x| *x = -*x);
-    let mut g = system.structure().constraint_pattern.clone();
+    let mut g = system.structure().constraint_pattern.zeros();
     system.constraint_jacobian(&state.q, &mut g);
     g.multiply_add(1.0, &state.v, &mut rate);
     let size = |row: usize| phi[row].abs().max(rate[row].abs());

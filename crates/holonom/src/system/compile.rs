@@ -13,7 +13,7 @@ use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use crate::topology::Forest;
 use crate::watch::{NAMED, checkpoint, stage};
-use holonom_linalg::BlockMatrix;
+use holonom_linalg::BlockPattern;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -268,12 +268,13 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
     let of_row = |block: &Place| row_owner[block.0];
     let of_pair = |block: &Place| position[block.0 / N].max(position[block.1 / N]);
     let (constraint_pattern, ids) =
-        BlockMatrix::new(sizes.rows, sizes.coordinates, &in_order(&jacobian, of_row));
+        BlockPattern::new(sizes.rows, sizes.coordinates, &in_order(&jacobian, of_row));
     let mut jacobian_ids = ids.into_iter().skip(jacobian.len());
     let square = sizes.coordinates;
-    let (stiffness_pattern, ids) = BlockMatrix::new(square, square, &in_order(&stiffness, of_pair));
+    let (stiffness_pattern, ids) =
+        BlockPattern::new(square, square, &in_order(&stiffness, of_pair));
     let mut stiffness_ids = ids.into_iter().skip(stiffness.len());
-    let (mass_pattern, mass_ids) = BlockMatrix::new(square, square, &mass);
+    let (mass_pattern, mass_ids) = BlockPattern::new(square, square, &mass);
     let mut place = |b: Option<usize>| b.and_then(|_| jacobian_ids.next());
     let mut slots = Slots {
         jacobian: constraints.iter().map(|c| c.bodies.map(&mut place)).collect(),
@@ -288,7 +289,7 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
     };
     slots.constraint_pairs = constraints.iter().map(|c| place(c.bodies)).collect();
     slots.force_pairs = forces.iter().map(|f| place(f.bodies)).collect();
-    let ends = |pattern: &BlockMatrix, owner: &dyn Fn(&Place) -> u32| -> Vec<usize> {
+    let ends = |pattern: &BlockPattern, owner: &dyn Fn(&Place) -> u32| -> Vec<usize> {
         let mut ends = vec![0; sizes.bodies];
         let mut at = 0;
         for place in pattern.shapes() {

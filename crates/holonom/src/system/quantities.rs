@@ -17,7 +17,7 @@ pub struct Channel {
     /// Axes of the components: `ground`, `first`, `along`, or empty.
     pub frame: &'static str,
     /// Shape of one sample; empty for a scalar.
-    pub shape: Vec<usize>,
+    pub shape: &'static [usize],
     /// Where it comes from.
     pub source: ChannelSource,
 }
@@ -101,65 +101,69 @@ pub enum EnergyQuantity {
     Imbalance,
 }
 
+/// Shape of samples of so many components, few as they are.
+fn shape(components: usize) -> &'static [usize] {
+    static SIZES: [usize; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
+    if components == 1 { &[] } else { &SIZES[components..=components] }
+}
+
 /// All channels of a system.
 pub(super) fn list<S: Space<D, N>, const D: usize, const N: usize>(
     system: &Cartesian<S, D, N>,
 ) -> Vec<Channel> {
-    let vector = vec![D];
-    let angular = if D == 2 { Vec::new() } else { vec![3] };
+    let (vector, angular) = (shape(D), if D == 2 { shape(1) } else { shape(3) });
     let mut all = Vec::new();
-    let mut add = |name: String, unit, frame, shape: &Vec<usize>, source| {
-        all.push(Channel { name, unit, frame, shape: shape.clone(), source });
+    let mut add = |name: String, unit, frame, shape, source| {
+        all.push(Channel { name, unit, frame, shape, source });
     };
     for (b, body) in system.bodies.iter().enumerate() {
         checkpoint(4 * NAMED);
-        let mut motion = |quantity: &str, unit, frame, shape: &Vec<usize>, kind| {
+        let mut motion = |quantity: &str, unit, frame, shape, kind| {
             let source = ChannelSource::Body(b, kind);
             add(format!("{}.{quantity}", body.name), unit, frame, shape, source);
         };
-        motion("position", "m", "ground", &vector, BodyQuantity::Position);
+        motion("position", "m", "ground", vector, BodyQuantity::Position);
         if D == 2 {
-            motion("angle", "rad", "ground", &angular, BodyQuantity::Orientation);
+            motion("angle", "rad", "ground", angular, BodyQuantity::Orientation);
         } else {
-            motion("euler_parameters", "", "ground", &vec![4], BodyQuantity::Orientation);
-            motion("yaw_pitch_roll", "rad", "ground", &vector, BodyQuantity::YawPitchRoll);
+            motion("euler_parameters", "", "ground", shape(4), BodyQuantity::Orientation);
+            motion("yaw_pitch_roll", "rad", "ground", vector, BodyQuantity::YawPitchRoll);
         }
-        motion("velocity", "m/s", "ground", &vector, BodyQuantity::Velocity);
-        motion("angular_velocity", "rad/s", "ground", &angular, BodyQuantity::AngularVelocity);
-        motion("acceleration", "m/s^2", "ground", &vector, BodyQuantity::Acceleration);
+        motion("velocity", "m/s", "ground", vector, BodyQuantity::Velocity);
+        motion("angular_velocity", "rad/s", "ground", angular, BodyQuantity::AngularVelocity);
+        motion("acceleration", "m/s^2", "ground", vector, BodyQuantity::Acceleration);
         let kind = BodyQuantity::AngularAcceleration;
-        motion("angular_acceleration", "rad/s^2", "ground", &angular, kind);
+        motion("angular_acceleration", "rad/s^2", "ground", angular, kind);
         for (k, (marker, _)) in body.markers.iter().enumerate() {
             for (quantity, unit, kind) in [
                 ("position", "m", BodyQuantity::Position),
                 ("velocity", "m/s", BodyQuantity::Velocity),
             ] {
                 let name = format!("{}.{marker}.{quantity}", body.name);
-                add(name, unit, "ground", &vector, ChannelSource::Marker(b, k, kind));
+                add(name, unit, "ground", vector, ChannelSource::Marker(b, k, kind));
             }
         }
     }
     for (k, c) in system.constraints.iter().enumerate() {
         checkpoint(NAMED);
         let force = ChannelSource::ReactionForce(k);
-        add(format!("{}.force", c.name), "N", "ground", &vector, force);
+        add(format!("{}.force", c.name), "N", "ground", vector, force);
         let torque = ChannelSource::ReactionTorque(k);
-        add(format!("{}.torque", c.name), "N m", "ground", &angular, torque);
+        add(format!("{}.torque", c.name), "N m", "ground", angular, torque);
         for (i, quantity) in S::joint_quantities(&c.element).iter().enumerate() {
-            let shape = if quantity.size == 1 { Vec::new() } else { vec![quantity.size] };
+            let (size, source) = (shape(quantity.size), ChannelSource::Joint(k, i));
             let name = format!("{}.{}", c.name, quantity.name);
-            add(name, quantity.unit, quantity.frame, &shape, ChannelSource::Joint(k, i));
+            add(name, quantity.unit, quantity.frame, size, source);
         }
     }
     for (k, f) in system.forces.iter().enumerate() {
         checkpoint(NAMED);
         for (i, quantity) in f.element.quantities().iter().enumerate() {
-            let shape = if quantity.size == 1 { Vec::new() } else { vec![quantity.size] };
+            let (size, source) = (shape(quantity.size), ChannelSource::Force(k, i));
             let name = format!("{}.{}", f.name, quantity.name);
-            add(name, quantity.unit, quantity.frame, &shape, ChannelSource::Force(k, i));
+            add(name, quantity.unit, quantity.frame, size, source);
         }
     }
-    let scalar = Vec::new();
     for (name, kind) in [
         ("kinetic", EnergyQuantity::Kinetic),
         ("potential", EnergyQuantity::Potential),
@@ -168,13 +172,14 @@ pub(super) fn list<S: Space<D, N>, const D: usize, const N: usize>(
         ("total", EnergyQuantity::Total),
         ("imbalance", EnergyQuantity::Imbalance),
     ] {
-        add(format!("energy.{name}"), "J", "", &scalar, ChannelSource::Energy(kind));
+        add(format!("energy.{name}"), "J", "", shape(1), ChannelSource::Energy(kind));
     }
     for (level, (name, unit)) in
         [("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2")].into_iter().enumerate()
     {
-        add(format!("constraint.{name}"), unit, "", &scalar, ChannelSource::Residual(level));
+        add(format!("constraint.{name}"), unit, "", shape(1), ChannelSource::Residual(level));
     }
+    all.shrink_to_fit();
     all
 }
 

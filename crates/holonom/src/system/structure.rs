@@ -3,7 +3,7 @@
 use super::Measure;
 use crate::threads::Threads;
 use crate::topology::sharing_a_body;
-use holonom_linalg::{BlockId, BlockMatrix, Scalar};
+use holonom_linalg::{BlockId, BlockMatrix, BlockPattern, Scalar};
 
 /// Counts of a system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -44,12 +44,12 @@ pub struct JointRows {
 pub struct Structure {
     /// Counts.
     pub sizes: Sizes,
-    /// Zero matrix with the pattern of G, A₀ and A₁ (m×n).
-    pub constraint_pattern: BlockMatrix,
-    /// Zero matrix with the pattern of M (n×n).
-    pub mass_pattern: BlockMatrix,
-    /// Zero matrix with the pattern of K and C (n×n).
-    pub stiffness_pattern: BlockMatrix,
+    /// Blocks of G, A₀ and A₁ (m×n).
+    pub constraint_pattern: BlockPattern,
+    /// Blocks of M (n×n).
+    pub mass_pattern: BlockPattern,
+    /// Blocks of K and C (n×n).
+    pub stiffness_pattern: BlockPattern,
     /// Body and element of each extra state: blocks of F_z (n×nz) and of g_q, g_q̇ (nz×n).
     pub extra_bodies: Vec<[Option<usize>; 2]>,
     /// Joints, then drivers, in the order of their rows.
@@ -85,10 +85,10 @@ impl Structure {
         DerivativeBlocks {
             time: vec![0.0; s.coordinates],
             threads,
-            stiffness: self.stiffness_pattern.clone(),
-            damping: self.stiffness_pattern.clone(),
-            a0: self.constraint_pattern.clone(),
-            a1: self.constraint_pattern.clone(),
+            stiffness: self.stiffness_pattern.zeros(),
+            damping: self.stiffness_pattern.zeros(),
+            a0: self.constraint_pattern.zeros(),
+            a1: self.constraint_pattern.zeros(),
             force_time: vec![0.0; s.coordinates],
             velocity_rhs_time: vec![0.0; s.rows],
             acceleration_rhs_time: vec![0.0; s.rows],

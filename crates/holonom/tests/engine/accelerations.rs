@@ -37,10 +37,10 @@ impl Case {
         let mut out = Self {
             name: name.to_owned(),
             system: system.clone(),
-            kept: chart.kept.clone(),
+            kept: chart.kept.to_vec(),
             state: state.clone(),
-            mass: structure.mass_pattern.clone(),
-            jacobian: structure.constraint_pattern.clone(),
+            mass: structure.mass_pattern.zeros(),
+            jacobian: structure.constraint_pattern.zeros(),
             force: vec![0.0; structure.sizes.coordinates],
             tau: vec![0.0; structure.sizes.rows],
             manifold: point.manifold.clone(),

@@ -112,7 +112,7 @@ fn compare(
     let system = Problem::new(model.clone()).system().clone();
     let sizes = system.structure().sizes;
     let (mut position, mut velocity) = (0.0f64, 0.0f64);
-    let mut g = system.structure().constraint_pattern.clone();
+    let mut g = system.structure().constraint_pattern.zeros();
     let (mut phi, mut rate) = (vec![0.0; sizes.rows], vec![0.0; sizes.rows]);
     for state in &states {
         system.position_constraints(state.t, &state.q, &mut phi);

@@ -214,7 +214,8 @@ fn bushing(random: &mut Random, damping: f64) -> (spatial::Force, [Frame; 2], [[
     let frames = [0, 1].map(|_| random_frame(random, 0.4));
     let stiffness = coupled_matrix(random, 5000.0);
     let damping = coupled_matrix(random, damping);
-    let kind = ForceKind::Bushing { frames, stiffness, damping };
+    let (boxed, damping) = (Box::new(stiffness), Box::new(damping));
+    let kind = ForceKind::Bushing { frames, stiffness: boxed, damping };
     (spatial::Force::new(&named(kind), [[0.05, 0.1, -0.1]; 2]), frames, stiffness)
 }
 

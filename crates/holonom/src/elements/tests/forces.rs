@@ -201,8 +201,8 @@ pub(super) fn internal_kinds(random: &mut Random, frames: [Frame; 2]) -> Vec<For
         ForceKind::Rsda { frames, law: table(), damping: 0.0, free_angle: 0.4 },
         ForceKind::Bushing {
             frames,
-            stiffness: coupled_matrix(random, 4000.0),
-            damping: coupled_matrix(random, 60.0),
+            stiffness: Box::new(coupled_matrix(random, 4000.0)),
+            damping: Box::new(coupled_matrix(random, 60.0)),
         },
     ]
 }

@@ -109,8 +109,8 @@ impl<'a> Context<'a> {
         let axes = axes?;
         Some(ForceKind::Bushing {
             frames: self.frames(bodies, points?, [axes; 2]),
-            stiffness,
-            damping,
+            stiffness: Box::new(stiffness),
+            damping: Box::new(damping),
         })
     }
 

@@ -6,7 +6,7 @@ mod solution;
 
 use super::blocks::ReducedBlocks;
 use super::sparse_pattern::Sum;
-use crate::reduction::{BodyRows, Manifold};
+use crate::reduction::Manifold;
 use crate::system::Structure;
 use crate::threads::Threads;
 use holonom_linalg::small::{Square, add_product, add_times, inverse, product, scaled};
@@ -88,16 +88,15 @@ impl ForestElimination {
         })
     }
 
-    /// Takes the rows of joints and of P with their derivatives.
+    /// Takes the values of the rows of joints and of the moving ones of P, with their derivatives.
     pub(super) fn linearize(
         &mut self,
-        jacobian: &[f64],
-        moving: &BodyRows,
+        rows: [&[f64]; 2],
         blocks: &ReducedBlocks,
     ) -> Result<(), SingularMatrix> {
         match self {
-            Self::Planar(elimination) => elimination.linearize(jacobian, moving, blocks),
-            Self::Spatial(elimination) => elimination.linearize(jacobian, moving, blocks),
+            Self::Planar(elimination) => elimination.linearize(rows, blocks),
+            Self::Spatial(elimination) => elimination.linearize(rows, blocks),
         }
     }
 
@@ -171,8 +170,7 @@ impl<const N: usize> Elimination<N> {
 
     fn linearize(
         &mut self,
-        jacobian: &[f64],
-        moving: &BodyRows,
+        [jacobian, moving]: [&[f64]; 2],
         blocks: &ReducedBlocks,
     ) -> Result<(), SingularMatrix> {
         let derivatives = &blocks.blocks;
@@ -180,7 +178,7 @@ impl<const N: usize> Elimination<N> {
             plan: &self.plan,
             threads: &self.threads,
             rows: [jacobian, derivatives.a0.values(), derivatives.a1.values()],
-            moving: [moving, &blocks.turning, &blocks.turning_rate].map(BodyRows::values),
+            moving: [moving, blocks.turning.values(), blocks.turning_rate.values()],
         };
         let (motions, columns) = (&mut self.motions, &mut self.columns);
         self.threads.share(|| at.linearize(0, motions, columns))

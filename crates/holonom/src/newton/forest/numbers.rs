@@ -42,11 +42,10 @@ pub(super) struct Step<T> {
     pub(super) ratio: T,
 }
 
-/// H of the three levels, and βh²κ + 2γhη μ: what a does with x of the parent.
+/// H of the three levels.
 #[derive(Debug, Clone)]
 pub(super) struct Body<T, const N: usize> {
     pub(super) h: [Square<T, N>; 3],
-    pub(super) bend: Square<T, N>,
 }
 
 /// Of an independent variable the size of what children add to its diagonal of Ψ before anything is taken from
@@ -101,8 +100,9 @@ fn add<T: Scalar, const N: usize>(out: &mut Square<T, N>, a: &Square<T, N>) {
 }
 
 impl<T: Scalar> Step<T> {
+    /// βh²κ + 2γhη μ: what a does with x of the parent.
     #[inline(always)]
-    fn bend_of<const N: usize>(&self, motion: &Motion<N>) -> Square<T, N> {
+    pub(super) fn bend_of<const N: usize>(&self, motion: &Motion<N>) -> Square<T, N> {
         let twice = (self.gamma_h * self.ratio).scaled(2.0);
         std::array::from_fn(|i| {
             std::array::from_fn(|j| {
@@ -336,7 +336,7 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
         // A = H 𝒯 + L
         let mut a = [[[T::ZERO; N]; N]; 3];
         if has_parent {
-            body.bend = step.bend_of(motion);
+            let bend = step.bend_of(motion);
             let h = &body.h;
             let (turned, twice_a) = (scaled(step.ratio, &h[1]), scaled(twice, &h[2]));
             for level in 0..3 {
@@ -347,7 +347,7 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
             for i in 0..N {
                 for l in 0..N {
                     for j in 0..N {
-                        a[0][i][j] = a[0][i][j] + h[2][i][l] * body.bend[l][j];
+                        a[0][i][j] = a[0][i][j] + h[2][i][l] * bend[l][j];
                     }
                 }
             }
@@ -440,7 +440,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         let unknown = Free { size: 0.0, z: [[T::ZERO; N]; 3], v: [T::ZERO; N] };
         Self {
             step: Step { gamma_h: T::ZERO, beta_h2: T::ZERO, ratio: T::ZERO },
-            bodies: vec![Body { h: [zero; 3], bend: zero }; count],
+            bodies: vec![Body { h: [zero; 3] }; count],
             psi: vec![T::ZERO; plan.tree.pivots_before(count)],
             exchanges: vec![0; free],
             free: vec![unknown; free],

@@ -91,7 +91,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
                 }
                 add_times(&mut w[1], step.ratio, &motion.alpha, &above[0]);
                 add_times(&mut w[2], twice, &motion.alpha, &above[1]);
-                add_own_times(&mut w[2], &self.bodies[at].bend, &above[0]);
+                add_own_times(&mut w[2], &step.bend_of(motion), &above[0]);
             }
             for k in range.clone() {
                 for (w, x) in w.iter_mut().zip(&self.columns[k]) {

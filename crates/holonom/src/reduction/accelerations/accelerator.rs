@@ -107,6 +107,18 @@ impl Accelerator {
         (self.null_space_current, self.multipliers_due) = (false, false);
     }
 
+    /// Gives up the numbers that the next accelerations make anew.
+    pub(in crate::reduction) fn release(&mut self) {
+        if let Some(reduced) = &mut self.reduced {
+            reduced.release();
+        }
+    }
+
+    /// Gives up M until it is evaluated.
+    pub(in crate::reduction) fn release_mass(&mut self) {
+        self.saddle.release_mass();
+    }
+
     /// λ belongs to other accelerations.
     pub(in crate::reduction) fn forget_multipliers(&mut self) {
         self.multipliers_due = false;
@@ -127,7 +139,7 @@ impl Accelerator {
         let before = self.way();
         self.stated = stated;
         let kept = &chart.parametrization().kept;
-        if self.saddle.rows() != kept {
+        if *self.saddle.rows() != **kept {
             self.saddle.set_rows(kept);
             self.reduced = None;
         }

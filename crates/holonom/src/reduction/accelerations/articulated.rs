@@ -3,11 +3,11 @@
 use super::{Known, Refusal};
 use crate::reduction::body_tree::BodyTree;
 use crate::reduction::chart::{BodyBlocks, Chart};
-use holonom_linalg::BlockMatrix;
 use holonom_linalg::small::{
     Square, add_own_times, add_product, add_times, add_transposed_product, add_transposed_times,
     factor, inverse, scaled, solve,
 };
+use holonom_linalg::{BlockMatrix, BlockPattern};
 use std::sync::Arc;
 
 /// Growth of numbers in the elimination of a body that leaves ten digits; beyond it the augmented system serves.
@@ -55,7 +55,7 @@ impl Articulated {
     ///
     /// # Errors
     /// [`Refusal`] where the bodies are no tree in its coordinates.
-    pub(super) fn new(chart: &Chart, mass: &BlockMatrix) -> Result<Self, Refusal> {
+    pub(super) fn new(chart: &Chart, mass: &BlockPattern) -> Result<Self, Refusal> {
         let tree = Arc::new(BodyTree::new(chart, mass).ok_or(Refusal::Loops)?);
         Ok(match tree.forest().size() {
             3 => Self::Planar(Box::new(Recursion::new(tree))),

@@ -94,17 +94,43 @@ pub struct ReducedMatrix {
     rows: Arc<[(usize, usize)]>,
     sides: Arc<[Side]>,
     products: Arc<[Product]>,
-    inertia: Vec<Inertia>,
+    inertia: Arc<[Inertia]>,
+    /// Number of rows of H: one for each reduced row and body of its joint.
+    h_rows: usize,
+    numbers: Numbers,
+    normalization_start: usize,
+}
+
+/// What belongs to a configuration. There is room for it from the first assembly on, in copies too: many of them never
+/// come to one.
+#[derive(Debug, Default)]
+struct Numbers {
     /// Rotational part of T of each body (spatial).
     maps: Vec<[[f64; 3]; 4]>,
-    /// H, a row for each reduced row and body of its joint.
+    /// H.
     h: Vec<f64>,
-    /// Φ_p p of these rows.
+    /// Φ_p p of its rows (spatial).
     stretch: Vec<f64>,
     /// TᵀQ, then y.
     y: Vec<f64>,
     beta: Vec<f64>,
-    normalization_start: usize,
+}
+
+impl Clone for Numbers {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
+impl Numbers {
+    fn make_room(&mut self, planar: bool, h_rows: usize, bodies: usize) {
+        let (free, turning) = if planar { (3, 0) } else { (6, 1) };
+        self.maps.resize(turning * bodies, [[0.0; 3]; 4]);
+        self.h.resize(h_rows * free, 0.0);
+        self.stretch.resize(turning * h_rows, 0.0);
+        self.y.resize(bodies * free, 0.0);
+        self.beta.resize(turning * bodies, 0.0);
+    }
 }
 
 impl ReducedMatrix {
@@ -114,9 +140,7 @@ impl ReducedMatrix {
     /// [`Refusal`] when M has no inverse.
     pub fn new(system: &dyn System, kept: &[usize]) -> Result<Self, Refusal> {
         let structure = system.structure();
-        let sizes = &structure.sizes;
-        let planar = sizes.translations == 2;
-        let free = if planar { 3 } else { 6 };
+        let planar = structure.sizes.translations == 2;
         Self::check(system, kept)?;
         let inertia = inverse_roots(system)?;
         let (mut joints, mut begin) = (Vec::new(), vec![0]);
@@ -148,11 +172,8 @@ impl ReducedMatrix {
             sides: sides.into(),
             products: Arc::new([]),
             inertia,
-            maps: vec![[[0.0; 3]; 4]; if planar { 0 } else { sizes.bodies }],
-            h: vec![0.0; count * free],
-            stretch: vec![0.0; if planar { 0 } else { count }],
-            y: vec![0.0; sizes.bodies * free],
-            beta: vec![0.0; if planar { 0 } else { sizes.bodies }],
+            h_rows: count,
+            numbers: Numbers::default(),
             normalization_start: structure.normalization_start,
         })
     }
@@ -195,6 +216,11 @@ impl ReducedMatrix {
         }
         let numbers = rows_of_body.iter().map(|rows| 0.5 * rows * (rows + 1.0)).sum::<f64>();
         [numbers, free * numbers, f64::from(sides)]
+    }
+
+    /// Gives up its numbers until the next assembly.
+    pub(super) fn release(&mut self) {
+        self.numbers = Numbers::default();
     }
 
     /// Joints with kept rows as vertices; those that share a body are neighbours.
@@ -274,7 +300,7 @@ impl ReducedMatrix {
     pub fn multiplications_beside_products(&self) -> usize {
         let free = if self.planar { 3 } else { 6 };
         let (h, maps) = if self.planar { (3, 0) } else { (3 + 12, 24 + 24) };
-        self.h.len() / free * (h + 4 * free) + self.inertia.len() * (2 * free + maps)
+        self.h_rows * (h + 4 * free) + self.inertia.len() * (2 * free + maps)
     }
 
     /// Multiplications of one assembly, right-hand side, correction and recovery.
@@ -289,11 +315,12 @@ impl ReducedMatrix {
 
     /// B at a configuration with Jacobian `g`, into the places given before.
     pub fn assemble(&mut self, q: &[f64], g: &BlockMatrix, values: &mut [f64]) {
+        self.numbers.make_room(self.planar, self.h_rows, self.inertia.len());
         if self.planar {
             for side in self.sides.iter() {
                 let Inertia { translation, rotation } = &self.inertia[side.body];
                 let block = g.block(side.block);
-                let h = self.h[side.h * 3..].chunks_exact_mut(3);
+                let h = self.numbers.h[side.h * 3..].chunks_exact_mut(3);
                 for (h, &(_, r)) in h.zip(&self.rows[side.begin..side.end]) {
                     let g: &[f64; 3] = block[r * 3..].first_chunk().expect("three coordinates");
                     h[0] = g[0] * translation;
@@ -301,16 +328,18 @@ impl ReducedMatrix {
                     h[2] = g[2] * rotation[2][2];
                 }
             }
-            multiply::<3>(&self.products, &self.h, values);
+            multiply::<3>(&self.products, &self.numbers.h, values);
         } else {
             self.turn_spatial(q, g);
-            multiply::<6>(&self.products, &self.h, values);
+            multiply::<6>(&self.products, &self.numbers.h, values);
         }
     }
 
     /// T and H in space.
     fn turn_spatial(&mut self, q: &[f64], g: &BlockMatrix) {
-        for ((map, body), q) in self.maps.iter_mut().zip(&self.inertia).zip(q.chunks_exact(7)) {
+        for ((map, body), q) in
+            self.numbers.maps.iter_mut().zip(&*self.inertia).zip(q.chunks_exact(7))
+        {
             let [e0, e1, e2, e3] = [q[3], q[4], q[5], q[6]];
             let half = 0.5 / (e0 * e0 + e1 * e1 + e2 * e2 + e3 * e3);
             let u = &body.rotation;
@@ -327,10 +356,12 @@ impl ReducedMatrix {
         }
         for side in self.sides.iter() {
             let scale = self.inertia[side.body].translation;
-            let map = &self.maps[side.body];
+            let map = &self.numbers.maps[side.body];
             let p = &q[side.body * 7 + 3..side.body * 7 + 7];
             let block = g.block(side.block);
-            let out = self.h[side.h * 6..].chunks_exact_mut(6).zip(&mut self.stretch[side.h..]);
+            let out = self.numbers.h[side.h * 6..]
+                .chunks_exact_mut(6)
+                .zip(&mut self.numbers.stretch[side.h..]);
             for ((h, stretch), &(_, r)) in out.zip(&self.rows[side.begin..side.end]) {
                 let g: &[f64; 7] = block[r * 7..].first_chunk().expect("seven coordinates");
                 for k in 0..3 {
@@ -348,15 +379,15 @@ impl ReducedMatrix {
     pub fn right_side(&mut self, equations: &IndexOneEquations, b: &mut [f64]) -> f64 {
         self.weigh_forces(equations);
         self.residual(equations, b);
-        self.y.iter().map(|y| y.abs()).fold(0.0, larger)
+        self.numbers.y.iter().map(|y| y.abs()).fold(0.0, larger)
     }
 
     /// y = TᵀQ, and β.
     fn weigh_forces(&mut self, equations: &IndexOneEquations) {
         let IndexOneEquations { q, force, tau, .. } = equations;
         if self.planar {
-            let bodies = self.y.chunks_exact_mut(3).zip(force.chunks_exact(3));
-            for ((y, f), body) in bodies.zip(&self.inertia) {
+            let bodies = self.numbers.y.chunks_exact_mut(3).zip(force.chunks_exact(3));
+            for ((y, f), body) in bodies.zip(&*self.inertia) {
                 y[0] = f[0] * body.translation;
                 y[1] = f[1] * body.translation;
                 y[2] = f[2] * body.rotation[2][2];
@@ -364,8 +395,10 @@ impl ReducedMatrix {
             return;
         }
         let tau = &tau[self.normalization_start..];
-        let bodies = self.y.chunks_exact_mut(6).zip(force.chunks_exact(7)).zip(&self.inertia);
-        let rest = self.maps.iter().zip(&mut self.beta).zip(q.chunks_exact(7).zip(tau));
+        let bodies =
+            self.numbers.y.chunks_exact_mut(6).zip(force.chunks_exact(7)).zip(&*self.inertia);
+        let rest =
+            self.numbers.maps.iter().zip(&mut self.numbers.beta).zip(q.chunks_exact(7).zip(tau));
         for (((y, f), body), ((map, beta), (q, tau))) in bodies.zip(rest) {
             for k in 0..3 {
                 y[k] = f[k] * body.translation;
@@ -382,12 +415,14 @@ impl ReducedMatrix {
             *b = -equations.tau[row];
         }
         if self.planar {
-            return add_products::<3>(&self.sides, &self.h, &self.y, b);
+            return add_products::<3>(&self.sides, &self.numbers.h, &self.numbers.y, b);
         }
-        add_products::<6>(&self.sides, &self.h, &self.y, b);
+        add_products::<6>(&self.sides, &self.numbers.h, &self.numbers.y, b);
         for side in self.sides.iter() {
-            let beta = self.beta[side.body];
-            for (b, stretch) in b[side.begin..side.end].iter_mut().zip(&self.stretch[side.h..]) {
+            let beta = self.numbers.beta[side.body];
+            for (b, stretch) in
+                b[side.begin..side.end].iter_mut().zip(&self.numbers.stretch[side.h..])
+            {
                 *b += stretch * beta;
             }
         }
@@ -396,9 +431,9 @@ impl ReducedMatrix {
     /// y −= Hᵀ b.
     pub fn subtract_reactions(&mut self, b: &[f64]) {
         if self.planar {
-            subtract_reactions::<3>(&self.sides, &self.h, b, &mut self.y);
+            subtract_reactions::<3>(&self.sides, &self.numbers.h, b, &mut self.numbers.y);
         } else {
-            subtract_reactions::<6>(&self.sides, &self.h, b, &mut self.y);
+            subtract_reactions::<6>(&self.sides, &self.numbers.h, b, &mut self.numbers.y);
         }
     }
 
@@ -415,8 +450,8 @@ impl ReducedMatrix {
             lambda[row] = *b;
         }
         if self.planar {
-            let bodies = a.chunks_exact_mut(3).zip(self.y.chunks_exact(3));
-            for ((a, y), body) in bodies.zip(&self.inertia) {
+            let bodies = a.chunks_exact_mut(3).zip(self.numbers.y.chunks_exact(3));
+            for ((a, y), body) in bodies.zip(&*self.inertia) {
                 a[0] = y[0] * body.translation;
                 a[1] = y[1] * body.translation;
                 a[2] = y[2] * body.rotation[2][2];
@@ -429,11 +464,12 @@ impl ReducedMatrix {
             *l = q[3..].iter().zip(&f[3..]).map(|(p, f)| p * f).sum();
         }
         for side in self.sides.iter() {
-            let rows = b[side.begin..side.end].iter().zip(&self.stretch[side.h..]);
+            let rows = b[side.begin..side.end].iter().zip(&self.numbers.stretch[side.h..]);
             normalization[side.body] -= rows.map(|(l, stretch)| l * stretch).sum::<f64>();
         }
-        let bodies = a.chunks_exact_mut(7).zip(self.y.chunks_exact(6)).zip(&self.inertia);
-        let rest = self.maps.iter().zip(&self.beta).zip(equations.q.chunks_exact(7));
+        let bodies = a.chunks_exact_mut(7).zip(self.numbers.y.chunks_exact(6)).zip(&*self.inertia);
+        let rest =
+            self.numbers.maps.iter().zip(&self.numbers.beta).zip(equations.q.chunks_exact(7));
         for ((((a, y), body), ((map, beta), q)), l) in bodies.zip(rest).zip(normalization) {
             for k in 0..3 {
                 a[k] = y[k] * body.translation;
@@ -466,7 +502,7 @@ fn kept_rows<'a>(structure: &Structure, joint: usize, kept: &'a [usize]) -> &'a 
 }
 
 /// The inertia of every body, as far as it does not move.
-fn inverse_roots(system: &dyn System) -> Result<Vec<Inertia>, Refusal> {
+fn inverse_roots(system: &dyn System) -> Result<Arc<[Inertia]>, Refusal> {
     let sizes = &system.structure().sizes;
     let planar = sizes.translations == 2;
     (0..sizes.bodies)

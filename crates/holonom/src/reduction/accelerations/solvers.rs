@@ -10,15 +10,29 @@ use std::sync::Arc;
 /// By a Cholesky factorisation in the envelope of a numbering of the joints.
 ///
 /// Source: thesis, Algorithm 3 of chapter 3.4.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct ReducedEnvelope {
     matrix: ReducedMatrix,
-    factor: EnvelopeCholesky,
-    values: Vec<f64>,
+    plan: Arc<EnvelopePlan>,
     /// Where the diagonal of B stands.
-    diagonal: Arc<[usize]>,
+    diagonal: Arc<[u32]>,
+    /// There from the first factorisation on, in copies too: many of them never come to one.
+    numbers: Option<Box<EnvelopeNumbers>>,
+}
+
+#[derive(Debug)]
+struct EnvelopeNumbers {
+    values: Vec<f64>,
+    factor: EnvelopeCholesky,
     lambda: Vec<f64>,
     correction: Vec<f64>,
+}
+
+impl Clone for ReducedEnvelope {
+    fn clone(&self) -> Self {
+        let (plan, diagonal) = (self.plan.clone(), self.diagonal.clone());
+        Self { matrix: self.matrix.clone(), plan, diagonal, numbers: None }
+    }
 }
 
 impl ReducedEnvelope {
@@ -28,22 +42,15 @@ impl ReducedEnvelope {
         Self::with_plan(matrix, Arc::new(plan))
     }
 
-    /// Room for what a plan places.
+    /// For what a plan places.
     pub fn with_plan(mut matrix: ReducedMatrix, plan: Arc<EnvelopePlan>) -> Self {
         let rows = matrix.graph().sizes().to_vec();
         matrix.place(|i, j| plan.in_order(i, j), |i, j| (plan.block(i, j).start, rows[j]));
         let diagonal = rows.iter().enumerate().flat_map(|(joint, &rows)| {
             let first = plan.block(joint, joint).start;
-            (0..rows).map(move |row| first + row * (rows + 1))
+            (0..rows).map(move |row| (first + row * (rows + 1)) as u32)
         });
-        Self {
-            diagonal: diagonal.collect(),
-            lambda: vec![0.0; matrix.n()],
-            correction: vec![0.0; matrix.n()],
-            values: vec![0.0; plan.len()],
-            factor: EnvelopeCholesky::new(plan),
-            matrix,
-        }
+        Self { diagonal: diagonal.collect(), numbers: None, plan, matrix }
     }
 
     /// A copy with this plan for other numbers of the same structure.
@@ -54,9 +61,15 @@ impl ReducedEnvelope {
         Ok(Self { matrix: self.matrix.with_values(system)?, ..self.clone() })
     }
 
+    /// Gives up its numbers until the next factorisation.
+    pub(super) fn release(&mut self) {
+        self.matrix.release();
+        self.numbers = None;
+    }
+
     /// Places and counts.
     pub fn plan(&self) -> &EnvelopePlan {
-        self.factor.plan()
+        &self.plan
     }
 
     /// Factors B at a configuration with this Jacobian.
@@ -64,34 +77,56 @@ impl ReducedEnvelope {
     /// # Errors
     /// At a reduced row that depends on others.
     pub fn factor(&mut self, equations: &IndexOneEquations) -> Result<(), NotPositiveDefinite> {
-        self.matrix.assemble(equations.q, equations.jacobian, &mut self.values);
-        self.factor.factor(&self.values)
+        let Self { matrix, plan, numbers, .. } = self;
+        let numbers = numbers.get_or_insert_with(|| {
+            Box::new(EnvelopeNumbers {
+                values: vec![0.0; plan.len()],
+                factor: EnvelopeCholesky::new(plan.clone()),
+                lambda: vec![0.0; matrix.n()],
+                correction: vec![0.0; matrix.n()],
+            })
+        });
+        matrix.assemble(equations.q, equations.jacobian, &mut numbers.values);
+        numbers.factor.factor(&numbers.values)
     }
 
     /// Accelerations and multipliers with the factors at hand. Returns the relative size of the next
     /// correction as forecast: far above round-off it says that B is too ill-conditioned here.
+    ///
+    /// # Panics
+    /// Where nothing has been factored before.
     pub fn solve_factored(
         &mut self,
         equations: &IndexOneEquations,
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> f64 {
-        let forces = self.matrix.right_side(equations, &mut self.lambda);
-        self.factor.solve(&mut self.lambda);
-        self.matrix.subtract_reactions(&self.lambda);
-        let left = self.refine(equations, forces);
-        self.matrix.recover(equations, &self.lambda, a, lambda);
+        let Self { matrix, diagonal, numbers, .. } = self;
+        let numbers = numbers.as_mut().expect("factored before");
+        let forces = matrix.right_side(equations, &mut numbers.lambda);
+        numbers.factor.solve(&mut numbers.lambda);
+        matrix.subtract_reactions(&numbers.lambda);
+        let left = numbers.refine(matrix, diagonal, equations, forces);
+        matrix.recover(equations, &numbers.lambda, a, lambda);
         left
     }
+}
 
+impl EnvelopeNumbers {
     /// Corrects y and λ by what y leaves of its constraints: corrected seminormal equations. Sizes are those of
     /// forces over roots of masses: of λ by the diagonal of B, of `forces` alone.
     ///
     /// Source: Å. Björck, Linear Algebra Appl. 88/89 (1987).
-    fn refine(&mut self, equations: &IndexOneEquations, forces: f64) -> f64 {
-        let Self { matrix, factor, values, diagonal, lambda, correction } = self;
+    fn refine(
+        &mut self,
+        matrix: &mut ReducedMatrix,
+        diagonal: &[u32],
+        equations: &IndexOneEquations,
+        forces: f64,
+    ) -> f64 {
+        let Self { factor, values, lambda, correction } = self;
         let size = |x: &[f64]| {
-            let squares = x.iter().zip(diagonal.iter()).map(|(x, &at)| x * x * values[at]);
+            let squares = x.iter().zip(diagonal).map(|(x, &at)| x * x * values[at as usize]);
             squares.fold(0.0, larger).sqrt()
         };
         refine(|| {

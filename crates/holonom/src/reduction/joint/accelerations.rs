@@ -146,7 +146,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut sizes = std::mem::take(&mut self.change);
         self.closures.subtract_transposed(&self.rows, &mut self.along);
         self.closures.add_sizes(&self.rows, &mut sizes);
-        for ((along, size), source) in self.along.iter_mut().zip(&mut sizes).zip(&self.sources) {
+        for ((along, size), source) in self.along.iter_mut().zip(&mut sizes).zip(&*self.sources) {
             if let Source::Driven(row, sign, _) = source {
                 *along += sign * lambda[*row];
                 *size += lambda[*row].abs();

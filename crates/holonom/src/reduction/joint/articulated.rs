@@ -173,7 +173,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             add(&mut carrier.wrench, 1.0, &wrench);
             add(&mut carrier.pivots.size, 1.0, &size);
         }
-        for edge in &self.edges {
+        for edge in &*self.edges {
             let b = edge.body;
             let mut motion = edge.base.map_or([0.0; W], |base| {
                 A::moved_twist(&self.motion[base], &self.center[base], &self.center[b])

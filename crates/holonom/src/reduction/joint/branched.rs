@@ -102,7 +102,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.evaluate_rate_residual(None, t, 2, &[], [q, v, a]);
         let mut branched = self.branched.take().expect("made where something closes loops");
         let (plan, m) = (branched.factors.plan().clone(), branched.tau.len());
-        for edge in &self.edges {
+        for edge in &*self.edges {
             for k in edge.range.clone() {
                 let b = edge.body;
                 let felt = self.articulated[b].inertia.times(&self.own_columns[k]);

@@ -191,7 +191,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let Directions { moved, alone, columns: all, own: about, felt, mass, .. } = &mut *at;
         mass.entries.fill(0.0);
         felt.fill([0.0; W]);
-        for edge in &self.edges {
+        for edge in &*self.edges {
             let b = edge.body;
             let own = &moved[b];
             let (known, rest) = all.split_at_mut(own.first);

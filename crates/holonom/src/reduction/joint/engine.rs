@@ -58,18 +58,18 @@ pub(super) struct BodyInertia {
 #[derive(Debug, Clone)]
 pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) system: Arc<dyn System>,
-    pub(super) edges: Vec<Edge>,
+    pub(super) edges: Arc<[Edge]>,
     /// Per coordinate: where it comes from, and the row of the driver that tells it.
-    pub(super) sources: Vec<Source>,
+    pub(super) sources: Arc<[Source]>,
     /// Group of each coordinate, and place in it.
-    pub(super) names: Vec<(usize, usize)>,
+    pub(super) names: Arc<[(usize, usize)]>,
     pub(super) closures: Closures,
     /// Configurations recovered before, within this step.
     pub(super) recent: RecentPoints<Numbers>,
     /// Edge, and place among its coordinates, of each dependent coordinate.
     pub(super) places: Vec<(usize, usize)>,
     /// Root of each body's tree.
-    root: Vec<usize>,
+    root: Arc<[usize]>,
     /// Reference point of each body.
     pub(super) origin: Vec<[f64; 3]>,
     /// The point that the rotations of each body's edge are about.
@@ -151,7 +151,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut edge_of = vec![None; bodies];
         let mut screws = EdgeScrews::default();
         let mut root: Vec<usize> = (0..bodies).collect();
-        for (at, (edge, &form)) in tree.edges.iter().zip(&relatives.forms).enumerate() {
+        for (at, (edge, &form)) in tree.edges.iter().zip(&*relatives.forms).enumerate() {
             if !system.edge_screws(at, form, q, &mut screws) {
                 return None;
             }
@@ -216,8 +216,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut out = Self {
             system: system.clone(),
             sources: coordinates.iter().map(|c| c.0).collect(),
-            names,
-            root,
+            names: names.into(),
+            root: root.into(),
             origin: vec![[0.0; 3]; bodies],
             center: vec![[0.0; 3]; bodies],
             screws: vec![[0.0; W]; n],
@@ -261,7 +261,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             recent: RecentPoints::new(rows > 0, || closures.numbers(), q.len(), tree.edges.len()),
             closures,
             places,
-            edges,
+            edges: edges.into(),
         };
         out.plan_accelerations();
         Some(out)
@@ -273,7 +273,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 
     /// Columns of all coordinates at q, with the reference points of the trees and the inertias there.
     pub(super) fn evaluate_columns(&mut self, x: &[[f64; 6]], q: &[f64]) {
-        for (origin, root) in self.origin.iter_mut().zip(&self.root) {
+        for (origin, root) in self.origin.iter_mut().zip(&*self.root) {
             *origin = A::center(pose(q, *root));
         }
         for (b, inertia) in self.inertias.iter_mut().enumerate() {
@@ -312,7 +312,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 
     /// Twists of all bodies for rates or changes `x` of the coordinates.
     pub(super) fn carry(&self, x: &[f64], twists: &mut [[f64; W]]) {
-        for edge in &self.edges {
+        for edge in &*self.edges {
             let mut twist = edge.base.map_or([0.0; W], |base| twists[base]);
             for k in edge.range.clone() {
                 add(&mut twist, x[k], &self.columns[k]);
@@ -380,7 +380,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 
     /// Rates of the twists where no coordinate accelerates.
     pub(super) fn carry_bias(&mut self) {
-        for edge in &self.edges {
+        for edge in &*self.edges {
             let mut rate = self.bias[edge.body];
             if let Some(base) = edge.base {
                 add(&mut rate, 1.0, &self.twist_rate[base]);
@@ -391,7 +391,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 
     /// Rates of the twists for `accelerations`.
     pub(super) fn evaluate_twist_rates(&mut self) {
-        for edge in &self.edges {
+        for edge in &*self.edges {
             let mut rate = self.bias[edge.body];
             if let Some(base) = edge.base {
                 add(&mut rate, 1.0, &self.twist_rate[base]);
@@ -496,7 +496,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Entries of x that are independent variables, or told by drivers: `level` 1 for rates, 2 for accelerations, none
     /// for changes at a fixed time.
     pub(super) fn tell(&self, t: f64, level: Option<usize>, p: &[f64], x: &mut [f64]) {
-        for (x, source) in x.iter_mut().zip(&self.sources) {
+        for (x, source) in x.iter_mut().zip(&*self.sources) {
             *x = match (*source, level) {
                 (Source::Independent(k), _) => p[k],
                 (Source::Driven(row, sign, _), Some(level)) => {

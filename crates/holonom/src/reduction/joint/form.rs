@@ -79,7 +79,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         }
         self.complete(&mut rates);
         self.rates = rates;
-        for edge in &self.edges {
+        for edge in &*self.edges {
             let b = edge.body;
             let mut relative = [0.0; W];
             let columns = &self.columns[edge.range.clone()];

@@ -21,7 +21,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
             }
         }
-        for (along, source) in self.along.iter().zip(&self.sources) {
+        for (along, source) in self.along.iter().zip(&*self.sources) {
             if let Source::Driven(row, sign, _) = source {
                 lambda[*row] = -sign * along;
             }
@@ -43,7 +43,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.generalized.copy_from_slice(force);
         let mut gradients = [[0.0; 6 * 14]; 2];
         let mut places = [0; 2];
-        for edge in &self.edges {
+        for edge in &*self.edges {
             let Some(joint) = edge.joint else { continue };
             let o = A::center(pose(q, edge.body));
             let mut felt = [[0.0; W]; MOST_ROWS];

@@ -37,7 +37,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         // The tangent at the configuration last factored.
         let mut change = std::mem::take(&mut self.change);
-        for edge in &self.edges {
+        for edge in &*self.edges {
             for (x, k) in x[edge.at].iter().zip(edge.range.clone()) {
                 change[k] = x - self.before[k];
             }
@@ -110,7 +110,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         x: &mut [[f64; 6]],
     ) {
         let (system, relatives) = (self.system.as_ref(), Self::relatives(parametrization));
-        for edge in &self.edges {
+        for edge in &*self.edges {
             let mut at = 0;
             for &group in &system.tree().edges[edge.at].forms[edge.form] {
                 let rows = system.relative_groups()[group].rows;
@@ -142,7 +142,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Largest difference of the coordinates to those in `before`, lengths over the characteristic length.
     fn distance(&self, x: &[[f64; 6]]) -> f64 {
         let mut largest = 0.0f64;
-        for edge in &self.edges {
+        for edge in &*self.edges {
             for (x, k) in x[edge.at].iter().zip(edge.range.clone()) {
                 let change = (x - self.before[k]) / self.closures.column_scale[k];
                 largest = keep_larger(largest, change.abs());
@@ -156,7 +156,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     }
 
     fn keep_coordinates(&mut self, x: &[[f64; 6]]) {
-        for edge in &self.edges {
+        for edge in &*self.edges {
             for (x, k) in x[edge.at].iter().zip(edge.range.clone()) {
                 self.before[k] = *x;
             }

@@ -46,6 +46,7 @@ impl Manifold {
             return Ok(());
         }
         self.accelerator.forget();
+        self.g.restore();
         self.system.constraint_jacobian(&self.at, &mut self.g);
         self.accelerator.evaluate_mass(self.system.as_ref(), &self.at);
         self.chart.refactor(self.system.as_ref(), &self.at, &self.g)

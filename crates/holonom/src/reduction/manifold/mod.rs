@@ -43,8 +43,9 @@ pub struct Manifold {
     redundant: Option<Box<Redundant>>,
     /// Coordinates of the edges of the forest at the last recovery.
     edges: Vec<[f64; 6]>,
-    /// Configurations recovered before, within this step.
+    /// Configurations recovered before, within this step, where they are kept.
     recent: RecentPoints<Factors>,
+    keeps_recent: bool,
     /// G where it was last evaluated.
     g: BlockMatrix,
     phi: Vec<f64>,
@@ -98,7 +99,8 @@ impl Manifold {
             z_rate: vec![0.0; sizes.extra_states],
             accelerator,
             redundant: Redundant::new(&chart, &g).map(Box::new),
-            recent: chart.recent_points(sizes.coordinates, anchored(&chart).len()),
+            recent: RecentPoints::none(),
+            keeps_recent: false,
             edges: anchored(&chart),
             system,
             chart,
@@ -134,7 +136,42 @@ impl Manifold {
     /// Makes room for solves with [G; P] for several right-hand sides at a time.
     pub fn reserve_lanes(&mut self) {
         self.chart.reserve_lanes();
-        self.recent = self.chart.recent_points(self.correction.len(), self.edges.len());
+        self.make_room_for_recent();
+    }
+
+    /// From now on configurations recovered lately are kept with their factors, for who evaluates in steps.
+    pub fn keep_recent(&mut self) {
+        if !self.keeps_recent {
+            self.keeps_recent = true;
+            self.make_room_for_recent();
+        }
+    }
+
+    fn make_room_for_recent(&mut self) {
+        // Joint coordinates keep their own.
+        self.recent = if self.keeps_recent && self.joint.is_none() {
+            self.chart.recent_points(self.correction.len(), self.edges.len())
+        } else {
+            RecentPoints::none()
+        };
+    }
+
+    /// A copy for evaluations beside those of steps. In joint coordinates chart, G and M wait to be asked for, and have no
+    /// room until then.
+    pub fn beside(&self) -> Self {
+        let mut out = self.clone();
+        if out.joint.is_some() {
+            out.chart.release();
+            out.g.release();
+            out.accelerator.release_mass();
+            out.stale = true;
+        }
+        out
+    }
+
+    /// Gives up what the next accelerations make anew.
+    pub(in crate::reduction) fn release(&mut self) {
+        self.accelerator.release();
     }
 
     /// Where accelerations come from.
@@ -180,13 +217,14 @@ impl Manifold {
         let stated = self.accelerator.stated();
         let _ = self.accelerator.choose(self.system.as_ref(), &mut chart, stated);
         self.redundant = Redundant::new(&chart, &self.g).map(Box::new);
+        self.g.restore();
         self.edges = anchored(&chart);
-        self.recent = chart.recent_points(self.correction.len(), self.edges.len());
         self.chart = chart;
         if self.joint.is_some() {
             let q = std::mem::take(&mut self.at);
             self.use_joint_coordinates(&q, usize::MAX);
         }
+        self.make_room_for_recent();
     }
 
     /// Goes back to a configuration of the branch after a failure elsewhere, whose factors may be
