@@ -67,8 +67,10 @@ impl DenseLu {
     pub fn factor(&mut self, a: &[f64]) -> Result<(), SingularMatrix> {
         let n = self.n;
         self.factors.copy_from_slice(a);
+        let few =
+            few_rows::eliminate(&mut self.factors, &mut self.permutation, &mut self.exchanges);
         if n <= SMALL {
-            if !few_rows::eliminate(&mut self.factors, &mut self.permutation) {
+            if !few {
                 eliminate(&mut self.factors, &mut self.permutation);
             }
         } else {
@@ -91,6 +93,9 @@ impl DenseLu {
                 return Err(SingularMatrix { row: p, column: column_of_a, pivot: column[p] });
             }
             self.inverses[p] = column[p].recip();
+        }
+        if few {
+            return Ok(());
         }
         // From here on the inverse permutation keeps track of where each entry has gone.
         let (place, entry_at) = (&mut self.inverse_permutation, &mut self.exchanges);

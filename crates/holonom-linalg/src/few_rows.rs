@@ -16,10 +16,10 @@ macro_rules! by_size {
     };
 }
 
-/// Factors by columns, L without its unit diagonal and U, of a matrix by columns; tells which row each pivot came from.
-/// False, and nothing is done, where the matrix is too large.
-pub(crate) fn eliminate(a: &mut [f64], permutation: &mut [usize]) -> bool {
-    by_size!(permutation.len(), eliminate_of(a, permutation));
+/// Factors by columns, L without its unit diagonal and U, of a matrix by columns; tells which row each pivot came from, and
+/// which row each one was exchanged with. False, and nothing is done, where the matrix is too large.
+pub(crate) fn eliminate(a: &mut [f64], permutation: &mut [usize], exchanges: &mut [usize]) -> bool {
+    by_size!(permutation.len(), eliminate_of(a, permutation, exchanges));
     true
 }
 
@@ -35,10 +35,11 @@ pub(crate) fn solve_transposed(factors: &[f64], inverses: &[f64], b: &mut [f64])
     true
 }
 
-fn eliminate_of<const N: usize>(a: &mut [f64], permutation: &mut [usize]) {
+fn eliminate_of<const N: usize>(a: &mut [f64], permutation: &mut [usize], exchanges: &mut [usize]) {
     let (columns, _) = a.as_chunks_mut::<N>();
     let columns: &mut [[f64; N]; N] = columns.try_into().expect("a square matrix");
     let permutation: &mut [usize; N] = permutation.try_into().expect("as many rows");
+    let exchanges: &mut [usize; N] = exchanges.try_into().expect("as many rows");
     *permutation = std::array::from_fn(|p| p);
     for p in 0..N {
         let mut at = p;
@@ -47,6 +48,7 @@ fn eliminate_of<const N: usize>(a: &mut [f64], permutation: &mut [usize]) {
                 at = i;
             }
         }
+        exchanges[p] = at;
         if at != p {
             permutation.swap(p, at);
             columns.iter_mut().for_each(|column| column.swap(p, at));

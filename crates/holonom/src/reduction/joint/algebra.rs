@@ -6,8 +6,9 @@
 
 use super::articulated::Pivots;
 use super::small::factor;
-use crate::math::spatial::{cross, e_times, e_transposed_times, rotation_matrix};
+use crate::math::spatial::{cross, e_times, e_transposed_times};
 use crate::math::vector::{difference, dot, sum};
+use crate::system::{Motion, Stance, Wrench};
 
 /// Twists and wrenches of `W` numbers for poses of `N` coordinates.
 pub(super) trait Algebra<const N: usize, const W: usize>:
@@ -40,6 +41,16 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// Change of [`Algebra::rates`] at a fixed twist with a displacement by δq.
     fn rates_change(dq: &[f64; N], y: &[f64; W]) -> [f64; N];
 
+    /// How a body stands at a pose.
+    fn stance(q: &[f64; N]) -> Stance;
+
+    /// How a body moves with a twist, is displaced, and its twist changes; its centre of mass at `arm` from the point that
+    /// they refer to.
+    fn motion(arm: &[f64; 3], y: &[f64; W], dy: [&[f64; W]; 2]) -> Motion;
+
+    /// A wrench about the centre of mass, about a point from which that is at `arm`.
+    fn about(w: &Wrench, arm: &[f64; 3]) -> [f64; W];
+
     /// Wrench of a generalized force on the pose, or the row on twists of one on q̇.
     fn wrench(q: &[f64; N], o: &[f64; 3], force: &[f64; N]) -> [f64; W];
 
@@ -56,7 +67,7 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     fn scaled(w: &[f64; W], factor: f64) -> [f64; W];
 
     /// Inertia about the centre of mass, given in axes of the body, in axes of the ground.
-    fn turned(inertia: &[[f64; 3]; 3], q: &[f64; N]) -> [[f64; 3]; 3];
+    fn turned(inertia: &[[f64; 3]; 3], stance: &Stance) -> [[f64; 3]; 3];
 
     /// Sizes of the force and of the moment that a wrench is the sum of: components of one vector turn into each other.
     fn sizes(terms: &[f64; W]) -> [f64; 2];
@@ -397,6 +408,25 @@ impl Algebra<7, 6> for Spatial {
         pose(&cross(&w, &place(dq)), &euler_rate(&euler(dq), &w))
     }
 
+    fn stance(q: &[f64; 7]) -> Stance {
+        Stance::spatial(q)
+    }
+
+    fn motion(arm: &[f64; 3], y: &[f64; 6], [displaced, changed]: [&[f64; 6]; 2]) -> Motion {
+        let field = |y: &[f64; 6]| {
+            let (v, w) = parts(y);
+            [sum(&v, &cross(&w, arm)), w]
+        };
+        let (velocity, displacement) = (field(y), field(displaced));
+        let [straight, turning] = field(changed);
+        let change = [sum(&straight, &cross(&velocity[1], &displacement[0])), turning];
+        Motion { velocity, displacement, change }
+    }
+
+    fn about([f, n]: &Wrench, arm: &[f64; 3]) -> [f64; 6] {
+        joined(f, &sum(n, &cross(arm, f)))
+    }
+
     fn wrench(q: &[f64; 7], o: &[f64; 3], force: &[f64; 7]) -> [f64; 6] {
         let f = place(force);
         let moment = e_times(&euler(q), &euler(force)).map(|x| 0.5 * x);
@@ -425,8 +455,7 @@ impl Algebra<7, 6> for Spatial {
         joined(&f, &n.map(|x| factor * x))
     }
 
-    fn turned(inertia: &[[f64; 3]; 3], q: &[f64; 7]) -> [[f64; 3]; 3] {
-        let a = rotation_matrix(&euler(q));
+    fn turned(inertia: &[[f64; 3]; 3], Stance { axes: a, .. }: &Stance) -> [[f64; 3]; 3] {
         let half = a.map(|row| times(inertia, &row)); // A J, J being symmetric
         let mut out = [[0.0; 3]; 3];
         for i in 0..3 {
@@ -531,6 +560,26 @@ impl Algebra<3, 3> for Planar {
         [u, v, 0.0]
     }
 
+    fn stance(q: &[f64; 3]) -> Stance {
+        Stance::planar(q)
+    }
+
+    fn motion(arm: &[f64; 3], y: &[f64; 3], [displaced, changed]: [&[f64; 3]; 2]) -> Motion {
+        let field = |y: &[f64; 3]| {
+            let [u, v] = across(y[2], &[arm[0], arm[1]]);
+            [[y[0] + u, y[1] + v, 0.0], [0.0, 0.0, y[2]]]
+        };
+        let (velocity, displacement) = (field(y), field(displaced));
+        let [straight, turning] = field(changed);
+        let [u, v] = across(y[2], &[displacement[0][0], displacement[0][1]]);
+        let change = [[straight[0] + u, straight[1] + v, 0.0], turning];
+        Motion { velocity, displacement, change }
+    }
+
+    fn about([f, n]: &Wrench, arm: &[f64; 3]) -> [f64; 3] {
+        [f[0], f[1], n[2] + moment(&[arm[0], arm[1]], &[f[0], f[1]])]
+    }
+
     fn wrench(q: &[f64; 3], o: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
         let [x, y, n] = *force;
         [x, y, n + moment(&arm(q, o), &[x, y])]
@@ -555,7 +604,7 @@ impl Algebra<3, 3> for Planar {
         [w[0], w[1], factor * w[2]]
     }
 
-    fn turned(inertia: &[[f64; 3]; 3], _: &[f64; 3]) -> [[f64; 3]; 3] {
+    fn turned(inertia: &[[f64; 3]; 3], _: &Stance) -> [[f64; 3]; 3] {
         *inertia
     }
 

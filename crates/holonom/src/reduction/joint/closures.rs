@@ -28,6 +28,24 @@ pub(super) struct Closure {
     pub(super) count: usize,
     /// Coordinates between the bodies, each with the end that it moves.
     pub(super) path: Vec<(usize, usize)>,
+    /// Where the entries of its rows begin in [`Closures::matrix`], in the order of the path, row by row.
+    pub(super) start: usize,
+}
+
+impl Closure {
+    /// Entries of its row `at` along the path.
+    pub(super) fn entries(&self, at: usize) -> Range<usize> {
+        let first = self.start + at * self.path.len();
+        first..first + self.path.len()
+    }
+}
+
+/// A number of a cluster's own matrix: its place there and in [`Closures::matrix`], and what it is scaled by.
+#[derive(Debug, Clone, Copy)]
+struct Entry {
+    at: usize,
+    from: usize,
+    scale: f64,
 }
 
 /// Closures whose dependent coordinates are their own: loops with no coordinate in common are solved apart.
@@ -36,9 +54,14 @@ pub(super) struct Cluster {
     /// Its rows, and the places of its dependent coordinates in [`Closures::dependent`].
     rows: Vec<usize>,
     dependent: Vec<usize>,
+    row_scale: Vec<f64>,
+    column_scale: Vec<f64>,
     /// Independent variables that move its dependent coordinates: as coordinates, or as deformations of a row.
     pub(super) free: Vec<(usize, Free)>,
     square: Vec<f64>,
+    /// Its numbers, and those of the right-hand sides of [`Closures::evaluate_maps`].
+    square_entries: Vec<Entry>,
+    map_entries: Vec<Entry>,
     inverse: Vec<f64>,
     lu: DenseLu,
     /// Dependent coordinates by independent variables, by rows; see [`Closures::evaluate_maps`].
@@ -62,10 +85,8 @@ pub(super) struct Closures {
     /// Columns of the dependent coordinates.
     pub(super) dependent: Vec<usize>,
     pub(super) clusters: Vec<Cluster>,
-    /// Rows × coordinates; only what is on the paths is ever written or read.
+    /// Entries of all rows along the paths of their closures; see [`Closure::entries`].
     pub(super) matrix: Vec<f64>,
-    pub(super) coordinates: usize,
-    row_scale: Vec<f64>,
     pub(super) column_scale: Vec<f64>,
     work: Vec<f64>,
     right: Vec<f64>,
@@ -123,9 +144,13 @@ fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<
         }
         out.push(Cluster {
             square: vec![0.0; n * n],
+            square_entries: Vec::new(),
+            map_entries: Vec::new(),
             inverse: vec![0.0; n * n],
             lu: DenseLu::new(n),
             map: vec![0.0; n * free.len()],
+            row_scale: Vec::new(),
+            column_scale: Vec::new(),
             rows,
             dependent: columns,
             free,
@@ -133,6 +158,38 @@ fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<
     }
     let solved: usize = out.iter().map(|c| c.rows.len()).sum();
     (solved == dependent.len()).then_some(out)
+}
+
+impl Cluster {
+    /// Where its own numbers come from, and their scales.
+    fn find_entries(
+        &mut self,
+        all: &[Closure],
+        dependent: &[usize],
+        row_scale: &[f64],
+        column_scale: &[f64],
+    ) {
+        let (n, free) = (self.rows.len(), self.free.len());
+        self.row_scale = self.rows.iter().map(|&row| row_scale[row]).collect();
+        self.column_scale = self.dependent.iter().map(|&at| column_scale[dependent[at]]).collect();
+        for closure in all {
+            for at in 0..closure.rows.len() {
+                let row = closure.first + at;
+                let Some(own) = self.rows.iter().position(|&other| other == row) else { continue };
+                for (&(k, _), from) in closure.path.iter().zip(closure.entries(at)) {
+                    if let Some(c) = self.dependent.iter().position(|&at| dependent[at] == k) {
+                        let scale = row_scale[row] * column_scale[k];
+                        self.square_entries.push(Entry { at: own * n + c, from, scale });
+                    }
+                    let kind = Free::Coordinate(k);
+                    if let Some(c) = self.free.iter().position(|(_, other)| *other == kind) {
+                        let scale = -row_scale[row];
+                        self.map_entries.push(Entry { at: own * free + c, from, scale });
+                    }
+                }
+            }
+        }
+    }
 }
 
 impl Closures {
@@ -157,7 +214,7 @@ impl Closures {
             out.extend(only(&b, &a, 1));
             out
         };
-        let (mut all, mut row_scale) = (Vec::new(), Vec::new());
+        let (mut all, mut row_scale, mut start) = (Vec::new(), Vec::new(), 0);
         for closure in &system.tree().closures {
             let joint = structure.joints.iter().position(|joint| joint.row == closure.row)?;
             let kept = (0..closure.rows)
@@ -168,7 +225,17 @@ impl Closures {
             row_scale.extend(rows.iter().map(|r| 1.0 / scale(structure.row_measure[r.1])));
             let (ends, count) = (closure.ends, closure.rows);
             let path = between(ends);
-            all.push(Closure { origin: Origin::Joint(joint), ends, rows, first, count, path });
+            let used = rows.len() * path.len();
+            all.push(Closure {
+                origin: Origin::Joint(joint),
+                ends,
+                rows,
+                first,
+                count,
+                path,
+                start,
+            });
+            start += used;
         }
         let own: Vec<usize> = coordinates
             .iter()
@@ -189,8 +256,10 @@ impl Closures {
             row_scale.extend(rows.iter().map(|_| 1.0 / scale(measure)));
             let (ends, count) = (info.bodies, info.rows);
             let path = between(ends);
+            let used = rows.len() * path.len();
             let origin = Origin::Deformations(group);
-            all.push(Closure { origin, ends, rows, first, count, path });
+            all.push(Closure { origin, ends, rows, first, count, path, start });
+            start += used;
         }
         let dependent: Vec<usize> =
             (0..coordinates.len()).filter(|&k| coordinates[k].0 == Source::Dependent).collect();
@@ -199,21 +268,24 @@ impl Closures {
             return None;
         }
         let sources: Vec<Source> = coordinates.iter().map(|c| c.0).collect();
+        let column_scale: Vec<f64> = coordinates.iter().map(|(_, m)| scale(*m)).collect();
+        let mut clusters = clusters(&all, &dependent, &sources)?;
+        for cluster in &mut clusters {
+            cluster.find_entries(&all, &dependent, &row_scale, &column_scale);
+        }
         Some(Self {
-            clusters: clusters(&all, &dependent, &sources)?,
+            clusters,
             all,
             dependent,
-            matrix: vec![0.0; rows * coordinates.len()],
-            coordinates: coordinates.len(),
-            row_scale,
-            column_scale: coordinates.iter().map(|(_, measure)| scale(*measure)).collect(),
+            matrix: vec![0.0; start],
+            column_scale,
             work: vec![0.0; rows],
             right: vec![0.0; rows],
         })
     }
 
     pub(super) fn rows(&self) -> usize {
-        self.row_scale.len()
+        self.dependent.len()
     }
 
     /// Rows of the largest cluster.
@@ -241,13 +313,8 @@ impl Closures {
     /// With the place of the coordinate in `dependent`.
     pub(super) fn factor(&mut self) -> Result<(), SingularMatrix> {
         for cluster in &mut self.clusters {
-            let n = cluster.rows.len();
-            for (out, &row) in cluster.square.chunks_exact_mut(n).zip(&cluster.rows) {
-                let line = &self.matrix[row * self.coordinates..][..self.coordinates];
-                for (out, &at) in out.iter_mut().zip(&cluster.dependent) {
-                    let k = self.dependent[at];
-                    *out = line[k] * self.row_scale[row] * self.column_scale[k];
-                }
+            for entry in &cluster.square_entries {
+                cluster.square[entry.at] = self.matrix[entry.from] * entry.scale;
             }
             cluster.lu.factor(&cluster.square).map_err(|mut e| {
                 e.column = cluster.dependent[e.column];
@@ -282,9 +349,9 @@ impl Closures {
     /// r += N x.
     pub(super) fn multiply_add(&self, x: &[f64], r: &mut [f64]) {
         for closure in &self.all {
-            for at in closure.first..closure.first + closure.rows.len() {
-                let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                r[at] += closure.path.iter().map(|&(k, _)| line[k] * x[k]).sum::<f64>();
+            for (at, out) in r[closure.first..][..closure.rows.len()].iter_mut().enumerate() {
+                let line = &self.matrix[closure.entries(at)];
+                *out += closure.path.iter().zip(line).map(|(&(k, _), a)| a * x[k]).sum::<f64>();
             }
         }
     }
@@ -292,9 +359,9 @@ impl Closures {
     /// x −= Nᵀ y.
     pub(super) fn subtract_transposed(&self, y: &[f64], x: &mut [f64]) {
         for closure in &self.all {
-            for at in closure.first..closure.first + closure.rows.len() {
-                let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                closure.path.iter().for_each(|&(k, _)| x[k] -= line[k] * y[at]);
+            for (at, y) in y[closure.first..][..closure.rows.len()].iter().enumerate() {
+                let line = &self.matrix[closure.entries(at)];
+                closure.path.iter().zip(line).for_each(|(&(k, _), a)| x[k] -= a * y);
             }
         }
     }
@@ -302,9 +369,9 @@ impl Closures {
     /// x += |N|ᵀ |y|.
     pub(super) fn add_sizes(&self, y: &[f64], x: &mut [f64]) {
         for closure in &self.all {
-            for at in closure.first..closure.first + closure.rows.len() {
-                let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                closure.path.iter().for_each(|&(k, _)| x[k] += (line[k] * y[at]).abs());
+            for (at, y) in y[closure.first..][..closure.rows.len()].iter().enumerate() {
+                let line = &self.matrix[closure.entries(at)];
+                closure.path.iter().zip(line).for_each(|(&(k, _), a)| x[k] += (a * y).abs());
             }
         }
     }
@@ -313,12 +380,16 @@ impl Closures {
     pub(super) fn solve(&mut self, r: &mut [f64]) {
         for cluster in &self.clusters {
             let right = &mut self.right[..cluster.rows.len()];
-            for (out, &row) in right.iter_mut().zip(&cluster.rows) {
-                *out = -r[row] * self.row_scale[row];
+            for (out, (&row, scale)) in
+                right.iter_mut().zip(cluster.rows.iter().zip(&cluster.row_scale))
+            {
+                *out = -r[row] * scale;
             }
             cluster.lu.solve(right);
-            for (x, &at) in right.iter().zip(&cluster.dependent) {
-                self.work[at] = x * self.column_scale[self.dependent[at]];
+            for (x, (&at, scale)) in
+                right.iter().zip(cluster.dependent.iter().zip(&cluster.column_scale))
+            {
+                self.work[at] = x * scale;
             }
         }
         r.copy_from_slice(&self.work);
@@ -328,12 +399,15 @@ impl Closures {
     pub(super) fn solve_transposed(&mut self, r: &mut [f64]) {
         for cluster in &self.clusters {
             let right = &mut self.right[..cluster.rows.len()];
-            for (out, &at) in right.iter_mut().zip(&cluster.dependent) {
-                *out = r[at] * self.column_scale[self.dependent[at]];
+            for (out, (&at, scale)) in
+                right.iter_mut().zip(cluster.dependent.iter().zip(&cluster.column_scale))
+            {
+                *out = r[at] * scale;
             }
             cluster.lu.solve_transposed(right);
-            for (y, &row) in right.iter().zip(&cluster.rows) {
-                self.work[row] = y * self.row_scale[row];
+            for (y, (&row, scale)) in right.iter().zip(cluster.rows.iter().zip(&cluster.row_scale))
+            {
+                self.work[row] = y * scale;
             }
         }
         r.copy_from_slice(&self.work);
@@ -346,18 +420,22 @@ impl Closures {
             if free == 0 {
                 continue;
             }
-            for (out, &row) in cluster.map.chunks_exact_mut(free).zip(&cluster.rows) {
-                for (out, (_, kind)) in out.iter_mut().zip(&cluster.free) {
-                    *out = self.row_scale[row]
-                        * match *kind {
-                            Free::Coordinate(k) => -self.matrix[row * self.coordinates + k],
-                            Free::Row(at) => f64::from(u8::from(at == row)),
-                        };
+            cluster.map.fill(0.0);
+            for entry in &cluster.map_entries {
+                cluster.map[entry.at] = self.matrix[entry.from] * entry.scale;
+            }
+            for ((out, &row), scale) in
+                cluster.map.chunks_exact_mut(free).zip(&cluster.rows).zip(&cluster.row_scale)
+            {
+                let own = cluster.free.iter().position(|(_, kind)| *kind == Free::Row(row));
+                if let Some(column) = own {
+                    out[column] = *scale;
                 }
             }
             cluster.lu.solve_many(&mut cluster.map, free);
-            for (row, &at) in cluster.map.chunks_exact_mut(free).zip(&cluster.dependent) {
-                row.iter_mut().for_each(|x| *x *= self.column_scale[self.dependent[at]]);
+            let scales = &cluster.column_scale;
+            for (row, scale) in cluster.map.chunks_exact_mut(free).zip(scales) {
+                row.iter_mut().for_each(|x| *x *= scale);
             }
         }
     }

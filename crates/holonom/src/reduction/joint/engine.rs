@@ -3,14 +3,14 @@
 use super::algebra::{Algebra, Inertia};
 use super::articulated::Articulated;
 use super::branched::Branched;
-use super::closures::{Closures, Numbers, Origin};
+use super::closures::{Closure, Closures, Numbers, Origin};
 use super::directions::Directions;
 use crate::math::turn::TurnRate;
 use crate::math::vector::difference;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::recent::RecentPoints;
 use crate::reduction::relatives::{Relatives, Source};
-use crate::system::{EdgeScrews, EdgeSource, Measure, System};
+use crate::system::{EdgeScrews, EdgeSource, Measure, Motion, Stance, System};
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -101,7 +101,9 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) directions: Option<Box<Directions<W>>>,
     /// Whether nothing closes loops and no driver stands on the tree.
     pub(super) is_plain_tree: bool,
-    /// Gradients of the closures over the coordinates of their bodies.
+    /// How each body stands; see [`Engine::stand`].
+    pub(super) stances: Vec<Stance>,
+    /// Gradients over the coordinates of their bodies, of closures that do not follow from how bodies stand.
     pub(super) gradients: Vec<f64>,
     /// Scratch: rows of the closures, coordinates, motions of bodies.
     pub(super) rows: Vec<f64>,
@@ -152,7 +154,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut screws = EdgeScrews::default();
         let mut root: Vec<usize> = (0..bodies).collect();
         for (at, (edge, &form)) in tree.edges.iter().zip(&relatives.forms).enumerate() {
-            if !system.edge_screws(at, form, q, &mut screws) {
+            if !system.edge_screws_at(at, form, q, &mut screws) {
                 return None;
             }
             let start = coordinates.len();
@@ -240,6 +242,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     turned: system.inertia(b),
                 })
                 .collect(),
+            stances: vec![Stance::GROUND; bodies],
             gradients: vec![0.0; closures.all.iter().map(|c| c.count * 2 * N).sum()],
             rows: vec![0.0; rows],
             along: vec![0.0; n],
@@ -276,12 +279,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for (origin, root) in self.origin.iter_mut().zip(&self.root) {
             *origin = A::center(pose(q, *root));
         }
-        for (b, inertia) in self.inertias.iter_mut().enumerate() {
-            inertia.turned = A::turned(&inertia.own, pose(q, b));
+        self.stand(q);
+        for (inertia, stance) in self.inertias.iter_mut().zip(&self.stances) {
+            inertia.turned = A::turned(&inertia.own, stance);
         }
         let mut screws = EdgeScrews::default();
         for (edge, turning) in self.edges.iter().zip(&mut self.turning) {
-            if !self.system.edge_screws(edge.at, edge.form, q, &mut screws) {
+            if !self.system.edge_screws(edge.at, edge.form, &self.stances, &mut screws) {
                 continue;
             }
             let sign = if edge.outward { 1.0 } else { -1.0 };
@@ -308,6 +312,38 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 *out = A::moved_twist(own, &screws.center, o);
             }
         }
+    }
+
+    /// How all bodies stand at q.
+    pub(super) fn stand(&mut self, q: &[f64]) {
+        for (b, stance) in self.stances.iter_mut().enumerate() {
+            *stance = A::stance(pose(q, b));
+        }
+    }
+
+    /// How the bodies at the ends of a closure stand.
+    pub(super) fn stances_of(&self, closure: &Closure) -> [&Stance; 2] {
+        let stance = |end: Option<usize>| match end {
+            Some(b) => &self.stances[b],
+            None => const { &Stance::GROUND },
+        };
+        [stance(closure.ends[0]), stance(closure.ends[1])]
+    }
+
+    /// How the bodies at the ends of a closure move, and for `displacements` of bodies and `changes` of their twists.
+    pub(super) fn motions_of(
+        &self,
+        closure: &Closure,
+        displacements: &[[f64; W]],
+        changes: &[[f64; W]],
+    ) -> [Motion; 2] {
+        let mut out = [Motion::default(); 2];
+        for (out, end) in out.iter_mut().zip(closure.ends) {
+            let Some(b) = end else { continue };
+            let arm = difference(&self.stances[b].place, &self.origin[b]);
+            *out = A::motion(&arm, &self.twist[b], [&displacements[b], &changes[b]]);
+        }
+        out
     }
 
     /// Twists of all bodies for rates or changes `x` of the coordinates.

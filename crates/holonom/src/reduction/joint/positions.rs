@@ -43,6 +43,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
         }
         // What deformations and drivers have moved by since.
+        self.stand(q);
         self.evaluate_residual(parametrization, t, p, q);
         // Residuals are differences of places in the ground.
         let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
@@ -60,7 +61,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.before.fill(0.0);
         let noise = 8.0 * f64::EPSILON * self.distance(x).max(1.0);
         self.keep_coordinates(x);
-        relatives.place(system.as_ref(), x, q);
+        for edge in 0..self.edges.len() {
+            relatives.place_edge(system.as_ref(), edge, x, q, Some(&mut self.stances));
+        }
         let (mut before, mut fresh, mut first) = (predicted, false, (0.0, 0.0));
         for count in 1..=MAX_CORRECTIONS {
             self.evaluate_residual(parametrization, t, p, q);
@@ -71,7 +74,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
             let size = self.correct(x);
             for edge in self.edges.iter().filter(|edge| edge.depends) {
-                relatives.place_edge(system.as_ref(), edge.at, x, q);
+                relatives.place_edge(system.as_ref(), edge.at, x, q, Some(&mut self.stances));
             }
             if count == 1 {
                 first = (residual, size);
