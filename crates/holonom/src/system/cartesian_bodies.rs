@@ -125,12 +125,16 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, 
         let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
         let first = placed.bodies[0] == tree.parent;
         let parent = Self::pose(q, tree.parent);
+        let own;
         let stands = match (&stances, tree.parent) {
-            (_, None) => Stance::GROUND,
-            (Some(stances), Some(b)) => stances[b],
-            (None, Some(_)) => S::Kinematics::stance(parent),
+            (_, None) => const { &Stance::GROUND },
+            (Some(stances), Some(b)) => &stances[b],
+            (None, Some(_)) => {
+                own = S::Kinematics::stance(parent);
+                &own
+            }
         };
-        let from = (parent, &stands);
+        let from = (parent, stands);
         let (child, stance) = placed.kinematics[form].place(x, references, anchor, from, first);
         q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);
         if let Some(stances) = stances {

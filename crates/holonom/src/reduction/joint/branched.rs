@@ -1,8 +1,9 @@
 //! Algorithm 4: the composite inertia matrix, factored without fill, and the rows of what closes loops.
 
-use super::algebra::{Algebra, Inertia};
+use super::algebra::Algebra;
 use super::closures::{Closure, Origin};
 use super::engine::{Edge, Engine, dot};
+use super::inertia::Inertia;
 use crate::reduction::relatives::Source;
 use holonom_linalg::{BranchedCholesky, BranchedPlan, CutRows};
 use std::sync::Arc;

@@ -1,5 +1,6 @@
 //! What closes loops: rows of cut joints, and deformations that are independent variables.
 
+use super::clusters::{Cluster, Free, clusters, keep_larger};
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
 use crate::system::{Measure, System};
@@ -28,6 +29,8 @@ pub(super) struct Closure {
     pub(super) count: usize,
     /// Coordinates between the bodies, each with the end that it moves.
     pub(super) path: Vec<(usize, usize)>,
+    /// Its cluster; none where no row is in use.
+    pub(super) cluster: Option<usize>,
     /// Where the entries of its rows begin in [`Closures::matrix`], in the order of the path, row by row.
     pub(super) start: usize,
 }
@@ -38,43 +41,6 @@ impl Closure {
         let first = self.start + at * self.path.len();
         first..first + self.path.len()
     }
-}
-
-/// A number of a cluster's own matrix: its place there and in [`Closures::matrix`], and what it is scaled by.
-#[derive(Debug, Clone, Copy)]
-struct Entry {
-    at: usize,
-    from: usize,
-    scale: f64,
-}
-
-/// Closures whose dependent coordinates are their own: loops with no coordinate in common are solved apart.
-#[derive(Debug, Clone)]
-pub(super) struct Cluster {
-    /// Its rows, and the places of its dependent coordinates in [`Closures::dependent`].
-    rows: Vec<usize>,
-    dependent: Vec<usize>,
-    row_scale: Vec<f64>,
-    column_scale: Vec<f64>,
-    /// Independent variables that move its dependent coordinates: as coordinates, or as deformations of a row.
-    pub(super) free: Vec<(usize, Free)>,
-    square: Vec<f64>,
-    /// Its numbers, and those of the right-hand sides of [`Closures::evaluate_maps`].
-    square_entries: Vec<Entry>,
-    map_entries: Vec<Entry>,
-    inverse: Vec<f64>,
-    lu: DenseLu,
-    /// Dependent coordinates by independent variables, by rows; see [`Closures::evaluate_maps`].
-    pub(super) map: Vec<f64>,
-}
-
-/// How an independent variable moves a cluster.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Free {
-    /// As this coordinate.
-    Coordinate(usize),
-    /// As what this row measures.
-    Row(usize),
 }
 
 /// All of them, with the matrix N of their rows over the coordinates and the factors of its dependent columns, scaled to
@@ -97,99 +63,6 @@ pub(super) struct Closures {
 pub(super) struct Numbers {
     matrix: Vec<f64>,
     factors: Vec<DenseLu>,
-}
-
-/// Clusters of closures; `None` where one has not as many rows as dependent coordinates.
-fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<Vec<Cluster>> {
-    // Each closure's cluster is the first closure it is tied to by a dependent coordinate.
-    let mut cluster: Vec<usize> = (0..all.len()).collect();
-    let mut owner = vec![None; sources.len()];
-    for (at, closure) in all.iter().enumerate() {
-        let own = closure.path.iter().map(|(k, _)| *k);
-        for k in own.filter(|&k| sources[k] == Source::Dependent) {
-            let other = *owner[k].get_or_insert(at);
-            let (from, to) = (cluster[at].max(cluster[other]), cluster[at].min(cluster[other]));
-            cluster.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
-        }
-    }
-    let mut out = Vec::new();
-    for first in 0..all.len() {
-        let own = || all.iter().zip(&cluster).filter(|(_, c)| **c == first).map(|(own, _)| own);
-        let rows: Vec<usize> = own().flat_map(|c| c.first..c.first + c.rows.len()).collect();
-        if rows.is_empty() {
-            continue;
-        }
-        let (mut columns, mut free) = (Vec::new(), Vec::new());
-        for closure in own() {
-            for &(k, _) in &closure.path {
-                match sources[k] {
-                    Source::Dependent => columns.push(dependent.binary_search(&k).ok()?),
-                    Source::Independent(p) => free.push((p, Free::Coordinate(k))),
-                    Source::Driven(..) => {}
-                }
-            }
-            if let Origin::Deformations(_) = closure.origin {
-                for (at, (_, p)) in closure.rows.iter().enumerate() {
-                    free.push((*p, Free::Row(closure.first + at)));
-                }
-            }
-        }
-        columns.sort_unstable();
-        columns.dedup();
-        free.sort_unstable_by_key(|(p, _)| *p);
-        free.dedup();
-        let n = rows.len();
-        if columns.len() != n {
-            return None;
-        }
-        out.push(Cluster {
-            square: vec![0.0; n * n],
-            square_entries: Vec::new(),
-            map_entries: Vec::new(),
-            inverse: vec![0.0; n * n],
-            lu: DenseLu::new(n),
-            map: vec![0.0; n * free.len()],
-            row_scale: Vec::new(),
-            column_scale: Vec::new(),
-            rows,
-            dependent: columns,
-            free,
-        });
-    }
-    let solved: usize = out.iter().map(|c| c.rows.len()).sum();
-    (solved == dependent.len()).then_some(out)
-}
-
-impl Cluster {
-    /// Where its own numbers come from, and their scales.
-    fn find_entries(
-        &mut self,
-        all: &[Closure],
-        dependent: &[usize],
-        row_scale: &[f64],
-        column_scale: &[f64],
-    ) {
-        let (n, free) = (self.rows.len(), self.free.len());
-        self.row_scale = self.rows.iter().map(|&row| row_scale[row]).collect();
-        self.column_scale = self.dependent.iter().map(|&at| column_scale[dependent[at]]).collect();
-        for closure in all {
-            for at in 0..closure.rows.len() {
-                let row = closure.first + at;
-                let Some(own) = self.rows.iter().position(|&other| other == row) else { continue };
-                for (&(k, _), from) in closure.path.iter().zip(closure.entries(at)) {
-                    if let Some(c) = self.dependent.iter().position(|&at| dependent[at] == k) {
-                        let scale = row_scale[row] * column_scale[k];
-                        self.square_entries.push(Entry { at: own * n + c, from, scale });
-                    }
-                    let kind = Free::Coordinate(k);
-                    if let Some(c) = self.free.iter().position(|(_, other)| *other == kind) {
-                        let scale = -row_scale[row];
-                        self.map_entries.push(Entry { at: own * free + c, from, scale });
-                    }
-                }
-            }
-        }
-    }
 }
 
 impl Closures {
@@ -226,15 +99,8 @@ impl Closures {
             let (ends, count) = (closure.ends, closure.rows);
             let path = between(ends);
             let used = rows.len() * path.len();
-            all.push(Closure {
-                origin: Origin::Joint(joint),
-                ends,
-                rows,
-                first,
-                count,
-                path,
-                start,
-            });
+            let (origin, cluster) = (Origin::Joint(joint), None);
+            all.push(Closure { origin, ends, rows, first, count, path, cluster, start });
             start += used;
         }
         let own: Vec<usize> = coordinates
@@ -258,7 +124,8 @@ impl Closures {
             let path = between(ends);
             let used = rows.len() * path.len();
             let origin = Origin::Deformations(group);
-            all.push(Closure { origin, ends, rows, first, count, path, start });
+            let cluster = None;
+            all.push(Closure { origin, ends, rows, first, count, path, cluster, start });
             start += used;
         }
         let dependent: Vec<usize> =
@@ -272,6 +139,10 @@ impl Closures {
         let mut clusters = clusters(&all, &dependent, &sources)?;
         for cluster in &mut clusters {
             cluster.find_entries(&all, &dependent, &row_scale, &column_scale);
+        }
+        for closure in all.iter_mut().filter(|closure| !closure.rows.is_empty()) {
+            closure.cluster =
+                clusters.iter().position(|cluster| cluster.rows.contains(&closure.first));
         }
         Some(Self {
             clusters,
@@ -376,9 +247,42 @@ impl Closures {
         }
     }
 
+    /// All clusters are to be corrected, from a movement of this size.
+    pub(super) fn open(&mut self, movement: f64) {
+        for cluster in &mut self.clusters {
+            (cluster.is_open, cluster.before) = (true, movement);
+        }
+    }
+
+    /// Whether the positions of a closure are still corrected.
+    pub(super) fn is_open(&self, closure: &Closure) -> bool {
+        closure.cluster.is_some_and(|cluster| self.clusters[cluster].is_open)
+    }
+
+    /// Keeps the largest residual of each open cluster; returns that of all of these.
+    pub(super) fn keep_residuals(&mut self, r: &[f64]) -> f64 {
+        let mut largest = 0.0;
+        for cluster in self.clusters.iter_mut().filter(|cluster| cluster.is_open) {
+            let sizes = cluster.rows.iter().map(|&row| r[row].abs());
+            cluster.residual = sizes.fold(0.0, keep_larger);
+            largest = keep_larger(largest, cluster.residual);
+        }
+        largest
+    }
+
     /// Residuals of all rows become changes of the dependent coordinates that make up for them.
     pub(super) fn solve(&mut self, r: &mut [f64]) {
-        for cluster in &self.clusters {
+        self.solve_where(r, |_| true);
+    }
+
+    /// The same for open clusters; others have no changes.
+    pub(super) fn solve_open(&mut self, r: &mut [f64]) {
+        self.work.fill(0.0);
+        self.solve_where(r, |cluster| cluster.is_open);
+    }
+
+    fn solve_where(&mut self, r: &mut [f64], takes_part: impl Fn(&Cluster) -> bool) {
+        for cluster in self.clusters.iter().filter(|cluster| takes_part(cluster)) {
             let right = &mut self.right[..cluster.rows.len()];
             for (out, (&row, scale)) in
                 right.iter_mut().zip(cluster.rows.iter().zip(&cluster.row_scale))

@@ -62,8 +62,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// Residuals of the closures at a configuration: Φ, and deformations less what they should be. How bodies stand must
-    /// belong to it.
+    /// Residuals of the closures of open clusters at a configuration: Φ, and deformations less what they should be. How
+    /// bodies stand must belong to it.
     pub(super) fn evaluate_residual(
         &mut self,
         parametrization: &Parametrization,
@@ -74,7 +74,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let relatives = Self::relatives(parametrization);
         let system = self.system.as_ref();
         let mut value = [0.0; MOST_ROWS];
-        for closure in &self.closures.all {
+        for closure in self.closures.all.iter().filter(|closure| self.closures.is_open(closure)) {
             match (closure.origin, on_motions(system, closure.origin)) {
                 (Origin::Joint(joint), Some(rows)) => {
                     rows.value_at(self.stances_of(closure), &mut value);
