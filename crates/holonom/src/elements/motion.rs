@@ -69,6 +69,10 @@ pub(super) struct Varied {
 }
 
 impl Motion {
+    /// That of the ground.
+    pub const REST: Self =
+        Self { velocity: [[0.0; 3]; 2], displacement: [[0.0; 3]; 2], change: [[0.0; 3]; 2] };
+
     /// A vector that is fixed in the body.
     #[inline(always)]
     fn carry(&self, x: [f64; 3]) -> Varied {

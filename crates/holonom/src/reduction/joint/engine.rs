@@ -11,7 +11,7 @@ use crate::math::vector::difference;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::recent::RecentPoints;
 use crate::reduction::relatives::{Relatives, Source};
-use crate::system::{EdgeScrews, EdgeSource, Measure, Stance, System};
+use crate::system::{EdgeScrews, EdgeSource, Measure, Motion, Stance, System};
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -105,6 +105,9 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     /// How each body stands, and the configuration that this belongs to; see [`Engine::stand`].
     pub(super) stances: Vec<Stance>,
     pub(super) stood: Vec<f64>,
+    /// Bodies at the ends of closures, and how they move; see [`Engine::evaluate_motions`].
+    pub(super) ends: Vec<usize>,
+    pub(super) motions: Vec<Motion>,
     /// Gradients over the coordinates of their bodies, of closures that do not follow from how bodies stand.
     pub(super) gradients: Vec<f64>,
     /// Scratch: rows of the closures, coordinates, motions of bodies.
@@ -216,6 +219,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             clusters.dedup();
             edges[at].moved_by = clusters;
         }
+        let mut ends: Vec<usize> = closures.all.iter().flat_map(|c| c.ends).flatten().collect();
+        ends.sort_unstable();
+        ends.dedup();
         let (n, rows) = (coordinates.len(), closures.rows());
         let of_edges = edges.iter().flat_map(|edge| {
             edge.range.clone().enumerate().map(|(place, k)| (k, (edge.at, place)))
@@ -252,6 +258,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 .collect(),
             stances: vec![Stance::GROUND; bodies],
             stood: vec![f64::NAN; q.len()],
+            ends,
+            motions: vec![Motion::REST; bodies],
             gradients: vec![0.0; closures.all.iter().map(|c| c.count * 2 * N).sum()],
             rows: vec![0.0; rows],
             along: vec![0.0; n],

@@ -3,6 +3,7 @@
 use super::algebra::Algebra;
 use super::closures::{Closure, Origin};
 use super::engine::{Engine, add, dot, pose};
+use super::stances::Variation;
 use crate::math::vector::difference;
 use crate::reduction::parametrization::Parametrization;
 use crate::system::{MotionRows, System};
@@ -111,6 +112,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         p: &[f64],
         [q, v]: [&[f64]; 2],
     ) {
+        self.evaluate_motions(Variation::OfTime);
         let relatives = parametrization.map(Self::relatives);
         let system = self.system.as_ref();
         let mut rest = self.gradients.as_slice();
@@ -123,8 +125,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 continue;
             }
             if let Some(rows) = on_motions(system, closure.origin) {
-                let [first, second] = self.motions_of(closure, &self.twist, &self.twist_rate);
-                rows.rate_changes(self.stances_of(closure), [&first, &second], &mut value);
+                let motions = self.motions_of(closure);
+                rows.rate_changes(self.stances_of(closure), motions, &mut value);
             } else {
                 match (closure.origin, relatives) {
                     (Origin::Deformations(group), Some(relatives)) => {

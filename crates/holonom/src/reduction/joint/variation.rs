@@ -4,6 +4,7 @@ use super::algebra::Algebra;
 use super::closures::Origin;
 use super::engine::{Engine, add, pose, pose_mut};
 use super::residuals::{gradient_of, on_motions};
+use super::stances::Variation;
 use crate::reduction::parametrization::Parametrization;
 use crate::system::State;
 
@@ -72,12 +73,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         dv: &[f64],
     ) {
         let Some(relatives) = parametrization.relatives() else { return };
+        self.evaluate_motions(Variation::OfVariables);
         let mut value = [0.0; 6];
         let [mut gradient, mut bend, mut bend_rate] = [[0.0; 6 * 14]; 3];
         for closure in &self.closures.all {
             if let Some(rows) = on_motions(self.system.as_ref(), closure.origin) {
-                let [first, second] = self.motions_of(closure, &self.motion, &self.twist_change);
-                rows.rate_changes(self.stances_of(closure), [&first, &second], &mut value);
+                let motions = self.motions_of(closure);
+                rows.rate_changes(self.stances_of(closure), motions, &mut value);
             } else {
                 let size = closure.count * 2 * N;
                 let (gradient, bend) = (&mut gradient[..size], &mut bend[..size]);
