@@ -67,14 +67,21 @@ impl DenseLu {
     pub fn factor(&mut self, a: &[f64]) -> Result<(), SingularMatrix> {
         let n = self.n;
         self.factors.copy_from_slice(a);
+        let (factors, permutation) = (&mut self.factors, &mut self.permutation);
+        let few =
+            few_rows::eliminate(factors, permutation, &mut self.exchanges, &mut self.inverses);
+        if let Some(outcome) = few {
+            return outcome.map_err(|row| {
+                let (column, pivot) = (permutation[row], factors[row * n + row]);
+                SingularMatrix { row, column, pivot }
+            });
+        }
         if n <= SMALL {
-            if !few_rows::eliminate(&mut self.factors, &mut self.permutation) {
-                eliminate(&mut self.factors, &mut self.permutation);
-            }
+            eliminate(factors, permutation);
         } else {
             lu::lu_in_place(
-                MatMut::from_column_major_slice_mut(&mut self.factors, n, n),
-                &mut self.permutation,
+                MatMut::from_column_major_slice_mut(factors, n, n),
+                permutation,
                 &mut self.inverse_permutation,
                 Par::Seq,
                 MemStack::new(&mut self.scratch),
@@ -122,14 +129,15 @@ impl DenseLu {
     pub fn solve(&self, b: &mut [f64]) {
         let n = self.n;
         assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
-        if !few_rows::solve(&self.factors, &self.inverses, b) {
-            for i in 0..n {
-                let known = dot(&self.factors[i * n..i * n + i], &b[..i]);
-                b[i] = (b[i] - known) * self.inverses[i];
-            }
-            for i in (0..n).rev() {
-                b[i] -= dot(&self.factors[i * n + i + 1..(i + 1) * n], &b[i + 1..]);
-            }
+        if few_rows::solve(&self.factors, &self.inverses, &self.exchanges, b).is_some() {
+            return;
+        }
+        for i in 0..n {
+            let known = dot(&self.factors[i * n..i * n + i], &b[..i]);
+            b[i] = (b[i] - known) * self.inverses[i];
+        }
+        for i in (0..n).rev() {
+            b[i] -= dot(&self.factors[i * n + i + 1..(i + 1) * n], &b[i + 1..]);
         }
         for p in (0..n).rev() {
             b.swap(p, self.exchanges[p]);
@@ -181,11 +189,11 @@ impl DenseLu {
     pub fn solve_transposed(&self, b: &mut [f64]) {
         let n = self.n;
         assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
+        if few_rows::solve_transposed(&self.factors, &self.inverses, &self.exchanges, b).is_some() {
+            return;
+        }
         for p in 0..n {
             b.swap(p, self.exchanges[p]);
-        }
-        if few_rows::solve_transposed(&self.factors, &self.inverses, b) {
-            return;
         }
         // Columns of L, then of U.
         for i in 0..n {

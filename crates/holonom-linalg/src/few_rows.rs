@@ -1,44 +1,66 @@
 //! LU factors of the smallest matrices, by loops whose lengths the compiler knows: a loop of a mechanism has a few rows,
 //! and is closed several times in each evaluation.
 
-/// Calls a kernel for the size of `$b`; false where there is none of it.
+use crate::dense::NEGLIGIBLE;
+
+/// What a kernel for the size `$n` returns; none where there is none of it.
 macro_rules! by_size {
     ($n:expr, $kernel:ident($($argument:expr),*)) => {
         match $n {
-            1 => $kernel::<1>($($argument),*),
-            2 => $kernel::<2>($($argument),*),
-            3 => $kernel::<3>($($argument),*),
-            4 => $kernel::<4>($($argument),*),
-            5 => $kernel::<5>($($argument),*),
-            6 => $kernel::<6>($($argument),*),
-            _ => return false,
+            1 => Some($kernel::<1>($($argument),*)),
+            2 => Some($kernel::<2>($($argument),*)),
+            3 => Some($kernel::<3>($($argument),*)),
+            4 => Some($kernel::<4>($($argument),*)),
+            5 => Some($kernel::<5>($($argument),*)),
+            6 => Some($kernel::<6>($($argument),*)),
+            _ => None,
         }
     };
 }
 
-/// Factors by columns, L without its unit diagonal and U, of a matrix by columns; tells which row each pivot came from.
-/// False, and nothing is done, where the matrix is too large.
-pub(crate) fn eliminate(a: &mut [f64], permutation: &mut [usize]) -> bool {
-    by_size!(permutation.len(), eliminate_of(a, permutation));
-    true
+/// Factors by columns, L without its unit diagonal and U, of a matrix by columns; tells which row each pivot came from and
+/// which row each one was exchanged with, and inverts the diagonal of U. The first pivot that is cancellation noise or no
+/// number is an error. None, and nothing is done, where the matrix is too large.
+pub(crate) fn eliminate(
+    a: &mut [f64],
+    permutation: &mut [usize],
+    exchanges: &mut [usize],
+    inverses: &mut [f64],
+) -> Option<Result<(), usize>> {
+    by_size!(permutation.len(), eliminate_of(a, permutation, exchanges, inverses))
 }
 
-/// Solves with Uᵀ and Lᵀ of such factors; `inverses` are those of the diagonal.
-pub(crate) fn solve(factors: &[f64], inverses: &[f64], b: &mut [f64]) -> bool {
-    by_size!(b.len(), solve_of(factors, inverses, b));
-    true
+/// Solves with Uᵀ and Lᵀ of such factors and exchanges back; `inverses` are those of the diagonal.
+pub(crate) fn solve(
+    factors: &[f64],
+    inverses: &[f64],
+    exchanges: &[usize],
+    b: &mut [f64],
+) -> Option<()> {
+    by_size!(b.len(), solve_of(factors, inverses, exchanges, b))
 }
 
-/// Solves with L and U.
-pub(crate) fn solve_transposed(factors: &[f64], inverses: &[f64], b: &mut [f64]) -> bool {
-    by_size!(b.len(), solve_transposed_of(factors, inverses, b));
-    true
+/// Exchanges and solves with L and U.
+pub(crate) fn solve_transposed(
+    factors: &[f64],
+    inverses: &[f64],
+    exchanges: &[usize],
+    b: &mut [f64],
+) -> Option<()> {
+    by_size!(b.len(), solve_transposed_of(factors, inverses, exchanges, b))
 }
 
-fn eliminate_of<const N: usize>(a: &mut [f64], permutation: &mut [usize]) {
+fn eliminate_of<const N: usize>(
+    a: &mut [f64],
+    permutation: &mut [usize],
+    exchanges: &mut [usize],
+    inverses: &mut [f64],
+) -> Result<(), usize> {
     let (columns, _) = a.as_chunks_mut::<N>();
     let columns: &mut [[f64; N]; N] = columns.try_into().expect("a square matrix");
     let permutation: &mut [usize; N] = permutation.try_into().expect("as many rows");
+    let exchanges: &mut [usize; N] = exchanges.try_into().expect("as many rows");
+    let inverses: &mut [f64; N] = inverses.try_into().expect("as many pivots");
     *permutation = std::array::from_fn(|p| p);
     for p in 0..N {
         let mut at = p;
@@ -47,13 +69,14 @@ fn eliminate_of<const N: usize>(a: &mut [f64], permutation: &mut [usize]) {
                 at = i;
             }
         }
+        exchanges[p] = at;
         if at != p {
             permutation.swap(p, at);
             columns.iter_mut().for_each(|column| column.swap(p, at));
         }
-        let inverse = columns[p][p].recip();
+        inverses[p] = columns[p][p].recip();
         for i in p + 1..N {
-            columns[p][i] *= inverse;
+            columns[p][i] *= inverses[p];
         }
         let lower = columns[p];
         for column in &mut columns[p + 1..] {
@@ -63,12 +86,25 @@ fn eliminate_of<const N: usize>(a: &mut [f64], permutation: &mut [usize]) {
             }
         }
     }
+    // Column p of U is what is left of row p of the transposed matrix.
+    for (p, column) in columns.iter().enumerate() {
+        let (mut peak, mut is_finite) = (0.0f64, true);
+        for u in &column[..=p] {
+            peak = peak.max(u.abs());
+            is_finite &= u.is_finite();
+        }
+        if !(is_finite && column[p].abs() > NEGLIGIBLE * peak) {
+            return Err(p);
+        }
+    }
+    Ok(())
 }
 
-fn solve_of<const N: usize>(factors: &[f64], inverses: &[f64], b: &mut [f64]) {
+fn solve_of<const N: usize>(factors: &[f64], inverses: &[f64], exchanges: &[usize], b: &mut [f64]) {
     let (columns, _) = factors.as_chunks::<N>();
     let columns: &[[f64; N]; N] = columns.try_into().expect("a square matrix");
     let inverses: &[f64; N] = inverses.try_into().expect("as many pivots");
+    let exchanges: &[usize; N] = exchanges.try_into().expect("as many rows");
     let b: &mut [f64; N] = b.try_into().expect("as many right-hand sides");
     let mut x = *b;
     for i in 0..N {
@@ -82,15 +118,27 @@ fn solve_of<const N: usize>(factors: &[f64], inverses: &[f64], b: &mut [f64]) {
             x[i] -= columns[i][j] * x[j];
         }
     }
+    for p in (0..N).rev() {
+        x.swap(p, exchanges[p]);
+    }
     *b = x;
 }
 
-fn solve_transposed_of<const N: usize>(factors: &[f64], inverses: &[f64], b: &mut [f64]) {
+fn solve_transposed_of<const N: usize>(
+    factors: &[f64],
+    inverses: &[f64],
+    exchanges: &[usize],
+    b: &mut [f64],
+) {
     let (columns, _) = factors.as_chunks::<N>();
     let columns: &[[f64; N]; N] = columns.try_into().expect("a square matrix");
     let inverses: &[f64; N] = inverses.try_into().expect("as many pivots");
+    let exchanges: &[usize; N] = exchanges.try_into().expect("as many rows");
     let b: &mut [f64; N] = b.try_into().expect("as many right-hand sides");
     let mut x = *b;
+    for p in 0..N {
+        x.swap(p, exchanges[p]);
+    }
     for i in 0..N {
         for j in i + 1..N {
             x[j] -= columns[i][j] * x[i];

@@ -1,6 +1,6 @@
 //! Runs a model file and prints what came out: `cargo run --release --example run_model --
-//! models/hmmwv14/model.toml ForSDIRK 1e-3`. Method, tolerance, end time and
-//! coordinates (`joint`) are optional.
+//! models/hmmwv14/model.toml ForSDIRK 1e-3`. Method, tolerance, end time,
+//! coordinates (`joint`) and output interval are optional.
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "an example talks to its reader")]
 
@@ -13,7 +13,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let file = arguments
         .first()
-        .ok_or("usage: run_model FILE [METHOD [TOLERANCE [END_TIME [COORDINATES]]]]")?;
+        .ok_or("usage: run_model FILE [METHOD [TOLERANCE [END_TIME [COORDINATES [INTERVAL]]]]]")?;
 
     // The engine opens no file: the caller resolves what a model extends.
     let text = std::fs::read_to_string(file)?;
@@ -32,6 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         tolerance: ToleranceParts { relative: part, translation: part, rotation: part },
         end_time: number(3)?,
         coordinates: arguments.get(4).cloned(),
+        interval: number(5)?,
         channels: Some(Vec::new()),
         ..Choices::default()
     };

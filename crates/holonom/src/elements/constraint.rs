@@ -2,6 +2,7 @@
 
 use super::angle::Angle;
 use super::measure::Measure;
+use super::motion::MotionRows;
 use super::row::RowKind;
 use super::space::{Space, Triad};
 use super::{ConstraintElement, PairBlocks, Quantity, RowBlocks, product};
@@ -240,5 +241,12 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
 
     fn drive(&self, t: f64) -> Option<[f64; 4]> {
         self.motion.as_ref().map(|motion| motion.derivatives(t))
+    }
+
+    fn on_motions(&self) -> Option<&dyn MotionRows> {
+        match &self.rows {
+            Rows::Measure(measure) => Some(measure),
+            Rows::Angle(_) => None,
+        }
     }
 }

@@ -10,6 +10,7 @@
 
 use super::angle::PlanarAngle;
 use super::measure::{Dot, Measure};
+use super::motion::{Stance, lifted};
 use super::relative::{Reference, Relative};
 use super::space::{Planar, Space, Spatial, Triad, euler};
 use crate::math::spatial::{conjugate, cross, product};
@@ -111,22 +112,25 @@ pub struct EdgeScrews {
 
 /// Services of an edge of the forest.
 pub trait EdgeKinematics<const N: usize> {
-    /// Columns at the poses of first and second body; `false` where no such columns exist (lines). Which bodies
+    /// How a body stands at a pose.
+    fn stance(q: &[f64; N]) -> Stance;
+
+    /// Columns for how first and second body stand; `false` where no such columns exist (lines). Which bodies
     /// these are is left to the caller. Columns beyond their number stay what they were.
-    fn screws(&self, q: [&[f64; N]; 2], child: &[f64; N], out: &mut EdgeScrews) -> bool;
+    fn screws(&self, bodies: [&Stance; 2], child: &Stance, out: &mut EdgeScrews) -> bool;
 
     /// Whether coordinates are those of the child against the ground.
     fn is_free(&self) -> bool;
 
-    /// Pose of the child from that of its parent.
+    /// Pose of the child from that of its parent, and how both stand. References are read where the edge is a line.
     fn place(
         &self,
         x: &[f64],
         references: &[Reference],
         anchor: &Anchor,
-        parent: &[f64; N],
+        parent: (&[f64; N], &Stance),
         parent_is_first: bool,
-    ) -> [f64; N];
+    ) -> ([f64; N], Stance);
 
     /// The orientation of an [`Anchor`] at the poses of first body, second body and child.
     fn orientation(&self, q: [&[f64; N]; 2], child: &[f64; N]) -> [f64; 4];
@@ -140,20 +144,27 @@ where
         matches!((self.turns, self.link), (Turns::Free, Link::Components(_)))
     }
 
-    fn screws(&self, q: [&[f64; N]; 2], child: &[f64; N], out: &mut EdgeScrews) -> bool {
+    fn stance(q: &[f64; N]) -> Stance {
+        S::stance(q)
+    }
+
+    fn screws(&self, [first, second]: [&Stance; 2], child: &Stance, out: &mut EdgeScrews) -> bool {
         let free = self.is_free();
-        let ([first, second], outer) = (q, if free { child } else { q[1] });
-        let vector = |a: [f64; D]| std::array::from_fn(|k| if k < D { a[k] } else { 0.0 });
-        let arm = if free { [0.0; D] } else { S::rotate(second, &self.points[1]) };
         (out.count, out.rotation) = (0, None);
-        let center: [f64; D] = std::array::from_fn(|k| outer[k] + arm[k]);
-        out.center = vector(center);
+        out.center = if free {
+            child.place
+        } else {
+            sum(&second.place, &second.turn(&lifted(&self.points[1])))
+        };
         let mut push = |linear, angular, stage| {
             (out.columns[out.count], out.stage[out.count]) = ([linear, angular], stage);
             out.count += 1;
         };
         let rest = [0.0; 3];
-        let in_ground = |axis: &[f64; D]| vector(if free { *axis } else { S::rotate(first, axis) });
+        let in_ground = |axis: &[f64; D]| {
+            let axis = lifted(axis);
+            if free { axis } else { first.turn(&axis) }
+        };
         match &self.link {
             Link::Coincides => {}
             Link::Slides(axis) => push(in_ground(axis), rest, 0),
@@ -193,9 +204,9 @@ where
         x: &[f64],
         references: &[Reference],
         anchor: &Anchor,
-        parent: &[f64; N],
+        (parent, stance): (&[f64; N], &Stance),
         parent_is_first: bool,
-    ) -> [f64; N] {
+    ) -> ([f64; N], Stance) {
         let (link, x_turn, at) = match self.link {
             Link::Coincides => ([0.0; D], x, 0),
             Link::Slides(axis) => (axis.map(|a| a * x[0]), &x[1..], 1),
@@ -232,7 +243,7 @@ where
             // Against the ground, whatever body the edge hangs on.
             let mut child = S::oriented(&relative);
             child[..D].copy_from_slice(&link);
-            return child;
+            return (child, S::stance(&child));
         }
         let mut child = if self.turns == Turns::Free {
             S::oriented(&relative)
@@ -241,18 +252,23 @@ where
         } else {
             S::first_from_second(parent, &relative)
         };
-        let (first, second) = if parent_is_first { (*parent, child) } else { (child, *parent) };
-        let arms = [S::rotate(&first, &self.points[0]), S::rotate(&second, &self.points[1])];
-        let d = match self.link {
-            Link::Coincides | Link::Line(_) => link,
-            Link::Slides(_) | Link::Components(_) => S::rotate(&first, &link),
-        };
+        let mut placed = S::stance(&child);
+        let (first, second) = if parent_is_first { (stance, &placed) } else { (&placed, stance) };
+        let arms = [first.turn(&lifted(&self.points[0])), second.turn(&lifted(&self.points[1]))];
         // Centres first: far from the origin their difference is exact where arms are not.
-        let offset = sum(&d, &difference(&arms[0], &arms[1]));
+        let mut offset = difference(&arms[0], &arms[1]);
+        match self.link {
+            Link::Coincides => {}
+            Link::Line(_) => offset = sum(&lifted(&link), &offset),
+            Link::Slides(_) | Link::Components(_) => {
+                offset = sum(&first.turn(&lifted(&link)), &offset);
+            }
+        }
         for k in 0..D {
             child[k] = if parent_is_first { parent[k] + offset[k] } else { parent[k] - offset[k] };
+            placed.place[k] = child[k];
         }
-        child
+        (child, placed)
     }
 }
 
@@ -276,8 +292,10 @@ pub trait Orientation<const D: usize, const N: usize, const R: usize>: Space<D, 
     fn first_from_second(second: &[f64; N], relative: &[f64; 4]) -> [f64; N];
     /// The direction of these coordinates.
     fn direction(x: &[f64], reference: &Reference) -> [f64; D];
+    /// How a body stands at a pose.
+    fn stance(q: &[f64; N]) -> Stance;
     /// A rotation axis of a body in ground axes; in the plane the normal of the plane.
-    fn turning_axis(q: &[f64; N], axis: &[f64; D]) -> [f64; 3];
+    fn turning_axis(body: &Stance, axis: &[f64; D]) -> [f64; 3];
     /// The same of the ground.
     fn fixed_axis(axis: &[f64; D]) -> [f64; 3];
     /// The coordinates of a joint as an edge.
@@ -326,7 +344,11 @@ impl Orientation<2, 3, 1> for Planar {
         [cos, sin]
     }
 
-    fn turning_axis(_q: &[f64; 3], _axis: &[f64; 2]) -> [f64; 3] {
+    fn stance(q: &[f64; 3]) -> Stance {
+        Stance::planar(q)
+    }
+
+    fn turning_axis(_body: &Stance, _axis: &[f64; 2]) -> [f64; 3] {
         [0.0, 0.0, 1.0]
     }
 
@@ -401,8 +423,12 @@ impl Orientation<3, 7, 4> for Spatial {
         crate::math::spatial::rotate(&exponential(&turn), &u)
     }
 
-    fn turning_axis(q: &[f64; 7], axis: &[f64; 3]) -> [f64; 3] {
-        Self::rotate(q, axis)
+    fn stance(q: &[f64; 7]) -> Stance {
+        Stance::spatial(q)
+    }
+
+    fn turning_axis(body: &Stance, axis: &[f64; 3]) -> [f64; 3] {
+        body.turn(axis)
     }
 
     fn fixed_axis(axis: &[f64; 3]) -> [f64; 3] {

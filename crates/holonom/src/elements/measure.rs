@@ -25,10 +25,10 @@ use crate::math::vector::{dot, scaled};
 /// One row u = scale (xᵀy − offset).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Dot<const D: usize> {
-    x: Vector<D>,
-    y: Vector<D>,
-    scale: f64,
-    offset: f64,
+    pub(super) x: Vector<D>,
+    pub(super) y: Vector<D>,
+    pub(super) scale: f64,
+    pub(super) offset: f64,
 }
 
 impl<const D: usize> Dot<D> {
@@ -57,10 +57,10 @@ impl<const D: usize> Dot<D> {
 /// Rows between two bodies: first d = 0 (D rows) if the points coincide, then the dot products.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measure<S, const D: usize, const N: usize, const R: usize> {
-    points: [[f64; D]; 2],
-    coincide: bool,
-    dots: Vec<Dot<D>>,
-    uses_link: bool,
+    pub(super) points: [[f64; D]; 2],
+    pub(super) coincide: bool,
+    pub(super) dots: Vec<Dot<D>>,
+    pub(super) uses_link: bool,
     space: PhantomData<S>,
 }
 
@@ -75,7 +75,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
         self.first_dot() + self.dots.len()
     }
 
-    fn first_dot(&self) -> usize {
+    pub(super) fn first_dot(&self) -> usize {
         if self.coincide { D } else { 0 }
     }
 

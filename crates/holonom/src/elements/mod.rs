@@ -12,6 +12,7 @@ mod forces;
 mod joints;
 pub mod kinematics;
 mod measure;
+pub mod motion;
 pub mod planar;
 pub mod relative;
 pub mod row;
@@ -23,6 +24,7 @@ mod turning;
 mod vector_function;
 
 use crate::math::Real;
+use motion::MotionRows;
 use row::RowKind;
 
 pub use forces::road_height;
@@ -66,6 +68,8 @@ pub trait ConstraintElement<const N: usize> {
     fn hessian<T: Real>(&self, q: [&[T; N]; 2], c: &[T; 6], out: &mut PairBlocks<T, N>);
     /// s, ṡ, s̈, s⃛ of a driver at time t; `None` for a joint.
     fn drive(&self, t: f64) -> Option<[f64; 4]>;
+    /// u from how the bodies stand and move; not for angles, whose turns a stance does not tell.
+    fn on_motions(&self) -> Option<&dyn MotionRows>;
 }
 
 /// What a force sees.

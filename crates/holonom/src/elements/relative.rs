@@ -13,11 +13,13 @@
 
 use super::angle::{Angle, PlanarAngle, SpatialAngle};
 use super::measure::{Dot, Measure};
+use super::motion::{Link, Motion, MotionRows, Stance, Varied, Wrench};
 use super::space::{Planar, Space, Spatial, Triad};
 pub use super::turning::Reference;
 use super::turning::Turning;
 use super::{RowBlocks, product};
 use crate::math::Real;
+use crate::math::vector::{dot, scaled};
 
 /// One to three relative coordinates of the same kind.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,11 +29,40 @@ pub enum Relative<S: Space<D, N, R>, const D: usize, const N: usize, const R: us
     /// Angle about an axis.
     Angle(S::Angle),
     /// Distance of two points.
-    Length(Measure<S, D, N, R>),
+    Length(Length<S, D, N, R>),
     /// Direction of the line between two points.
     Direction(S::Direction),
     /// Relative orientation.
     Rotation(S::Rotation),
+}
+
+/// √u of the square u = dᵀd of a link.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Length<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize>(
+    Measure<S, D, N, R>,
+);
+
+impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> MotionRows
+    for Length<S, D, N, R>
+{
+    fn value_at(&self, bodies: [&Stance; 2], u: &mut [f64; 6]) {
+        let Link { x, .. } = self.0.link_at(bodies);
+        u[0] = dot(&x, &x).sqrt();
+    }
+
+    fn wrenches(&self, bodies: [&Stance; 2], out: &mut [[Wrench; 2]; 6]) {
+        let link = self.0.link_at(bodies);
+        out[0] = [[[0.0; 3]; 2]; 2];
+        let inverse = dot(&link.x, &link.x).sqrt().recip();
+        link.add_wrenches(&scaled(&link.x, inverse), &mut out[0]);
+    }
+
+    fn rate_changes(&self, bodies: [&Stance; 2], motions: [&Motion; 2], u: &mut [f64; 6]) {
+        let Varied { x, rate, moved, change } = self.0.link_at(bodies).carried(motions);
+        let inverse = dot(&x, &x).sqrt().recip();
+        let along = dot(&x, &rate) * inverse * dot(&x, &moved) * inverse;
+        u[0] = (dot(&x, &change) + dot(&rate, &moved) - along) * inverse;
+    }
 }
 
 /// Kinds of relative coordinates.
@@ -59,7 +90,7 @@ impl RelativeKind {
 impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative<S, D, N, R> {
     /// The length of the line between two points.
     pub(super) fn length(points: [[f64; D]; 2]) -> Self {
-        Self::Length(Measure::new(points, false, vec![Dot::square()]))
+        Self::Length(Length(Measure::new(points, false, vec![Dot::square()])))
     }
 
     /// Components of the link along axes of the first body.
@@ -119,6 +150,8 @@ pub trait RelativeElement<const N: usize> {
     /// The reference that suits a pose: directions and rotations vanish there, angles are on the branch of
     /// the old one.
     fn reference(&self, q: [&[f64; N]; 2], old: &Reference) -> Reference;
+    /// The values from how the bodies stand and move: displacements and lengths, which know no reference.
+    fn on_motions(&self) -> Option<&dyn MotionRows>;
 }
 
 impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> RelativeElement<N>
@@ -154,7 +187,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
     fn value<T: Real>(&self, q: [&[T; N]; 2], reference: &Reference, u: &mut [T; 6]) {
         match self {
             Self::Displacement(measure) => measure.value(q, u),
-            Self::Length(measure) => {
+            Self::Length(Length(measure)) => {
                 measure.value(q, u);
                 u[0] = u[0].sqrt();
             }
@@ -170,7 +203,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
     fn jacobian<T: Real>(&self, q: [&[T; N]; 2], reference: &Reference, out: &mut RowBlocks<T, N>) {
         match self {
             Self::Displacement(measure) => measure.jacobian(q, out),
-            Self::Length(measure) => {
+            Self::Length(Length(measure)) => {
                 let [first, ..] = Self::root(measure, q);
                 measure.jacobian(q, out);
                 scale_row(out, first);
@@ -193,7 +226,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
     ) {
         match self {
             Self::Displacement(measure) => measure.directional(q, w, out),
-            Self::Length(measure) => {
+            Self::Length(Length(measure)) => {
                 let [first, second, _] = Self::root(measure, q);
                 let gradient = row_of(measure, q);
                 measure.directional(q, w, out);
@@ -218,7 +251,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
     ) {
         match self {
             Self::Displacement(measure) => measure.curvature(q, v, out),
-            Self::Length(measure) => {
+            Self::Length(Length(measure)) => {
                 let [first, second, _] = Self::root(measure, q);
                 let mut rate = [T::zero(); 6];
                 measure.rate(q, v, &mut rate);
@@ -243,7 +276,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
     ) {
         match self {
             Self::Displacement(measure) => measure.curvature_gradient(q, v, out),
-            Self::Length(measure) => {
+            Self::Length(Length(measure)) => {
                 let [first, second, third] = Self::root(measure, q);
                 let gradient = row_of(measure, q);
                 let rate = product(&gradient, v);
@@ -274,6 +307,14 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
             }
             Self::Direction(direction) => direction.reference(q, old),
             Self::Rotation(rotation) => rotation.reference(q, old),
+        }
+    }
+
+    fn on_motions(&self) -> Option<&dyn MotionRows> {
+        match self {
+            Self::Displacement(measure) => Some(measure),
+            Self::Length(length) => Some(length),
+            _ => None,
         }
     }
 }

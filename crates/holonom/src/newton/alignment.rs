@@ -78,7 +78,7 @@ impl Node {
             (out.turned, out.w) = (rotation_matrix(&p), inverse(&out.rates));
         } else {
             let mut screws = EdgeScrews::default();
-            system.edge_screws(self.edge, self.form, q, &mut screws);
+            system.edge_screws_at(self.edge, self.form, q, &mut screws);
             let sign = if screws.outward { 1.0 } else { -1.0 };
             out.columns = screws.columns.map(|[_, angular]| angular.map(|x| sign * x));
         }
@@ -96,7 +96,7 @@ impl Alignment {
         let mut nodes: Vec<Node> = Vec::new();
         let mut screws = EdgeScrews::default();
         for (at, (edge, &form)) in tree.edges.iter().zip(&*relatives.forms).enumerate() {
-            let known = system.edge_screws(at, form, q, &mut screws);
+            let known = system.edge_screws_at(at, form, q, &mut screws);
             let inner = if known { screws.base } else { edge.parent };
             let mut node =
                 Node { edge: at, form, body: edge.body, inner, rotation: None, others: Vec::new() };

@@ -2,7 +2,9 @@
 //! a configuration.
 
 use crate::error::EvaluationFailure;
-use crate::system::{Anchor, Measure, Reference, RelativeGroup, RelativeKind, State, System, Tree};
+use crate::system::{
+    Anchor, Measure, Reference, RelativeGroup, RelativeKind, Stance, State, System, Tree,
+};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -292,27 +294,27 @@ impl Relatives {
 
     /// Places all bodies, edge by edge.
     pub(super) fn place(&self, system: &dyn System, x: &[[f64; MOST]], q: &mut [f64]) {
-        (0..self.forms.len()).for_each(|edge| self.place_edge(system, edge, x, q));
+        (0..self.forms.len()).for_each(|edge| self.place_edge(system, edge, x, q, None));
     }
 
-    /// Places the body of an edge.
+    /// Places the body of an edge, and tells how it stands where it is told how the others do.
     pub(super) fn place_edge(
         &self,
         system: &dyn System,
         edge: usize,
         x: &[[f64; MOST]],
         q: &mut [f64],
+        stances: Option<&mut [Stance]>,
     ) {
         let mut references = [[0.0; 6]; 3];
         let form = self.forms[edge];
-        let groups = &system.tree().edges[edge].forms[form];
-        let mut used = 0;
-        for (reference, &group) in references.iter_mut().zip(groups) {
-            *reference = self.references[group];
-            used += system.relative_groups()[group].rows;
+        let (groups, own) = (system.relative_groups(), &system.tree().edges[edge].forms[form]);
+        if own.iter().any(|&group| groups[group].kind == RelativeKind::Direction) {
+            for (reference, &group) in references.iter_mut().zip(own) {
+                *reference = self.references[group];
+            }
         }
-        let references = &references[..groups.len()];
-        system.place(edge, form, &x[edge][..used], references, &self.anchors[edge], q);
+        system.place(edge, form, &x[edge], &references, &self.anchors[edge], q, stances);
     }
 
     /// Windings that follow the edges, from the coordinates of [`Relatives::coordinates`].

@@ -108,7 +108,7 @@ pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &
             first += info.rows;
         }
         let anchor = Anchor { orientation: system.anchor_orientation(at, 0, design), x };
-        system.place(at, 0, &wanted[..first], &references, &anchor, &mut state.q);
+        system.place(at, 0, &wanted[..first], &references, &anchor, &mut state.q, None);
     }
 }
 

@@ -8,7 +8,9 @@ use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
 use super::quantities::Channel;
 use super::space::Space;
 use super::turns::Turns;
-use super::{DerivativeBlocks, EnergyBalance, Equations, LawArgument, State, Structure, System};
+use super::{
+    DerivativeBlocks, EnergyBalance, Equations, LawArgument, MotionRows, State, Structure, System,
+};
 use crate::elements::{ConstraintElement, ForceElement, ForceInput, ForceOutput, RowBlocks};
 use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
@@ -398,6 +400,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         self.constraints[at].element.drive(t).unwrap_or_default()
     }
 
+    fn joint_drive(&self, joint: usize, t: f64) -> Option<[f64; 4]> {
+        self.constraints[joint].element.drive(t)
+    }
+
     fn joint_value(&self, joint: usize, t: f64, q: &[f64], phi: &mut [f64; 6]) {
         let c = &self.constraints[joint];
         Self::constraint_value(c, t, Self::pair(q, c.bodies), phi);
@@ -413,6 +419,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
     fn joint_curvature(&self, joint: usize, q: &[f64], v: &[f64], out: &mut [f64; 6]) {
         let c = &self.constraints[joint];
         c.element.curvature(Self::pair(q, c.bodies), Self::rates(v, c.bodies), out);
+    }
+
+    fn joint_on_motions(&self, joint: usize) -> Option<&dyn MotionRows> {
+        self.constraints[joint].element.on_motions()
     }
 
     fn joint_blocks(&self, joint: usize, state: &State, a0: &mut [f64], a1: &mut [f64]) {

@@ -3,7 +3,7 @@
 use super::cartesian::Cartesian;
 use super::forest::{RelativeGroup, Resistance, Tree};
 use super::space::Space;
-use super::{Bodies, BodyPose, State};
+use super::{Bodies, BodyPose, MotionRows, Stance, State};
 use crate::elements::RowBlocks;
 use crate::elements::kinematics::{Anchor, EdgeKinematics, EdgeScrews};
 use crate::elements::relative::{Reference, RelativeElement};
@@ -78,6 +78,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, 
         set(&rows, out, false);
     }
 
+    fn relative_on_motions(&self, group: usize) -> Option<&dyn MotionRows> {
+        self.relatives[group].element.on_motions()
+    }
+
     fn relative_blocks(
         &self,
         group: usize,
@@ -116,25 +120,46 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, 
         references: &[Reference],
         anchor: &Anchor,
         q: &mut [f64],
+        stances: Option<&mut [Stance]>,
     ) {
         let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
         let first = placed.bodies[0] == tree.parent;
         let parent = Self::pose(q, tree.parent);
-        let child = placed.kinematics[form].place(x, references, anchor, parent, first);
+        let own;
+        let stands = match (&stances, tree.parent) {
+            (_, None) => const { &Stance::GROUND },
+            (Some(stances), Some(b)) => &stances[b],
+            (None, Some(_)) => {
+                own = S::Kinematics::stance(parent);
+                &own
+            }
+        };
+        let from = (parent, stands);
+        let (child, stance) = placed.kinematics[form].place(x, references, anchor, from, first);
         q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);
+        if let Some(stances) = stances {
+            stances[tree.body] = stance;
+        }
     }
 
-    fn edge_screws(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool {
-        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
-        let kinematics = &placed.kinematics[form];
-        let child = Self::pose(q, Some(tree.body));
-        if kinematics.is_free() {
-            (out.base, out.first, out.outward) = (None, None, true);
-        } else {
-            (out.base, out.first) = (tree.parent, placed.bodies[0]);
-            out.outward = placed.bodies[0] == tree.parent;
-        }
-        kinematics.screws(Self::pair(q, placed.bodies), child, out)
+    fn edge_screws(
+        &self,
+        edge: usize,
+        form: usize,
+        stances: &[Stance],
+        out: &mut EdgeScrews,
+    ) -> bool {
+        let stance = |body: Option<usize>| body.map_or(const { &Stance::GROUND }, |b| &stances[b]);
+        let [first, second] = self.edges[edge].bodies;
+        let child = &stances[self.tree.edges[edge].body];
+        self.screws(edge, form, [stance(first), stance(second), child], out)
+    }
+
+    fn edge_screws_at(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool {
+        let [first, second] = self.edges[edge].bodies;
+        let child = Some(self.tree.edges[edge].body);
+        let stance = |body| S::Kinematics::stance(Self::pose(q, body));
+        self.screws(edge, form, [&stance(first), &stance(second), &stance(child)], out)
     }
 
     fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance {
@@ -147,6 +172,25 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, 
 }
 
 impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
+    /// Screws of an edge for how its first and second body and its outer one stand.
+    fn screws(
+        &self,
+        edge: usize,
+        form: usize,
+        [first, second, child]: [&Stance; 3],
+        out: &mut EdgeScrews,
+    ) -> bool {
+        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
+        let kinematics = &placed.kinematics[form];
+        if kinematics.is_free() {
+            (out.base, out.first, out.outward) = (None, None, true);
+        } else {
+            (out.base, out.first) = (tree.parent, placed.bodies[0]);
+            out.outward = placed.bodies[0] == tree.parent;
+        }
+        kinematics.screws([first, second], child, out)
+    }
+
     fn relative_pair<'a>(&self, group: usize, q: &'a [f64]) -> [&'a [f64; N]; 2] {
         Self::pair(q, self.relatives[group].bodies)
     }

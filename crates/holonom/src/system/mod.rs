@@ -26,6 +26,7 @@ pub use structure::{DerivativeBlocks, JointRows, Sizes, Structure};
 use crate::model::Model;
 
 pub use crate::elements::kinematics::{Anchor, EdgeScrews};
+pub use crate::elements::motion::{Motion, MotionRows, Stance, Wrench};
 pub use crate::elements::relative::{Reference, RelativeKind};
 pub use crate::elements::row::RowKind;
 use holonom_linalg::BlockMatrix;
@@ -187,6 +188,9 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// s, ṡ, s̈ and s⃛ of the driver with this row; zeros for a joint's.
     fn drive(&self, row: usize, t: f64) -> [f64; 4];
 
+    /// s, ṡ, s̈ and s⃛ of a driver by its place in [`Structure::joints`]; none for a joint.
+    fn joint_drive(&self, joint: usize, t: f64) -> Option<[f64; 4]>;
+
     /// Φ of one joint or driver, by its place in [`Structure::joints`].
     fn joint_value(&self, joint: usize, t: f64, q: &[f64], phi: &mut [f64; 6]);
 
@@ -195,6 +199,10 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
 
     /// (G q̇)_q q̇ of one joint or driver.
     fn joint_curvature(&self, joint: usize, q: &[f64], v: &[f64], out: &mut [f64; 6]);
+
+    /// Rows of one joint or driver, without what a driver prescribes, from how its bodies stand and move, where these
+    /// tell them.
+    fn joint_on_motions(&self, joint: usize) -> Option<&dyn MotionRows>;
 
     /// (G q̇)_q of one joint or driver, and (G q̈ + (G q̇)_q q̇)_q, in the layout of the gradient.
     fn joint_blocks(&self, joint: usize, state: &State, a0: &mut [f64], a1: &mut [f64]);
@@ -279,6 +287,9 @@ pub trait Bodies {
         out: &mut [f64],
     );
 
+    /// Coordinates of a group from how its bodies stand and move, where these tell them.
+    fn relative_on_motions(&self, group: usize) -> Option<&dyn MotionRows>;
+
     /// (s_q q̇)_q and (s̈)_q at fixed q̈, in the layout of the gradient.
     fn relative_blocks(
         &self,
@@ -295,8 +306,8 @@ pub trait Bodies {
     /// Orientation of an [`Anchor`] of an edge at a configuration.
     fn anchor_orientation(&self, edge: usize, form: usize, q: &[f64]) -> [f64; 4];
 
-    /// Writes the pose of the outer body of an edge: from that of the inner one, the coordinates `x` and
-    /// the references of their groups.
+    /// Writes the pose of the outer body of an edge: from that of the inner one, the coordinates `x` and, for a line,
+    /// the references of their groups. Where `stances` tell how bodies stand, that of the outer body is written, too.
     fn place(
         &self,
         edge: usize,
@@ -305,11 +316,21 @@ pub trait Bodies {
         references: &[Reference],
         anchor: &Anchor,
         q: &mut [f64],
+        stances: Option<&mut [Stance]>,
     );
 
-    /// How the outer body of an edge moves against the inner one, at a configuration; `false` for the
+    /// How the outer body of an edge moves against the inner one, for how bodies stand; `false` for the
     /// direction of a line. Columns beyond their number stay what they were.
-    fn edge_screws(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool;
+    fn edge_screws(
+        &self,
+        edge: usize,
+        form: usize,
+        stances: &[Stance],
+        out: &mut EdgeScrews,
+    ) -> bool;
+
+    /// The same at a configuration.
+    fn edge_screws_at(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool;
 
     /// What an elastic loop of the tree sets against its deformation `row`, whose value is given.
     fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance;

@@ -1,12 +1,13 @@
 use super::quantity;
 use crate::elements::measure::{Dot, Measure};
 use crate::elements::space::{Spatial, Triad, euler};
+use crate::elements::vector_function::Vector;
 use crate::elements::{
     Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, Quantity, RowBlocks,
 };
 use crate::math::Real;
-use crate::math::spatial::{conjugate, euler_parameters, product};
-use crate::math::vector::dot;
+use crate::math::spatial::{conjugate, euler_parameters, product, rotate, slope};
+use crate::math::vector::{add_scaled, dot, lift, sum};
 
 const QUANTITIES: &[Quantity] = &[
     quantity("deformation", "m, rad", "first", 6),
@@ -27,6 +28,9 @@ type Packed<T> = [[T; PACKED]; 6];
 /// −Q_q = u_qᵀ (K u_q + C (u_q v)_q) + Σ W_k (u_k)_qq,   −Q_q̇ = u_qᵀ C u_q
 /// ```
 ///
+/// The force is evaluated without u_q of d: with f = −Σ W_k a_k fixed in the first body, it is the virtual work of A f on the
+/// link d and on the turning of A, fᵀ(Aᵀd)˙.
+///
 /// With C = 0 the force is the gradient of ½ uᵀK u, so it is conservative at every amplitude; e
 /// turns over only at half a turn. On |p| = 1 the moment on the second body about its point is
 /// −sign(ε₀) (ε₀ I + ε̃) W_e in axes of the first frame.
@@ -36,6 +40,8 @@ type Packed<T> = [[T; PACKED]; 6];
 pub struct Bushing {
     /// d.
     translation: Measure<Spatial, 3, 7, 4>,
+    /// f, g, h of the first frame.
+    axes: [[f64; 3]; 3],
     /// R_k, k = 0..4.
     forms: [[[f64; 4]; 4]; 4],
     stiffness: [[f64; 6]; 6],
@@ -75,7 +81,8 @@ impl Bushing {
             }
         }
         let damped = damping.iter().flatten().any(|&c| c != 0.0);
-        Self { translation, forms, stiffness: *stiffness, damping: *damping, damped }
+        let axes = frames[0].axes;
+        Self { translation, axes, forms, stiffness: *stiffness, damping: *damping, damped }
     }
 
     /// R_k p_j (columns p_i) and R_kᵀ p_i (columns p_j).
@@ -210,18 +217,45 @@ fn add_row<T: Real>(row: &[T; PACKED], out: &mut [[[T; 7]; 7]; 2], i: usize) {
 
 impl ForceElement<7> for Bushing {
     fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, 7>, out: &mut ForceOutput<T, 7>) {
-        let Deformation { u, u_q, .. } = self.deformation(input.q);
-        let wrench = self.wrench(&u, &Self::rate(&u_q, input.v));
-        *out = ForceOutput::zero();
-        for c in 0..PACKED {
-            let mut force = T::zero();
-            for k in 0..6 {
-                force -= u_q[k][c] * wrench[k];
+        let ForceInput { q, v, .. } = *input;
+        let ([pi, pj], [vi, vj]) = (q.map(euler), v.map(euler));
+        let points = &self.translation.points;
+        let link = Vector::Link.jet::<T, Spatial, 7, 4>(points, q);
+        // d and its rate in axes of the first body, where those of the bushing stand still.
+        let (inverse, inverse_rate) = (conjugate(&pi), conjugate(&vi));
+        let d = rotate(&inverse, &link.x);
+        let turning = slope(&inverse, &link.x).map(|row| dot(&row, &inverse_rate));
+        let d_rate = sum(&rotate(&inverse, &link.d.times(v)), &turning);
+        let (mut u, mut rate) = ([T::zero(); 6], [T::zero(); 6]);
+        for k in 0..3 {
+            let axis = lift(&self.axes[k]);
+            (u[k], rate[k]) = (dot(&axis, &d), dot(&axis, &d_rate));
+        }
+        let twice_sign = 2.0_f64.copysign(dot(&self.form_rows(0, &pi, &pj).0, &pi).value());
+        let mut rows = [([T::zero(); 4], [T::zero(); 4]); 3];
+        for k in 0..3 {
+            rows[k] = self.form_rows(k + 1, &pi, &pj);
+            u[3 + k] = dot(&rows[k].0, &pi) * twice_sign;
+            rate[3 + k] = (dot(&rows[k].0, &vi) + dot(&rows[k].1, &vj)) * twice_sign;
+        }
+        let wrench = self.wrench(&u, &rate);
+        // The force in axes of the first body, at whose turning its link's components change.
+        let mut force = [T::zero(); 3];
+        for k in 0..3 {
+            add_scaled(&mut force, -wrench[k], &lift(&self.axes[k]));
+        }
+        out.z_rate = T::zero();
+        out.q = link.d.transposed_times(&rotate(&pi, &force));
+        for (row, x) in slope(&pi, &force).iter().zip(&link.x) {
+            for a in 0..4 {
+                out.q[0][3 + a] += *x * row[a];
             }
-            let (side, i) = place(c);
-            out.q[side][i] = force;
-            if c < 3 {
-                out.q[0][i] = -force;
+        }
+        for k in 0..3 {
+            let moment = wrench[3 + k] * -twice_sign;
+            for a in 0..4 {
+                out.q[0][3 + a] += moment * rows[k].0[a];
+                out.q[1][3 + a] += moment * rows[k].1[a];
             }
         }
     }

@@ -4,6 +4,7 @@ mod balance;
 mod constraints;
 mod forces;
 mod limits;
+mod motion;
 mod relative;
 
 use std::f64::consts::PI;

@@ -136,7 +136,10 @@ fn check_form<S, const D: usize, const N: usize, const R: usize>(
             .iter_mut()
             .for_each(|x| *x += random.range(-0.9, 0.9) * if *x == 0.0 { 1.0 } else { 0.3 });
         let parent = first[1 - child];
-        let placed = kinematics.place(&x[..at], &references, &anchor, &parent, parent_is_first);
+        let stance = S::stance(&parent);
+        let from = (&parent, &stance);
+        let (placed, stands) = kinematics.place(&x, &references, &anchor, from, parent_is_first);
+        assert_eq!(stands, S::stance(&placed), "{name}: how a placed body stands");
         let mut q = first;
         q[child] = placed;
         let mut found = Vec::new();

@@ -51,11 +51,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             return self.follow_directions(*t, [q, v], a, lambda);
         }
         self.carry_bias();
-        let served = if self.is_plain_tree {
-            self.articulate(q, v)
-        } else {
-            self.branch(*t, q, v, a, lambda)
-        };
+        let served =
+            if self.is_plain_tree { self.articulate(q, v) } else { self.branch(*t, q, v, lambda) };
         if !served {
             return false;
         }
@@ -83,9 +80,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.evaluate_twist_rates();
         if self.closures.rows() > 0 {
             // Deformations stay as they are for now, whatever that is.
-            self.tell_second_rates(q, v, a);
             self.rows.fill(0.0);
-            self.evaluate_rate_residual(None, t, 2, &[], [q, v, a]);
+            self.evaluate_second_residual(None, t, &[], [q, v]);
             self.closures.solve(&mut self.rows);
             for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
                 self.accelerations[k] = *x;

@@ -4,10 +4,10 @@
 //! the force, then the moment about O. No transformation stands between bodies then (`docs/theory/joint.md` (1)-(6);
 //! thesis (3.133)).
 
-use super::articulated::Pivots;
-use super::small::factor;
-use crate::math::spatial::{cross, e_times, e_transposed_times, rotation_matrix};
+use super::inertia::{Inertia, PlanarInertia, SpatialInertia};
+use crate::math::spatial::{cross, e_times, e_transposed_times};
 use crate::math::vector::{difference, dot, sum};
+use crate::system::{Motion, Stance, Wrench};
 
 /// Twists and wrenches of `W` numbers for poses of `N` coordinates.
 pub(super) trait Algebra<const N: usize, const W: usize>:
@@ -40,6 +40,16 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// Change of [`Algebra::rates`] at a fixed twist with a displacement by δq.
     fn rates_change(dq: &[f64; N], y: &[f64; W]) -> [f64; N];
 
+    /// How a body stands at a pose.
+    fn stance(q: &[f64; N]) -> Stance;
+
+    /// How a body moves with a twist, is displaced, and its twist changes; its centre of mass at `arm` from the point that
+    /// they refer to.
+    fn motion(arm: &[f64; 3], y: &[f64; W], dy: [&[f64; W]; 2]) -> Motion;
+
+    /// A wrench about the centre of mass, about a point from which that is at `arm`.
+    fn about(w: &Wrench, arm: &[f64; 3]) -> [f64; W];
+
     /// Wrench of a generalized force on the pose, or the row on twists of one on q̇.
     fn wrench(q: &[f64; N], o: &[f64; 3], force: &[f64; N]) -> [f64; W];
 
@@ -56,7 +66,7 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     fn scaled(w: &[f64; W], factor: f64) -> [f64; W];
 
     /// Inertia about the centre of mass, given in axes of the body, in axes of the ground.
-    fn turned(inertia: &[[f64; 3]; 3], q: &[f64; N]) -> [[f64; 3]; 3];
+    fn turned(inertia: &[[f64; 3]; 3], stance: &Stance) -> [[f64; 3]; 3];
 
     /// Sizes of the force and of the moment that a wrench is the sum of: components of one vector turn into each other.
     fn sizes(terms: &[f64; W]) -> [f64; 2];
@@ -86,243 +96,6 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     ) -> [f64; W];
 }
 
-/// A symmetric matrix that makes wrenches of rates of twists about one point.
-pub(super) trait Inertia<const W: usize>:
-    std::fmt::Debug + Clone + Copy + Default + Send + Sync + 'static
-{
-    /// Of a body whose centre of mass is at `arm` from the point, from its inertia about it in axes of the ground.
-    fn of_body(mass: f64, inertia: &[[f64; 3]; 3], arm: &[f64; 3]) -> Self;
-
-    /// About another point, from which this one is at `arm`.
-    fn moved(&self, arm: &[f64; 3]) -> Self;
-
-    /// K += another one about the same point.
-    fn add(&mut self, other: &Self);
-
-    /// K −= u uᵀ.
-    fn subtract_square(&mut self, u: &[f64; W]);
-
-    /// K y.
-    fn times(&self, y: &[f64; W]) -> [f64; W];
-
-    /// Its diagonal.
-    fn diagonal(&self) -> [f64; W];
-
-    /// What a body that turns freely about the point takes of this inertia and its wrench: with `own`, the three rotations
-    /// eliminated, whose moments and factor of J it leaves there and H in `felt`; `false` where too few digits are left, and in a
-    /// plane.
-    fn release(
-        &mut self,
-        own: &mut Pivots<W>,
-        felt: &mut [[f64; W]],
-        wrench: &mut [f64; W],
-    ) -> bool;
-
-    /// Rates of a rotation, by their columns, for which a body that moves by `motion` turns by `angular`.
-    fn turn(motion: &mut [f64; W], angular: [f64; 3], columns: &[[f64; W]], rates: &mut [f64]);
-}
-
-/// f = M v + H ω, n = Hᵀ v + J ω.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct SpatialInertia {
-    m: [[f64; 3]; 3],
-    h: [[f64; 3]; 3],
-    j: [[f64; 3]; 3],
-}
-
-fn add_up(out: &mut [[f64; 3]; 3], x: &[[f64; 3]; 3]) {
-    for (out, x) in out.iter_mut().zip(x) {
-        *out = sum(out, x);
-    }
-}
-
-impl Inertia<6> for SpatialInertia {
-    fn of_body(mass: f64, inertia: &[[f64; 3]; 3], arm: &[f64; 3]) -> Self {
-        let [x, y, z] = arm.map(|x| mass * x);
-        let square = dot(arm, &[x, y, z]);
-        let mut out = Self { h: [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]], ..Self::default() };
-        for i in 0..3 {
-            out.m[i][i] = mass;
-            for j in 0..3 {
-                out.j[i][j] = inertia[i][j] - mass * arm[i] * arm[j];
-            }
-            out.j[i][i] += square;
-        }
-        out
-    }
-
-    #[inline(always)]
-    fn moved(&self, arm: &[f64; 3]) -> Self {
-        // H' = H − M r̃, J' = J + Hᵀ·(−r̃) + r̃ H'
-        let h: [[f64; 3]; 3] = std::array::from_fn(|i| {
-            let turned = cross(&self.m[i], arm);
-            std::array::from_fn(|j| self.h[i][j] - turned[j])
-        });
-        let column = |h: &[[f64; 3]; 3], k: usize| cross(arm, &[h[0][k], h[1][k], h[2][k]]);
-        let [before, after]: [[[f64; 3]; 3]; 2] =
-            [&self.h, &h].map(|h| std::array::from_fn(|k| column(h, k)));
-        let mut j = self.j;
-        for i in 0..3 {
-            for k in 0..=i {
-                j[i][k] += before[i][k] + after[k][i];
-                j[k][i] = j[i][k];
-            }
-        }
-        Self { m: self.m, h, j }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, other: &Self) {
-        add_up(&mut self.m, &other.m);
-        add_up(&mut self.h, &other.h);
-        add_up(&mut self.j, &other.j);
-    }
-
-    #[inline(always)]
-    fn subtract_square(&mut self, u: &[f64; 6]) {
-        for i in 0..3 {
-            for k in 0..3 {
-                self.m[i][k] -= u[i] * u[k];
-                self.h[i][k] -= u[i] * u[3 + k];
-                self.j[i][k] -= u[3 + i] * u[3 + k];
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn times(&self, y: &[f64; 6]) -> [f64; 6] {
-        let (v, w) = parts(y);
-        let Self { m, h, j } = self;
-        std::array::from_fn(|i| {
-            if i < 3 {
-                dot(&m[i], &v) + dot(&h[i], &w)
-            } else {
-                let k = i - 3;
-                h[0][k] * v[0] + h[1][k] * v[1] + h[2][k] * v[2] + dot(&j[k], &w)
-            }
-        })
-    }
-
-    fn diagonal(&self) -> [f64; 6] {
-        let Self { m, j, .. } = self;
-        [m[0][0], m[1][1], m[2][2], j[0][0], j[1][1], j[2][2]]
-    }
-
-    /// M ← M − H J⁻¹Hᵀ, f ← f − H J⁻¹n; H, J and n vanish.
-    fn release(
-        &mut self,
-        own: &mut Pivots<6>,
-        felt: &mut [[f64; 6]],
-        wrench: &mut [f64; 6],
-    ) -> bool {
-        let Self { m, h, j } = *self;
-        for i in 0..3 {
-            own.force[i] = -wrench[3 + i];
-            own.factor[i][..3].copy_from_slice(&j[i]);
-            felt[i] = [h[0][i], h[1][i], h[2][i], 0.0, 0.0, 0.0];
-        }
-        if !factor(&mut own.factor, 3) || (0..3).any(|i| own.is_lost(i, own.size[3 + i])) {
-            return false;
-        }
-        let l = &own.factor;
-        *self = Self { m, ..Self::default() };
-        let size: [f64; 3] = std::array::from_fn(|i| m[i][i]);
-        own.size = joined(&size, &[0.0; 3]);
-        let (mut halves, mut rates) = ([[0.0; 3]; 3], [0.0; 3]);
-        for i in 0..3 {
-            (halves[i], rates[i]) = ([h[0][i], h[1][i], h[2][i]], own.force[i]);
-            for k in 0..i {
-                rates[i] -= l[i][k] * rates[k];
-                for w in 0..3 {
-                    halves[i][w] -= l[i][k] * halves[k][w];
-                }
-            }
-            rates[i] *= l[i][i];
-            halves[i] = halves[i].map(|x| x * l[i][i]);
-            for w in 0..3 {
-                own.size[w] += halves[i][w] * halves[i][w];
-                wrench[w] += rates[i] * halves[i][w];
-                wrench[3 + w] = 0.0;
-                for k in 0..3 {
-                    self.m[w][k] -= halves[i][w] * halves[i][k];
-                }
-            }
-        }
-        true
-    }
-
-    fn turn(motion: &mut [f64; 6], angular: [f64; 3], columns: &[[f64; 6]], rates: &mut [f64]) {
-        let (_, before) = parts(motion);
-        motion[3..].copy_from_slice(&angular);
-        let change = difference(&angular, &before);
-        let [a, b, c] = std::array::from_fn(|k| parts(&columns[k]).1);
-        let (bc, ca, ab) = (cross(&b, &c), cross(&c, &a), cross(&a, &b));
-        let inverse = dot(&a, &bc).recip();
-        for (rate, row) in rates.iter_mut().zip([bc, ca, ab]) {
-            *rate = inverse * dot(&row, &change);
-        }
-    }
-}
-
-/// The same in a plane, M by its entries xx, xy, yy.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct PlanarInertia {
-    m: [f64; 3],
-    h: [f64; 2],
-    j: f64,
-}
-
-impl Inertia<3> for PlanarInertia {
-    fn of_body(mass: f64, inertia: &[[f64; 3]; 3], arm: &[f64; 3]) -> Self {
-        let [x, y] = [mass * arm[0], mass * arm[1]];
-        let j = inertia[2][2] + arm[0] * x + arm[1] * y;
-        Self { m: [mass, 0.0, mass], h: [-y, x], j }
-    }
-
-    #[inline(always)]
-    fn moved(&self, arm: &[f64; 3]) -> Self {
-        let (m, [x, y, _]) = (self.m, *arm);
-        let h = [self.h[0] - m[0] * y + m[1] * x, self.h[1] - m[1] * y + m[2] * x];
-        let j = self.j + x * (self.h[1] + h[1]) - y * (self.h[0] + h[0]);
-        Self { m, h, j }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, other: &Self) {
-        self.m = sum(&self.m, &other.m);
-        self.h = [self.h[0] + other.h[0], self.h[1] + other.h[1]];
-        self.j += other.j;
-    }
-
-    #[inline(always)]
-    fn subtract_square(&mut self, u: &[f64; 3]) {
-        let [x, y, z] = *u;
-        self.m = difference(&self.m, &[x * x, x * y, y * y]);
-        self.h = [self.h[0] - x * z, self.h[1] - y * z];
-        self.j -= z * z;
-    }
-
-    #[inline(always)]
-    fn times(&self, y: &[f64; 3]) -> [f64; 3] {
-        let ([xx, xy, yy], [u, v]) = (self.m, self.h);
-        [
-            xx * y[0] + xy * y[1] + u * y[2],
-            xy * y[0] + yy * y[1] + v * y[2],
-            u * y[0] + v * y[1] + self.j * y[2],
-        ]
-    }
-
-    fn diagonal(&self) -> [f64; 3] {
-        [self.m[0], self.m[2], self.j]
-    }
-
-    fn release(&mut self, _: &mut Pivots<3>, _: &mut [[f64; 3]], _: &mut [f64; 3]) -> bool {
-        false
-    }
-
-    fn turn(_: &mut [f64; 3], _: [f64; 3], _: &[[f64; 3]], _: &mut [f64]) {}
-}
-
 /// In space: three of a velocity, three of an angular velocity.
 #[derive(Debug, Clone)]
 pub(super) struct Spatial;
@@ -331,11 +104,11 @@ pub(super) struct Spatial;
 #[derive(Debug, Clone)]
 pub(super) struct Planar;
 
-fn parts(y: &[f64; 6]) -> ([f64; 3], [f64; 3]) {
+pub(super) fn parts(y: &[f64; 6]) -> ([f64; 3], [f64; 3]) {
     ([y[0], y[1], y[2]], [y[3], y[4], y[5]])
 }
 
-fn joined(a: &[f64; 3], b: &[f64; 3]) -> [f64; 6] {
+pub(super) fn joined(a: &[f64; 3], b: &[f64; 3]) -> [f64; 6] {
     [a[0], a[1], a[2], b[0], b[1], b[2]]
 }
 
@@ -397,6 +170,25 @@ impl Algebra<7, 6> for Spatial {
         pose(&cross(&w, &place(dq)), &euler_rate(&euler(dq), &w))
     }
 
+    fn stance(q: &[f64; 7]) -> Stance {
+        Stance::spatial(q)
+    }
+
+    fn motion(arm: &[f64; 3], y: &[f64; 6], [displaced, changed]: [&[f64; 6]; 2]) -> Motion {
+        let field = |y: &[f64; 6]| {
+            let (v, w) = parts(y);
+            [sum(&v, &cross(&w, arm)), w]
+        };
+        let (velocity, displacement) = (field(y), field(displaced));
+        let [straight, turning] = field(changed);
+        let change = [sum(&straight, &cross(&velocity[1], &displacement[0])), turning];
+        Motion { velocity, displacement, change }
+    }
+
+    fn about([f, n]: &Wrench, arm: &[f64; 3]) -> [f64; 6] {
+        joined(f, &sum(n, &cross(arm, f)))
+    }
+
     fn wrench(q: &[f64; 7], o: &[f64; 3], force: &[f64; 7]) -> [f64; 6] {
         let f = place(force);
         let moment = e_times(&euler(q), &euler(force)).map(|x| 0.5 * x);
@@ -425,8 +217,7 @@ impl Algebra<7, 6> for Spatial {
         joined(&f, &n.map(|x| factor * x))
     }
 
-    fn turned(inertia: &[[f64; 3]; 3], q: &[f64; 7]) -> [[f64; 3]; 3] {
-        let a = rotation_matrix(&euler(q));
+    fn turned(inertia: &[[f64; 3]; 3], Stance { axes: a, .. }: &Stance) -> [[f64; 3]; 3] {
         let half = a.map(|row| times(inertia, &row)); // A J, J being symmetric
         let mut out = [[0.0; 3]; 3];
         for i in 0..3 {
@@ -531,6 +322,26 @@ impl Algebra<3, 3> for Planar {
         [u, v, 0.0]
     }
 
+    fn stance(q: &[f64; 3]) -> Stance {
+        Stance::planar(q)
+    }
+
+    fn motion(arm: &[f64; 3], y: &[f64; 3], [displaced, changed]: [&[f64; 3]; 2]) -> Motion {
+        let field = |y: &[f64; 3]| {
+            let [u, v] = across(y[2], &[arm[0], arm[1]]);
+            [[y[0] + u, y[1] + v, 0.0], [0.0, 0.0, y[2]]]
+        };
+        let (velocity, displacement) = (field(y), field(displaced));
+        let [straight, turning] = field(changed);
+        let [u, v] = across(y[2], &[displacement[0][0], displacement[0][1]]);
+        let change = [[straight[0] + u, straight[1] + v, 0.0], turning];
+        Motion { velocity, displacement, change }
+    }
+
+    fn about([f, n]: &Wrench, arm: &[f64; 3]) -> [f64; 3] {
+        [f[0], f[1], n[2] + moment(&[arm[0], arm[1]], &[f[0], f[1]])]
+    }
+
     fn wrench(q: &[f64; 3], o: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
         let [x, y, n] = *force;
         [x, y, n + moment(&arm(q, o), &[x, y])]
@@ -555,7 +366,7 @@ impl Algebra<3, 3> for Planar {
         [w[0], w[1], factor * w[2]]
     }
 
-    fn turned(inertia: &[[f64; 3]; 3], _: &[f64; 3]) -> [[f64; 3]; 3] {
+    fn turned(inertia: &[[f64; 3]; 3], _: &Stance) -> [[f64; 3]; 3] {
         *inertia
     }
 

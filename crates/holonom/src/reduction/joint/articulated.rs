@@ -1,7 +1,8 @@
 //! Accelerations of a tree, from the leaves inwards and out again: articulated bodies.
 
-use super::algebra::{Algebra, Inertia};
+use super::algebra::Algebra;
 use super::engine::{BodyInertia, Engine, add, dot, pose};
+use super::inertia::Inertia;
 use super::small::{factor, substitute};
 use crate::math::vector::difference;
 

@@ -1,8 +1,9 @@
 //! Algorithm 4: the composite inertia matrix, factored without fill, and the rows of what closes loops.
 
-use super::algebra::{Algebra, Inertia};
+use super::algebra::Algebra;
 use super::closures::{Closure, Origin};
 use super::engine::{Edge, Engine, dot};
+use super::inertia::Inertia;
 use crate::reduction::relatives::Source;
 use holonom_linalg::{BranchedCholesky, BranchedPlan, CutRows};
 use std::sync::Arc;
@@ -11,8 +12,9 @@ use std::sync::Arc;
 #[derive(Debug, Clone)]
 pub(super) struct Branched {
     pub(super) factors: BranchedCholesky<1>,
-    /// Coordinate at each place of the plan.
+    /// Coordinate at each place of the plan, and place of each coordinate.
     order: Vec<usize>,
+    place: Vec<usize>,
     /// Coordinates that drivers tell: row of the driver, sign, places of the coordinate and of the row in the plan.
     driven: Vec<(usize, f64, usize, usize)>,
     /// First row of the plan of each closure, where it is a joint's.
@@ -68,6 +70,7 @@ impl Branched {
         let cuts = places.into_iter().map(|cut| cut.map(|cut| plan.cut_rows(cut).start)).collect();
         Self {
             order,
+            place,
             driven,
             cuts,
             mass: vec![[0.0]; plan.entries()],
@@ -87,19 +90,11 @@ impl Branched {
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Accelerations and multipliers by Algorithm 4; the wrenches are those at zero accelerations.
-    pub(super) fn branch(
-        &mut self,
-        t: f64,
-        q: &[f64],
-        v: &[f64],
-        a: &mut [f64],
-        lambda: &mut [f64],
-    ) -> bool {
+    pub(super) fn branch(&mut self, t: f64, q: &[f64], v: &[f64], lambda: &mut [f64]) -> bool {
         self.evaluate_wrenches(q, v);
         self.gather();
         self.gather_inertias(q);
-        self.tell_second_rates(q, v, a);
-        self.evaluate_rate_residual(None, t, 2, &[], [q, v, a]);
+        self.evaluate_second_residual(None, t, &[], [q, v]);
         let mut branched = self.branched.take().expect("made where something closes loops");
         let (plan, m) = (branched.factors.plan().clone(), branched.tau.len());
         for edge in &*self.edges {
@@ -119,13 +114,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
         }
         branched.rows.fill([0.0]);
-        let n = self.sources.len();
         for (closure, first) in self.closures.all.iter().zip(&branched.cuts) {
             let Some(first) = first else { continue };
             for r in 0..closure.rows.len() {
-                let line = &self.closures.matrix[(closure.first + r) * n..][..n];
-                for (c, &k) in branched.order.iter().enumerate() {
-                    branched.rows[c * m + first + r][0] = line[k];
+                let line = &self.closures.matrix[closure.entries(r)];
+                for (&(k, _), x) in closure.path.iter().zip(line) {
+                    branched.rows[branched.place[k] * m + first + r][0] = *x;
                 }
                 branched.tau[first + r][0] = -self.rows[closure.first + r];
             }

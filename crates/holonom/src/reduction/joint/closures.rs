@@ -1,5 +1,6 @@
 //! What closes loops: rows of cut joints, and deformations that are independent variables.
 
+use super::clusters::{Cluster, Free, clusters, keep_larger};
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
 use crate::system::{Measure, System};
@@ -28,30 +29,18 @@ pub(super) struct Closure {
     pub(super) count: usize,
     /// Coordinates between the bodies, each with the end that it moves.
     pub(super) path: Vec<(usize, usize)>,
+    /// Its cluster; none where no row is in use.
+    pub(super) cluster: Option<usize>,
+    /// Where the entries of its rows begin in [`Closures::matrix`], in the order of the path, row by row.
+    pub(super) start: usize,
 }
 
-/// Closures whose dependent coordinates are their own: loops with no coordinate in common are solved apart.
-#[derive(Debug, Clone)]
-pub(super) struct Cluster {
-    /// Its rows, and the places of its dependent coordinates in [`Closures::dependent`].
-    rows: Vec<usize>,
-    dependent: Vec<usize>,
-    /// Independent variables that move its dependent coordinates: as coordinates, or as deformations of a row.
-    pub(super) free: Vec<(usize, Free)>,
-    square: Vec<f64>,
-    inverse: Vec<f64>,
-    lu: DenseLu,
-    /// Dependent coordinates by independent variables, by rows; see [`Closures::evaluate_maps`].
-    pub(super) map: Vec<f64>,
-}
-
-/// How an independent variable moves a cluster.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Free {
-    /// As this coordinate.
-    Coordinate(usize),
-    /// As what this row measures.
-    Row(usize),
+impl Closure {
+    /// Entries of its row `at` along the path.
+    pub(super) fn entries(&self, at: usize) -> Range<usize> {
+        let first = self.start + at * self.path.len();
+        first..first + self.path.len()
+    }
 }
 
 /// All of them, with the matrix N of their rows over the coordinates and the factors of its dependent columns, scaled to
@@ -62,10 +51,8 @@ pub(super) struct Closures {
     /// Columns of the dependent coordinates.
     pub(super) dependent: Vec<usize>,
     pub(super) clusters: Vec<Cluster>,
-    /// Rows × coordinates; only what is on the paths is ever written or read.
+    /// Entries of all rows along the paths of their closures; see [`Closure::entries`].
     pub(super) matrix: Vec<f64>,
-    pub(super) coordinates: usize,
-    row_scale: Vec<f64>,
     pub(super) column_scale: Vec<f64>,
     work: Vec<f64>,
     right: Vec<f64>,
@@ -76,63 +63,6 @@ pub(super) struct Closures {
 pub(super) struct Numbers {
     matrix: Vec<f64>,
     factors: Vec<DenseLu>,
-}
-
-/// Clusters of closures; `None` where one has not as many rows as dependent coordinates.
-fn clusters(all: &[Closure], dependent: &[usize], sources: &[Source]) -> Option<Vec<Cluster>> {
-    // Each closure's cluster is the first closure it is tied to by a dependent coordinate.
-    let mut cluster: Vec<usize> = (0..all.len()).collect();
-    let mut owner = vec![None; sources.len()];
-    for (at, closure) in all.iter().enumerate() {
-        let own = closure.path.iter().map(|(k, _)| *k);
-        for k in own.filter(|&k| sources[k] == Source::Dependent) {
-            let other = *owner[k].get_or_insert(at);
-            let (from, to) = (cluster[at].max(cluster[other]), cluster[at].min(cluster[other]));
-            cluster.iter_mut().filter(|c| **c == from).for_each(|c| *c = to);
-        }
-    }
-    let mut out = Vec::new();
-    for first in 0..all.len() {
-        let own = || all.iter().zip(&cluster).filter(|(_, c)| **c == first).map(|(own, _)| own);
-        let rows: Vec<usize> = own().flat_map(|c| c.first..c.first + c.rows.len()).collect();
-        if rows.is_empty() {
-            continue;
-        }
-        let (mut columns, mut free) = (Vec::new(), Vec::new());
-        for closure in own() {
-            for &(k, _) in &closure.path {
-                match sources[k] {
-                    Source::Dependent => columns.push(dependent.binary_search(&k).ok()?),
-                    Source::Independent(p) => free.push((p, Free::Coordinate(k))),
-                    Source::Driven(..) => {}
-                }
-            }
-            if let Origin::Deformations(_) = closure.origin {
-                for (at, (_, p)) in closure.rows.iter().enumerate() {
-                    free.push((*p, Free::Row(closure.first + at)));
-                }
-            }
-        }
-        columns.sort_unstable();
-        columns.dedup();
-        free.sort_unstable_by_key(|(p, _)| *p);
-        free.dedup();
-        let n = rows.len();
-        if columns.len() != n {
-            return None;
-        }
-        out.push(Cluster {
-            square: vec![0.0; n * n],
-            inverse: vec![0.0; n * n],
-            lu: DenseLu::new(n),
-            map: vec![0.0; n * free.len()],
-            rows,
-            dependent: columns,
-            free,
-        });
-    }
-    let solved: usize = out.iter().map(|c| c.rows.len()).sum();
-    (solved == dependent.len()).then_some(out)
 }
 
 impl Closures {
@@ -157,7 +87,7 @@ impl Closures {
             out.extend(only(&b, &a, 1));
             out
         };
-        let (mut all, mut row_scale) = (Vec::new(), Vec::new());
+        let (mut all, mut row_scale, mut start) = (Vec::new(), Vec::new(), 0);
         for closure in &system.tree().closures {
             let joint = structure.joints.iter().position(|joint| joint.row == closure.row)?;
             let kept = (0..closure.rows)
@@ -168,7 +98,10 @@ impl Closures {
             row_scale.extend(rows.iter().map(|r| 1.0 / scale(structure.row_measure[r.1])));
             let (ends, count) = (closure.ends, closure.rows);
             let path = between(ends);
-            all.push(Closure { origin: Origin::Joint(joint), ends, rows, first, count, path });
+            let used = rows.len() * path.len();
+            let (origin, cluster) = (Origin::Joint(joint), None);
+            all.push(Closure { origin, ends, rows, first, count, path, cluster, start });
+            start += used;
         }
         let own: Vec<usize> = coordinates
             .iter()
@@ -189,8 +122,11 @@ impl Closures {
             row_scale.extend(rows.iter().map(|_| 1.0 / scale(measure)));
             let (ends, count) = (info.bodies, info.rows);
             let path = between(ends);
+            let used = rows.len() * path.len();
             let origin = Origin::Deformations(group);
-            all.push(Closure { origin, ends, rows, first, count, path });
+            let cluster = None;
+            all.push(Closure { origin, ends, rows, first, count, path, cluster, start });
+            start += used;
         }
         let dependent: Vec<usize> =
             (0..coordinates.len()).filter(|&k| coordinates[k].0 == Source::Dependent).collect();
@@ -199,21 +135,28 @@ impl Closures {
             return None;
         }
         let sources: Vec<Source> = coordinates.iter().map(|c| c.0).collect();
+        let column_scale: Vec<f64> = coordinates.iter().map(|(_, m)| scale(*m)).collect();
+        let mut clusters = clusters(&all, &dependent, &sources)?;
+        for cluster in &mut clusters {
+            cluster.find_entries(&all, &dependent, &row_scale, &column_scale);
+        }
+        for closure in all.iter_mut().filter(|closure| !closure.rows.is_empty()) {
+            closure.cluster =
+                clusters.iter().position(|cluster| cluster.rows.contains(&closure.first));
+        }
         Some(Self {
-            clusters: clusters(&all, &dependent, &sources)?,
+            clusters,
             all,
             dependent,
-            matrix: vec![0.0; rows * coordinates.len()],
-            coordinates: coordinates.len(),
-            row_scale,
-            column_scale: coordinates.iter().map(|(_, measure)| scale(*measure)).collect(),
+            matrix: vec![0.0; start],
+            column_scale,
             work: vec![0.0; rows],
             right: vec![0.0; rows],
         })
     }
 
     pub(super) fn rows(&self) -> usize {
-        self.row_scale.len()
+        self.dependent.len()
     }
 
     /// Rows of the largest cluster.
@@ -241,13 +184,8 @@ impl Closures {
     /// With the place of the coordinate in `dependent`.
     pub(super) fn factor(&mut self) -> Result<(), SingularMatrix> {
         for cluster in &mut self.clusters {
-            let n = cluster.rows.len();
-            for (out, &row) in cluster.square.chunks_exact_mut(n).zip(&cluster.rows) {
-                let line = &self.matrix[row * self.coordinates..][..self.coordinates];
-                for (out, &at) in out.iter_mut().zip(&cluster.dependent) {
-                    let k = self.dependent[at];
-                    *out = line[k] * self.row_scale[row] * self.column_scale[k];
-                }
+            for entry in &cluster.square_entries {
+                cluster.square[entry.at] = self.matrix[entry.from] * entry.scale;
             }
             cluster.lu.factor(&cluster.square).map_err(|mut e| {
                 e.column = cluster.dependent[e.column];
@@ -282,9 +220,9 @@ impl Closures {
     /// r += N x.
     pub(super) fn multiply_add(&self, x: &[f64], r: &mut [f64]) {
         for closure in &self.all {
-            for at in closure.first..closure.first + closure.rows.len() {
-                let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                r[at] += closure.path.iter().map(|&(k, _)| line[k] * x[k]).sum::<f64>();
+            for (at, out) in r[closure.first..][..closure.rows.len()].iter_mut().enumerate() {
+                let line = &self.matrix[closure.entries(at)];
+                *out += closure.path.iter().zip(line).map(|(&(k, _), a)| a * x[k]).sum::<f64>();
             }
         }
     }
@@ -292,9 +230,9 @@ impl Closures {
     /// x −= Nᵀ y.
     pub(super) fn subtract_transposed(&self, y: &[f64], x: &mut [f64]) {
         for closure in &self.all {
-            for at in closure.first..closure.first + closure.rows.len() {
-                let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                closure.path.iter().for_each(|&(k, _)| x[k] -= line[k] * y[at]);
+            for (at, y) in y[closure.first..][..closure.rows.len()].iter().enumerate() {
+                let line = &self.matrix[closure.entries(at)];
+                closure.path.iter().zip(line).for_each(|(&(k, _), a)| x[k] -= a * y);
             }
         }
     }
@@ -302,23 +240,60 @@ impl Closures {
     /// x += |N|ᵀ |y|.
     pub(super) fn add_sizes(&self, y: &[f64], x: &mut [f64]) {
         for closure in &self.all {
-            for at in closure.first..closure.first + closure.rows.len() {
-                let line = &self.matrix[at * self.coordinates..][..self.coordinates];
-                closure.path.iter().for_each(|&(k, _)| x[k] += (line[k] * y[at]).abs());
+            for (at, y) in y[closure.first..][..closure.rows.len()].iter().enumerate() {
+                let line = &self.matrix[closure.entries(at)];
+                closure.path.iter().zip(line).for_each(|(&(k, _), a)| x[k] += (a * y).abs());
             }
         }
     }
 
+    /// All clusters are to be corrected, from a movement of this size.
+    pub(super) fn open(&mut self, movement: f64) {
+        for cluster in &mut self.clusters {
+            (cluster.is_open, cluster.before) = (true, movement);
+        }
+    }
+
+    /// Whether the positions of a closure are still corrected.
+    pub(super) fn is_open(&self, closure: &Closure) -> bool {
+        closure.cluster.is_some_and(|cluster| self.clusters[cluster].is_open)
+    }
+
+    /// Keeps the largest residual of each open cluster; returns that of all of these.
+    pub(super) fn keep_residuals(&mut self, r: &[f64]) -> f64 {
+        let mut largest = 0.0;
+        for cluster in self.clusters.iter_mut().filter(|cluster| cluster.is_open) {
+            let sizes = cluster.rows.iter().map(|&row| r[row].abs());
+            cluster.residual = sizes.fold(0.0, keep_larger);
+            largest = keep_larger(largest, cluster.residual);
+        }
+        largest
+    }
+
     /// Residuals of all rows become changes of the dependent coordinates that make up for them.
     pub(super) fn solve(&mut self, r: &mut [f64]) {
-        for cluster in &self.clusters {
+        self.solve_where(r, |_| true);
+    }
+
+    /// The same for open clusters; others have no changes.
+    pub(super) fn solve_open(&mut self, r: &mut [f64]) {
+        self.work.fill(0.0);
+        self.solve_where(r, |cluster| cluster.is_open);
+    }
+
+    fn solve_where(&mut self, r: &mut [f64], takes_part: impl Fn(&Cluster) -> bool) {
+        for cluster in self.clusters.iter().filter(|cluster| takes_part(cluster)) {
             let right = &mut self.right[..cluster.rows.len()];
-            for (out, &row) in right.iter_mut().zip(&cluster.rows) {
-                *out = -r[row] * self.row_scale[row];
+            for (out, (&row, scale)) in
+                right.iter_mut().zip(cluster.rows.iter().zip(&cluster.row_scale))
+            {
+                *out = -r[row] * scale;
             }
             cluster.lu.solve(right);
-            for (x, &at) in right.iter().zip(&cluster.dependent) {
-                self.work[at] = x * self.column_scale[self.dependent[at]];
+            for (x, (&at, scale)) in
+                right.iter().zip(cluster.dependent.iter().zip(&cluster.column_scale))
+            {
+                self.work[at] = x * scale;
             }
         }
         r.copy_from_slice(&self.work);
@@ -328,12 +303,15 @@ impl Closures {
     pub(super) fn solve_transposed(&mut self, r: &mut [f64]) {
         for cluster in &self.clusters {
             let right = &mut self.right[..cluster.rows.len()];
-            for (out, &at) in right.iter_mut().zip(&cluster.dependent) {
-                *out = r[at] * self.column_scale[self.dependent[at]];
+            for (out, (&at, scale)) in
+                right.iter_mut().zip(cluster.dependent.iter().zip(&cluster.column_scale))
+            {
+                *out = r[at] * scale;
             }
             cluster.lu.solve_transposed(right);
-            for (y, &row) in right.iter().zip(&cluster.rows) {
-                self.work[row] = y * self.row_scale[row];
+            for (y, (&row, scale)) in right.iter().zip(cluster.rows.iter().zip(&cluster.row_scale))
+            {
+                self.work[row] = y * scale;
             }
         }
         r.copy_from_slice(&self.work);
@@ -346,18 +324,22 @@ impl Closures {
             if free == 0 {
                 continue;
             }
-            for (out, &row) in cluster.map.chunks_exact_mut(free).zip(&cluster.rows) {
-                for (out, (_, kind)) in out.iter_mut().zip(&cluster.free) {
-                    *out = self.row_scale[row]
-                        * match *kind {
-                            Free::Coordinate(k) => -self.matrix[row * self.coordinates + k],
-                            Free::Row(at) => f64::from(u8::from(at == row)),
-                        };
+            cluster.map.fill(0.0);
+            for entry in &cluster.map_entries {
+                cluster.map[entry.at] = self.matrix[entry.from] * entry.scale;
+            }
+            for ((out, &row), scale) in
+                cluster.map.chunks_exact_mut(free).zip(&cluster.rows).zip(&cluster.row_scale)
+            {
+                let own = cluster.free.iter().position(|(_, kind)| *kind == Free::Row(row));
+                if let Some(column) = own {
+                    out[column] = *scale;
                 }
             }
             cluster.lu.solve_many(&mut cluster.map, free);
-            for (row, &at) in cluster.map.chunks_exact_mut(free).zip(&cluster.dependent) {
-                row.iter_mut().for_each(|x| *x *= self.column_scale[self.dependent[at]]);
+            let scales = &cluster.column_scale;
+            for (row, scale) in cluster.map.chunks_exact_mut(free).zip(scales) {
+                row.iter_mut().for_each(|x| *x *= scale);
             }
         }
     }

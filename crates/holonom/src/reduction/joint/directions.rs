@@ -1,8 +1,9 @@
 //! What each independent variable moves, and the reduced mass matrix of it.
 
-use super::algebra::{Algebra, Inertia};
+use super::algebra::Algebra;
 use super::closures::Closures;
 use super::engine::{BodyInertia, Edge, Engine, add, dot, pose};
+use super::inertia::Inertia;
 use crate::reduction::relatives::Source;
 use holonom_linalg::Cholesky;
 

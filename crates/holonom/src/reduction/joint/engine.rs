@@ -1,16 +1,17 @@
 //! Recursions along the tree.
 
-use super::algebra::{Algebra, Inertia};
+use super::algebra::Algebra;
 use super::articulated::Articulated;
 use super::branched::Branched;
 use super::closures::{Closures, Numbers, Origin};
 use super::directions::Directions;
+use super::inertia::Inertia;
 use crate::math::turn::TurnRate;
 use crate::math::vector::difference;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::recent::RecentPoints;
 use crate::reduction::relatives::{Relatives, Source};
-use crate::system::{EdgeScrews, EdgeSource, Measure, System};
+use crate::system::{EdgeScrews, EdgeSource, Measure, Motion, Stance, System};
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -32,8 +33,8 @@ pub(super) struct Edge {
     /// Whether a column is carried along by another one.
     pub(super) nested: bool,
     pub(super) rotation: Option<usize>,
-    /// Whether dependent coordinates move its body.
-    pub(super) depends: bool,
+    /// Clusters of closures whose dependent coordinates move its body.
+    pub(super) moved_by: Vec<usize>,
     /// The joint that it is and the driver on it, by their places in the structure.
     pub(super) joint: Option<usize>,
     pub(super) driver: Option<usize>,
@@ -50,7 +51,7 @@ impl Edge {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BodyInertia {
     pub(super) mass: f64,
-    own: [[f64; 3]; 3],
+    pub(super) own: [[f64; 3]; 3],
     pub(super) turned: [[f64; 3]; 3],
 }
 
@@ -69,7 +70,7 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     /// Edge, and place among its coordinates, of each dependent coordinate.
     pub(super) places: Vec<(usize, usize)>,
     /// Root of each body's tree.
-    root: Arc<[usize]>,
+    pub(super) root: Vec<usize>,
     /// Reference point of each body.
     pub(super) origin: Vec<[f64; 3]>,
     /// The point that the rotations of each body's edge are about.
@@ -101,7 +102,13 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) directions: Option<Box<Directions<W>>>,
     /// Whether nothing closes loops and no driver stands on the tree.
     pub(super) is_plain_tree: bool,
-    /// Gradients of the closures over the coordinates of their bodies.
+    /// How each body stands, and the configuration that this belongs to; see [`Engine::stand`].
+    pub(super) stances: Vec<Stance>,
+    pub(super) stood: Vec<f64>,
+    /// Bodies at the ends of closures, and how they move; see [`Engine::evaluate_motions`].
+    pub(super) ends: Vec<usize>,
+    pub(super) motions: Vec<Motion>,
+    /// Gradients over the coordinates of their bodies, of closures that do not follow from how bodies stand.
     pub(super) gradients: Vec<f64>,
     /// Scratch: rows of the closures, coordinates, motions of bodies.
     pub(super) rows: Vec<f64>,
@@ -152,7 +159,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut screws = EdgeScrews::default();
         let mut root: Vec<usize> = (0..bodies).collect();
         for (at, (edge, &form)) in tree.edges.iter().zip(&*relatives.forms).enumerate() {
-            if !system.edge_screws(at, form, q, &mut screws) {
+            if !system.edge_screws_at(at, form, q, &mut screws) {
                 return None;
             }
             let start = coordinates.len();
@@ -171,11 +178,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 root[edge.body] = root[base];
             }
             edge_of[edge.body] = Some(edges.len());
-            let carried = screws.base.and_then(|base| edge_of[base]);
-            let depends = coordinates[start..].iter().any(|c| c.0 == Source::Dependent)
-                || carried.is_some_and(|edge| edges[edge].depends);
             edges.push(Edge {
-                depends,
+                moved_by: Vec::new(),
                 at,
                 form,
                 body: edge.body,
@@ -206,6 +210,18 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         };
         let closures =
             Closures::new(system.as_ref(), parametrization, relatives, &coordinates, path)?;
+        for at in 0..edges.len() {
+            let base = edges[at].base.and_then(|base| edge_of[base]);
+            let mut clusters = base.map_or(Vec::new(), |base| edges[base].moved_by.clone());
+            let own = edges[at].range.clone().filter_map(|k| closures.place(k));
+            clusters.extend(own.map(|(cluster, _)| cluster));
+            clusters.sort_unstable();
+            clusters.dedup();
+            edges[at].moved_by = clusters;
+        }
+        let mut ends: Vec<usize> = closures.all.iter().flat_map(|c| c.ends).flatten().collect();
+        ends.sort_unstable();
+        ends.dedup();
         let (n, rows) = (coordinates.len(), closures.rows());
         let of_edges = edges.iter().flat_map(|edge| {
             edge.range.clone().enumerate().map(|(place, k)| (k, (edge.at, place)))
@@ -240,6 +256,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     turned: system.inertia(b),
                 })
                 .collect(),
+            stances: vec![Stance::GROUND; bodies],
+            stood: vec![f64::NAN; q.len()],
+            ends,
+            motions: vec![Motion::REST; bodies],
             gradients: vec![0.0; closures.all.iter().map(|c| c.count * 2 * N).sum()],
             rows: vec![0.0; rows],
             along: vec![0.0; n],
@@ -271,45 +291,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         parametrization.relatives().expect("the parametrization that it was made for")
     }
 
-    /// Columns of all coordinates at q, with the reference points of the trees and the inertias there.
-    pub(super) fn evaluate_columns(&mut self, x: &[[f64; 6]], q: &[f64]) {
-        for (origin, root) in self.origin.iter_mut().zip(&*self.root) {
-            *origin = A::center(pose(q, *root));
-        }
-        for (b, inertia) in self.inertias.iter_mut().enumerate() {
-            inertia.turned = A::turned(&inertia.own, pose(q, b));
-        }
-        let mut screws = EdgeScrews::default();
-        for (edge, turning) in self.edges.iter().zip(&mut self.turning) {
-            if !self.system.edge_screws(edge.at, edge.form, q, &mut screws) {
-                continue;
-            }
-            let sign = if edge.outward { 1.0 } else { -1.0 };
-            self.center[edge.body] = screws.center;
-            let own = &mut self.screws[edge.range.clone()];
-            for (out, [linear, angular]) in own.iter_mut().zip(&screws.columns) {
-                *out = A::screw(linear, angular).map(|x| sign * x);
-            }
-            let columns = &mut self.own_columns[edge.range.clone()];
-            columns.copy_from_slice(own);
-            if let Some(start) = edge.rotation {
-                let theta = [x[edge.at][start], x[edge.at][start + 1], x[edge.at][start + 2]];
-                let rate = turning.insert(TurnRate::new(&theta)).matrix();
-                for (k, column) in columns[start..].iter_mut().enumerate() {
-                    let mut angular = [0.0; 3];
-                    for (row, [_, axis]) in rate.iter().zip(&screws.columns[start..]) {
-                        add(&mut angular, sign * row[k], axis);
-                    }
-                    *column = A::screw(&[0.0; 3], &angular);
-                }
-            }
-            let o = &self.origin[edge.body];
-            for (out, own) in self.columns[edge.range.clone()].iter_mut().zip(columns) {
-                *out = A::moved_twist(own, &screws.center, o);
-            }
-        }
-    }
-
     /// Twists of all bodies for rates or changes `x` of the coordinates.
     pub(super) fn carry(&self, x: &[f64], twists: &mut [[f64; W]]) {
         for edge in &*self.edges {
@@ -319,56 +300,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
             twists[edge.body] = twist;
         }
-    }
-
-    /// Rates as the screws have them: of a rotation vector the angular velocity.
-    fn screw_rates(&self, at: usize, x_rate: &[f64]) -> [f64; 6] {
-        let edge = &self.edges[at];
-        let mut out = [0.0; 6];
-        out[..edge.range.len()].copy_from_slice(&x_rate[edge.range.clone()]);
-        if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
-            let turned = turning.times(&[out[start], out[start + 1], out[start + 2]]);
-            out[start..start + 3].copy_from_slice(&turned);
-        }
-        out
-    }
-
-    /// δ(B ẋ) of an edge at fixed ẋ, where bodies move by the twists `motion` and coordinates by `change`.
-    pub(super) fn column_change(&self, at: usize, motion: &[[f64; W]], change: &[f64]) -> [f64; W] {
-        let edge = &self.edges[at];
-        let mut out = match edge.first {
-            Some(carrier) => A::cross(&motion[carrier], &self.relative[edge.body]),
-            None => [0.0; W],
-        };
-        if !edge.nested && edge.rotation.is_none() {
-            return out;
-        }
-        let screws = &self.screws[edge.range.clone()];
-        let mut own = [0.0; W];
-        if edge.nested {
-            let [rates, moved] = [&self.rates[..], change].map(|x| self.screw_rates(at, x));
-            let sign = if edge.outward { 1.0 } else { -1.0 };
-            for (k, (screw, rate)) in screws.iter().zip(rates).enumerate() {
-                for (j, inner) in screws.iter().enumerate().take(k) {
-                    if edge.stage[j] < edge.stage[k] {
-                        add(&mut own, sign * rate * moved[j], &A::cross(inner, screw));
-                    }
-                }
-            }
-        }
-        if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
-            let three = |x: &[f64]| {
-                let first = edge.range.start + start;
-                [x[first], x[first + 1], x[first + 2]]
-            };
-            let bend = turning.first(&three(change), &three(&self.rates));
-            for (x, screw) in bend.iter().zip(&screws[start..]) {
-                add(&mut own, *x, screw);
-            }
-        }
-        let own = A::moved_twist(&own, &self.center[edge.body], &self.origin[edge.body]);
-        add(&mut out, 1.0, &own);
-        out
     }
 
     /// Ḃ ẋ of all edges.

@@ -110,16 +110,15 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         self.read_forces(force, q);
         self.evaluate_bias();
         self.evaluate_twist_rates();
-        self.tell_second_rates(q, v, a);
         if self.closures.rows() > 0 {
-            self.evaluate_rate_residual(Some(parametrization), *t, 2, p_rate, [q, v, a]);
+            self.evaluate_second_residual(Some(parametrization), *t, p_rate, [q, v]);
             self.closures.solve(&mut self.rows);
             for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
                 self.accelerations[k] = *x;
             }
             self.evaluate_twist_rates();
-            self.tell_second_rates(q, v, a);
         }
+        self.tell_second_rates(q, v, a);
         self.evaluate_wrenches(q, v);
         self.gather();
         self.project(psi);
@@ -153,8 +152,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         p_rate: &mut [f64],
     ) {
         let still = std::mem::take(&mut self.zero_rates);
-        let State { t, q, v, a, .. } = state;
-        self.evaluate_rate_residual(Some(parametrization), *t, 2, &still, [q, v, a]);
+        let State { t, q, v, .. } = state;
+        self.evaluate_second_residual(Some(parametrization), *t, &still, [q, v]);
         self.zero_rates = still;
         for (k, source) in self.sources.iter().enumerate() {
             if let Source::Independent(at) = source {

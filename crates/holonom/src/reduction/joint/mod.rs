@@ -11,13 +11,17 @@ mod algebra;
 mod articulated;
 mod branched;
 mod closures;
+mod clusters;
+mod columns;
 mod directions;
 mod engine;
 mod form;
+mod inertia;
 mod multipliers;
 mod positions;
 mod residuals;
 mod small;
+mod stances;
 mod variation;
 
 use super::parametrization::Parametrization;

@@ -108,11 +108,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         if !normalized {
             return true;
         }
-        let mut rest = self.gradients.as_slice();
         for closure in &self.closures.all {
-            let (gradient, later) = rest.split_at(closure.count * 2 * N);
-            rest = later;
-            if let Origin::Joint(_) = closure.origin {
+            if let Origin::Joint(joint) = closure.origin {
+                let gradient = &mut gradients[0][..closure.count * 2 * N];
+                system.joint_gradient(joint, q, gradient);
                 for (row, global) in &closure.rows {
                     let own = &gradient[row * 2 * N..][..2 * N];
                     subtract::<N>(&mut self.generalized, closure.ends, lambda[*global], own);

@@ -2,7 +2,8 @@
 
 use super::JointForm;
 use super::algebra::Algebra;
-use super::closures::Origin;
+use super::closures::{Closures, Origin};
+use super::clusters::keep_larger;
 use super::engine::Engine;
 use super::residuals::counts_turns;
 use crate::error::EvaluationFailure;
@@ -32,7 +33,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.keep_coordinates(x);
         relatives.coordinates(system.as_ref(), t, p, x)?;
         if self.closures.rows() == 0 {
-            relatives.place(system.as_ref(), x, q);
+            self.place_all(relatives, x, q);
+            self.stood.copy_from_slice(q);
             return Ok(0);
         }
         // The tangent at the configuration last factored.
@@ -43,11 +45,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
         }
         // What deformations and drivers have moved by since.
+        self.stand(q);
+        self.closures.open(0.0);
         self.evaluate_residual(parametrization, t, p, q);
         // Residuals are differences of places in the ground.
         let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
         let is_round_off = |residual: f64| residual <= 64.0 * f64::EPSILON * place;
-        if is_round_off(self.largest_residual()) {
+        if is_round_off(self.closures.keep_residuals(&self.rows)) {
             // Next to a dead point it would move the mechanism by far more than round-off.
             self.rows.fill(0.0);
         }
@@ -60,47 +64,84 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.before.fill(0.0);
         let noise = 8.0 * f64::EPSILON * self.distance(x).max(1.0);
         self.keep_coordinates(x);
-        relatives.place(system.as_ref(), x, q);
-        let (mut before, mut fresh, mut first) = (predicted, false, (0.0, 0.0));
+        self.place_all(relatives, x, q);
+        self.closures.open(predicted);
+        let (mut fresh, mut first, mut last) = (false, (0.0, 0.0), noise);
         for count in 1..=MAX_CORRECTIONS {
             self.evaluate_residual(parametrization, t, p, q);
-            let residual = self.largest_residual();
+            let residual = self.closures.keep_residuals(&self.rows);
             if count == 1 && predicted <= noise && is_round_off(residual) {
                 // Closed where it stands. Next to a dead point a correction would be noise.
+                self.stood.copy_from_slice(q);
                 return Ok(0);
             }
             let size = self.correct(x);
-            for edge in self.edges.iter().filter(|edge| edge.depends) {
-                relatives.place_edge(system.as_ref(), edge.at, x, q);
-            }
+            self.place_corrected(relatives, x, q);
             if count == 1 {
                 first = (residual, size);
             }
-            let rate = size / before;
-            // Or the next one would be.
-            let ends = size <= noise || (count > 1 && 4.0 * rate * size <= noise);
-            let stalls = count > 1 && rate > CONTRACTION_LIMIT;
-            let is_noise =
-                || before <= 1e3 * noise || (size <= NOISY_CORRECTION && is_round_off(residual));
-            if ends || (stalls && is_noise()) {
+            if !size.is_finite() {
+                return Err(self.failure(t, q, size));
+            }
+            // Clusters have no dependent coordinate in common: each is closed for itself.
+            let (mut is_slow, mut is_open) = (false, false);
+            for cluster in self.closures.clusters.iter_mut().filter(|cluster| cluster.is_open) {
+                let (size, before) = (cluster.size, cluster.before);
+                let rate = size / before;
+                // Or the next one would be.
+                let ends = size <= noise || (count > 1 && 4.0 * rate * size <= noise);
+                let stalls = count > 1 && rate > CONTRACTION_LIMIT;
+                let is_noise = before <= 1e3 * noise
+                    || (size <= NOISY_CORRECTION && is_round_off(cluster.residual));
+                if ends || (stalls && is_noise) {
+                    (cluster.is_open, last) = (false, last.max(size));
+                    continue;
+                }
+                if stalls && fresh {
+                    return Err(self.failure(t, q, size));
+                }
+                is_slow |= count > 1 && rate > SLOW;
+                (is_open, cluster.before) = (true, size);
+            }
+            if !is_open {
                 let moved = self.distance(x);
-                let near = 0.5 * predicted + 1e3 * noise.max(size);
+                let near = 0.5 * predicted + 1e3 * last;
                 // Next to a dead point round-off of the residuals alone moves by more than a short step.
                 if moved <= near || (is_round_off(first.0) && moved <= near + first.1) {
+                    self.stood.copy_from_slice(q);
                     return Ok(count as u64);
                 }
                 return Err(self.another_branch(x));
             }
-            if (stalls && fresh) || !size.is_finite() {
-                return Err(self.failure(t, q, size));
-            }
-            if count > 1 && rate > SLOW && !fresh {
+            if is_slow && !fresh {
                 self.factor(parametrization, x, q)?;
+                self.stood[0] = f64::NAN;
                 fresh = true;
             }
-            before = size;
         }
-        Err(self.failure(t, q, before))
+        let sizes = self.closures.clusters.iter().filter(|cluster| cluster.is_open);
+        let size = sizes.map(|cluster| cluster.size).fold(0.0, keep_larger);
+        Err(self.failure(t, q, size))
+    }
+
+    /// Places all bodies. How they stand is known when the configuration is.
+    fn place_all(&mut self, relatives: &Relatives, x: &[[f64; 6]], q: &mut [f64]) {
+        self.stood[0] = f64::NAN;
+        for edge in &self.edges {
+            let stances = Some(&mut self.stances[..]);
+            relatives.place_edge(self.system.as_ref(), edge.at, x, q, stances);
+        }
+    }
+
+    /// Places the bodies that open clusters move.
+    fn place_corrected(&mut self, relatives: &Relatives, x: &[[f64; 6]], q: &mut [f64]) {
+        let clusters = &self.closures.clusters;
+        for edge in &self.edges {
+            if edge.moved_by.iter().any(|&cluster| clusters[cluster].is_open) {
+                let stances = Some(&mut self.stances[..]);
+                relatives.place_edge(self.system.as_ref(), edge.at, x, q, stances);
+            }
+        }
     }
 
     pub(super) fn read_coordinates(
@@ -126,15 +167,21 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// Moves the dependent coordinates by what the closures' residuals ask for; returns the largest change, lengths over
-    /// the characteristic length.
+    /// Moves the dependent coordinates of open clusters by what the closures' residuals ask for; returns the largest change,
+    /// lengths over the characteristic length.
     fn correct(&mut self, x: &mut [[f64; 6]]) -> f64 {
-        self.closures.solve(&mut self.rows);
+        self.closures.solve_open(&mut self.rows);
+        let Closures { clusters, dependent, column_scale, .. } = &mut self.closures;
         let mut largest = 0.0f64;
-        let places = self.closures.dependent.iter().zip(&self.places);
-        for (change, (&k, &(edge, place))) in self.rows.iter().zip(places) {
-            largest = keep_larger(largest, (change / self.closures.column_scale[k]).abs());
-            x[edge][place] += change;
+        for cluster in clusters.iter_mut().filter(|cluster| cluster.is_open) {
+            let mut size = 0.0;
+            for (at, change) in cluster.changes(&self.rows) {
+                let (edge, place) = self.places[at];
+                size = keep_larger(size, (change / column_scale[dependent[at]]).abs());
+                x[edge][place] += change;
+            }
+            cluster.size = size;
+            largest = keep_larger(largest, size);
         }
         if largest.is_finite() { largest } else { f64::INFINITY }
     }
@@ -149,10 +196,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
         }
         largest
-    }
-
-    fn largest_residual(&self) -> f64 {
-        self.rows.iter().fold(0.0, |m, x| keep_larger(m, x.abs()))
     }
 
     fn keep_coordinates(&mut self, x: &[[f64; 6]]) {
@@ -221,9 +264,4 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                  last correction, {correction:.2e}, was of `{name}`"
             )).of_row(place).of_coordinate(coordinate)
     }
-}
-
-/// Maximum that does not pass over NaN.
-fn keep_larger(a: f64, b: f64) -> f64 {
-    if b.is_nan() || b > a { b } else { a }
 }

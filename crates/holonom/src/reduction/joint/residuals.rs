@@ -1,38 +1,70 @@
 //! What the closures leave at a configuration, of its rates and of its accelerations, and what they exert.
 
 use super::algebra::Algebra;
-use super::closures::{Closures, Origin};
+use super::closures::{Closure, Origin};
 use super::engine::{Engine, add, dot, pose};
+use super::stances::Variation;
+use crate::math::vector::difference;
 use crate::reduction::parametrization::Parametrization;
-use crate::system::System;
+use crate::system::{MotionRows, System};
 use std::f64::consts::TAU;
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// N at q.
     pub(super) fn evaluate_closures(&mut self, parametrization: &Parametrization, q: &[f64]) {
-        let n = self.closures.coordinates;
-        let Closures { all, matrix, .. } = &mut self.closures;
-        let mut rest = self.gradients.as_mut_slice();
-        for closure in all.iter() {
+        let mut matrix = std::mem::take(&mut self.closures.matrix);
+        let mut gradients = std::mem::take(&mut self.gradients);
+        let mut rest = gradients.as_mut_slice();
+        let mut felt = [[[0.0; W]; 2]; MOST_ROWS];
+        for closure in &self.closures.all {
             let (gradient, later) = rest.split_at_mut(closure.count * 2 * N);
             rest = later;
-            gradient_of(self.system.as_ref(), parametrization, closure.origin, q, gradient);
+            self.evaluate_rows(Some(parametrization), closure, q, gradient, &mut felt);
             for (at, (row, _)) in closure.rows.iter().enumerate() {
-                let line = &mut matrix[(closure.first + at) * n..][..n];
-                let own = &gradient[row * 2 * N..][..2 * N];
-                let mut felt = [[0.0; W]; 2];
-                for (side, felt) in felt.iter_mut().enumerate() {
-                    let Some(b) = closure.ends[side] else { continue };
-                    *felt = A::wrench(pose(q, b), &self.origin[b], pose(own, side));
+                let line = &mut matrix[closure.entries(at)];
+                for (out, &(k, side)) in line.iter_mut().zip(&closure.path) {
+                    *out = dot(&felt[*row][side], &self.columns[k]);
                 }
-                for &(k, side) in &closure.path {
-                    line[k] = dot(&felt[side], &self.columns[k]);
+            }
+        }
+        (self.closures.matrix, self.gradients) = (matrix, gradients);
+    }
+
+    /// Wrenches of the rows of a closure on its bodies, about their reference points; `gradient` is overwritten
+    /// where they come from one over the coordinates of poses.
+    fn evaluate_rows(
+        &self,
+        parametrization: Option<&Parametrization>,
+        closure: &Closure,
+        q: &[f64],
+        gradient: &mut [f64],
+        felt: &mut [[[f64; W]; 2]; MOST_ROWS],
+    ) {
+        if let Some(rows) = on_motions(self.system.as_ref(), closure.origin) {
+            let stances = self.stances_of(closure);
+            let mut wrenches = [[[[0.0; 3]; 2]; 2]; MOST_ROWS];
+            rows.wrenches(stances, &mut wrenches);
+            for (side, end) in closure.ends.iter().enumerate() {
+                let Some(b) = *end else { continue };
+                let arm = difference(&stances[side].place, &self.origin[b]);
+                for (row, _) in &closure.rows {
+                    felt[*row][side] = A::about(&wrenches[*row][side], &arm);
                 }
+            }
+            return;
+        }
+        gradient_of(self.system.as_ref(), parametrization, closure.origin, q, gradient);
+        for (row, _) in &closure.rows {
+            let own = &gradient[row * 2 * N..][..2 * N];
+            for (side, end) in closure.ends.iter().enumerate() {
+                let Some(b) = *end else { continue };
+                felt[*row][side] = A::wrench(pose(q, b), &self.origin[b], pose(own, side));
             }
         }
     }
 
-    /// Residuals of the closures at a configuration: Φ, and deformations less what they should be.
+    /// Residuals of the closures of open clusters at a configuration: Φ, and deformations less what they should be. How
+    /// bodies stand must belong to it.
     pub(super) fn evaluate_residual(
         &mut self,
         parametrization: &Parametrization,
@@ -41,16 +73,25 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         q: &[f64],
     ) {
         let relatives = Self::relatives(parametrization);
-        let mut value = [0.0; 6];
-        for closure in &self.closures.all {
-            match closure.origin {
-                Origin::Joint(joint) => self.system.joint_value(joint, t, q, &mut value),
-                Origin::Deformations(group) => {
+        let system = self.system.as_ref();
+        let mut value = [0.0; MOST_ROWS];
+        for closure in self.closures.all.iter().filter(|closure| self.closures.is_open(closure)) {
+            match (closure.origin, on_motions(system, closure.origin)) {
+                (Origin::Joint(joint), Some(rows)) => {
+                    rows.value_at(self.stances_of(closure), &mut value);
+                    value[0] -= system.joint_drive(joint, t).map_or(0.0, |s| s[0]);
+                }
+                (Origin::Joint(joint), None) => system.joint_value(joint, t, q, &mut value),
+                (Origin::Deformations(_), Some(rows)) => {
+                    rows.value_at(self.stances_of(closure), &mut value);
+                    closure.rows.iter().for_each(|&(row, k)| value[row] -= p[k]);
+                }
+                (Origin::Deformations(group), None) => {
                     let reference = &relatives.references[group];
-                    self.system.relative_value(group, reference, q, &mut value[..closure.count]);
+                    system.relative_value(group, reference, q, &mut value[..closure.count]);
                     for &(row, k) in &closure.rows {
                         value[row] -= p[k];
-                        if counts_turns(self.system.as_ref(), group) {
+                        if counts_turns(system, group) {
                             value[row] -= TAU * (value[row] / TAU).round();
                         }
                     }
@@ -62,79 +103,100 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// Residuals of the closures' rates (`level` 1) or accelerations (2), `a` being q̇ or q̈ of all bodies, v their q̇.
-    pub(super) fn evaluate_rate_residual(
+    /// Residuals of the closures' accelerations for the present twists and their rates, v being q̇ of all bodies, less
+    /// what those of deformations should be.
+    pub(super) fn evaluate_second_residual(
         &mut self,
         parametrization: Option<&Parametrization>,
         t: f64,
-        level: usize,
         p: &[f64],
-        [q, v, a]: [&[f64]; 3],
+        [q, v]: [&[f64]; 2],
     ) {
+        self.evaluate_motions(Variation::OfTime);
         let relatives = parametrization.map(Self::relatives);
+        let system = self.system.as_ref();
         let mut rest = self.gradients.as_slice();
-        let mut value = [0.0; 6];
+        let mut value = [0.0; MOST_ROWS];
         for closure in &self.closures.all {
             let (gradient, later) = rest.split_at(closure.count * 2 * N);
             rest = later;
-            value.fill(0.0);
-            match closure.origin {
-                Origin::Joint(joint) => {
-                    if level == 2 {
-                        self.system.joint_curvature(joint, q, v, &mut value);
+            if matches!(closure.origin, Origin::Deformations(_)) && relatives.is_none() {
+                // Without references deformations are left out.
+                continue;
+            }
+            if let Some(rows) = on_motions(system, closure.origin) {
+                let motions = self.motions_of(closure);
+                rows.rate_changes(self.stances_of(closure), motions, &mut value);
+            } else {
+                match (closure.origin, relatives) {
+                    (Origin::Deformations(group), Some(relatives)) => {
+                        let out = &mut value[..closure.count];
+                        system.relative_curvature(group, &relatives.references[group], q, v, out);
                     }
-                    let row = self.system.structure().joints[joint].row;
-                    value[0] -= self.system.drive(row, t)[level];
+                    (Origin::Joint(joint), _) => system.joint_curvature(joint, q, v, &mut value),
+                    _ => {}
                 }
-                Origin::Deformations(group) => {
-                    // Without references deformations are left out.
-                    let Some(relatives) = relatives else { continue };
-                    if level == 2 {
-                        let (reference, out) =
-                            (&relatives.references[group], &mut value[..closure.count]);
-                        self.system.relative_curvature(group, reference, q, v, out);
-                    }
-                    for (row, k) in &closure.rows {
-                        value[*row] -= p[*k];
+                for (side, end) in closure.ends.iter().enumerate() {
+                    let Some(b) = *end else { continue };
+                    let (y, yd) = (&self.twist[b], &self.twist_rate[b]);
+                    let a = A::second_rates(pose(q, b), pose(v, b), &self.origin[b], y, yd);
+                    for (row, _) in &closure.rows {
+                        let own: &[f64; N] = pose(&gradient[row * 2 * N..], side);
+                        value[*row] += own.iter().zip(&a).map(|(g, a)| g * a).sum::<f64>();
                     }
                 }
             }
+            match closure.origin {
+                Origin::Joint(joint) => {
+                    value[0] -= system.joint_drive(joint, t).map_or(0.0, |s| s[2]);
+                }
+                Origin::Deformations(_) => closure.rows.iter().for_each(|(row, k)| {
+                    value[*row] -= p[*k];
+                }),
+            }
             for (out, (row, _)) in self.rows[closure.first..].iter_mut().zip(&closure.rows) {
                 *out = value[*row];
-                let own = &gradient[row * 2 * N..][..2 * N];
-                for (side, own) in own.chunks_exact(N).enumerate() {
-                    let Some(b) = closure.ends[side] else { continue };
-                    *out += own.iter().zip(pose::<N>(a, b)).map(|(g, a)| g * a).sum::<f64>();
-                }
             }
         }
     }
 
     /// Adds what the joints that close loops exert to the wrenches of their bodies.
     pub(super) fn add_closure_forces(&mut self, q: &[f64], lambda: &[f64]) {
-        let mut rest = self.gradients.as_slice();
+        let mut wrench = std::mem::take(&mut self.wrench);
+        let mut felt = [[[0.0; W]; 2]; MOST_ROWS];
+        let mut gradient = [0.0; MOST_ROWS * 14];
         for closure in &self.closures.all {
-            let (gradient, later) = rest.split_at(closure.count * 2 * N);
-            rest = later;
             if let Origin::Deformations(_) = closure.origin {
                 continue;
             }
+            let gradient = &mut gradient[..closure.count * 2 * N];
+            self.evaluate_rows(None, closure, q, gradient, &mut felt);
             for (row, global) in &closure.rows {
-                let own = &gradient[row * 2 * N..][..2 * N];
-                for (side, own) in own.chunks_exact(N).enumerate() {
-                    let Some(b) = closure.ends[side] else { continue };
-                    let felt = A::wrench(pose(q, b), &self.origin[b], pose(own, 0));
-                    add(&mut self.wrench[b], lambda[*global], &felt);
+                for (side, end) in closure.ends.iter().enumerate() {
+                    let Some(b) = *end else { continue };
+                    add(&mut wrench[b], lambda[*global], &felt[*row][side]);
                 }
             }
         }
+        self.wrench = wrench;
+    }
+}
+
+/// Most rows of an element.
+const MOST_ROWS: usize = 6;
+
+/// Rows of a closure from how its bodies stand and move, where these tell them.
+pub(super) fn on_motions(system: &dyn System, origin: Origin) -> Option<&dyn MotionRows> {
+    match origin {
+        Origin::Joint(joint) => system.joint_on_motions(joint),
+        Origin::Deformations(group) => system.relative_on_motions(group),
     }
 }
 
 /// Gradient of a closure over the coordinates of its two bodies.
-fn gradient_of(
+pub(super) fn gradient_of(
     system: &dyn System,
-    parametrization: &Parametrization,
+    parametrization: Option<&Parametrization>,
     origin: Origin,
     q: &[f64],
     out: &mut [f64],
@@ -142,7 +204,9 @@ fn gradient_of(
     match origin {
         Origin::Joint(joint) => system.joint_gradient(joint, q, out),
         Origin::Deformations(group) => {
-            let Some(relatives) = parametrization.relatives() else { return };
+            let Some(relatives) = parametrization.and_then(Parametrization::relatives) else {
+                return;
+            };
             system.relative_gradient(group, &relatives.references[group], q, out);
         }
     }

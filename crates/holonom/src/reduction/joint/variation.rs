@@ -3,6 +3,8 @@
 use super::algebra::Algebra;
 use super::closures::Origin;
 use super::engine::{Engine, add, pose, pose_mut};
+use super::residuals::{gradient_of, on_motions};
+use super::stances::Variation;
 use crate::reduction::parametrization::Parametrization;
 use crate::system::State;
 
@@ -71,37 +73,44 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         dv: &[f64],
     ) {
         let Some(relatives) = parametrization.relatives() else { return };
-        let mut rest = self.gradients.as_slice();
-        let mut bend = [0.0; 6 * 14];
-        let mut bend_rate = [0.0; 6 * 14];
+        self.evaluate_motions(Variation::OfVariables);
+        let mut value = [0.0; 6];
+        let [mut gradient, mut bend, mut bend_rate] = [[0.0; 6 * 14]; 3];
         for closure in &self.closures.all {
-            let size = closure.count * 2 * N;
-            let (gradient, later) = rest.split_at(size);
-            rest = later;
-            let bend = &mut bend[..size];
-            match closure.origin {
-                Origin::Joint(joint) => {
-                    self.system.joint_blocks(joint, state, bend, &mut bend_rate[..size]);
+            if let Some(rows) = on_motions(self.system.as_ref(), closure.origin) {
+                let motions = self.motions_of(closure);
+                rows.rate_changes(self.stances_of(closure), motions, &mut value);
+            } else {
+                let size = closure.count * 2 * N;
+                let (gradient, bend) = (&mut gradient[..size], &mut bend[..size]);
+                let (system, q) = (self.system.as_ref(), &state.q);
+                gradient_of(system, Some(parametrization), closure.origin, q, gradient);
+                match closure.origin {
+                    Origin::Joint(joint) => {
+                        system.joint_blocks(joint, state, bend, &mut bend_rate[..size]);
+                    }
+                    Origin::Deformations(group) => {
+                        let reference = &relatives.references[group];
+                        system.relative_rate_gradient(group, reference, q, &state.v, bend);
+                    }
                 }
-                Origin::Deformations(group) => {
-                    let reference = &relatives.references[group];
-                    self.system.relative_rate_gradient(group, reference, &state.q, &state.v, bend);
+                for (row, _) in &closure.rows {
+                    value[*row] = 0.0;
+                    for (side, end) in closure.ends.iter().enumerate() {
+                        let Some(b) = *end else { continue };
+                        let range = row * 2 * N + side * N..row * 2 * N + (side + 1) * N;
+                        let (dq, dv): (&[f64; N], &[f64; N]) = (pose(dq, b), pose(dv, b));
+                        let bent = bend[range.clone()].iter().zip(dq).map(|(a, x)| a * x);
+                        let along = gradient[range].iter().zip(dv).map(|(a, x)| a * x);
+                        value[*row] += bent.sum::<f64>() + along.sum::<f64>();
+                    }
                 }
             }
             for (out, (row, k)) in self.rows[closure.first..].iter_mut().zip(&closure.rows) {
                 *out = match closure.origin {
-                    Origin::Joint(_) => 0.0,
-                    Origin::Deformations(_) => -dp_rate[*k],
+                    Origin::Joint(_) => value[*row],
+                    Origin::Deformations(_) => value[*row] - dp_rate[*k],
                 };
-                for side in 0..2 {
-                    let Some(b) = closure.ends[side] else { continue };
-                    let range = row * 2 * N + side * N..row * 2 * N + (side + 1) * N;
-                    let (dq, dv): (&[f64; N], &[f64; N]) = (pose(dq, b), pose(dv, b));
-                    let terms = bend[range.clone()].iter().zip(dq);
-                    *out += terms.map(|(a, x)| a * x).sum::<f64>();
-                    let terms = gradient[range].iter().zip(dv);
-                    *out += terms.map(|(a, x)| a * x).sum::<f64>();
-                }
             }
         }
     }

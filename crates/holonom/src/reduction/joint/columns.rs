@@ -1,0 +1,98 @@
+//! Columns of the coordinates, and how they change.
+
+use super::algebra::Algebra;
+use super::engine::{Engine, add, pose};
+use crate::math::turn::TurnRate;
+use crate::system::EdgeScrews;
+
+impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
+    /// Columns of all coordinates at q, with the reference points of the trees and the inertias there.
+    pub(super) fn evaluate_columns(&mut self, x: &[[f64; 6]], q: &[f64]) {
+        for (origin, root) in self.origin.iter_mut().zip(&self.root) {
+            *origin = A::center(pose(q, *root));
+        }
+        self.stand(q);
+        for (inertia, stance) in self.inertias.iter_mut().zip(&self.stances) {
+            inertia.turned = A::turned(&inertia.own, stance);
+        }
+        let mut screws = EdgeScrews::default();
+        for (edge, turning) in self.edges.iter().zip(&mut self.turning) {
+            if !self.system.edge_screws(edge.at, edge.form, &self.stances, &mut screws) {
+                continue;
+            }
+            let sign = if edge.outward { 1.0 } else { -1.0 };
+            self.center[edge.body] = screws.center;
+            let own = &mut self.screws[edge.range.clone()];
+            for (out, [linear, angular]) in own.iter_mut().zip(&screws.columns) {
+                *out = A::screw(linear, angular).map(|x| sign * x);
+            }
+            let columns = &mut self.own_columns[edge.range.clone()];
+            columns.copy_from_slice(own);
+            if let Some(start) = edge.rotation {
+                let theta = [x[edge.at][start], x[edge.at][start + 1], x[edge.at][start + 2]];
+                let rate = turning.insert(TurnRate::new(&theta)).matrix();
+                for (k, column) in columns[start..].iter_mut().enumerate() {
+                    let mut angular = [0.0; 3];
+                    for (row, [_, axis]) in rate.iter().zip(&screws.columns[start..]) {
+                        add(&mut angular, sign * row[k], axis);
+                    }
+                    *column = A::screw(&[0.0; 3], &angular);
+                }
+            }
+            let o = &self.origin[edge.body];
+            for (out, own) in self.columns[edge.range.clone()].iter_mut().zip(columns) {
+                *out = A::moved_twist(own, &screws.center, o);
+            }
+        }
+    }
+
+    /// Rates as the screws have them: of a rotation vector the angular velocity.
+    fn screw_rates(&self, at: usize, x_rate: &[f64]) -> [f64; 6] {
+        let edge = &self.edges[at];
+        let mut out = [0.0; 6];
+        out[..edge.range.len()].copy_from_slice(&x_rate[edge.range.clone()]);
+        if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
+            let turned = turning.times(&[out[start], out[start + 1], out[start + 2]]);
+            out[start..start + 3].copy_from_slice(&turned);
+        }
+        out
+    }
+
+    /// δ(B ẋ) of an edge at fixed ẋ, where bodies move by the twists `motion` and coordinates by `change`.
+    pub(super) fn column_change(&self, at: usize, motion: &[[f64; W]], change: &[f64]) -> [f64; W] {
+        let edge = &self.edges[at];
+        let mut out = match edge.first {
+            Some(carrier) => A::cross(&motion[carrier], &self.relative[edge.body]),
+            None => [0.0; W],
+        };
+        if !edge.nested && edge.rotation.is_none() {
+            return out;
+        }
+        let screws = &self.screws[edge.range.clone()];
+        let mut own = [0.0; W];
+        if edge.nested {
+            let [rates, moved] = [&self.rates[..], change].map(|x| self.screw_rates(at, x));
+            let sign = if edge.outward { 1.0 } else { -1.0 };
+            for (k, (screw, rate)) in screws.iter().zip(rates).enumerate() {
+                for (j, inner) in screws.iter().enumerate().take(k) {
+                    if edge.stage[j] < edge.stage[k] {
+                        add(&mut own, sign * rate * moved[j], &A::cross(inner, screw));
+                    }
+                }
+            }
+        }
+        if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
+            let three = |x: &[f64]| {
+                let first = edge.range.start + start;
+                [x[first], x[first + 1], x[first + 2]]
+            };
+            let bend = turning.first(&three(change), &three(&self.rates));
+            for (x, screw) in bend.iter().zip(&screws[start..]) {
+                add(&mut own, *x, screw);
+            }
+        }
+        let own = A::moved_twist(&own, &self.center[edge.body], &self.origin[edge.body]);
+        add(&mut out, 1.0, &own);
+        out
+    }
+}
