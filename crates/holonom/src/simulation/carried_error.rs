@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 const SUSPICIOUS: f64 = 10.0;
 /// Tolerances below which the turn of a reference within a step makes no difference worth its cost.
 const NEGLIGIBLE: f64 = 0.1;
-/// Places on its way that a run keeps for the comparison with a second one.
+/// Places on its way that a run keeps for the comparison with a second one, beside that at its end.
 const MILESTONES: usize = 16;
 
 /// Most steps of explicit formulas, one-step and multistep, that a matrix serves: it costs as much as some evaluations.
@@ -72,9 +72,10 @@ impl CarriedError {
             && places.len() == n * times.len()
             && times.len() <= MILESTONES
             && milestones.every > 0
+            && self.serving.steps <= MOST_STEPS[1]
     }
 
-    /// The largest error so far, in tolerances of places.
+    /// The largest error so far, in tolerances of places; it is not followed any further once it is suspicious.
     pub(super) fn largest(&self) -> f64 {
         self.largest
     }
@@ -94,8 +95,10 @@ impl CarriedError {
         self.present > NEGLIGIBLE
     }
 
-    /// Takes the error over the step just accepted, whose own error was estimated as `estimate`, 1 = on tolerance; with
-    /// the length of the step and the slope of the equations at its end also what its iterations have left.
+    /// Takes the error over the step just accepted, whose own error was estimated as `estimate`, 1 = on tolerance, and in
+    /// which laws may have passed knots; with the length of the step and the slope of the equations at its end also what its
+    /// iterations have left. Where there is no matrix to carry it with, it is suspicious, and the form may be elsewhere:
+    /// false.
     pub(super) fn follow(
         &mut self,
         stepper: &mut dyn Stepper,
@@ -104,10 +107,15 @@ impl CarriedError {
         tolerance: &Tolerance,
         power: &mut [f64],
         iterated: Option<(f64, &[f64])>,
-        passes_knots: bool,
+        passes_knot: bool,
         (t, step, w): (f64, f64, &[f64]),
-    ) {
-        if !stepper.explicit() {
+    ) -> bool {
+        if self.is_suspicious() {
+            return true;
+        }
+        if stepper.explicit() {
+            self.part_with_longer_steps(form, power, step);
+        } else {
             for Carried { error, .. } in &mut self.sums {
                 if error.iter().any(|&e| e != 0.0) {
                     power.copy_from_slice(error);
@@ -120,15 +128,15 @@ impl CarriedError {
             }
         }
         let share = estimate * tolerance.relative.max(tolerance.rotation);
-        // Where a law has a knot, no formula has its order.
-        let part = if passes_knots { 1.0 } else { true_part(stepper.orders_of_error(), share) };
+        // At the knot of a law, or beside the other end of a line, no formula has its order.
+        let part = if passes_knot { 1.0 } else { true_part(stepper.orders_of_error(), share) };
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, part, stepper.last_change());
         // By rates: errors of places last, those of rates become more.
         let ndof = form.second_order_split();
         let rates = other.error.iter().zip(stepper.last_change()).skip(ndof).take(ndof);
-        let sign = rates.map(|(e, d)| e * d).sum();
-        add(&mut other.error, part.copysign(sign), stepper.last_change());
+        let product = rates.map(|(e, d)| e * d).sum();
+        add(&mut other.error, part.copysign(product), stepper.last_change());
         if let Some((step, slope)) = iterated {
             let part = stepper.filter_part() * step;
             for (x, (g, s)) in power.iter_mut().zip(slope.iter().zip(stepper.end().slope)) {
@@ -139,25 +147,26 @@ impl CarriedError {
                 add(error, 1.0, power);
             }
         }
-        if stepper.explicit()
-            && !self.carry_explicitly(stepper.multistep(), form, power, (t, step, w))
-        {
+        let known = !stepper.explicit()
+            || self.carry_if_due(stepper.multistep(), form, power, (t, step, w));
+        if known {
+            self.look(form);
+        } else {
             self.lose();
-            return;
         }
-        self.look(form);
+        known
     }
 
-    /// Takes what is left of it to the end of a run by an explicit formula, which is at (`t`, `w`).
+    /// Takes what waits for a matrix to the end of a run by an explicit formula, which is at (`t`, `w`).
     pub(super) fn end(&mut self, form: &mut dyn StateSpace, power: &mut [f64], t: f64, w: &[f64]) {
         let Serving { steps, span, .. } = self.serving;
-        if steps > 0 {
-            let done = form.linearize(t, w).is_ok();
-            if done && self.carry_over(form, power, (steps, span)).is_some() {
-                self.look(form);
-            } else {
-                self.lose();
-            }
+        if steps == 0 || self.is_suspicious() {
+            return;
+        }
+        if form.linearize(t, w).is_ok() && self.carry_over(form, power, (steps, span)).is_some() {
+            self.look(form);
+        } else {
+            self.lose();
         }
     }
 
@@ -180,6 +189,7 @@ impl CarriedError {
             } else {
                 self.present = f64::MAX;
                 error.fill(0.0);
+                spread.iter_mut().for_each(|spread| spread.fill(0.0));
             }
         }
         self.largest = self.largest.max(self.present);
@@ -187,24 +197,26 @@ impl CarriedError {
 }
 
 impl CarriedError {
+    /// Where a step of an explicit formula is much shorter than those that wait for a matrix, what makes it short was not
+    /// there before: they get the matrix of their time.
+    fn part_with_longer_steps(&mut self, form: &mut dyn StateSpace, power: &mut [f64], step: f64) {
+        let Serving { steps, span, known, .. } = self.serving;
+        let abrupt = known && steps > 0 && step < SHORTER * span / steps as f64;
+        // Where the matrix cannot be factored for them, they go on waiting.
+        if abrupt && self.carry_over(form, power, (steps, span)).is_some() {
+            self.serving = Serving { known: true, ..Serving::NEW };
+        }
+    }
+
     /// Carries it over the steps of an explicit formula that there is no matrix for yet, if they are many enough; false
     /// where that cannot be done. Source: `docs/theory/simulation.md` (13).
-    fn carry_explicitly(
+    fn carry_if_due(
         &mut self,
         multistep: bool,
         form: &mut dyn StateSpace,
         power: &mut [f64],
         (t, step, w): (f64, f64, &[f64]),
     ) -> bool {
-        let Serving { steps, span, known, .. } = self.serving;
-        // What makes steps short was not there before: earlier ones keep the matrix of their time.
-        let abrupt = known && steps > 0 && step < SHORTER * span / steps as f64;
-        if abrupt && self.carry_over(form, power, (steps, span)).is_none() {
-            return false;
-        }
-        if abrupt {
-            self.serving = Serving { known, ..Serving::NEW };
-        }
         let Serving { steps, span, most, .. } = &mut self.serving;
         (*steps, *span) = (*steps + 1, *span + step);
         if steps < most {
@@ -214,26 +226,27 @@ impl CarriedError {
         if form.linearize(t, w).is_err() {
             return false;
         }
-        let Some(grows) = self.carry_over(form, power, (steps, span)) else { return false };
+        let before = self.size(form, power, span);
+        if self.carry_over(form, power, (steps, span)).is_none() {
+            return false;
+        }
+        let grows = self.size(form, power, span) > GROWTH * before;
         let next = if grows { most / 2 } else { 2 * most };
         let most = next.clamp(1, MOST_STEPS[usize::from(multistep)]);
         self.serving = Serving { most, known: true, ..Serving::NEW };
         true
     }
 
-    /// Carries it over a number of steps with the matrix at hand. Whether it grows too much for one matrix; none where
-    /// that cannot be done.
+    /// Carries it over a number of steps with the matrix at hand, if that can be factored for them.
     fn carry_over(
         &mut self,
         form: &mut dyn StateSpace,
         power: &mut [f64],
         (steps, span): (u64, f64),
-    ) -> Option<bool> {
+    ) -> Option<()> {
         let parts = steps.div_ceil(2);
         form.factor(0.5 * span / parts as f64).ok()?;
-        let mut grows = false;
-        for Carried { error, spread: [places, _] } in &mut self.sums {
-            let before = size(form, error, span, power, places);
+        for Carried { error, .. } in &mut self.sums {
             for _ in 0..parts {
                 power.copy_from_slice(error);
                 form.solve(power);
@@ -241,29 +254,23 @@ impl CarriedError {
                     *e = 2.0 * s - *e;
                 }
             }
-            grows |= size(form, error, span, power, places) > GROWTH * before;
         }
-        Some(grows)
+        Some(())
     }
-}
 
-/// Of the places that an error in w makes, in tolerances, with those that its rates make within `span`, s.
-/// `room` and `places` are for changes of w and of coordinates.
-fn size(
-    form: &mut dyn StateSpace,
-    error: &[f64],
-    span: f64,
-    room: &mut [f64],
-    places: &mut [f64],
-) -> f64 {
-    let ndof = form.second_order_split();
-    let mut of = |part: &[f64]| {
-        room.fill(0.0);
-        room[..ndof].copy_from_slice(part);
-        places.copy_from_slice(form.spread(room)[0]);
-        form.displacement(places)
-    };
-    of(&error[..ndof]) + span * of(&error[ndof..2 * ndof])
+    /// Of the places that it makes, in tolerances, with those that its rates make within `span`, s. `room` is for a change
+    /// of w.
+    fn size(&mut self, form: &mut dyn StateSpace, room: &mut [f64], span: f64) -> f64 {
+        let ndof = form.second_order_split();
+        let [Carried { error, spread: [places, _] }, _] = &mut self.sums;
+        let mut of = |part: &[f64]| {
+            room.fill(0.0);
+            room[..ndof].copy_from_slice(part);
+            places.copy_from_slice(form.spread(room)[0]);
+            form.displacement(places)
+        };
+        of(&error[..ndof]) + span * of(&error[ndof..2 * ndof])
+    }
 }
 
 /// The steps of an explicit formula since the last matrix.
@@ -274,7 +281,7 @@ struct Serving {
     span: f64,
     /// Steps after which the next matrix is due.
     most: u64,
-    /// Whether there is a matrix.
+    /// Whether the last matrix is one of the present equations and variables.
     known: bool,
 }
 

@@ -156,7 +156,8 @@ pub(super) struct Looking<'a> {
 pub(super) struct Way {
     /// Between each two of them the argument follows the cubic through them.
     places: Vec<Place>,
-    /// Start of the step, times at which it passes a knot or turns back, end, s; empty where it passes no knot.
+    /// Start of the step, times at which it passes a knot, turns back or is beside the other end of its line, end, s; empty
+    /// where it only turns back.
     marks: Vec<f64>,
     passages: Vec<Passage>,
     /// Where the line is next to its other end.
@@ -249,7 +250,7 @@ impl Way {
     }
 
     /// Whether [`Way::follow`] has found a knot or such a place.
-    pub(super) fn passes_knots(&self) -> bool {
+    pub(super) fn passes_knot(&self) -> bool {
         !self.marks.is_empty()
     }
 

@@ -1,6 +1,7 @@
 //! A second run that tells how far a suspicious one is off.
 
 use super::carried_error::{CarriedError, Milestones};
+use super::checks::RunError;
 use super::options::{Options, OutputTimes};
 use super::problem::Problem;
 use super::run::{Start, Summary, once};
@@ -54,45 +55,48 @@ pub(super) fn compare(
         place: milestones.start.clone(),
         difference: vec![0.0; milestones.start.q.len()],
         compared: 0,
-        far: None,
-        largest: 0.0,
+        worst: None,
     };
     let outcome =
         once(problem, &tighter, Start::At(&milestones.start), "checking", &mut comparison);
-    let message = match (comparison.far, outcome) {
-        (Some(Far { item, tolerances, t }), _) => {
-            let fold = 10f64.powf((tolerances / MET).log10().ceil());
-            format!(
-                "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances away from where \
-                 a second run, at a tenth of the tolerance, has it at t = {t:.4} s; tighten the tolerance, \
-                 {fold:.0}-fold at least if it is to be met, and compare with another code"
-            )
-        }
-        (None, Ok((Summary { status: Status::Completed, .. }, second))) => {
-            // What is not certain of itself vouches for less.
-            let certain = !second.as_ref().is_some_and(CarriedError::is_suspicious);
-            if certain || comparison.largest <= UNCERTAIN {
-                return None;
-            }
-            format!(
-                "small errors add up or grow in this motion: a second run, at a tenth of the tolerance, is up to {:.0} \
-                 tolerances elsewhere and may be off by some itself; tighten the tolerance, and compare with another code",
-                comparison.largest
-            )
-        }
-        (None, outcome) => {
-            let why = match outcome {
-                Ok((summary, _)) => summary.stop.message,
-                Err(error) => error.to_string(),
-            };
-            format!(
-                "small errors may add up or grow in this motion, to more than {:.0} tolerances, and the second run \
-                 that was to tell, at a tenth of the tolerance, did not reach its end: {why}",
-                carried.largest().floor()
-            )
-        }
+    let (worst, second) = match outcome {
+        Ok((Summary { status: Status::Completed, .. }, second)) => (comparison.worst, second),
+        outcome => match comparison.worst.filter(|worst| worst.tolerances > FAR) {
+            Some(worst) => (Some(worst), None),
+            None => return Some(warning(unfinished(carried, outcome))),
+        },
     };
-    Some(RunWarning { code: "simulation/amplified-error", message })
+    // What is not certain of itself vouches for less.
+    let certain = !second.as_ref().is_some_and(CarriedError::is_suspicious);
+    let allowed = if certain { FAR } else { UNCERTAIN };
+    let Far { item, tolerances, t } = worst.filter(|worst| worst.tolerances > allowed)?;
+    let fold = 10f64.powf((tolerances / MET).log10().ceil());
+    let doubt = if certain { "" } else { ", which may be off itself" };
+    Some(warning(format!(
+        "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances away from where a second \
+         run, at a tenth of the tolerance{doubt}, has it at t = {t:.4} s; tighten the tolerance, {fold:.0}-fold at least \
+         if it is to be met, and compare with another code"
+    )))
+}
+
+fn warning(message: String) -> RunWarning {
+    RunWarning { code: "simulation/amplified-error", message }
+}
+
+/// Of a second run that did not come to its end.
+fn unfinished(
+    carried: &CarriedError,
+    outcome: Result<(Summary, Option<CarriedError>), RunError>,
+) -> String {
+    let why = match outcome {
+        Ok((summary, _)) => summary.stop.message,
+        Err(error) => error.to_string(),
+    };
+    format!(
+        "small errors may add up or grow in this motion, to more than {:.0} tolerances, and the second run \
+         that was to tell, at a tenth of the tolerance, did not reach its end: {why}",
+        carried.largest().floor()
+    )
 }
 
 /// Where a run is far from the second one.
@@ -112,10 +116,8 @@ struct Comparison<'a> {
     place: State,
     difference: Vec<f64>,
     compared: usize,
-    /// The first that was found.
-    far: Option<Far>,
-    /// The largest difference, in tolerances.
-    largest: f64,
+    /// The largest difference of all.
+    worst: Option<Far>,
 }
 
 impl Comparison<'_> {
@@ -142,10 +144,9 @@ impl Comparison<'_> {
         let displacements = self.weights.displacements(&self.difference).enumerate();
         let (body, tolerances) =
             displacements.reduce(|a, b| if b.1 > a.1 { b } else { a }).unwrap_or((0, 0.0));
-        self.largest = self.largest.max(tolerances);
-        if self.far.is_none() && tolerances > FAR {
+        if self.worst.as_ref().is_none_or(|worst| tolerances > worst.tolerances) {
             let item = self.system.coordinate_item(body * sizes.per_body).to_owned();
-            self.far = Some(Far { item, tolerances, t });
+            self.worst = Some(Far { item, tolerances, t });
         }
     }
 }
@@ -164,7 +165,7 @@ impl Sink for Comparison<'_> {
 
     /// The first run is at its end.
     fn progress(&mut self, _: f64, step_size: f64, steps: u64) -> Flow {
-        if self.far.is_some() {
+        if self.worst.as_ref().is_some_and(|worst| worst.tolerances > FAR) {
             return Flow::Interrupt;
         }
         let end = self.milestones.times.last().copied().unwrap_or(self.milestones.start.t);

@@ -7,6 +7,7 @@ use holonom::model::Tolerance;
 use holonom::newton::{Chosen, Complex64, MatrixOptions, ReducedMatrix, Representation};
 use holonom::reduction::{Choice, Coordinates};
 use holonom::simulation::{Options, Problem};
+use std::fmt::Write as _;
 
 fn implicit() -> impl Iterator<Item = Code> {
     CODES.iter().filter(|info| info.family != "explicit").map(|info| info.code)
@@ -138,12 +139,14 @@ fn free_chain(links: usize) -> String {
     for i in 1..=links {
         let (before, end) =
             if i == 1 { ("ground".to_owned(), 0.0) } else { (format!("link_{}", i - 1), 0.5) };
-        text += &format!(
+        writeln!(
+            text,
             "bodies.link_{i} = {{ mass = 1.0, inertia = \"=1/12\", position = [{}, 0.0] }}\n\
              joints.joint_{i} = {{ type = \"revolute\", between = [\"{before}\", \"link_{i}\"], \
-             points_in_body = [[{end:?}, 0.0], [-0.5, 0.0]] }}\n",
+             points_in_body = [[{end:?}, 0.0], [-0.5, 0.0]] }}",
             i as f64 - 0.5
-        );
+        )
+        .unwrap();
     }
     text
 }

@@ -233,7 +233,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             system: system.clone(),
             sources: coordinates.iter().map(|c| c.0).collect(),
             names: names.into(),
-            root: root.into(),
+            root,
             origin: vec![[0.0; 3]; bodies],
             center: vec![[0.0; 3]; bodies],
             screws: vec![[0.0; W]; n],

@@ -127,7 +127,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Places all bodies. How they stand is known when the configuration is.
     fn place_all(&mut self, relatives: &Relatives, x: &[[f64; 6]], q: &mut [f64]) {
         self.stood[0] = f64::NAN;
-        for edge in &self.edges {
+        for edge in &*self.edges {
             let stances = Some(&mut self.stances[..]);
             relatives.place_edge(self.system.as_ref(), edge.at, x, q, stances);
         }
@@ -136,7 +136,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Places the bodies that open clusters move.
     fn place_corrected(&mut self, relatives: &Relatives, x: &[[f64; 6]], q: &mut [f64]) {
         let clusters = &self.closures.clusters;
-        for edge in &self.edges {
+        for edge in &*self.edges {
             if edge.moved_by.iter().any(|&cluster| clusters[cluster].is_open) {
                 let stances = Some(&mut self.stances[..]);
                 relatives.place_edge(self.system.as_ref(), edge.at, x, q, stances);

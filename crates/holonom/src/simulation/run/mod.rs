@@ -226,8 +226,8 @@ struct Run<'a> {
     powers: StepPowers,
     /// Whether the present state has its multipliers: what needs them completes it.
     complete: bool,
-    /// Whether a law passes a knot in the step just accepted.
-    knots: bool,
+    /// Whether a law has passed a knot in the step just accepted, or a line its other end.
+    passes_knot: bool,
     /// Powers in the middle of the step just accepted, if they are known.
     middle: Option<[f64; 2]>,
     output: Output,
@@ -342,17 +342,22 @@ impl Run<'_> {
                 let iterated = chart.relatives().is_none().then_some((step, &self.g_end[..]));
                 let (tolerance, power) = (&self.options.tolerance, &mut self.scratch[0]);
                 let ended = (t_end, step, &self.w_end[..]);
-                let knots = self.knots;
-                carried.follow(
+                let passes_knot = self.passes_knot;
+                let known = carried.follow(
                     stepper,
                     form,
                     report.error,
                     tolerance,
                     power,
                     iterated,
-                    knots,
+                    passes_knot,
                     ended,
                 );
+                if !known {
+                    // The form may be elsewhere: back to the end of the step.
+                    let found = form.derivative(t_end, &self.w_end, &mut self.g_end);
+                    found.map_err(|f| failed(f, step))?;
+                }
             }
             let energy = self.emit(t, step)?;
             if let Some(carried) = &mut self.carried {
@@ -372,6 +377,10 @@ impl Run<'_> {
             }
             self.checkpoint_if_due(Pace { next: h, longest, attempts })?;
             self.flush_if_due()?;
+        }
+        self.complete_state();
+        if let Some(carried) = &mut self.carried {
+            carried.end(self.form.as_mut(), &mut self.scratch[0], self.state.t, &self.w);
         }
         Ok(())
     }

@@ -27,7 +27,7 @@ impl Run<'_> {
     /// look is refused, too: a shorter one can be looked into.
     pub(super) fn passed_over(&mut self, t: f64, step: f64, t_end: f64) -> Option<PassedOver> {
         let unknown = PassedOver { time: t + 0.5 * step, error: f64::INFINITY };
-        self.knots = false;
+        self.passes_knot = false;
         if !self.may_pass_over(t, step, t_end) {
             return None;
         }
@@ -52,7 +52,7 @@ impl Run<'_> {
         for (k, argument) in system.law_arguments().iter().enumerate() {
             let halfway = self.halfway[k];
             self.follow(way, inspector, argument, halfway, times)?;
-            self.knots |= way.passes_knots();
+            self.passes_knot |= way.passes_knot();
             let step = [times[0], times[1]];
             let at_cusps = self.missed(inspector, step, way.cusps())?;
             let between = self.missed(inspector, step, way.passages(system.as_ref(), argument))?;

@@ -95,7 +95,6 @@ impl Run<'_> {
         }
         if let Some(carried) = &mut self.carried {
             carried.milestones.end(&self.state);
-            carried.end(self.form.as_mut(), &mut self.scratch[0], self.state.t, &self.w);
         }
         let flushed = self.flush();
         let counters = self.form.point().manifold.counters;

@@ -164,7 +164,7 @@ pub(super) fn set_up<'a>(
         carried: follows.then(|| CarriedError::new(dimension, &state)),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
         complete: true,
-        knots: false,
+        passes_knot: false,
         middle: None,
         output,
         recorder,
