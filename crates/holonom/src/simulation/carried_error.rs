@@ -75,12 +75,7 @@ impl CarriedError {
             && self.serving.steps <= MOST_STEPS[1]
     }
 
-    /// The largest error so far, in tolerances of places; it is not followed any further once it is suspicious.
-    pub(super) fn largest(&self) -> f64 {
-        self.largest
-    }
-
-    /// Whether it may be several tolerances.
+    /// Whether it may be several tolerances; then it is not followed any further.
     pub(super) fn is_suspicious(&self) -> bool {
         self.largest > SUSPICIOUS
     }

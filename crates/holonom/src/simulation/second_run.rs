@@ -59,19 +59,20 @@ pub(super) fn compare(
     };
     let outcome =
         once(problem, &tighter, Start::At(&milestones.start), "checking", &mut comparison);
-    let (worst, second) = match outcome {
-        Ok((Summary { status: Status::Completed, .. }, second)) => (comparison.worst, second),
-        outcome => match comparison.worst.filter(|worst| worst.tolerances > FAR) {
-            Some(worst) => (Some(worst), None),
-            None => return Some(warning(unfinished(carried, outcome))),
-        },
-    };
+    let far = comparison.is_far();
     // What is not certain of itself vouches for less.
-    let certain = !second.as_ref().is_some_and(CarriedError::is_suspicious);
-    let allowed = if certain { FAR } else { UNCERTAIN };
-    let Far { item, tolerances, t } = worst.filter(|worst| worst.tolerances > allowed)?;
+    let doubtful = match outcome {
+        Ok((Summary { status: Status::Completed, .. }, second)) => {
+            !far && second.as_ref().is_some_and(CarriedError::is_suspicious)
+        }
+        _ if far => false,
+        outcome => return Some(warning(unfinished(outcome))),
+    };
+    let allowed = if doubtful { UNCERTAIN } else { FAR };
+    let Far { item, tolerances, t } =
+        comparison.worst.filter(|worst| worst.tolerances > allowed)?;
     let fold = 10f64.powf((tolerances / MET).log10().ceil());
-    let doubt = if certain { "" } else { ", which may be off itself" };
+    let doubt = if doubtful { ", which may be off itself" } else { "" };
     Some(warning(format!(
         "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances away from where a second \
          run, at a tenth of the tolerance{doubt}, has it at t = {t:.4} s; tighten the tolerance, {fold:.0}-fold at least \
@@ -84,18 +85,14 @@ fn warning(message: String) -> RunWarning {
 }
 
 /// Of a second run that did not come to its end.
-fn unfinished(
-    carried: &CarriedError,
-    outcome: Result<(Summary, Option<CarriedError>), RunError>,
-) -> String {
+fn unfinished(outcome: Result<(Summary, Option<CarriedError>), RunError>) -> String {
     let why = match outcome {
         Ok((summary, _)) => summary.stop.message,
         Err(error) => error.to_string(),
     };
     format!(
-        "small errors may add up or grow in this motion, to more than {:.0} tolerances, and the second run \
-         that was to tell, at a tenth of the tolerance, did not reach its end: {why}",
-        carried.largest().floor()
+        "small errors may add up or grow in this motion, beyond what is tolerated, and the second run that was to \
+         tell, at a tenth of the tolerance, did not reach its end: {why}"
     )
 }
 
@@ -116,13 +113,22 @@ struct Comparison<'a> {
     place: State,
     difference: Vec<f64>,
     compared: usize,
-    /// The largest difference of all.
+    /// The largest difference, up to the first that is far.
     worst: Option<Far>,
 }
 
 impl Comparison<'_> {
+    /// Whether there is something to warn of. What comes until the run heeds that does not count: when it does is a
+    /// matter of time.
+    fn is_far(&self) -> bool {
+        self.worst.as_ref().is_some_and(|worst| worst.tolerances > FAR)
+    }
+
     /// Compares one row.
     fn take(&mut self, t: f64, q: &[f64]) {
+        if self.is_far() {
+            return;
+        }
         let n = q.len();
         let first = &self.milestones.places[self.compared * n..][..n];
         self.compared += 1;
@@ -165,7 +171,7 @@ impl Sink for Comparison<'_> {
 
     /// The first run is at its end.
     fn progress(&mut self, _: f64, step_size: f64, steps: u64) -> Flow {
-        if self.worst.as_ref().is_some_and(|worst| worst.tolerances > FAR) {
+        if self.is_far() {
             return Flow::Interrupt;
         }
         let end = self.milestones.times.last().copied().unwrap_or(self.milestones.start.t);
