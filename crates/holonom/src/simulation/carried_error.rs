@@ -50,7 +50,8 @@ impl CarriedError {
         let none = || Carried { error: vec![0.0; dimension], spread: [vec![0.0; n], vec![0.0; n]] };
         Self {
             sums: [none(), none()],
-            serving: Serving::NEW,
+            // What the first steps leave is little.
+            serving: Serving { most: MOST_STEPS[1], ..Serving::NEW },
             present: 0.0,
             largest: 0.0,
             milestones: Milestones::new(start),
@@ -212,12 +213,13 @@ impl CarriedError {
         power: &mut [f64],
         (t, step, w): (f64, f64, &[f64]),
     ) -> bool {
+        let largest = MOST_STEPS[usize::from(multistep)];
         let Serving { steps, span, most, .. } = &mut self.serving;
         (*steps, *span) = (*steps + 1, *span + step);
+        let (steps, span, most) = (*steps, *span, (*most).min(largest));
         if steps < most {
             return true;
         }
-        let (steps, span, most) = (*steps, *span, *most);
         if form.linearize(t, w).is_err() {
             return false;
         }
@@ -227,7 +229,7 @@ impl CarriedError {
         }
         let grows = self.size(form, power, span) > GROWTH * before;
         let next = if grows { most / 2 } else { 2 * most };
-        let most = next.clamp(1, MOST_STEPS[usize::from(multistep)]);
+        let most = next.clamp(1, largest);
         self.serving = Serving { most, known: true, ..Serving::NEW };
         true
     }
