@@ -378,7 +378,6 @@ impl Run<'_> {
             self.checkpoint_if_due(Pace { next: h, longest, attempts })?;
             self.flush_if_due()?;
         }
-        self.complete_state();
         if let Some(carried) = &mut self.carried {
             carried.end(self.form.as_mut(), &mut self.scratch[0], self.state.t, &self.w);
         }
