@@ -3,6 +3,7 @@
 
 use holonom::error::ModelErrors;
 use holonom::io::{Document, Syntax};
+use holonom::method::Code;
 use holonom::model::Model;
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, Status, Summary, run};
 use holonom::watch::{Flow, GivenUp, Observer, observed};
@@ -126,14 +127,25 @@ fn time_counts_from_the_call_of_a_run_and_ends_its_set_up_too() {
 
 #[test] // independent truth: the run that nobody watched
 fn a_run_given_up_anywhere_keeps_what_the_whole_run_has_up_to_there() {
-    let problem = Problem::new(read(&chain(LINKS)).unwrap());
+    let stiff = Problem::new(read(&chain(LINKS)).unwrap());
+    given_up_anywhere(&stiff, &options());
+    // Explicit codes, which carry their error by matrices of their own.
+    let text = chain(30).replace("1e5, damping = 1e3", "10.0, damping = 0.1");
+    let soft = Problem::new(read(&text).unwrap());
+    for code in [Code::Deabm, Code::Dopri5] {
+        let longer = Options { end_time: 1.0, output: OutputTimes::Interval(0.02), ..options() };
+        given_up_anywhere(&soft, &Options { code, dense_output: Some(true), ..longer });
+    }
+}
+
+fn given_up_anywhere(problem: &Problem, options: &Options) {
     problem.assemble().unwrap();
-    let (whole, all) = simulate(&problem, &options());
+    let (whole, all) = simulate(problem, options);
     let (whole, all) = (whole.unwrap(), all.all);
     let n = whole.end.q.len();
 
     let total = looks(|| {
-        let (watched, rows) = simulate(&problem, &options());
+        let (watched, rows) = simulate(problem, options);
         // Being watched changes no bit.
         assert_eq!(watched.unwrap().end, whole.end);
         assert_eq!((&rows.all.q, &rows.all.ledger), (&all.q, &all.ledger));
@@ -146,7 +158,7 @@ fn a_run_given_up_anywhere_keeps_what_the_whole_run_has_up_to_there() {
         random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         let at = (random >> 33) % total;
         let (outcome, rows) =
-            observed(Duration::ZERO, after(at), || simulate(&problem, &options())).unwrap();
+            observed(Duration::ZERO, after(at), || simulate(problem, options)).unwrap();
         let summary = match outcome {
             Err(RunError::Interrupted) => continue, // before the first step
             outcome => outcome.unwrap(),
@@ -173,7 +185,7 @@ fn a_run_given_up_anywhere_keeps_what_the_whole_run_has_up_to_there() {
         let scale = whole.energy.largest_imbalance.max(1e-9);
         assert!(summary.energy.imbalance.abs() <= 2.0 * scale, "{:?}", summary.energy);
         if summary.end.t > 0.0 {
-            let rest = run(&problem, &options(), Some(&summary.end), &mut Memory::default());
+            let rest = run(problem, options, Some(&summary.end), &mut Memory::default());
             assert_eq!(rest.unwrap().status, Status::Completed, "look {at}");
         }
     }
