@@ -54,6 +54,7 @@ impl Machinery {
         let matrix = MatrixOptions {
             source: options.jacobian,
             representation: options.newton,
+            exact: code.needs_full_jacobian(),
             threads: options.threads.clone(),
         };
         let explicit = code.info().family == "explicit";
