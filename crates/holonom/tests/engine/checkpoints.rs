@@ -200,8 +200,9 @@ fn every_sparse_matrix_is_taken_up() {
     for newton in [Representation::Simplified, Representation::Inflated] {
         for code in all_codes().into_iter().filter(|code| !code.needs_full_jacobian()) {
             let options = Options { newton, ..with_rows(code, 1e-4, 0.3, 7) };
-            // Which the simplified matrix fails on now and then.
+            // Which the simplified matrix fails on now and then, and one without degrees of freedom.
             assert_taken_up("slider-crank", &model("slider_crank"), &options, 2);
+            assert_taken_up("motor", &model_of(&format!("{FOUR_BAR}{MOTOR}")), &options, 1);
         }
     }
 }

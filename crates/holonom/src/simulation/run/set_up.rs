@@ -58,7 +58,8 @@ impl Machinery {
             threads: options.threads.clone(),
         };
         let explicit = code.info().family == "explicit";
-        if matrix != MatrixOptions::default() || (explicit && options.fixed_step.is_none()) {
+        let asked = MatrixOptions { exact: matrix.exact && !explicit, ..matrix.clone() };
+        if asked != MatrixOptions::default() || (explicit && options.fixed_step.is_none()) {
             form.set_matrix(matrix);
         }
         let dimension = form.dimension();
