@@ -26,7 +26,7 @@ use holonom_linalg::{BlockMatrix, Complex64, SingularMatrix};
 /// (M̂ + γh M̂₁ + βh² M̂₂) ρ = Dᵀf₄ + …: the iterates are those of the dense matrix. Extra states are
 /// eliminated beforehand: they add γh βh² F_z E⁻¹ g_q to βh² K and γ²h² F_z E⁻¹ g_q̇ to γh C.
 ///
-/// Where [`Simplified`] is in use it answers in place of this.
+/// Where the simplified matrix is in use it answers in place of this.
 ///
 /// Equations: `docs/theory/newton.md` (11)-(14).
 #[derive(Debug, Clone)]
