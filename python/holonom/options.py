@@ -130,8 +130,11 @@ class Options:
         "word",
         "How the integration Jacobian is represented: dense, of the independent variables alone; "
         "sparse, with the graph of the mechanism, so that its cost grows like the number of "
-        "bodies; or auto (default), whichever is predicted to cost less.",
-        words=("auto", "dense", "sparse"),
+        "bodies; or auto (default), whichever is predicted to cost less. The sparse one is "
+        "inflated, with all that the Jacobian contains, or simplified, without how joints turn: "
+        "for loops, and until iterations are slow. Naming one of these says which; ForRosen and "
+        "the descriptor forms need the first.",
+        words=("auto", "dense", "sparse", "simplified", "inflated"),
     )
     accelerations: str | None = _choice(
         "word",

@@ -206,6 +206,8 @@ pub(crate) fn summary(summary: &Summary, system: &dyn System, code: Code, simula
             "evaluations": s.evaluations,
             "jacobians": s.jacobians,
             "factorizations": s.factorizations,
+            "simplified_factorizations": s.simplified_factorizations,
+            "changes_to_full": s.changes_to_full,
             "iterations": s.iterations,
             "contractions": s.contractions.count,
             "mean_contraction": s.contractions.mean(),

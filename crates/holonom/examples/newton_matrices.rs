@@ -1,4 +1,4 @@
-//! What would the simplified matrix [M + γhC + βh²K, Gᵀ; G, 0] save in place of the inflated one, and how would
+//! What does the simplified matrix [M + γhC + βh²K, Gᵀ; G, 0] save in place of the inflated one, and how do
 //! iterations with it contract? Prints one line of comma-separated values per tolerance: `cargo run --release -p holonom
 //! --example newton_matrices -- model.toml END_TIME`. `benchmarks/newton_matrices` asks and answers.
 
@@ -46,7 +46,7 @@ fn measured(model: &Model, tolerance: f64, end: f64) -> Result<String, Box<dyn E
         code: Code::ForSdirk16,
         tolerance: Tolerance::uniform(tolerance),
         coordinates: Coordinates::Cartesian,
-        newton: Representation::Sparse,
+        newton: Representation::Inflated,
         output,
         ..Options::new(end)
     };

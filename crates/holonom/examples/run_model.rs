@@ -1,6 +1,6 @@
 //! Runs a model file and prints what came out: `cargo run --release --example run_model --
 //! models/hmmwv14/model.toml ForSDIRK 1e-3`. Method, tolerance, end time,
-//! coordinates (`joint`) and output interval are optional.
+//! coordinates (`joint`), output interval and Newton's matrix (`inflated`) are optional.
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "an example talks to its reader")]
 
@@ -11,9 +11,9 @@ use std::path::Path;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let file = arguments
-        .first()
-        .ok_or("usage: run_model FILE [METHOD [TOLERANCE [END_TIME [COORDINATES [INTERVAL]]]]]")?;
+    let file = arguments.first().ok_or(
+        "usage: run_model FILE [METHOD [TOLERANCE [END_TIME [COORDINATES [INTERVAL [NEWTON]]]]]]",
+    )?;
 
     // The engine opens no file: the caller resolves what a model extends.
     let text = std::fs::read_to_string(file)?;
@@ -33,6 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         end_time: number(3)?,
         coordinates: arguments.get(4).cloned(),
         interval: number(5)?,
+        newton: arguments.get(6).cloned(),
         channels: Some(Vec::new()),
         ..Choices::default()
     };
@@ -59,7 +60,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         s.contractions.count,
         s.contractions.largest
     );
-    println!("Jacobians           {}, factorizations {}", s.jacobians, s.factorizations);
+    println!(
+        "Jacobians           {}, factorizations {}, {} simplified, {} changes to the full matrix",
+        s.jacobians, s.factorizations, s.simplified_factorizations, s.changes_to_full
+    );
     println!("re-partitions       {}", s.reparametrizations);
     println!("recoveries          {}, corrections {}", s.recoveries, s.corrections);
     println!("step sizes          {:.2e} to {:.2e} s", s.smallest_step, s.largest_step);

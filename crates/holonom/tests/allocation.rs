@@ -9,7 +9,7 @@ use allocation_counter::measure;
 use common::{PLATFORM, model, model_of, options};
 use holonom::method::{CODES, Code};
 use holonom::model::Model;
-use holonom::newton::JacobianSource;
+use holonom::newton::{JacobianSource, Representation};
 use holonom::reduction::accelerations::Accelerations;
 use holonom::simulation::{
     Chunk, Flow, Options, OutputTimes, Problem, Sink, Statistics, Status, run,
@@ -118,6 +118,36 @@ fn every_way_to_accelerations() {
             let ((few, short), (many, long)) = (until(0.25 * end), until(end));
             assert!(long.steps > short.steps);
             assert_eq!(many, few, "{name} by {way}");
+        }
+    }
+}
+
+#[test]
+fn every_sparse_matrix() {
+    let sparse = [Representation::Simplified, Representation::Inflated];
+    let codes = CODES.iter().map(|info| info.code).filter(|code| !code.needs_full_jacobian());
+    for code in codes {
+        for (newton, (name, end)) in sparse
+            .iter()
+            .flat_map(|&newton| [("andrews", 0.02), ("hmmwv14", 0.5)].map(|m| (newton, m)))
+        {
+            let problem = Problem::new(model(name));
+            problem.assemble().expect("assembles");
+            let until = |end_time: f64| {
+                let output = OutputTimes::Interval(0.01 * end);
+                let checkpoint_steps = Some(u64::MAX);
+                let options =
+                    Options { newton, output, checkpoint_steps, ..options(code, 1e-5, end_time) };
+                allocations(&problem, &options)
+            };
+            until(0.02 * end);
+            let ((few, short), (many, long)) = (until(0.5 * end), until(end));
+            assert!(long.steps > short.steps);
+            // The first change to the full matrix makes room for it.
+            assert_eq!(long.changes_to_full, 0, "{name} by {code:?}: this test is about steps");
+            let more = long.simplified_factorizations > short.simplified_factorizations;
+            assert_eq!(more, newton == Representation::Simplified);
+            assert_eq!(many, few, "{name} by {code:?}, {newton:?}");
         }
     }
 }

@@ -4,7 +4,7 @@
 
 use super::counted::Counted;
 use super::iteration::{Failure, Iteration, MAX_SYSTEMS};
-use super::matrices::{Ahead, Matrices};
+use super::matrices::{Ahead, Matrices, Place};
 use super::memory::Memory;
 use super::ode::{EvaluationFailure, LinearizedOde};
 use super::segment::Segment;
@@ -87,7 +87,7 @@ impl<S: Stages> ImplicitStepper<S> {
     }
 
     /// Linearization, factorization and stages. An iteration that fails is repeated with a fresh
-    /// linearization before the step is made shorter.
+    /// linearization, and with a full one, before the step is made shorter.
     fn solve(
         &mut self,
         ode: &mut Counted<'_>,
@@ -95,19 +95,22 @@ impl<S: Stages> ImplicitStepper<S> {
         report: &mut StepReport,
     ) -> Result<u32, Failure> {
         let reuse = self.memory.reuses(&self.options);
-        let ahead = (S::ITERATES && self.options.linearize_ahead && self.predicts)
-            .then_some((&mut self.ahead, &self.previous));
+        let ahead = S::ITERATES && self.options.linearize_ahead && self.predicts;
+        let ahead = ahead.then_some((&mut self.ahead, &self.previous));
         self.matrices.prepare(&mut self.stages, ode, step, reuse, ahead)?;
-        // A fixed step has no shorter one to try.
-        let last_resort = self.options.fixed_step && self.predicts;
         let evaluations = S::REPEATS_EVALUATIONS || self.options.fixed_step;
         let repeats = |failure: &Failure| evaluations || failure.is_of_newton();
         let mut outcome = self.iterate(ode, step, report);
-        let another = self.matrices.may_be_renewed() || last_resort;
-        if S::ITERATES && another && outcome.as_ref().is_err_and(repeats) {
-            self.matrices.prepare(&mut self.stages, ode, step, false, None)?;
+        while S::ITERATES && outcome.as_ref().is_err_and(repeats) {
+            // A fixed step has no shorter one to try.
+            let last_resort = self.options.fixed_step && self.predicts;
+            let remedy = self.matrices.remedy(ode);
+            let Some(place) = remedy.or(last_resort.then_some(Place::Start)) else { break };
+            let ahead = place == Place::Middle && self.predicts;
+            let ahead = ahead.then_some((&mut self.ahead, &self.previous));
+            self.matrices.prepare(&mut self.stages, ode, step, false, ahead)?;
             report.contraction = 0.0;
-            self.predicts &= !last_resort;
+            self.predicts &= !last_resort || place == Place::Middle;
             outcome = self.iterate(ode, step, report);
         }
         outcome
@@ -152,6 +155,7 @@ impl<S: Stages> ImplicitStepper<S> {
         report: &mut StepReport,
     ) -> Result<(f64, StepVerdict), Failure> {
         let last_stage = self.solve(ode, step, report)?;
+        self.matrices.observe(ode, report.contraction);
         if report.contraction > 0.0 {
             self.memory.contraction = report.contraction;
         } else if S::ITERATES && !self.memory.is_fragile() && self.memory.contraction.is_infinite()
@@ -191,6 +195,7 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
 
     fn restart(&mut self) {
         self.invalidate(false);
+        self.matrices = Matrices::NONE;
         self.memory = Memory::default();
         self.stages.restart();
     }
@@ -202,7 +207,7 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
             self.memory.eta = [1.0; MAX_SYSTEMS];
         }
         self.stages.invalidate();
-        self.matrices = Matrices::NONE;
+        self.matrices.forget();
         self.memory.contraction = f64::INFINITY;
     }
 

@@ -169,6 +169,12 @@ impl Code {
         CODES.iter().find(|i| i.code == self).expect("every code is listed")
     }
 
+    /// Whether its results depend on the integration Jacobian, or its stages on more than corrections of first-order form: then
+    /// nothing of it can be left out.
+    pub fn needs_full_jacobian(self) -> bool {
+        self == Self::ForRosen || !matches!(self.info().family, "first_order" | "state_space")
+    }
+
     /// A code by its name, or by family with an optional formula.
     ///
     /// # Errors

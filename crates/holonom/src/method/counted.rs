@@ -72,17 +72,30 @@ impl<'a> Counted<'a> {
         self.ode.linearize_ahead(t, w, slope)
     }
 
+    pub(super) fn simplify(&mut self, simplify: bool) {
+        self.ode.simplify(simplify);
+    }
+
+    pub(super) fn is_simplified(&self) -> bool {
+        self.ode.is_simplified()
+    }
+
+    fn count_factorization(&mut self) {
+        self.statistics.factorizations += 1;
+        self.statistics.simplified_factorizations += u64::from(self.ode.is_simplified());
+    }
+
     pub(super) fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure> {
         self.ode.time_derivative(g_t)
     }
 
     pub(super) fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure> {
-        self.statistics.factorizations += 1;
+        self.count_factorization();
         self.ode.factor(gamma_h)
     }
 
     pub(super) fn factor_complex(&mut self, gamma_h: Complex64) -> Result<(), EvaluationFailure> {
-        self.statistics.factorizations += 1;
+        self.count_factorization();
         self.ode.factor_complex(gamma_h)
     }
 
@@ -116,7 +129,7 @@ impl<'a> Counted<'a> {
         gamma_h: f64,
         beta_h2: f64,
     ) -> Result<(), EvaluationFailure> {
-        self.statistics.factorizations += 1;
+        self.count_factorization();
         self.second_order()?.factor_stage(gamma_h, beta_h2)
     }
 

@@ -278,6 +278,14 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
         self.linearize_by(t, w, slope)
     }
 
+    fn simplify(&mut self, simplify: bool) {
+        self.newton.simplify(simplify);
+    }
+
+    fn is_simplified(&self) -> bool {
+        self.newton.is_simplified()
+    }
+
     fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure> {
         self.factor_matrix(gamma_h, gamma_h * gamma_h)
     }
@@ -339,6 +347,10 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
     }
 
     fn solve(&mut self, x: &mut [f64]) {
+        if self.newton.is_simplified() {
+            self.newton.filter(x);
+            return;
+        }
         self.newton.weigh(x);
         self.newton.solve(x);
     }

@@ -3,6 +3,7 @@
 use super::counted::Counted;
 use super::iteration::Failure;
 use super::segment::Segment;
+use super::simplification::Simplification;
 use super::stages::{Stages, Step};
 use super::stepper::add_scaled;
 
@@ -19,6 +20,15 @@ enum Linearization {
     Current,
 }
 
+/// Where in a step it is linearized.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Place {
+    /// Its start.
+    Start,
+    /// Its predicted middle.
+    Middle,
+}
+
 /// Growth of the step beyond which a linearization is not believed any more, however small corrections are. Large forces and
 /// accelerations of a transient make it large; kept when they are gone, it would leave corrections so small that nothing
 /// seems to be left to correct.
@@ -32,6 +42,7 @@ pub(super) struct Matrices {
     reach: f64,
     /// Step of the last factorization.
     factored: Option<f64>,
+    simplification: Simplification,
 }
 
 /// The middle of a step as the step before predicts it.
@@ -56,9 +67,52 @@ impl Ahead {
 }
 
 impl Matrices {
-    /// None yet, or none that hold any longer.
-    pub(super) const NONE: Self =
-        Self { linearization: Linearization::None, reach: 0.0, factored: None };
+    /// None yet, and nothing is known of what they may be.
+    pub(super) const NONE: Self = Self {
+        linearization: Linearization::None,
+        reach: 0.0,
+        factored: None,
+        simplification: Simplification::START,
+    };
+
+    /// Those there are hold no longer.
+    pub(super) fn forget(&mut self) {
+        *self = Self { simplification: self.simplification, ..Self::NONE };
+    }
+
+    /// Iterations converged with this factor; 0 where none was seen.
+    pub(super) fn observe(&mut self, ode: &mut Counted<'_>, contraction: f64) {
+        if ode.is_simplified() && self.simplification.observe(contraction) {
+            self.complete(ode);
+        }
+    }
+
+    /// After iterations have failed: whether another linearization may serve better, and if so whether it is to be where the last
+    /// one was, or at the start of the step.
+    pub(super) fn remedy(&mut self, ode: &mut Counted<'_>) -> Option<Place> {
+        let last = self.linearization;
+        // An old one says nothing of what was left out.
+        if last != Linearization::Old && self.complete_after_failure(ode) {
+            let ahead = last == Linearization::Predicted;
+            return Some(if ahead { Place::Middle } else { Place::Start });
+        }
+        matches!(last, Linearization::Old | Linearization::Predicted).then_some(Place::Start)
+    }
+
+    /// Whether it is a simplified matrix that fails, in whose place comes the full one.
+    fn complete_after_failure(&mut self, ode: &mut Counted<'_>) -> bool {
+        let simplified = ode.is_simplified();
+        if simplified {
+            self.simplification.end();
+            self.complete(ode);
+        }
+        simplified
+    }
+
+    fn complete(&mut self, ode: &mut Counted<'_>) {
+        ode.statistics.changes_to_full += 1;
+        self.forget();
+    }
 
     /// The start of the step that they belong to is past.
     pub(super) fn grow_old(&mut self) {
@@ -67,9 +121,9 @@ impl Matrices {
         }
     }
 
-    /// Whether a linearization at the start of the step would be another one.
-    pub(super) fn may_be_renewed(&self) -> bool {
-        matches!(self.linearization, Linearization::Old | Linearization::Predicted)
+    /// What the next linearization is.
+    fn simplify(&mut self, ode: &mut Counted<'_>) {
+        ode.simplify(self.simplification.begin());
     }
 
     /// Makes what is missing for a step; with `reuse` an old linearization serves. A new one is made in the
@@ -90,8 +144,11 @@ impl Matrices {
             Linearization::Old => reuse,
             Linearization::None => false,
         };
-        if !fresh {
-            *self = Self { reach: step.h, ..Self::NONE };
+        let returns = self.factored != Some(step.h) && self.simplification.is_over();
+        if !fresh || returns {
+            self.forget();
+            self.reach = step.h;
+            self.simplify(ode);
             let made = ahead.is_some_and(|(ahead, before)| ahead.linearize(ode, before, step));
             self.linearization = if made {
                 Linearization::Predicted
@@ -102,9 +159,14 @@ impl Matrices {
         }
         if self.factored != Some(step.h) {
             self.factored = None;
+            self.simplification.serve();
             let mut factored = stages.factor(ode, step.h);
             if factored.is_err() {
                 // At the start, where the matrix may choose another order of elimination.
+                if self.complete_after_failure(ode) {
+                    self.reach = step.h;
+                    self.simplify(ode);
+                }
                 stages.linearize(ode, step)?;
                 self.linearization = Linearization::Current;
                 factored = stages.factor(ode, step.h);

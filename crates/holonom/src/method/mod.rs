@@ -20,6 +20,7 @@ pub mod radau;
 pub mod rosenbrock;
 pub mod sdirk;
 mod segment;
+mod simplification;
 mod stages;
 mod state_space;
 mod state_space_method;

@@ -56,13 +56,21 @@ pub trait LinearizedOde: Ode {
         self.linearize(t, w)
     }
 
+    /// From the next linearization on the J of corrections may be without what slows iterations little and costs much.
+    fn simplify(&mut self, _simplify: bool) {}
+
+    /// Whether that of the last one is.
+    fn is_simplified(&self) -> bool {
+        false
+    }
+
     /// Factors I − γh J from the parts of the last `linearize`.
     ///
     /// # Errors
     /// When the matrix is singular.
     fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure>;
 
-    /// x ← (I − γh J)⁻¹ x with the last factor.
+    /// x ← (I − γh J)⁻¹ x with the last factor; J is all of it.
     fn solve(&mut self, x: &mut [f64]);
 
     /// How far `slope` is from g at a stage (t, w), by its place among those that are corrected together: g − slope, or

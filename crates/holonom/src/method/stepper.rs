@@ -86,6 +86,10 @@ pub struct StepperStatistics {
     pub linearizations: u64,
     /// Calls of [`LinearizedOde::factor`].
     pub factorizations: u64,
+    /// Those of a simplified matrix.
+    pub simplified_factorizations: u64,
+    /// Changes from it to the full one.
+    pub changes_to_full: u64,
     /// Calls of [`LinearizedOde::solve`].
     pub solves: u64,
     /// Newton iterations.
@@ -108,6 +112,9 @@ impl StepperStatistics {
             derivatives: self.derivatives + other.derivatives,
             linearizations: self.linearizations + other.linearizations,
             factorizations: self.factorizations + other.factorizations,
+            simplified_factorizations: self.simplified_factorizations
+                + other.simplified_factorizations,
+            changes_to_full: self.changes_to_full + other.changes_to_full,
             solves: self.solves + other.solves,
             iterations: self.iterations + other.iterations,
             contractions: self.contractions.plus(&other.contractions),

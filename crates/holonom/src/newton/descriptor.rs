@@ -190,7 +190,7 @@ impl Matrix for DescriptorMatrix {
 
     fn respond(
         &mut self,
-        parts: &Linearization,
+        parts: &mut Linearization,
         p: &[f64],
         v: &[f64],
         z: &[f64],

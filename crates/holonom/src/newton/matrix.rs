@@ -15,6 +15,8 @@ pub struct MatrixOptions {
     pub source: JacobianSource,
     /// Where there is a choice of representations.
     pub representation: Representation,
+    /// Whether formulas need the Jacobian itself, and not only a matrix that their iterations contract with.
+    pub exact: bool,
     /// Who shares the work where there is enough of it.
     pub threads: Threads,
 }
@@ -27,14 +29,28 @@ pub enum Representation {
     Auto,
     /// Reduced blocks, dense of order ndof.
     Dense,
-    /// Sparse, with the pattern of the mechanism.
+    /// Sparse, with the pattern of the mechanism: simplified or inflated, by predicted cost.
     Sparse,
+    /// Sparse and without how joints turn, while iterations with it contract.
+    Simplified,
+    /// Sparse, with all that the Jacobian contains.
+    Inflated,
 }
 
 impl Representation {
     /// All representations with their names in options.
-    pub const ALL: &'static [(Self, &'static str)] =
-        &[(Self::Auto, "auto"), (Self::Dense, "dense"), (Self::Sparse, "sparse")];
+    pub const ALL: &'static [(Self, &'static str)] = &[
+        (Self::Auto, "auto"),
+        (Self::Dense, "dense"),
+        (Self::Sparse, "sparse"),
+        (Self::Simplified, "simplified"),
+        (Self::Inflated, "inflated"),
+    ];
+
+    /// Whether it is one with the pattern of the mechanism.
+    pub fn is_sparse(self) -> bool {
+        !matches!(self, Self::Auto | Self::Dense)
+    }
 
     /// The representation of this name.
     pub fn find(name: &str) -> Option<Self> {
@@ -58,6 +74,14 @@ pub trait Matrix: std::fmt::Debug + Clone + Send + 'static {
         true
     }
 
+    /// From the next linearization on the matrix may leave out of the Jacobian what slows iterations little.
+    fn simplify(&mut self, _simplify: bool) {}
+
+    /// Whether the last linearization has left that out.
+    fn is_simplified(&self) -> bool {
+        false
+    }
+
     /// Evaluates the parts that do not depend on the step at a complete point, and of the blocks what
     /// the solves need.
     fn linearize(&mut self, parts: &mut Linearization, point: &mut Point);
@@ -73,7 +97,14 @@ pub trait Matrix: std::fmt::Debug + Clone + Send + 'static {
     fn factor(&mut self, parts: &Linearization) -> Result<u64, SingularMatrix>;
 
     /// δv̈ = −Ψ⁻¹ (M̂₁' δv̇ + M̂₂' δv + Ẑ δz) into `rate`; `z` holds δz at fixed v and v̇.
-    fn respond(&mut self, parts: &Linearization, p: &[f64], v: &[f64], z: &[f64], rate: &mut [f64]);
+    fn respond(
+        &mut self,
+        parts: &mut Linearization,
+        p: &[f64],
+        v: &[f64],
+        z: &[f64],
+        rate: &mut [f64],
+    );
 }
 
 /// What it must supply beyond that for stages that have q̈ and λ as unknowns too.
@@ -88,7 +119,7 @@ pub trait FirstOrderMatrix: Matrix {
     fn correct(&mut self, parts: &Linearization, z: &[f64], rate: &mut [f64]);
 
     /// The first two of (5) in `docs/theory/newton.md`, for M̂ r_v in `v`; `z` is left alone.
-    fn solve(&mut self, parts: &Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]);
+    fn solve(&mut self, parts: &mut Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]);
 
     /// Factors for a complex γh, beside the real factor.
     ///
@@ -101,7 +132,7 @@ pub trait FirstOrderMatrix: Matrix {
     ) -> Result<(), SingularMatrix>;
 
     /// x + iy ← (I − γhJ)⁻¹ (x + iy), with M̂ r_v in the velocity entries.
-    fn solve_complex(&mut self, parts: &Linearization, x: &mut [f64], y: &mut [f64]);
+    fn solve_complex(&mut self, parts: &mut Linearization, x: &mut [f64], y: &mut [f64]);
 
     /// v ← M̂ v.
     fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]);

@@ -82,7 +82,7 @@ impl Matrix for ReducedMatrix {
 
     fn respond(
         &mut self,
-        parts: &Linearization,
+        parts: &mut Linearization,
         p: &[f64],
         v: &[f64],
         z: &[f64],
@@ -116,7 +116,7 @@ impl FirstOrderMatrix for ReducedMatrix {
         }
     }
 
-    fn solve(&mut self, parts: &Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]) {
+    fn solve(&mut self, parts: &mut Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]) {
         let (ndof, gh, b) = (p.len(), parts.gamma_h, &parts.blocks);
         // b₂ = M̂ r_v − γh Ẑ E⁻¹ r_z
         self.b2.copy_from_slice(v);
@@ -151,7 +151,7 @@ impl FirstOrderMatrix for ReducedMatrix {
         solver.factor(&parts.blocks, gamma_h)
     }
 
-    fn solve_complex(&mut self, parts: &Linearization, x: &mut [f64], y: &mut [f64]) {
+    fn solve_complex(&mut self, parts: &mut Linearization, x: &mut [f64], y: &mut [f64]) {
         let solver = self.complex.as_mut().expect("factored before");
         solver.solve(&parts.blocks, x, y);
     }

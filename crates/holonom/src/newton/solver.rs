@@ -60,6 +60,17 @@ impl<M: Matrix> Newton<M> {
         if self.matrix.is_reduced() { Representation::Dense } else { Representation::Sparse }
     }
 
+    /// From the next linearization on the matrix may leave out of the Jacobian what slows iterations little. Filtered errors
+    /// are those of the Jacobian itself all the same.
+    pub fn simplify(&mut self, simplify: bool) {
+        self.matrix.simplify(simplify);
+    }
+
+    /// Whether the last linearization has left that out.
+    pub fn is_simplified(&self) -> bool {
+        self.matrix.is_simplified()
+    }
+
     /// Reduced blocks of the last linearization, as far as the representation has them.
     pub fn blocks(&self) -> &ReducedBlocks {
         &self.parts.blocks
@@ -147,7 +158,7 @@ impl<M: Matrix> Newton<M> {
             *p += bh2 / gh * v;
         }
         self.parts.reduce_extra_states(ez);
-        self.matrix.respond(&self.parts, ep, ev, ez, &mut self.rate);
+        self.matrix.respond(&mut self.parts, ep, ev, ez, &mut self.rate);
         for ((p, v), a) in ep.iter_mut().zip(&mut *ev).zip(&self.rate) {
             *p += bh2 * a;
             *v += gh * a;
@@ -191,7 +202,7 @@ impl<M: FirstOrderMatrix> Newton<M> {
     pub fn solve(&mut self, x: &mut [f64]) {
         let (p, rest) = x.split_at_mut(self.rate.len());
         let (v, z) = rest.split_at_mut(self.rate.len());
-        self.matrix.solve(&self.parts, p, v, z);
+        self.matrix.solve(&mut self.parts, p, v, z);
         self.parts.solve_extra_states(p, v, z);
     }
 
@@ -206,7 +217,7 @@ impl<M: FirstOrderMatrix> Newton<M> {
 
     /// x + iy ← (I − γhJ)⁻¹ (x + iy), with M̂ r_v in the velocity entries.
     pub fn solve_complex(&mut self, x: &mut [f64], y: &mut [f64]) {
-        self.matrix.solve_complex(&self.parts, x, y);
+        self.matrix.solve_complex(&mut self.parts, x, y);
     }
 
     /// The velocity entries r_v of a change of w become M̂ r_v.

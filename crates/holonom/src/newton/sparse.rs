@@ -1,16 +1,17 @@
-//! The inflated matrix: sparse with the graph of the mechanism, for any number of bodies.
+//! The sparse matrix: inflated, or simplified where that may serve, for any number of bodies.
 
-use super::blocks::ReducedBlocks;
+use super::chosen::prefers_simplified;
 use super::descriptor::{Unknowns, add_extra_force};
 use super::forest::ForestElimination;
+use super::general::GeneralElimination;
 use super::linearization::Linearization;
-use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions};
-use super::sparse_pattern::{InflatedPattern, Nonzeros, Sum};
+use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Representation};
+use super::simplified::Simplified;
+use super::sparse_pattern::{Shape, Sum};
 use crate::error::EvaluationFailure;
-use crate::reduction::{BodyRows, Manifold, Point, disturb};
-use crate::system::State;
+use crate::reduction::{Manifold, Point};
 use crate::watch::checkpoint;
-use holonom_linalg::{BlockMatrix, Complex64, SingularMatrix, SparseLu};
+use holonom_linalg::{BlockMatrix, Complex64, SingularMatrix};
 
 /// Newton's matrix with D never formed. Unknowns x = δq/βh², y = δq̇/γh, a = δq̈, δλ and ρ = δv̈:
 ///
@@ -25,6 +26,8 @@ use holonom_linalg::{BlockMatrix, Complex64, SingularMatrix, SparseLu};
 /// (M̂ + γh M̂₁ + βh² M̂₂) ρ = Dᵀf₄ + …: the iterates are those of the dense matrix. Extra states are
 /// eliminated beforehand: they add γh βh² F_z E⁻¹ g_q to βh² K and γ²h² F_z E⁻¹ g_q̇ to γh C.
 ///
+/// Where the simplified matrix is in use it answers in place of this.
+///
 /// Equations: `docs/theory/newton.md` (11)-(14).
 #[derive(Debug, Clone)]
 pub struct SparseMatrix {
@@ -32,12 +35,17 @@ pub struct SparseMatrix {
     /// First entry of a right-hand side that belongs to a row of P, in each of the first three groups.
     rank: usize,
     elimination: Elimination,
+    /// None where only the matrix itself is good enough, or costs no more.
+    simplified: Option<Box<Simplified>>,
+    /// Whether that one is made at the next linearization, and whether it was at the last.
+    simplify: bool,
+    is_simplified: bool,
     /// Other pivots are wanted than those of the forest.
     unfit: bool,
     /// M of the linearization.
     mass: BlockMatrix,
     right: Vec<f64>,
-    complex: Option<Box<ComplexFactor>>,
+    complex: Option<Box<ComplexSide>>,
     force: Vec<f64>,
     rows: Vec<f64>,
     rate: Vec<f64>,
@@ -50,47 +58,28 @@ enum Elimination {
     /// From the leaves of the forest inwards.
     Forest(ForestElimination),
     /// In an order found from the pattern, which is there from the first linearization on.
-    General(Option<Box<Plan>>),
+    General(Option<Box<GeneralElimination>>),
 }
 
-/// What is found at the first linearization, and again when another entry appears.
+/// What a complex γh has beside the factor.
 #[derive(Debug, Clone)]
-struct Plan {
-    nonzeros: Nonzeros,
-    pattern: InflatedPattern,
-    /// G and the moving rows of P of the linearization.
-    jacobian: Vec<f64>,
-    moving: BodyRows,
-    values: Vec<f64>,
-    lu: Option<SparseLu>,
-    /// Relative error that the last refinement left, and the one with fresh pivots; NaN until there is one.
-    left: f64,
-    fresh: f64,
+pub(super) struct ComplexSide {
+    pub(super) gamma_h: Complex64,
+    pub(super) right: Vec<Complex64>,
+    pub(super) inverse_e: Vec<Complex64>,
 }
-
-/// The factor for a complex γh.
-#[derive(Debug, Clone)]
-struct ComplexFactor {
-    gamma_h: Complex64,
-    /// None where the forest is eliminated.
-    lu: Option<SparseLu<Complex64>>,
-    values: Vec<Complex64>,
-    right: Vec<Complex64>,
-    inverse_e: Vec<Complex64>,
-}
-
-/// Growth of numbers in the elimination from which solutions are refined.
-const HARMLESS_GROWTH: f64 = 1e4;
-/// What refinement may leave of the relative error before pivots are chosen anew, where fresh ones left not
-/// much less.
-const ACCURACY: f64 = 1e-9;
-const WORSE_THAN_FRESH: f64 = 100.0;
 
 impl Matrix for SparseMatrix {
     fn new(manifold: &Manifold, _q: &[f64], options: &MatrixOptions) -> Self {
         let structure = manifold.system().structure();
         let (n, m) = (structure.sizes.coordinates, structure.sizes.rows);
         let parametrization = manifold.chart().parametrization();
+        let simplified = !options.exact
+            && match options.representation {
+                Representation::Simplified => true,
+                Representation::Inflated => false,
+                _ => prefers_simplified(manifold),
+            };
         Self {
             n,
             rank: parametrization.kept.len(),
@@ -98,6 +87,9 @@ impl Matrix for SparseMatrix {
                 Some(forest) => Elimination::Forest(forest),
                 None => Elimination::General(None),
             },
+            simplified: simplified.then(|| Box::new(Simplified::new(manifold))),
+            simplify: false,
+            is_simplified: false,
             unfit: false,
             mass: structure.mass_pattern.zeros(),
             right: vec![0.0; 4 * n],
@@ -113,45 +105,53 @@ impl Matrix for SparseMatrix {
         false
     }
 
+    fn simplify(&mut self, simplify: bool) {
+        self.simplify = simplify && self.simplified.is_some();
+    }
+
+    fn is_simplified(&self) -> bool {
+        self.is_simplified
+    }
+
     fn linearize(&mut self, parts: &mut Linearization, point: &mut Point) {
         let (manifold, state) = (&point.manifold, &point.state);
         let (blocks, chart) = (&mut parts.blocks, &mut parts.chart);
         let threads = blocks.blocks.threads().clone();
         checkpoint(8 * self.n);
+        self.is_simplified = self.simplify;
         let (unfit, ()) = threads.share(|| {
-            let Self { mass, elimination, .. } = self;
+            let Self { mass, elimination, is_simplified, .. } = self;
             let copies = || {
                 mass.values_mut().copy_from_slice(manifold.mass().values());
                 chart.copy_from(manifold.chart());
             };
             let linearize = || {
                 let Elimination::Forest(forest) = elimination else { return false };
+                if *is_simplified {
+                    return false;
+                }
                 blocks.evaluate_system(manifold, state);
                 let rows = [manifold.jacobian().values(), manifold.chart().moving().values()];
                 forest.linearize(rows, blocks).is_err()
             };
             threads.join(linearize, copies)
         });
-        if let Elimination::Forest(_) = &mut self.elimination {
+        if let (Elimination::Forest(_), false) = (&self.elimination, self.is_simplified) {
             self.unfit |= unfit;
             if self.unfit {
-                (self.elimination, self.complex) = (Elimination::General(None), None);
+                self.elimination = Elimination::General(None);
             }
         }
-        if let Elimination::General(plan) = &mut self.elimination {
-            if plan.is_none() {
-                *plan = Some(Box::new(Plan::new(manifold, state, blocks)));
-            } else {
+        if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
+            simplified.linearize(manifold, state, blocks);
+        } else if let Elimination::General(elimination) = &mut self.elimination {
+            if let Some(elimination) = elimination {
                 blocks.evaluate_system(manifold, state);
+                elimination.linearize(manifold, state, blocks);
+            } else {
+                let new = GeneralElimination::new(Shape::Inflated, manifold, state, blocks);
+                *elimination = Some(Box::new(new));
             }
-            let plan = plan.as_mut().expect("made above");
-            if plan.nonzeros.observe(blocks) {
-                plan.pattern = InflatedPattern::new(manifold, &state.q, &plan.nonzeros);
-                (plan.lu, self.complex) = (None, None);
-            }
-            plan.jacobian.copy_from_slice(manifold.jacobian().values());
-            plan.moving.copy_from(manifold.chart().moving());
-            plan.values.resize(plan.pattern.pattern.len(), 0.0);
         }
         parts.blocks.extra_extra.copy_from_slice(&parts.blocks.blocks.extra_extra);
     }
@@ -168,36 +168,33 @@ impl Matrix for SparseMatrix {
             ratio: parts.beta_h2 / parts.gamma_h,
             inverse_e: &parts.inverse_e,
         };
-        let plan = match &mut self.elimination {
+        if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
+            return simplified.factor(&sum);
+        }
+        match &mut self.elimination {
             Elimination::Forest(forest) => {
                 let outcome = forest.factor(parts.system.structure(), &sum);
                 self.unfit |= outcome.is_err();
-                return outcome.map(|()| 0);
+                outcome.map(|()| 0)
             }
-            Elimination::General(plan) => plan.as_mut().expect("linearized before it is factored"),
-        };
-        let Plan { pattern, jacobian, moving, values, .. } = &mut **plan;
-        pattern.fill(&sum, jacobian, moving, values);
-        if let Some(lu) = &mut plan.lu
-            && plan.left <= ACCURACY.max(WORSE_THAN_FRESH * plan.fresh)
-            && lu.refactor(&plan.values).is_ok()
-        {
-            return Ok(0);
+            Elimination::General(elimination) => {
+                elimination.as_mut().expect("linearized before it is factored").factor(&sum)
+            }
         }
-        (plan.lu, plan.left, plan.fresh, self.complex) = (None, 0.0, f64::NAN, None);
-        plan.lu = Some(SparseLu::analyze_for_many(&plan.pattern.pattern, &plan.values)?);
-        Ok(1)
     }
 
     /// Right-hand sides f₁ = [0; δv/βh²], f₂ = [0; δv̇/γh], f₄ = −F_z δz.
     fn respond(
         &mut self,
-        parts: &Linearization,
+        parts: &mut Linearization,
         p: &[f64],
         v: &[f64],
         z: &[f64],
         rate: &mut [f64],
     ) {
+        if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
+            return simplified.respond(parts, &self.mass, p, v, z, rate);
+        }
         self.right.fill(0.0);
         for (level, (x, scale)) in [(p, parts.beta_h2), (v, parts.gamma_h)].into_iter().enumerate()
         {
@@ -215,6 +212,9 @@ impl Matrix for SparseMatrix {
 impl FirstOrderMatrix for SparseMatrix {
     /// f₄ = −Pᵀψ − F_z δz.
     fn correct(&mut self, parts: &Linearization, z: &[f64], rate: &mut [f64]) {
+        if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
+            return simplified.correct(parts, z, rate);
+        }
         parts.chart.extend(rate, &mut self.extended);
         self.right.fill(0.0);
         let force = &mut self.right[3 * self.n..];
@@ -227,7 +227,10 @@ impl FirstOrderMatrix for SparseMatrix {
     }
 
     /// ρ stands for δv̇ itself: f₁ = [0; r_p/γh], f₄ = Pᵀ(M̂ r_v) − γh F_z E⁻¹ r_z.
-    fn solve(&mut self, parts: &Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]) {
+    fn solve(&mut self, parts: &mut Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]) {
+        if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
+            return simplified.solve(parts, p, v, z);
+        }
         let gh = parts.gamma_h;
         parts.chart.extend(v, &mut self.extended);
         self.right.fill(0.0);
@@ -250,25 +253,15 @@ impl FirstOrderMatrix for SparseMatrix {
         gamma_h: Complex64,
     ) -> Result<(), SingularMatrix> {
         let zero = Complex64::new(0.0, 0.0);
-        let solver = self.complex.get_or_insert_with(|| {
-            let (lu, values) = match &self.elimination {
-                Elimination::Forest(_) => (None, Vec::new()),
-                Elimination::General(plan) => {
-                    let plan = plan.as_ref().expect("the real factor comes first");
-                    let real = plan.lu.as_ref().expect("the real factor comes first");
-                    (Some(real.complex()), vec![zero; plan.values.len()])
-                }
-            };
-            Box::new(ComplexFactor {
+        let side = self.complex.get_or_insert_with(|| {
+            Box::new(ComplexSide {
                 gamma_h,
-                values,
-                lu,
-                right: vec![zero; 4 * self.n],
+                right: Vec::new(),
                 inverse_e: vec![zero; parts.inverse_e.len()],
             })
         });
-        solver.gamma_h = gamma_h;
-        for (out, by_z) in solver.inverse_e.iter_mut().zip(&parts.blocks.extra_extra) {
+        side.gamma_h = gamma_h;
+        for (out, by_z) in side.inverse_e.iter_mut().zip(&parts.blocks.extra_extra) {
             *out = (1.0 - gamma_h * by_z).inv();
         }
         let sum = Sum {
@@ -277,33 +270,33 @@ impl FirstOrderMatrix for SparseMatrix {
             gamma_h,
             beta_h2: gamma_h * gamma_h,
             ratio: gamma_h,
-            inverse_e: &solver.inverse_e,
+            inverse_e: &side.inverse_e,
         };
-        match (&mut self.elimination, &mut solver.lu) {
-            (Elimination::General(Some(plan)), Some(lu)) => {
-                plan.pattern.fill(&sum, &plan.jacobian, &plan.moving, &mut solver.values);
-                let outcome = lu.refactor(&solver.values);
-                if outcome.is_err() {
-                    // Pivots of the real matrix that do not serve here: the next real factor chooses others.
-                    plan.left = f64::INFINITY;
-                }
-                outcome
-            }
-            (Elimination::Forest(forest), _) => {
+        if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
+            return simplified.factor_complex(&sum);
+        }
+        side.right.resize(4 * self.n, zero);
+        match &mut self.elimination {
+            Elimination::Forest(forest) => {
                 let outcome = forest.factor_complex(parts.system.structure(), &sum);
                 self.unfit |= outcome.is_err();
                 outcome
             }
-            _ => unreachable!("linearized and factored for real coefficients before"),
+            Elimination::General(elimination) => {
+                elimination.as_mut().expect("linearized before").factor_complex(&sum)
+            }
         }
     }
 
-    fn solve_complex(&mut self, parts: &Linearization, x: &mut [f64], y: &mut [f64]) {
+    fn solve_complex(&mut self, parts: &mut Linearization, x: &mut [f64], y: &mut [f64]) {
         let (n, ndof) = (self.n, self.rate.len());
-        let solver = self.complex.as_mut().expect("factored before");
-        let gh = solver.gamma_h;
+        let side = self.complex.as_mut().expect("factored before");
+        if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
+            return simplified.solve_complex(parts, side, x, y);
+        }
+        let ComplexSide { gamma_h: gh, right, inverse_e } = &mut **side;
+        let gh = *gh;
         let at = |x: &[f64], y: &[f64], i: usize| Complex64::new(x[i], y[i]);
-        let right = &mut solver.right;
         right.fill(Complex64::new(0.0, 0.0));
         for k in 0..ndof {
             right[self.rank + k] = at(x, y, k) / gh;
@@ -321,7 +314,7 @@ impl FirstOrderMatrix for SparseMatrix {
         let structure = parts.system.structure();
         let (blocks, per_body) = (&parts.blocks.blocks, structure.sizes.per_body);
         for (k, ends) in structure.extra_bodies.iter().enumerate() {
-            let scale = gh * solver.inverse_e[k] * at(x, y, 2 * ndof + k);
+            let scale = gh * inverse_e[k] * at(x, y, 2 * ndof + k);
             for (side, body) in ends.iter().enumerate() {
                 let Some(b) = body else { continue };
                 for i in 0..per_body {
@@ -330,24 +323,21 @@ impl FirstOrderMatrix for SparseMatrix {
                 }
             }
         }
-        match (&mut self.elimination, &mut solver.lu) {
-            (Elimination::Forest(forest), _) => forest.solve_complex(right, &parts.blocks),
-            (_, Some(lu)) if lu.growth() <= HARMLESS_GROWTH => lu.solve(right),
-            (Elimination::General(Some(plan)), Some(lu)) => {
-                let left = lu.solve_refined(&plan.pattern.pattern, &solver.values, right);
-                plan.left = plan.left.max(left);
+        match &mut self.elimination {
+            Elimination::Forest(forest) => forest.solve_complex(right, &parts.blocks),
+            Elimination::General(elimination) => {
+                elimination.as_mut().expect("factored before").solve_complex(right);
             }
-            _ => unreachable!("factored before"),
         }
         let (dq, dv) = right.split_at_mut(n);
-        if !solver.inverse_e.is_empty() {
+        if !inverse_e.is_empty() {
             // δq = γh x and δq̇ = y here.
             dq.iter_mut().for_each(|x| *x *= gh);
         }
         for (k, ends) in structure.extra_bodies.iter().enumerate() {
             let j = 2 * ndof + k;
             let by = blocks.extra_rate(k, ends, per_body, dq, &dv[..n]);
-            let z = solver.inverse_e[k] * (at(x, y, j) + gh * by);
+            let z = inverse_e[k] * (at(x, y, j) + gh * by);
             (x[j], y[j]) = (z.re, z.im);
         }
         for k in 0..ndof {
@@ -413,53 +403,13 @@ impl SparseMatrix {
     }
 
     fn solve_right(&mut self, parts: &Linearization, multipliers: bool) {
-        let plan = match &mut self.elimination {
+        match &mut self.elimination {
             Elimination::Forest(forest) => {
-                return forest.solve(&mut self.right, &parts.blocks, multipliers);
+                forest.solve(&mut self.right, &parts.blocks, multipliers);
             }
-            Elimination::General(plan) => {
-                plan.as_mut().expect("linearized before it is solved with")
+            Elimination::General(elimination) => {
+                elimination.as_mut().expect("factored before").solve(&mut self.right);
             }
-        };
-        let lu = plan.lu.as_mut().expect("factored before it is solved with");
-        if lu.growth() <= HARMLESS_GROWTH {
-            lu.solve(&mut self.right);
-        } else {
-            plan.left = lu.solve_refined(&plan.pattern.pattern, &plan.values, &mut self.right);
-            if plan.fresh.is_nan() {
-                plan.fresh = plan.left;
-            }
-        }
-    }
-}
-
-impl Plan {
-    /// At a complete state, where the blocks are evaluated.
-    fn new(manifold: &Manifold, state: &State, blocks: &mut ReducedBlocks) -> Self {
-        // What vanishes by chance at this state does not at a generic one.
-        let mut nonzeros = Nonzeros::new(blocks);
-        let mut generic = state.clone();
-        for (round, x) in [&mut generic.q, &mut generic.v, &mut generic.a, &mut generic.lambda]
-            .into_iter()
-            .enumerate()
-        {
-            let here = x.clone();
-            disturb(&here, round as u32 + 1, x);
-        }
-        blocks.evaluate_system(manifold, &generic);
-        nonzeros.observe(blocks);
-        blocks.evaluate_system(manifold, state);
-        nonzeros.observe(blocks);
-        let pattern = InflatedPattern::new(manifold, &state.q, &nonzeros);
-        Self {
-            nonzeros,
-            pattern,
-            jacobian: manifold.jacobian().values().to_vec(),
-            moving: manifold.chart().moving().clone(),
-            values: Vec::new(),
-            lu: None,
-            left: 0.0,
-            fresh: f64::NAN,
         }
     }
 }

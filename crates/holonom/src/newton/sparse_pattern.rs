@@ -1,4 +1,4 @@
-//! Where the entries of the inflated matrix come from: its pattern, found once.
+//! Where the entries of the inflated and of the simplified matrix come from: their patterns, found once.
 
 use super::blocks::ReducedBlocks;
 use crate::reduction::{BodyRows, Manifold, Projection, structural_nonzeros};
@@ -8,7 +8,16 @@ use holonom_linalg::{BlockMatrix, BlockPattern, Scalar, SparsePattern};
 /// Numbers that could be computed in the time that an entry is listed in; for checkpoints.
 const PER_ENTRY: usize = 4;
 
-/// Matrices whose values stand in the inflated one.
+/// Which of the two matrices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    /// (11) to (14) of `docs/theory/newton.md`.
+    Inflated,
+    /// (22) there, without Ã₀ and Ã₁.
+    Simplified,
+}
+
+/// Matrices whose values stand in the sum.
 #[derive(Debug, Clone, Copy)]
 enum Source {
     Constant,
@@ -73,15 +82,16 @@ pub(super) struct Nonzeros {
 }
 
 impl Nonzeros {
-    /// None yet.
-    pub(super) fn new(blocks: &ReducedBlocks) -> Self {
+    /// None yet, of those that the matrix contains.
+    pub(super) fn new(shape: Shape, blocks: &ReducedBlocks) -> Self {
         let b = &blocks.blocks;
         let none = |matrix: &BlockMatrix| vec![false; matrix.values().len()];
+        let turning = |matrix| if shape == Shape::Inflated { none(matrix) } else { Vec::new() };
         Self {
             stiffness: none(&b.stiffness),
             damping: none(&b.damping),
-            a0: none(&b.a0),
-            a1: none(&b.a1),
+            a0: turning(&b.a0),
+            a1: turning(&b.a1),
         }
     }
 
@@ -107,93 +117,58 @@ impl Nonzeros {
 
 /// The pattern with the source of every entry.
 #[derive(Debug, Clone)]
-pub(super) struct InflatedPattern {
-    pub(super) pattern: SparsePattern,
+pub(super) struct SumPattern {
+    pattern: SparsePattern,
     terms: Vec<Term>,
     constants: Vec<f64>,
     by_position: Vec<ExtraEntry>,
     by_velocity: Vec<ExtraEntry>,
 }
 
-impl InflatedPattern {
+impl SumPattern {
     /// For the manifold's present parametrization, with the entries of K, C, A₀, A₁ that are marked.
-    pub(super) fn new(manifold: &Manifold, q: &[f64], nonzeros: &Nonzeros) -> Self {
-        let system = manifold.system().as_ref();
-        let structure = system.structure();
+    pub(super) fn new(shape: Shape, manifold: &Manifold, q: &[f64], nonzeros: &Nonzeros) -> Self {
+        let structure = manifold.system().structure();
         let n = structure.sizes.coordinates;
         let parametrization = manifold.chart().parametrization();
         let rank = parametrization.kept.len();
-        let linear = parametrization.linear();
-        let own = 3 * n + rank;
-        let (g_nonzero, m_nonzero) = structural_nonzeros(system, q);
+        let (g_nonzero, m_nonzero) = structural_nonzeros(manifold.system().as_ref(), q);
         let mut kept = vec![None; structure.sizes.rows];
         for (k, &row) in parametrization.kept.iter().enumerate() {
             kept[row] = Some(k);
         }
-        let mut list = List::default();
-        let force = |(i, j): (usize, usize)| Some((i, j));
         let row_of = |(row, j): (usize, usize)| kept[row].map(|k: usize| (k, j));
-        let moving = manifold.chart().moving();
-        let moving_entries: Vec<_> =
-            moving.entries().map(|(at, row, j)| (at, (rank + linear + row, j))).collect();
-        let entries = |matrix: &BlockPattern, nonzero: &[bool]| -> Vec<(usize, (usize, usize))> {
-            let all = matrix.entries(0, 0).into_iter().enumerate();
-            all.filter(|(at, _)| nonzero[*at]).collect()
-        };
-        let jacobian = entries(&structure.constraint_pattern, &g_nonzero);
+        let jacobian = marked(&structure.constraint_pattern, &g_nonzero);
+        let mut list = List::default();
         let mut constants = Vec::new();
-        let mut constant_entries = Vec::new();
-        match &parametrization.projection {
-            Projection::Selection(independent) => {
-                for (k, &i) in independent.iter().enumerate() {
-                    constant_entries.push((constants.len(), (rank + k, i)));
-                    constants.push(1.0);
-                }
-            }
-            Projection::Basis(rows) => {
-                for (k, row) in rows.chunks_exact(n).enumerate() {
-                    for (i, &x) in row.iter().enumerate().filter(|(_, x)| **x != 0.0) {
-                        constant_entries.push((constants.len(), (rank + k, i)));
-                        constants.push(x);
-                    }
-                }
-            }
-            Projection::Relative(_) => {}
-        }
-        let minus_one = constants.len();
-        constants.push(-1.0);
-        let minus: Vec<_> =
-            (0..parametrization.ndof).map(|k| (minus_one, (rank + k, own + k))).collect();
-        for level in 0..3 {
-            let place = |(i, j): (usize, usize)| Some((level * n + i, level * n + j));
-            let constraint = |e| row_of(e).and_then(place);
-            list.add(Source::Jacobian, Coefficient::One, &jacobian, constraint);
-            list.add(Source::Moving, Coefficient::One, &moving_entries, place);
-            list.add(Source::Constant, Coefficient::One, &constant_entries, place);
-            list.add(Source::Constant, Coefficient::One, &minus, |(i, j)| Some((level * n + i, j)));
-        }
-        let a0 = entries(&structure.constraint_pattern, &nonzeros.a0);
-        let a1 = entries(&structure.constraint_pattern, &nonzeros.a1);
-        for (level, column, source, turning, rows, coefficient) in [
-            (1, 0, Source::A0, Source::Turning, &a0, Coefficient::Ratio),
-            (2, 0, Source::A1, Source::TurningRate, &a1, Coefficient::BetaH2),
-            (2, 1, Source::A0, Source::Turning, &a0, Coefficient::TwiceGammaH),
-        ] {
-            let place = |(i, j): (usize, usize)| Some((level * n + i, column * n + j));
-            list.add(source, coefficient, rows, |e| row_of(e).and_then(place));
-            list.add(turning, coefficient, &moving_entries, place);
-        }
-        let at_force = |column: usize| {
-            move |e| force(e).map(|(i, j): (usize, usize)| (3 * n + i, column * n + j))
+        // Where forces and, of them, those by δq, δq̇, δq̈ and δλ stand.
+        let (size, force, columns) = match shape {
+            Shape::Inflated => (4 * n, 3 * n, [0, n, 2 * n, 3 * n]),
+            Shape::Simplified => (n + rank, 0, [0, 0, 0, n]),
         };
-        let mass = entries(&structure.mass_pattern, &m_nonzero);
-        let damping = entries(&structure.stiffness_pattern, &nonzeros.damping);
-        let stiffness = entries(&structure.stiffness_pattern, &nonzeros.stiffness);
-        list.add(Source::Stiffness, Coefficient::BetaH2, &stiffness, at_force(0));
-        list.add(Source::Damping, Coefficient::GammaH, &damping, at_force(1));
-        list.add(Source::Mass, Coefficient::One, &mass, at_force(2));
+        match shape {
+            Shape::Inflated => {
+                let curvature = [&nonzeros.a0, &nonzeros.a1]
+                    .map(|nonzero| marked(&structure.constraint_pattern, nonzero));
+                list.add_levels(manifold, &jacobian, curvature, row_of, &mut constants);
+            }
+            Shape::Simplified => {
+                let row = |e| row_of(e).map(|(k, j)| (n + k, j));
+                list.add(Source::Jacobian, Coefficient::One, &jacobian, row);
+            }
+        }
+        let mass = marked(&structure.mass_pattern, &m_nonzero);
+        let damping = marked(&structure.stiffness_pattern, &nonzeros.damping);
+        let stiffness = marked(&structure.stiffness_pattern, &nonzeros.stiffness);
+        for (source, coefficient, entries, column) in [
+            (Source::Stiffness, Coefficient::BetaH2, &stiffness, columns[0]),
+            (Source::Damping, Coefficient::GammaH, &damping, columns[1]),
+            (Source::Mass, Coefficient::One, &mass, columns[2]),
+        ] {
+            list.add(source, coefficient, entries, |(i, j)| Some((force + i, column + j)));
+        }
         list.add(Source::Jacobian, Coefficient::One, &jacobian, |e| {
-            row_of(e).map(|(k, j)| (3 * n + j, 3 * n + k))
+            row_of(e).map(|(k, j)| (force + j, columns[3] + k))
         });
         let mut extra = Vec::new();
         let per_body = structure.sizes.per_body;
@@ -206,16 +181,16 @@ impl InflatedPattern {
                     },
                 )
             };
-            for (force, i) in places() {
+            for (by, i) in places() {
                 for (rate, j) in places() {
-                    extra.push((state, force, rate, (3 * n + i, j)));
+                    extra.push((state, by, rate, (force + i, j)));
                 }
             }
         }
         let positions = list.entries.len();
         list.entries.extend(extra.iter().map(|(.., place)| *place));
-        list.entries.extend(extra.iter().map(|(.., (i, j))| (*i, n + j)));
-        let (pattern, slots) = SparsePattern::new(4 * n, 4 * n, &list.entries);
+        list.entries.extend(extra.iter().map(|(.., (i, j))| (*i, columns[1] + j)));
+        let (pattern, slots) = SparsePattern::new(size, size, &list.entries);
         let entry = |(at, &(state, force, rate, _)): (usize, &(usize, usize, usize, _))| {
             [state, force, rate, slots[at]].map(|x| x as u32)
         };
@@ -227,6 +202,16 @@ impl InflatedPattern {
         };
         let (by_position, by_velocity) = (made(positions), made(positions + extra.len()));
         Self { terms: list.terms(&slots), pattern, constants, by_position, by_velocity }
+    }
+
+    /// Where entries stand.
+    pub(super) fn pattern(&self) -> &SparsePattern {
+        &self.pattern
+    }
+
+    /// Number of entries.
+    pub(super) fn len(&self) -> usize {
+        self.pattern.len()
     }
 
     /// Sums the entries, with these values of G and of the moving rows of P.
@@ -278,6 +263,12 @@ impl InflatedPattern {
     }
 }
 
+/// Entries of a matrix of blocks that can differ from zero, with their places among the values.
+fn marked(matrix: &BlockPattern, nonzero: &[bool]) -> Vec<(usize, (usize, usize))> {
+    let all = matrix.entries(0, 0).into_iter().enumerate();
+    all.filter(|(at, _)| nonzero[*at]).collect()
+}
+
 /// Entries listed term by term.
 #[derive(Default)]
 struct List {
@@ -302,6 +293,61 @@ impl List {
             }
         }
         self.terms.push((source, coefficient, values));
+    }
+
+    /// (11) to (13): three levels of G̃, and Ã₀ and Ã₁ between them.
+    fn add_levels(
+        &mut self,
+        manifold: &Manifold,
+        jacobian: &[(usize, (usize, usize))],
+        [a0, a1]: [Vec<(usize, (usize, usize))>; 2],
+        row_of: impl Fn((usize, usize)) -> Option<(usize, usize)>,
+        constants: &mut Vec<f64>,
+    ) {
+        let n = manifold.system().structure().sizes.coordinates;
+        let parametrization = manifold.chart().parametrization();
+        let (rank, linear) = (parametrization.kept.len(), parametrization.linear());
+        let moving = manifold.chart().moving().entries();
+        let moving: Vec<_> = moving.map(|(at, row, j)| (at, (rank + linear + row, j))).collect();
+        let mut constant_entries = Vec::new();
+        match &parametrization.projection {
+            Projection::Selection(independent) => {
+                for (k, &i) in independent.iter().enumerate() {
+                    constant_entries.push((constants.len(), (rank + k, i)));
+                    constants.push(1.0);
+                }
+            }
+            Projection::Basis(rows) => {
+                for (k, row) in rows.chunks_exact(n).enumerate() {
+                    for (i, &x) in row.iter().enumerate().filter(|(_, x)| **x != 0.0) {
+                        constant_entries.push((constants.len(), (rank + k, i)));
+                        constants.push(x);
+                    }
+                }
+            }
+            Projection::Relative(_) => {}
+        }
+        let minus_one = constants.len();
+        constants.push(-1.0);
+        let own = 3 * n + rank;
+        let minus: Vec<_> =
+            (0..parametrization.ndof).map(|k| (minus_one, (rank + k, own + k))).collect();
+        for level in 0..3 {
+            let place = |(i, j): (usize, usize)| Some((level * n + i, level * n + j));
+            self.add(Source::Jacobian, Coefficient::One, jacobian, |e| row_of(e).and_then(place));
+            self.add(Source::Moving, Coefficient::One, &moving, place);
+            self.add(Source::Constant, Coefficient::One, &constant_entries, place);
+            self.add(Source::Constant, Coefficient::One, &minus, |(i, j)| Some((level * n + i, j)));
+        }
+        for (level, column, source, turning, rows, coefficient) in [
+            (1, 0, Source::A0, Source::Turning, &a0, Coefficient::Ratio),
+            (2, 0, Source::A1, Source::TurningRate, &a1, Coefficient::BetaH2),
+            (2, 1, Source::A0, Source::Turning, &a0, Coefficient::TwiceGammaH),
+        ] {
+            let place = |(i, j): (usize, usize)| Some((level * n + i, column * n + j));
+            self.add(source, coefficient, rows, |e| row_of(e).and_then(place));
+            self.add(turning, coefficient, &moving, place);
+        }
     }
 
     fn terms(self, slots: &[usize]) -> Vec<Term> {

@@ -141,6 +141,15 @@ pub enum RunError {
          or `jacobian` analytic"
     )]
     SparseDifferences,
+    /// The code needs the full Jacobian.
+    #[error(
+        "`newton` is simplified, which leaves out part of the Jacobian; {code} needs the full one: use \
+         sparse, or another code"
+    )]
+    SimplifiedJacobian {
+        /// Name of the code.
+        code: &'static str,
+    },
     /// Accelerations cannot be computed as stated.
     #[error("`accelerations` is {stated}, which cannot be here: {reason}; use auto")]
     Accelerations {
@@ -268,6 +277,7 @@ impl RunError {
             Self::InexactJacobian { .. } | Self::SparseDifferences => {
                 "leave `jacobian` out for the analytic one"
             }
+            Self::SimplifiedJacobian { .. } => "leave `newton` out",
             Self::Accelerations { .. } => "leave `accelerations` out",
             Self::Coordinates { .. } => "leave `coordinates` out",
         }
@@ -340,8 +350,12 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
     if options.jacobian == JacobianSource::Differences && options.code == Code::ForRosen {
         return Err(RunError::InexactJacobian { code: options.code.info().name });
     }
-    if options.jacobian == JacobianSource::Differences && options.newton == Representation::Sparse {
+    if options.jacobian == JacobianSource::Differences && options.newton.is_sparse() {
         return Err(RunError::SparseDifferences);
+    }
+    let iterated = options.code.info().family == "explicit" || !options.code.needs_full_jacobian();
+    if options.newton == Representation::Simplified && !iterated {
+        return Err(RunError::SimplifiedJacobian { code: options.code.info().name });
     }
     Ok(())
 }
@@ -372,7 +386,7 @@ pub(super) fn set_coordinates(
     match options.coordinates {
         Coordinates::Cartesian => {}
         Coordinates::Auto => {
-            let dense = options.newton != Representation::Sparse;
+            let dense = !options.newton.is_sparse();
             let explicit = options.code.info().family == "explicit";
             if !stated
                 && dense

@@ -74,6 +74,10 @@ pub struct Statistics {
     pub jacobians: u64,
     /// Factorisations of the integration Jacobian.
     pub factorizations: u64,
+    /// Those of the simplified matrix, where the sparse one may be that.
+    pub simplified_factorizations: u64,
+    /// Changes from it to the full matrix: after a failed stage, or where iterations were slow in two steps running.
+    pub changes_to_full: u64,
     /// Newton iterations.
     pub iterations: u64,
     /// How these contracted.

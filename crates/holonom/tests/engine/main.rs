@@ -42,6 +42,7 @@ mod patterns;
 mod representations;
 mod rotors;
 mod shapes;
+mod simplified;
 mod slowness;
 mod spectrum;
 mod spinning_bodies;

@@ -34,7 +34,7 @@ fn agree(name: &str, end: f64, charts: &[Choice]) {
                 };
                 crate::common::run_model(&model, &options).summary
             };
-            let (dense, sparse) = (run(Representation::Dense), run(Representation::Sparse));
+            let (dense, sparse) = (run(Representation::Dense), run(Representation::Inflated));
             let what = format!("{name}, {}, {}", code.info().name, parametrization.name());
             let steps = (dense.statistics.steps, sparse.statistics.steps);
             assert_eq!(steps.0, steps.1, "{what}");
@@ -97,7 +97,7 @@ fn one_solve_agrees_on_random_mechanisms() {
         let mut sparse =
             FirstOrder::<Chosen<ReducedMatrix>>::with_matrix(manifold, weights(), state);
         sparse.set_matrix(MatrixOptions {
-            representation: Representation::Sparse,
+            representation: Representation::Inflated,
             ..MatrixOptions::default()
         });
         let n = dense.dimension();

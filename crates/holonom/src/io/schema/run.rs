@@ -129,6 +129,10 @@ pub(crate) enum Newton {
     Dense,
     /// With the graph of the mechanism: its cost grows like the number of bodies.
     Sparse,
+    /// The sparse one without how joints turn, while iterations with it contract.
+    Simplified,
+    /// The sparse one with all of it.
+    Inflated,
 }
 
 impl Newton {
@@ -138,6 +142,8 @@ impl Newton {
             Self::Auto => "auto",
             Self::Dense => "dense",
             Self::Sparse => "sparse",
+            Self::Simplified => "simplified",
+            Self::Inflated => "inflated",
         }
     }
 }

@@ -103,6 +103,8 @@ impl Run<'_> {
         s.evaluations = stepper.derivatives;
         s.jacobians = stepper.linearizations;
         s.factorizations = stepper.factorizations;
+        s.simplified_factorizations = stepper.simplified_factorizations;
+        s.changes_to_full = stepper.changes_to_full;
         s.iterations = stepper.iterations;
         s.contractions = stepper.contractions;
         s.stiff_steps = stepper.stiff_steps;

@@ -54,10 +54,12 @@ impl Machinery {
         let matrix = MatrixOptions {
             source: options.jacobian,
             representation: options.newton,
+            exact: code.needs_full_jacobian(),
             threads: options.threads.clone(),
         };
         let explicit = code.info().family == "explicit";
-        if matrix != MatrixOptions::default() || (explicit && options.fixed_step.is_none()) {
+        let asked = MatrixOptions { exact: matrix.exact && !explicit, ..matrix.clone() };
+        if asked != MatrixOptions::default() || (explicit && options.fixed_step.is_none()) {
             form.set_matrix(matrix);
         }
         let dimension = form.dimension();

@@ -1,0 +1,152 @@
+//! A sparse sum of the mechanism's matrices and its factors, real and complex, in an order found from the pattern.
+
+use super::blocks::ReducedBlocks;
+use super::sparse_pattern::{Nonzeros, Shape, Sum, SumPattern};
+use crate::reduction::{BodyRows, Manifold, disturb};
+use crate::system::State;
+use holonom_linalg::{Complex64, SingularMatrix, SparseLu};
+
+/// What is found at the first linearization, and again when another entry appears; with the numbers of the last one.
+#[derive(Debug, Clone)]
+pub(super) struct GeneralElimination {
+    shape: Shape,
+    nonzeros: Nonzeros,
+    pattern: SumPattern,
+    /// G and the moving rows of P of the linearization.
+    jacobian: Vec<f64>,
+    moving: BodyRows,
+    values: Vec<f64>,
+    lu: Option<SparseLu>,
+    complex: Option<ComplexFactor>,
+    /// Relative error that the last refinement left, and the one with fresh pivots; NaN until there is one.
+    left: f64,
+    fresh: f64,
+}
+
+/// The factor for a complex γh, with the pivots of the real one.
+#[derive(Debug, Clone)]
+struct ComplexFactor {
+    lu: SparseLu<Complex64>,
+    values: Vec<Complex64>,
+}
+
+/// Growth of numbers in the elimination from which solutions are refined.
+const HARMLESS_GROWTH: f64 = 1e4;
+/// What refinement may leave of the relative error before pivots are chosen anew, where fresh ones left not
+/// much less.
+const ACCURACY: f64 = 1e-9;
+const WORSE_THAN_FRESH: f64 = 100.0;
+
+impl GeneralElimination {
+    /// At a complete state, where the blocks are evaluated.
+    pub(super) fn new(
+        shape: Shape,
+        manifold: &Manifold,
+        state: &State,
+        blocks: &mut ReducedBlocks,
+    ) -> Self {
+        // What vanishes by chance at this state does not at a generic one.
+        let mut nonzeros = Nonzeros::new(shape, blocks);
+        let mut generic = state.clone();
+        for (round, x) in [&mut generic.q, &mut generic.v, &mut generic.a, &mut generic.lambda]
+            .into_iter()
+            .enumerate()
+        {
+            let here = x.clone();
+            disturb(&here, round as u32 + 1, x);
+        }
+        blocks.evaluate_system(manifold, &generic);
+        nonzeros.observe(blocks);
+        blocks.evaluate_system(manifold, state);
+        nonzeros.observe(blocks);
+        let pattern = SumPattern::new(shape, manifold, &state.q, &nonzeros);
+        let mut new = Self {
+            shape,
+            nonzeros,
+            values: vec![0.0; pattern.len()],
+            pattern,
+            jacobian: Vec::new(),
+            moving: manifold.chart().moving().clone(),
+            lu: None,
+            complex: None,
+            left: 0.0,
+            fresh: f64::NAN,
+        };
+        new.take(manifold);
+        new
+    }
+
+    /// Another complete state, where the blocks have been evaluated.
+    pub(super) fn linearize(&mut self, manifold: &Manifold, state: &State, blocks: &ReducedBlocks) {
+        if self.nonzeros.observe(blocks) {
+            self.pattern = SumPattern::new(self.shape, manifold, &state.q, &self.nonzeros);
+            self.values.resize(self.pattern.len(), 0.0);
+            (self.lu, self.complex) = (None, None);
+        }
+        self.take(manifold);
+    }
+
+    fn take(&mut self, manifold: &Manifold) {
+        self.jacobian.clear();
+        self.jacobian.extend_from_slice(manifold.jacobian().values());
+        self.moving.copy_from(manifold.chart().moving());
+    }
+
+    /// Sums and factors; returns the number of symbolic analyses made.
+    pub(super) fn factor(&mut self, sum: &Sum<'_, f64>) -> Result<u64, SingularMatrix> {
+        self.pattern.fill(sum, &self.jacobian, &self.moving, &mut self.values);
+        if let Some(lu) = &mut self.lu
+            && self.left <= ACCURACY.max(WORSE_THAN_FRESH * self.fresh)
+            && lu.refactor(&self.values).is_ok()
+        {
+            return Ok(0);
+        }
+        (self.lu, self.complex, self.left, self.fresh) = (None, None, 0.0, f64::NAN);
+        self.lu = Some(SparseLu::analyze_for_many(self.pattern.pattern(), &self.values)?);
+        Ok(1)
+    }
+
+    /// The same with complex coefficients, after the real ones.
+    pub(super) fn factor_complex(
+        &mut self,
+        sum: &Sum<'_, Complex64>,
+    ) -> Result<(), SingularMatrix> {
+        let real = self.lu.as_ref().expect("the real factor comes first");
+        let complex = self.complex.get_or_insert_with(|| ComplexFactor {
+            lu: real.complex(),
+            values: vec![Complex64::new(0.0, 0.0); self.values.len()],
+        });
+        self.pattern.fill(sum, &self.jacobian, &self.moving, &mut complex.values);
+        let outcome = complex.lu.refactor(&complex.values);
+        if outcome.is_err() {
+            // Pivots of the real matrix that do not serve here: the next real factor chooses others.
+            self.left = f64::INFINITY;
+        }
+        outcome
+    }
+
+    /// A solution in place of its right-hand side.
+    pub(super) fn solve(&mut self, right: &mut [f64]) {
+        let lu = self.lu.as_mut().expect("factored before it is solved with");
+        if lu.growth() <= HARMLESS_GROWTH {
+            lu.solve(right);
+        } else {
+            self.left = lu.solve_refined(self.pattern.pattern(), &self.values, right);
+            if self.fresh.is_nan() {
+                self.fresh = self.left;
+            }
+        }
+    }
+
+    /// The same with the complex factor.
+    pub(super) fn solve_complex(&mut self, right: &mut [Complex64]) {
+        let ComplexFactor { lu, values } =
+            self.complex.as_mut().expect("factored before it is solved with");
+        if lu.growth() <= HARMLESS_GROWTH {
+            lu.solve(right);
+        } else {
+            let left = lu.solve_refined(self.pattern.pattern(), values, right);
+            self.left = self.left.max(left);
+        }
+    }
+}
