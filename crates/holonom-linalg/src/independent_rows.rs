@@ -2,15 +2,18 @@
 
 use crate::envelope::{BlockGraph, least_degree};
 use crate::error::SingularMatrix;
+use std::ops::Range;
 
 /// What decides whether a row is taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Claim {
     /// It is taken unless other rows of this kind imply it, those of a smaller class first.
     Required(u8),
-    /// It is taken before later rows of this kind where at least this part of the best of them is left of
-    /// it beside the rows taken before.
+    /// Of preferred rows of which enough is left beside the rows taken before, the one whose rest times this weight
+    /// is the largest is taken.
     Preferred(f64),
+    /// The same, but the first of its kind stands for all of these.
+    InTurn(f64),
 }
 
 /// A row on offer to [`independent_rows`].
@@ -43,8 +46,8 @@ const ROUND_OFF: f64 = 64.0 * f64::EPSILON;
 const NOISE: f64 = 1024.0 * f64::EPSILON;
 
 /// Chooses rows of a matrix of `blocks`·`width` columns that form a regular square matrix: required ones
-/// unless they depend on others, then preferred ones, the first in their order that are about as well
-/// conditioned as the best. A row is dependent when less than `tolerance` of it is left, or only round-off.
+/// unless they depend on others, then preferred ones, by weight among those of which at least the part `nearly` of
+/// the best is left. A row is dependent when less than `tolerance` of it is left, or only round-off.
 ///
 /// Blocks of columns are eliminated in an order of least degree, each by its rows alone, as in a
 /// multifrontal factorisation: reflections of its columns make one entry of a taken row, whose multiples
@@ -53,8 +56,8 @@ const NOISE: f64 = 1024.0 * f64::EPSILON;
 /// with an entry in a column where all taken ones vanish belongs to it (as the lightest edge of a cut belongs
 /// to the lightest spanning tree). For the same reason a preferred row that depends on rows before it is out
 /// as soon as these stand in the same blocks, so that no more rows wait than there are columns in their
-/// blocks. With numbers, multiples of required rows are at most ten, and those of preferred rows are bounded
-/// by the part that the row on offer states.
+/// blocks. With numbers, multiples of required rows are at most ten, and those of preferred rows at most
+/// 1/`nearly`.
 ///
 /// # Errors
 /// [`SingularMatrix`] with a column in which no row has an entry left.
@@ -63,8 +66,9 @@ pub fn independent_rows(
     width: usize,
     rows: &[OfferedRow],
     tolerance: f64,
+    nearly: f64,
 ) -> Result<IndependentRows, SingularMatrix> {
-    let mut work = Elimination::new(blocks, width, rows, tolerance);
+    let mut work = Elimination::new(blocks, width, rows, tolerance, nearly);
     for block in work.order(rows) {
         work.eliminate(block)?;
     }
@@ -101,6 +105,7 @@ impl Row {
 struct Elimination {
     width: usize,
     tolerance: f64,
+    nearly: f64,
     rows: Vec<Row>,
     /// Rows that stand in each block; some more than once, some no longer.
     at: Vec<Vec<usize>>,
@@ -110,7 +115,7 @@ struct Elimination {
 }
 
 impl Elimination {
-    fn new(blocks: usize, width: usize, rows: &[OfferedRow], tolerance: f64) -> Self {
+    fn new(blocks: usize, width: usize, rows: &[OfferedRow], tolerance: f64, nearly: f64) -> Self {
         let mut at = vec![Vec::new(); blocks];
         for (i, row) in rows.iter().enumerate() {
             for &(column, _) in &row.entries {
@@ -127,6 +132,7 @@ impl Elimination {
         Self {
             width,
             tolerance,
+            nearly,
             rows: rows.iter().map(start).collect(),
             at,
             place: vec![0; blocks * width],
@@ -169,7 +175,8 @@ impl Elimination {
         }
         let mut front = Front::new(&self.rows, &ids, &self.place, self.width + columns.len());
         for k in 0..self.width {
-            let Some(pick) = front.pick(&self.rows, k, self.width, self.tolerance) else {
+            let Some(pick) = front.pick(&self.rows, k..self.width, self.tolerance, self.nearly)
+            else {
                 return Err(SingularMatrix { row: 0, column: first + k, pivot: 0.0 });
             };
             let row = &mut self.rows[ids[pick]];
@@ -207,7 +214,8 @@ impl Elimination {
         // Which of them are still of use, by the same choice among all their columns.
         let mut rest = front.beyond(self.width);
         for k in 0..rest.columns {
-            let Some(pick) = rest.pick(&self.rows, k, rest.columns, self.tolerance) else {
+            let Some(pick) = rest.pick(&self.rows, k..rest.columns, self.tolerance, self.nearly)
+            else {
                 break;
             };
             rest.take(pick, k, rest.columns);
@@ -271,20 +279,27 @@ impl Front {
         }
     }
 
-    /// The row to be taken in columns `from` to `to`; none where no row has a number left.
-    fn pick(&mut self, rows: &[Row], from: usize, to: usize, tolerance: f64) -> Option<usize> {
+    /// The row to be taken in a range of columns; none where no row has a number left.
+    fn pick(
+        &mut self,
+        rows: &[Row],
+        columns: Range<usize>,
+        tolerance: f64,
+        nearly: f64,
+    ) -> Option<usize> {
         self.operations += self.a.len();
         let (mut required, mut offers) = (Vec::new(), Vec::new());
         for local in (0..self.ids.len()).filter(|&local| self.live[local]) {
             let row = &rows[self.ids[local]];
-            let here = size(&self.row(local)[from..to]);
+            let here = size(&self.row(local)[columns.clone()]);
             if here.is_nan() {
                 return None;
             }
             if here > row.nothing(tolerance) {
                 match row.claim {
                     Claim::Required(class) => required.push((here / row.first, class, local)),
-                    Claim::Preferred(part) => offers.push((here, part, local)),
+                    Claim::Preferred(weight) => offers.push((here, weight, false, local)),
+                    Claim::InTurn(weight) => offers.push((here, weight, true, local)),
                 }
             }
         }
@@ -294,8 +309,15 @@ impl Front {
             return Some(local);
         }
         let best = offers.iter().fold(0.0f64, |best, offer| best.max(offer.0));
-        let offer = offers.into_iter().find(|(here, part, _)| *here >= part * best);
-        offer.map(|(_, _, local)| local)
+        let mut taken: Option<(f64, usize)> = None;
+        let mut first = true;
+        for (here, weight, in_turn, local) in offers.into_iter().filter(|o| o.0 >= nearly * best) {
+            let stands = !in_turn || std::mem::replace(&mut first, false);
+            if stands && taken.is_none_or(|(size, _)| here * weight > size) {
+                taken = Some((here * weight, local));
+            }
+        }
+        taken.map(|(_, local)| local)
     }
 
     /// Takes a row in columns `from` to `to`, which are reflected so that only the first of them has an entry

@@ -48,7 +48,7 @@ fn mechanism(blocks: usize, width: usize, closures: usize, seed: u64) -> Vec<Off
         let tied: &[usize] = if b == 0 { &[0] } else { &[parent, b] };
         for k in 0..width {
             let held = k > 0 && next() < 0.3;
-            let claim = if held { Claim::Required(0) } else { Claim::Preferred(0.4) };
+            let claim = if held { Claim::Required(0) } else { Claim::InTurn(1.0) };
             let mut made = row(tied, claim, &mut next);
             // Each its own column: regular by itself.
             made.entries.iter_mut().for_each(|(j, x)| {
@@ -95,7 +95,7 @@ proptest! {
         let required: Vec<usize> = all.iter().copied()
             .filter(|&i| matches!(rows[i].claim, Claim::Required(_))).collect();
         prop_assume!(rank(&rows, columns, &all) == columns);
-        let found = independent_rows(blocks, width, &rows, 1e-9).unwrap();
+        let found = independent_rows(blocks, width, &rows, 1e-9, 0.4).unwrap();
         prop_assert_eq!(found.taken.len(), columns);
         let held = rank(&rows, columns, &required);
         prop_assert_eq!(found.redundant.len(), required.len() - held);
@@ -167,7 +167,7 @@ fn ladder(loops: usize) -> Vec<OfferedRow> {
     };
     let angle = |a: Option<usize>, b: usize| OfferedRow {
         entries: a.map(|a| (3 * a + 2, -1.0)).into_iter().chain([(3 * b + 2, 1.0)]).collect(),
-        claim: Claim::Preferred(0.4),
+        claim: Claim::InTurn(1.0),
     };
     let (mut rows, mut angles) = (Vec::new(), Vec::new());
     for i in 0..loops {
@@ -190,7 +190,7 @@ fn ladder(loops: usize) -> Vec<OfferedRow> {
 fn a_ladder_takes_work_in_proportion_to_its_loops() {
     let work = |loops: usize| {
         let rows = ladder(loops);
-        let found = independent_rows(3 * loops, 3, &rows, 1e-9).unwrap();
+        let found = independent_rows(3 * loops, 3, &rows, 1e-9, 0.4).unwrap();
         let required = rows.iter().filter(|r| matches!(r.claim, Claim::Required(_))).count();
         assert_eq!(found.taken.iter().filter(|&&i| i >= required).count(), loops);
         assert!(found.redundant.is_empty());

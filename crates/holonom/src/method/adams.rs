@@ -3,7 +3,7 @@
 //! Order and step selection of Shampine & Gordon, *Computer Solution of Ordinary Differential
 //! Equations* (1975), chapter 7: local extrapolation, estimates at orders k−2 … k+1, doubling at
 //! the start, steps kept constant unless they can be doubled or must shrink. Two evaluations per
-//! step.
+//! step, of which the second tells also what the first correction has left: `docs/theory/formula.md` (15a).
 
 use super::adams_history::History;
 use crate::formula::{ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients};
@@ -41,6 +41,8 @@ pub struct AdamsStepper {
     predicted: Vec<f64>,
     /// Of the slope there from the predicted one, then the estimated error.
     difference: Vec<f64>,
+    /// That is what one correction has left, and no error of a lower order.
+    unfinished: bool,
     work: Vec<f64>,
     slope: Vec<f64>,
     statistics: StepperStatistics,
@@ -58,6 +60,7 @@ impl AdamsStepper {
             failures: 0,
             predicted: vector(),
             difference: vector(),
+            unfinished: false,
             work: vector(),
             slope: vector(),
             statistics: StepperStatistics::default(),
@@ -151,9 +154,23 @@ impl AdamsStepper {
         let trial = &mut self.trial;
         trial.end.copy_from_slice(&self.predicted);
         add_scaled(&mut trial.end, h * c.g[k], &self.difference);
-        scale(&mut self.difference, part);
         self.statistics.derivatives += 1;
         ode.derivative(t + h, &trial.end, &mut self.slope).map_err(Rejection::Evaluation)?;
+        // Against what another correction would make of the end.
+        let slopes = self.slope.iter().zip(&trial.phi[0]).zip(&self.difference);
+        for (work, ((&slope, &phi), &d)) in self.work.iter_mut().zip(slopes) {
+            *work = h * c.g[k] * (d - (slope - phi));
+        }
+        let left = self.options.caution * ode.norm(&self.work);
+        scale(&mut self.difference, part);
+        self.unfinished = left > error;
+        if self.unfinished {
+            std::mem::swap(&mut self.difference, &mut self.work);
+            if left > 1.0 && !self.options.fixed_step {
+                return Ok(self.after_failure(h, left, at_k, order));
+            }
+        }
+        let trial = &mut self.trial;
         // Differences of the slopes up to the new one.
         for (i, &slope) in self.slope.iter().enumerate() {
             let new = slope - trial.phi[0][i];
@@ -166,7 +183,7 @@ impl AdamsStepper {
         trial.psi = c.psi;
         (trial.last_order, trial.last_step) = (k, h);
         trial.low_orders = if k > 4 { 0 } else { trial.low_orders + 1 };
-        Ok(self.after_success(ode, h, k, order, error, at_k, below))
+        Ok(self.after_success(ode, h, k, order, [error, left], at_k, below))
     }
 
     /// Halves the step, or falls back to order 1 after three failures in a row.
@@ -182,14 +199,15 @@ impl AdamsStepper {
         Judgement { error, accepted: false, order, step: ratio * h }
     }
 
-    /// Order and length of the next step; `order` is k − 1 if that already won.
+    /// Order and length of the next step; `order` is k − 1 if that already won. The errors are that of order k and
+    /// what another correction would change.
     fn after_success(
         &mut self,
         ode: &mut dyn LinearizedOde,
         h: f64,
         k: usize,
         order: usize,
-        error: f64,
+        [error, left]: [f64; 2],
         at_k: f64,
         below: f64,
     ) -> Judgement {
@@ -213,6 +231,7 @@ impl AdamsStepper {
             }
         }
         let power = order as f64 + 1.0;
+        let estimate = estimate.max(left);
         let ratio = if self.trial.starting || 0.5 >= estimate * power.exp2() {
             2.0
         } else if 0.5 >= estimate {
@@ -221,6 +240,7 @@ impl AdamsStepper {
             (0.5 / estimate).powf(1.0 / power).clamp(0.5, 0.9)
         };
         self.trial.order = order;
+        let error = error.max(left);
         Judgement { error, accepted: true, order, step: ratio * h }
     }
 }
@@ -239,7 +259,7 @@ impl Stepper for AdamsStepper {
     }
 
     fn orders_of_error(&self) -> [u32; 2] {
-        [self.order() + 1, self.order()]
+        [self.order() + u32::from(!self.unfinished), self.order()]
     }
 
     fn explicit(&self) -> bool {

@@ -1,8 +1,8 @@
 //! Choice of independent coordinates where the forest's coordinates are tied by closed loops.
 //!
 //! Rows over the coordinates of the bodies on loops are on offer: constraints first, then deformations of
-//! stiff force elements by their frequency² in the mechanism, then coordinates of the forest, the nearest to
-//! the root first. [`independent_rows`] takes as many as there are coordinates. No path through the forest
+//! stiff force elements by their frequency in the mechanism times what is left of them, then coordinates of the
+//! forest, the nearest to the root first. [`independent_rows`] takes as many as there are coordinates. No path through the forest
 //! is followed and no column of D is made: a row has entries at its two bodies only.
 //!
 //! Equations: `docs/theory/reduction.md` (30)-(35).
@@ -15,10 +15,8 @@ use crate::error::EvaluationFailure;
 use crate::system::{Measure, State, System, Tree};
 use holonom_linalg::{BlockMatrix, Claim, OfferedRow, independent_rows};
 
-/// Part of the best that must be left of a deformation beside those taken before.
-const INDEPENDENT: f64 = 0.1;
-/// The coordinate nearest to the root is taken if it is as independent as this part of the best: the
-/// inverse of the growth of the condition at which the choice is made again.
+/// A row is taken only if this part of the best is left of it: the inverse of the growth of the condition at which
+/// the choice is made again.
 const NEARLY_BEST: f64 = 0.4;
 /// Entries of scaled rows below this are round-off.
 const NEGLIGIBLE: f64 = 1e-14;
@@ -127,7 +125,7 @@ impl<'a> Loops<'a> {
         for deformation in self.deformations(g, relatives) {
             let force = &tree.elastic[deformation.elastic];
             let (group, row) = (deformation.group, deformation.row);
-            let claim = Claim::Preferred(INDEPENDENT);
+            let claim = Claim::Preferred(deformation.strength.sqrt());
             if let Some(c) = alone.only(force.ends) {
                 let gradient = self.gradient(c.group, c.row, relatives);
                 offered.push(Offered::Coordinate(c.group, c.row));
@@ -141,10 +139,16 @@ impl<'a> Loops<'a> {
         for (_, c) in free {
             let gradient = self.gradient(c.group, c.row, relatives);
             offered.push(Offered::Coordinate(c.group, c.row));
-            rows.push(self.row(c.group, &gradient, &place, Claim::Preferred(NEARLY_BEST)));
+            rows.push(self.row(
+                c.group,
+                &gradient,
+                &place,
+                Claim::InTurn(STIFF.sqrt() * self.pace),
+            ));
         }
 
-        let found = independent_rows(bodies.len(), sizes.per_body, &rows, RANK_TOLERANCE);
+        let found =
+            independent_rows(bodies.len(), sizes.per_body, &rows, RANK_TOLERANCE, NEARLY_BEST);
         let found = found.map_err(|e| {
             let column =
                 bodies[e.column / sizes.per_body] * sizes.per_body + e.column % sizes.per_body;

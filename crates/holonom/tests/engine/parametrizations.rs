@@ -266,3 +266,65 @@ fn every_code_closes_loops_far_from_where_rotations_are_measured_from() {
         }
     }
 }
+
+/// A chain of `n` rods of 1 m and 1 kg between two hinges in the ground, along a circle; springs of `stiffness` (N m/rad)
+/// and a hundredth of it as damping between neighbours, at rest at `free` times the angle of the circle.
+fn closed_chain(n: usize, stiffness: f64, free: f64) -> Model {
+    let turn = std::f64::consts::TAU / (n + 1) as f64;
+    let (outer, inner) = (0.5 / (turn / 2.0).sin(), 0.5 / (turn / 2.0).tan());
+    let mut lines = vec![
+        "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]".to_string(),
+        "[bodies]".to_string(),
+    ];
+    for i in 1..=n {
+        let angle = turn * (i as f64 - 0.5);
+        let (x, y) = (inner * angle.cos(), inner * angle.sin());
+        let angle = angle + std::f64::consts::FRAC_PI_2;
+        lines.push(format!(
+            "link_{i} = {{ mass = 1.0, inertia = \"=1/12\", position = [{x}, {y}], angle = {angle} }}"
+        ));
+    }
+    lines.push("[joints]".into());
+    let pin = |first: &str, [x, y]: [f64; 2], second: usize, end: f64| {
+        format!(
+            "pin_{first}_{second} = {{ type = \"revolute\", between = [\"{first}\", \"link_{second}\"], \
+             points_in_body = [[{x}, {y}], [{end}, 0.0]] }}"
+        )
+    };
+    lines.push(pin("ground", [outer, 0.0], 1, -0.5));
+    lines.extend((2..=n).map(|i| pin(&format!("link_{}", i - 1), [0.5, 0.0], i, -0.5)));
+    let last = turn * n as f64;
+    lines.push(pin("ground", [outer * last.cos(), outer * last.sin()], n, 0.5));
+    lines.push("[forces]".into());
+    for i in 2..=n {
+        lines.push(format!(
+            "spring_{i} = {{ type = \"rsda\", between = [\"link_{}\", \"link_{i}\"], stiffness = {stiffness}, \
+             damping = {}, free_angle = {} }}",
+            i - 1,
+            0.01 * stiffness,
+            free * turn
+        ));
+    }
+    model_of(&lines.join("\n"))
+}
+
+#[test] // independent truth: the tangent plane, in which no coordinate depends on others, at a tighter tolerance
+fn a_closed_chain_of_stiff_hinges_takes_steps_as_on_its_tangent_plane() {
+    let tolerance = 1e-4;
+    for (n, stiffness, free) in
+        [(12, 1e5, 0.0), (20, 1e3, 1.0), (50, 1e3, 1.0), (50, 1e4, 0.5), (100, 1e5, 0.0)]
+    {
+        let model = closed_chain(n, stiffness, free);
+        let middle = format!("link_{}.position", n / 2);
+        let truth = with(Choice::TangentPlane, Code::ForRadau, 1e-7, 1.0, &[&middle]);
+        for code in [Code::ForRadau, Code::ForSdirk] {
+            let plane =
+                run_model(&model, &with(Choice::TangentPlane, code, tolerance, 1.0, &[&middle]));
+            let run = with(Choice::Tree, code, tolerance, 1.0, &[&middle]);
+            let (difference, [tree, _]) = distance(&model, &run, &truth);
+            let (steps, allowed) = (tree.steps, plane.summary.statistics.steps * 5 / 4);
+            assert!(steps <= allowed, "{n} links, {code:?}: {steps} steps, {allowed} allowed");
+            assert!(difference < 30.0 * tolerance, "{n} links, {code:?}: {difference:.1e}");
+        }
+    }
+}
