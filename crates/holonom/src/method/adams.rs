@@ -15,7 +15,7 @@ use crate::method::stepper::{
 /// A refused step is made shorter by this factor at most: an error estimate of a step that is far too
 /// long says little.
 const LEAST_RATIO: f64 = 0.01;
-/// Steps at order 4 or less after which stiffness is suspected.
+/// Steps at order 4 or less, or whose error one correction has left, after which stiffness is suspected.
 const STIFF_STEPS: u32 = 50;
 
 /// Outcome of a step that could be computed.
@@ -161,7 +161,7 @@ impl AdamsStepper {
         for (work, ((&slope, &phi), &d)) in self.work.iter_mut().zip(slopes) {
             *work = h * c.g[k] * (d - (slope - phi));
         }
-        let left = self.options.caution * ode.norm(&self.work);
+        let left = ode.norm(&self.work);
         scale(&mut self.difference, part);
         self.unfinished = left > error;
         if self.unfinished {
@@ -182,7 +182,7 @@ impl AdamsStepper {
         }
         trial.psi = c.psi;
         (trial.last_order, trial.last_step) = (k, h);
-        trial.low_orders = if k > 4 { 0 } else { trial.low_orders + 1 };
+        trial.suspect = if k > 4 && !self.unfinished { 0 } else { trial.suspect + 1 };
         Ok(self.after_success(ode, h, k, order, [error, left], at_k, below))
     }
 
@@ -302,7 +302,7 @@ impl Stepper for AdamsStepper {
                 self.pending = true;
                 let next = if self.options.fixed_step { h } else { judgement.step };
                 report.accept(judgement.error, next.min(self.options.max_step));
-                if self.trial.low_orders >= STIFF_STEPS {
+                if self.trial.suspect >= STIFF_STEPS {
                     self.statistics.stiff_steps += 1;
                 }
             }

@@ -24,8 +24,8 @@ pub(super) struct History {
     pub(super) phi: [Vec<f64>; COLUMNS],
     /// State at the end of the last step.
     pub(super) end: Vec<f64>,
-    /// Consecutive steps of order 4 or less.
-    pub(super) low_orders: u32,
+    /// Consecutive steps of order 4 or less, or whose error one correction has left.
+    pub(super) suspect: u32,
 }
 
 impl History {
@@ -40,7 +40,7 @@ impl History {
             psi: [0.0; ADAMS_MAX_ORDER + 1],
             phi: std::array::from_fn(|_| vec![0.0; n]),
             end: vec![0.0; n],
-            low_orders: 0,
+            suspect: 0,
         }
     }
 
@@ -60,7 +60,7 @@ impl History {
         self.same_steps = other.same_steps;
         self.starting = other.starting;
         self.psi = other.psi;
-        self.low_orders = other.low_orders;
+        self.suspect = other.suspect;
     }
 
     /// Makes it end at slope `g`. All differences contain the newest slope with
@@ -71,7 +71,7 @@ impl History {
             self.phi[0].copy_from_slice(g);
             self.phi[1].fill(0.0);
             (self.order, self.last_order, self.last_step) = (1, 0, 0.0);
-            (self.same_steps, self.starting, self.low_orders) = (0, true, 0);
+            (self.same_steps, self.starting, self.suspect) = (0, true, 0);
         } else {
             let columns = self.columns();
             for i in 0..g.len() {
@@ -117,7 +117,7 @@ impl History {
     pub(super) fn numbers(&self) -> Vec<f64> {
         let whole = [self.order, self.last_order, self.same_steps, usize::from(self.starting)];
         let mut numbers: Vec<f64> = whole.iter().map(|&k| k as f64).collect();
-        numbers.extend([f64::from(self.low_orders), self.last_step]);
+        numbers.extend([f64::from(self.suspect), self.last_step]);
         numbers.extend_from_slice(&self.psi);
         for column in self.phi.iter().take(self.columns()) {
             numbers.extend_from_slice(column);
@@ -128,7 +128,7 @@ impl History {
     /// Becomes what [`History::numbers`] says; false where these are of no history of as many unknowns.
     pub(super) fn recall(&mut self, numbers: &[f64]) -> bool {
         let most = ADAMS_MAX_ORDER as f64;
-        let Some((&[order, last_order, same_steps, starting, low_orders, last_step], rest)) =
+        let Some((&[order, last_order, same_steps, starting, suspect, last_step], rest)) =
             numbers.split_first_chunk()
         else {
             return false;
@@ -147,7 +147,7 @@ impl History {
         self.psi = *psi;
         (self.order, self.last_order) = (order as usize, last_order as usize);
         (self.same_steps, self.starting) = (same_steps as usize, starting != 0.0);
-        (self.low_orders, self.last_step) = (low_orders as u32, last_step);
+        (self.suspect, self.last_step) = (suspect as u32, last_step);
         if columns.len() != n * self.columns() {
             return false;
         }

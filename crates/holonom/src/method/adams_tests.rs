@@ -74,7 +74,9 @@ fn needs_no_more_evaluations_than_another_code() {
             let run = run(&mut stepper(start.len()), &mut ode, 0.0, &start, end, None);
             work.push((ode.derivatives, distance(&run.w, &truth)));
         }
-        for (exponent, (evaluations, error)) in (3..).zip(others) {
+        // Where the other code follows the solution at all, whose size is 1.
+        for (exponent, (evaluations, error)) in (3..).zip(others).filter(|(_, other)| other.1 < 0.5)
+        {
             let at_equal_tolerance = work[3 * (exponent - 2)].0;
             let at_equal_error = work.iter().filter(|w| w.1 <= error).map(|w| w.0).min();
             let found = at_equal_error.unwrap_or(u64::MAX).max(at_equal_tolerance);
@@ -171,10 +173,13 @@ fn a_caller_may_project_accepted_states() {
 
 #[test]
 fn stiffness_is_reported() {
-    let mut stiff = stepper(2);
+    let options = StepperOptions { caution: 4.0, ..StepperOptions::default() };
+    let mut stiff = AdamsStepper::new(2, options);
     run(&mut stiff, &mut van_der_pol(1e-3), 0.0, &[2.0, -0.66], 0.5, None);
-    assert!(stiff.statistics().stiff_steps > 100, "{:?}", stiff.statistics());
-    let mut smooth = stepper(4);
+    let found = stiff.statistics();
+    // As warned of.
+    assert!(found.stiff_steps > found.accepted / 10 && found.stiff_steps > 50, "{found:?}");
+    let mut smooth = AdamsStepper::new(4, options);
     run(&mut smooth, &mut kepler(), 0.0, &kepler_solution(0.0), 6.0, None);
     assert_eq!(smooth.statistics().stiff_steps, 0);
 }
