@@ -62,12 +62,6 @@ impl Run<'_> {
         EXPLICIT_TURN / relatives.turning(self.system.as_ref(), &self.w[ndof..2 * ndof])
     }
 
-    /// Whether other relative coordinates could be chosen: there are loops, or springs with two forms.
-    pub(super) fn has_alternatives(&self) -> bool {
-        let parametrization = self.form.point().manifold.chart().parametrization();
-        parametrization.relatives().is_some_and(|relatives| relatives.has_alternatives)
-    }
-
     /// Chooses another partition when the present one has become ill-conditioned.
     pub(super) fn check_partition(&mut self) -> Result<(), EvaluationFailure> {
         let condition = self.form.point_mut().manifold.condition();
@@ -77,7 +71,8 @@ impl Run<'_> {
         let factor = self.options.repartition_factor;
         let limit = match self.options.parametrization {
             Choice::Tree => {
-                if !self.has_alternatives() {
+                let parametrization = self.form.point().manifold.chart().parametrization();
+                if !parametrization.relatives().is_some_and(|r| r.has_alternatives) {
                     return Ok(());
                 }
                 TREE_GROWTH * self.condition_reference

@@ -313,12 +313,7 @@ impl Run<'_> {
             self.slowness.count(accepted, report.error, change, &self.w);
             if let Some(cause) = rejection {
                 rejections += 1;
-                let lost = match &cause {
-                    Rejection::Evaluation(_) => true,
-                    // What depends on the variables may have come to move fast with them.
-                    Rejection::NewtonDivergence | Rejection::NewtonSlow => self.has_alternatives(),
-                    Rejection::ErrorTooLarge | Rejection::SingularMatrix(_) => false,
-                };
+                let lost = matches!(&cause, Rejection::Evaluation(_));
                 let before = self.statistics.reparametrizations;
                 if lost && !std::mem::replace(&mut repartitioned, true) {
                     self.repartition_at_start().map_err(|f| failed(f, step))?;
