@@ -5,7 +5,7 @@
 //! thesis (3.133)).
 
 use super::inertia::{Inertia, PlanarInertia, SpatialInertia};
-use crate::math::spatial::{cross, e_times, e_transposed_times};
+use crate::math::spatial::{cross, e_times, e_transposed_times, g_times, g_transposed_times};
 use crate::math::vector::{difference, dot, sum};
 use crate::system::{Motion, Stance, Wrench};
 
@@ -21,6 +21,9 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
 
     /// Rate of a twist that is fixed in what moves with twist `a`.
     fn cross(a: &[f64; W], b: &[f64; W]) -> [f64; W];
+
+    /// Rate of a wrench that is fixed in what moves with twist `a`: its power with b changes by −wᵀ(a × b).
+    fn cross_dual(a: &[f64; W], w: &[f64; W]) -> [f64; W];
 
     /// Reference point at a pose.
     fn center(q: &[f64; N]) -> [f64; 3];
@@ -40,6 +43,9 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// Change of [`Algebra::rates`] at a fixed twist with a displacement by δq.
     fn rates_change(dq: &[f64; N], y: &[f64; W]) -> [f64; N];
 
+    /// What a row on q̈ is on the twist by which that of q̇ = `v` moves in [`Algebra::second_rates`].
+    fn row_on_bend(v: &[f64; N], row: &[f64; N]) -> [f64; W];
+
     /// How a body stands at a pose.
     fn stance(q: &[f64; N]) -> Stance;
 
@@ -52,6 +58,12 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
 
     /// Wrench of a generalized force on the pose, or the row on twists of one on q̇.
     fn wrench(q: &[f64; N], o: &[f64; 3], force: &[f64; N]) -> [f64; W];
+
+    /// Change of [`Algebra::wrench`] of a generalized force that stays the same, with the pose.
+    fn wrench_change(dq: &[f64; N], force: &[f64; N]) -> [f64; W];
+
+    /// What the turning of a body adds to the generalized forces, from its inertia in its own axes.
+    fn gyroscopic(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N]) -> [f64; N];
 
     /// A wrench about another point.
     fn moved(w: &[f64; W], from: &[f64; 3], to: &[f64; 3]) -> [f64; W];
@@ -141,6 +153,11 @@ impl Algebra<7, 6> for Spatial {
         joined(&sum(&cross(&aw, &bv), &cross(&av, &bw)), &cross(&aw, &bw))
     }
 
+    fn cross_dual(a: &[f64; 6], w: &[f64; 6]) -> [f64; 6] {
+        let ((av, aw), (f, n)) = (parts(a), parts(w));
+        joined(&cross(&aw, &f), &sum(&cross(&av, &f), &cross(&aw, &n)))
+    }
+
     fn center(q: &[f64; 7]) -> [f64; 3] {
         place(q)
     }
@@ -170,6 +187,11 @@ impl Algebra<7, 6> for Spatial {
         pose(&cross(&w, &place(dq)), &euler_rate(&euler(dq), &w))
     }
 
+    fn row_on_bend(v: &[f64; 7], row: &[f64; 7]) -> [f64; 6] {
+        let turn = e_times(&euler(v), &euler(row)).map(|x| 0.5 * x);
+        joined(&[0.0; 3], &sum(&turn, &cross(&place(v), &place(row))))
+    }
+
     fn stance(q: &[f64; 7]) -> Stance {
         Stance::spatial(q)
     }
@@ -193,6 +215,18 @@ impl Algebra<7, 6> for Spatial {
         let f = place(force);
         let moment = e_times(&euler(q), &euler(force)).map(|x| 0.5 * x);
         joined(&f, &sum(&moment, &cross(&difference(&place(q), o), &f)))
+    }
+
+    fn wrench_change(dq: &[f64; 7], force: &[f64; 7]) -> [f64; 6] {
+        let turn = e_times(&euler(dq), &euler(force)).map(|x| 0.5 * x);
+        joined(&[0.0; 3], &sum(&turn, &cross(&place(dq), &place(force))))
+    }
+
+    /// 8 Ġᵀ J Ġ p.
+    fn gyroscopic(inertia: &[[f64; 3]; 3], q: &[f64; 7], v: &[f64; 7]) -> [f64; 7] {
+        let (p, rate) = (euler(q), euler(v));
+        let turn = g_transposed_times(&rate, &times(inertia, &g_times(&rate, &p)));
+        pose(&[0.0; 3], &turn.map(|x| 8.0 * x))
     }
 
     fn moved(w: &[f64; 6], from: &[f64; 3], to: &[f64; 3]) -> [f64; 6] {
@@ -297,6 +331,11 @@ impl Algebra<3, 3> for Planar {
         [x - u, y - v, 0.0]
     }
 
+    fn cross_dual(a: &[f64; 3], w: &[f64; 3]) -> [f64; 3] {
+        let [x, y] = across(a[2], &[w[0], w[1]]);
+        [x, y, moment(&[a[0], a[1]], &[w[0], w[1]])]
+    }
+
     fn center(q: &[f64; 3]) -> [f64; 3] {
         [q[0], q[1], 0.0]
     }
@@ -322,6 +361,10 @@ impl Algebra<3, 3> for Planar {
         [u, v, 0.0]
     }
 
+    fn row_on_bend(v: &[f64; 3], row: &[f64; 3]) -> [f64; 3] {
+        [0.0, 0.0, moment(&[v[0], v[1]], &[row[0], row[1]])]
+    }
+
     fn stance(q: &[f64; 3]) -> Stance {
         Stance::planar(q)
     }
@@ -345,6 +388,14 @@ impl Algebra<3, 3> for Planar {
     fn wrench(q: &[f64; 3], o: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
         let [x, y, n] = *force;
         [x, y, n + moment(&arm(q, o), &[x, y])]
+    }
+
+    fn wrench_change(dq: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
+        [0.0, 0.0, moment(&[dq[0], dq[1]], &[force[0], force[1]])]
+    }
+
+    fn gyroscopic(_: &[[f64; 3]; 3], _: &[f64; 3], _: &[f64; 3]) -> [f64; 3] {
+        [0.0; 3]
     }
 
     fn moved(w: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {

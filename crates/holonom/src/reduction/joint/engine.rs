@@ -4,6 +4,7 @@ use super::algebra::Algebra;
 use super::articulated::Articulated;
 use super::branched::Branched;
 use super::closures::{Closures, Numbers, Origin};
+use super::derivatives::Derivatives;
 use super::directions::Directions;
 use super::inertia::Inertia;
 use crate::math::turn::TurnRate;
@@ -100,6 +101,8 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) felt: Vec<[f64; W]>,
     pub(super) branched: Option<Box<Branched>>,
     pub(super) directions: Option<Box<Directions<W>>>,
+    /// Made where derivatives are asked for.
+    pub(super) derivatives: Option<Box<Derivatives<W>>>,
     /// Whether nothing closes loops and no driver stands on the tree.
     pub(super) is_plain_tree: bool,
     /// How each body stands, and the configuration that this belongs to; see [`Engine::stand`].
@@ -270,6 +273,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             felt: vec![[0.0; W]; n],
             branched: None,
             directions: None,
+            derivatives: None,
             is_plain_tree: false,
             before: vec![0.0; n],
             change: vec![0.0; n],

@@ -1,13 +1,13 @@
 //! Joint coordinates as the manifold sees them.
 
-use super::JointForm;
+use super::{JointForm, ReducedDerivatives};
 use super::algebra::Algebra;
 use super::closures::Origin;
 use super::engine::{BodyInertia, Engine, add, pose, pose_mut};
 use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
-use crate::system::State;
+use crate::system::{DerivativeBlocks, State};
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N, W> {
     fn boxed(&self) -> Box<dyn JointForm> {
@@ -182,6 +182,35 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
     ) {
         self.displace(dp, &state.q, dq);
         self.displace_rates(parametrization, state, dp_rate, dq, dv);
+    }
+
+    fn keep_room_for_derivatives(&mut self, keep: bool) {
+        if keep {
+            self.make_room_for_derivatives();
+        } else {
+            self.derivatives = None;
+        }
+    }
+
+    fn linearize(
+        &mut self,
+        parametrization: &Parametrization,
+        force: &[f64],
+        state: &State,
+        blocks: &mut DerivativeBlocks,
+        out: &mut ReducedDerivatives<'_>,
+    ) {
+        self.linearize_motion(parametrization, force, state, blocks, out);
+    }
+
+    fn time_derivative(
+        &mut self,
+        state: &State,
+        blocks: &DerivativeBlocks,
+        force: &mut [f64],
+        z_rate: &mut [f64],
+    ) {
+        self.vary_time(state, blocks, force, z_rate);
     }
 
     fn sizes(&self) -> [usize; 3] {

@@ -183,7 +183,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 }
 
 /// Most rows of an element.
-const MOST_ROWS: usize = 6;
+pub(super) const MOST_ROWS: usize = 6;
 
 /// Rows of a closure from how its bodies stand and move, where these tell them.
 pub(super) fn on_motions(system: &dyn System, origin: Origin) -> Option<&dyn MotionRows> {

@@ -71,6 +71,8 @@ pub struct Manifold {
     returned: bool,
     /// Whether accelerations came from joint coordinates, and multipliers of the tree's joints have not been asked for.
     multipliers_wait: bool,
+    /// Whether the accelerations last evaluated are those of joint coordinates.
+    moves_along: bool,
     /// Counters.
     pub counters: RecoveryCounters,
 }
@@ -112,6 +114,7 @@ impl Manifold {
             stale: false,
             returned: false,
             multipliers_wait: false,
+            moves_along: false,
             counters: RecoveryCounters::default(),
         }
     }
@@ -133,9 +136,12 @@ impl Manifold {
         &mut self.chart
     }
 
-    /// Makes room for solves with [G; P] for several right-hand sides at a time.
+    /// Makes room for derivatives: for recursions along the tree, or solves with [G; P] for several right-hand sides at a time.
     pub fn reserve_lanes(&mut self) {
         self.chart.reserve_lanes();
+        if let Some(joint) = &mut self.joint {
+            joint.keep_room_for_derivatives(true);
+        }
         self.make_room_for_recent();
     }
 
@@ -160,7 +166,8 @@ impl Manifold {
     /// room until then.
     pub fn beside(&self) -> Self {
         let mut out = self.clone();
-        if out.joint.is_some() {
+        if let Some(joint) = &mut out.joint {
+            joint.keep_room_for_derivatives(false);
             out.chart.release();
             out.g.release();
             out.accelerator.release_mass();
@@ -260,6 +267,7 @@ impl Manifold {
         v: &mut [f64],
         full: bool,
     ) -> Result<(), EvaluationFailure> {
+        self.moves_along = false;
         self.factor_at(q)?;
         let sign = match &self.joint {
             Some(joint) => joint.determinant_sign(),
@@ -309,6 +317,7 @@ impl Manifold {
         self.multipliers_wait = false;
         if let Some(joint) = &mut self.joint {
             self.multipliers_wait = joint.accelerate(&self.force, state);
+            self.moves_along = self.multipliers_wait;
             if self.multipliers_wait {
                 return finite(state);
             }
@@ -375,6 +384,7 @@ impl Manifold {
         system.forces(state, &mut self.force, z_rate);
         if let Some(joint) = &mut self.joint {
             joint.residual(self.chart.parametrization(), &self.force, p_rate, state, psi);
+            self.moves_along = true;
             return;
         }
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
