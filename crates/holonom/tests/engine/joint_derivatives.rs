@@ -33,8 +33,7 @@ impl Forms {
         }
         let loops = along.system().tree().closures.len();
         let form = |manifold| {
-            let weights =
-                Weights::new(Tolerance::uniform(1e-6), problem.system().as_ref(), &state);
+            let weights = Weights::new(Tolerance::uniform(1e-6), problem.system().as_ref(), &state);
             let mut form = FirstOrder::new(manifold, weights, &state);
             form.begin_step(&state);
             form
@@ -99,7 +98,8 @@ fn compare(forms: &mut Forms, random: &mut Random) -> [f64; 9] {
     let [cartesian, joint] = &mut forms_of;
     if cartesian.time_derivative(first).is_ok() && joint.time_derivative(second).is_ok() {
         // Weighed: a light body's acceleration has the digits of its force.
-        let [a, b] = slopes.map(|slope| [times(&slope[ndof..2 * ndof]), slope[2 * ndof..].to_vec()]);
+        let [a, b] =
+            slopes.map(|slope| [times(&slope[ndof..2 * ndof]), slope[2 * ndof..].to_vec()]);
         out[7] = apart(&a[0], &b[0], terms).max(apart(&a[1], &b[1], 1.0));
     }
     let change: Vec<f64> = (0..n).map(|_| random.range(-1.0, 1.0)).collect();

@@ -96,6 +96,12 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
         yd: &[f64; W],
     ) -> [f64; W];
 
+    /// The same about the centre of mass.
+    fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; W]) -> [f64; W];
+
+    /// Wrench about the centre of mass, as [`Algebra::wrench`].
+    fn wrench_about_center(q: &[f64; N], force: &[f64; N]) -> [f64; W];
+
     /// The wrench that accelerates a body: rate of momentum without the gyroscopic part, which counts among the
     /// forces, for q and q̇, its twist and its rate.
     fn inertia_force(
@@ -286,6 +292,15 @@ impl Algebra<7, 6> for Spatial {
         joined(&f, &sum(&times(inertia, &alpha), &cross(&arm, &f)))
     }
 
+    fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; 6]) -> [f64; 6] {
+        let (a, alpha) = parts(yd);
+        joined(&a.map(|x| mass * x), &times(inertia, &alpha))
+    }
+
+    fn wrench_about_center(q: &[f64; 7], force: &[f64; 7]) -> [f64; 6] {
+        joined(&place(force), &e_times(&euler(q), &euler(force)).map(|x| 0.5 * x))
+    }
+
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -440,6 +455,14 @@ impl Algebra<3, 3> for Planar {
         let [u, v] = across(yd[2], &arm);
         let f = [mass * (yd[0] + u), mass * (yd[1] + v)];
         [f[0], f[1], inertia[2][2] * yd[2] + moment(&arm, &f)]
+    }
+
+    fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; 3]) -> [f64; 3] {
+        [mass * yd[0], mass * yd[1], inertia[2][2] * yd[2]]
+    }
+
+    fn wrench_about_center(_: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
+        *force
     }
 
     fn inertia_force(

@@ -5,10 +5,10 @@
 use super::ReducedDerivatives;
 use super::algebra::Algebra;
 use super::closures::{Closures, Origin};
-use super::engine::{BodyInertia, Edge, Engine, dot, pose, pose_mut};
+use super::engine::{BodyInertia, Edge, Engine, add, dot, pose, pose_mut};
 use super::interactions::{EndRow, Interaction, OwnWrench};
 use super::own_motion::OwnMotion;
-use super::varied::{Mover, Varied};
+use super::varied::{Mover, Plan, Varied};
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::Source;
 use crate::system::{DerivativeBlocks, State, Structure};
@@ -71,9 +71,14 @@ impl<const W: usize> Derivatives<W> {
             }
         }
         joints.sort_unstable();
+        let mut felt_by = vec![Vec::new(); bodies];
+        for Interaction { bodies: [feels, moved], .. } in &interactions {
+            felt_by[*moved].push(*feels);
+        }
+        let plan = Plan { edges, closures, sources, felt_by: &felt_by };
         Self {
-            movers: (0..ndof).map(|p| Mover::of(p, edges, closures, sources)).collect(),
-            time: Mover::of_time(edges, closures),
+            movers: (0..ndof).map(|p| Mover::of(p, &plan)).collect(),
+            time: Mover::of_time(&plan),
             joints,
             diagonal,
             own: vec![OwnWrench::NONE; bodies],
@@ -128,7 +133,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             self.gather_changes(&mover, &mut at);
             let targets = [&mut *out.mass, &mut *out.damping, &mut *out.stiffness];
             for (along, target) in at.varied.along.iter().zip(targets) {
-                self.project_by_maps(along, |row, x| target[row * ndof + p] += x);
+                self.project_by_maps(&mover, along, |row, x| target[row * ndof + p] += x);
             }
             let [displaced, moved, _] = &at.varied.bodies;
             let ends = self.system.structure().extra_bodies.iter().zip(&at.extra);
@@ -151,8 +156,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 *pose_mut(dq, b) = along;
                 *pose_mut::<N>(dv, b) = std::array::from_fn(|i| own[i] + bent[i]);
             }
+            self.rest(&mover, &mut at);
             at.movers[p] = mover;
         }
+        let all = std::mem::take(&mut at.time);
         for (k, ends) in self.system.structure().extra_bodies.iter().enumerate() {
             let felt = &mut at.varied.felt;
             felt.iter_mut().for_each(|felt| felt.fill([0.0; W]));
@@ -160,10 +167,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 let Some(b) = *end else { continue };
                 felt[0][b] = *force;
             }
-            self.gather_changes(&Mover::default(), &mut at);
+            self.gather_changes(&all, &mut at);
             let target = &mut out.force_extra[k * ndof..(k + 1) * ndof];
-            self.project_by_maps(&at.varied.along[0], |row, x| target[row] += x);
+            self.project_by_maps(&all, &at.varied.along[0], |row, x| target[row] += x);
         }
+        at.time = all;
         self.derivatives = Some(at);
     }
 
@@ -184,11 +192,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for (b, felt) in at.varied.felt[2].iter_mut().enumerate() {
             let own: [f64; W] =
                 A::wrench(pose(&state.q, b), &self.origin[b], pose(&blocks.force_time, b));
-            super::engine::add(felt, 1.0, &own);
+            add(felt, 1.0, &own);
         }
         self.gather_changes(&mover, &mut at);
         force.fill(0.0);
-        self.project_by_maps(&at.varied.along[2], |row, x| force[row] -= x);
+        self.project_by_maps(&mover, &at.varied.along[2], |row, x| force[row] -= x);
         let [displaced, moved, _] = &at.varied.bodies;
         let ends = self.system.structure().extra_bodies.iter().zip(&at.extra);
         for ((out, time), (ends, rows)) in z_rate.iter_mut().zip(&blocks.extra_time).zip(ends) {
@@ -198,6 +206,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 *out += dot(by_x, &displaced[b]) + dot(by_rate, &moved[b]);
             }
         }
+        self.rest(&mover, &mut at);
         at.time = mover;
         self.derivatives = Some(at);
     }

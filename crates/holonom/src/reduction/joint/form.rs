@@ -1,9 +1,9 @@
 //! Joint coordinates as the manifold sees them.
 
-use super::{JointForm, ReducedDerivatives};
 use super::algebra::Algebra;
 use super::closures::Origin;
 use super::engine::{BodyInertia, Engine, add, pose, pose_mut};
+use super::{JointForm, ReducedDerivatives};
 use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};

@@ -25,19 +25,14 @@ pub(super) fn times<const W: usize>(a: &Columns<W>, x: &[f64; W]) -> [f64; W] {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct OwnWrench<const W: usize> {
     pub(super) place: [f64; 3],
-    /// By how it is displaced, by its twist, and by the rate of that.
+    /// By how it is displaced, and by its twist.
     pub(super) stiffness: Columns<W>,
     pub(super) damping: Columns<W>,
-    pub(super) inertia: Columns<W>,
 }
 
 impl<const W: usize> OwnWrench<W> {
-    pub(super) const NONE: Self = Self {
-        place: [0.0; 3],
-        stiffness: [[0.0; W]; W],
-        damping: [[0.0; W]; W],
-        inertia: [[0.0; W]; W],
-    };
+    pub(super) const NONE: Self =
+        Self { place: [0.0; 3], stiffness: [[0.0; W]; W], damping: [[0.0; W]; W] };
 }
 
 /// The wrench on one body by the displacement and the twist of another one, about their places.
@@ -97,8 +92,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let (system, relatives) = (self.system.as_ref(), Self::relatives(parametrization));
         let [mut gradient, mut bend, mut bend_rate] = [[0.0; MOST_ROWS * 14]; 3];
         for closure in self.closures.all.iter().filter(|closure| !closure.rows.is_empty()) {
-            let [gradient, bend, bend_rate] = [&mut gradient, &mut bend, &mut bend_rate]
-                .map(|x| &mut x[..closure.count * 2 * N]);
+            let [gradient, bend, bend_rate] =
+                [&mut gradient, &mut bend, &mut bend_rate].map(|x| &mut x[..closure.count * 2 * N]);
             gradient_of(system, Some(parametrization), closure.origin, &state.q, gradient);
             match closure.origin {
                 Origin::Joint(joint) => system.joint_blocks(joint, state, bend, bend_rate),
@@ -113,10 +108,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     let own = |x: &[f64]| -> [f64; N] { *pose(&x[row * 2 * N..], side) };
                     let (g, first, second) = (own(gradient), own(bend), own(bend_rate));
                     let at = [&*state.q, &*state.v];
-                    let [by_x, by_rate, _] = self.on_twists(b, at, [&first, &g, &[0.0; N]]);
-                    out[side].rate = [by_x, by_rate];
                     let twice = first.map(|x| 2.0 * x);
                     out[side].second = self.on_twists(b, at, [&second, &twice, &g]);
+                    let mut turned = first;
+                    add(&mut turned, -1.0, &A::rates_change(&g, &self.twist[b]));
+                    let on_shift = A::wrench(pose(&state.q, b), &self.origin[b], &turned);
+                    out[side].rate = [on_shift, out[side].second[2]];
                     if let Origin::Joint(_) = closure.origin {
                         let (lambda, force) = (state.lambda[global], pose_mut(force, b));
                         add::<N>(force, lambda, &g);
@@ -167,19 +164,18 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         out.place = A::center(q);
         let about = |y: &[f64; W]| A::moved_twist(y, &self.origin[b], &out.place);
         let (y, yd) = (about(&self.twist[b]), about(&self.twist_rate[b]));
-        let units = units::<W>();
-        out.inertia = units.map(|unit| A::inertia_times(*mass, turned, q, &out.place, &unit));
-        let momentum = times(&out.inertia, &y);
-        let mut wrench = times(&out.inertia, &yd);
+        let inertia = |y: &[f64; W]| A::inertia_about_center(*mass, turned, y);
+        let momentum = inertia(&y);
+        let mut wrench = inertia(&yd);
         add(&mut wrench, 1.0, &A::cross_dual(&y, &momentum));
-        for (j, unit) in units.iter().enumerate() {
-            out.damping[j] = A::cross_dual(unit, &momentum);
-            add(&mut out.damping[j], 1.0, &A::cross_dual(&y, &out.inertia[j]));
+        for (out, unit) in out.damping.iter_mut().zip(&units::<W>()) {
+            *out = A::cross_dual(unit, &momentum);
+            add(out, 1.0, &A::cross_dual(&y, &inertia(unit)));
         }
-        for (j, unit) in units.iter().enumerate() {
-            out.stiffness[j] = A::cross_dual(unit, &wrench);
-            add(&mut out.stiffness[j], -1.0, &times(&out.inertia, &A::cross(unit, &yd)));
-            add(&mut out.stiffness[j], -1.0, &times(&out.damping, &A::cross(unit, &y)));
+        for (column, unit) in out.stiffness.iter_mut().zip(&units::<W>()) {
+            *column = A::cross_dual(unit, &wrench);
+            add(column, -1.0, &inertia(&A::cross(unit, &yd)));
+            add(column, -1.0, &times(&out.damping, &A::cross(unit, &y)));
         }
     }
 
@@ -192,23 +188,27 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         [k, c]: [&[f64]; 2],
     ) -> Option<[Columns<W>; 2]> {
         let [k, c] = [k, c].map(|values| &values[offset..offset + N * N]);
-        if k.iter().chain(c).all(|x| *x == 0.0) {
+        let [is_elastic, is_viscous] = [k, c].map(|block| block.iter().any(|x| *x != 0.0));
+        if !is_elastic && !is_viscous {
             return None;
         }
         let (felt, moved): (&[f64; N], &[f64; N]) = (pose(&state.q, a), pose(&state.q, b));
-        let places = [A::center(felt), A::center(moved)];
         let mut rows = [[[0.0; W]; N]; 2];
         for i in 0..N {
-            let (by_q, by_v): (&[f64; N], &[f64; N]) = (pose(k, i), pose(c, i));
-            // The change of T is a turn: no point matters.
-            let bent = A::rates_change(by_v, &self.twist[b]);
-            let by_q = std::array::from_fn(|i| by_q[i] - bent[i]);
-            rows[0][i] = A::wrench(moved, &places[1], &by_q);
-            rows[1][i] = A::wrench(moved, &places[1], by_v);
+            let mut by_q: [f64; N] = *pose(k, i);
+            if is_viscous {
+                let by_v: &[f64; N] = pose(c, i);
+                // The change of T is a turn: no point matters.
+                add(&mut by_q, -1.0, &A::rates_change(by_v, &self.twist[b]));
+                rows[1][i] = A::wrench_about_center(moved, by_v);
+            }
+            rows[0][i] = A::wrench_about_center(moved, &by_q);
         }
-        Some(rows.map(|rows| {
-            std::array::from_fn(|j| A::wrench(felt, &places[0], &rows.map(|row| row[j])))
-        }))
+        let on_felt = |rows: &[[f64; W]; N]| -> Columns<W> {
+            std::array::from_fn(|j| A::wrench_about_center(felt, &rows.map(|row| row[j])))
+        };
+        let by_twist = if is_viscous { on_felt(&rows[1]) } else { [[0.0; W]; W] };
+        Some([on_felt(&rows[0]), by_twist])
     }
 }
 

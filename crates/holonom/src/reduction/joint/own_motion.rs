@@ -101,7 +101,14 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
             out
         });
-        let turning: [[f64; W]; 6] = std::array::from_fn(|k| turned(&rates, k));
+        let all_turned = |rates: &[f64; 6]| {
+            let mut out = [[0.0; W]; 6];
+            if edge.nested {
+                (1..n).for_each(|k| out[k] = turned(rates, k));
+            }
+            out
+        };
+        let turning = all_turned(&rates);
         let mut acceleration = [0.0; W];
         for (k, screw) in screws.iter().enumerate() {
             add(&mut acceleration, rates[k], &turning[k]);
@@ -120,13 +127,19 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 add_three(&mut second_by_rate, start, with_x);
                 add_three(&mut second_by_rate, start, turn.first(&rate, &axis));
             }
-            let moved: [[f64; W]; 6] = std::array::from_fn(|k| turned(&units[m], k));
+            let (moved, also_turned) = (all_turned(&units[m]), all_turned(&by_x));
             let [mut rate, mut with_x, mut with_rate] = [[0.0; W]; 3];
             for (k, screw) in screws.iter().enumerate() {
-                add(&mut rate, rates[k], &moved[k]);
                 add(&mut rate, by_x[k], screw);
+                add(&mut with_x, second_by_x[k], screw);
+                add(&mut with_rate, second_by_rate[k], screw);
+                if !edge.nested {
+                    continue;
+                }
+                add(&mut rate, rates[k], &moved[k]);
                 add(&mut with_x, by_x[k], &turning[k]);
-                add(&mut with_x, rates[k], &turned(&by_x, k));
+                add(&mut with_x, rates[k], &also_turned[k]);
+                add(&mut with_x, second[k], &moved[k]);
                 let (mut lower, mut lower_moved) = ([0.0; W], [0.0; W]);
                 for j in (0..k).filter(|&j| edge.stage[j] < edge.stage[k]) {
                     add(&mut lower, sign * rates[j], &screws[j]);
@@ -134,21 +147,20 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
                 add(&mut with_x, rates[k], &A::cross(&lower_moved, screw));
                 add(&mut with_x, rates[k], &A::cross(&lower, &moved[k]));
-                add(&mut with_x, second[k], &moved[k]);
-                add(&mut with_x, second_by_x[k], screw);
                 add(&mut with_rate, units[m][k], &turning[k]);
                 add(&mut with_rate, rates[k], &moved[k]);
-                add(&mut with_rate, second_by_rate[k], screw);
             }
             let powers: [f64; 6] = std::array::from_fn(|k| dot(&moved[k], &wrench));
+            let own_powers: [f64; 6] =
+                std::array::from_fn(|k| screws.get(k).map_or(0.0, |screw| dot(screw, &wrench)));
             for c in 0..n {
                 let along = |x: &[f64; 6], y: &[f64; 6]| x.iter().zip(y).map(|(a, b)| a * b).sum();
                 motion.force[c] = along(&units[c], &powers);
                 let other = own.filter(|(start, _)| (*start..start + 3).contains(&c));
                 if let Some((start, turn)) = other {
                     let bend = turn.first(&unit(m - start), &unit(c - start));
-                    for (x, screw) in bend.iter().zip(&screws[start..]) {
-                        motion.force[c] += x * dot(screw, &wrench);
+                    for (x, power) in bend.iter().zip(&own_powers[start..]) {
+                        motion.force[c] += x * power;
                     }
                 }
             }

@@ -3,7 +3,7 @@
 use super::algebra::Algebra;
 use super::closures::{Closures, Origin};
 use super::derivatives::Derivatives;
-use super::engine::{Edge, Engine, add, dot};
+use super::engine::{BodyInertia, Edge, Engine, add, dot};
 use super::interactions::times;
 use crate::reduction::relatives::Source;
 
@@ -16,41 +16,81 @@ pub(super) struct Mover {
     clusters: Vec<(usize, usize)>,
     /// Edges that move, inner ones first.
     pub(super) edges: Vec<usize>,
+    /// Edges whose forces change, outer ones first.
+    felt: Vec<usize>,
+    /// Variables with their coordinates among these, and clusters with dependent ones.
+    reads: Vec<(usize, usize)>,
+    reads_clusters: Vec<usize>,
+}
+
+/// What parts of a mechanism have to do with each other.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Plan<'a> {
+    pub(super) edges: &'a [Edge],
+    pub(super) closures: &'a Closures,
+    pub(super) sources: &'a [Source],
+    /// By bodies: those that feel it.
+    pub(super) felt_by: &'a [Vec<usize>],
 }
 
 impl Mover {
-    pub(super) fn of(
-        variable: usize,
-        edges: &[Edge],
-        closures: &Closures,
-        sources: &[Source],
-    ) -> Self {
+    /// Of an independent variable.
+    pub(super) fn of(variable: usize, plan: &Plan<'_>) -> Self {
         let own = Source::Independent(variable);
-        let coordinate = sources.iter().position(|source| *source == own);
-        let of_cluster = closures.clusters.iter().enumerate().filter_map(|(at, cluster)| {
+        let coordinate = plan.sources.iter().position(|source| *source == own);
+        let of_cluster = plan.closures.clusters.iter().enumerate().filter_map(|(at, cluster)| {
             Some((at, cluster.free.iter().position(|(p, _)| *p == variable)?))
         });
         let clusters: Vec<(usize, usize)> = of_cluster.collect();
         let follows = |k: usize| {
-            let own = closures.place(k).map(|(cluster, _)| cluster);
+            let own = plan.closures.place(k).map(|(cluster, _)| cluster);
             Some(k) == coordinate || clusters.iter().any(|(cluster, _)| Some(*cluster) == own)
         };
-        let bodies = edges.iter().map(|edge| edge.body + 1).max().unwrap_or_default();
-        let mut moves = vec![false; bodies];
-        for edge in edges {
+        let mut moves = vec![false; plan.felt_by.len()];
+        for edge in plan.edges {
             let carried = edge.base.is_some_and(|base| moves[base]);
             moves[edge.body] = carried || edge.range.clone().any(follows);
         }
-        let edges = (0..edges.len()).filter(|&at| moves[edges[at].body]).collect();
-        Self { coordinate, clusters, edges }
+        let all = 0..plan.edges.len();
+        let edges = all.filter(|&at| moves[plan.edges[at].body]).collect();
+        Self { coordinate, clusters, edges, ..Self::default() }.with_reads(plan)
     }
 
-    pub(super) fn of_time(edges: &[Edge], closures: &Closures) -> Self {
+    /// Of time, which moves whatever drivers do.
+    pub(super) fn of_time(plan: &Plan<'_>) -> Self {
         Self {
-            coordinate: None,
-            clusters: (0..closures.clusters.len()).map(|cluster| (cluster, 0)).collect(),
-            edges: (0..edges.len()).collect(),
+            clusters: (0..plan.closures.clusters.len()).map(|cluster| (cluster, 0)).collect(),
+            edges: (0..plan.edges.len()).collect(),
+            ..Self::default()
         }
+        .with_reads(plan)
+    }
+
+    fn with_reads(mut self, plan: &Plan<'_>) -> Self {
+        let mut feels = vec![false; plan.felt_by.len()];
+        for &e in &self.edges {
+            let b = plan.edges[e].body;
+            feels[b] = true;
+            plan.felt_by[b].iter().for_each(|&other| feels[other] = true);
+        }
+        for (e, edge) in plan.edges.iter().enumerate().rev() {
+            if !feels[edge.body] {
+                continue;
+            }
+            self.felt.push(e);
+            if let Some(base) = edge.base {
+                feels[base] = true;
+            }
+            for k in edge.range.clone() {
+                match plan.sources[k] {
+                    Source::Independent(p) => self.reads.push((p, k)),
+                    _ => self.reads_clusters.extend(plan.closures.place(k).map(|(c, _)| c)),
+                }
+            }
+        }
+        self.reads_clusters.sort_unstable();
+        self.reads_clusters.dedup();
+        self
     }
 }
 
@@ -145,15 +185,23 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    fn begin_variation(varied: &mut Varied<W>) {
-        varied.x.iter_mut().for_each(|x| x.fill(0.0));
-        varied.bodies.iter_mut().for_each(|bodies| bodies.fill([0.0; W]));
-        varied.by_rate.fill([0.0; W]);
+    /// What a mover has moved is at rest again, as everything is between two of them.
+    pub(super) fn rest(&self, mover: &Mover, at: &mut Derivatives<W>) {
+        let Varied { x, bodies, by_rate, along, .. } = &mut at.varied;
+        for &e in &mover.edges {
+            let Edge { body, range, .. } = &self.edges[e];
+            x.iter_mut().for_each(|x| x[range.clone()].fill(0.0));
+            bodies.iter_mut().for_each(|bodies| bodies[*body] = [0.0; W]);
+            by_rate[*body] = [0.0; W];
+        }
+        for &e in &mover.felt {
+            let range = &self.edges[e].range;
+            along.iter_mut().for_each(|along| along[range.clone()].fill(0.0));
+        }
     }
 
     /// (13) of a variable.
     pub(super) fn vary_positions(&mut self, mover: &Mover, at: &mut Derivatives<W>) {
-        Self::begin_variation(&mut at.varied);
         let Varied { x: [x, ..], own: [own, ..], bodies: [bodies, ..], .. } = &mut at.varied;
         if let Some(k) = mover.coordinate {
             x[k] = 1.0;
@@ -176,7 +224,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         t: f64,
         at: &mut Derivatives<W>,
     ) {
-        Self::begin_variation(&mut at.varied);
         let Varied { x: [x, ..], own: [own, ..], bodies: [bodies, ..], rows, .. } = &mut at.varied;
         self.tell_drives(t, 1, x, rows);
         self.step_by(mover, x, own);
@@ -205,12 +252,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     }
 
     /// (14) with (16): twists at fixed rates of the variables.
-    pub(super) fn vary_rates(
-        &mut self,
-        mover: &Mover,
-        time: Option<f64>,
-        at: &mut Derivatives<W>,
-    ) {
+    pub(super) fn vary_rates(&mut self, mover: &Mover, time: Option<f64>, at: &mut Derivatives<W>) {
         let Varied { x, own, bodies, swing, rows, .. } = &mut at.varied;
         let ([x, rates, _], [_, own, _], [displaced, moved, _]) = (x, own, bodies);
         rows.fill(0.0);
@@ -331,21 +373,25 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// (20): changes of the wrenches on all bodies, with accelerations, rates and positions.
     pub(super) fn vary_wrenches(&self, mover: &Mover, at: &mut Derivatives<W>) {
         let Varied { bodies: [displaced, moved, accelerated], by_rate, felt, .. } = &mut at.varied;
-        felt.iter_mut().for_each(|felt| felt.fill([0.0; W]));
+        for &e in &mover.felt {
+            felt.iter_mut().for_each(|felt| felt[self.edges[e].body] = [0.0; W]);
+        }
         for &e in &mover.edges {
             let b = self.edges[e].body;
             let (own, o) = (&at.own[b], &self.origin[b]);
+            let BodyInertia { mass, turned, .. } = &self.inertias[b];
+            let inertia = |y: &[f64; W]| A::inertia_about_center(*mass, turned, y);
             // About its own place: about O the inertia of what is light and far out is a small difference.
             let [x, y, yd, by_rate] = [&displaced[b], &moved[b], &accelerated[b], &by_rate[b]]
                 .map(|y| A::moved_twist(y, o, &own.place));
             let back = |w: &[f64; W]| A::moved(w, &own.place, o);
-            add(&mut felt[0][b], 1.0, &back(&times(&own.inertia, &x)));
+            add(&mut felt[0][b], 1.0, &back(&inertia(&x)));
             let mut wrench = times(&own.damping, &x);
-            add(&mut wrench, 1.0, &times(&own.inertia, &by_rate));
+            add(&mut wrench, 1.0, &inertia(&by_rate));
             add(&mut felt[1][b], 1.0, &back(&wrench));
             wrench = times(&own.stiffness, &x);
             add(&mut wrench, 1.0, &times(&own.damping, &y));
-            add(&mut wrench, 1.0, &times(&own.inertia, &yd));
+            add(&mut wrench, 1.0, &inertia(&yd));
             add(&mut felt[2][b], 1.0, &back(&wrench));
             for &i in &at.by_moved[b] {
                 let one = &at.interactions[i];
@@ -365,8 +411,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// (18): changes of the wrenches become those of all that hangs on the bodies, and of the forces along the coordinates.
     pub(super) fn gather_changes(&self, mover: &Mover, at: &mut Derivatives<W>) {
         let Varied { x: [x, ..], bodies: [displaced, ..], felt, along, .. } = &mut at.varied;
-        for (felt, along) in felt.iter_mut().zip(&mut *along) {
-            for edge in self.edges.iter().rev() {
+        for &e in &mover.felt {
+            let edge = &self.edges[e];
+            for (felt, along) in felt.iter_mut().zip(&mut *along) {
                 let wrench = felt[edge.body];
                 for k in edge.range.clone() {
                     along[k] = dot(&self.columns[k], &wrench);
@@ -393,15 +440,20 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// (22): Dᵀ of forces along the coordinates, by the maps of the clusters.
-    pub(super) fn project_by_maps(&self, along: &[f64], mut out: impl FnMut(usize, f64)) {
-        for (x, source) in along.iter().zip(&*self.sources) {
-            if let Source::Independent(p) = source {
-                out(*p, *x);
-            }
+    /// (22): Dᵀ of changes of the forces along the coordinates, by the maps of the clusters.
+    #[inline(always)]
+    pub(super) fn project_by_maps(
+        &self,
+        mover: &Mover,
+        along: &[f64],
+        mut out: impl FnMut(usize, f64),
+    ) {
+        for &(p, k) in &mover.reads {
+            out(p, along[k]);
         }
-        for cluster in self.closures.clusters.iter().filter(|cluster| !cluster.free.is_empty()) {
-            let rows = cluster.map.chunks_exact(cluster.free.len());
+        for &c in &mover.reads_clusters {
+            let cluster = &self.closures.clusters[c];
+            let rows = cluster.map.chunks_exact(cluster.free.len().max(1));
             for (&at, row) in cluster.dependent.iter().zip(rows) {
                 let force = along[self.closures.dependent[at]];
                 for (map, (p, _)) in row.iter().zip(&cluster.free) {
