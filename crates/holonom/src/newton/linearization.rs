@@ -93,7 +93,7 @@ impl Linearization {
     ) -> Result<(), EvaluationFailure> {
         differences.evaluate(&mut self.blocks, &mut self.rate_map, point, w)?;
         self.chart.copy_from(point.manifold.chart());
-        (self.made, self.maps) = (true, true);
+        (self.made, self.maps, self.along) = (true, true, false);
         self.keep_maps();
         Ok(())
     }
@@ -111,6 +111,10 @@ impl Linearization {
 
     /// All reduced blocks along the tree; changes are measured with what the recursions find on the way.
     pub(super) fn evaluate_along(&mut self, point: &mut Point) {
+        if !self.along {
+            // What a variable does not move stays zero from here on.
+            self.columns.fill(0.0);
+        }
         self.blocks.evaluate_along(&mut point.manifold, &point.state, &mut self.columns);
         (self.maps, self.along) = (true, true);
         self.find_moved();

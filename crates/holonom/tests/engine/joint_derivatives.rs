@@ -1,7 +1,8 @@
 //! Derivatives of the reduced equations along the tree. Independent truths: the Cartesian blocks, which know no tree, and
 //! differences of the equations, each of which solves for the dependent coordinates anew.
 
-use crate::common::{LIBRARY, model, model_of};
+use crate::common::{DRIVEN_PENDULUM, DRIVEN_TELESCOPE, LIBRARY, model, model_of};
+use crate::joint_coordinates::four_bars;
 use crate::random::{Mechanism, numbers::Random};
 use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{FirstOrder, Weights};
@@ -159,6 +160,126 @@ fn random_mechanisms_have_the_cartesian_blocks() {
             assert!(worst.iter().all(|x| *x < 1e-9), "seed {seed}: {worst:?}\n{text}");
         }
     }
-    println!("{compared} states, {with_loops} with loops, up to {most}");
-    assert!(compared > 800 && with_loops > 200, "{compared} states, {with_loops} with loops");
+    assert!(
+        compared > 1200 && with_loops > 500 && most > 2,
+        "{compared} states, {with_loops} with loops, {most} at most"
+    );
+}
+
+#[test] // independent truth: the Cartesian blocks
+fn many_loops_have_the_cartesian_blocks() {
+    let mut random = Random::new(5);
+    for (model, loops) in [
+        (four_bars(1, true), 1),
+        (four_bars(3, true), 5),
+        (four_bars(5, true), 9),
+        (four_bars(10, false), 10),
+    ] {
+        let mut forms = Forms::new(model).expect("a joint form");
+        assert_eq!(forms.loops, loops);
+        let start = forms.w.clone();
+        let mut compared = 0;
+        for _ in 0..20 {
+            if forms.go(&start, &mut random) {
+                compared += 1;
+                let worst = compare(&mut forms, &mut random);
+                assert!(worst.iter().all(|x| *x < 1e-9), "{loops} loops: {worst:?}");
+            }
+        }
+        assert!(compared >= 10, "{loops} loops: {compared} states");
+    }
+}
+
+/// M̂ times the derivative of v̈, and that of ż, along entry j of w, or along time: Richardson extrapolation of central
+/// differences; none where a neighbour cannot be evaluated.
+fn difference(
+    form: &mut FirstOrder,
+    t: f64,
+    w: &[f64],
+    j: Option<usize>,
+    step: f64,
+) -> Option<Vec<f64>> {
+    let mut central = |h: f64| -> Option<Vec<f64>> {
+        let mut ends = Vec::new();
+        for s in [h, -h] {
+            let (mut moved, mut slope) = (w.to_vec(), vec![0.0; w.len()]);
+            j.iter().for_each(|&j| moved[j] += s);
+            let t = if j.is_none() { t + s } else { t };
+            form.derivative(t, &moved, &mut slope).ok()?;
+            ends.push(slope);
+        }
+        Some(ends[0].iter().zip(&ends[1]).map(|(a, b)| (a - b) / (2.0 * h)).collect())
+    };
+    let (coarse, fine) = (central(step)?, central(0.5 * step)?);
+    Some(fine.iter().zip(coarse).map(|(f, c)| (4.0 * f - c) / 3.0).collect())
+}
+
+/// Worst differences of −M̂₂, −M̂₁, Ẑ, and of M̂ v̈_t, from differences of v̈, against the largest of their entries; and
+/// whether all neighbours could be evaluated.
+fn against_differences(forms: &mut Forms) -> Option<[f64; 4]> {
+    let (t, w, ndof) = (forms.t, forms.w.clone(), forms.ndof);
+    let blocks = forms.joint.newton().blocks().clone();
+    let mut g_t = vec![0.0; w.len()];
+    forms.joint.time_derivative(&mut g_t).ok()?;
+    let mass = largest(&blocks.mass);
+    let sizes = [&blocks.stiffness, &blocks.damping, &blocks.force_extra].map(|b| largest(b));
+    let mut worst = [0.0f64; 4];
+    for j in (0..w.len()).map(Some).chain([None]) {
+        let (at, column): (usize, Vec<f64>) = match j {
+            Some(j) if j < ndof => (0, (0..ndof).map(|i| blocks.stiffness[i * ndof + j]).collect()),
+            Some(j) if j < 2 * ndof => {
+                (1, (0..ndof).map(|i| blocks.damping[i * ndof + j - ndof]).collect())
+            }
+            Some(j) => {
+                let first = (j - 2 * ndof) * ndof;
+                (2, blocks.force_extra[first..first + ndof].to_vec())
+            }
+            None => {
+                let rows = blocks.mass.chunks_exact(ndof);
+                let force = rows.map(|row| -dot(row, &g_t[ndof..2 * ndof])).collect();
+                (3, force)
+            }
+        };
+        // Differences carry round-off of the stiffest part.
+        let size = largest(&column).max(1e-3 * sizes[0]);
+        let size = if at < 3 { size.max(sizes[at]).max(mass) } else { size.max(1.0) };
+        // A long step cuts off more, a short one leaves more round-off.
+        let mut least = f64::INFINITY;
+        for step in [1e-3, 2e-4] {
+            let slope = difference(&mut forms.joint, t, &w, j, step)?;
+            let rows = blocks.mass.chunks_exact(ndof).zip(&column);
+            let errors = rows.map(|(row, own)| (dot(row, &slope[ndof..2 * ndof]) + own).abs());
+            least = least.min(errors.fold(0.0, f64::max) / size);
+        }
+        worst[at] = worst[at].max(least);
+    }
+    Some(worst)
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[test] // independent truth: differences of v̈ with all dependent coordinates solved anew
+fn differences_agree() {
+    let mut compared = 0;
+    let named = LIBRARY.iter().filter(|name| !name.starts_with("chain"));
+    let mut models: Vec<(String, Model)> = named.map(|n| ((*n).to_owned(), model(n))).collect();
+    models.push(("driven pendulum".to_owned(), model_of(DRIVEN_PENDULUM)));
+    models.push(("driven telescope".to_owned(), model_of(DRIVEN_TELESCOPE)));
+    for seed in (0..300).step_by(3) {
+        let text = Mechanism::new(seed, 0.0).text();
+        models.push((text.clone(), model_of(&text)));
+    }
+    for (name, model) in models {
+        let Some(mut forms) = Forms::new(model) else { continue };
+        let (mut random, start) = (Random::new(7), forms.w.clone());
+        if !forms.go(&start, &mut random) {
+            continue;
+        }
+        let Some(worst) = against_differences(&mut forms) else { continue };
+        compared += 1;
+        assert!(worst.iter().all(|x| *x < 1e-7), "{worst:?} {name}");
+    }
+    assert!(compared > 60, "{compared} mechanisms");
 }

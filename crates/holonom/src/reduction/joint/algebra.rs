@@ -122,27 +122,33 @@ pub(super) struct Spatial;
 #[derive(Debug, Clone)]
 pub(super) struct Planar;
 
+#[inline(always)]
 pub(super) fn parts(y: &[f64; 6]) -> ([f64; 3], [f64; 3]) {
     ([y[0], y[1], y[2]], [y[3], y[4], y[5]])
 }
 
+#[inline(always)]
 pub(super) fn joined(a: &[f64; 3], b: &[f64; 3]) -> [f64; 6] {
     [a[0], a[1], a[2], b[0], b[1], b[2]]
 }
 
+#[inline(always)]
 fn place(q: &[f64; 7]) -> [f64; 3] {
     [q[0], q[1], q[2]]
 }
 
+#[inline(always)]
 fn euler(q: &[f64; 7]) -> [f64; 4] {
     [q[3], q[4], q[5], q[6]]
 }
 
 /// ½ Eᵀ(p) ω.
+#[inline(always)]
 fn euler_rate(p: &[f64; 4], w: &[f64; 3]) -> [f64; 4] {
     e_transposed_times(p, w).map(|x| 0.5 * x)
 }
 
+#[inline(always)]
 fn pose(r: &[f64; 3], p: &[f64; 4]) -> [f64; 7] {
     [r[0], r[1], r[2], p[0], p[1], p[2], p[3]]
 }
@@ -150,30 +156,36 @@ fn pose(r: &[f64; 3], p: &[f64; 4]) -> [f64; 7] {
 impl Algebra<7, 6> for Spatial {
     type Inertia = SpatialInertia;
 
+    #[inline(always)]
     fn screw(linear: &[f64; 3], angular: &[f64; 3]) -> [f64; 6] {
         joined(linear, angular)
     }
 
+    #[inline(always)]
     fn cross(a: &[f64; 6], b: &[f64; 6]) -> [f64; 6] {
         let ((av, aw), (bv, bw)) = (parts(a), parts(b));
         joined(&sum(&cross(&aw, &bv), &cross(&av, &bw)), &cross(&aw, &bw))
     }
 
+    #[inline(always)]
     fn cross_dual(a: &[f64; 6], w: &[f64; 6]) -> [f64; 6] {
         let ((av, aw), (f, n)) = (parts(a), parts(w));
         joined(&cross(&aw, &f), &sum(&cross(&av, &f), &cross(&aw, &n)))
     }
 
+    #[inline(always)]
     fn center(q: &[f64; 7]) -> [f64; 3] {
         place(q)
     }
 
+    #[inline(always)]
     fn rates(q: &[f64; 7], o: &[f64; 3], y: &[f64; 6]) -> [f64; 7] {
         let (v, w) = parts(y);
         let v = sum(&v, &cross(&w, &difference(&place(q), o)));
         pose(&v, &euler_rate(&euler(q), &w))
     }
 
+    #[inline(always)]
     fn second_rates(
         q: &[f64; 7],
         v: &[f64; 7],
@@ -188,6 +200,7 @@ impl Algebra<7, 6> for Spatial {
         pose(&a, &p)
     }
 
+    #[inline(always)]
     fn rates_change(dq: &[f64; 7], y: &[f64; 6]) -> [f64; 7] {
         let (_, w) = parts(y);
         pose(&cross(&w, &place(dq)), &euler_rate(&euler(dq), &w))
@@ -202,6 +215,7 @@ impl Algebra<7, 6> for Spatial {
         Stance::spatial(q)
     }
 
+    #[inline(always)]
     fn motion(arm: &[f64; 3], y: &[f64; 6], [displaced, changed]: [&[f64; 6]; 2]) -> Motion {
         let field = |y: &[f64; 6]| {
             let (v, w) = parts(y);
@@ -213,10 +227,12 @@ impl Algebra<7, 6> for Spatial {
         Motion { velocity, displacement, change }
     }
 
+    #[inline(always)]
     fn about([f, n]: &Wrench, arm: &[f64; 3]) -> [f64; 6] {
         joined(f, &sum(n, &cross(arm, f)))
     }
 
+    #[inline(always)]
     fn wrench(q: &[f64; 7], o: &[f64; 3], force: &[f64; 7]) -> [f64; 6] {
         let f = place(force);
         let moment = e_times(&euler(q), &euler(force)).map(|x| 0.5 * x);
@@ -235,11 +251,13 @@ impl Algebra<7, 6> for Spatial {
         pose(&[0.0; 3], &turn.map(|x| 8.0 * x))
     }
 
+    #[inline(always)]
     fn moved(w: &[f64; 6], from: &[f64; 3], to: &[f64; 3]) -> [f64; 6] {
         let (f, n) = parts(w);
         joined(&f, &sum(&n, &cross(&difference(from, to), &f)))
     }
 
+    #[inline(always)]
     fn moved_twist(y: &[f64; 6], from: &[f64; 3], to: &[f64; 3]) -> [f64; 6] {
         let (v, w) = parts(y);
         joined(&sum(&v, &cross(&w, &difference(to, from))), &w)
@@ -279,6 +297,7 @@ impl Algebra<7, 6> for Spatial {
         v * f + w * n
     }
 
+    #[inline(always)]
     fn inertia_times(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -292,15 +311,18 @@ impl Algebra<7, 6> for Spatial {
         joined(&f, &sum(&times(inertia, &alpha), &cross(&arm, &f)))
     }
 
+    #[inline(always)]
     fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; 6]) -> [f64; 6] {
         let (a, alpha) = parts(yd);
         joined(&a.map(|x| mass * x), &times(inertia, &alpha))
     }
 
+    #[inline(always)]
     fn wrench_about_center(q: &[f64; 7], force: &[f64; 7]) -> [f64; 6] {
         joined(&place(force), &e_times(&euler(q), &euler(force)).map(|x| 0.5 * x))
     }
 
+    #[inline(always)]
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -317,19 +339,23 @@ impl Algebra<7, 6> for Spatial {
     }
 }
 
+#[inline(always)]
 fn times(a: &[[f64; 3]; 3], x: &[f64; 3]) -> [f64; 3] {
     a.map(|row| dot(&row, x))
 }
 
 /// ω × a.
+#[inline(always)]
 fn across(w: f64, a: &[f64; 2]) -> [f64; 2] {
     [-w * a[1], w * a[0]]
 }
 
+#[inline(always)]
 fn moment(arm: &[f64; 2], f: &[f64; 2]) -> f64 {
     arm[0] * f[1] - arm[1] * f[0]
 }
 
+#[inline(always)]
 fn arm(q: &[f64; 3], o: &[f64; 3]) -> [f64; 2] {
     [q[0] - o[0], q[1] - o[1]]
 }
@@ -337,29 +363,35 @@ fn arm(q: &[f64; 3], o: &[f64; 3]) -> [f64; 2] {
 impl Algebra<3, 3> for Planar {
     type Inertia = PlanarInertia;
 
+    #[inline(always)]
     fn screw(linear: &[f64; 3], angular: &[f64; 3]) -> [f64; 3] {
         [linear[0], linear[1], angular[2]]
     }
 
+    #[inline(always)]
     fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
         let ([x, y], [u, v]) = (across(a[2], &[b[0], b[1]]), across(b[2], &[a[0], a[1]]));
         [x - u, y - v, 0.0]
     }
 
+    #[inline(always)]
     fn cross_dual(a: &[f64; 3], w: &[f64; 3]) -> [f64; 3] {
         let [x, y] = across(a[2], &[w[0], w[1]]);
         [x, y, moment(&[a[0], a[1]], &[w[0], w[1]])]
     }
 
+    #[inline(always)]
     fn center(q: &[f64; 3]) -> [f64; 3] {
         [q[0], q[1], 0.0]
     }
 
+    #[inline(always)]
     fn rates(q: &[f64; 3], o: &[f64; 3], y: &[f64; 3]) -> [f64; 3] {
         let [u, v] = across(y[2], &arm(q, o));
         [y[0] + u, y[1] + v, y[2]]
     }
 
+    #[inline(always)]
     fn second_rates(
         q: &[f64; 3],
         v: &[f64; 3],
@@ -371,6 +403,7 @@ impl Algebra<3, 3> for Planar {
         [yd[0] + a + c, yd[1] + b + d, yd[2]]
     }
 
+    #[inline(always)]
     fn rates_change(dq: &[f64; 3], y: &[f64; 3]) -> [f64; 3] {
         let [u, v] = across(y[2], &[dq[0], dq[1]]);
         [u, v, 0.0]
@@ -384,6 +417,7 @@ impl Algebra<3, 3> for Planar {
         Stance::planar(q)
     }
 
+    #[inline(always)]
     fn motion(arm: &[f64; 3], y: &[f64; 3], [displaced, changed]: [&[f64; 3]; 2]) -> Motion {
         let field = |y: &[f64; 3]| {
             let [u, v] = across(y[2], &[arm[0], arm[1]]);
@@ -396,10 +430,12 @@ impl Algebra<3, 3> for Planar {
         Motion { velocity, displacement, change }
     }
 
+    #[inline(always)]
     fn about([f, n]: &Wrench, arm: &[f64; 3]) -> [f64; 3] {
         [f[0], f[1], n[2] + moment(&[arm[0], arm[1]], &[f[0], f[1]])]
     }
 
+    #[inline(always)]
     fn wrench(q: &[f64; 3], o: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
         let [x, y, n] = *force;
         [x, y, n + moment(&arm(q, o), &[x, y])]
@@ -413,10 +449,12 @@ impl Algebra<3, 3> for Planar {
         [0.0; 3]
     }
 
+    #[inline(always)]
     fn moved(w: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
         [w[0], w[1], w[2] + moment(&[from[0] - to[0], from[1] - to[1]], &[w[0], w[1]])]
     }
 
+    #[inline(always)]
     fn moved_twist(y: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
         let [u, v] = across(y[2], &[to[0] - from[0], to[1] - from[1]]);
         [y[0] + u, y[1] + v, y[2]]
@@ -444,6 +482,7 @@ impl Algebra<3, 3> for Planar {
         (y[0].abs() + y[1].abs()) * f + y[2].abs() * n
     }
 
+    #[inline(always)]
     fn inertia_times(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -457,14 +496,17 @@ impl Algebra<3, 3> for Planar {
         [f[0], f[1], inertia[2][2] * yd[2] + moment(&arm, &f)]
     }
 
+    #[inline(always)]
     fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; 3]) -> [f64; 3] {
         [mass * yd[0], mass * yd[1], inertia[2][2] * yd[2]]
     }
 
+    #[inline(always)]
     fn wrench_about_center(_: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
         *force
     }
 
+    #[inline(always)]
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],

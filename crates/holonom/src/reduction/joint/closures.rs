@@ -285,32 +285,18 @@ impl Closures {
     pub(super) fn solve_cluster(&mut self, cluster: usize, r: &[f64], x: &mut [f64]) {
         let cluster = &self.clusters[cluster];
         let right = &mut self.right[..cluster.rows.len()];
-        for (out, (&row, scale)) in
-            right.iter_mut().zip(cluster.rows.iter().zip(&cluster.row_scale))
-        {
-            *out = -r[row] * scale;
-        }
-        cluster.lu.solve(right);
-        for (change, (&at, scale)) in
-            right.iter().zip(cluster.dependent.iter().zip(&cluster.column_scale))
-        {
-            x[self.dependent[at]] = change * scale;
+        cluster.make_up(r, right);
+        for (change, &at) in right.iter().zip(&cluster.dependent) {
+            x[self.dependent[at]] = *change;
         }
     }
 
     fn solve_where(&mut self, r: &mut [f64], takes_part: impl Fn(&Cluster) -> bool) {
         for cluster in self.clusters.iter().filter(|cluster| takes_part(cluster)) {
             let right = &mut self.right[..cluster.rows.len()];
-            for (out, (&row, scale)) in
-                right.iter_mut().zip(cluster.rows.iter().zip(&cluster.row_scale))
-            {
-                *out = -r[row] * scale;
-            }
-            cluster.lu.solve(right);
-            for (x, (&at, scale)) in
-                right.iter().zip(cluster.dependent.iter().zip(&cluster.column_scale))
-            {
-                self.work[at] = x * scale;
+            cluster.make_up(r, right);
+            for (change, &at) in right.iter().zip(&cluster.dependent) {
+                self.work[at] = *change;
             }
         }
         r.copy_from_slice(&self.work);

@@ -128,18 +128,22 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     algebra: PhantomData<A>,
 }
 
+#[inline(always)]
 pub(super) fn dot<const W: usize>(a: &[f64; W], b: &[f64; W]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+#[inline(always)]
 pub(super) fn add<const W: usize>(out: &mut [f64; W], factor: f64, x: &[f64; W]) {
     out.iter_mut().zip(x).for_each(|(out, x)| *out += factor * x);
 }
 
+#[inline(always)]
 pub(super) fn pose<const N: usize>(q: &[f64], body: usize) -> &[f64; N] {
     q[body * N..].first_chunk().expect("a body has N coordinates")
 }
 
+#[inline(always)]
 pub(super) fn pose_mut<const N: usize>(q: &mut [f64], body: usize) -> &mut [f64; N] {
     q[body * N..].first_chunk_mut().expect("a body has N coordinates")
 }

@@ -73,15 +73,15 @@ pub struct ReducedDerivatives<'a> {
     pub extra_position: &'a mut [f64],
     /// ż_v̇.
     pub extra_velocity: &'a mut [f64],
-    /// For each variable q_v, then q̇_v at fixed v̇.
+    /// For each variable q_v, then q̇_v at fixed v̇; of bodies that it does not move they stay what they are.
     pub columns: &'a mut [f64],
 }
 
 impl ReducedDerivatives<'_> {
     fn clear(&mut self) {
-        let Self { mass, damping, stiffness, force_extra, extra_position, extra_velocity, columns } =
+        let Self { mass, damping, stiffness, force_extra, extra_position, extra_velocity, .. } =
             self;
-        let all = [mass, damping, stiffness, force_extra, extra_position, extra_velocity, columns];
+        let all = [mass, damping, stiffness, force_extra, extra_position, extra_velocity];
         all.into_iter().for_each(|x| x.fill(0.0));
     }
 }
@@ -176,6 +176,16 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
 
     /// Makes room for [`JointForm::linearize`], or gives it up.
     fn keep_room_for_derivatives(&mut self, keep: bool);
+
+    /// Takes the motion of a state at the configuration last factored, for its independent rates and accelerations: where
+    /// references have moved since, coordinates have other ones than they had. `v` is overwritten with q̇.
+    fn take_motion(
+        &mut self,
+        parametrization: &Parametrization,
+        state: &State,
+        rates: [&[f64]; 2],
+        v: &mut [f64],
+    );
 
     /// M̂, M̂₁, M̂₂ and what extra states add, for forces Q at the state whose accelerations and multipliers of closures were the
     /// last to be told; those of the forces into `blocks`.

@@ -12,6 +12,7 @@ impl Manifold {
     pub fn use_joint_coordinates(&mut self, q: &[f64], together: usize) -> bool {
         self.at = q.to_vec();
         self.stale = false;
+        self.moves_along = false;
         self.joint = joint_form(&self.system, self.chart.parametrization(), q)
             .filter(|form| form.largest_closure() <= together);
         if self.joint.is_some() && self.refactor_joint().is_err() {
@@ -44,7 +45,16 @@ impl Manifold {
         blocks: &mut DerivativeBlocks,
         out: &mut ReducedDerivatives<'_>,
     ) {
+        let (system, parametrization) = (self.system.as_ref(), self.chart.parametrization());
         if let Some(joint) = &mut self.joint {
+            if std::mem::take(&mut self.renamed) {
+                let State { q, v, a, .. } = state;
+                let second = &mut self.predictor[..parametrization.ndof];
+                parametrization.rates(system, q, v, &mut self.independent);
+                parametrization.accelerations(system, q, v, a, second);
+                let motion = [&*self.independent, &*second];
+                joint.take_motion(parametrization, state, motion, &mut self.correction);
+            }
             joint.linearize(self.chart.parametrization(), &self.force, state, blocks, out);
         }
     }

@@ -73,6 +73,8 @@ pub struct Manifold {
     multipliers_wait: bool,
     /// Whether the accelerations last evaluated are those of joint coordinates.
     moves_along: bool,
+    /// Whether references have moved since.
+    renamed: bool,
     /// Counters.
     pub counters: RecoveryCounters,
 }
@@ -115,6 +117,7 @@ impl Manifold {
             returned: false,
             multipliers_wait: false,
             moves_along: false,
+            renamed: false,
             counters: RecoveryCounters::default(),
         }
     }
@@ -238,6 +241,7 @@ impl Manifold {
     /// those of a nearly singular matrix.
     pub fn go_back(&mut self, q: &[f64]) {
         self.return_to_anchor();
+        self.moves_along = false;
         // A start that cannot be factored is found out by the next recovery.
         let _ = self.factor_at(q);
     }
@@ -267,7 +271,7 @@ impl Manifold {
         v: &mut [f64],
         full: bool,
     ) -> Result<(), EvaluationFailure> {
-        self.moves_along = false;
+        (self.moves_along, self.renamed) = (false, false);
         self.factor_at(q)?;
         let sign = match &self.joint {
             Some(joint) => joint.determinant_sign(),
