@@ -154,8 +154,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let own_powers: [f64; 6] =
                 std::array::from_fn(|k| screws.get(k).map_or(0.0, |screw| dot(screw, &wrench)));
             for c in 0..n {
-                let along = |x: &[f64; 6], y: &[f64; 6]| x.iter().zip(y).map(|(a, b)| a * b).sum();
-                motion.force[c] = along(&units[c], &powers);
+                motion.force[c] = dot(&units[c], &powers);
                 let other = own.filter(|(start, _)| (*start..start + 3).contains(&c));
                 if let Some((start, turn)) = other {
                     let bend = turn.first(&unit(m - start), &unit(c - start));
