@@ -173,7 +173,9 @@ impl<M: Matrix> FirstOrder<M> {
         let (state, z_rate) = (&mut self.point.state, &mut self.point.z_rate);
         let rates = &slope[ndof..2 * ndof];
         self.point.manifold.reduced_residual(state, rates, z_rate, &mut self.rates);
-        self.point.manifold.complete_residual(state);
+        if !self.newton.goes_along(&self.point.manifold) {
+            self.point.manifold.complete_residual(state);
+        }
         self.newton.linearize(&mut self.point, w)
     }
 
@@ -183,7 +185,9 @@ impl<M: Matrix> FirstOrder<M> {
             self.point.return_to_anchor();
             self.evaluate(t, w, true)?;
         }
-        self.point.complete();
+        if !self.newton.goes_along(&self.point.manifold) {
+            self.point.complete();
+        }
         Ok(())
     }
 

@@ -2,7 +2,7 @@
 //! and explicit time add to them.
 
 use crate::error::EvaluationFailure;
-use crate::reduction::{BodyRows, Chart, Manifold};
+use crate::reduction::{BodyRows, Chart, Manifold, ReducedDerivatives};
 use crate::system::{DerivativeBlocks, State};
 use crate::threads::Threads;
 use holonom_linalg::{DenseLu, SingularMatrix, gram_add};
@@ -136,6 +136,24 @@ impl ReducedBlocks {
         let n = self.d.len() / ndof;
         gram_add(n, ndof, &self.x, &self.d, &mut self.stiffness);
         self.evaluate_extra_states(manifold);
+    }
+
+    /// The reduced matrices along the tree at `state`, whose accelerations came in joint coordinates, and columns of q_v and q̇_v
+    /// for one variable after the other. D is not evaluated, nor are rows of constraints among the blocks.
+    pub fn evaluate_along(&mut self, manifold: &mut Manifold, state: &State, columns: &mut [f64]) {
+        let blocks = &mut self.blocks;
+        let mut out = ReducedDerivatives {
+            mass: &mut self.mass,
+            damping: &mut self.damping,
+            stiffness: &mut self.stiffness,
+            force_extra: &mut self.force_extra,
+            extra_position: &mut self.extra_position,
+            extra_velocity: &mut self.extra_velocity,
+            columns,
+        };
+        let threads = blocks.threads().clone();
+        threads.share(|| manifold.linearize(state, blocks, &mut out));
+        self.extra_extra.copy_from_slice(&self.blocks.extra_extra);
     }
 
     /// D and the blocks of the system alone, at a state as for [`ReducedBlocks::evaluate`].

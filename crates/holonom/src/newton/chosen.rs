@@ -113,6 +113,13 @@ impl<D: Matrix> Matrix for Chosen<D> {
         }
     }
 
+    fn goes_along(&self) -> bool {
+        match self {
+            Self::Dense(matrix) => matrix.goes_along(),
+            Self::Sparse(matrix) => matrix.goes_along(),
+        }
+    }
+
     fn linearize(&mut self, parts: &mut Linearization, point: &mut Point) {
         match self {
             Self::Dense(matrix) => matrix.linearize(parts, point),

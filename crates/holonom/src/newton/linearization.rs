@@ -16,8 +16,9 @@ pub struct Linearization {
     pub(super) blocks: ReducedBlocks,
     /// [G; P] at the linearization; before the first one, at the start of the step.
     pub(super) chart: Chart,
-    /// Whether there has been one.
+    /// Whether there has been one, and whether it was made along the tree.
     pub(super) made: bool,
+    pub(super) along: bool,
     /// Where it was.
     pub(super) q: Vec<f64>,
     pub(super) v: Vec<f64>,
@@ -58,6 +59,7 @@ impl Linearization {
             },
             chart: manifold.chart().clone(),
             made: false,
+            along: false,
             q: vec![0.0; s.coordinates],
             v: vec![0.0; s.coordinates],
             maps: false,
@@ -91,7 +93,7 @@ impl Linearization {
     ) -> Result<(), EvaluationFailure> {
         differences.evaluate(&mut self.blocks, &mut self.rate_map, point, w)?;
         self.chart.copy_from(point.manifold.chart());
-        (self.made, self.maps) = (true, true);
+        (self.made, self.maps, self.along) = (true, true, false);
         self.keep_maps();
         Ok(())
     }
@@ -107,18 +109,36 @@ impl Linearization {
         }
     }
 
+    /// All reduced blocks along the tree; changes are measured with what the recursions find on the way.
+    pub(super) fn evaluate_along(&mut self, point: &mut Point) {
+        if !self.along {
+            // What a variable does not move stays zero from here on.
+            self.columns.fill(0.0);
+        }
+        self.blocks.evaluate_along(&mut point.manifold, &point.state, &mut self.columns);
+        (self.maps, self.along) = (true, true);
+        self.find_moved();
+    }
+
     fn keep_maps(&mut self) {
         let ndof = self.rates.len().max(1);
-        let size = (2 * self.blocks.d.len() / ndof).max(1);
-        let per_body = self.system.structure().sizes.per_body;
-        self.moved.clear();
-        self.moved_ends.clear();
+        let size = (2 * self.q.len()).max(1);
         for (k, column) in self.columns.chunks_exact_mut(size).enumerate() {
             let (d, rates) = column.split_at_mut(column.len() / 2);
             for (to, from) in [(d, &self.blocks.d), (rates, &self.rate_map)] {
                 let from = from[k..].iter().step_by(ndof);
                 to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
             }
+        }
+        self.find_moved();
+    }
+
+    fn find_moved(&mut self) {
+        let size = (2 * self.q.len()).max(1);
+        let per_body = self.system.structure().sizes.per_body;
+        self.moved.clear();
+        self.moved_ends.clear();
+        for column in self.columns.chunks_exact(size) {
             let [d, rates] = [0, 1].map(|half| column[half * size / 2..].chunks_exact(per_body));
             let first = self.moved.len();
             for (b, (d, rates)) in d.take(size / 2 / per_body).zip(rates).enumerate() {

@@ -82,6 +82,12 @@ pub trait Matrix: std::fmt::Debug + Clone + Send + 'static {
         false
     }
 
+    /// Whether its parts come along the tree where accelerations did: it needs neither [G; P] nor multipliers of the
+    /// tree's joints then.
+    fn goes_along(&self) -> bool {
+        false
+    }
+
     /// Evaluates the parts that do not depend on the step at a complete point, and of the blocks what
     /// the solves need.
     fn linearize(&mut self, parts: &mut Linearization, point: &mut Point);

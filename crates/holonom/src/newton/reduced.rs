@@ -44,7 +44,16 @@ impl Matrix for ReducedMatrix {
         }
     }
 
+    fn goes_along(&self) -> bool {
+        true
+    }
+
     fn linearize(&mut self, parts: &mut Linearization, point: &mut Point) {
+        if point.manifold.linearizes() {
+            parts.evaluate_along(point);
+            return;
+        }
+        parts.along = false;
         parts.blocks.evaluate(&mut point.manifold, &point.state);
         parts.evaluate_maps(point.manifold.chart_mut());
     }
@@ -169,7 +178,12 @@ impl FirstOrderMatrix for ReducedMatrix {
         v_rate: &mut [f64],
         z_rate: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
-        parts.blocks.time_derivative(&mut point.manifold, &point.state, v_rate, z_rate);
+        let (manifold, state) = (&mut point.manifold, &point.state);
+        if parts.along {
+            manifold.time_derivative(state, &parts.blocks.blocks, v_rate, z_rate);
+        } else {
+            parts.blocks.time_derivative(manifold, state, v_rate, z_rate);
+        }
         if !v_rate.is_empty() {
             self.mass_lu.factor(&parts.blocks.mass).map_err(|e| singular_mass(&e))?;
             self.mass_lu.solve(v_rate);

@@ -91,13 +91,20 @@ impl<M: Matrix> Newton<M> {
         self.parts.begin_step(chart);
     }
 
-    /// Linearizes at a complete point, whose independent variables, rates and extra states are `w`, and
+    /// Whether a linearization at this point goes along the tree, and asks for no multipliers of its joints.
+    pub fn goes_along(&self, manifold: &Manifold) -> bool {
+        self.differences.is_none() && self.matrix.goes_along() && manifold.linearizes()
+    }
+
+    /// Linearizes at a point, complete unless it goes along the tree there, whose independent variables, rates and extra states are `w`, and
     /// leaves it evaluated there.
     ///
     /// # Errors
     /// Where a neighbouring point for differences cannot be evaluated; the point is then elsewhere.
     pub fn linearize(&mut self, point: &mut Point, w: &[f64]) -> Result<(), EvaluationFailure> {
-        point.manifold.catch_up()?;
+        if !self.goes_along(&point.manifold) {
+            point.manifold.catch_up()?;
+        }
         self.parts.q.copy_from_slice(&point.state.q);
         self.parts.v.copy_from_slice(&point.state.v);
         self.alignment.begin(&point.manifold, &point.state.q);

@@ -30,7 +30,7 @@ pub use body_rows::BodyRows;
 pub use body_tree::{BodyTree, ByPosition};
 pub use chart::Chart;
 pub use chosen::{ChosenVelocity, chosen_velocities};
-pub use joint::Coordinates;
+pub use joint::{Coordinates, ReducedDerivatives};
 pub use manifold::{Manifold, RecoveryCounters};
 pub use parametrization::{Parametrization, Projection, largest_index};
 pub use partitioning::{RANK_TOLERANCE, partition, scaled_jacobian};

@@ -334,7 +334,12 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
 
     fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks) {
         checkpoint(8 * self.numbers());
-        self.add_up(state, out);
+        self.add_up(state, None, out);
+    }
+
+    fn force_blocks(&self, state: &State, joints: &[usize], out: &mut DerivativeBlocks) {
+        checkpoint(8 * self.numbers());
+        self.add_up(state, Some(joints), out);
     }
 
     fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]) {

@@ -8,6 +8,9 @@ use crate::elements::{ConstraintElement, ForceBlocks, ForceElement, PairBlocks, 
 use crate::threads::Threads;
 use holonom_linalg::{BlockId, BlocksMut};
 
+/// Joints whose multipliers count beside the forces; none for everything there is.
+type Wanted<'a> = Option<&'a [usize]>;
+
 /// The blocks of consecutive parts.
 struct Target<'a> {
     stiffness: BlocksMut<'a>,
@@ -43,8 +46,9 @@ impl Target<'_> {
 }
 
 impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
-    /// All derivative blocks; the same sums in the same order for any number of threads.
-    pub(super) fn add_up(&self, state: &State, out: &mut DerivativeBlocks) {
+    /// All derivative blocks; the same sums in the same order for any number of threads. With a list of `joints`, ascending,
+    /// K and C have forces and the multipliers of these only, and A₀ and A₁ stay what they are.
+    pub(super) fn add_up(&self, state: &State, joints: Wanted<'_>, out: &mut DerivativeBlocks) {
         let mut target = Target {
             stiffness: out.stiffness.blocks_mut(),
             damping: out.damping.blocks_mut(),
@@ -55,9 +59,9 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         };
         if let Some(last) = self.slots.parts.last() {
             let [all, _] = target.split_after(last, N);
-            self.parts(&out.threads, &self.slots.parts, state, all);
+            self.parts(&out.threads, &self.slots.parts, state, joints, all);
         }
-        self.elements(&self.slots.rest, state, &mut target, |force, blocks| {
+        self.elements(&self.slots.rest, state, joints, &mut target, |force, blocks| {
             let Some(k) = force.extra else { return };
             for side in 0..2 {
                 let at = (2 * k + side) * N;
@@ -81,13 +85,20 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         }
     }
 
-    fn parts(&self, threads: &Threads, parts: &[Part], state: &State, mut target: Target<'_>) {
+    fn parts(
+        &self,
+        threads: &Threads,
+        parts: &[Part],
+        state: &State,
+        joints: Wanted<'_>,
+        mut target: Target<'_>,
+    ) {
         if parts.len() > 1 {
             let (left, right) = parts.split_at(parts.len() / 2);
             let [first, second] = target.split_after(&left[left.len() - 1], N);
             threads.join(
-                || self.parts(threads, left, state, first),
-                || self.parts(threads, right, state, second),
+                || self.parts(threads, left, state, joints, first),
+                || self.parts(threads, right, state, joints, second),
             );
             return;
         }
@@ -97,7 +108,8 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         }
         target.time.fill(0.0);
         let bodies = target.first..target.first + target.time.len() / N;
-        for &b in &slots.walk[bodies] {
+        let bodies = if joints.is_none() { &slots.walk[bodies] } else { &[] };
+        for &b in bodies {
             let b = b as usize;
             let (v, a) = (Self::rate(&state.v, Some(b)), Self::rate(&state.a, Some(b)));
             let (k, c) = (slots.diagonal[b], slots.diagonal[b]);
@@ -113,7 +125,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             }
         }
         for part in parts {
-            self.elements(&part.elements, state, &mut target, |_, _| {});
+            self.elements(&part.elements, state, joints, &mut target, |_, _| {});
         }
     }
 
@@ -122,6 +134,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         &self,
         elements: &Elements,
         state: &State,
+        joints: Wanted<'_>,
         target: &mut Target<'_>,
         mut look: impl FnMut(&PlacedForce<S::Force>, &ForceBlocks<f64, N>),
     ) {
@@ -132,6 +145,13 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             let k = k as usize;
             let c = &self.constraints[k];
             let q = Self::pair(&state.q, c.bodies);
+            if let Some(joints) = joints {
+                if joints.binary_search(&k).is_ok() {
+                    c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
+                    add_pairs(&mut target.stiffness, &self.slots.constraint_pairs[k], &pairs);
+                }
+                continue;
+            }
             let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
             let (count, slots) = (c.element.rows(), &self.slots.jacobian[k]);
             let [rows, more] = &mut rows;

@@ -168,6 +168,10 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// All derivative blocks at `state`, whose accelerations and multipliers must be current.
     fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks);
 
+    /// The same of −Q and of (Gᵀλ)_q of these joints alone, by their places in [`Structure::joints`], ascending, inertia with its
+    /// gyroscopic forces left out; A₀ and A₁ stay what they are.
+    fn force_blocks(&self, state: &State, joints: &[usize], out: &mut DerivativeBlocks);
+
     /// A₀ δq = ((G q̇)_q δq).
     fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]);
 

@@ -450,7 +450,7 @@ fn joints_are_cut_where_the_file_says_so() {
 }
 
 /// A row of `count` planar four-bars, each moved by the one before, or each for itself.
-fn four_bars(count: usize, coupled: bool) -> Model {
+pub(crate) fn four_bars(count: usize, coupled: bool) -> Model {
     let mut text = String::from("holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n");
     for k in 0..count {
         let x = 3.0 * k as f64;

@@ -27,6 +27,7 @@ mod initial_joints;
 mod input_checks;
 mod invariance;
 mod joint_coordinates;
+mod joint_derivatives;
 mod limiting_cases;
 mod local_error;
 mod mechanisms;

@@ -5,7 +5,7 @@
 //! thesis (3.133)).
 
 use super::inertia::{Inertia, PlanarInertia, SpatialInertia};
-use crate::math::spatial::{cross, e_times, e_transposed_times};
+use crate::math::spatial::{cross, e_times, e_transposed_times, g_times, g_transposed_times};
 use crate::math::vector::{difference, dot, sum};
 use crate::system::{Motion, Stance, Wrench};
 
@@ -21,6 +21,9 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
 
     /// Rate of a twist that is fixed in what moves with twist `a`.
     fn cross(a: &[f64; W], b: &[f64; W]) -> [f64; W];
+
+    /// Rate of a wrench that is fixed in what moves with twist `a`: its power with b changes by −wᵀ(a × b).
+    fn cross_dual(a: &[f64; W], w: &[f64; W]) -> [f64; W];
 
     /// Reference point at a pose.
     fn center(q: &[f64; N]) -> [f64; 3];
@@ -40,6 +43,9 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// Change of [`Algebra::rates`] at a fixed twist with a displacement by δq.
     fn rates_change(dq: &[f64; N], y: &[f64; W]) -> [f64; N];
 
+    /// What a row on q̈ is on the twist by which that of q̇ = `v` moves in [`Algebra::second_rates`].
+    fn row_on_bend(v: &[f64; N], row: &[f64; N]) -> [f64; W];
+
     /// How a body stands at a pose.
     fn stance(q: &[f64; N]) -> Stance;
 
@@ -52,6 +58,12 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
 
     /// Wrench of a generalized force on the pose, or the row on twists of one on q̇.
     fn wrench(q: &[f64; N], o: &[f64; 3], force: &[f64; N]) -> [f64; W];
+
+    /// Change of [`Algebra::wrench`] of a generalized force that stays the same, with the pose.
+    fn wrench_change(dq: &[f64; N], force: &[f64; N]) -> [f64; W];
+
+    /// What the turning of a body adds to the generalized forces, from its inertia in its own axes.
+    fn gyroscopic(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N]) -> [f64; N];
 
     /// A wrench about another point.
     fn moved(w: &[f64; W], from: &[f64; 3], to: &[f64; 3]) -> [f64; W];
@@ -84,6 +96,12 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
         yd: &[f64; W],
     ) -> [f64; W];
 
+    /// The same about the centre of mass.
+    fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; W]) -> [f64; W];
+
+    /// Wrench about the centre of mass, as [`Algebra::wrench`].
+    fn wrench_about_center(q: &[f64; N], force: &[f64; N]) -> [f64; W];
+
     /// The wrench that accelerates a body: rate of momentum without the gyroscopic part, which counts among the
     /// forces, for q and q̇, its twist and its rate.
     fn inertia_force(
@@ -104,27 +122,33 @@ pub(super) struct Spatial;
 #[derive(Debug, Clone)]
 pub(super) struct Planar;
 
+#[inline(always)]
 pub(super) fn parts(y: &[f64; 6]) -> ([f64; 3], [f64; 3]) {
     ([y[0], y[1], y[2]], [y[3], y[4], y[5]])
 }
 
+#[inline(always)]
 pub(super) fn joined(a: &[f64; 3], b: &[f64; 3]) -> [f64; 6] {
     [a[0], a[1], a[2], b[0], b[1], b[2]]
 }
 
+#[inline(always)]
 fn place(q: &[f64; 7]) -> [f64; 3] {
     [q[0], q[1], q[2]]
 }
 
+#[inline(always)]
 fn euler(q: &[f64; 7]) -> [f64; 4] {
     [q[3], q[4], q[5], q[6]]
 }
 
 /// ½ Eᵀ(p) ω.
+#[inline(always)]
 fn euler_rate(p: &[f64; 4], w: &[f64; 3]) -> [f64; 4] {
     e_transposed_times(p, w).map(|x| 0.5 * x)
 }
 
+#[inline(always)]
 fn pose(r: &[f64; 3], p: &[f64; 4]) -> [f64; 7] {
     [r[0], r[1], r[2], p[0], p[1], p[2], p[3]]
 }
@@ -132,25 +156,36 @@ fn pose(r: &[f64; 3], p: &[f64; 4]) -> [f64; 7] {
 impl Algebra<7, 6> for Spatial {
     type Inertia = SpatialInertia;
 
+    #[inline(always)]
     fn screw(linear: &[f64; 3], angular: &[f64; 3]) -> [f64; 6] {
         joined(linear, angular)
     }
 
+    #[inline(always)]
     fn cross(a: &[f64; 6], b: &[f64; 6]) -> [f64; 6] {
         let ((av, aw), (bv, bw)) = (parts(a), parts(b));
         joined(&sum(&cross(&aw, &bv), &cross(&av, &bw)), &cross(&aw, &bw))
     }
 
+    #[inline(always)]
+    fn cross_dual(a: &[f64; 6], w: &[f64; 6]) -> [f64; 6] {
+        let ((av, aw), (f, n)) = (parts(a), parts(w));
+        joined(&cross(&aw, &f), &sum(&cross(&av, &f), &cross(&aw, &n)))
+    }
+
+    #[inline(always)]
     fn center(q: &[f64; 7]) -> [f64; 3] {
         place(q)
     }
 
+    #[inline(always)]
     fn rates(q: &[f64; 7], o: &[f64; 3], y: &[f64; 6]) -> [f64; 7] {
         let (v, w) = parts(y);
         let v = sum(&v, &cross(&w, &difference(&place(q), o)));
         pose(&v, &euler_rate(&euler(q), &w))
     }
 
+    #[inline(always)]
     fn second_rates(
         q: &[f64; 7],
         v: &[f64; 7],
@@ -165,15 +200,22 @@ impl Algebra<7, 6> for Spatial {
         pose(&a, &p)
     }
 
+    #[inline(always)]
     fn rates_change(dq: &[f64; 7], y: &[f64; 6]) -> [f64; 7] {
         let (_, w) = parts(y);
         pose(&cross(&w, &place(dq)), &euler_rate(&euler(dq), &w))
+    }
+
+    fn row_on_bend(v: &[f64; 7], row: &[f64; 7]) -> [f64; 6] {
+        let turn = e_times(&euler(v), &euler(row)).map(|x| 0.5 * x);
+        joined(&[0.0; 3], &sum(&turn, &cross(&place(v), &place(row))))
     }
 
     fn stance(q: &[f64; 7]) -> Stance {
         Stance::spatial(q)
     }
 
+    #[inline(always)]
     fn motion(arm: &[f64; 3], y: &[f64; 6], [displaced, changed]: [&[f64; 6]; 2]) -> Motion {
         let field = |y: &[f64; 6]| {
             let (v, w) = parts(y);
@@ -185,21 +227,37 @@ impl Algebra<7, 6> for Spatial {
         Motion { velocity, displacement, change }
     }
 
+    #[inline(always)]
     fn about([f, n]: &Wrench, arm: &[f64; 3]) -> [f64; 6] {
         joined(f, &sum(n, &cross(arm, f)))
     }
 
+    #[inline(always)]
     fn wrench(q: &[f64; 7], o: &[f64; 3], force: &[f64; 7]) -> [f64; 6] {
         let f = place(force);
         let moment = e_times(&euler(q), &euler(force)).map(|x| 0.5 * x);
         joined(&f, &sum(&moment, &cross(&difference(&place(q), o), &f)))
     }
 
+    fn wrench_change(dq: &[f64; 7], force: &[f64; 7]) -> [f64; 6] {
+        let turn = e_times(&euler(dq), &euler(force)).map(|x| 0.5 * x);
+        joined(&[0.0; 3], &sum(&turn, &cross(&place(dq), &place(force))))
+    }
+
+    /// 8 Ġᵀ J Ġ p.
+    fn gyroscopic(inertia: &[[f64; 3]; 3], q: &[f64; 7], v: &[f64; 7]) -> [f64; 7] {
+        let (p, rate) = (euler(q), euler(v));
+        let turn = g_transposed_times(&rate, &times(inertia, &g_times(&rate, &p)));
+        pose(&[0.0; 3], &turn.map(|x| 8.0 * x))
+    }
+
+    #[inline(always)]
     fn moved(w: &[f64; 6], from: &[f64; 3], to: &[f64; 3]) -> [f64; 6] {
         let (f, n) = parts(w);
         joined(&f, &sum(&n, &cross(&difference(from, to), &f)))
     }
 
+    #[inline(always)]
     fn moved_twist(y: &[f64; 6], from: &[f64; 3], to: &[f64; 3]) -> [f64; 6] {
         let (v, w) = parts(y);
         joined(&sum(&v, &cross(&w, &difference(to, from))), &w)
@@ -239,6 +297,7 @@ impl Algebra<7, 6> for Spatial {
         v * f + w * n
     }
 
+    #[inline(always)]
     fn inertia_times(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -252,6 +311,18 @@ impl Algebra<7, 6> for Spatial {
         joined(&f, &sum(&times(inertia, &alpha), &cross(&arm, &f)))
     }
 
+    #[inline(always)]
+    fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; 6]) -> [f64; 6] {
+        let (a, alpha) = parts(yd);
+        joined(&a.map(|x| mass * x), &times(inertia, &alpha))
+    }
+
+    #[inline(always)]
+    fn wrench_about_center(q: &[f64; 7], force: &[f64; 7]) -> [f64; 6] {
+        joined(&place(force), &e_times(&euler(q), &euler(force)).map(|x| 0.5 * x))
+    }
+
+    #[inline(always)]
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -268,19 +339,23 @@ impl Algebra<7, 6> for Spatial {
     }
 }
 
+#[inline(always)]
 fn times(a: &[[f64; 3]; 3], x: &[f64; 3]) -> [f64; 3] {
     a.map(|row| dot(&row, x))
 }
 
 /// ω × a.
+#[inline(always)]
 fn across(w: f64, a: &[f64; 2]) -> [f64; 2] {
     [-w * a[1], w * a[0]]
 }
 
+#[inline(always)]
 fn moment(arm: &[f64; 2], f: &[f64; 2]) -> f64 {
     arm[0] * f[1] - arm[1] * f[0]
 }
 
+#[inline(always)]
 fn arm(q: &[f64; 3], o: &[f64; 3]) -> [f64; 2] {
     [q[0] - o[0], q[1] - o[1]]
 }
@@ -288,24 +363,35 @@ fn arm(q: &[f64; 3], o: &[f64; 3]) -> [f64; 2] {
 impl Algebra<3, 3> for Planar {
     type Inertia = PlanarInertia;
 
+    #[inline(always)]
     fn screw(linear: &[f64; 3], angular: &[f64; 3]) -> [f64; 3] {
         [linear[0], linear[1], angular[2]]
     }
 
+    #[inline(always)]
     fn cross(a: &[f64; 3], b: &[f64; 3]) -> [f64; 3] {
         let ([x, y], [u, v]) = (across(a[2], &[b[0], b[1]]), across(b[2], &[a[0], a[1]]));
         [x - u, y - v, 0.0]
     }
 
+    #[inline(always)]
+    fn cross_dual(a: &[f64; 3], w: &[f64; 3]) -> [f64; 3] {
+        let [x, y] = across(a[2], &[w[0], w[1]]);
+        [x, y, moment(&[a[0], a[1]], &[w[0], w[1]])]
+    }
+
+    #[inline(always)]
     fn center(q: &[f64; 3]) -> [f64; 3] {
         [q[0], q[1], 0.0]
     }
 
+    #[inline(always)]
     fn rates(q: &[f64; 3], o: &[f64; 3], y: &[f64; 3]) -> [f64; 3] {
         let [u, v] = across(y[2], &arm(q, o));
         [y[0] + u, y[1] + v, y[2]]
     }
 
+    #[inline(always)]
     fn second_rates(
         q: &[f64; 3],
         v: &[f64; 3],
@@ -317,15 +403,21 @@ impl Algebra<3, 3> for Planar {
         [yd[0] + a + c, yd[1] + b + d, yd[2]]
     }
 
+    #[inline(always)]
     fn rates_change(dq: &[f64; 3], y: &[f64; 3]) -> [f64; 3] {
         let [u, v] = across(y[2], &[dq[0], dq[1]]);
         [u, v, 0.0]
+    }
+
+    fn row_on_bend(v: &[f64; 3], row: &[f64; 3]) -> [f64; 3] {
+        [0.0, 0.0, moment(&[v[0], v[1]], &[row[0], row[1]])]
     }
 
     fn stance(q: &[f64; 3]) -> Stance {
         Stance::planar(q)
     }
 
+    #[inline(always)]
     fn motion(arm: &[f64; 3], y: &[f64; 3], [displaced, changed]: [&[f64; 3]; 2]) -> Motion {
         let field = |y: &[f64; 3]| {
             let [u, v] = across(y[2], &[arm[0], arm[1]]);
@@ -338,19 +430,31 @@ impl Algebra<3, 3> for Planar {
         Motion { velocity, displacement, change }
     }
 
+    #[inline(always)]
     fn about([f, n]: &Wrench, arm: &[f64; 3]) -> [f64; 3] {
         [f[0], f[1], n[2] + moment(&[arm[0], arm[1]], &[f[0], f[1]])]
     }
 
+    #[inline(always)]
     fn wrench(q: &[f64; 3], o: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
         let [x, y, n] = *force;
         [x, y, n + moment(&arm(q, o), &[x, y])]
     }
 
+    fn wrench_change(dq: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
+        [0.0, 0.0, moment(&[dq[0], dq[1]], &[force[0], force[1]])]
+    }
+
+    fn gyroscopic(_: &[[f64; 3]; 3], _: &[f64; 3], _: &[f64; 3]) -> [f64; 3] {
+        [0.0; 3]
+    }
+
+    #[inline(always)]
     fn moved(w: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
         [w[0], w[1], w[2] + moment(&[from[0] - to[0], from[1] - to[1]], &[w[0], w[1]])]
     }
 
+    #[inline(always)]
     fn moved_twist(y: &[f64; 3], from: &[f64; 3], to: &[f64; 3]) -> [f64; 3] {
         let [u, v] = across(y[2], &[to[0] - from[0], to[1] - from[1]]);
         [y[0] + u, y[1] + v, y[2]]
@@ -378,6 +482,7 @@ impl Algebra<3, 3> for Planar {
         (y[0].abs() + y[1].abs()) * f + y[2].abs() * n
     }
 
+    #[inline(always)]
     fn inertia_times(
         mass: f64,
         inertia: &[[f64; 3]; 3],
@@ -391,6 +496,17 @@ impl Algebra<3, 3> for Planar {
         [f[0], f[1], inertia[2][2] * yd[2] + moment(&arm, &f)]
     }
 
+    #[inline(always)]
+    fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; 3]) -> [f64; 3] {
+        [mass * yd[0], mass * yd[1], inertia[2][2] * yd[2]]
+    }
+
+    #[inline(always)]
+    fn wrench_about_center(_: &[f64; 3], force: &[f64; 3]) -> [f64; 3] {
+        *force
+    }
+
+    #[inline(always)]
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],

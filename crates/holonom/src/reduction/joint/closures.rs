@@ -281,19 +281,22 @@ impl Closures {
         self.solve_where(r, |cluster| cluster.is_open);
     }
 
+    /// Into `x` the changes of the dependent coordinates of one cluster that make up for residuals of its rows.
+    pub(super) fn solve_cluster(&mut self, cluster: usize, r: &[f64], x: &mut [f64]) {
+        let cluster = &self.clusters[cluster];
+        let right = &mut self.right[..cluster.rows.len()];
+        cluster.make_up(r, right);
+        for (change, &at) in right.iter().zip(&cluster.dependent) {
+            x[self.dependent[at]] = *change;
+        }
+    }
+
     fn solve_where(&mut self, r: &mut [f64], takes_part: impl Fn(&Cluster) -> bool) {
         for cluster in self.clusters.iter().filter(|cluster| takes_part(cluster)) {
             let right = &mut self.right[..cluster.rows.len()];
-            for (out, (&row, scale)) in
-                right.iter_mut().zip(cluster.rows.iter().zip(&cluster.row_scale))
-            {
-                *out = -r[row] * scale;
-            }
-            cluster.lu.solve(right);
-            for (x, (&at, scale)) in
-                right.iter().zip(cluster.dependent.iter().zip(&cluster.column_scale))
-            {
-                self.work[at] = x * scale;
+            cluster.make_up(r, right);
+            for (change, &at) in right.iter().zip(&cluster.dependent) {
+                self.work[at] = *change;
             }
         }
         r.copy_from_slice(&self.work);

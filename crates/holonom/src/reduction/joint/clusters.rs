@@ -122,6 +122,15 @@ pub(super) fn keep_larger(a: f64, b: f64) -> f64 {
 }
 
 impl Cluster {
+    /// Changes of its dependent coordinates, in their order, that make up for residuals of its rows among those of all.
+    pub(super) fn make_up(&self, r: &[f64], changes: &mut [f64]) {
+        for (out, (&row, scale)) in changes.iter_mut().zip(self.rows.iter().zip(&self.row_scale)) {
+            *out = -r[row] * scale;
+        }
+        self.lu.solve(changes);
+        changes.iter_mut().zip(&self.column_scale).for_each(|(x, scale)| *x *= scale);
+    }
+
     /// Changes of its dependent coordinates, by their places among all, after a solution.
     pub(super) fn changes<'a>(&'a self, r: &'a [f64]) -> impl Iterator<Item = (usize, f64)> + 'a {
         self.dependent.iter().map(|&at| (at, r[at]))

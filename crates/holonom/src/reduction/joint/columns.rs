@@ -47,7 +47,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     }
 
     /// Rates as the screws have them: of a rotation vector the angular velocity.
-    fn screw_rates(&self, at: usize, x_rate: &[f64]) -> [f64; 6] {
+    pub(super) fn screw_rates(&self, at: usize, x_rate: &[f64]) -> [f64; 6] {
         let edge = &self.edges[at];
         let mut out = [0.0; 6];
         out[..edge.range.len()].copy_from_slice(&x_rate[edge.range.clone()]);
@@ -65,7 +65,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             Some(carrier) => A::cross(&motion[carrier], &self.relative[edge.body]),
             None => [0.0; W],
         };
-        if !edge.nested && edge.rotation.is_none() {
+        if !edge.bends() {
             return out;
         }
         let screws = &self.screws[edge.range.clone()];

@@ -4,6 +4,7 @@ use super::algebra::Algebra;
 use super::articulated::Articulated;
 use super::branched::Branched;
 use super::closures::{Closures, Numbers, Origin};
+use super::derivatives::Derivatives;
 use super::directions::Directions;
 use super::inertia::Inertia;
 use crate::math::turn::TurnRate;
@@ -100,6 +101,8 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) felt: Vec<[f64; W]>,
     pub(super) branched: Option<Box<Branched>>,
     pub(super) directions: Option<Box<Directions<W>>>,
+    /// Made where derivatives are asked for.
+    pub(super) derivatives: Option<Box<Derivatives<W>>>,
     /// Whether nothing closes loops and no driver stands on the tree.
     pub(super) is_plain_tree: bool,
     /// How each body stands, and the configuration that this belongs to; see [`Engine::stand`].
@@ -125,18 +128,22 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     algebra: PhantomData<A>,
 }
 
+#[inline(always)]
 pub(super) fn dot<const W: usize>(a: &[f64; W], b: &[f64; W]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
+#[inline(always)]
 pub(super) fn add<const W: usize>(out: &mut [f64; W], factor: f64, x: &[f64; W]) {
     out.iter_mut().zip(x).for_each(|(out, x)| *out += factor * x);
 }
 
+#[inline(always)]
 pub(super) fn pose<const N: usize>(q: &[f64], body: usize) -> &[f64; N] {
     q[body * N..].first_chunk().expect("a body has N coordinates")
 }
 
+#[inline(always)]
 pub(super) fn pose_mut<const N: usize>(q: &mut [f64], body: usize) -> &mut [f64; N] {
     q[body * N..].first_chunk_mut().expect("a body has N coordinates")
 }
@@ -270,6 +277,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             felt: vec![[0.0; W]; n],
             branched: None,
             directions: None,
+            derivatives: None,
             is_plain_tree: false,
             before: vec![0.0; n],
             change: vec![0.0; n],

@@ -1,13 +1,13 @@
 //! Joint coordinates as the manifold sees them.
 
-use super::JointForm;
 use super::algebra::Algebra;
 use super::closures::Origin;
 use super::engine::{BodyInertia, Engine, add, pose, pose_mut};
+use super::{JointForm, ReducedDerivatives};
 use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
-use crate::system::State;
+use crate::system::{DerivativeBlocks, State};
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N, W> {
     fn boxed(&self) -> Box<dyn JointForm> {
@@ -104,26 +104,25 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         psi: &mut [f64],
     ) {
         let State { t, q, v, a, lambda, .. } = state;
-        let mut accelerations = std::mem::take(&mut self.accelerations);
-        self.tell(*t, Some(2), p_rate, &mut accelerations);
-        self.accelerations = accelerations;
         self.read_forces(force, q);
-        self.evaluate_bias();
-        self.evaluate_twist_rates();
-        if self.closures.rows() > 0 {
-            self.evaluate_second_residual(Some(parametrization), *t, p_rate, [q, v]);
-            self.closures.solve(&mut self.rows);
-            for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
-                self.accelerations[k] = *x;
-            }
-            self.evaluate_twist_rates();
-        }
+        self.take_accelerations(parametrization, *t, p_rate, [q, v]);
         self.tell_second_rates(q, v, a);
         self.evaluate_wrenches(q, v);
         self.gather();
         self.project(psi);
         lambda.fill(0.0);
         self.tell_multipliers(lambda);
+    }
+
+    fn take_motion(
+        &mut self,
+        parametrization: &Parametrization,
+        state: &State,
+        [p_rate, p_second]: [&[f64]; 2],
+        v: &mut [f64],
+    ) {
+        self.recover_velocity(state.t, p_rate, v, &state.q);
+        self.take_accelerations(parametrization, state.t, p_second, [&state.q, &state.v]);
     }
 
     fn mass_times(&mut self, p: &[f64], q: &[f64], out: &mut [f64]) {
@@ -182,6 +181,35 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
     ) {
         self.displace(dp, &state.q, dq);
         self.displace_rates(parametrization, state, dp_rate, dq, dv);
+    }
+
+    fn keep_room_for_derivatives(&mut self, keep: bool) {
+        if keep {
+            self.make_room_for_derivatives();
+        } else {
+            self.derivatives = None;
+        }
+    }
+
+    fn linearize(
+        &mut self,
+        parametrization: &Parametrization,
+        force: &[f64],
+        state: &State,
+        blocks: &mut DerivativeBlocks,
+        out: &mut ReducedDerivatives<'_>,
+    ) {
+        self.linearize_motion(parametrization, force, state, blocks, out);
+    }
+
+    fn time_derivative(
+        &mut self,
+        state: &State,
+        blocks: &DerivativeBlocks,
+        force: &mut [f64],
+        z_rate: &mut [f64],
+    ) {
+        self.vary_time(state, blocks, force, z_rate);
     }
 
     fn sizes(&self) -> [usize; 3] {

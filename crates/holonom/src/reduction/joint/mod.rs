@@ -13,20 +13,24 @@ mod branched;
 mod closures;
 mod clusters;
 mod columns;
+mod derivatives;
 mod directions;
 mod engine;
 mod form;
 mod inertia;
+mod interactions;
 mod multipliers;
+mod own_motion;
 mod positions;
 mod residuals;
 mod small;
 mod stances;
 mod variation;
+mod varied;
 
 use super::parametrization::Parametrization;
 use crate::error::EvaluationFailure;
-use crate::system::{State, System};
+use crate::system::{DerivativeBlocks, State, System};
 use engine::Engine;
 use std::sync::Arc;
 
@@ -50,6 +54,35 @@ impl Coordinates {
     /// Name in options.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
+    }
+}
+
+/// Where derivatives of the reduced equations go: square of order ndof by rows, or for each extra state one number per
+/// independent variable.
+#[derive(Debug)]
+pub struct ReducedDerivatives<'a> {
+    /// M̂.
+    pub mass: &'a mut [f64],
+    /// M̂₁.
+    pub damping: &'a mut [f64],
+    /// M̂₂.
+    pub stiffness: &'a mut [f64],
+    /// Ẑ.
+    pub force_extra: &'a mut [f64],
+    /// ż_v.
+    pub extra_position: &'a mut [f64],
+    /// ż_v̇.
+    pub extra_velocity: &'a mut [f64],
+    /// For each variable q_v, then q̇_v at fixed v̇; of bodies that it does not move they stay what they are.
+    pub columns: &'a mut [f64],
+}
+
+impl ReducedDerivatives<'_> {
+    fn clear(&mut self) {
+        let Self { mass, damping, stiffness, force_extra, extra_position, extra_velocity, .. } =
+            self;
+        let all = [mass, damping, stiffness, force_extra, extra_position, extra_velocity];
+        all.into_iter().for_each(|x| x.fill(0.0));
     }
 }
 
@@ -140,6 +173,40 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
 
     /// Equations in the largest of the systems that close loops, each with dependent coordinates of its own.
     fn largest_closure(&self) -> usize;
+
+    /// Makes room for [`JointForm::linearize`], or gives it up.
+    fn keep_room_for_derivatives(&mut self, keep: bool);
+
+    /// Takes the motion of a state at the configuration last factored, for its independent rates and accelerations: where
+    /// references have moved since, coordinates have other ones than they had. `v` is overwritten with q̇.
+    fn take_motion(
+        &mut self,
+        parametrization: &Parametrization,
+        state: &State,
+        rates: [&[f64]; 2],
+        v: &mut [f64],
+    );
+
+    /// M̂, M̂₁, M̂₂ and what extra states add, for forces Q at the state whose accelerations and multipliers of closures were the
+    /// last to be told; those of the forces into `blocks`.
+    fn linearize(
+        &mut self,
+        parametrization: &Parametrization,
+        force: &[f64],
+        state: &State,
+        blocks: &mut DerivativeBlocks,
+        out: &mut ReducedDerivatives<'_>,
+    );
+
+    /// M̂ v̈_t and ż_t, the effect of explicit time at fixed v, v̇, z, at the state of the last
+    /// [`JointForm::linearize`].
+    fn time_derivative(
+        &mut self,
+        state: &State,
+        blocks: &DerivativeBlocks,
+        force: &mut [f64],
+        z_rate: &mut [f64],
+    );
 
     /// M̂ p at the configuration last factored.
     fn mass_times(&mut self, p: &[f64], q: &[f64], out: &mut [f64]);

@@ -103,6 +103,29 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
+    /// Accelerations of all coordinates and bodies for those of the independent variables.
+    pub(super) fn take_accelerations(
+        &mut self,
+        parametrization: &Parametrization,
+        t: f64,
+        p: &[f64],
+        [q, v]: [&[f64]; 2],
+    ) {
+        let mut accelerations = std::mem::take(&mut self.accelerations);
+        self.tell(t, Some(2), p, &mut accelerations);
+        self.accelerations = accelerations;
+        self.evaluate_bias();
+        self.evaluate_twist_rates();
+        if self.closures.rows() > 0 {
+            self.evaluate_second_residual(Some(parametrization), t, p, [q, v]);
+            self.closures.solve(&mut self.rows);
+            for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
+                self.accelerations[k] = *x;
+            }
+            self.evaluate_twist_rates();
+        }
+    }
+
     /// Residuals of the closures' accelerations for the present twists and their rates, v being q̇ of all bodies, less
     /// what those of deformations should be.
     pub(super) fn evaluate_second_residual(
@@ -183,7 +206,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 }
 
 /// Most rows of an element.
-const MOST_ROWS: usize = 6;
+pub(super) const MOST_ROWS: usize = 6;
 
 /// Rows of a closure from how its bodies stand and move, where these tell them.
 pub(super) fn on_motions(system: &dyn System, origin: Origin) -> Option<&dyn MotionRows> {

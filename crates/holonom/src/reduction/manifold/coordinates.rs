@@ -2,7 +2,8 @@
 
 use super::Manifold;
 use crate::error::EvaluationFailure;
-use crate::reduction::joint::joint_form;
+use crate::reduction::joint::{ReducedDerivatives, joint_form};
+use crate::system::{DerivativeBlocks, State};
 
 impl Manifold {
     /// Recovers in joint coordinates from now on, in other parametrizations too; at the configuration q whose factors
@@ -11,6 +12,7 @@ impl Manifold {
     pub fn use_joint_coordinates(&mut self, q: &[f64], together: usize) -> bool {
         self.at = q.to_vec();
         self.stale = false;
+        self.moves_along = false;
         self.joint = joint_form(&self.system, self.chart.parametrization(), q)
             .filter(|form| form.largest_closure() <= together);
         if self.joint.is_some() && self.refactor_joint().is_err() {
@@ -28,6 +30,46 @@ impl Manifold {
     /// inertia matrix, which has no fill.
     pub fn joint_sizes(&self) -> Option<[usize; 3]> {
         self.joint.as_ref().map(|joint| joint.sizes())
+    }
+
+    /// Whether derivatives at the state last evaluated come along the tree, by [`Manifold::linearize`]: its accelerations did.
+    pub fn linearizes(&self) -> bool {
+        self.moves_along
+    }
+
+    /// M̂, M̂₁, M̂₂ and what extra states add at the state whose accelerations were the last to be evaluated, in joint
+    /// coordinates; derivatives of the forces into `blocks`. Multipliers of closures are all that it asks the state for.
+    pub fn linearize(
+        &mut self,
+        state: &State,
+        blocks: &mut DerivativeBlocks,
+        out: &mut ReducedDerivatives<'_>,
+    ) {
+        let (system, parametrization) = (self.system.as_ref(), self.chart.parametrization());
+        if let Some(joint) = &mut self.joint {
+            if std::mem::take(&mut self.renamed) {
+                let State { q, v, a, .. } = state;
+                let second = &mut self.predictor[..parametrization.ndof];
+                parametrization.rates(system, q, v, &mut self.independent);
+                parametrization.accelerations(system, q, v, a, second);
+                let motion = [&*self.independent, &*second];
+                joint.take_motion(parametrization, state, motion, &mut self.correction);
+            }
+            joint.linearize(self.chart.parametrization(), &self.force, state, blocks, out);
+        }
+    }
+
+    /// M̂ v̈_t and ż_t at fixed v, v̇, z, at the state of the last [`Manifold::linearize`].
+    pub fn time_derivative(
+        &mut self,
+        state: &State,
+        blocks: &DerivativeBlocks,
+        force: &mut [f64],
+        z_rate: &mut [f64],
+    ) {
+        if let Some(joint) = &mut self.joint {
+            joint.time_derivative(state, blocks, force, z_rate);
+        }
     }
 
     pub(super) fn refactor_joint(&mut self) -> Result<(), EvaluationFailure> {

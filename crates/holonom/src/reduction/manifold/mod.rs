@@ -71,6 +71,10 @@ pub struct Manifold {
     returned: bool,
     /// Whether accelerations came from joint coordinates, and multipliers of the tree's joints have not been asked for.
     multipliers_wait: bool,
+    /// Whether the accelerations last evaluated are those of joint coordinates.
+    moves_along: bool,
+    /// Whether references have moved since.
+    renamed: bool,
     /// Counters.
     pub counters: RecoveryCounters,
 }
@@ -112,6 +116,8 @@ impl Manifold {
             stale: false,
             returned: false,
             multipliers_wait: false,
+            moves_along: false,
+            renamed: false,
             counters: RecoveryCounters::default(),
         }
     }
@@ -133,9 +139,12 @@ impl Manifold {
         &mut self.chart
     }
 
-    /// Makes room for solves with [G; P] for several right-hand sides at a time.
+    /// Makes room for derivatives: for recursions along the tree, or solves with [G; P] for several right-hand sides at a time.
     pub fn reserve_lanes(&mut self) {
         self.chart.reserve_lanes();
+        if let Some(joint) = &mut self.joint {
+            joint.keep_room_for_derivatives(true);
+        }
         self.make_room_for_recent();
     }
 
@@ -160,7 +169,8 @@ impl Manifold {
     /// room until then.
     pub fn beside(&self) -> Self {
         let mut out = self.clone();
-        if out.joint.is_some() {
+        if let Some(joint) = &mut out.joint {
+            joint.keep_room_for_derivatives(false);
             out.chart.release();
             out.g.release();
             out.accelerator.release_mass();
@@ -231,6 +241,7 @@ impl Manifold {
     /// those of a nearly singular matrix.
     pub fn go_back(&mut self, q: &[f64]) {
         self.return_to_anchor();
+        self.moves_along = false;
         // A start that cannot be factored is found out by the next recovery.
         let _ = self.factor_at(q);
     }
@@ -260,6 +271,7 @@ impl Manifold {
         v: &mut [f64],
         full: bool,
     ) -> Result<(), EvaluationFailure> {
+        (self.moves_along, self.renamed) = (false, false);
         self.factor_at(q)?;
         let sign = match &self.joint {
             Some(joint) => joint.determinant_sign(),
@@ -309,6 +321,7 @@ impl Manifold {
         self.multipliers_wait = false;
         if let Some(joint) = &mut self.joint {
             self.multipliers_wait = joint.accelerate(&self.force, state);
+            self.moves_along = self.multipliers_wait;
             if self.multipliers_wait {
                 return finite(state);
             }
@@ -375,6 +388,7 @@ impl Manifold {
         system.forces(state, &mut self.force, z_rate);
         if let Some(joint) = &mut self.joint {
             joint.residual(self.chart.parametrization(), &self.force, p_rate, state, psi);
+            self.moves_along = true;
             return;
         }
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
