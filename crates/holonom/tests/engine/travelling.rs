@@ -5,6 +5,7 @@
 
 use crate::common::table::all_codes;
 use crate::common::{model_of, options, run_model};
+use holonom::method::Code;
 use holonom::simulation::{Options, OutputTimes};
 
 const END: f64 = 3.0;
@@ -120,8 +121,10 @@ fn vibrations_do_not_know_of_travel() {
                 let steps = [&stands, &travels].map(|run| run.summary.statistics.steps as f64);
                 assert!(worst < 30.0, "{name}, {code:?}, {tolerance:e}: {worst:.1} tolerances");
                 // Two bodies may be off against each other by two tolerances, which need fewer steps than one.
+                // DEABM's steps double or stay, so that where they double is chance.
+                let more = if code == Code::Deabm { 1.15 } else { 1.05 };
                 assert!(
-                    steps[1] > 0.8 * steps[0] && steps[1] < 1.05 * steps[0] + 2.0,
+                    steps[1] > 0.8 * steps[0] && steps[1] < more * steps[0] + 2.0,
                     "{name}, {code:?}, {tolerance:e}: {steps:?} steps"
                 );
             }
