@@ -372,11 +372,21 @@ impl FirstOrderMatrix for SparseMatrix {
 
     /// M̂ v = Dᵀ M D v.
     fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
+        let forest = match &self.elimination {
+            Elimination::Forest(forest) if !self.is_simplified => Some(forest),
+            _ => None,
+        };
         self.rows.fill(0.0);
-        parts.chart.solve(&self.rows, v, &mut self.extended);
+        match forest {
+            Some(forest) => forest.spread(v, &mut self.extended),
+            None => parts.chart.solve(&self.rows, v, &mut self.extended),
+        }
         self.force.fill(0.0);
         self.mass.multiply_add(1.0, &self.extended, &mut self.force);
-        parts.chart.solve_transposed(&self.force, &mut self.rows, v);
+        match forest {
+            Some(forest) => forest.gather(&mut self.force, v),
+            None => parts.chart.solve_transposed(&self.force, &mut self.rows, v),
+        }
     }
 
     fn time_derivative(

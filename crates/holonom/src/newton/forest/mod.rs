@@ -8,7 +8,7 @@ use super::blocks::ReducedBlocks;
 use super::sparse_pattern::Sum;
 use crate::reduction::Manifold;
 use crate::threads::Threads;
-use holonom_linalg::small::{Square, add_product, add_times, inverse, product, scaled};
+use holonom_linalg::small::{Square, add_product, add_times, inverse, product, scaled, transposed};
 use holonom_linalg::watch::checkpoint;
 use holonom_linalg::{Complex64, SingularMatrix};
 use numbers::Numbers;
@@ -50,7 +50,8 @@ pub(super) struct Elimination<const N: usize> {
 }
 
 /// How a body follows its parent, apart from its independent variables: 𝒯 = [T 0 0; α T 0; ν 2α T]. With
-/// Q₀ = E⁻¹Ã₀, Q₁ = E⁻¹Ã₁ of the body and Q₀ₚ, Q₁ₚ of its parent, α = −(Q₀T + Q₀ₚ), ν = −(Q₁T + Q₁ₚ) − 2Q₀α.
+/// Q₀ = E⁻¹Ã₀, Q₁ = E⁻¹Ã₁ of the body and Q₀ₚ, Q₁ₚ of its parent, α = −(Q₀T + Q₀ₚ), ν = −(Q₁T + Q₁ₚ) − 2Q₀α. Stored by
+/// columns, so that products with vectors are vector instructions.
 #[derive(Debug, Clone)]
 struct Motion<const N: usize> {
     t: Square<f64, N>,
@@ -138,6 +139,24 @@ impl ForestElimination {
         match self {
             Self::Planar(elimination) => elimination.solve_complex(right),
             Self::Spatial(elimination) => elimination.solve_complex(right),
+        }
+    }
+}
+
+impl ForestElimination {
+    /// x = D p.
+    pub(super) fn spread(&self, p: &[f64], x: &mut [f64]) {
+        match self {
+            Self::Planar(elimination) => elimination.spread(p, x),
+            Self::Spatial(elimination) => elimination.spread(p, x),
+        }
+    }
+
+    /// p = Dᵀ f; f is overwritten.
+    pub(super) fn gather(&self, force: &mut [f64], p: &mut [f64]) {
+        match self {
+            Self::Planar(elimination) => elimination.gather(force, p),
+            Self::Spatial(elimination) => elimination.gather(force, p),
         }
     }
 }
@@ -262,13 +281,14 @@ impl Sources<'_> {
             let minus = scaled(-1.0, &inverse);
             let (minus_q0, minus_q1) = (product(&minus, a0), product(&minus, a1));
             if tree.parent(at).is_some() {
-                let Motion { t, alpha, nu } = motion;
-                *t = product(&minus, f);
-                *alpha = product(&minus, a0_parent);
-                add_product(alpha, &minus_q0, t);
-                *nu = product(&minus, a1_parent);
-                add_product(nu, &minus_q1, t);
-                add_product(nu, &scaled(2.0, &minus_q0), alpha);
+                let t = product(&minus, f);
+                let mut alpha = product(&minus, a0_parent);
+                add_product(&mut alpha, &minus_q0, &t);
+                let mut nu = product(&minus, a1_parent);
+                add_product(&mut nu, &minus_q1, &t);
+                add_product(&mut nu, &scaled(2.0, &minus_q0), &alpha);
+                let [t, alpha, nu] = [t, alpha, nu].map(|m| transposed(&m));
+                *motion = Motion { t, alpha, nu };
             }
             let free = tree.free(at);
             let k = free.len();

@@ -5,7 +5,8 @@ use super::{Column, GRAIN, Motion};
 use crate::newton::sparse_pattern::Sum;
 use crate::threads::Threads;
 use holonom_linalg::small::{
-    Square, add_product, add_transposed_product, add_transposed_times, factor, scaled, solve,
+    Square, add_product, add_times_real, add_transposed_product, add_transposed_times, factor,
+    scaled, solve, transposed,
 };
 use holonom_linalg::{BlockMatrix, Scalar, SingularMatrix};
 use std::ops::Range;
@@ -278,7 +279,9 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
         addition: &mut Addition<T, N>,
     ) -> Result<Growth, SingularMatrix> {
         let tree = &self.plan.tree;
-        let (motion, step) = (&self.motions[at], &self.step);
+        let step = &self.step;
+        let Motion { t, alpha, nu } = &self.motions[at];
+        let [t, turned, bent] = [t, alpha, nu].map(transposed);
         let range = tree.free(at);
         let k = range.len();
         let columns = &self.columns[range.clone()];
@@ -300,11 +303,11 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
         let mut a = [[[T::ZERO; N]; N]; 3];
         if has_parent {
             for level in 0..3 {
-                add_product(&mut a[level], &h[level], &motion.t);
+                add_product(&mut a[level], &h[level], &t);
             }
-            add_product(&mut a[0], &h[1], &motion.alpha);
-            add_product(&mut a[0], &h[2], &motion.nu);
-            add_product(&mut a[1], &twice_mass, &motion.alpha);
+            add_product(&mut a[0], &h[1], &turned);
+            add_product(&mut a[0], &h[2], &bent);
+            add_product(&mut a[1], &twice_mass, &turned);
             if let Some(lower) = between(false) {
                 a.iter_mut().zip(&lower).for_each(|(a, lower)| add(a, lower));
             }
@@ -316,12 +319,12 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
         for (c, column) in columns.iter().enumerate() {
             let Column { b, alpha, nu } = column;
             let mut forces = [[T::ZERO; N]; 3];
-            add_real_times(&mut forces[0], &h[0], b);
-            add_real_times(&mut forces[0], &h[1], alpha);
-            add_real_times(&mut forces[0], &h[2], nu);
-            add_real_times(&mut forces[1], &h[1], b);
-            add_real_times(&mut forces[1], &twice_mass, alpha);
-            add_real_times(&mut forces[2], &h[2], b);
+            add_times_real(&mut forces[0], &h[0], b);
+            add_times_real(&mut forces[0], &h[1], alpha);
+            add_times_real(&mut forces[0], &h[2], nu);
+            add_times_real(&mut forces[1], &h[1], b);
+            add_times_real(&mut forces[1], &twice_mass, alpha);
+            add_times_real(&mut forces[2], &h[2], b);
             let at_variables = |force: &[T; N], row: &Column<N>| {
                 (0..N).fold(T::ZERO, |s, i| s + force[i].scaled(row.b[i]))
             };
@@ -348,12 +351,12 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
             }
             let mut felt = [[T::ZERO; N]; 3];
             for (out, force) in felt.iter_mut().zip(&forces) {
-                add_transposed_times(out, &motion.t, force);
+                add_transposed_times(out, &t, force);
             }
             if let Some([stiff, damped]) = &upper {
-                add_real_times(&mut felt[0], stiff, b);
-                add_real_times(&mut felt[0], damped, alpha);
-                add_real_times(&mut felt[1], damped, b);
+                add_times_real(&mut felt[0], stiff, b);
+                add_times_real(&mut felt[0], damped, alpha);
+                add_times_real(&mut felt[1], damped, b);
             }
             free.given = [0, 1].map(|level| felt[level].map(|x| scales[level] * x));
             let [p, v] = &free.given;
@@ -374,7 +377,7 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
         let Some(parent) = tree.parent(at) else { return Ok((growth, at)) };
         *addition = Addition::ZERO;
         for level in 0..3 {
-            add_transposed_product(&mut addition.h[level], &motion.t, &a[level]);
+            add_transposed_product(&mut addition.h[level], &t, &a[level]);
         }
         for (to, above) in addition.sizes.iter_mut().zip(&self.columns[tree.free(parent)]) {
             for (h, x) in addition.h.iter().zip(&step.column_of(above)) {
@@ -394,19 +397,11 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
             }
         }
         if let Some([stiff, damped]) = &upper {
-            add_product(&mut addition.h[0], stiff, &motion.t);
-            add_product(&mut addition.h[0], damped, &motion.alpha);
-            add_product(&mut addition.h[1], damped, &motion.t);
+            add_product(&mut addition.h[0], stiff, &t);
+            add_product(&mut addition.h[0], damped, &turned);
+            add_product(&mut addition.h[1], damped, &t);
         }
         Ok((growth, at))
-    }
-}
-
-/// out += A x.
-#[inline(always)]
-fn add_real_times<T: Scalar, const N: usize>(out: &mut [T; N], a: &Square<T, N>, x: &[f64; N]) {
-    for i in 0..N {
-        out[i] = (0..N).fold(out[i], |sum, j| sum + a[i][j].scaled(x[j]));
     }
 }
 

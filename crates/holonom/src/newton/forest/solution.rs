@@ -2,9 +2,9 @@
 
 use super::numbers::Numbers;
 use super::plan::Plan;
-use super::{Column, Motion, Right};
+use super::{Column, Elimination, Motion, Right};
 use holonom_linalg::Scalar;
-use holonom_linalg::small::{Square, add_transposed_times, solve};
+use holonom_linalg::small::solve;
 
 impl<T: Scalar, const N: usize> Numbers<T, N> {
     pub(super) fn solve(
@@ -38,7 +38,7 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
             let mut add = [T::ZERO; N];
             let has_parent = tree.parent(at).is_some();
             if has_parent {
-                add_transposed_times(&mut add, &motions[at].t, &phi);
+                add = motions[at].felt(&phi);
             }
             for (c, column) in columns[range.clone()].iter().enumerate() {
                 rate[place(c)] = (0..N).fold(T::ZERO, |s, i| s + phi[i].scaled(column.b[i]));
@@ -122,18 +122,67 @@ impl<const N: usize> Motion<N> {
     /// 𝒯 w of the parent's w.
     #[inline(always)]
     fn carry<T: Scalar>(&self, [x, y, a]: &[[T; N]; 3]) -> [[T; N]; 3] {
-        let twice: [T; N] = std::array::from_fn(|j| y[j].scaled(2.0));
-        let row = |m: &Square<f64, N>, i: usize, w: &[T; N], sum: T| {
-            (0..N).fold(sum, |sum, j| sum + w[j].scaled(m[i][j]))
-        };
-        let mut out = [[T::ZERO; N]; 3];
-        for i in 0..N {
-            out[0][i] = row(&self.t, i, x, T::ZERO);
-            out[1][i] = row(&self.alpha, i, x, row(&self.t, i, y, T::ZERO));
-            let sum = row(&self.alpha, i, &twice, row(&self.t, i, a, T::ZERO));
-            out[2][i] = row(&self.nu, i, x, sum);
+        let [mut p, mut v, mut rate] = [[T::ZERO; N]; 3];
+        for j in 0..N {
+            let (t, alpha, nu) = (&self.t[j], &self.alpha[j], &self.nu[j]);
+            let (x, y, twice, a) = (x[j], y[j], y[j].scaled(2.0), a[j]);
+            for i in 0..N {
+                p[i] = p[i] + x.scaled(t[i]);
+                v[i] = v[i] + y.scaled(t[i]) + x.scaled(alpha[i]);
+                rate[i] = rate[i] + a.scaled(t[i]) + twice.scaled(alpha[i]) + x.scaled(nu[i]);
+            }
         }
-        out
+        [p, v, rate]
+    }
+
+    /// Tᵀ φ.
+    #[inline(always)]
+    fn felt<T: Scalar>(&self, phi: &[T; N]) -> [T; N] {
+        std::array::from_fn(|i| (0..N).fold(T::ZERO, |sum, j| sum + phi[j].scaled(self.t[i][j])))
+    }
+}
+
+impl<const N: usize> Elimination<N> {
+    /// x = D p: how bodies move at given rates of the independent variables.
+    pub(super) fn spread(&self, p: &[f64], x: &mut [f64]) {
+        let tree = &self.plan.tree;
+        for at in 0..tree.len() {
+            let body = tree.body(at) * N;
+            let mut own = [0.0; N];
+            if let Some(parent) = tree.parent(at) {
+                let above = &x[tree.body(parent) * N..][..N];
+                for (t, x) in self.motions[at].t.iter().zip(above) {
+                    own.iter_mut().zip(t).for_each(|(own, t)| *own += t * x);
+                }
+            }
+            let range = tree.free(at);
+            let rows = &tree.rows(at)[N - range.len()..];
+            for (row, column) in rows.iter().zip(&self.columns[range]) {
+                let p = p[*row as usize - self.plan.rank];
+                own.iter_mut().zip(&column.b).for_each(|(own, b)| *own += b * p);
+            }
+            x[body..body + N].copy_from_slice(&own);
+        }
+    }
+
+    /// p = Dᵀ f: what forces on bodies do along the independent variables.
+    pub(super) fn gather(&self, force: &mut [f64], p: &mut [f64]) {
+        let tree = &self.plan.tree;
+        for at in (0..tree.len()).rev() {
+            let body = tree.body(at) * N;
+            let own: [f64; N] = std::array::from_fn(|i| force[body + i]);
+            let range = tree.free(at);
+            let rows = &tree.rows(at)[N - range.len()..];
+            for (row, column) in rows.iter().zip(&self.columns[range]) {
+                p[*row as usize - self.plan.rank] =
+                    (0..N).fold(0.0, |sum, i| sum + own[i] * column.b[i]);
+            }
+            if let Some(parent) = tree.parent(at) {
+                let above = &mut force[tree.body(parent) * N..][..N];
+                let felt = self.motions[at].felt(&own);
+                above.iter_mut().zip(felt).for_each(|(out, x)| *out += x);
+            }
+        }
     }
 }
 
