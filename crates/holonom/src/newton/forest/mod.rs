@@ -141,9 +141,7 @@ impl ForestElimination {
             Self::Spatial(elimination) => elimination.solve_complex(right),
         }
     }
-}
 
-impl ForestElimination {
     /// x = D p.
     pub(super) fn spread(&self, p: &[f64], x: &mut [f64]) {
         match self {

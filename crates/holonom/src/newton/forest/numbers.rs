@@ -75,14 +75,14 @@ fn larger(one: Growth, other: Growth) -> Growth {
     if other.0 > one.0 { other } else { one }
 }
 
-/// The block of `matrix` with this first value, times a number; zero where there is none.
+/// The block of `matrix` with this first value; zero where there is none.
 #[inline(always)]
-fn block<T: Scalar, const N: usize>(matrix: &BlockMatrix, at: usize, scale: T) -> Square<T, N> {
+fn block<T: Scalar, const N: usize>(matrix: &BlockMatrix, at: usize) -> Square<T, N> {
     if at == NONE {
         return [[T::ZERO; N]; N];
     }
     let values = &matrix.values()[at..at + N * N];
-    std::array::from_fn(|i| std::array::from_fn(|j| scale.scaled(values[i * N + j])))
+    std::array::from_fn(|i| std::array::from_fn(|j| T::from(values[i * N + j])))
 }
 
 #[inline(always)]
@@ -224,12 +224,9 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
     /// H of a body alone.
     fn alone(&self, at: usize) -> Addition<T, N> {
         let (plan, sum) = (self.plan, self.sum);
-        let (from, b, one) = (plan.blocks[at][0], &sum.blocks.blocks, T::from(1.0));
-        let mut h = [
-            block(&b.stiffness, from, one),
-            block(&b.damping, from, one),
-            plan.tree.mass(at, sum.mass),
-        ];
+        let (from, b) = (plan.blocks[at][0], &sum.blocks.blocks);
+        let mut h =
+            [block(&b.stiffness, from), block(&b.damping, from), plan.tree.mass(at, sum.mass)];
         for extra in plan.extra.at(at) {
             let side = usize::from(extra.side);
             self.add_extra_state(&mut h, extra.state as usize, side, side);
@@ -245,8 +242,8 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
         if from == NONE && extra.is_empty() {
             return None;
         }
-        let (b, one) = (&self.sum.blocks.blocks, T::from(1.0));
-        let mut out = [block(&b.stiffness, from, one), block(&b.damping, from, one)];
+        let b = &self.sum.blocks.blocks;
+        let mut out = [block(&b.stiffness, from), block(&b.damping, from)];
         for extra in extra.iter().filter(|extra| extra.coupled) {
             let own = usize::from(extra.side);
             let (row, column) = if upper { (1 - own, own) } else { (own, 1 - own) };

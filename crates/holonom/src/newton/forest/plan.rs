@@ -129,9 +129,7 @@ impl Plan {
             tree,
         })
     }
-}
 
-impl Plan {
     /// Whether others hang on the body at a position.
     pub(super) fn carries(&self, at: usize) -> bool {
         at + 1 < self.tree.len() && self.tree.parent(at + 1) == Some(at)

@@ -35,11 +35,8 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
             let rows = &tree.rows(at)[N - k..];
             let place = |c: usize| rows[c] as usize - plan.rank;
             let phi: [T; N] = std::array::from_fn(|i| force[body + i]);
-            let mut add = [T::ZERO; N];
-            let has_parent = tree.parent(at).is_some();
-            if has_parent {
-                add = motions[at].felt(&phi);
-            }
+            // Of a root T is zero.
+            let mut add = motions[at].felt(&phi);
             for (c, column) in columns[range.clone()].iter().enumerate() {
                 rate[place(c)] = (0..N).fold(T::ZERO, |s, i| s + phi[i].scaled(column.b[i]));
             }
