@@ -51,6 +51,12 @@ pub fn scaled<T: Scalar, const N: usize>(s: T, a: &Square<T, N>) -> Square<T, N>
     std::array::from_fn(|i| std::array::from_fn(|j| s * a[i][j]))
 }
 
+/// Aᵀ.
+#[inline(always)]
+pub fn transposed<T: Scalar, const N: usize>(a: &Square<T, N>) -> Square<T, N> {
+    std::array::from_fn(|i| std::array::from_fn(|j| a[j][i]))
+}
+
 /// out += s A x.
 #[inline(always)]
 pub fn add_times<T: Scalar, const N: usize>(
@@ -70,6 +76,14 @@ pub fn add_times<T: Scalar, const N: usize>(
 pub fn add_own_times<T: Scalar, const N: usize>(out: &mut [T; N], a: &Square<T, N>, x: &[T; N]) {
     for i in 0..N {
         out[i] = (0..N).fold(out[i], |sum, j| sum + a[i][j] * x[j]);
+    }
+}
+
+/// out += A x for a real x.
+#[inline(always)]
+pub fn add_times_real<T: Scalar, const N: usize>(out: &mut [T; N], a: &Square<T, N>, x: &[f64; N]) {
+    for i in 0..N {
+        out[i] = (0..N).fold(out[i], |sum, j| sum + a[i][j].scaled(x[j]));
     }
 }
 

@@ -211,7 +211,7 @@ impl<D: FirstOrderMatrix> FirstOrderMatrix for Chosen<D> {
 }
 
 impl<D: DescriptorForm> DescriptorForm for Chosen<D> {
-    fn correct_unknowns(&mut self, parts: &Linearization, z: &[f64], x: &mut Unknowns) {
+    fn correct_unknowns(&mut self, parts: &mut Linearization, z: &[f64], x: &mut Unknowns) {
         match self {
             Self::Dense(matrix) => matrix.correct_unknowns(parts, z, x),
             Self::Sparse(matrix) => matrix.correct_unknowns(parts, z, x),

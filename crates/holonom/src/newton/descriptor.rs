@@ -216,7 +216,7 @@ impl Matrix for DescriptorMatrix {
 }
 
 impl DescriptorForm for DescriptorMatrix {
-    fn correct_unknowns(&mut self, parts: &Linearization, z: &[f64], x: &mut Unknowns) {
+    fn correct_unknowns(&mut self, parts: &mut Linearization, z: &[f64], x: &mut Unknowns) {
         let moving = self.reduced.then_some(&self.moving);
         add_extra_force(parts, moving, |e| z[e], &mut x.force, 1);
         self.solve(parts, x);

@@ -116,7 +116,7 @@ pub trait Matrix: std::fmt::Debug + Clone + Send + 'static {
 /// What it must supply beyond that for stages that have q̈ and λ as unknowns too.
 pub trait DescriptorForm: Matrix {
     /// Residuals in `x` become corrections; `z` holds δz at fixed v and v̇.
-    fn correct_unknowns(&mut self, parts: &Linearization, z: &[f64], x: &mut Unknowns);
+    fn correct_unknowns(&mut self, parts: &mut Linearization, z: &[f64], x: &mut Unknowns);
 }
 
 /// What it must supply beyond that for formulas of first-order equations.

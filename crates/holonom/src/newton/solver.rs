@@ -255,7 +255,7 @@ impl<M: DescriptorForm> Newton<M> {
     pub fn correct_unknowns(&mut self, x: &mut Unknowns, change: &mut [f64]) {
         let dz = &mut change[2 * x.rate.len()..];
         self.parts.reduce_extra_states(dz);
-        self.matrix.correct_unknowns(&self.parts, dz, x);
+        self.matrix.correct_unknowns(&mut self.parts, dz, x);
         self.parts.effect(&x.rate, change);
     }
 

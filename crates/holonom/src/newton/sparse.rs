@@ -2,7 +2,7 @@
 
 use super::chosen::prefers_simplified;
 use super::descriptor::{Unknowns, add_extra_force};
-use super::forest::ForestElimination;
+use super::forest::{ForestElimination, Right};
 use super::general::GeneralElimination;
 use super::linearization::Linearization;
 use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Representation};
@@ -11,7 +11,7 @@ use super::sparse_pattern::{Shape, Sum};
 use crate::error::EvaluationFailure;
 use crate::reduction::{Manifold, Point};
 use crate::watch::checkpoint;
-use holonom_linalg::{BlockMatrix, Complex64, SingularMatrix};
+use holonom_linalg::{BlockMatrix, Complex64, Scalar, SingularMatrix};
 
 /// Newton's matrix with D never formed. Unknowns x = δq/βh², y = δq̇/γh, a = δq̈, δλ and ρ = δv̈:
 ///
@@ -44,11 +44,16 @@ pub struct SparseMatrix {
     unfit: bool,
     /// M of the linearization.
     mass: BlockMatrix,
-    right: Vec<f64>,
-    complex: Option<Box<ComplexSide>>,
+    /// f₁ and f₂ in the rows of P, f₄, and ρ of a solution.
+    given: [Vec<f64>; 2],
     force: Vec<f64>,
-    rows: Vec<f64>,
     rate: Vec<f64>,
+    /// A right-hand side and its solution with all entries, where an elimination is general, and δq, δq̇ and δq̈ where
+    /// these are unknowns, too.
+    wide: Vec<f64>,
+    change: Vec<f64>,
+    complex: Option<Box<ComplexSide>>,
+    rows: Vec<f64>,
     extended: Vec<f64>,
 }
 
@@ -65,8 +70,13 @@ enum Elimination {
 #[derive(Debug, Clone)]
 pub(super) struct ComplexSide {
     pub(super) gamma_h: Complex64,
-    pub(super) right: Vec<Complex64>,
     pub(super) inverse_e: Vec<Complex64>,
+    given: Vec<Complex64>,
+    force: Vec<Complex64>,
+    rate: Vec<Complex64>,
+    wide: Vec<Complex64>,
+    /// For extra states.
+    change: Vec<Complex64>,
 }
 
 impl Matrix for SparseMatrix {
@@ -92,11 +102,13 @@ impl Matrix for SparseMatrix {
             is_simplified: false,
             unfit: false,
             mass: structure.mass_pattern.zeros(),
-            right: vec![0.0; 4 * n],
-            complex: None,
+            given: [0, 1].map(|_| vec![0.0; parametrization.ndof]),
             force: vec![0.0; n],
-            rows: vec![0.0; m],
             rate: vec![0.0; parametrization.ndof],
+            wide: Vec::new(),
+            change: Vec::new(),
+            complex: None,
+            rows: vec![0.0; m],
             extended: vec![0.0; n],
         }
     }
@@ -151,6 +163,7 @@ impl Matrix for SparseMatrix {
             } else {
                 let new = GeneralElimination::new(Shape::Inflated, manifold, state, blocks);
                 *elimination = Some(Box::new(new));
+                self.wide.resize(4 * self.n, 0.0);
             }
         }
         parts.blocks.extra_extra.copy_from_slice(&parts.blocks.blocks.extra_extra);
@@ -173,7 +186,7 @@ impl Matrix for SparseMatrix {
         }
         match &mut self.elimination {
             Elimination::Forest(forest) => {
-                let outcome = forest.factor(parts.system.structure(), &sum);
+                let outcome = forest.factor(&sum);
                 self.unfit |= outcome.is_err();
                 outcome.map(|()| 0)
             }
@@ -195,17 +208,15 @@ impl Matrix for SparseMatrix {
         if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
             return simplified.respond(parts, &self.mass, p, v, z, rate);
         }
-        self.right.fill(0.0);
-        for (level, (x, scale)) in [(p, parts.beta_h2), (v, parts.gamma_h)].into_iter().enumerate()
+        for (given, (x, scale)) in
+            self.given.iter_mut().zip([(p, parts.beta_h2), (v, parts.gamma_h)])
         {
-            let first = level * self.n + self.rank;
-            for (out, x) in self.right[first..first + x.len()].iter_mut().zip(x) {
-                *out = x / scale;
-            }
+            given.iter_mut().zip(x).for_each(|(out, x)| *out = x / scale);
         }
-        add_extra_force(parts, None, |k| -z[k], &mut self.right[3 * self.n..], 1);
-        self.solve_right(parts, false);
-        rate.copy_from_slice(self.solved_rate());
+        self.force.fill(0.0);
+        add_extra_force(parts, None, |k| -z[k], &mut self.force, 1);
+        self.solve_right([true; 2]);
+        rate.copy_from_slice(&self.rate);
     }
 }
 
@@ -215,15 +226,12 @@ impl FirstOrderMatrix for SparseMatrix {
         if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
             return simplified.correct(parts, z, rate);
         }
-        parts.chart.extend(rate, &mut self.extended);
-        self.right.fill(0.0);
-        let force = &mut self.right[3 * self.n..];
-        for (out, x) in force.iter_mut().zip(&self.extended) {
-            *out = -x;
-        }
-        add_extra_force(parts, None, |k| -z.get(k).copied().unwrap_or(0.0), force, 1);
-        self.solve_right(parts, false);
-        rate.copy_from_slice(self.solved_rate());
+        parts.chart.extend(rate, &mut self.force);
+        self.force.iter_mut().for_each(|x| *x = -*x);
+        let scale = |k| -z.get(k).copied().unwrap_or(0.0);
+        add_extra_force(parts, None, scale, &mut self.force, 1);
+        self.solve_right([false; 2]);
+        rate.copy_from_slice(&self.rate);
     }
 
     /// ρ stands for δv̇ itself: f₁ = [0; r_p/γh], f₄ = Pᵀ(M̂ r_v) − γh F_z E⁻¹ r_z.
@@ -232,16 +240,12 @@ impl FirstOrderMatrix for SparseMatrix {
             return simplified.solve(parts, p, v, z);
         }
         let gh = parts.gamma_h;
-        parts.chart.extend(v, &mut self.extended);
-        self.right.fill(0.0);
-        for (out, p) in self.right[self.rank..].iter_mut().zip(&*p) {
-            *out = p / gh;
-        }
-        let force = &mut self.right[3 * self.n..];
-        force.copy_from_slice(&self.extended);
-        add_extra_force(parts, None, |k| -gh * parts.inverse_e[k] * z[k], force, 1);
-        self.solve_right(parts, false);
-        v.copy_from_slice(self.solved_rate());
+        parts.chart.extend(v, &mut self.force);
+        self.given[0].iter_mut().zip(&*p).for_each(|(out, p)| *out = p / gh);
+        let scale = |k| -gh * parts.inverse_e[k] * z[k];
+        add_extra_force(parts, None, scale, &mut self.force, 1);
+        self.solve_right([true, false]);
+        v.copy_from_slice(&self.rate);
         for (p, v) in p.iter_mut().zip(v) {
             *p += gh * *v;
         }
@@ -256,8 +260,12 @@ impl FirstOrderMatrix for SparseMatrix {
         let side = self.complex.get_or_insert_with(|| {
             Box::new(ComplexSide {
                 gamma_h,
-                right: Vec::new(),
                 inverse_e: vec![zero; parts.inverse_e.len()],
+                given: Vec::new(),
+                force: Vec::new(),
+                rate: Vec::new(),
+                wide: Vec::new(),
+                change: Vec::new(),
             })
         });
         side.gamma_h = gamma_h;
@@ -275,14 +283,19 @@ impl FirstOrderMatrix for SparseMatrix {
         if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
             return simplified.factor_complex(&sum);
         }
-        side.right.resize(4 * self.n, zero);
+        side.force.resize(self.n, zero);
+        side.given.resize(self.rate.len(), zero);
+        side.rate.resize(self.rate.len(), zero);
         match &mut self.elimination {
             Elimination::Forest(forest) => {
-                let outcome = forest.factor_complex(parts.system.structure(), &sum);
+                let change = if parts.inverse_e.is_empty() { 0 } else { 3 * self.n };
+                side.change.resize(change, zero);
+                let outcome = forest.factor_complex(&sum);
                 self.unfit |= outcome.is_err();
                 outcome
             }
             Elimination::General(elimination) => {
+                side.wide.resize(4 * self.n, zero);
                 elimination.as_mut().expect("linearized before").factor_complex(&sum)
             }
         }
@@ -294,16 +307,15 @@ impl FirstOrderMatrix for SparseMatrix {
         if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
             return simplified.solve_complex(parts, side, x, y);
         }
-        let ComplexSide { gamma_h: gh, right, inverse_e } = &mut **side;
+        let ComplexSide { gamma_h: gh, inverse_e, given, force, rate, wide, change } = &mut **side;
         let gh = *gh;
         let at = |x: &[f64], y: &[f64], i: usize| Complex64::new(x[i], y[i]);
-        right.fill(Complex64::new(0.0, 0.0));
-        for k in 0..ndof {
-            right[self.rank + k] = at(x, y, k) / gh;
+        for (k, given) in given.iter_mut().enumerate() {
+            *given = at(x, y, k) / gh;
         }
         for (source, imaginary) in [(&*x, false), (&*y, true)] {
             parts.chart.extend(&source[ndof..2 * ndof], &mut self.extended);
-            for (out, value) in right[3 * n..].iter_mut().zip(&self.extended) {
+            for (out, value) in force.iter_mut().zip(&self.extended) {
                 if imaginary {
                     out.im = *value;
                 } else {
@@ -318,30 +330,40 @@ impl FirstOrderMatrix for SparseMatrix {
             for (side, body) in ends.iter().enumerate() {
                 let Some(b) = body else { continue };
                 for i in 0..per_body {
-                    let force = blocks.force_extra[(2 * k + side) * per_body + i];
-                    right[3 * n + b * per_body + i] -= scale * force;
+                    let by_z = blocks.force_extra[(2 * k + side) * per_body + i];
+                    force[b * per_body + i] -= scale * by_z;
                 }
             }
         }
         match &mut self.elimination {
-            Elimination::Forest(forest) => forest.solve_complex(right, &parts.blocks),
+            Elimination::Forest(forest) => {
+                let change = (!inverse_e.is_empty()).then_some(&mut **change);
+                forest.solve_complex(Right { given: [Some(given), None], force, rate, change });
+            }
             Elimination::General(elimination) => {
-                elimination.as_mut().expect("factored before").solve_complex(right);
+                widen(self.rank, [Some(given), None], force, wide);
+                elimination.as_mut().expect("factored before").solve_complex(wide);
+                rate.copy_from_slice(&wide[3 * n + self.rank..]);
             }
         }
-        let (dq, dv) = right.split_at_mut(n);
         if !inverse_e.is_empty() {
-            // δq = γh x and δq̇ = y here.
-            dq.iter_mut().for_each(|x| *x *= gh);
+            // δq = γh x and δq̇ = y here, and x = δq/βh², y = δq̇/γh where w is δv̈.
+            let (change, scales) = match self.elimination {
+                Elimination::Forest(_) => (change, [gh.inv(); 2]),
+                Elimination::General(_) => (wide, [gh, Complex64::new(1.0, 0.0)]),
+            };
+            let (dq, dv) = change.split_at_mut(n);
+            dq.iter_mut().for_each(|x| *x *= scales[0]);
+            let dv = &mut dv[..n];
+            dv.iter_mut().for_each(|x| *x *= scales[1]);
+            for (k, ends) in structure.extra_bodies.iter().enumerate() {
+                let j = 2 * ndof + k;
+                let by = blocks.extra_rate(k, ends, per_body, dq, dv);
+                let z = inverse_e[k] * (at(x, y, j) + gh * by);
+                (x[j], y[j]) = (z.re, z.im);
+            }
         }
-        for (k, ends) in structure.extra_bodies.iter().enumerate() {
-            let j = 2 * ndof + k;
-            let by = blocks.extra_rate(k, ends, per_body, dq, &dv[..n]);
-            let z = inverse_e[k] * (at(x, y, j) + gh * by);
-            (x[j], y[j]) = (z.re, z.im);
-        }
-        for k in 0..ndof {
-            let v = right[3 * n + self.rank + k];
+        for (k, v) in rate.iter().enumerate() {
             let p = at(x, y, k) + gh * v;
             (x[k], y[k]) = (p.re, p.im);
             (x[ndof + k], y[ndof + k]) = (v.re, v.im);
@@ -350,11 +372,21 @@ impl FirstOrderMatrix for SparseMatrix {
 
     /// M̂ v = Dᵀ M D v.
     fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
+        let forest = match &self.elimination {
+            Elimination::Forest(forest) if !self.is_simplified => Some(forest),
+            _ => None,
+        };
         self.rows.fill(0.0);
-        parts.chart.solve(&self.rows, v, &mut self.extended);
+        match forest {
+            Some(forest) => forest.spread(v, &mut self.extended),
+            None => parts.chart.solve(&self.rows, v, &mut self.extended),
+        }
         self.force.fill(0.0);
         self.mass.multiply_add(1.0, &self.extended, &mut self.force);
-        parts.chart.solve_transposed(&self.force, &mut self.rows, v);
+        match forest {
+            Some(forest) => forest.gather(&mut self.force, v),
+            None => parts.chart.solve_transposed(&self.force, &mut self.rows, v),
+        }
     }
 
     fn time_derivative(
@@ -372,44 +404,94 @@ impl FirstOrderMatrix for SparseMatrix {
 
 impl DescriptorForm for SparseMatrix {
     /// f₃ and f₄ are the residuals.
-    fn correct_unknowns(&mut self, parts: &Linearization, z: &[f64], x: &mut Unknowns) {
-        let (n, parametrization) = (self.n, parts.chart.parametrization());
-        self.right.fill(0.0);
-        let (rows, force) = self.right[2 * n..].split_at_mut(n);
-        for (out, x) in force.iter_mut().zip(&x.force) {
+    fn correct_unknowns(&mut self, parts: &mut Linearization, z: &[f64], x: &mut Unknowns) {
+        for (out, x) in self.force.iter_mut().zip(&x.force) {
             *out = -x;
         }
-        add_extra_force(parts, None, |k| -z[k], force, 1);
-        for (out, &row) in rows.iter_mut().zip(&*parametrization.kept) {
+        add_extra_force(parts, None, |k| -z[k], &mut self.force, 1);
+        if let Elimination::Forest(_) = self.elimination {
+            return self.correct_tree(parts, x);
+        }
+        let (n, kept) = (self.n, &parts.chart.parametrization().kept);
+        widen(self.rank, [None; 2], &self.force, &mut self.wide);
+        let rows = &mut self.wide[2 * n..3 * n];
+        for (out, &row) in rows.iter_mut().zip(&**kept) {
             *out = -x.rows[row];
         }
         for (out, x) in rows[self.rank..].iter_mut().zip(&x.rate) {
             *out = -x;
         }
-        self.solve_right(parts, true);
-        x.force.copy_from_slice(&self.right[2 * n..3 * n]);
+        self.solve_general();
+        x.force.copy_from_slice(&self.wide[2 * n..3 * n]);
         x.rows.fill(0.0);
-        for (solved, &row) in self.right[3 * n..].iter().zip(&*parametrization.kept) {
+        for (solved, &row) in self.wide[3 * n..].iter().zip(&**kept) {
             x.rows[row] = *solved;
         }
-        x.rate.copy_from_slice(self.solved_rate());
+        x.rate.copy_from_slice(&self.rate);
     }
 }
 
 impl SparseMatrix {
-    /// ρ of the last solution.
-    fn solved_rate(&self) -> &[f64] {
-        &self.right[3 * self.n + self.rank..]
+    /// ρ of f₁ and f₂, as far as there are such entries, and f₄.
+    fn solve_right(&mut self, is_given: [bool; 2]) {
+        let Self { given, force, rate, .. } = self;
+        let given = [0, 1].map(|level| is_given[level].then_some(&*given[level]));
+        if let Elimination::Forest(forest) = &mut self.elimination {
+            return forest.solve(Right { given, force, rate, change: None });
+        }
+        widen(self.rank, given, force, &mut self.wide);
+        self.solve_general();
     }
 
-    fn solve_right(&mut self, parts: &Linearization, multipliers: bool) {
-        match &mut self.elimination {
-            Elimination::Forest(forest) => {
-                forest.solve(&mut self.right, &parts.blocks, multipliers);
-            }
-            Elimination::General(elimination) => {
-                elimination.as_mut().expect("factored before").solve(&mut self.right);
-            }
-        }
+    fn solve_general(&mut self) {
+        let Elimination::General(elimination) = &mut self.elimination else { return };
+        elimination.as_mut().expect("factored before").solve(&mut self.wide);
+        self.rate.copy_from_slice(&self.wide[3 * self.n + self.rank..]);
     }
+
+    /// f₃ is fulfilled by accelerations alone, and what the solution leaves of f₄ is Gᵀδλ: a tree keeps neither inverses
+    /// nor H for these.
+    fn correct_tree(&mut self, parts: &mut Linearization, x: &mut Unknowns) {
+        let Elimination::Forest(forest) = &mut self.elimination else { return };
+        let (n, gh) = (self.n, parts.gamma_h);
+        x.rows.iter_mut().chain(&mut x.rate).for_each(|x| *x = -*x);
+        parts.chart.solve(&x.rows, &x.rate, &mut x.force);
+        self.mass.multiply_add(-1.0, &x.force, &mut self.force);
+        self.extended.copy_from_slice(&self.force);
+        self.change.resize(3 * n, 0.0);
+        forest.solve(Right {
+            given: [None; 2],
+            force: &mut self.force,
+            rate: &mut self.rate,
+            change: Some(&mut self.change),
+        });
+        let (dq, rest) = self.change.split_at(n);
+        let (dv, da) = rest.split_at(n);
+        let left = &mut self.extended;
+        let blocks = &parts.blocks.blocks;
+        self.mass.multiply_add(-1.0, da, left);
+        blocks.damping.multiply_add(-1.0, dv, left);
+        blocks.stiffness.multiply_add(-1.0, dq, left);
+        let structure = parts.system.structure();
+        let by_change = |k: usize| {
+            let ends = &structure.extra_bodies[k];
+            let rate = blocks.extra_rate(k, ends, structure.sizes.per_body, dq, dv);
+            -gh * parts.inverse_e[k] * rate
+        };
+        add_extra_force(parts, None, by_change, left, 1);
+        parts.chart.solve_transposed(left, &mut x.rows, &mut x.rate);
+        x.force.iter_mut().zip(da).for_each(|(out, a)| *out += a);
+        x.rate.copy_from_slice(&self.rate);
+    }
+}
+
+/// A right-hand side with all its entries.
+fn widen<T: Scalar>(rank: usize, given: [Option<&[T]>; 2], force: &[T], wide: &mut [T]) {
+    let n = force.len();
+    wide[..3 * n].fill(T::ZERO);
+    for (level, given) in given.into_iter().enumerate() {
+        let Some(given) = given else { continue };
+        wide[level * n + rank..][..given.len()].copy_from_slice(given);
+    }
+    wide[3 * n..].copy_from_slice(force);
 }

@@ -1,6 +1,7 @@
 //! The factored matrix [G; P] of one parametrization, and the only solves made with it.
 
 use super::body_rows::BodyRows;
+use super::copies::Copies;
 use super::parametrization::{Parametrization, Projection, largest_index};
 use super::recent::RecentPoints;
 use super::relatives::Relatives;
@@ -22,13 +23,13 @@ const INVERSE_ITERATIONS: u32 = 4;
 pub struct Chart {
     parametrization: Parametrization,
     matrix: Square,
-    /// (value of G, slot, scale) of every entry that can differ from zero.
-    copies: Arc<[(u32, u32, f64)]>,
+    /// Entries of G that can differ from zero.
+    copies: Copies,
     row_scale: Arc<[f64]>,
     column_scale: Arc<[f64]>,
-    /// Rows of P that move, and (value, slot, scale) of every entry.
+    /// Rows of P that move, and their entries.
     moving: BodyRows,
-    moving_copies: Arc<[(u32, u32, f64)]>,
+    moving_copies: Copies,
     work: Vec<f64>,
     nonzero: Arc<[bool]>,
     /// Symbolic analyses made for this chart.
@@ -133,16 +134,13 @@ impl Chart {
         for (slot, x) in slots[constraint_entries..first_moving].iter().zip(constants) {
             matrix.values[*slot] = x;
         }
-        let copies: Arc<[(u32, u32, f64)]> = sources
-            .into_iter()
-            .zip(&slots)
-            .map(|((at, scale), &slot)| (at as u32, slot as u32, scale))
-            .collect();
-        let moving_copies: Arc<[(u32, u32, f64)]> = moving_sources
-            .into_iter()
-            .zip(&slots[first_moving..])
-            .map(|((at, scale), &slot)| (at as u32, slot as u32, scale))
-            .collect();
+        let copies = |sources: Vec<(usize, f64)>, slots: &[usize]| {
+            Copies::new(
+                sources.into_iter().zip(slots).map(|((at, scale), &slot)| (at, slot, scale)),
+            )
+        };
+        let moving_copies = copies(moving_sources, &slots[first_moving..]);
+        let copies = copies(sources, &slots);
         let mut chart = Self {
             parametrization,
             matrix,
@@ -260,13 +258,9 @@ impl Chart {
         g: &BlockMatrix,
     ) -> Result<(), EvaluationFailure> {
         self.matrix.restore();
-        for &(at, slot, scale) in &*self.copies {
-            self.matrix.values[slot as usize] = g.values()[at as usize] * scale;
-        }
+        self.copies.write(|at| g.values()[at], &mut self.matrix.values);
         self.moving.evaluate(system, &self.parametrization, q);
-        for &(at, slot, scale) in &*self.moving_copies {
-            self.matrix.values[slot as usize] = self.moving.value(at as usize) * scale;
-        }
+        self.moving_copies.write(|at| self.moving.value(at), &mut self.matrix.values);
         self.analyses += self.matrix.factor().map_err(|e| singular(system, e))?;
         Ok(())
     }

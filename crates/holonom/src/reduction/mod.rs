@@ -7,6 +7,7 @@ mod body_tree;
 mod chart;
 mod chosen;
 mod closing;
+mod copies;
 mod joint;
 mod loops;
 mod manifold;

@@ -58,7 +58,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
             markers: b.markers.clone(),
         })
         .collect();
-    let mut constraints = Vec::new();
+    let mut constraints = Vec::with_capacity(model.joints.len() + model.drivers.len());
     let mut row = 0;
     let joints = model.joints.iter().map(|j| {
         let [first, second] = j.frames.map(|f| f.body);

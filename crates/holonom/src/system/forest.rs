@@ -224,8 +224,8 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         relatives.push(PlacedRelative { bodies, element });
         groups.len() - 1
     };
-    let mut edges = Vec::new();
-    let mut placed = Vec::new();
+    let mut edges = Vec::with_capacity(forest.order.len());
+    let mut placed = Vec::with_capacity(forest.order.len());
     let mut edge_of_force = vec![None; model.forces.len()];
     let mut edge_of_joint = vec![None; model.joints.len()];
     for &body in &forest.order {
@@ -253,8 +253,8 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
                 (&model.bodies[body].name, [None, Some(body)], vec![S::free_form()])
             }
         };
-        let mut kinematics = Vec::new();
-        let mut form_groups = Vec::new();
+        let mut kinematics = Vec::with_capacity(forms.len());
+        let mut form_groups = Vec::with_capacity(forms.len());
         for (kind, coordinates) in forms {
             let place = |(element, between): (S::Relative, Between)| {
                 let bodies = match between {
@@ -377,6 +377,8 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         elastic.push(ElasticLoop { force: k, groups: own, ends, is_edge: edge.is_some() });
     }
     let tree = Tree { forest, edges, closures, elastic, untold_turns };
+    groups.shrink_to_fit();
+    relatives.shrink_to_fit();
     Built { tree, groups, relatives, edges: placed }
 }
 

@@ -7,9 +7,8 @@ mod solution;
 use super::blocks::ReducedBlocks;
 use super::sparse_pattern::Sum;
 use crate::reduction::Manifold;
-use crate::system::Structure;
 use crate::threads::Threads;
-use holonom_linalg::small::{Square, add_product, add_times, inverse, product, scaled};
+use holonom_linalg::small::{Square, add_product, add_times, inverse, product, scaled, transposed};
 use holonom_linalg::watch::checkpoint;
 use holonom_linalg::{Complex64, SingularMatrix};
 use numbers::Numbers;
@@ -35,7 +34,7 @@ pub(super) enum ForestElimination {
 /// What one body has of the matrix and of its factors:
 ///
 /// ```text
-/// w = 𝒯 w_p + ℬ ρ + g      H w + L w_p + Eᵀλ̃ = φ      w = (x, y, a)
+/// w = 𝒯 w_p + ℬ ρ + g      H w + L w_p + Eᵀλ̃ = φ      w = (δq, δq̇, δq̈)
 /// ```
 ///
 /// with the subscript p for the parent, E and F the body's rows of G̃, T = −E⁻¹F, and λ̃ = 0 in the rows of P.
@@ -50,26 +49,34 @@ pub(super) struct Elimination<const N: usize> {
     complex: Option<Numbers<Complex64, N>>,
 }
 
-/// How a body follows its parent, apart from its independent variables and from the step: E⁻¹, T, and with
-/// Q₀ = E⁻¹Ã₀, Q₁ = E⁻¹Ã₁ of the body and Q₀ₚ, Q₁ₚ of its parent α = −(Q₀T + Q₀ₚ), κ = −(Q₁T + Q₁ₚ), μ = −Q₀α.
+/// How a body follows its parent, apart from its independent variables: 𝒯 = [T 0 0; α T 0; ν 2α T]. With
+/// Q₀ = E⁻¹Ã₀, Q₁ = E⁻¹Ã₁ of the body and Q₀ₚ, Q₁ₚ of its parent, α = −(Q₀T + Q₀ₚ), ν = −(Q₁T + Q₁ₚ) − 2Q₀α. Stored by
+/// columns, so that products with vectors are vector instructions.
 #[derive(Debug, Clone)]
 struct Motion<const N: usize> {
-    inverse: Square<f64, N>,
     t: Square<f64, N>,
-    q0: Square<f64, N>,
-    q1: Square<f64, N>,
     alpha: Square<f64, N>,
-    kappa: Square<f64, N>,
-    mu: Square<f64, N>,
+    nu: Square<f64, N>,
 }
 
-/// What an independent variable does: its column of E⁻¹, b, with −Q₀b, −Q₁b and Q₀Q₀b.
+/// What an independent variable does: its column of E⁻¹, b, with α = −Q₀b and ν = −Q₁b − 2Q₀α.
 #[derive(Debug, Clone)]
 struct Column<const N: usize> {
     b: [f64; N],
     alpha: [f64; N],
-    kappa: [f64; N],
-    mu: [f64; N],
+    nu: [f64; N],
+}
+
+/// A right-hand side of the inflated matrix and its solution.
+pub(super) struct Right<'a, T> {
+    /// f₁ and f₂ in the rows of P, where they do not vanish; they do in all others, and so does f₃.
+    pub(super) given: [Option<&'a [T]>; 2],
+    /// f₄; overwritten.
+    pub(super) force: &'a mut [T],
+    /// ρ.
+    pub(super) rate: &'a mut [T],
+    /// δq, δq̇ and δq̈, one after the other, where they are wanted.
+    pub(super) change: Option<&'a mut [T]>,
 }
 
 impl ForestElimination {
@@ -101,43 +108,53 @@ impl ForestElimination {
     }
 
     /// Factors for real coefficients.
-    pub(super) fn factor(
-        &mut self,
-        structure: &Structure,
-        sum: &Sum<'_, f64>,
-    ) -> Result<(), SingularMatrix> {
+    pub(super) fn factor(&mut self, sum: &Sum<'_, f64>) -> Result<(), SingularMatrix> {
         match self {
-            Self::Planar(elimination) => elimination.factor(structure, sum),
-            Self::Spatial(elimination) => elimination.factor(structure, sum),
+            Self::Planar(elimination) => elimination.factor(sum),
+            Self::Spatial(elimination) => elimination.factor(sum),
         }
     }
 
     /// Factors for complex ones, beside the real factor.
     pub(super) fn factor_complex(
         &mut self,
-        structure: &Structure,
         sum: &Sum<'_, Complex64>,
     ) -> Result<(), SingularMatrix> {
         match self {
-            Self::Planar(elimination) => elimination.factor_complex(structure, sum),
-            Self::Spatial(elimination) => elimination.factor_complex(structure, sum),
+            Self::Planar(elimination) => elimination.factor_complex(sum),
+            Self::Spatial(elimination) => elimination.factor_complex(sum),
         }
     }
 
-    /// Solves in place for the right-hand sides f₁, f₂, f₃, f₄; the solution is x, y, a and below them the
-    /// multipliers and ρ. Multipliers only if `multipliers`.
-    pub(super) fn solve(&mut self, right: &mut [f64], blocks: &ReducedBlocks, multipliers: bool) {
+    /// Solves with the real factor.
+    pub(super) fn solve(&mut self, right: Right<'_, f64>) {
         match self {
-            Self::Planar(elimination) => elimination.solve(right, blocks, multipliers),
-            Self::Spatial(elimination) => elimination.solve(right, blocks, multipliers),
+            Self::Planar(elimination) => elimination.solve(right),
+            Self::Spatial(elimination) => elimination.solve(right),
         }
     }
 
-    /// The same with the complex factor, without multipliers.
-    pub(super) fn solve_complex(&mut self, right: &mut [Complex64], blocks: &ReducedBlocks) {
+    /// Solves with the complex one.
+    pub(super) fn solve_complex(&mut self, right: Right<'_, Complex64>) {
         match self {
-            Self::Planar(elimination) => elimination.solve_complex(right, blocks),
-            Self::Spatial(elimination) => elimination.solve_complex(right, blocks),
+            Self::Planar(elimination) => elimination.solve_complex(right),
+            Self::Spatial(elimination) => elimination.solve_complex(right),
+        }
+    }
+
+    /// x = D p.
+    pub(super) fn spread(&self, p: &[f64], x: &mut [f64]) {
+        match self {
+            Self::Planar(elimination) => elimination.spread(p, x),
+            Self::Spatial(elimination) => elimination.spread(p, x),
+        }
+    }
+
+    /// p = Dᵀ f; f is overwritten.
+    pub(super) fn gather(&self, force: &mut [f64], p: &mut [f64]) {
+        match self {
+            Self::Planar(elimination) => elimination.gather(force, p),
+            Self::Spatial(elimination) => elimination.gather(force, p),
         }
     }
 }
@@ -146,16 +163,8 @@ impl<const N: usize> Elimination<N> {
     fn new(plan: Arc<Plan>, threads: Threads) -> Self {
         let (count, free) = (plan.tree.len(), plan.tree.free_before(plan.tree.len()));
         let zero = [[0.0; N]; N];
-        let motion = Motion {
-            inverse: zero,
-            t: zero,
-            q0: zero,
-            q1: zero,
-            alpha: zero,
-            kappa: zero,
-            mu: zero,
-        };
-        let column = Column { b: [0.0; N], alpha: [0.0; N], kappa: [0.0; N], mu: [0.0; N] };
+        let motion = Motion { t: zero, alpha: zero, nu: zero };
+        let column = Column { b: [0.0; N], alpha: [0.0; N], nu: [0.0; N] };
         // Work too small to be shared is the calling thread's.
         let shared = threads.are_several() && count * N * N >= SHARED;
         Self {
@@ -184,11 +193,10 @@ impl<const N: usize> Elimination<N> {
         self.threads.share(|| at.linearize(0, motions, columns))
     }
 
-    fn factor(&mut self, structure: &Structure, sum: &Sum<'_, f64>) -> Result<(), SingularMatrix> {
+    fn factor(&mut self, sum: &Sum<'_, f64>) -> Result<(), SingularMatrix> {
         let Self { plan, threads, motions, columns, real, .. } = self;
         checkpoint(plan.tree.len() * N * N * N);
-        let (growth, at) =
-            threads.share(|| real.factor(plan, threads, motions, columns, structure, sum))?;
+        let (growth, at) = threads.share(|| real.factor(plan, threads, motions, columns, sum))?;
         if growth <= LARGEST_GROWTH {
             return Ok(());
         }
@@ -196,27 +204,22 @@ impl<const N: usize> Elimination<N> {
         Err(SingularMatrix { row, column: plan.tree.body(at) * N, pivot: 1.0 / growth })
     }
 
-    fn factor_complex(
-        &mut self,
-        structure: &Structure,
-        sum: &Sum<'_, Complex64>,
-    ) -> Result<(), SingularMatrix> {
+    fn factor_complex(&mut self, sum: &Sum<'_, Complex64>) -> Result<(), SingularMatrix> {
         let Self { plan, threads, motions, columns, complex, .. } = self;
         checkpoint(plan.tree.len() * N * N * N);
         let numbers = complex.get_or_insert_with(|| Numbers::new(plan));
-        let factor = || numbers.factor(plan, threads, motions, columns, structure, sum);
+        let factor = || numbers.factor(plan, threads, motions, columns, sum);
         threads.share(factor).map(|_| ())
     }
 
-    fn solve(&mut self, right: &mut [f64], blocks: &ReducedBlocks, multipliers: bool) {
+    fn solve(&mut self, right: Right<'_, f64>) {
         let Self { plan, motions, columns, real, .. } = self;
-        real.solve(plan, motions, columns, right, blocks, multipliers);
+        real.solve(plan, motions, columns, right);
     }
 
-    fn solve_complex(&mut self, right: &mut [Complex64], blocks: &ReducedBlocks) {
+    fn solve_complex(&mut self, right: Right<'_, Complex64>) {
         let Self { plan, motions, columns, complex, .. } = self;
-        let numbers = complex.as_mut().expect("factored before");
-        numbers.solve(plan, motions, columns, right, blocks, false);
+        complex.as_mut().expect("factored before").solve(plan, motions, columns, right);
     }
 }
 
@@ -274,26 +277,26 @@ impl Sources<'_> {
                 return Err(SingularMatrix { row, column: tree.body(at) * N, pivot: 0.0 });
             };
             let minus = scaled(-1.0, &inverse);
-            motion.inverse = inverse;
-            motion.q0 = product(&inverse, a0);
-            motion.q1 = product(&inverse, a1);
+            let (minus_q0, minus_q1) = (product(&minus, a0), product(&minus, a1));
             if tree.parent(at).is_some() {
-                motion.t = product(&minus, f);
-                motion.alpha = product(&minus, a0_parent);
-                add_product(&mut motion.alpha, &scaled(-1.0, &motion.q0), &motion.t);
-                motion.kappa = product(&minus, a1_parent);
-                add_product(&mut motion.kappa, &scaled(-1.0, &motion.q1), &motion.t);
-                motion.mu = product(&scaled(-1.0, &motion.q0), &motion.alpha);
+                let t = product(&minus, f);
+                let mut alpha = product(&minus, a0_parent);
+                add_product(&mut alpha, &minus_q0, &t);
+                let mut nu = product(&minus, a1_parent);
+                add_product(&mut nu, &minus_q1, &t);
+                add_product(&mut nu, &scaled(2.0, &minus_q0), &alpha);
+                let [t, alpha, nu] = [t, alpha, nu].map(|m| transposed(&m));
+                *motion = Motion { t, alpha, nu };
             }
             let free = tree.free(at);
             let k = free.len();
             let columns = &mut columns[free.start - before..free.end - before];
-            for (c, column) in columns.iter_mut().enumerate() {
-                column.b = std::array::from_fn(|i| inverse[i][N - k + c]);
-                (column.alpha, column.kappa, column.mu) = ([0.0; N], [0.0; N], [0.0; N]);
-                add_times(&mut column.alpha, -1.0, &motion.q0, &column.b);
-                add_times(&mut column.kappa, -1.0, &motion.q1, &column.b);
-                add_times(&mut column.mu, -1.0, &motion.q0, &column.alpha);
+            for (c, Column { b, alpha, nu }) in columns.iter_mut().enumerate() {
+                *b = std::array::from_fn(|i| inverse[i][N - k + c]);
+                (*alpha, *nu) = ([0.0; N], [0.0; N]);
+                add_times(alpha, 1.0, &minus_q0, b);
+                add_times(nu, 1.0, &minus_q1, b);
+                add_times(nu, 2.0, &minus_q0, alpha);
             }
         }
         Ok(())

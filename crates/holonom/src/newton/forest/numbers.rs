@@ -1,14 +1,12 @@
 //! Coefficients of a step and the factors of a tree's matrix for them, real or complex.
 
-use super::plan::{Extra, NONE, Plan};
+use super::plan::{NONE, Plan};
 use super::{Column, GRAIN, Motion};
-use crate::newton::blocks::ReducedBlocks;
 use crate::newton::sparse_pattern::Sum;
-use crate::system::Structure;
 use crate::threads::Threads;
 use holonom_linalg::small::{
-    Square, add_own_times, add_product, add_transposed_product, add_transposed_times, factor,
-    scaled, solve,
+    Square, add_product, add_times_real, add_transposed_product, add_transposed_times, factor,
+    scaled, solve, transposed,
 };
 use holonom_linalg::{BlockMatrix, Scalar, SingularMatrix};
 use std::ops::Range;
@@ -17,44 +15,41 @@ use std::ops::Range;
 #[derive(Debug, Clone)]
 pub(super) struct Numbers<T, const N: usize> {
     pub(super) step: Step<T>,
-    pub(super) bodies: Vec<Body<T, N>>,
-    /// Ψ of each body, factored, with its row exchanges.
-    pub(super) psi: Vec<T>,
+    /// Of each body Ψ, factored, and BᵀHe of its e₁ and e₂, see [`Free`].
+    small: Vec<T>,
+    /// Row exchanges of Ψ.
     pub(super) exchanges: Vec<u8>,
     pub(super) free: Vec<Free<T, N>>,
-    /// Of each independent variable its column of ℬ.
-    pub(super) columns: Vec<[[T; N]; 3]>,
-    /// K (b, p), C (b, p), K (p, b), C (p, b), scaled, where extra states add to them; else none.
-    pub(super) extra: Vec<[Square<T, N>; 4]>,
     /// What the parts of the plan add to their parents.
     additions: Vec<Addition<T, N>>,
-    /// φ, w and r of a solution.
-    pub(super) phi: Vec<[T; N]>,
+    /// Bodies of which some children are eliminated, of each part and of the rest; grows in the first elimination only.
+    open: Vec<Vec<Open<T, N>>>,
+    /// w of bodies on which others hang.
     pub(super) w: Vec<[[T; N]; 3]>,
-    pub(super) r: Vec<T>,
 }
 
-/// γh, βh² and their ratio βh²/γh.
+/// γh and βh².
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Step<T> {
     pub(super) gamma_h: T,
     pub(super) beta_h2: T,
-    pub(super) ratio: T,
 }
 
-/// H of the three levels.
-#[derive(Debug, Clone)]
-pub(super) struct Body<T, const N: usize> {
-    pub(super) h: [Square<T, N>; 3],
-}
-
-/// Of an independent variable the size of what children add to its diagonal of Ψ before anything is taken from
-/// it, its row of Z = Ψ⁻¹BᵀA, and its column of V.
+/// Of an independent variable its row of Z = Ψ⁻¹BᵀA, its column of V, and with e₁ = βh² (b, α, ν) and
+/// e₂ = γh (0, b, 2α), its first two parts of ℬ, the force (TᵀH + U) e that they make at the parent.
 #[derive(Debug, Clone)]
 pub(super) struct Free<T, const N: usize> {
-    size: f64,
     pub(super) z: [[T; N]; 3],
     pub(super) v: [T; N],
+    pub(super) given: [[T; N]; 2],
+}
+
+/// A body with what its children add: H, and the sizes of what these add to the diagonal of Ψ before anything is taken
+/// from it.
+#[derive(Debug, Clone)]
+struct Open<T, const N: usize> {
+    at: usize,
+    all: Addition<T, N>,
 }
 
 /// What a body adds to H of its parent, and to the sizes of its parent's independent variables.
@@ -80,14 +75,14 @@ fn larger(one: Growth, other: Growth) -> Growth {
     if other.0 > one.0 { other } else { one }
 }
 
-/// The block of `matrix` with this first value, times a number; zero where there is none.
+/// The block of `matrix` with this first value; zero where there is none.
 #[inline(always)]
-fn block<T: Scalar, const N: usize>(matrix: &BlockMatrix, at: usize, scale: T) -> Square<T, N> {
+fn block<T: Scalar, const N: usize>(matrix: &BlockMatrix, at: usize) -> Square<T, N> {
     if at == NONE {
         return [[T::ZERO; N]; N];
     }
     let values = &matrix.values()[at..at + N * N];
-    std::array::from_fn(|i| std::array::from_fn(|j| scale.scaled(values[i * N + j])))
+    std::array::from_fn(|i| std::array::from_fn(|j| T::from(values[i * N + j])))
 }
 
 #[inline(always)]
@@ -100,95 +95,12 @@ fn add<T: Scalar, const N: usize>(out: &mut Square<T, N>, a: &Square<T, N>) {
 }
 
 impl<T: Scalar> Step<T> {
-    /// βh²κ + 2γhη μ: what a does with x of the parent.
-    #[inline(always)]
-    pub(super) fn bend_of<const N: usize>(&self, motion: &Motion<N>) -> Square<T, N> {
-        let twice = (self.gamma_h * self.ratio).scaled(2.0);
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
-                self.beta_h2.scaled(motion.kappa[i][j]) + twice.scaled(motion.mu[i][j])
-            })
-        })
-    }
-
     /// A column of ℬ.
     #[inline(always)]
-    fn column_of<const N: usize>(&self, c: &Column<N>) -> [[T; N]; 3] {
-        let twice = self.gamma_h.scaled(2.0);
-        let both = twice * self.ratio;
-        [
-            std::array::from_fn(|i| T::from(c.b[i])),
-            std::array::from_fn(|i| T::from(c.b[i]) + self.ratio.scaled(c.alpha[i])),
-            std::array::from_fn(|i| {
-                T::from(c.b[i])
-                    + twice.scaled(c.alpha[i])
-                    + self.beta_h2.scaled(c.kappa[i])
-                    + both.scaled(c.mu[i])
-            }),
-        ]
-    }
-}
-
-/// K and C between the body at a position and its parent, scaled: (b, p) or (p, b).
-#[inline(always)]
-pub(super) fn coupling<T: Scalar, const N: usize>(
-    plan: &Plan,
-    step: &Step<T>,
-    extra: &[[Square<T, N>; 4]],
-    at: usize,
-    upper: bool,
-    blocks: &ReducedBlocks,
-) -> Option<[Square<T, N>; 2]> {
-    let from = plan.blocks[at][if upper { 2 } else { 1 }];
-    if from == NONE && extra.is_empty() {
-        return None;
-    }
-    let mut out = [
-        block(&blocks.blocks.stiffness, from, step.beta_h2),
-        block(&blocks.blocks.damping, from, step.gamma_h),
-    ];
-    if let Some(extra) = extra.get(at) {
-        for (out, extra) in out.iter_mut().zip(&extra[if upper { 2 } else { 0 }..]) {
-            add(out, extra);
-        }
-    }
-    Some(out)
-}
-
-/// H of bodies alone, from position `first` on, and their columns of ℬ.
-fn begin<T: Scalar, const N: usize>(
-    plan: &Plan,
-    threads: &Threads,
-    sum: &Sum<'_, T>,
-    step: &Step<T>,
-    made: &[Column<N>],
-    first: usize,
-    bodies: &mut [Body<T, N>],
-    columns: &mut [[[T; N]; 3]],
-) {
-    let tree = &plan.tree;
-    if bodies.len() > GRAIN && threads.are_several() {
-        let half = bodies.len() / 2;
-        let (left, right) = bodies.split_at_mut(half);
-        let middle = tree.free_before(first + half) - tree.free_before(first);
-        let (left_columns, right_columns) = columns.split_at_mut(middle);
-        threads.join(
-            || begin(plan, threads, sum, step, made, first, left, left_columns),
-            || begin(plan, threads, sum, step, made, first + half, right, right_columns),
-        );
-        return;
-    }
-    for (column, made) in columns.iter_mut().zip(&made[tree.free_before(first)..]) {
-        *column = step.column_of(made);
-    }
-    let b = &sum.blocks.blocks;
-    for (at, body) in (first..).zip(bodies) {
-        let from = plan.blocks[at][0];
-        body.h = [
-            block(&b.stiffness, from, sum.beta_h2),
-            block(&b.damping, from, sum.gamma_h),
-            tree.mass(at, sum.mass),
-        ];
+    fn column_of<const N: usize>(&self, column: &Column<N>) -> [[T; N]; 3] {
+        let mut out = [[T::ZERO; N]; 3];
+        column.add_motion(&mut out, [self.beta_h2, self.gamma_h, T::from(1.0)]);
+        out
     }
 }
 
@@ -197,41 +109,34 @@ struct Given<'a, T, const N: usize> {
     plan: &'a Plan,
     threads: &'a Threads,
     motions: &'a [Motion<N>],
-    made: &'a [Column<N>],
-    columns: &'a [[[T; N]; 3]],
-    extra: &'a [[Square<T, N>; 4]],
+    columns: &'a [Column<N>],
     step: Step<T>,
-    blocks: &'a ReducedBlocks,
+    sum: &'a Sum<'a, T>,
 }
 
 /// The factors of consecutive bodies.
 struct Factors<'a, T, const N: usize> {
     first: usize,
-    bodies: &'a mut [Body<T, N>],
-    psi: &'a mut [T],
+    small: &'a mut [T],
     exchanges: &'a mut [u8],
     free: &'a mut [Free<T, N>],
 }
+
+/// Numbers of a body in [`Numbers::small`], in squares of the order of its independent variables.
+const SMALL: usize = 3;
 
 impl<T: Scalar, const N: usize> Factors<'_, T, N> {
     /// Those before a position, and those from it on.
     fn split_at(&mut self, plan: &Plan, at: usize) -> [Factors<'_, T, N>; 2] {
         let tree = &plan.tree;
-        let (bodies, later_bodies) = self.bodies.split_at_mut(at - self.first);
         let middle = tree.pivots_before(at) - tree.pivots_before(self.first);
-        let (psi, later_psi) = self.psi.split_at_mut(middle);
+        let (small, later_small) = self.small.split_at_mut(SMALL * middle);
         let middle = tree.free_before(at) - tree.free_before(self.first);
         let (exchanges, later_exchanges) = self.exchanges.split_at_mut(middle);
         let (free, later_free) = self.free.split_at_mut(middle);
         [
-            Factors { first: self.first, bodies, psi, exchanges, free },
-            Factors {
-                first: at,
-                bodies: later_bodies,
-                psi: later_psi,
-                exchanges: later_exchanges,
-                free: later_free,
-            },
+            Factors { first: self.first, small, exchanges, free },
+            Factors { first: at, small: later_small, exchanges: later_exchanges, free: later_free },
         ]
     }
 }
@@ -243,27 +148,30 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
         parts: &[Range<usize>],
         mut factors: Factors<'_, T, N>,
         additions: &mut [Addition<T, N>],
+        open: &mut [Vec<Open<T, N>>],
     ) -> Result<Growth, SingularMatrix> {
         let bodies = parts.last().map_or(0, |last| last.end) - parts.first().map_or(0, |p| p.start);
         if parts.len() > 1 && bodies > GRAIN {
             let half = parts.len() / 2;
             let (left, right) = parts.split_at(half);
             let (left_additions, right_additions) = additions.split_at_mut(half);
+            let (left_open, right_open) = open.split_at_mut(half);
             let [first, second] = factors.split_at(self.plan, right[0].start);
             let (one, other) = self.threads.join(
-                || self.parts(left, first, left_additions),
-                || self.parts(right, second, right_additions),
+                || self.parts(left, first, left_additions, left_open),
+                || self.parts(right, second, right_additions, right_open),
             );
             return Ok(larger(other?, one?));
         }
         let mut growth = (0.0, 0);
         let mut addition = Addition::ZERO;
-        for (part, outwards) in parts.iter().zip(additions).rev() {
+        for ((part, outwards), open) in parts.iter().zip(additions).zip(open).rev() {
             *outwards = Addition::ZERO;
+            open.clear();
             for at in part.clone().rev() {
-                growth = larger(growth, self.eliminate(&mut factors, at, &mut addition)?);
+                growth = larger(growth, self.eliminate(&mut factors, open, at, &mut addition)?);
                 match self.plan.tree.parent(at) {
-                    Some(parent) if parent >= part.start => self.add(&mut factors, at, &addition),
+                    Some(parent) if parent >= part.start => self.add(open, parent, &addition),
                     Some(_) => outwards.take(&addition),
                     None => {}
                 }
@@ -278,100 +186,158 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
         parts: &[Range<usize>],
         factors: &mut Factors<'_, T, N>,
         additions: &[Addition<T, N>],
+        open: &mut Vec<Open<T, N>>,
     ) -> Result<Growth, SingularMatrix> {
         let (mut growth, mut addition) = ((0.0, 0), Addition::ZERO);
         let mut end = self.plan.tree.len();
-        for (part, made) in parts.iter().zip(additions).rev() {
+        let none = (0..0, &Addition::ZERO);
+        let parts = parts.iter().cloned().zip(additions).rev();
+        open.clear();
+        for (part, made) in parts.chain([none]) {
             for at in (part.end..end).rev() {
-                growth = larger(growth, self.eliminate(factors, at, &mut addition)?);
-                self.add(factors, at, &addition);
+                growth = larger(growth, self.eliminate(factors, open, at, &mut addition)?);
+                if let Some(parent) = self.plan.tree.parent(at) {
+                    self.add(open, parent, &addition);
+                }
             }
-            self.add(factors, part.start, made);
             end = part.start;
-        }
-        for at in (0..end).rev() {
-            growth = larger(growth, self.eliminate(factors, at, &mut addition)?);
-            self.add(factors, at, &addition);
+            if end > 0
+                && let Some(parent) = self.plan.tree.parent(end)
+            {
+                self.add(open, parent, made);
+            }
         }
         Ok(growth)
     }
 
-    /// Gives to the parent of the body at a position what that adds.
-    fn add(&self, factors: &mut Factors<'_, T, N>, at: usize, addition: &Addition<T, N>) {
-        let tree = &self.plan.tree;
-        let Some(parent) = tree.parent(at) else { return };
-        let to = &mut factors.bodies[parent - factors.first].h;
-        to.iter_mut().zip(&addition.h).for_each(|(to, h)| add(to, h));
-        let above = tree.free(parent);
-        let before = tree.free_before(factors.first);
-        let above = &mut factors.free[above.start - before..above.end - before];
-        above.iter_mut().zip(addition.sizes).for_each(|(free, size)| free.size += size);
+    /// Gives to a body what one that hangs on it adds. A walk against the order of the tree closes a body before it goes on to one
+    /// that was opened before.
+    fn add(&self, open: &mut Vec<Open<T, N>>, parent: usize, addition: &Addition<T, N>) {
+        if open.last().is_none_or(|last| last.at != parent) {
+            open.push(Open { at: parent, all: self.alone(parent) });
+        }
+        if let Some(last) = open.last_mut() {
+            last.all.take(addition);
+        }
+    }
+
+    /// H of a body alone.
+    fn alone(&self, at: usize) -> Addition<T, N> {
+        let (plan, sum) = (self.plan, self.sum);
+        let (from, b) = (plan.blocks[at][0], &sum.blocks.blocks);
+        let mut h =
+            [block(&b.stiffness, from), block(&b.damping, from), plan.tree.mass(at, sum.mass)];
+        for extra in plan.extra.at(at) {
+            let side = usize::from(extra.side);
+            self.add_extra_state(&mut h, extra.state as usize, side, side);
+        }
+        Addition { h, sizes: [0.0; N] }
+    }
+
+    /// K and C between the body at a position and its parent: (b, p) or (p, b).
+    #[inline(always)]
+    fn coupling(&self, at: usize, upper: bool) -> Option<[Square<T, N>; 2]> {
+        let extra = self.plan.extra.at(at);
+        let from = self.plan.blocks[at][if upper { 2 } else { 1 }];
+        if from == NONE && extra.is_empty() {
+            return None;
+        }
+        let b = &self.sum.blocks.blocks;
+        let mut out = [block(&b.stiffness, from), block(&b.damping, from)];
+        for extra in extra.iter().filter(|extra| extra.coupled) {
+            let own = usize::from(extra.side);
+            let (row, column) = if upper { (1 - own, own) } else { (own, 1 - own) };
+            self.add_extra_state(&mut out, extra.state as usize, row, column);
+        }
+        Some(out)
+    }
+
+    /// Adds γh F_z E⁻¹ g_q and γh F_z E⁻¹ g_q̇ of a state, in the coordinates of these two of its bodies.
+    fn add_extra_state(&self, to: &mut [Square<T, N>], state: usize, row: usize, column: usize) {
+        let b = &self.sum.blocks.blocks;
+        let scale = self.sum.gamma_h * self.sum.inverse_e[state];
+        let part = |values: &[f64], side: usize, i: usize| values[(2 * state + side) * N + i];
+        for (to, rates) in to.iter_mut().zip([&b.extra_position, &b.extra_velocity]) {
+            for i in 0..N {
+                let force = scale.scaled(part(&b.force_extra, row, i));
+                for j in 0..N {
+                    to[i][j] = to[i][j] + force.scaled(part(rates, column, j));
+                }
+            }
+        }
     }
 
     /// Eliminates the body at a position, whose children are; what it adds to its parent replaces `addition`.
     fn eliminate(
         &self,
         factors: &mut Factors<'_, T, N>,
+        open: &mut Vec<Open<T, N>>,
         at: usize,
         addition: &mut Addition<T, N>,
     ) -> Result<Growth, SingularMatrix> {
         let tree = &self.plan.tree;
-        let (motion, step) = (&self.motions[at], &self.step);
+        let step = &self.step;
+        let Motion { t, alpha, nu } = &self.motions[at];
+        let [t, turned, bent] = [t, alpha, nu].map(transposed);
         let range = tree.free(at);
         let k = range.len();
-        let (columns, made) = (&self.columns[range.clone()], &self.made[range.clone()]);
+        let columns = &self.columns[range.clone()];
         let before = tree.free_before(factors.first);
         let local = range.start - before..range.end - before;
         let (free, exchanges) = (&mut factors.free[local.clone()], &mut factors.exchanges[local]);
-        let pivots = tree.pivots_before(at) - tree.pivots_before(factors.first);
-        let psi = &mut factors.psi[pivots..pivots + k * k];
-        let body = &mut factors.bodies[at - factors.first];
-        let twice = step.gamma_h.scaled(2.0);
-        let has_parent = tree.parent(at).is_some();
-        let between = |upper| {
-            has_parent
-                .then(|| coupling(self.plan, step, self.extra, at, upper, self.blocks))
-                .flatten()
+        let small = SMALL * (tree.pivots_before(at) - tree.pivots_before(factors.first));
+        let small = &mut factors.small[small..small + SMALL * k * k];
+        let (psi, felt) = small.split_at_mut(k * k);
+        let own = match open.pop_if(|last| last.at == at) {
+            Some(open) => open.all,
+            None => self.alone(at),
         };
+        let h = &own.h;
+        let twice_mass = scaled(T::from(2.0), &h[2]);
+        let has_parent = tree.parent(at).is_some();
+        let between = |upper| has_parent.then(|| self.coupling(at, upper)).flatten();
         // A = H 𝒯 + L
         let mut a = [[[T::ZERO; N]; N]; 3];
         if has_parent {
-            let bend = step.bend_of(motion);
-            let h = &body.h;
-            let (turned, twice_a) = (scaled(step.ratio, &h[1]), scaled(twice, &h[2]));
             for level in 0..3 {
-                add_product(&mut a[level], &h[level], &motion.t);
+                add_product(&mut a[level], &h[level], &t);
             }
-            add_product(&mut a[0], &turned, &motion.alpha);
-            add_product(&mut a[1], &twice_a, &motion.alpha);
-            for i in 0..N {
-                for l in 0..N {
-                    for j in 0..N {
-                        a[0][i][j] = a[0][i][j] + h[2][i][l] * bend[l][j];
-                    }
-                }
-            }
+            add_product(&mut a[0], &h[1], &turned);
+            add_product(&mut a[0], &h[2], &bent);
+            add_product(&mut a[1], &twice_mass, &turned);
             if let Some(lower) = between(false) {
                 a.iter_mut().zip(&lower).for_each(|(a, lower)| add(a, lower));
             }
         }
         let upper = between(true);
-        // Ψ = BᵀHℬ, Z before the solution, V = Uℬ + TᵀHℬ
+        // ℬ = e₁ + e₂ + e₃ makes Ψ = BᵀHℬ and V = Uℬ + TᵀHℬ; Z before the solution.
+        let scales = [step.beta_h2, step.gamma_h];
         let mut sizes = [0.0f64; N];
-        for (c, levels) in columns.iter().enumerate() {
-            let mut force = [T::ZERO; N];
+        for (c, column) in columns.iter().enumerate() {
+            let Column { b, alpha, nu } = column;
+            let mut forces = [[T::ZERO; N]; 3];
+            add_times_real(&mut forces[0], &h[0], b);
+            add_times_real(&mut forces[0], &h[1], alpha);
+            add_times_real(&mut forces[0], &h[2], nu);
+            add_times_real(&mut forces[1], &h[1], b);
+            add_times_real(&mut forces[1], &twice_mass, alpha);
+            add_times_real(&mut forces[2], &h[2], b);
+            let at_variables = |force: &[T; N], row: &Column<N>| {
+                (0..N).fold(T::ZERO, |s, i| s + force[i].scaled(row.b[i]))
+            };
+            for (r, row) in columns.iter().enumerate() {
+                let [p, v] = [0, 1].map(|level| scales[level] * at_variables(&forces[level], row));
+                psi[r * k + c] = p + v + at_variables(&forces[2], row);
+                (felt[r * k + c], felt[(k + r) * k + c]) = (p, v);
+            }
             let mut size = [0.0f64; N];
-            for (h, x) in body.h.iter().zip(levels) {
-                add_own_times(&mut force, h, x);
+            for (h, x) in h.iter().zip(&step.column_of(column)) {
                 for i in 0..N {
                     size[i] = (0..N).fold(size[i], |s, j| s + h[i][j].size() * x[j].size());
                 }
             }
-            for (r, row) in made.iter().enumerate() {
-                psi[r * k + c] = (0..N).fold(T::ZERO, |s, i| s + force[i].scaled(row.b[i]));
-            }
-            let (b, free) = (&made[c].b, &mut free[c]);
-            sizes[c] = (0..N).fold(free.size, |s, i| s + size[i] * b[i].abs());
+            sizes[c] = (0..N).fold(own.sizes[c], |s, i| s + size[i] * b[i].abs());
+            let free = &mut free[c];
             for (z, a) in free.z.iter_mut().zip(&a) {
                 *z = [T::ZERO; N];
                 for i in 0..N {
@@ -380,13 +346,18 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
                     }
                 }
             }
-            free.v = [T::ZERO; N];
-            add_transposed_times(&mut free.v, &motion.t, &force);
-            if let Some(upper) = &upper {
-                for (u, x) in upper.iter().zip(levels) {
-                    add_own_times(&mut free.v, u, x);
-                }
+            let mut felt = [[T::ZERO; N]; 3];
+            for (out, force) in felt.iter_mut().zip(&forces) {
+                add_transposed_times(out, &t, force);
             }
+            if let Some([stiff, damped]) = &upper {
+                add_times_real(&mut felt[0], stiff, b);
+                add_times_real(&mut felt[0], damped, alpha);
+                add_times_real(&mut felt[1], damped, b);
+            }
+            free.given = [0, 1].map(|level| felt[level].map(|x| scales[level] * x));
+            let [p, v] = &free.given;
+            free.v = std::array::from_fn(|i| p[i] + v[i] + felt[2][i]);
         }
         let growth = factor(psi, exchanges, k, &sizes).map_err(|c| SingularMatrix {
             row: tree.rows(at)[N - k + c] as usize,
@@ -403,15 +374,13 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
         let Some(parent) = tree.parent(at) else { return Ok((growth, at)) };
         *addition = Addition::ZERO;
         for level in 0..3 {
-            add_transposed_product(&mut addition.h[level], &motion.t, &a[level]);
+            add_transposed_product(&mut addition.h[level], &t, &a[level]);
         }
-        let above = tree.free(parent);
-        let above = self.made[above.clone()].iter().zip(&self.columns[above]);
-        for (to, (made, levels)) in addition.sizes.iter_mut().zip(above) {
-            for (h, x) in addition.h.iter().zip(levels) {
+        for (to, above) in addition.sizes.iter_mut().zip(&self.columns[tree.free(parent)]) {
+            for (h, x) in addition.h.iter().zip(&step.column_of(above)) {
                 for i in 0..N {
                     let row = (0..N).fold(0.0, |s, j| s + h[i][j].size() * x[j].size());
-                    *to += row * made.b[i].abs();
+                    *to += row * above.b[i].abs();
                 }
             }
         }
@@ -425,9 +394,9 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
             }
         }
         if let Some([stiff, damped]) = &upper {
-            add_product(&mut addition.h[0], stiff, &motion.t);
-            add_product(&mut addition.h[0], &scaled(step.ratio, damped), &motion.alpha);
-            add_product(&mut addition.h[1], damped, &motion.t);
+            add_product(&mut addition.h[0], stiff, &t);
+            add_product(&mut addition.h[0], damped, &turned);
+            add_product(&mut addition.h[1], damped, &t);
         }
         Ok((growth, at))
     }
@@ -436,53 +405,26 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
 impl<T: Scalar, const N: usize> Numbers<T, N> {
     pub(super) fn new(plan: &Plan) -> Self {
         let (count, free) = (plan.tree.len(), plan.tree.free_before(plan.tree.len()));
-        let zero = [[T::ZERO; N]; N];
-        let unknown = Free { size: 0.0, z: [[T::ZERO; N]; 3], v: [T::ZERO; N] };
+        let zero = [T::ZERO; N];
+        let unknown = Free { z: [zero; 3], v: zero, given: [zero; 2] };
+        let places = plan.places.iter().max().map_or(0, |last| *last as usize + 1);
         Self {
-            step: Step { gamma_h: T::ZERO, beta_h2: T::ZERO, ratio: T::ZERO },
-            bodies: vec![Body { h: [zero; 3] }; count],
-            psi: vec![T::ZERO; plan.tree.pivots_before(count)],
+            step: Step { gamma_h: T::ZERO, beta_h2: T::ZERO },
+            small: vec![T::ZERO; SMALL * plan.tree.pivots_before(count)],
             exchanges: vec![0; free],
             free: vec![unknown; free],
-            columns: vec![[[T::ZERO; N]; 3]; free],
-            extra: vec![[zero; 4]; if plan.extra.is_empty() { 0 } else { count }],
             additions: vec![Addition::ZERO; plan.parts.len()],
-            phi: vec![[T::ZERO; N]; count],
-            w: vec![[[T::ZERO; N]; 3]; count],
-            r: vec![T::ZERO; free],
+            open: vec![Vec::new(); plan.parts.len() + 1],
+            w: vec![[zero; 3]; places],
         }
     }
 
-    /// F_z E⁻¹ g_q and F_z E⁻¹ g_q̇ into H and the couplings.
-    fn add_extra_states(&mut self, plan: &Plan, structure: &Structure, sum: &Sum<'_, T>) {
-        let per_body = structure.sizes.per_body;
-        let b = &sum.blocks.blocks;
-        self.extra.fill([[[T::ZERO; N]; N]; 4]);
-        for Extra { state, bodies, child } in &plan.extra {
-            let scale = sum.gamma_h * sum.inverse_e[*state];
-            let part =
-                |values: &[f64], side: usize, i: usize| values[(2 * state + side) * per_body + i];
-            for (side, row) in bodies.iter().enumerate() {
-                for (other, column) in bodies.iter().enumerate() {
-                    let (Some(row), Some(column)) = (row, column) else { continue };
-                    for (level, rates, power) in
-                        [(0, &b.extra_position, sum.beta_h2), (1, &b.extra_velocity, sum.gamma_h)]
-                    {
-                        let to = match (row == column, row == child) {
-                            (true, _) => &mut self.bodies[*row].h[level],
-                            (false, true) => &mut self.extra[*child][level],
-                            (false, false) => &mut self.extra[*child][2 + level],
-                        };
-                        for i in 0..N {
-                            let force = (scale * power).scaled(part(&b.force_extra, side, i));
-                            for j in 0..N {
-                                to[i][j] = to[i][j] + force.scaled(part(rates, other, j));
-                            }
-                        }
-                    }
-                }
-            }
-        }
+    /// Ψ of a body, and BᵀH times its e₁ and e₂.
+    pub(super) fn small(&self, plan: &Plan, at: usize) -> (&[T], [&[T]; 2]) {
+        let [from, to] = [at, at + 1].map(|at| plan.tree.pivots_before(at));
+        let size = to - from;
+        let [psi, p, v] = [0, 1, 2].map(|k| &self.small[SMALL * from + k * size..][..size]);
+        (psi, [p, v])
     }
 
     /// Eliminates children before parents; returns the largest growth of numbers and the position it was at.
@@ -491,23 +433,17 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         plan: &Plan,
         threads: &Threads,
         motions: &[Motion<N>],
-        made: &[Column<N>],
-        structure: &Structure,
+        columns: &[Column<N>],
         sum: &Sum<'_, T>,
     ) -> Result<Growth, SingularMatrix> {
-        let step = Step { gamma_h: sum.gamma_h, beta_h2: sum.beta_h2, ratio: sum.ratio };
+        let step = Step { gamma_h: sum.gamma_h, beta_h2: sum.beta_h2 };
         self.step = step;
-        begin(plan, threads, sum, &step, made, 0, &mut self.bodies, &mut self.columns);
-        self.free.iter_mut().for_each(|free| free.size = 0.0);
-        if !plan.extra.is_empty() {
-            self.add_extra_states(plan, structure, sum);
-        }
-        let Self { bodies, psi, exchanges, free, columns, extra, additions, .. } = self;
-        let given =
-            Given { plan, threads, motions, made, columns, extra, step, blocks: sum.blocks };
-        let mut factors = Factors { first: 0, bodies, psi, exchanges, free };
+        let Self { small, exchanges, free, additions, open, .. } = self;
+        let given = Given { plan, threads, motions, columns, step, sum };
+        let mut factors = Factors { first: 0, small, exchanges, free };
         let [all, _] = factors.split_at(plan, plan.tree.len());
-        let growth = given.parts(&plan.parts, all, additions)?;
-        Ok(larger(growth, given.rest(&plan.parts, &mut factors, additions)?))
+        let (rest, parts) = open.split_last_mut().expect("one for the rest");
+        let growth = given.parts(&plan.parts, all, additions, parts)?;
+        Ok(larger(growth, given.rest(&plan.parts, &mut factors, additions, rest)?))
     }
 }

@@ -14,18 +14,23 @@ pub(super) struct Plan {
     pub(super) constants: ByPosition<(f64, u32)>,
     /// First values of the blocks of K and C (b, b), (b, p), (p, b); none is `usize::MAX`.
     pub(super) blocks: Vec<[usize; 3]>,
-    /// Extra states, and the child of their two bodies.
-    pub(super) extra: Vec<Extra>,
+    /// Extra states of each body.
+    pub(super) extra: ByPosition<Extra>,
+    /// Rows of G among those of G̃; those of P come after them.
+    pub(super) rank: usize,
+    /// Where w of each body is kept until what hangs on it has it. The last of these takes its parent's place: with the
+    /// largest subtree last, a forest needs no more places than the logarithm of its bodies.
+    pub(super) places: Vec<u32>,
     /// Ranges of subtrees that can be eliminated at the same time, ascending; none where too little is in them.
     pub(super) parts: Vec<Range<usize>>,
 }
 
-/// An extra state and its bodies.
+/// An extra state of a body, which is this one of its two; `coupled` at the child of the two.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Extra {
-    pub(super) state: usize,
-    pub(super) bodies: [Option<usize>; 2],
-    pub(super) child: usize,
+    pub(super) state: u32,
+    pub(super) side: u8,
+    pub(super) coupled: bool,
 }
 
 /// No block.
@@ -60,14 +65,17 @@ impl Plan {
         let mut extra = Vec::new();
         for (state, ends) in structure.extra_bodies.iter().enumerate() {
             let child = match *ends {
-                [Some(a), Some(b)] if forest.parent(a) == Some(b) => a,
-                [Some(a), Some(b)] if forest.parent(b) == Some(a) => b,
-                [Some(a), None] | [None, Some(a)] => a,
-                _ => return None,
+                [Some(a), Some(b)] if forest.parent(a) == Some(b) => Some(a),
+                [Some(a), Some(b)] if forest.parent(b) == Some(a) => Some(b),
+                [Some(_), Some(_)] => return None,
+                _ => None,
             };
-            let [bodies, child] = [*ends, [Some(child), None]]
-                .map(|bodies| bodies.map(|body| body.map(|body| tree.position(body))));
-            extra.push(Extra { state, bodies, child: child[0]? });
+            for (side, &body) in ends.iter().enumerate() {
+                let Some(body) = body else { continue };
+                let coupled = child == Some(body);
+                let item = Extra { state: state as u32, side: side as u8, coupled };
+                extra.push((tree.position(body), item));
+            }
         }
         let mut kept = vec![None; structure.sizes.rows];
         for (k, &row) in parametrization.kept.iter().enumerate() {
@@ -114,11 +122,35 @@ impl Plan {
             moving: ByPosition::new(count, moving),
             constants: ByPosition::new(count, constants),
             blocks,
-            extra,
+            extra: ByPosition::new(count, extra),
+            rank,
+            places: places(&tree),
             parts: parts(&tree),
             tree,
         })
     }
+
+    /// Whether others hang on the body at a position.
+    pub(super) fn carries(&self, at: usize) -> bool {
+        at + 1 < self.tree.len() && self.tree.parent(at + 1) == Some(at)
+    }
+}
+
+/// See [`Plan::places`].
+fn places(tree: &BodyTree) -> Vec<u32> {
+    let mut last = vec![usize::MAX; tree.len()];
+    for at in 0..tree.len() {
+        if let Some(parent) = tree.parent(at) {
+            last[parent] = at;
+        }
+    }
+    let mut places = vec![0; tree.len()];
+    for at in 0..tree.len() {
+        if let Some(parent) = tree.parent(at) {
+            places[at] = places[parent] + u32::from(last[parent] != at);
+        }
+    }
+    places
 }
 
 /// Ranges of subtrees that hang on the same body, as large as a share of all bodies allows, if together they

@@ -1,11 +1,10 @@
 //! Solutions with the factors of a tree's matrix: inwards, and outwards again.
 
-use super::numbers::{Numbers, coupling};
+use super::numbers::Numbers;
 use super::plan::Plan;
-use super::{Column, Motion};
-use crate::newton::blocks::ReducedBlocks;
+use super::{Column, Elimination, Motion, Right};
 use holonom_linalg::Scalar;
-use holonom_linalg::small::{Square, add_own_times, add_times, add_transposed_times, solve};
+use holonom_linalg::small::solve;
 
 impl<T: Scalar, const N: usize> Numbers<T, N> {
     pub(super) fn solve(
@@ -13,124 +12,187 @@ impl<T: Scalar, const N: usize> Numbers<T, N> {
         plan: &Plan,
         motions: &[Motion<N>],
         columns: &[Column<N>],
-        right: &mut [T],
-        blocks: &ReducedBlocks,
-        multipliers: bool,
+        right: Right<'_, T>,
+    ) {
+        self.go_inwards(plan, motions, columns, &mut *right.force, right.rate, right.given);
+        self.go_outwards(plan, motions, columns, right.rate, right.given, right.change);
+    }
+
+    /// r of every body in the places of ρ.
+    fn go_inwards(
+        &self,
+        plan: &Plan,
+        motions: &[Motion<N>],
+        columns: &[Column<N>],
+        force: &mut [T],
+        rate: &mut [T],
+        given: [Option<&[T]>; 2],
+    ) {
+        let tree = &plan.tree;
+        for at in (0..tree.len()).rev() {
+            let range = tree.free(at);
+            let (k, body) = (range.len(), tree.body(at) * N);
+            let rows = &tree.rows(at)[N - k..];
+            let place = |c: usize| rows[c] as usize - plan.rank;
+            let phi: [T; N] = std::array::from_fn(|i| force[body + i]);
+            // Of a root T is zero.
+            let mut add = motions[at].felt(&phi);
+            for (c, column) in columns[range.clone()].iter().enumerate() {
+                rate[place(c)] = (0..N).fold(T::ZERO, |s, i| s + phi[i].scaled(column.b[i]));
+            }
+            let (psi, felt) = self.small(plan, at);
+            for (level, (given, felt)) in given.iter().zip(felt).enumerate() {
+                let Some(given) = given else { continue };
+                for (c, free) in self.free[range.clone()].iter().enumerate() {
+                    let x = given[place(c)];
+                    for r in 0..k {
+                        rate[place(r)] = rate[place(r)] - felt[r * k + c] * x;
+                    }
+                    subtract(&mut add, &free.given[level], x);
+                }
+            }
+            let exchanges = &self.exchanges[range.clone()];
+            let mut r = &mut *rate;
+            solve(psi, exchanges, k, &mut r, |r, c| &mut r[place(c)]);
+            if let Some(parent) = tree.parent(at) {
+                for (c, free) in self.free[range].iter().enumerate() {
+                    subtract(&mut add, &free.v, rate[place(c)]);
+                }
+                let above = &mut force[tree.body(parent) * N..][..N];
+                above.iter_mut().zip(add).for_each(|(phi, add)| *phi = *phi + add);
+            }
+        }
+    }
+
+    /// ρ of every body, and with it how the body moves, for those that hang on it.
+    fn go_outwards(
+        &mut self,
+        plan: &Plan,
+        motions: &[Motion<N>],
+        columns: &[Column<N>],
+        rate: &mut [T],
+        given: [Option<&[T]>; 2],
+        mut change: Option<&mut [T]>,
     ) {
         let (tree, step) = (&plan.tree, self.step);
         let n = tree.len() * N;
-        let given = right[..3 * n].iter().any(|x| x.size() != 0.0);
-        let twice = step.gamma_h.scaled(2.0);
-        let one = T::from(1.0);
-        for (at, phi) in self.phi.iter_mut().enumerate() {
-            let body = tree.body(at);
-            *phi = std::array::from_fn(|i| right[3 * n + body * N + i]);
-        }
-        for at in (0..tree.len()).rev() {
-            let motion = &motions[at];
-            let range = tree.free(at);
-            let parent = tree.parent(at);
-            let mut g = [[T::ZERO; N]; 3];
-            let mut phi = self.phi[at];
-            if given {
-                let rows = tree.rows(at);
-                for (level, g) in g.iter_mut().enumerate() {
-                    let f: [T; N] = std::array::from_fn(|i| right[level * n + rows[i] as usize]);
-                    add_times(g, one, &motion.inverse, &f);
-                }
-                let [x, y, a] = &mut g;
-                add_times(y, step.ratio.scaled(-1.0), &motion.q0, x);
-                add_times(a, step.beta_h2.scaled(-1.0), &motion.q1, x);
-                add_times(a, twice.scaled(-1.0), &motion.q0, y);
-                for (h, g) in self.bodies[at].h.iter().zip(&g) {
-                    let minus: [T; N] = std::array::from_fn(|i| g[i].scaled(-1.0));
-                    add_own_times(&mut phi, h, &minus);
-                }
-            }
-            for (k, column) in range.clone().zip(&columns[range.clone()]) {
-                self.r[k] = (0..N).fold(T::ZERO, |s, i| s + phi[i].scaled(column.b[i]));
-            }
-            let psi = &self.psi[tree.pivots_before(at)..tree.pivots_before(at + 1)];
-            let exchanges = &self.exchanges[range.clone()];
-            let mut r = &mut self.r[range.clone()];
-            solve(psi, exchanges, range.len(), &mut r, |r, c| &mut r[c]);
-            if let Some(parent) = parent {
-                let mut add = [T::ZERO; N];
-                add_transposed_times(&mut add, &motion.t, &phi);
-                for k in range {
-                    for i in 0..N {
-                        add[i] = add[i] - self.free[k].v[i] * self.r[k];
-                    }
-                }
-                if given && let Some(upper) = coupling(plan, &step, &self.extra, at, true, blocks) {
-                    for (u, g) in upper.iter().zip(&g) {
-                        let minus: [T; N] = std::array::from_fn(|i| g[i].scaled(-1.0));
-                        add_own_times(&mut add, u, &minus);
-                    }
-                }
-                for (phi, add) in self.phi[parent].iter_mut().zip(add) {
-                    *phi = *phi + add;
-                }
-            }
-            self.w[at] = g;
-        }
         for at in 0..tree.len() {
-            let motion = &motions[at];
             let range = tree.free(at);
-            let mut w = self.w[at];
-            let parent = tree.parent(at);
-            if let Some(parent) = parent {
-                let above = self.w[parent];
-                for k in range.clone() {
-                    let terms = self.free[k].z.iter().zip(&above);
-                    self.r[k] =
-                        terms.fold(self.r[k], |r, (z, w)| (0..N).fold(r, |r, j| r - z[j] * w[j]));
-                }
-                for (w, above) in w.iter_mut().zip(&above) {
-                    add_times(w, one, &motion.t, above);
-                }
-                add_times(&mut w[1], step.ratio, &motion.alpha, &above[0]);
-                add_times(&mut w[2], twice, &motion.alpha, &above[1]);
-                add_own_times(&mut w[2], &step.bend_of(motion), &above[0]);
-            }
-            for k in range.clone() {
-                for (w, x) in w.iter_mut().zip(&self.columns[k]) {
-                    for i in 0..N {
-                        w[i] = w[i] + x[i] * self.r[k];
-                    }
+            let rows = &tree.rows(at)[N - range.len()..];
+            let place = |c: usize| rows[c] as usize - plan.rank;
+            let above = tree.parent(at).map(|parent| self.w[plan.places[parent] as usize]);
+            if let Some(above) = &above {
+                for (c, free) in self.free[range.clone()].iter().enumerate() {
+                    let terms = free.z.iter().zip(above);
+                    let r = &mut rate[place(c)];
+                    *r = terms.fold(*r, |r, (z, w)| (0..N).fold(r, |r, j| r - z[j] * w[j]));
                 }
             }
-            self.w[at] = w;
-            for (level, w) in w.iter().enumerate() {
-                right[level * n + tree.body(at) * N..][..N].copy_from_slice(w);
+            if change.is_none() && !plan.carries(at) {
+                continue;
             }
-            let rows = tree.rows(at);
-            let last = N - range.len();
-            if multipliers {
-                let mut force = self.phi[at];
-                let mut subtract = |a: &Square<T, N>, x: &[T; N]| {
-                    let minus: [T; N] = std::array::from_fn(|i| x[i].scaled(-1.0));
-                    add_own_times(&mut force, a, &minus);
-                };
-                for (h, w) in self.bodies[at].h.iter().zip(&w) {
-                    subtract(h, w);
-                }
-                if let Some(parent) = parent
-                    && let Some(lower) = coupling(plan, &step, &self.extra, at, false, blocks)
-                {
-                    for (l, w) in lower.iter().zip(&self.w[parent]) {
-                        subtract(l, w);
-                    }
-                }
-                let mut lambda = [T::ZERO; N];
-                add_transposed_times(&mut lambda, &motion.inverse, &force);
-                for (row, x) in rows[..last].iter().zip(lambda) {
-                    right[3 * n + *row as usize] = x;
+            let mut w = above.map_or([[T::ZERO; N]; 3], |above| motions[at].carry(&above));
+            for (c, column) in columns[range].iter().enumerate() {
+                let rho = rate[place(c)];
+                let [p, v] = given.map(|given| given.map_or(rho, |given| rho + given[place(c)]));
+                column.add_motion(&mut w, [step.beta_h2 * p, step.gamma_h * v, rho]);
+            }
+            self.w[plan.places[at] as usize] = w;
+            if let Some(change) = &mut change {
+                for (level, w) in w.iter().enumerate() {
+                    change[level * n + tree.body(at) * N..][..N].copy_from_slice(w);
                 }
             }
-            for (row, k) in rows[last..].iter().zip(range) {
-                right[3 * n + *row as usize] = self.r[k];
+        }
+    }
+}
+
+/// out −= a x.
+#[inline(always)]
+fn subtract<T: Scalar, const N: usize>(out: &mut [T; N], a: &[T; N], x: T) {
+    for i in 0..N {
+        out[i] = out[i] - a[i] * x;
+    }
+}
+
+impl<const N: usize> Motion<N> {
+    /// 𝒯 w of the parent's w.
+    #[inline(always)]
+    fn carry<T: Scalar>(&self, [x, y, a]: &[[T; N]; 3]) -> [[T; N]; 3] {
+        let [mut p, mut v, mut rate] = [[T::ZERO; N]; 3];
+        for j in 0..N {
+            let (t, alpha, nu) = (&self.t[j], &self.alpha[j], &self.nu[j]);
+            let (x, y, twice, a) = (x[j], y[j], y[j].scaled(2.0), a[j]);
+            for i in 0..N {
+                p[i] = p[i] + x.scaled(t[i]);
+                v[i] = v[i] + y.scaled(t[i]) + x.scaled(alpha[i]);
+                rate[i] = rate[i] + a.scaled(t[i]) + twice.scaled(alpha[i]) + x.scaled(nu[i]);
             }
+        }
+        [p, v, rate]
+    }
+
+    /// Tᵀ φ.
+    #[inline(always)]
+    fn felt<T: Scalar>(&self, phi: &[T; N]) -> [T; N] {
+        std::array::from_fn(|i| (0..N).fold(T::ZERO, |sum, j| sum + phi[j].scaled(self.t[i][j])))
+    }
+}
+
+impl<const N: usize> Elimination<N> {
+    /// x = D p: how bodies move at given rates of the independent variables.
+    pub(super) fn spread(&self, p: &[f64], x: &mut [f64]) {
+        let tree = &self.plan.tree;
+        for at in 0..tree.len() {
+            let body = tree.body(at) * N;
+            let mut own = [0.0; N];
+            if let Some(parent) = tree.parent(at) {
+                let above = &x[tree.body(parent) * N..][..N];
+                for (t, x) in self.motions[at].t.iter().zip(above) {
+                    own.iter_mut().zip(t).for_each(|(own, t)| *own += t * x);
+                }
+            }
+            let range = tree.free(at);
+            let rows = &tree.rows(at)[N - range.len()..];
+            for (row, column) in rows.iter().zip(&self.columns[range]) {
+                let p = p[*row as usize - self.plan.rank];
+                own.iter_mut().zip(&column.b).for_each(|(own, b)| *own += b * p);
+            }
+            x[body..body + N].copy_from_slice(&own);
+        }
+    }
+
+    /// p = Dᵀ f: what forces on bodies do along the independent variables.
+    pub(super) fn gather(&self, force: &mut [f64], p: &mut [f64]) {
+        let tree = &self.plan.tree;
+        for at in (0..tree.len()).rev() {
+            let body = tree.body(at) * N;
+            let own: [f64; N] = std::array::from_fn(|i| force[body + i]);
+            let range = tree.free(at);
+            let rows = &tree.rows(at)[N - range.len()..];
+            for (row, column) in rows.iter().zip(&self.columns[range]) {
+                p[*row as usize - self.plan.rank] =
+                    (0..N).fold(0.0, |sum, i| sum + own[i] * column.b[i]);
+            }
+            if let Some(parent) = tree.parent(at) {
+                let above = &mut force[tree.body(parent) * N..][..N];
+                let felt = self.motions[at].felt(&own);
+                above.iter_mut().zip(felt).for_each(|(out, x)| *out += x);
+            }
+        }
+    }
+}
+
+impl<const N: usize> Column<N> {
+    /// Adds to w what the variable's position, velocity and acceleration do.
+    #[inline(always)]
+    pub(super) fn add_motion<T: Scalar>(&self, w: &mut [[T; N]; 3], [p, v, a]: [T; 3]) {
+        let twice = v.scaled(2.0);
+        for i in 0..N {
+            let (b, alpha, nu) = (self.b[i], self.alpha[i], self.nu[i]);
+            w[0][i] = w[0][i] + p.scaled(b);
+            w[1][i] = w[1][i] + v.scaled(b) + p.scaled(alpha);
+            w[2][i] = w[2][i] + a.scaled(b) + twice.scaled(alpha) + p.scaled(nu);
         }
     }
 }
