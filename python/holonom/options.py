@@ -133,7 +133,7 @@ class Options:
         "bodies; or auto (default), whichever is predicted to cost less. The sparse one is "
         "inflated, with all that the Jacobian contains, or simplified, without how joints turn: "
         "for loops, and until iterations are slow. Naming one of these says which; ForRosen and "
-        "the descriptor forms need the first.",
+        "the descriptor forms need inflated.",
         words=("auto", "dense", "sparse", "simplified", "inflated"),
     )
     accelerations: str | None = _choice(

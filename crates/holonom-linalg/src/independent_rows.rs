@@ -51,11 +51,9 @@ const NOISE: f64 = 1024.0 * f64::EPSILON;
 ///
 /// Blocks of columns are eliminated in an order of least degree, each by its rows alone, as in a
 /// multifrontal factorisation: reflections of its columns make one entry of a taken row, whose multiples
-/// are subtracted from the others. With exact numbers the result is that of the greedy choice that goes
-/// through all rows by preference, in any order of the blocks: the preferred row first in order among those
-/// with an entry in a column where all taken ones vanish belongs to it (as the lightest edge of a cut belongs
-/// to the lightest spanning tree). For the same reason a preferred row that depends on rows before it is out
-/// as soon as these stand in the same blocks, so that no more rows wait than there are columns in their
+/// are subtracted from the others. Whatever the order of the blocks, a row with an entry in a column where all
+/// taken ones vanish may be taken there: of those the choice is local. A row that depends on others that wait
+/// in the same blocks, and are preferred to it, is out, so that no more rows wait than there are columns in their
 /// blocks. With numbers, multiples of required rows are at most ten, and those of preferred rows at most
 /// 1/`nearly`.
 ///

@@ -200,3 +200,30 @@ fn a_ladder_takes_work_in_proportion_to_its_loops() {
     let exponent = (large / small).ln() / 30f64.ln();
     assert!(exponent < 1.02, "work grows with the power {exponent:.3} of the loops");
 }
+
+#[test] // truth: the choice by hand, of two rows for one column and three for two
+fn preferred_rows_are_compared_by_what_is_left_of_them_times_their_weight() {
+    let row = |entries: &[(usize, f64)], claim| OfferedRow { entries: entries.to_vec(), claim };
+    let taken =
+        |rows: &[OfferedRow], width| independent_rows(1, width, rows, 1e-9, 0.4).unwrap().taken;
+    // Weight decides, unless too little is left, whatever the order.
+    for (weight, left, expected) in [(3.0, 0.5, 0), (1.5, 0.5, 1), (1e6, 0.3, 1)] {
+        let (one, other) =
+            (row(&[(0, left)], Claim::Preferred(weight)), row(&[(0, 1.0)], Claim::Preferred(1.0)));
+        assert_eq!(taken(&[one.clone(), other.clone()], 1), [expected], "{weight}, {left}");
+        assert_eq!(taken(&[other, one], 1), [1 - expected], "{weight}, {left}");
+    }
+    // Of those in turn the first of which enough is left stands for all, against the others by weight.
+    let turn = |left| row(&[(0, left)], Claim::InTurn(1.0));
+    assert_eq!(taken(&[turn(0.3), turn(0.5), turn(1.0)], 1), [1]);
+    let weighed = |weight| row(&[(0, 1.0)], Claim::Preferred(weight));
+    assert_eq!(taken(&[weighed(0.4), turn(0.5)], 1), [1]);
+    assert_eq!(taken(&[weighed(0.6), turn(0.5)], 1), [0]);
+    // What is left beside the first: of the second nothing, of the third a half.
+    let three = [
+        row(&[(0, 1.0), (1, 1.0)], Claim::Preferred(5.0)),
+        row(&[(0, 2.0), (1, 2.0)], Claim::Preferred(1.0)),
+        row(&[(0, 1.0), (1, 0.0)], Claim::Preferred(1.0)),
+    ];
+    assert_eq!(taken(&three, 2), [0, 2]);
+}

@@ -80,9 +80,11 @@ impl Matrices {
         *self = Self { simplification: self.simplification, ..Self::NONE };
     }
 
-    /// Iterations converged with this factor; 0 where none was seen.
+    /// Iterations converged with this factor; 0 where none was seen. Where the linearization is old that says
+    /// nothing of what was left out.
     pub(super) fn observe(&mut self, ode: &mut Counted<'_>, contraction: f64) {
-        if ode.is_simplified() && self.simplification.observe(contraction) {
+        let tells = self.linearization != Linearization::Old && ode.is_simplified();
+        if tells && self.simplification.observe(contraction) {
             self.complete(ode);
         }
     }

@@ -217,7 +217,7 @@ impl<'a> Loops<'a> {
         }
     }
 
-    /// Deformations that are stiff against the motion, the strongest first.
+    /// Deformations that are stiff against the motion, the strongest first, which decides between equals.
     fn deformations(&self, g: &BlockMatrix, relatives: &Relatives) -> Vec<Deformation> {
         let (system, q) = (self.system, &self.state.q);
         let mut out = Vec::new();

@@ -143,8 +143,7 @@ pub enum RunError {
     SparseDifferences,
     /// The code needs the full Jacobian.
     #[error(
-        "`newton` is simplified, which leaves out part of the Jacobian; {code} needs the full one: use \
-         sparse, or another code"
+        "`newton` is simplified, which leaves out part of the Jacobian; {code} needs the full one"
     )]
     SimplifiedJacobian {
         /// Name of the code.
@@ -277,7 +276,7 @@ impl RunError {
             Self::InexactJacobian { .. } | Self::SparseDifferences => {
                 "leave `jacobian` out for the analytic one"
             }
-            Self::SimplifiedJacobian { .. } => "leave `newton` out",
+            Self::SimplifiedJacobian { .. } => "leave `newton` out, or name another code",
             Self::Accelerations { .. } => "leave `accelerations` out",
             Self::Coordinates { .. } => "leave `coordinates` out",
         }
@@ -353,8 +352,12 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
     if options.jacobian == JacobianSource::Differences && options.newton.is_sparse() {
         return Err(RunError::SparseDifferences);
     }
-    let iterated = options.code.info().family == "explicit" || !options.code.needs_full_jacobian();
-    if options.newton == Representation::Simplified && !iterated {
+    // Explicit codes, which only carry their errors by a matrix, take the inflated one.
+    let explicit = options.code.info().family == "explicit";
+    if options.newton == Representation::Simplified
+        && options.code.needs_full_jacobian()
+        && !explicit
+    {
         return Err(RunError::SimplifiedJacobian { code: options.code.info().name });
     }
     Ok(())

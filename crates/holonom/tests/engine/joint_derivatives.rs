@@ -190,6 +190,42 @@ fn many_loops_have_the_cartesian_blocks() {
     }
 }
 
+/// A four-bar whose rocker's angle is chosen, being stiff; a pendulum on the coupler, and a damper in series with a spring
+/// on the rocker.
+const ROCKER: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+crank = { mass = 1.0, inertia = 0.05, position = [0.0, 0.5], angle = 1.5707963267948966 }
+coupler = { mass = 2.0, inertia = 0.5, position = [1.0, 1.5], angle = 0.4636476090008061 }
+rocker = { mass = 1.5, inertia = 0.3, position = [2.0, 1.0], angle = 1.5707963267948966 }
+bob = { mass = 0.7, inertia = 0.02, position = [1.0, 1.2] }
+[joints]
+a = { type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }
+b = { type = "revolute", between = ["crank", "coupler"], point = [0.0, 1.0] }
+c = { type = "revolute", between = ["coupler", "rocker"], point = [2.0, 2.0] }
+d = { type = "revolute", between = ["ground", "rocker"], point = [2.0, 0.0] }
+e = { type = "revolute", between = ["coupler", "bob"], point = [1.0, 1.5] }
+[forces]
+stiff = { type = "rsda", between = ["KNEE", "rocker"], stiffness = 1e6, damping = 10.0, free_angle = 1.0 }
+series = { type = "maxwell", between = ["ground", "rocker"], points = [[4.0, 1.0], [2.0, 1.5]], stiffness = 400.0, damping = 50.0, free_length = 2.0 }
+"#;
+
+#[test] // independent truth: the Cartesian blocks
+fn what_extra_states_act_on_is_forgotten_by_the_next_linearization() {
+    let mut random = Random::new(11);
+    for knee in ["ground", "coupler"] {
+        let mut forms = Forms::new(model_of(&ROCKER.replace("KNEE", knee))).expect("a joint form");
+        let start = forms.w.clone();
+        for _ in 0..10 {
+            assert!(forms.go(&start, &mut random));
+            let worst = compare(&mut forms, &mut random);
+            assert!(worst.iter().all(|x| *x < 1e-9), "{knee}: {worst:?}");
+        }
+    }
+}
+
 /// M̂ times the derivative of v̈, and that of ż, along entry j of w, or along time: Richardson extrapolation of central
 /// differences; none where a neighbour cannot be evaluated.
 fn difference(

@@ -171,6 +171,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let target = &mut out.force_extra[k * ndof..(k + 1) * ndof];
             self.project_by_maps(&all, &at.varied.along[0], |row, x| target[row] += x);
         }
+        self.rest(&all, &mut at);
         at.time = all;
         self.derivatives = Some(at);
     }
