@@ -8,7 +8,8 @@ use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Rep
 use super::sparse::SparseMatrix;
 use crate::error::EvaluationFailure;
 use crate::reduction::{Manifold, Point};
-use holonom_linalg::{Complex64, SingularMatrix};
+use crate::system::Structure;
+use holonom_linalg::{BlockGraph, Complex64, SingularMatrix, least_degree};
 
 /// A matrix with dense blocks of order ndof, or the sparse one, as asked for or by predicted cost.
 #[derive(Debug, Clone)]
@@ -21,48 +22,56 @@ pub enum Chosen<D> {
 
 /// Operations with vectors cost about this part of single ones.
 const LANE_COST: f64 = 0.25;
-/// Cost of a factorization that follows entries, with its solves, per entry and entry of a row, in the operations of a dense
-/// one, about: equal costs were measured for planar ladders of 145 loops with the simplified and of 280 with the inflated matrix.
-const ELIMINATION: f64 = 15.0;
-/// The same of the elimination of a tree per body and cube of its coordinates: equal costs were measured for
+/// Cost of a factorization of the simplified matrix, with its solves, per block operation and cube of a body's rows, in the
+/// operations of a dense one, about: equal costs were measured for planar chains between two hinges of 95 links and for
+/// ladders of 190 loops.
+const ELIMINATION: f64 = 18.0;
+/// The inflated matrix to the simplified one, about: 110 links and 280 loops.
+const INFLATED: f64 = 1.6;
+/// Cost of the elimination of a tree per body and cube of its coordinates: equal costs were measured for
 /// chains of 36 links in a plane and of about 70 in space.
 const TREE_ELIMINATION: f64 = 60.0;
 /// Factorizations to one linearization, and solves to one factorization, about.
 const FACTORIZATIONS: f64 = 5.0;
 const SOLVES: f64 = 6.0;
-/// Iterations with the simplified matrix to those with the inflated one, about.
-const SLOWER: f64 = 1.2;
 
-/// Predicted cost where a matrix of this order has so many entries.
-fn elimination(entries: f64, order: f64) -> f64 {
-    ELIMINATION * entries * entries / order.max(1.0)
-}
-
-/// The predicted cost of a linearization with what follows it, of the inflated and of the simplified matrix.
-fn sparse_costs(manifold: &Manifold) -> [f64; 2] {
-    let structure = manifold.system().structure();
-    let (chart, n) = (manifold.chart(), structure.sizes.coordinates as f64);
-    let ndof = chart.ndof() as f64;
-    let of_g = structure.constraint_pattern.len() as f64;
-    let of_k = structure.stiffness_pattern.len() as f64;
-    if ForestElimination::fits(manifold) {
-        // From body to body nothing fills: the inflated matrix costs about what the simplified one does by its entries.
-        let square = (structure.sizes.per_body * structure.sizes.per_body) as f64;
-        return [FACTORIZATIONS * TREE_ELIMINATION * n * square, f64::INFINITY];
-    }
-    let entries = 3.0 * chart.fill() as f64 + 3.0 * of_g + 2.0 * of_k + 3.0 * ndof;
-    let simplified = SLOWER * elimination(of_k + 2.0 * of_g, 2.0 * n - ndof);
-    [elimination(entries, 4.0 * n), simplified].map(|cost| FACTORIZATIONS * cost)
-}
-
-/// Whether the simplified matrix is predicted to cost less than the inflated one.
+/// Whether the simplified matrix may serve: not on trees, where nothing fills from body to body, and the inflated
+/// one costs no more.
 pub(super) fn prefers_simplified(manifold: &Manifold) -> bool {
-    let [inflated, simplified] = sparse_costs(manifold);
-    simplified < inflated
+    !ForestElimination::fits(manifold)
 }
 
-/// The predicted cost of a linearization with what follows it: dense, and sparse, simplified where that may serve.
-fn costs(manifold: &Manifold, exact: bool) -> (f64, f64) {
+/// Block operations of an elimination body by body, each with its rows of joints, in an order of least degree.
+fn block_operations(structure: &Structure) -> f64 {
+    let (bodies, n) = (structure.sizes.bodies, structure.sizes.per_body);
+    let mut touched = vec![Vec::new(); structure.sizes.rows];
+    for (row, column, rows, _) in structure.constraint_pattern.shapes() {
+        touched[row..row + rows].iter_mut().for_each(|bodies| bodies.push(column / n));
+    }
+    let by_forces = structure.stiffness_pattern.shapes().map(|(i, j, ..)| [i / n, j / n]);
+    let by_joints = touched.iter().flat_map(|ends| ends.windows(2).map(|pair| [pair[0], pair[1]]));
+    let edges: Vec<[usize; 2]> = by_forces.chain(by_joints).collect();
+    let graph = BlockGraph::new(&vec![1; bodies], &edges);
+    (bodies + graph.elimination_operations(&least_degree(&graph))) as f64
+}
+
+/// The predicted cost of what follows a linearization with a sparse matrix: of a simplified one, unless all of the
+/// Jacobian is needed.
+fn sparse_cost(manifold: &Manifold, exact: bool) -> f64 {
+    let structure = manifold.system().structure();
+    let (n, bodies) = (structure.sizes.coordinates as f64, structure.sizes.bodies as f64);
+    if ForestElimination::fits(manifold) {
+        let square = (structure.sizes.per_body * structure.sizes.per_body) as f64;
+        return FACTORIZATIONS * TREE_ELIMINATION * n * square;
+    }
+    // A body with its rows of joints that others do not imply.
+    let block = (2.0 * n - manifold.chart().ndof() as f64) / bodies;
+    let matrix = if exact { INFLATED } else { 1.0 };
+    FACTORIZATIONS * ELIMINATION * matrix * block_operations(structure) * block.powi(3)
+}
+
+/// The predicted cost of a linearization with what follows it, with a dense matrix.
+fn dense_cost(manifold: &Manifold) -> f64 {
     let structure = manifold.system().structure();
     let (chart, n) = (manifold.chart(), structure.sizes.coordinates as f64);
     let ndof = chart.ndof() as f64;
@@ -71,18 +80,13 @@ fn costs(manifold: &Manifold, exact: bool) -> (f64, f64) {
     let blocks = 3.0 * (2.0 * of_k + 3.0 * of_g);
     let reduction = ndof * (2.0 * 4.0 * chart.fill() as f64 + 2.0 * blocks + 2.0 * n * ndof);
     let factor = ndof.powi(3) * 2.0 / 3.0;
-    let dense = LANE_COST * (reduction + FACTORIZATIONS * (factor + SOLVES * 2.0 * ndof * ndof));
-    let [inflated, simplified] = sparse_costs(manifold);
-    (dense, if exact { inflated } else { inflated.min(simplified) })
+    LANE_COST * (reduction + FACTORIZATIONS * (factor + SOLVES * 2.0 * ndof * ndof))
 }
 
 impl<D: Matrix> Matrix for Chosen<D> {
     fn new(manifold: &Manifold, q: &[f64], options: &MatrixOptions) -> Self {
         let sparse = match options.representation {
-            Representation::Auto => {
-                let (dense, sparse) = costs(manifold, options.exact);
-                sparse < dense
-            }
+            Representation::Auto => sparse_cost(manifold, options.exact) < dense_cost(manifold),
             stated => stated.is_sparse(),
         };
         if sparse && options.source == JacobianSource::Analytic {
