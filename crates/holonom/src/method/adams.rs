@@ -41,7 +41,7 @@ pub struct AdamsStepper {
     predicted: Vec<f64>,
     /// Of the slope there from the predicted one, then the estimated error.
     difference: Vec<f64>,
-    /// That is what one correction has left, and no error of a lower order.
+    /// Whether the estimated error is what one correction has left, (15a), and not that of a lower order, (15).
     unfinished: bool,
     work: Vec<f64>,
     slope: Vec<f64>,

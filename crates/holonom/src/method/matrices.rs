@@ -146,6 +146,7 @@ impl Matrices {
             Linearization::Old => reuse,
             Linearization::None => false,
         };
+        // The full matrix has served its term: the simplified one is tried again.
         let returns = self.factored != Some(step.h) && self.simplification.is_over();
         if !fresh || returns {
             self.forget();
@@ -168,6 +169,7 @@ impl Matrices {
                 if self.complete_after_failure(ode) {
                     self.reach = step.h;
                     self.simplify(ode);
+                    self.simplification.serve();
                 }
                 stages.linearize(ode, step)?;
                 self.linearization = Linearization::Current;
