@@ -47,7 +47,7 @@ impl Manifold {
     ) {
         let (system, parametrization) = (self.system.as_ref(), self.chart.parametrization());
         if let Some(joint) = &mut self.joint {
-            if std::mem::take(&mut self.renamed) {
+            if std::mem::take(&mut self.references_moved) {
                 let State { q, v, a, .. } = state;
                 let second = &mut self.predictor[..parametrization.ndof];
                 parametrization.rates(system, q, v, &mut self.independent);

@@ -74,7 +74,7 @@ pub struct Manifold {
     /// Whether the accelerations last evaluated are those of joint coordinates.
     moves_along: bool,
     /// Whether references have moved since.
-    renamed: bool,
+    references_moved: bool,
     /// Counters.
     pub counters: RecoveryCounters,
 }
@@ -117,7 +117,7 @@ impl Manifold {
             returned: false,
             multipliers_wait: false,
             moves_along: false,
-            renamed: false,
+            references_moved: false,
             counters: RecoveryCounters::default(),
         }
     }
@@ -271,7 +271,7 @@ impl Manifold {
         v: &mut [f64],
         full: bool,
     ) -> Result<(), EvaluationFailure> {
-        (self.moves_along, self.renamed) = (false, false);
+        (self.moves_along, self.references_moved) = (false, false);
         self.factor_at(q)?;
         let sign = match &self.joint {
             Some(joint) => joint.determinant_sign(),

@@ -52,7 +52,7 @@ impl Manifold {
         let turning = turn == 0.0 || relatives.turning(system, p) > turn;
         relatives.move_references(system, q, Some(p), &mut self.edges, turning);
         let changed = relatives.moves && turning;
-        self.renamed |= changed;
+        self.references_moved |= changed;
         if self.joint.is_some() && (changed || self.at != q) {
             self.at.copy_from_slice(q);
             self.stale = true;
