@@ -19,20 +19,19 @@ fn noise(index: usize) -> f64 {
     ((mixed ^ (mixed >> 29)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }
 
-/// Φᵀ, n×m by rows.
-fn constraints(plan: &BranchedPlan) -> Vec<f64> {
-    let m = plan.rows();
-    let mut out = vec![0.0; plan.len() * m];
+/// Φᵀ by rows of `width` numbers.
+fn constraints(plan: &BranchedPlan, width: usize) -> Vec<f64> {
+    let mut out = vec![0.0; plan.len() * width];
     for c in 0..plan.len() {
-        plan.runs(c).flatten().for_each(|r| out[c * m + r] = noise(c * m + r + 500));
+        plan.runs(c).flatten().for_each(|r| out[c * width + r] = noise(c * plan.rows() + r + 500));
     }
     out
 }
 
 fn branched<const W: usize>(group: &mut BenchmarkGroup<'_, WallTime>, plan: &Arc<BranchedPlan>) {
-    let mut mass: Vec<[f64; W]> = (0..plan.entries()).map(|i| [0.3 * noise(i); W]).collect();
-    (0..plan.len()).for_each(|c| mass[plan.column(c).start] = [10.0; W]);
-    let rows: Vec<[f64; W]> = constraints(plan).iter().map(|&x| [x; W]).collect();
+    let mut mass: Vec<[f64; W]> = (0..plan.places()).map(|i| [0.3 * noise(i); W]).collect();
+    (0..plan.len()).for_each(|c| mass[plan.column(c).end - 1] = [10.0; W]);
+    let rows: Vec<[f64; W]> = constraints(plan, plan.width()).iter().map(|&x| [x; W]).collect();
     let mut cholesky = BranchedCholesky::<W>::new(plan.clone());
     let mut force = vec![[1.0; W]; plan.len()];
     let mut tau = vec![[1.0; W]; plan.rows()];
@@ -64,7 +63,7 @@ fn vehicle_in_joint_coordinates(c: &mut Criterion) {
         }
         mass[i * n + i] = 10.0;
     }
-    let transposed = constraints(&plan);
+    let transposed = constraints(&plan, m);
     let mut dense = DenseAugmented::new(n, m);
     let (mut force, mut tau) = (vec![1.0; n], vec![1.0; m]);
     group.bench_function("Alg-D", |b| {

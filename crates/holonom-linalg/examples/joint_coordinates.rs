@@ -119,7 +119,7 @@ impl Case {
 fn branched<const W: usize>(case: &Case) {
     let plan = &case.plan;
     let (n, m) = (plan.len(), plan.rows());
-    let mut mass = vec![[0.0; W]; plan.entries()];
+    let mut mass = vec![[0.0; W]; plan.places()];
     for i in 0..n {
         for j in 0..=i {
             if let Some(at) = plan.entry(i, j) {
@@ -127,7 +127,10 @@ fn branched<const W: usize>(case: &Case) {
             }
         }
     }
-    let rows: Vec<[f64; W]> = case.rows.iter().map(|&x| [x; W]).collect();
+    let mut rows = vec![[0.0; W]; n * plan.width()];
+    for (k, &x) in case.rows.iter().enumerate() {
+        rows[k / m * plan.width() + k % m] = [x; W];
+    }
     let mut cholesky = BranchedCholesky::<W>::new(plan.clone());
     let (mut force, mut tau) = (vec![[0.0; W]; n], vec![[0.0; W]; m]);
     let name = if W == 1 { "Alg-S".to_owned() } else { format!("Alg-S of {W} at once") };

@@ -7,7 +7,8 @@ mod vehicle;
 
 use common::noise;
 use holonom_linalg::{
-    BlockGraph, BlockMatrix, Cholesky, DenseLu, EnvelopeCholesky, EnvelopePlan, SparseLu, gram_add,
+    BlockGraph, BlockMatrix, BranchedCholesky, BranchedPlan, Cholesky, CutRows, DenseLu,
+    EnvelopeCholesky, EnvelopePlan, SparseLu, gram_add,
 };
 use std::sync::Arc;
 
@@ -106,4 +107,22 @@ fn dense_factors_do_not_allocate() {
             a[0] += 1.0;
         }
     }
+}
+
+#[test]
+fn branched_factors_do_not_allocate() {
+    let cuts = [CutRows { nodes: [Some(1), Some(2)], rows: 3 }];
+    let plan = Arc::new(BranchedPlan::new(&[None, Some(0), Some(0)], &[6, 4, 3], &cuts));
+    let mut cholesky = BranchedCholesky::<1>::new(plan.clone());
+    let (zeros, mut mass) = (vec![[0.0]; plan.places()], vec![[0.0]; plan.places()]);
+    (0..plan.len()).for_each(|c| mass[plan.column(c).end - 1] = [1.0]);
+    let mut rows = vec![[0.0]; plan.len() * plan.width()];
+    (0..plan.rows()).for_each(|r| rows[r * plan.width() + r] = [1.0]);
+    let (mut force, mut tau) = (vec![[1.0]; plan.len()], vec![[1.0]; plan.rows()]);
+    assert_no_allocation("branched", || {
+        cholesky.factor(&zeros).unwrap_err();
+        cholesky.factor(&mass).unwrap();
+        cholesky.factor_rows(&rows).unwrap();
+        cholesky.solve(&mut force, &mut tau);
+    });
 }

@@ -110,7 +110,7 @@ impl Dense {
         }
         for c in 0..if g.is_empty() { 0 } else { self.n } {
             for r in 0..self.m {
-                g[c * self.m + r][w] = self.rows[r * self.n + c];
+                g[c * plan.width() + r][w] = self.rows[r * self.n + c];
                 let known = plan.runs(c).any(|run| run.contains(&r));
                 assert!(known || self.rows[r * self.n + c] == 0.0, "Φ has an entry there");
             }
@@ -129,8 +129,8 @@ fn vehicle() -> Tree {
 }
 
 fn tree() -> impl Strategy<Value = Tree> {
-    let nodes = proptest::collection::vec((0usize..100, 0usize..4), 1..14);
-    let cuts = proptest::collection::vec((0usize..100, 0usize..100, 1usize..3), 0..4);
+    let nodes = proptest::collection::vec((0usize..100, 0usize..5), 1..14);
+    let cuts = proptest::collection::vec((0usize..100, 0usize..100, 1usize..4), 0..6);
     (nodes, cuts).prop_map(|(nodes, cuts)| {
         let parent = |(i, &(p, _)): (usize, &(usize, usize))| (p % (i + 1)).checked_sub(1);
         let count = nodes.len();
@@ -158,7 +158,7 @@ fn compare(tree: &Tree, seed: u64) -> Result<(), TestCaseError> {
     prop_assume!(truth.iter().all(|t| t.ratio > 1e-6));
 
     let mut four = BranchedCholesky::<4>::new(plan.clone());
-    let (mut mass, mut rows) = (vec![[0.0; 4]; plan.entries()], vec![[0.0; 4]; n * m]);
+    let (mut mass, mut rows) = (vec![[0.0; 4]; plan.places()], vec![[0.0; 4]; n * plan.width()]);
     for (w, dense) in dense.iter().enumerate() {
         dense.store(&plan, w, &mut mass, &mut rows);
     }
@@ -218,7 +218,7 @@ proptest! {
         (0..n).for_each(|i| inverse[i * n + i] = 1.0);
         full.solve_upper(&mut inverse, n);
         let mut branched = BranchedCholesky::<1>::new(plan.clone());
-        let mut mass = vec![[0.0]; plan.entries()];
+        let mut mass = vec![[0.0]; plan.places()];
         dense.store(&plan, 0, &mut mass, &mut []);
         branched.factor(&mass).expect("positive definite");
         for i in 0..n {
@@ -332,10 +332,10 @@ fn a_star_of_many_nodes_is_linear() {
     let plan = tree.plan();
     assert_eq!(plan.entries(), 2 * count - 1);
     let mut cholesky = BranchedCholesky::<1>::new(plan.clone());
-    let mut mass = vec![[1.0]; plan.entries()];
+    let mut mass = vec![[1.0]; plan.places()];
     for c in 0..count {
         let above = if c + 1 == count { 2.0 * count as f64 } else { 2.0 };
-        mass[plan.column(c).start] = [above];
+        mass[plan.column(c).end - 1] = [above];
     }
     cholesky.factor(&mass).expect("positive definite");
     // M·1 = row sums.
@@ -355,13 +355,56 @@ fn what_has_no_inertia_or_stands_twice_is_told() {
     };
     let plan = tree.plan();
     let mut cholesky = BranchedCholesky::<4>::new(plan.clone());
-    let mut mass = vec![[2.0; 4]; plan.entries()];
+    let mut mass = vec![[2.0; 4]; plan.places()];
     mass[plan.entry(0, 1).expect("on the path")] = [0.5; 4];
     mass[plan.entry(1, 1).expect("diagonal")][2] = 0.125;
     assert_eq!(cholesky.factor(&mass).expect_err("no inertia left").index, 1);
     mass[plan.entry(1, 1).expect("diagonal")][2] = 2.0;
     cholesky.factor(&mass).expect("positive definite");
-    assert_eq!(cholesky.factor_rows(&[[1.0; 4]; 4]).expect_err("twice").index, 1);
-    mass[0][3] = f64::NAN;
+    let rows = [[1.0; 4], [1.0; 4], [0.0; 4], [0.0; 4]].repeat(2);
+    assert_eq!(cholesky.factor_rows(&rows).expect_err("twice").index, 1);
+    mass[plan.column(0).end - 1][3] = f64::NAN;
     assert_eq!(cholesky.factor(&mass).expect_err("not a number").index, 0);
+}
+
+/// What failed, or was not a number, leaves nothing behind: solved again the bits are the same. Numbers that fill up
+/// columns are not looked at.
+#[test]
+fn failures_leave_nothing_behind() {
+    let tree = Tree {
+        parents: vec![None, Some(0), Some(0)],
+        sizes: vec![3, 2, 1],
+        cuts: vec![CutRows { nodes: [Some(1), Some(2)], rows: 2 }],
+    };
+    let plan = tree.plan();
+    let (n, m) = (plan.len(), plan.rows());
+    let dense = tree.dense(&plan, 3);
+    let (mut mass, mut rows) = (vec![[0.0]; plan.places()], vec![[0.0]; n * plan.width()]);
+    dense.store(&plan, 0, &mut mass, &mut rows);
+    let solve = |cholesky: &mut BranchedCholesky<1>, mass: &[[f64; 1]], tau: f64| {
+        cholesky.factor(mass).expect("positive definite");
+        cholesky.factor_rows(&rows).expect("full rank");
+        let mut x = (vec![[1.0]; n], vec![[tau]; m]);
+        cholesky.solve(&mut x.0, &mut x.1);
+        x
+    };
+    let mut cholesky = BranchedCholesky::<1>::new(plan.clone());
+    let truth = solve(&mut cholesky, &mass, 1.0);
+    for index in 0..n {
+        let (mut wrong, place) = (mass.clone(), plan.column(index).end - 1);
+        for value in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
+            wrong[place] = [value];
+            assert_eq!(cholesky.factor(&wrong).expect_err("no inertia").index, index);
+            assert!(solve(&mut cholesky, &mass, 1.0) == truth);
+        }
+    }
+    let mut wrong = rows.clone();
+    wrong[0] = [f64::NAN];
+    assert_eq!(cholesky.factor_rows(&wrong).expect_err("not a number").index, 0);
+    assert!(solve(&mut cholesky, &mass, f64::NAN).1.iter().all(|x| x[0].is_nan()));
+    assert!(solve(&mut cholesky, &mass, 1.0) == truth);
+
+    let mut filled = vec![[f64::NAN]; plan.places()];
+    (0..n).flat_map(|c| plan.column(c)).for_each(|place| filled[place] = mass[place]);
+    assert!(solve(&mut cholesky, &filled, 1.0) == truth);
 }

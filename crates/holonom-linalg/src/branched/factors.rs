@@ -1,48 +1,65 @@
 //! Algorithm 4: Cholesky factors without fill, and the solution with constraint rows.
 
-use super::plan::{BranchedPlan, NONE};
+use super::blocks::{
+    Block, Lanes, Pivot, Tile, add_products, add_scaled, multiply, pivot, scaled, spread,
+    subtract_product, subtract_scaled, subtract_sum, sum, take,
+};
+use super::plan::{BLOCK, BranchedPlan};
 use crate::error::NotPositiveDefinite;
+use std::array;
 use std::sync::Arc;
-
-/// Pivots below this part of their diagonal entry are round-off.
-const NEGLIGIBLE: f64 = 16.0 * f64::EPSILON;
-
-/// Numbers of `W` systems of one topology side by side; a loop over them becomes vector instructions.
-type Lanes<const W: usize> = [f64; W];
 
 /// Solves M q̈ + Φᵀλ = Q, Φ q̈ = τ for `W` systems of one topology at once (Algorithm 4, Alg-S).
 ///
-/// M is given by the columns of its lower triangle at the places of the [`BranchedPlan`], Φ as an n×m matrix by
-/// coordinates in the plan's numbering of both. Nothing is exchanged for size: M must be positive definite and Φ have full rank, which
-/// the pivots show. The same input gives the same bits on every processor, whatever `W`.
+/// M is given by the columns of its lower triangle at the places of the [`BranchedPlan`], Φ by coordinates in
+/// the plan's numbering of both: [`BranchedPlan::width`] numbers for each, zero where the coordinate cannot appear
+/// and where a last block is filled up. What fills up columns of M is not looked at. Nothing is exchanged for size:
+/// M must be positive definite and Φ have full rank, which the pivots show. The same input gives the same bits on
+/// every processor, whatever `W`.
 #[derive(Debug, Clone)]
 pub struct BranchedCholesky<const W: usize> {
     plan: Arc<BranchedPlan>,
+    /// Entries of the longest column.
+    depth: usize,
     /// L by columns.
-    l: Vec<Lanes<W>>,
+    l: Vec<Block<W>>,
     /// Inverse diagonal of L.
     inverse: Vec<Lanes<W>>,
-    /// T = L⁻¹Φᵀ, n×m by rows.
-    t: Vec<Lanes<W>>,
-    /// TᵀT = UᵀU by rows of U, the upper triangle.
-    s: Vec<Lanes<W>>,
+    /// What eliminations so far change in the columns of the coordinates above, by blocks along the columns and then
+    /// by depth: children come before their parents, so that of those at a depth only one at a time waits for
+    /// changes. Zero between factorizations.
+    change: Vec<Block<W>>,
+    /// The same for blocks of rows.
+    row_change: Vec<Block<W>>,
+    /// T = L⁻¹Φᵀ by the panels of the plan.
+    t: Vec<Block<W>>,
+    /// TᵀT = UᵀU by rows of tiles of U, the upper triangle.
+    s: Vec<Tile<W>>,
     /// Inverse diagonal of that.
-    s_inverse: Vec<Lanes<W>>,
+    s_inverse: Vec<Block<W>>,
     z: Vec<Lanes<W>>,
+    lambda: Vec<Block<W>>,
 }
 
 impl<const W: usize> BranchedCholesky<W> {
+    const ZERO: Block<W> = [[0.0; W]; BLOCK];
+
     /// Room for the numbers.
     pub fn new(plan: Arc<BranchedPlan>) -> Self {
-        let (n, m) = (plan.len(), plan.rows());
-        let zeros = |count: usize| vec![[0.0; W]; count];
+        let depth = (0..plan.len()).map(|c| plan.path(c).len()).max().unwrap_or(1);
+        let rows = plan.width() / BLOCK;
+        let zeros = |count: usize| vec![Self::ZERO; count];
         Self {
-            l: zeros(plan.entries()),
-            inverse: zeros(n),
-            t: zeros(n * m),
-            s: zeros(m * m),
-            s_inverse: zeros(m),
-            z: zeros(n),
+            depth,
+            l: zeros(plan.places() / BLOCK),
+            inverse: vec![[0.0; W]; plan.len()],
+            change: zeros(depth.div_ceil(BLOCK) * depth),
+            row_change: zeros(rows * depth),
+            t: zeros(plan.row_places()),
+            s: vec![[Self::ZERO; BLOCK]; rows * (rows + 1) / 2],
+            s_inverse: zeros(rows),
+            z: vec![[0.0; W]; plan.len()],
+            lambda: zeros(rows),
             plan,
         }
     }
@@ -52,14 +69,9 @@ impl<const W: usize> BranchedCholesky<W> {
         &self.plan
     }
 
-    /// L by the columns of the plan, after [`Self::factor`].
+    /// L at the places of the plan, after [`Self::factor`].
     pub fn factor_values(&self) -> &[Lanes<W>] {
-        &self.l
-    }
-
-    /// T, n×m by rows, after [`Self::factor_rows`].
-    pub fn row_values(&self) -> &[Lanes<W>] {
-        &self.t
+        self.l.as_flattened()
     }
 
     /// M = L Lᵀ (step 1).
@@ -68,32 +80,34 @@ impl<const W: usize> BranchedCholesky<W> {
     /// [`NotPositiveDefinite`] at the first pivot of one of the systems that is not above round-off.
     ///
     /// # Panics
-    /// If M has not the entries of the plan.
+    /// If M has not the places of the plan.
     pub fn factor(&mut self, m: &[Lanes<W>]) -> Result<(), NotPositiveDefinite> {
-        self.l.copy_from_slice(m);
-        self.run(Task::Factor(m))
+        assert_eq!(m.len(), self.plan.places());
+        let factored = self.run(Task::Factor(m));
+        if factored.is_err() {
+            self.change.fill(Self::ZERO);
+        }
+        factored
     }
 
     #[inline(always)]
     fn eliminate(&mut self, m: &[Lanes<W>]) -> Result<(), NotPositiveDefinite> {
-        let plan = &*self.plan;
+        let (plan, depth) = (&*self.plan, self.depth);
+        let m = m.as_chunks::<BLOCK>().0;
         for c in 0..plan.len() {
-            let column = plan.column(c);
-            // Those above stand behind.
-            let (known, rest) = self.l.split_at_mut(column.end);
-            let own = &mut known[column.start..];
-            self.inverse[c] = pivot(&mut own[0], &m[column.start], c)?;
-            let inverse = self.inverse[c];
-            own[1..].iter_mut().for_each(|x| multiply(x, &inverse));
-            let mut i = plan.above[c];
-            for a in 1..own.len() {
-                let from = plan.start[i as usize] - column.end;
-                let target = &mut rest[from..from + own.len() - a];
-                let l = own[a];
-                for (x, y) in target.iter_mut().zip(&own[a..]) {
-                    subtract_product(x, &l, y);
-                }
-                i = plan.above[i as usize];
+            let (own, m) = (&mut self.l[plan.blocks(c)], &m[plan.blocks(c)]);
+            let above = plan.above(c).1.len();
+            for ((x, m), change) in own.iter_mut().zip(m).zip(self.change.chunks_exact_mut(depth)) {
+                *x = sum(m, &take(&mut change[above]));
+            }
+            let pivot = pivot(&own.as_flattened()[above], &m.as_flattened()[above], c)?;
+            self.inverse[c] = pivot.root;
+            for (j, change) in self.change.chunks_exact_mut(depth).take(own.len()).enumerate() {
+                let x = own[j];
+                let from = (j * BLOCK).min(above);
+                let factors = &own.as_flattened()[from..above];
+                spread(&mut change[from..above], factors, scaled(&x, &pivot.inverse));
+                own[j] = scaled(&x, &pivot.root);
             }
         }
         Ok(())
@@ -105,69 +119,112 @@ impl<const W: usize> BranchedCholesky<W> {
     /// [`NotPositiveDefinite`] at the first constraint row that depends on those before it.
     ///
     /// # Panics
-    /// If Φ has not n·m entries.
+    /// If Φ has not n times the plan's width of entries.
     pub fn factor_rows(&mut self, rows: &[Lanes<W>]) -> Result<(), NotPositiveDefinite> {
-        self.t.copy_from_slice(rows);
-        self.run(Task::FactorRows)
+        assert_eq!(rows.len(), self.plan.len() * self.plan.width());
+        self.run(Task::FactorRows(rows))
     }
 
     #[inline(always)]
-    fn solve_rows(&mut self) {
+    fn solve_rows(&mut self, rows: &[Lanes<W>]) {
         let plan = &*self.plan;
-        let m = plan.rows();
-        for c in 0..plan.len() {
-            let (known, rest) = self.t.split_at_mut((c + 1) * m);
-            let own = &mut known[c * m..];
-            for run in plan.runs(c) {
-                own[run].iter_mut().for_each(|x| multiply(x, &self.inverse[c]));
-            }
-            let mut up = plan.above[c];
-            for l in &self.l[plan.column(c)][1..] {
-                let above = &mut rest[(up as usize - c - 1) * m..][..m];
-                for run in plan.runs(c) {
-                    for (x, y) in above[run.clone()].iter_mut().zip(&own[run]) {
-                        subtract_product(x, l, y);
-                    }
+        let (depth, width) = (self.depth, plan.width() / BLOCK);
+        let rows = rows.as_chunks::<BLOCK>().0;
+        for (panel, blocks) in plan.panels() {
+            let count = panel.coordinates.len();
+            let mut rest = &mut self.t[panel.places.clone()];
+            for &b in blocks {
+                let (t, behind) = rest.split_at_mut(count);
+                rest = behind;
+                let change = &mut self.row_change[b as usize * depth..][..depth];
+                for (t, c) in t.iter_mut().zip(panel.coordinates.clone()) {
+                    let l = &self.l.as_flattened()[plan.above(c).0];
+                    let above = l.len();
+                    let x = sum(&rows[c * width + b as usize], &take(&mut change[above]));
+                    *t = scaled(&x, &self.inverse[c]);
+                    spread(&mut change[..above], l, *t);
                 }
-                up = plan.above[up as usize];
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn multiply_rows(&mut self) {
+        let plan = &*self.plan;
+        let width = plan.width() / BLOCK;
+        self.s.fill([Self::ZERO; BLOCK]);
+        for (panel, blocks) in plan.panels() {
+            let count = panel.coordinates.len();
+            let t = &self.t[panel.places.clone()];
+            for (i, &p) in blocks.iter().enumerate() {
+                let row = &mut self.s[row_start(p as usize, width)..];
+                for (j, &q) in blocks.iter().enumerate().skip(i) {
+                    let tile = &mut row[(q - p) as usize];
+                    let mut sum = *tile;
+                    for (x, y) in t[i * count..][..count].iter().zip(&t[j * count..][..count]) {
+                        for k in 0..BLOCK {
+                            add_scaled(&mut sum[k], &x[k], y);
+                        }
+                    }
+                    *tile = sum;
+                }
             }
         }
     }
 
     #[inline(always)]
     fn factor_products(&mut self) -> Result<(), NotPositiveDefinite> {
-        let plan = &*self.plan;
-        let m = plan.rows();
-        self.s.fill([0.0; W]);
-        for (c, t) in self.t.chunks_exact(m.max(1)).enumerate() {
-            for rows in plan.runs(c) {
-                for r in rows {
-                    let (x, row) = (t[r], &mut self.s[r * m..(r + 1) * m]);
-                    for run in plan.runs(c).filter(|run| run.end > r) {
-                        let run = run.start.max(r)..run.end;
-                        for (s, y) in row[run.clone()].iter_mut().zip(&t[run]) {
-                            add_product(s, &x, y);
+        let width = self.plan.width() / BLOCK;
+        for p in 0..width {
+            let diagonal = &self.s[row_start(p, width)];
+            self.s_inverse[p] = array::from_fn(|k| diagonal[k][k]);
+        }
+        let mut rest = &mut self.s[..];
+        for p in 0..width {
+            let (own, behind) = rest.split_at_mut(width - p);
+            let inverse = &mut self.s_inverse[p];
+            let (diagonal, own) = own.split_first_mut().expect("of this row");
+            let used = (self.plan.rows() - p * BLOCK).min(BLOCK);
+            let mut tile = *diagonal;
+            for k in 0..BLOCK {
+                // What fills up the last block has no pivot.
+                let x = tile[k];
+                let pivot = if k < used {
+                    pivot(&x[k], &inverse[k], p * BLOCK + k)?
+                } else {
+                    Pivot { inverse: [0.0; W], root: [0.0; W] }
+                };
+                let factors = scaled(&x, &pivot.inverse);
+                for r in k + 1..BLOCK {
+                    subtract_scaled(&mut tile[r], &factors[r], &x);
+                }
+                tile[k] = scaled(&x, &pivot.root);
+                inverse[k] = pivot.root;
+            }
+            *diagonal = tile;
+            for tile in own.iter_mut() {
+                for k in 0..BLOCK {
+                    let x = scaled(&tile[k], &inverse[k]);
+                    for r in k + 1..BLOCK {
+                        subtract_scaled(&mut tile[r], &diagonal[k][r], &x);
+                    }
+                    tile[k] = x;
+                }
+            }
+            let own = &*own;
+            let mut targets = behind.iter_mut();
+            for (i, x) in own.iter().enumerate() {
+                for (y, target) in own[i..].iter().zip(&mut targets) {
+                    let mut sum = *target;
+                    for k in 0..BLOCK {
+                        for r in 0..BLOCK {
+                            subtract_scaled(&mut sum[r], &x[k][r], &y[k]);
                         }
                     }
+                    *target = sum;
                 }
             }
-        }
-        for r in 0..m {
-            self.s_inverse[r] = self.s[r * m + r];
-        }
-        for p in 0..m {
-            let (known, rest) = self.s.split_at_mut((p + 1) * m);
-            let own = &mut known[p * m + p..];
-            let given = self.s_inverse[p];
-            self.s_inverse[p] = pivot(&mut own[0], &given, p)?;
-            let own = &mut own[1..];
-            own.iter_mut().for_each(|x| multiply(x, &self.s_inverse[p]));
-            for (i, row) in rest.chunks_exact_mut(m).enumerate() {
-                let u = own[i];
-                for (x, y) in row[p + 1 + i..].iter_mut().zip(&own[i..]) {
-                    subtract_product(x, &u, y);
-                }
-            }
+            rest = behind;
         }
         Ok(())
     }
@@ -179,8 +236,14 @@ impl<const W: usize> BranchedCholesky<W> {
     /// If the vectors have not n and m entries.
     pub fn solve(&mut self, force: &mut [Lanes<W>], tau: &mut [Lanes<W>]) {
         assert_eq!((force.len(), tau.len()), (self.plan.len(), self.plan.rows()));
-        let solved = self.run(Task::Solve(force, tau));
+        self.z.copy_from_slice(force);
+        let (lambda, fill) = self.lambda.as_flattened_mut().split_at_mut(tau.len());
+        lambda.copy_from_slice(tau);
+        fill.fill([0.0; W]);
+        let solved = self.run(Task::Solve);
         debug_assert!(solved.is_ok(), "substitution meets no pivots");
+        force.copy_from_slice(&self.z);
+        tau.copy_from_slice(&self.lambda.as_flattened()[..tau.len()]);
     }
 
     fn run(&mut self, task: Task<'_, W>) -> Result<(), NotPositiveDefinite> {
@@ -188,60 +251,96 @@ impl<const W: usize> BranchedCholesky<W> {
     }
 
     #[inline(always)]
-    fn substitute(&mut self, force: &mut [Lanes<W>], tau: &mut [Lanes<W>]) {
+    fn substitute(&mut self) {
         let plan = &*self.plan;
-        let (z, m) = (&mut self.z, plan.rows());
-        z.copy_from_slice(force);
+        let (z, l) = (&mut self.z, self.l.as_flattened());
         for c in 0..z.len() {
             multiply(&mut z[c], &self.inverse[c]);
             let own = z[c];
-            let mut i = plan.above[c];
-            for l in &self.l[plan.column(c)][1..] {
+            let (places, path) = plan.above(c);
+            for (l, &i) in l[places].iter().zip(path) {
                 subtract_product(&mut z[i as usize], l, &own);
-                i = plan.above[i as usize];
             }
         }
-        tau.iter_mut().flatten().for_each(|x| *x = -*x);
-        for (c, t) in self.t.chunks_exact(m.max(1)).enumerate() {
-            for run in plan.runs(c) {
-                for (x, t) in tau[run.clone()].iter_mut().zip(&t[run]) {
-                    add_product(x, t, &z[c]);
+        self.lambda.as_flattened_mut().as_flattened_mut().iter_mut().for_each(|x| *x = -*x);
+        for (panel, blocks) in plan.panels() {
+            let z = &z[panel.coordinates.clone()];
+            let mut rest = &self.t[panel.places.clone()];
+            for &b in blocks {
+                let (t, behind) = rest.split_at(z.len());
+                rest = behind;
+                let mut sum = self.lambda[b as usize];
+                for (t, z) in t.iter().zip(z) {
+                    add_scaled(&mut sum, z, t);
                 }
+                self.lambda[b as usize] = sum;
             }
         }
-        for r in 0..m {
-            multiply(&mut tau[r], &self.s_inverse[r]);
-            let (known, rest) = tau.split_at_mut(r + 1);
-            for (x, u) in rest.iter_mut().zip(&self.s[r * m + r + 1..]) {
-                subtract_product(x, u, &known[r]);
-            }
-        }
-        for r in (0..m).rev() {
-            let (rest, known) = tau.split_at_mut(r + 1);
-            for (u, x) in self.s[r * m + r + 1..].iter().zip(known) {
-                subtract_product(&mut rest[r], u, x);
-            }
-            multiply(&mut rest[r], &self.s_inverse[r]);
-        }
-        for (c, t) in self.t.chunks_exact(m.max(1)).enumerate() {
-            for run in plan.runs(c) {
-                for (t, x) in t[run.clone()].iter().zip(&tau[run]) {
-                    subtract_product(&mut z[c], t, x);
+        substitute_products(&self.s, &self.s_inverse, &mut self.lambda);
+        for (panel, blocks) in plan.panels() {
+            let z = &mut z[panel.coordinates.clone()];
+            let t = &self.t[panel.places.clone()];
+            for i in 0..z.len() {
+                let mut sum = Self::ZERO;
+                for (t, &b) in t[i..].iter().step_by(z.len()).zip(blocks) {
+                    add_products(&mut sum, t, &self.lambda[b as usize]);
                 }
+                subtract_sum(&mut z[i], &sum);
             }
         }
         for c in (0..z.len()).rev() {
             let mut sum = z[c];
-            let mut i = plan.above[c];
-            for l in &self.l[plan.column(c)][1..] {
+            let (places, path) = plan.above(c);
+            for (l, &i) in l[places].iter().zip(path) {
                 subtract_product(&mut sum, l, &z[i as usize]);
-                i = plan.above[i as usize];
             }
-            debug_assert_eq!(i, NONE);
             multiply(&mut sum, &self.inverse[c]);
             z[c] = sum;
         }
-        force.copy_from_slice(z);
+    }
+}
+
+/// UᵀU x = y in place.
+#[inline(always)]
+fn substitute_products<const W: usize>(s: &[Tile<W>], inverse: &[Block<W>], x: &mut [Block<W>]) {
+    let width = x.len();
+    let mut row = s;
+    for p in 0..width {
+        let (own, rest) = row.split_at(width - p);
+        row = rest;
+        let mut y = x[p];
+        for k in 0..BLOCK {
+            multiply(&mut y[k], &inverse[p][k]);
+            for r in k + 1..BLOCK {
+                let known = y[k];
+                subtract_product(&mut y[r], &own[0][k][r], &known);
+            }
+        }
+        x[p] = y;
+        for (x, tile) in x[p + 1..].iter_mut().zip(&own[1..]) {
+            for k in 0..BLOCK {
+                subtract_scaled(x, &y[k], &tile[k]);
+            }
+        }
+    }
+    for p in (0..width).rev() {
+        let own = &s[row_start(p, width)..][..width - p];
+        let mut sums = [[[0.0; W]; BLOCK]; BLOCK];
+        for (x, tile) in x[p + 1..].iter().zip(&own[1..]) {
+            for k in 0..BLOCK {
+                add_products(&mut sums[k], &tile[k], x);
+            }
+        }
+        let mut y = x[p];
+        for k in (0..BLOCK).rev() {
+            subtract_sum(&mut y[k], &sums[k]);
+            for r in k + 1..BLOCK {
+                let known = y[r];
+                subtract_product(&mut y[k], &own[0][k][r], &known);
+            }
+            multiply(&mut y[k], &inverse[p][k]);
+        }
+        x[p] = y;
     }
 }
 
@@ -254,8 +353,8 @@ struct Run<'a, const W: usize> {
 
 enum Task<'a, const W: usize> {
     Factor(&'a [Lanes<W>]),
-    FactorRows,
-    Solve(&'a mut [Lanes<W>], &'a mut [Lanes<W>]),
+    FactorRows(&'a [Lanes<W>]),
+    Solve,
 }
 
 impl<const W: usize> pulp::WithSimd for Run<'_, W> {
@@ -265,53 +364,20 @@ impl<const W: usize> pulp::WithSimd for Run<'_, W> {
     fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
         match self.task {
             Task::Factor(m) => self.on.eliminate(m),
-            Task::FactorRows => {
-                self.on.solve_rows();
+            Task::FactorRows(rows) => {
+                self.on.solve_rows(rows);
+                self.on.multiply_rows();
                 self.on.factor_products()
             }
-            Task::Solve(force, tau) => {
-                self.on.substitute(force, tau);
+            Task::Solve => {
+                self.on.substitute();
                 Ok(())
             }
         }
     }
 }
 
-/// Replaces a pivot by its root and returns the inverse of that.
-#[inline(always)]
-fn pivot<const W: usize>(
-    x: &mut Lanes<W>,
-    given: &Lanes<W>,
-    index: usize,
-) -> Result<Lanes<W>, NotPositiveDefinite> {
-    for (pivot, given) in x.iter().zip(given) {
-        // Written so that a NaN fails.
-        let good = *pivot > NEGLIGIBLE * given && pivot.is_finite();
-        if !good {
-            return Err(NotPositiveDefinite { index, pivot: *pivot });
-        }
-    }
-    *x = x.map(f64::sqrt);
-    Ok(x.map(|x| 1.0 / x))
-}
-
-#[inline(always)]
-fn multiply<const W: usize>(x: &mut Lanes<W>, y: &Lanes<W>) {
-    for w in 0..W {
-        x[w] *= y[w];
-    }
-}
-
-#[inline(always)]
-fn add_product<const W: usize>(x: &mut Lanes<W>, a: &Lanes<W>, b: &Lanes<W>) {
-    for w in 0..W {
-        x[w] += a[w] * b[w];
-    }
-}
-
-#[inline(always)]
-fn subtract_product<const W: usize>(x: &mut Lanes<W>, a: &Lanes<W>, b: &Lanes<W>) {
-    for w in 0..W {
-        x[w] -= a[w] * b[w];
-    }
+/// First tile of a row of an upper triangle.
+fn row_start(p: usize, width: usize) -> usize {
+    p * width - p * p.saturating_sub(1) / 2
 }

@@ -6,6 +6,7 @@
 //! to 4, Algorithm 4); Featherstone, *Int. J. Robotics Research* 24 (2005) 487, who calls it
 //! branch-induced sparsity.
 
+mod blocks;
 mod dense;
 mod factors;
 mod operations;

@@ -1,9 +1,13 @@
 //! Numbering and places of a branched matrix and of the constraint rows of its cuts.
 
 use super::operations::{Operations, Stages};
+use std::ops::Range;
 
 /// No coordinate above.
-pub(super) const NONE: u32 = u32::MAX;
+const NONE: u32 = u32::MAX;
+
+/// Numbers that are taken together.
+pub(super) const BLOCK: usize = 4;
 
 /// Constraint rows that close a loop between two nodes of the tree, or hold one to the root's own support.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,27 +22,41 @@ pub struct CutRows {
 ///
 /// Nodes are numbered by the caller, each with a number of coordinates and a node it hangs on. The plan
 /// numbers coordinates so that those of children come before those of their parents; all vectors stand in
-/// this order. Column c of the lower triangle, and of its factor, holds c itself and then the coordinates
-/// above it up to the root, side by side: what elimination of c changes in the column of a coordinate above
-/// it is a run of that column, so that no list of indices is walked.
+/// this order. Column c of the lower triangle, and of its factor, holds the coordinates on its path from the
+/// root down to c itself, side by side: what elimination of c changes in the column of a coordinate above
+/// it is the beginning of that column, so that no list of indices is walked. Columns begin at, and are filled
+/// up to, multiples of four places, as are the constraint rows of a coordinate, so that loops over them have
+/// no remainder.
 #[derive(Debug, Clone)]
 pub struct BranchedPlan {
     /// First coordinate of each node.
     first: Vec<u32>,
     sizes: Vec<u32>,
     /// The coordinate above each.
-    pub(super) above: Vec<u32>,
-    /// Entries of each column.
-    pub(super) depth: Vec<u32>,
-    /// Place of each diagonal entry.
-    pub(super) start: Vec<usize>,
-    entries: usize,
+    above: Vec<u32>,
+    /// Places of the entries of each column.
+    columns: Vec<Range<usize>>,
+    /// The coordinate at each place; 0 where none is.
+    path: Vec<u32>,
     /// First row of each cut, and the number of rows behind them.
-    rows: Vec<std::ops::Range<usize>>,
+    rows: Vec<Range<usize>>,
     row_count: usize,
     /// Runs of constraint rows that each coordinate may appear in, and where those of each begin.
     runs: Vec<[u32; 2]>,
     first_run: Vec<u32>,
+    /// Coordinates side by side that appear in the same blocks of rows, and the list of those blocks.
+    panels: Vec<Panel>,
+    panel_blocks: Vec<u32>,
+}
+
+/// Coordinates side by side that may appear in the same blocks of constraint rows.
+#[derive(Debug, Clone)]
+pub(super) struct Panel {
+    pub coordinates: Range<usize>,
+    /// Where the list of blocks stands.
+    blocks: Range<usize>,
+    /// Blocks of T, which has those of a panel side by side, one block of rows after the other.
+    pub places: Range<usize>,
 }
 
 impl BranchedPlan {
@@ -69,33 +87,40 @@ impl BranchedPlan {
                 above[c] = if i + 1 < size { c as u32 + 1 } else { beyond[node] };
             }
         }
-        let mut depth = vec![1u32; count];
+        let mut columns = vec![0..1usize; count];
         for c in (0..count).rev() {
             if above[c] != NONE {
-                depth[c] += depth[above[c] as usize];
+                columns[c].end += columns[above[c] as usize].end;
             }
         }
-        let mut entries = 0;
-        let start = depth
-            .iter()
-            .map(|&d| {
-                entries += d as usize;
-                entries - d as usize
-            })
-            .collect();
+        let mut places = 0;
+        for column in &mut columns {
+            *column = places..places + column.end;
+            places = column.end.next_multiple_of(BLOCK);
+        }
+        let mut path = vec![0; places];
+        for (c, column) in columns.iter().enumerate() {
+            let mut up = c as u32;
+            for place in column.clone().rev() {
+                path[place] = up;
+                up = above[up as usize];
+            }
+        }
         let mut plan = Self {
             first,
             sizes: sizes.iter().map(|&s| s as u32).collect(),
             above,
-            depth,
-            start,
-            entries,
+            columns,
+            path,
             rows: Vec::new(),
             row_count: 0,
             runs: Vec::new(),
             first_run: Vec::new(),
+            panels: Vec::new(),
+            panel_blocks: Vec::new(),
         };
         plan.place_rows(cuts, &beyond);
+        plan.collect_panels();
         plan
     }
 
@@ -142,6 +167,49 @@ impl BranchedPlan {
         }
     }
 
+    /// Finds coordinates side by side that appear in the same blocks of rows.
+    fn collect_panels(&mut self) {
+        let mut known = Vec::new();
+        for c in 0..self.len() {
+            let mut blocks: Vec<u32> = self
+                .runs(c)
+                .flat_map(|run| (run.start / BLOCK) as u32..run.end.div_ceil(BLOCK) as u32)
+                .collect();
+            blocks.dedup();
+            if blocks.is_empty() {
+                continue;
+            }
+            let behind = self.panels.last().map_or(0, |panel| panel.places.end);
+            match self.panels.last_mut() {
+                Some(last) if last.coordinates.end == c && known == blocks => {
+                    last.coordinates.end += 1;
+                    last.places.end += blocks.len();
+                }
+                _ => {
+                    let list = self.panel_blocks.len();
+                    self.panels.push(Panel {
+                        coordinates: c..c + 1,
+                        blocks: list..list + blocks.len(),
+                        places: behind..behind + blocks.len(),
+                    });
+                    self.panel_blocks.extend(&blocks);
+                    known = blocks;
+                }
+            }
+        }
+    }
+
+    /// Panels of T, with the blocks of rows of each.
+    #[inline]
+    pub(super) fn panels(&self) -> impl Iterator<Item = (&Panel, &[u32])> {
+        self.panels.iter().map(|panel| (panel, &self.panel_blocks[panel.blocks.clone()]))
+    }
+
+    /// Blocks of T.
+    pub(super) fn row_places(&self) -> usize {
+        self.panels.last().map_or(0, |panel| panel.places.end)
+    }
+
     /// Number of coordinates, n.
     pub fn len(&self) -> usize {
         self.above.len()
@@ -158,46 +226,70 @@ impl BranchedPlan {
     }
 
     /// Coordinates of a node, in the order of the plan.
-    pub fn coordinates(&self, node: usize) -> std::ops::Range<usize> {
+    pub fn coordinates(&self, node: usize) -> Range<usize> {
         let first = self.first[node] as usize;
         first..first + self.sizes[node] as usize
     }
 
     /// Number of entries of the lower triangle, which is that of the factor.
     pub fn entries(&self) -> usize {
-        self.entries
+        self.columns.iter().map(Range::len).sum()
+    }
+
+    /// Places of the lower triangle, those that fill up its columns among them.
+    pub fn places(&self) -> usize {
+        self.path.len()
     }
 
     /// Place of the entry of two coordinates; none where it is zero for any values.
     pub fn entry(&self, i: usize, j: usize) -> Option<usize> {
         let (low, high) = (i.min(j), i.max(j));
-        let steps = self.depth[low].checked_sub(self.depth[high])?;
-        // Coordinates above follow each other at falling depth, so that at most one has the right one.
-        let mut c = low;
-        for _ in 0..steps {
-            c = self.above[c] as usize;
-        }
-        (c == high).then(|| self.start[low] + steps as usize)
+        let column = &self.columns[low];
+        let place = column.start + self.columns[high].len() - 1;
+        (column.contains(&place) && self.path[place] as usize == high).then_some(place)
     }
 
-    /// Places of a column's entries: the coordinate itself, then those above it.
-    pub fn column(&self, c: usize) -> std::ops::Range<usize> {
-        self.start[c]..self.start[c] + self.depth[c] as usize
+    /// Places of a column's entries: the coordinates of [`Self::path`], the last of which is `c` itself.
+    #[inline]
+    pub fn column(&self, c: usize) -> Range<usize> {
+        self.columns[c].clone()
     }
 
-    /// The coordinate above, on the way to the root.
-    pub fn above(&self, c: usize) -> Option<usize> {
-        (self.above[c] != NONE).then(|| self.above[c] as usize)
+    /// Blocks of a column.
+    #[inline]
+    pub(super) fn blocks(&self, c: usize) -> Range<usize> {
+        let column = &self.columns[c];
+        column.start / BLOCK..column.end.div_ceil(BLOCK)
     }
 
-    /// Rows of a cut among all constraint rows, which are numbered anew. Φ and T are stored as n×m matrices by
-    /// coordinates: row r has the entry c·m + r for the coordinate c.
-    pub fn cut_rows(&self, cut: usize) -> std::ops::Range<usize> {
+    /// Places of the coordinates above, and these coordinates.
+    #[inline]
+    pub(super) fn above(&self, c: usize) -> (Range<usize>, &[u32]) {
+        let column = &self.columns[c];
+        let above = column.start..column.end - 1;
+        (above.clone(), &self.path[above])
+    }
+
+    /// Coordinates from the root down to `c` itself.
+    #[inline]
+    pub fn path(&self, c: usize) -> &[u32] {
+        &self.path[self.column(c)]
+    }
+
+    /// Rows of a cut among all constraint rows, which are numbered anew: row r of Φ has the entry
+    /// c·[`Self::width`] + r for the coordinate c.
+    pub fn cut_rows(&self, cut: usize) -> Range<usize> {
         self.rows[cut].clone()
     }
 
+    /// Numbers that Φ has for each coordinate: its rows, filled up to a multiple of four.
+    #[inline]
+    pub fn width(&self) -> usize {
+        self.row_count.next_multiple_of(BLOCK)
+    }
+
     /// Constraint rows that a coordinate may appear in, in Φ and T, as runs from a row to before another.
-    pub fn runs(&self, c: usize) -> impl Iterator<Item = std::ops::Range<usize>> + '_ {
+    pub fn runs(&self, c: usize) -> impl Iterator<Item = Range<usize>> + '_ {
         let runs = &self.runs[self.first_run[c] as usize..self.first_run[c + 1] as usize];
         runs.iter().map(|&[from, to]| from as usize..to as usize)
     }
@@ -206,8 +298,8 @@ impl BranchedPlan {
     pub fn operations(&self) -> Stages {
         let n = self.len();
         let mut stages = Stages::default();
-        for &depth in &self.depth {
-            let below = depth as usize - 1;
+        for column in &self.columns {
+            let below = column.len() - 1;
             stages.factor += Operations {
                 additions: below * (below + 1) / 2,
                 multiplications: below * (below + 1) / 2,
@@ -221,7 +313,7 @@ impl BranchedPlan {
         }
         for c in 0..n {
             let (below, rows) =
-                (self.depth[c] as usize - 1, self.runs(c).map(|run| run.len()).sum());
+                (self.columns[c].len() - 1, self.runs(c).map(|run| run.len()).sum());
             stages.columns += Operations {
                 additions: below * rows,
                 multiplications: below * rows,

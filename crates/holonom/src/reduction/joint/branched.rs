@@ -73,8 +73,8 @@ impl Branched {
             place,
             driven,
             cuts,
-            mass: vec![[0.0]; plan.entries()],
-            rows: vec![[0.0]; n * m],
+            mass: vec![[0.0]; plan.places()],
+            rows: vec![[0.0]; n * plan.width()],
             force: vec![[0.0]; n],
             tau: vec![[0.0]; m],
             factors: BranchedCholesky::new(Arc::new(plan)),
@@ -96,7 +96,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.gather_inertias(q);
         self.evaluate_second_residual(None, t, &[], [q, v]);
         let mut branched = self.branched.take().expect("made where something closes loops");
-        let (plan, m) = (branched.factors.plan().clone(), branched.tau.len());
+        let plan = branched.factors.plan().clone();
+        let width = plan.width();
         for edge in &*self.edges {
             for k in edge.range.clone() {
                 let b = edge.body;
@@ -106,11 +107,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         for (c, &k) in branched.order.iter().enumerate() {
             branched.force[c][0] = -self.along[k];
-            let mut up = Some(c);
-            for place in plan.column(c) {
-                let Some(at) = up else { break };
-                branched.mass[place][0] = dot(&self.felt[k], &self.columns[branched.order[at]]);
-                up = plan.above(at);
+            for (place, &at) in plan.column(c).zip(plan.path(c)) {
+                let column = &self.columns[branched.order[at as usize]];
+                branched.mass[place][0] = dot(&self.felt[k], column);
             }
         }
         branched.rows.fill([0.0]);
@@ -119,13 +118,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             for r in 0..closure.rows.len() {
                 let line = &self.closures.matrix[closure.entries(r)];
                 for (&(k, _), x) in closure.path.iter().zip(line) {
-                    branched.rows[branched.place[k] * m + first + r][0] = *x;
+                    branched.rows[branched.place[k] * width + first + r][0] = *x;
                 }
                 branched.tau[first + r][0] = -self.rows[closure.first + r];
             }
         }
         for &(row, sign, c, at) in &branched.driven {
-            branched.rows[c * m + at][0] = 1.0;
+            branched.rows[c * width + at][0] = 1.0;
             branched.tau[at][0] = sign * self.system.drive(row, t)[2];
         }
         let Branched { factors, mass, rows, force, tau, .. } = &mut *branched;
