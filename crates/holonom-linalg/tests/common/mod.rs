@@ -8,8 +8,10 @@ use proptest::test_runner::{Config, RngSeed};
 pub(crate) fn cases(count: u32) -> Config {
     let more = std::env::var("LINALG_CASES").ok().and_then(|c| c.parse().ok());
     let rng_seed = if more.is_some() { RngSeed::Random } else { RngSeed::Fixed(1) };
+    let cases = more.unwrap_or(count);
     Config {
-        cases: more.unwrap_or(count),
+        cases,
+        max_global_rejects: 4 * cases, // the ratio of proptest's own numbers
         rng_seed,
         failure_persistence: None,
         ..Config::default()
