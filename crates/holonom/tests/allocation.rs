@@ -190,3 +190,45 @@ fn the_vehicle() {
         assert_steps_do_not_allocate("hmmwv14", &model("hmmwv14"), code, source, (1e-3, end));
     }
 }
+
+/// A row of links with stiff hinges, of which the first one may be driven.
+fn row(links: usize, is_driven: bool) -> Model {
+    let driver = r#"
+[drivers]
+hand = { joint = "joint_1", coordinate = "rotation", motion = { type = "polynomial", coefficients = [0.0, 0.1] } }
+"#;
+    model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[patterns.row]
+over.i = {{ from = 1, to = {links} }}
+bodies."link_{{i}}" = {{ mass = 1.0, inertia = "=1/12", position = ["=i - 0.5", 0.0] }}
+joints."joint_{{i}}" = {{ type = "revolute", between = ["link_{{i - 1}}", "link_{{i}}"],
+  points_in_body = [[0.5, 0.0], [-0.5, 0.0]] }}
+forces."spring_{{i}}" = {{ type = "rsda", between = ["link_{{i - 1}}", "link_{{i}}"], stiffness = 1e5, damping = 1e3 }}
+[joints]
+joint_1 = {{ between = ["ground", "link_1"], points_in_body = [[0.0, 0.0], [-0.5, 0.0]] }}
+[forces]
+spring_1 = {{ between = ["ground", "link_1"] }}
+{}"#,
+        if is_driven { driver } else { "" }
+    ))
+}
+
+#[test] // ten times as many bodies, ten times as much; what is dense has a hundred times
+fn memory_of_a_tree_grows_like_its_bodies() {
+    for is_driven in [false, true] {
+        let [few, many] = [300, 3000].map(|links| {
+            let model = row(links, is_driven);
+            let options = options(Code::ForRadau, 1e-3, 0.01);
+            measure(|| {
+                let end = run(&Problem::new(model), &options, None, &mut Discard::default());
+                assert_eq!(end.expect("the run starts").status, Status::Completed);
+            })
+            .bytes_max
+        });
+        assert!(many < 12 * few, "driven: {is_driven}: {few} and {many} bytes");
+    }
+}

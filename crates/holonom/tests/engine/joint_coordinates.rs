@@ -339,9 +339,9 @@ fn chain(links: usize, driven: bool) -> Model {
     model_of(&text)
 }
 
-#[test] // independent truth: the Cartesian form; neither the recursion nor Algorithm 4 leaves it to answer
+#[test] // independent truth: the Cartesian form, to which the recursion leaves nothing to answer
 fn long_chains_are_solved_along_the_tree() {
-    for (links, driven) in [(40, false), (40, true), (300, false)] {
+    for (links, driven) in [(40, false), (40, true), (300, false), (300, true)] {
         let (mut points, state) = points(chain(links, driven)).expect("a joint form");
         let mut random = Random::new(3);
         for _ in 0..3 {
@@ -495,5 +495,52 @@ fn joint_coordinates_are_taken_where_few_equations_are_solved_together() {
             _ => Coordinates::Joint,
         };
         assert_ne!(run(other).end, states[1], "{} bodies", model.bodies.len());
+    }
+}
+
+/// A row of links in space on cylindrical joints, of every third of which a driver moves one coordinate and of every
+/// fifth the other one, with masses from grams to tonnes.
+fn driven_row(links: usize) -> String {
+    let mut bodies = "[bodies]\n".to_owned();
+    let (mut joints, mut drivers) = ("[joints]\n".to_owned(), "[drivers]\n".to_owned());
+    for i in 0..links {
+        let mass = [1e-3, 1.0, 1e3][i % 3];
+        let [a, b, c] = [0.1, 0.12, 0.07].map(|x| x * mass);
+        let (x, base) =
+            (i as f64, i.checked_sub(1).map_or("ground".to_owned(), |i| format!("b{i}")));
+        bodies += &format!(
+            "b{i} = {{ mass = {mass:?}, position = [{:?}, 0.1, 0.2], \
+             inertia = [[{a:?}, 0.0, 0.0], [0.0, {b:?}, 0.0], [0.0, 0.0, {c:?}]] }}\n",
+            x + 0.5
+        );
+        joints += &format!(
+            "j{i} = {{ type = \"cylindrical\", between = [\"{base}\", \"b{i}\"], point = [{x:?}, 0.0, 0.0], \
+             axis = [{:?}, 1.0, {:?}] }}\n",
+            0.2 * x,
+            (i % 2) as f64
+        );
+        for (every, coordinate) in [(3, "rotation"), (5, "translation")] {
+            if i % every == 1 {
+                drivers += &format!(
+                    "{coordinate}_{i} = {{ coordinate = \"{coordinate}\", joint = \"j{i}\", motion = {{ type = \
+                     \"polynomial\", coefficients = [0.0, 0.3, 1.5] }} }}\n"
+                );
+            }
+        }
+    }
+    let head = "holonom = 1\ndimension = \"spatial\"\ngravity = [0.0, 0.0, -9.81]\n";
+    format!("{head}{bodies}{joints}{drivers}")
+}
+
+#[test] // independent truth: the Cartesian form
+fn trees_with_drivers_are_eliminated_body_by_body() {
+    let mut random = Random::new(23);
+    for links in [2, 5, 17] {
+        let (mut points, state) = points(model_of(&driven_row(links))).expect("no lines");
+        for _ in 0..20 {
+            let worst = compare(&mut points, &state, &mut random).expect("evaluated");
+            assert!(worst.iter().all(|x| *x < 1e-9), "{links}: {worst:?}");
+        }
+        assert_eq!(points[1].manifold.counters.left_to_cartesian, 0, "{links}");
     }
 }

@@ -44,7 +44,7 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     }
 
     /// By the number of an edge's coordinates: loops of known lengths are worth it.
-    const ELIMINATE: [fn(&mut Self, &[[f64; W]], &mut [[f64; W]], bool) -> bool; 7] = [
+    const ELIMINATE: [fn(&mut Self, &[[f64; W]], u8, &mut [[f64; W]], bool) -> bool; 7] = [
         Self::eliminate::<0>,
         Self::eliminate::<1>,
         Self::eliminate::<2>,
@@ -64,10 +64,12 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     ];
 
     /// U = K B into `felt` and, where the body hangs on another one, K ← K − U (BᵀU)⁻¹Uᵀ and the wrench with what the edge's
-    /// own forces make of it; `false` where too few digits are left.
+    /// own forces make of it; `false` where too few digits are left. What is driven moves as it is told: it is not eliminated,
+    /// and feels nothing.
     fn eliminate<const M: usize>(
         &mut self,
         columns: &[[f64; W]],
+        driven: u8,
         felt: &mut [[f64; W]],
         hangs: bool,
     ) -> bool {
@@ -81,8 +83,19 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
                 pivots.factor[i][j] = dot(&columns[i], &felt[j]);
             }
         }
+        let is_driven = |i: usize| driven >> i & 1 == 1;
+        for i in (0..M).filter(|&i| is_driven(i)) {
+            felt[i] = [0.0; W];
+            pivots.force[i] = 0.0;
+            for j in 0..M {
+                pivots.factor[i.max(j)][i.min(j)] = f64::from(u8::from(i == j));
+            }
+        }
         let served = factor(&mut pivots.factor, M);
         let lost = columns.iter().enumerate().any(|(i, column)| {
+            if is_driven(i) {
+                return false;
+            }
             let terms = column.iter().zip(&pivots.size).map(|(x, size)| x * x * size);
             pivots.is_lost(i, terms.sum())
         });
@@ -110,7 +123,7 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
         true
     }
 
-    /// Accelerations of the edge's coordinates where its base moves by `motion`, which becomes that of the body.
+    /// Adds accelerations of the edge's coordinates where its base moves by `motion`, which becomes that of the body.
     fn respond<const M: usize>(
         &self,
         columns: &[[f64; W]],
@@ -119,9 +132,9 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
         rates: &mut [f64],
     ) {
         let rate = self.rates(&felt[..M], motion);
-        rates.copy_from_slice(&rate[..M]);
-        for (column, rate) in columns[..M].iter().zip(&rate) {
-            add(motion, *rate, column);
+        for (i, column) in columns[..M].iter().enumerate() {
+            rates[i] += rate[i];
+            add(motion, rate[i], column);
         }
     }
 
@@ -138,7 +151,8 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
 }
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
-    /// Accelerations of a tree; the rates of twists are those at zero accelerations.
+    /// Accelerations of a tree, those of its drivers left out; the rates of twists are those of drivers alone. Source: Featherstone,
+    /// *Rigid Body Dynamics Algorithms* (2008), section 9.2, hybrid dynamics.
     pub(super) fn articulate(&mut self, q: &[f64], v: &[f64]) -> bool {
         for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
             let (center, wrench) = (&self.center[b], self.inertia_force(b, q, v));
@@ -159,7 +173,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 inertia.release(pivots, felt, wrench)
             } else {
                 let hangs = edge.base.is_some();
-                Articulated::ELIMINATE[edge.range.len()](own, columns, felt, hangs)
+                Articulated::ELIMINATE[edge.range.len()](own, columns, edge.driven, felt, hangs)
             };
             if !served {
                 return false;

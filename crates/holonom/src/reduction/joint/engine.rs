@@ -30,6 +30,8 @@ pub(super) struct Edge {
     pub(super) outward: bool,
     /// Its coordinates among all.
     pub(super) range: Range<usize>,
+    /// Those that a driver moves, a bit for each.
+    pub(super) driven: u8,
     pub(super) stage: [u8; 6],
     /// Whether a column is carried along by another one.
     pub(super) nested: bool,
@@ -194,6 +196,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 first: screws.first,
                 outward: screws.outward,
                 range: start..coordinates.len(),
+                driven: coordinates[start..].iter().enumerate().fold(
+                    0,
+                    |driven, (i, coordinate)| {
+                        driven | u8::from(matches!(coordinate.0, Source::Driven(..))) << i
+                    },
+                ),
                 stage: screws.stage,
                 nested: screws.stage[..screws.count].windows(2).any(|two| two[0] < two[1]),
                 rotation: screws.rotation,
