@@ -9,6 +9,7 @@ use holonom::newton::Representation;
 use holonom::reduction::{Coordinates, Manifold, Point};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, Status, Summary, run};
 use holonom::system::State;
+use std::fmt::Write;
 
 /// Largest difference of two vectors against the largest entry.
 fn difference(a: &[f64], b: &[f64], least: f64) -> f64 {
@@ -508,23 +509,29 @@ fn driven_row(links: usize) -> String {
         let [a, b, c] = [0.1, 0.12, 0.07].map(|x| x * mass);
         let (x, base) =
             (i as f64, i.checked_sub(1).map_or("ground".to_owned(), |i| format!("b{i}")));
-        bodies += &format!(
+        writeln!(
+            bodies,
             "b{i} = {{ mass = {mass:?}, position = [{:?}, 0.1, 0.2], \
-             inertia = [[{a:?}, 0.0, 0.0], [0.0, {b:?}, 0.0], [0.0, 0.0, {c:?}]] }}\n",
+             inertia = [[{a:?}, 0.0, 0.0], [0.0, {b:?}, 0.0], [0.0, 0.0, {c:?}]] }}",
             x + 0.5
-        );
-        joints += &format!(
-            "j{i} = {{ type = \"cylindrical\", between = [\"{base}\", \"b{i}\"], point = [{x:?}, 0.0, 0.0], \
-             axis = [{:?}, 1.0, {:?}] }}\n",
+        )
+        .expect("a text");
+        writeln!(
+            joints,
+            "j{i} = {{ type = \"cylindrical\", between = [\"{base}\", \"b{i}\"], \
+             point = [{x:?}, 0.0, 0.0], axis = [{:?}, 1.0, {:?}] }}",
             0.2 * x,
             (i % 2) as f64
-        );
+        )
+        .expect("a text");
         for (every, coordinate) in [(3, "rotation"), (5, "translation")] {
             if i % every == 1 {
-                drivers += &format!(
-                    "{coordinate}_{i} = {{ coordinate = \"{coordinate}\", joint = \"j{i}\", motion = {{ type = \
-                     \"polynomial\", coefficients = [0.0, 0.3, 1.5] }} }}\n"
-                );
+                writeln!(
+                    drivers,
+                    "{coordinate}_{i} = {{ coordinate = \"{coordinate}\", joint = \"j{i}\", \
+                     motion = {{ type = \"polynomial\", coefficients = [0.0, 0.3, 1.5] }} }}"
+                )
+                .expect("a text");
             }
         }
     }
