@@ -48,10 +48,8 @@ impl GeneralElimination {
         // What vanishes by chance at this state does not at a generic one.
         let mut nonzeros = Nonzeros::new(shape, blocks);
         let mut generic = state.clone();
-        for (round, x) in [&mut generic.q, &mut generic.v, &mut generic.a, &mut generic.lambda]
-            .into_iter()
-            .enumerate()
-        {
+        let State { q, v, a, lambda, z, .. } = &mut generic;
+        for (round, x) in [q, v, a, lambda, z].into_iter().enumerate() {
             let here = x.clone();
             disturb(&here, round as u32 + 1, x);
         }

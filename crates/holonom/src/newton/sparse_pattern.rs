@@ -72,7 +72,7 @@ pub(super) struct Sum<'a, T> {
     pub(super) inverse_e: &'a [T],
 }
 
-/// Which stored values of K, C, A₀, A₁ have been different from zero.
+/// Which stored values of K, C, A₀, A₁ have been different from zero, by more than round-off.
 #[derive(Debug, Clone)]
 pub(super) struct Nonzeros {
     stiffness: Vec<bool>,
@@ -95,7 +95,7 @@ impl Nonzeros {
         }
     }
 
-    /// Marks what differs from zero; returns whether something new does.
+    /// Marks what differs from zero by more than round-off; returns whether something new does.
     pub(super) fn observe(&mut self, blocks: &ReducedBlocks) -> bool {
         let b = &blocks.blocks;
         let mut new = false;
@@ -105,14 +105,42 @@ impl Nonzeros {
             (&mut self.a0, &b.a0),
             (&mut self.a1, &b.a1),
         ] {
-            for (flag, x) in flags.iter_mut().zip(matrix.values()) {
-                let differs = *x != 0.0 && !*flag;
-                *flag |= differs;
-                new |= differs;
+            if flags.is_empty() {
+                continue;
+            }
+            let mut at = 0;
+            for (_, _, rows, columns) in matrix.shapes() {
+                let range = at..at + rows * columns;
+                at = range.end;
+                new |= observe_block(&mut flags[range.clone()], &matrix.values()[range], columns);
             }
         }
         new
     }
+}
+
+/// Marks what differs from zero in a block by rows, except what is round-off of a sum of as many terms as others in its
+/// row and in its column have: terms that cancel leave that, and it is no more to the matrix than the errors of these others.
+fn observe_block(flags: &mut [bool], values: &[f64], columns: usize) -> bool {
+    let is_new = |flag: &bool, x: f64| !flag && x != 0.0;
+    if !flags.iter().zip(values).any(|(flag, x)| is_new(flag, *x)) {
+        return false;
+    }
+    let round_off = columns as f64 * f64::EPSILON;
+    let rows = || values.chunks_exact(columns);
+    let mut new = false;
+    for (flags, row) in flags.chunks_exact_mut(columns).zip(rows()) {
+        let largest = row.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        for (j, (flag, x)) in flags.iter_mut().zip(row).enumerate() {
+            if is_new(flag, *x) {
+                let other = rows().fold(0.0f64, |m, row| m.max(row[j].abs()));
+                // What is not a number counts.
+                *flag = x.is_nan() || x.abs() >= round_off * largest.min(other);
+                new |= *flag;
+            }
+        }
+    }
+    new
 }
 
 /// The pattern with the source of every entry.
