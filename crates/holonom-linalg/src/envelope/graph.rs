@@ -79,13 +79,26 @@ impl BlockGraph {
         order.iter().enumerate().map(width).collect()
     }
 
-    /// Block operations of an elimination in this order that stores single blocks in place of an
-    /// envelope: one for each product of two blocks and for each triangular solve with one.
-    pub fn elimination_operations(&self, order: &[usize]) -> usize {
+    /// Blocks beside the diagonal one in each column of the factors, of an elimination in this order that stores single
+    /// blocks in place of an envelope.
+    ///
+    /// # Panics
+    /// If `order` is no permutation of the blocks.
+    pub fn factor_widths(&self, order: &[usize]) -> Vec<usize> {
         assert_eq!(order.len(), self.len(), "an order of all blocks");
         let mut rest: Vec<BTreeSet<usize>> =
             self.neighbours.iter().map(|list| list.iter().copied().collect()).collect();
-        order.iter().map(|&i| eliminate(&mut rest, i)).sum()
+        let width = |&i: &usize| {
+            let width = rest[i].len();
+            eliminate(&mut rest, i);
+            width
+        };
+        order.iter().map(width).collect()
+    }
+
+    /// Block operations of that elimination: one for each product of two blocks and for each triangular solve with one.
+    pub fn elimination_operations(&self, order: &[usize]) -> usize {
+        self.factor_widths(order).iter().map(|width| width * (width + 3) / 2).sum()
     }
 }
 

@@ -20,20 +20,20 @@ pub enum Chosen<D> {
     Sparse(Box<SparseMatrix>),
 }
 
-/// Operations with vectors cost about this part of single ones.
-const LANE_COST: f64 = 0.25;
-/// Cost of a factorization of the simplified matrix, with its solves, per block operation and cube of a body's rows, in the
-/// operations of a dense one, about: equal costs were measured for planar chains between two hinges of 95 links and for
-/// ladders of 190 loops.
-const ELIMINATION: f64 = 18.0;
+/// Operations with vectors, in dense products and factorizations, cost about this part of those of a substitution; those with
+/// a sparse matrix, and of what a solution with it has beside, this multiple.
+const LANE_COST: f64 = 0.07;
+const SPARSE_COST: f64 = 2.0;
+/// Factorizations to one linearization, and solves to one factorization, about: 3 to 6, and 9 to 27.
+const FACTORIZATIONS: f64 = 4.0;
+const SOLVES: f64 = 20.0;
+/// An analysis costs about 200 solves with its factors, shared by some 25 factorizations of a run.
+const ANALYSIS: f64 = 8.0;
 /// The inflated matrix to the simplified one, about: 110 links and 280 loops.
 const INFLATED: f64 = 1.6;
-/// Cost of the elimination of a tree per body and cube of its coordinates: equal costs were measured for
-/// chains of 36 links in a plane and of about 70 in space.
-const TREE_ELIMINATION: f64 = 60.0;
-/// Factorizations to one linearization, and solves to one factorization, about.
-const FACTORIZATIONS: f64 = 5.0;
-const SOLVES: f64 = 6.0;
+/// Cost of the elimination of a tree per coordinate, with vectors along the rows of its blocks: equal costs were measured for
+/// chains of about 32 links in a plane and of 45 to 60 in space.
+const TREE_ELIMINATION: f64 = 700.0;
 
 /// Whether the simplified matrix may serve: not on trees, where nothing fills from body to body, and the inflated
 /// one costs no more.
@@ -41,8 +41,8 @@ pub(super) fn prefers_simplified(manifold: &Manifold) -> bool {
     !ForestElimination::fits(manifold)
 }
 
-/// Block operations of an elimination body by body, each with its rows of joints, in an order of least degree.
-fn block_operations(structure: &Structure) -> f64 {
+/// How many bodies each one is tied to when it is eliminated with its rows of joints, in an order of least degree.
+fn widths(structure: &Structure) -> Vec<usize> {
     let (bodies, n) = (structure.sizes.bodies, structure.sizes.per_body);
     let mut touched = vec![Vec::new(); structure.sizes.rows];
     for (row, column, rows, _) in structure.constraint_pattern.shapes() {
@@ -52,22 +52,29 @@ fn block_operations(structure: &Structure) -> f64 {
     let by_joints = touched.iter().flat_map(|ends| ends.windows(2).map(|pair| [pair[0], pair[1]]));
     let edges: Vec<[usize; 2]> = by_forces.chain(by_joints).collect();
     let graph = BlockGraph::new(&vec![1; bodies], &edges);
-    (bodies + graph.elimination_operations(&least_degree(&graph))) as f64
+    graph.factor_widths(&least_degree(&graph))
 }
 
-/// The predicted cost of what follows a linearization with a sparse matrix: of a simplified one, unless all of the
-/// Jacobian is needed.
+/// The predicted cost of what follows a linearization with a sparse matrix, in operations of a substitution: of a simplified
+/// one, unless all of the Jacobian is needed.
 fn sparse_cost(manifold: &Manifold, exact: bool) -> f64 {
     let structure = manifold.system().structure();
-    let (n, bodies) = (structure.sizes.coordinates as f64, structure.sizes.bodies as f64);
+    let (n, bodies) = (structure.sizes.per_body as f64, structure.sizes.bodies as f64);
     if ForestElimination::fits(manifold) {
-        let square = (structure.sizes.per_body * structure.sizes.per_body) as f64;
-        return FACTORIZATIONS * TREE_ELIMINATION * n * square;
+        return FACTORIZATIONS * TREE_ELIMINATION * bodies * n;
     }
-    // A body with its rows of joints that others do not imply.
-    let block = (2.0 * n - manifold.chart().ndof() as f64) / bodies;
+    // A body has its coordinates and the rows of joints that others do not imply; where it is eliminated it leaves changes of its
+    // neighbours' coordinates.
+    let pivots = 2.0 * n - manifold.chart().ndof() as f64 / bodies;
+    let (mut numbers, mut operations) = (0.0, 0.0);
+    for width in widths(structure) {
+        let width = width as f64;
+        numbers += n * (2.0 * pivots - n + 2.0 * pivots * width);
+        operations += n * n * pivots * (1.0 + width).powi(2);
+    }
     let matrix = if exact { INFLATED } else { 1.0 };
-    FACTORIZATIONS * ELIMINATION * matrix * block_operations(structure) * block.powi(3)
+    let solves = (SOLVES + ANALYSIS) * 2.0 * SPARSE_COST * numbers;
+    FACTORIZATIONS * matrix * (operations + solves)
 }
 
 /// The predicted cost of a linearization with what follows it, with a dense matrix.
@@ -80,7 +87,7 @@ fn dense_cost(manifold: &Manifold) -> f64 {
     let blocks = 3.0 * (2.0 * of_k + 3.0 * of_g);
     let reduction = ndof * (2.0 * 4.0 * chart.fill() as f64 + 2.0 * blocks + 2.0 * n * ndof);
     let factor = ndof.powi(3) * 2.0 / 3.0;
-    LANE_COST * (reduction + FACTORIZATIONS * (factor + SOLVES * 2.0 * ndof * ndof))
+    LANE_COST * (reduction + FACTORIZATIONS * factor) + FACTORIZATIONS * SOLVES * 2.0 * ndof * ndof
 }
 
 impl<D: Matrix> Matrix for Chosen<D> {
