@@ -29,7 +29,7 @@ pub enum Representation {
     Auto,
     /// Reduced blocks, dense of order ndof.
     Dense,
-    /// Sparse, with the pattern of the mechanism: simplified or inflated, by predicted cost.
+    /// Sparse, with the pattern of the mechanism: simplified where loops are closed, inflated on trees.
     Sparse,
     /// Sparse and without how joints turn, while iterations with it contract.
     Simplified,
