@@ -12,6 +12,10 @@ use super::stages::{Stages, Step};
 use super::stepper::{Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics};
 use crate::control::{StepControl, StepLaw, StepVerdict};
 
+/// So much of what orders promise the error of a formula is smaller than its estimate, at least. Motions that go round a few
+/// times take some 10 τ^(-1/4) steps with estimates of order 3: what these leave then adds up to 30 tolerances.
+const OWN_ERROR: f64 = 0.3;
+
 /// Stepper of an implicit formula with the stages `S`.
 #[derive(Debug, Clone)]
 pub struct ImplicitStepper<S> {
@@ -31,6 +35,8 @@ pub struct ImplicitStepper<S> {
     ahead: Ahead,
     /// The last correction of an iteration, or the estimated error.
     change: Vec<f64>,
+    /// Error of the formula itself.
+    own: Vec<f64>,
     current: Segment,
     previous: Segment,
     statistics: StepperStatistics,
@@ -51,6 +57,7 @@ impl<S: Stages> ImplicitStepper<S> {
             floor: 0.0,
             ahead: Ahead::new(dimension),
             change: vec![0.0; dimension],
+            own: vec![0.0; dimension],
             current: Segment::new(dimension, S::DEGREE),
             previous: Segment::new(dimension, S::DEGREE),
             statistics: StepperStatistics::default(),
@@ -119,8 +126,21 @@ impl<S: Stages> ImplicitStepper<S> {
     /// Scaled error, filtered; estimated again where a first or repeated attempt would fail, because
     /// transients there are not what the step has to follow.
     fn error(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> Result<f64, EvaluationFailure> {
-        let found = self.estimated(ode, step)?;
-        Ok(self.options.caution * found)
+        let estimate = self.options.caution * self.estimated(ode, step)?;
+        Ok(estimate.max(self.own_error(ode, step)))
+    }
+
+    /// The error of the formula itself, as many times as its estimate should be larger. Source:
+    /// `docs/theory/method.md` (11b).
+    fn own_error(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> f64 {
+        let Some(tolerance) = self.options.own_error else { return 0.0 };
+        if !self.stages.own_error(ode, step.h, &mut self.own) {
+            return 0.0;
+        }
+        let (p, below) = (self.stages.order(), self.stages.embedded_order());
+        let exponent = f64::from(p - below) / f64::from(below + 1);
+        let multiple = (OWN_ERROR * tolerance.powf(-exponent)).max(1.0);
+        multiple * ode.error_norm(&self.own, self.stages.end().w)
     }
 
     fn estimated(

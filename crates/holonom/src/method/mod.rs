@@ -21,6 +21,7 @@ pub mod rosenbrock;
 pub mod sdirk;
 mod segment;
 mod simplification;
+mod stage_errors;
 mod stages;
 mod state_space;
 mod state_space_method;

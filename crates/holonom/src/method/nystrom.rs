@@ -8,6 +8,7 @@ use super::iteration::{Failure, Iteration, MAX_SYSTEMS};
 use super::nystrom_start::Start;
 use super::ode::{EvaluationFailure, Stage};
 use super::segment::Segment;
+use super::stage_errors::StageErrors;
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
 use crate::formula::{Continuation, Nystrom};
@@ -30,6 +31,12 @@ impl NystromStepper {
                 if i > 0 { formula.predictor(i) } else { [0.0; MAX_SYSTEMS] }
             }),
             continues: options.continue_accelerations,
+            errors: match &formula.continuation {
+                Continuation::Stages(dense) => {
+                    Some(StageErrors::new(&formula.a, &formula.c, dense, dimension))
+                }
+                Continuation::Hermite => None,
+            },
             start: Start::FIRST,
             x: vec![vec![0.0; unknowns]; formula.stages + 1],
             slopes: vec![vector(); formula.stages + 1],
@@ -54,6 +61,7 @@ pub struct NystromStages {
     predictors: [[f64; MAX_SYSTEMS]; MAX_SYSTEMS],
     /// The first stage is predicted from the step before.
     continues: bool,
+    errors: Option<StageErrors>,
     start: Start,
     /// Unknowns at the start and of every stage.
     x: Vec<Vec<f64>>,
@@ -244,6 +252,12 @@ impl Stages for NystromStages {
 
     fn filter(&mut self, ode: &mut Counted<'_>, error: &mut [f64]) {
         ode.filter(error);
+    }
+
+    fn own_error(&mut self, ode: &mut Counted<'_>, h: f64, error: &mut [f64]) -> bool {
+        let Some(errors) = &mut self.errors else { return false };
+        errors.at_end(h, &self.slopes[1..], error, |error| ode.filter(error));
+        true
     }
 
     fn end(&self) -> StepEnd<'_> {

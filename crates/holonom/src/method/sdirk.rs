@@ -11,6 +11,7 @@ use super::counted::Counted;
 use super::iteration::{Failure, Iteration};
 use super::ode::EvaluationFailure;
 use super::segment::Segment;
+use super::stage_errors::StageErrors;
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
 use crate::formula::Sdirk;
@@ -26,6 +27,7 @@ impl SdirkStepper {
         let vector = || vec![0.0; dimension];
         let stages = SdirkStages {
             formula,
+            errors: StageErrors::new(&formula.a, &formula.c, &formula.dense, dimension),
             z: std::array::from_fn(|_| vector()),
             past: vector(),
             state: vector(),
@@ -40,6 +42,7 @@ impl SdirkStepper {
 #[derive(Debug, Clone)]
 pub struct SdirkStages {
     formula: &'static Sdirk,
+    errors: StageErrors,
     z: [Vec<f64>; STAGES],
     past: Vec<f64>,
     state: Vec<f64>,
@@ -151,6 +154,11 @@ impl Stages for SdirkStages {
         self.end.copy_from_slice(step.w);
         add_scaled(&mut self.end, 1.0, last);
         Ok(())
+    }
+
+    fn own_error(&mut self, ode: &mut Counted<'_>, _h: f64, error: &mut [f64]) -> bool {
+        self.errors.at_end(1.0, &self.z, error, |error| ode.solve(error));
+        true
     }
 
     fn end(&self) -> StepEnd<'_> {

@@ -99,6 +99,12 @@ pub trait Stages: Debug + Send {
         true
     }
 
+    /// Finds the error of the formula itself, filtered, where it is known to be larger than what the order of the
+    /// estimate promises; false if the formula has none to tell.
+    fn own_error(&mut self, _ode: &mut Counted<'_>, _h: f64, _error: &mut [f64]) -> bool {
+        false
+    }
+
     /// The end of the step, after `estimate`; its slope after `finish`.
     fn end(&self) -> StepEnd<'_>;
 

@@ -165,6 +165,9 @@ pub struct StepperOptions {
     /// Error estimates are multiplied by (I − γh J)⁻¹, which bounds them on stiff components (by a
     /// tenth of their size at least where the formula is not stiffly accurate).
     pub filter_error: bool,
+    /// Relative tolerance of steps that are also judged by the error of the formula itself, where it knows it: on stiff
+    /// components it may be as large as the estimate, which is of lower order.
+    pub own_error: Option<f64>,
 }
 
 impl StepperOptions {
@@ -182,6 +185,7 @@ impl StepperOptions {
             continue_accelerations: false,
             caution: 1.0,
             filter_error: true,
+            own_error: None,
         }
     }
 
@@ -202,6 +206,7 @@ impl StepperOptions {
             dead_band: 1.2,
             predictive: true,
             continue_accelerations: true,
+            own_error: Some(tolerance),
             ..Self::thesis()
         }
     }

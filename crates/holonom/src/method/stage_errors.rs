@@ -1,0 +1,127 @@
+//! The error of an SDIRK formula itself, as far as its stages tell it.
+//!
+//! ```text
+//! Δᵢ = u(cᵢ) − u(0) − h Σⱼ aᵢⱼ u'(cⱼ)        u(θ): dense output
+//! rᵢ = −Δᵢ + Σ_{j<i} (aᵢⱼ/γ)(Eⱼ − rⱼ)        Eᵢ = (I − γhJ)⁻¹ rᵢ        E₅: error at the end
+//! ```
+//!
+//! Source: `docs/theory/method.md` (11a); B-convergence in Hairer & Wanner, *Solving ODEs II*, section IV.15, with u for the solution.
+
+use super::stepper::add_scaled;
+
+const STAGES: usize = 5;
+
+/// Errors of the stages of an SDIRK formula, from the defects of its dense output.
+#[derive(Debug, Clone)]
+pub(super) struct StageErrors {
+    /// Defect Δᵢ by what the stages give.
+    defects: [[f64; STAGES]; STAGES],
+    /// aᵢⱼ/γ, j < i.
+    coupling: [[f64; STAGES]; STAGES],
+    /// Eⱼ − rⱼ.
+    found: [Vec<f64>; STAGES - 1],
+}
+
+impl StageErrors {
+    /// For a formula with the matrix `a`, nodes `c` and powers 1 to 4 of θ of what each stage gives to its dense
+    /// output.
+    pub(super) fn new(
+        a: &[[f64; STAGES]; STAGES],
+        c: &[f64; STAGES],
+        dense: &[[f64; 4]; STAGES],
+        dimension: usize,
+    ) -> Self {
+        let defect = |i: usize, power: i32| -> f64 {
+            let slopes = (0..STAGES).map(|j| a[i][j] * c[j].powi(power - 1));
+            c[i].powi(power) - f64::from(power) * slopes.sum::<f64>()
+        };
+        let of_stage = |i: usize, m: usize| {
+            (1..=4).zip(dense[m]).map(|(power, weight)| defect(i, power) * weight).sum()
+        };
+        Self {
+            defects: std::array::from_fn(|i| std::array::from_fn(|m| of_stage(i, m))),
+            coupling: std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] / a[i][i])),
+            found: std::array::from_fn(|_| vec![0.0; dimension]),
+        }
+    }
+
+    /// The error at the end of a step. `stages` times `scale` are what the dense output is made of; `filter`
+    /// multiplies by (I − γhJ)⁻¹.
+    pub(super) fn at_end(
+        &mut self,
+        scale: f64,
+        stages: &[Vec<f64>],
+        error: &mut [f64],
+        mut filter: impl FnMut(&mut [f64]),
+    ) {
+        for i in 0..STAGES {
+            error.fill(0.0);
+            for (stage, defect) in stages.iter().zip(self.defects[i]) {
+                add_scaled(error, -scale * defect, stage);
+            }
+            for (found, weight) in self.found[..i].iter().zip(self.coupling[i]) {
+                add_scaled(error, weight, found);
+            }
+            if let Some(found) = self.found.get_mut(i) {
+                found.copy_from_slice(error);
+            }
+            filter(error);
+            if let Some(found) = self.found.get_mut(i) {
+                for (found, &error) in found.iter_mut().zip(&*error) {
+                    *found = error - *found;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formula::{SDIRK4_15, SDIRK4_16, Sdirk};
+
+    /// The error of a step of ẏ = λ(y − cos t) − sin t from (1, cos 1), by [`StageErrors`] and as it is.
+    fn found_and_true(f: &Sdirk, h: f64, lambda: f64) -> [f64; 2] {
+        let (start, matrix) = (1.0_f64, 1.0 - f.gamma * h * lambda);
+        let mut stages = Vec::new();
+        for i in 0..STAGES {
+            let t = start + f.c[i] * h;
+            let past: f64 =
+                stages.iter().zip(f.zeta[i]).map(|(z, weight): (&Vec<f64>, _)| weight * z[0]).sum();
+            let forced = lambda * (start.cos() - t.cos()) - t.sin();
+            stages.push(vec![(past + f.gamma * h * forced) / matrix]);
+        }
+        let mut errors = StageErrors::new(&f.a, &f.c, &f.dense, 1);
+        let mut error = [0.0];
+        errors.at_end(1.0, &stages, &mut error, |error| error[0] /= matrix);
+        [error[0], start.cos() + stages[STAGES - 1][0] - (start + h).cos()]
+    }
+
+    #[test] // truth: the solution cos t
+    fn errors_are_those_of_steps_whose_order_is_reduced() {
+        for f in [&SDIRK4_15, &SDIRK4_16] {
+            for h in [0.02, 0.01, 0.005] {
+                for (product, within) in [(-0.1, 0.4), (-0.3, 0.3), (-1.0, 0.2), (-3.0, 0.5)] {
+                    let [found, error] = found_and_true(f, h, product / h);
+                    let ratio = found / error;
+                    assert!(
+                        (ratio - 1.0).abs() < within,
+                        "{}, h = {h}, hλ = {product}: {ratio}",
+                        f.name
+                    );
+                }
+            }
+        }
+    }
+
+    #[test] // truth: a polynomial of degree 1 is integrated without an error
+    fn linear_motions_have_no_defect() {
+        for f in [&SDIRK4_15, &SDIRK4_16] {
+            let mut errors = StageErrors::new(&f.a, &f.c, &f.dense, 1);
+            let stages: Vec<_> = f.c.iter().map(|&c| vec![c]).collect();
+            let mut error = [1.0];
+            errors.at_end(1.0, &stages, &mut error, |_| ());
+            assert!(error[0].abs() < 1e-12, "{}: {}", f.name, error[0]);
+        }
+    }
+}
