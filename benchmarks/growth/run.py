@@ -121,9 +121,7 @@ def measure(shape: str, n: int) -> dict[str, float]:
     holonom.Model.from_text(SHAPES[shape][0].format(n=3)).simulate(end_time=1e-3, interval=1e-3)
     before = resource.getrusage(resource.RUSAGE_SELF)
     model = holonom.Model.from_text(SHAPES[shape][0].format(n=n))
-    result = model.simulate(
-        end_time=END, tolerance=TOLERANCE, interval=END, newton="sparse", dense_output=False
-    )
+    result = model.simulate(end_time=END, tolerance=TOLERANCE, interval=END, dense_output=False)
     after = resource.getrusage(resource.RUSAGE_SELF)
     return {
         "steps": result.statistics["steps"],

@@ -12,8 +12,8 @@ use super::stages::{Stages, Step};
 use super::stepper::{Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics};
 use crate::control::{StepControl, StepLaw, StepVerdict};
 
-/// So much of what orders promise the error of a formula is smaller than its estimate, at least. Motions that go round a few
-/// times take some 10 τ^(-1/4) steps with estimates of order 3: what these leave then adds up to 30 tolerances.
+/// An estimate is to be at least 0.3 τ^(−1/4) times the error of a formula itself. With estimates of order 3 a motion of a
+/// few turns takes about 10 τ^(−1/4) steps, whose errors then add up to 30 tolerances, if they persist.
 const OWN_ERROR: f64 = 0.3;
 
 /// Stepper of an implicit formula with the stages `S`.
@@ -35,8 +35,9 @@ pub struct ImplicitStepper<S> {
     ahead: Ahead,
     /// The last correction of an iteration, or the estimated error.
     change: Vec<f64>,
-    /// Error of the formula itself.
+    /// Error of the formula itself, and how many times as large their orders promise an estimate to be.
     own: Vec<f64>,
+    promised: Option<f64>,
     current: Segment,
     previous: Segment,
     statistics: StepperStatistics,
@@ -45,6 +46,8 @@ pub struct ImplicitStepper<S> {
 impl<S: Stages> ImplicitStepper<S> {
     /// A stepper for systems of `dimension` unknowns.
     pub(super) fn of(stages: S, dimension: usize, options: StepperOptions) -> Self {
+        let (p, below) = (stages.order(), stages.embedded_order());
+        let exponent = f64::from(p - below) / f64::from(below + 1);
         let law = if options.predictive { StepLaw::Predictive } else { StepLaw::Standard };
         Self {
             options,
@@ -58,6 +61,7 @@ impl<S: Stages> ImplicitStepper<S> {
             ahead: Ahead::new(dimension),
             change: vec![0.0; dimension],
             own: vec![0.0; dimension],
+            promised: options.own_error.map(|tolerance| tolerance.powf(-exponent)),
             current: Segment::new(dimension, S::DEGREE),
             previous: Segment::new(dimension, S::DEGREE),
             statistics: StepperStatistics::default(),
@@ -127,20 +131,29 @@ impl<S: Stages> ImplicitStepper<S> {
     /// transients there are not what the step has to follow.
     fn error(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> Result<f64, EvaluationFailure> {
         let estimate = self.options.caution * self.estimated(ode, step)?;
-        Ok(estimate.max(self.own_error(ode, step)))
+        if estimate <= 1.0 && !self.options.fixed_step {
+            Ok(self.at_least_own(estimate, ode, step))
+        } else {
+            Ok(estimate)
+        }
     }
 
-    /// The error of the formula itself, as many times as its estimate should be larger. Source:
-    /// `docs/theory/method.md` (11b).
-    fn own_error(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> f64 {
-        let Some(tolerance) = self.options.own_error else { return 0.0 };
+    /// The estimate, or the error of the formula itself, multiplied by what an estimate should exceed it by. Then that is
+    /// in its place, as large as orders promise an estimate to be. Source: `docs/theory/method.md` (11b).
+    fn at_least_own(&mut self, estimate: f64, ode: &mut Counted<'_>, step: &Step<'_>) -> f64 {
+        let Some(promised) = self.promised else { return estimate };
         if !self.stages.own_error(ode, step.h, &mut self.own) {
-            return 0.0;
+            return estimate;
         }
-        let (p, below) = (self.stages.order(), self.stages.embedded_order());
-        let exponent = f64::from(p - below) / f64::from(below + 1);
-        let multiple = (OWN_ERROR * tolerance.powf(-exponent)).max(1.0);
-        multiple * ode.error_norm(&self.own, self.stages.end().w)
+        let size = ode.error_norm(&self.own, self.stages.end().w);
+        let own = (OWN_ERROR * promised).max(1.0) * size;
+        if own <= estimate {
+            return estimate;
+        }
+        for (change, own) in self.change.iter_mut().zip(&self.own) {
+            *change = promised * own;
+        }
+        own
     }
 
     fn estimated(

@@ -263,7 +263,9 @@ pub fn build_stepper(
                 Code::Dopri5 => 32.0,
                 _ => 1.0,
             };
-            StepperOptions { caution, ..StepperOptions::improved(tolerance.relative) }
+            // That of carried errors: `docs/theory/simulation.md` (11).
+            let own_error = Some(tolerance.relative.max(tolerance.rotation));
+            StepperOptions { caution, own_error, ..StepperOptions::improved(tolerance.relative) }
         }
     };
     if matches!(code, Code::SspTrap | Code::InflTrap) {

@@ -79,37 +79,51 @@ impl StageErrors {
 mod tests {
     use super::*;
     use crate::formula::{SDIRK4_15, SDIRK4_16, Sdirk};
+    use holonom_linalg::Complex64;
 
     /// The error of a step of ẏ = λ(y − cos t) − sin t from (1, cos 1), by [`StageErrors`] and as it is.
-    fn found_and_true(f: &Sdirk, h: f64, lambda: f64) -> [f64; 2] {
+    fn found_and_true(f: &Sdirk, h: f64, lambda: Complex64) -> [Complex64; 2] {
         let (start, matrix) = (1.0_f64, 1.0 - f.gamma * h * lambda);
         let mut stages = Vec::new();
         for i in 0..STAGES {
             let t = start + f.c[i] * h;
-            let past: f64 =
-                stages.iter().zip(f.zeta[i]).map(|(z, weight): (&Vec<f64>, _)| weight * z[0]).sum();
+            let past: Complex64 = stages.iter().zip(f.zeta[i]).map(|(z, weight)| weight * z).sum();
             let forced = lambda * (start.cos() - t.cos()) - t.sin();
-            stages.push(vec![(past + f.gamma * h * forced) / matrix]);
+            stages.push((past + f.gamma * h * forced) / matrix);
         }
-        let mut errors = StageErrors::new(&f.a, &f.c, &f.dense, 1);
-        let mut error = [0.0];
-        errors.at_end(1.0, &stages, &mut error, |error| error[0] /= matrix);
-        [error[0], start.cos() + stages[STAGES - 1][0] - (start + h).cos()]
+        let error = start.cos() + stages[STAGES - 1] - (start + h).cos();
+        // In two components, as real and imaginary parts.
+        let stages: Vec<_> = stages.iter().map(|z| vec![z.re, z.im]).collect();
+        let mut errors = StageErrors::new(&f.a, &f.c, &f.dense, 2);
+        let mut found = [0.0; 2];
+        errors.at_end(1.0, &stages, &mut found, |x| {
+            let solved = Complex64::new(x[0], x[1]) / matrix;
+            x.copy_from_slice(&[solved.re, solved.im]);
+        });
+        [Complex64::new(found[0], found[1]), error]
     }
 
     #[test] // truth: the solution cos t
     fn errors_are_those_of_steps_whose_order_is_reduced() {
+        let damped = Complex64::new(-1.0, 0.0);
+        let oblique = Complex64::new(-0.5_f64.sqrt(), 0.5_f64.sqrt());
+        let undamped = Complex64::new(0.0, 1.0);
         for f in [&SDIRK4_15, &SDIRK4_16] {
             for h in [0.02, 0.01, 0.005] {
-                for (product, within) in [(-0.1, 0.4), (-0.3, 0.3), (-1.0, 0.2), (-3.0, 0.5)] {
+                let assert_within = |product: Complex64, least: f64, most: f64| {
                     let [found, error] = found_and_true(f, h, product / h);
-                    let ratio = found / error;
-                    assert!(
-                        (ratio - 1.0).abs() < within,
-                        "{}, h = {h}, hλ = {product}: {ratio}",
-                        f.name
-                    );
+                    let ratio = found.norm() / error.norm();
+                    let inside = least < ratio && ratio < most;
+                    assert!(inside, "{}, h = {h}, hλ = {product}: {ratio}", f.name);
+                };
+                for size in [0.1, 0.3, 1.0, 3.0] {
+                    assert_within(size * damped, 0.65, 1.4);
                 }
+                for size in [0.1, 1.0, 10.0, 100.0, 1e4] {
+                    assert_within(size * undamped, 0.95, 1.9);
+                    assert_within(size * oblique, 0.5, 1.9);
+                }
+                assert_within(1e4 * damped, 1.0, 1.9);
             }
         }
     }

@@ -99,8 +99,7 @@ pub trait Stages: Debug + Send {
         true
     }
 
-    /// Finds the error of the formula itself, filtered, where it is known to be larger than what the order of the
-    /// estimate promises; false if the formula has none to tell.
+    /// Finds the error that the formula itself leaves at the end of a step of length h; false where it cannot tell.
     fn own_error(&mut self, _ode: &mut Counted<'_>, _h: f64, _error: &mut [f64]) -> bool {
         false
     }

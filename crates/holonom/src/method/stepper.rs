@@ -165,8 +165,8 @@ pub struct StepperOptions {
     /// Error estimates are multiplied by (I − γh J)⁻¹, which bounds them on stiff components (by a
     /// tenth of their size at least where the formula is not stiffly accurate).
     pub filter_error: bool,
-    /// Relative tolerance of steps that are also judged by the error of the formula itself, where it knows it: on stiff
-    /// components it may be as large as the estimate, which is of lower order.
+    /// Steps are also judged by the error of the formula itself, where it can tell: on stiff components it may be as
+    /// large as the estimate, which is of lower order. By how much that should exceed it follows from this tolerance.
     pub own_error: Option<f64>,
 }
 
