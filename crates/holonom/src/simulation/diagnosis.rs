@@ -154,7 +154,12 @@ pub(super) fn diagnose(
         Err(Stop::MaxSteps) => {
             let limit = options.max_steps;
             let message = format!("`max_steps` = {limit} reached at t = {time:.6} s");
-            let help = "raise `max_steps`, loosen the tolerance, or use an implicit code";
+            let help = if options.code.info().family == "explicit" {
+                "raise `max_steps`, loosen the tolerance, or use an implicit code"
+            } else {
+                "raise `max_steps`, loosen the tolerance, or look for what makes steps short near this time; \
+                 `ForRadau` may tell"
+            };
             (Status::Limit, reason("simulation/max-steps", message, 0.0, help))
         }
         Err(Stop::MaxSeconds) => {
