@@ -95,11 +95,6 @@ impl BlockGraph {
         };
         order.iter().map(width).collect()
     }
-
-    /// Block operations of that elimination: one for each product of two blocks and for each triangular solve with one.
-    pub fn elimination_operations(&self, order: &[usize]) -> usize {
-        self.factor_widths(order).iter().map(|width| width * (width + 3) / 2).sum()
-    }
 }
 
 /// Eliminates a vertex: its neighbours become a clique. Returns the block operations.

@@ -68,7 +68,7 @@ pub fn gibbs_king(graph: &BlockGraph) -> Vec<usize> {
 }
 
 /// Minimum degree: at each step the block with the fewest neighbours left. Good for storage of single
-/// blocks, not for an envelope: [`BlockGraph::elimination_operations`] tells what could be saved.
+/// blocks, not for an envelope: [`BlockGraph::factor_widths`] tells what these are.
 pub fn least_degree(graph: &BlockGraph) -> Vec<usize> {
     let mut rest: Vec<BTreeSet<usize>> =
         (0..graph.len()).map(|i| graph.neighbours(i).iter().copied().collect()).collect();

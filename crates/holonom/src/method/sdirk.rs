@@ -11,12 +11,10 @@ use super::counted::Counted;
 use super::iteration::{Failure, Iteration};
 use super::ode::EvaluationFailure;
 use super::segment::Segment;
-use super::stage_errors::StageErrors;
+use super::stage_errors::{STAGES, StageErrors};
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
 use crate::formula::Sdirk;
-
-const STAGES: usize = 5;
 
 /// Stepper of an SDIRK formula.
 pub type SdirkStepper = ImplicitStepper<SdirkStages>;

@@ -9,7 +9,8 @@
 
 use super::stepper::add_scaled;
 
-const STAGES: usize = 5;
+/// Stages of SDIRK formulas.
+pub(super) const STAGES: usize = 5;
 
 /// Errors of the stages of an SDIRK formula, from the defects of its dense output.
 #[derive(Debug, Clone)]

@@ -157,8 +157,7 @@ pub(super) fn diagnose(
             let help = if options.code.info().family == "explicit" {
                 "raise `max_steps`, loosen the tolerance, or use an implicit code"
             } else {
-                "raise `max_steps`, loosen the tolerance, or look for what makes steps short near this time; \
-                 `ForRadau` may tell"
+                "raise `max_steps`, loosen the tolerance, or look for what makes steps short near this time"
             };
             (Status::Limit, reason("simulation/max-steps", message, 0.0, help))
         }
