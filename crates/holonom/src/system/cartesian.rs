@@ -5,7 +5,7 @@ use super::cartesian_derivatives::set_rows;
 use super::compile::build;
 use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, ResistanceLaw, Tree};
 use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
-use super::quantities::Channel;
+use super::quantities::Channels;
 use super::space::Space;
 use super::turns::Turns;
 use super::{
@@ -15,7 +15,7 @@ use crate::elements::{ConstraintElement, ForceElement, ForceInput, ForceOutput, 
 use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
 use holonom_linalg::BlockMatrix;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// The system.
 pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
@@ -36,9 +36,8 @@ pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
     pub(super) arguments: Vec<LawArgument>,
     pub(super) gravity: [f64; 3],
     pub(super) length: f64,
-    pub(super) channels: Vec<Channel>,
-    /// Channels in the order of their names.
-    pub(super) by_name: Vec<u32>,
+    /// Made when they are first asked for: there are a dozen to a body.
+    pub(super) channels: OnceLock<Channels>,
 }
 
 impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {

@@ -8,14 +8,14 @@ use super::placed::{Elements, Part, PlacedBody, PlacedConstraint, PlacedForce, S
 use super::space::Space;
 use super::structure::{JointRows, Sizes, Structure};
 use super::turns::Turns;
-use super::{LawArgument, Measure, System, quantities};
+use super::{LawArgument, Measure, System};
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use crate::topology::Forest;
 use crate::watch::{NAMED, checkpoint, stage};
 use holonom_linalg::BlockPattern;
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Most parts of a system that are evaluated at the same time, and bodies of the smallest.
 const PARTS: usize = 16;
@@ -152,7 +152,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         of_force.map(move |(index, knots)| LawArgument { force, index, measure, knots })
     });
     let arguments = knots.collect();
-    let mut system = Cartesian {
+    Cartesian {
         arguments,
         structure,
         slots,
@@ -166,14 +166,8 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         resistances,
         gravity,
         length: model.characteristic_length(),
-        channels: Vec::new(),
-        by_name: Vec::new(),
-    };
-    system.channels = quantities::list(&system);
-    system.by_name = (0..system.channels.len() as u32).collect();
-    let channels = &system.channels;
-    system.by_name.sort_by_key(|&at| channels[at as usize].name.as_str());
-    system
+        channels: OnceLock::new(),
+    }
 }
 
 /// Lets angles of forces follow the joints of the forest about the same axis; returns the bodies of

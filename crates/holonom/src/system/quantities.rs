@@ -108,7 +108,31 @@ fn shape(components: usize) -> &'static [usize] {
 }
 
 /// All channels of a system.
-pub(super) fn list<S: Space<D, N>, const D: usize, const N: usize>(
+#[derive(Debug)]
+pub(super) struct Channels {
+    pub(super) all: Vec<Channel>,
+    /// In the order of their names.
+    by_name: Vec<u32>,
+}
+
+impl Channels {
+    pub(super) fn of<S: Space<D, N>, const D: usize, const N: usize>(
+        system: &Cartesian<S, D, N>,
+    ) -> Self {
+        let all = list(system);
+        let mut by_name: Vec<u32> = (0..all.len() as u32).collect();
+        by_name.sort_by_key(|&at| all[at as usize].name.as_str());
+        Self { all, by_name }
+    }
+
+    pub(super) fn named(&self, name: &str) -> Option<&Channel> {
+        let channel = |at: &u32| &self.all[*at as usize];
+        let at = self.by_name.binary_search_by(|at| channel(at).name.as_str().cmp(name)).ok()?;
+        Some(channel(&self.by_name[at]))
+    }
+}
+
+fn list<S: Space<D, N>, const D: usize, const N: usize>(
     system: &Cartesian<S, D, N>,
 ) -> Vec<Channel> {
     let (vector, angular) = (shape(D), if D == 2 { shape(1) } else { shape(3) });
