@@ -122,11 +122,15 @@ pub trait EdgeKinematics<const N: usize> {
     /// Whether coordinates are those of the child against the ground.
     fn is_free(&self) -> bool;
 
-    /// Pose of the child from that of its parent, and how both stand. References are read where the edge is a line.
+    /// Which of its groups of coordinates is a direction, where the edge is a line.
+    fn direction(&self) -> Option<usize>;
+
+    /// Pose of the child from that of its parent, and how both stand. The reference is that of the direction, and is read
+    /// where there is one.
     fn place(
         &self,
         x: &[f64],
-        references: &[Reference],
+        reference: &Reference,
         anchor: &Anchor,
         parent: (&[f64; N], &Stance),
         parent_is_first: bool,
@@ -199,10 +203,17 @@ where
         if self.turns == Turns::Free { S::orientation(child) } else { S::relative_orientation(q) }
     }
 
+    fn direction(&self) -> Option<usize> {
+        match self.link {
+            Link::Line(fixed) => Some(usize::from(fixed.is_none())),
+            _ => None,
+        }
+    }
+
     fn place(
         &self,
         x: &[f64],
-        references: &[Reference],
+        reference: &Reference,
         anchor: &Anchor,
         (parent, stance): (&[f64; N], &Stance),
         parent_is_first: bool,
@@ -220,7 +231,7 @@ where
             Link::Line(fixed) => {
                 let own = usize::from(fixed.is_none());
                 let length = fixed.unwrap_or(x[0]);
-                let unit = S::direction(&x[own..], &references[own]);
+                let unit = S::direction(&x[own..], reference);
                 let used = own + D - 1;
                 (unit.map(|u| u * length), &x[used..], used)
             }
@@ -254,14 +265,14 @@ where
         };
         let mut placed = S::stance(&child);
         let (first, second) = if parent_is_first { (stance, &placed) } else { (&placed, stance) };
-        let arms = [first.turn(&lifted(&self.points[0])), second.turn(&lifted(&self.points[1]))];
+        let arms = [S::turned(first, &self.points[0]), S::turned(second, &self.points[1])];
         // Centres first: far from the origin their difference is exact where arms are not.
         let mut offset = difference(&arms[0], &arms[1]);
         match self.link {
             Link::Coincides => {}
             Link::Line(_) => offset = sum(&lifted(&link), &offset),
             Link::Slides(_) | Link::Components(_) => {
-                offset = sum(&first.turn(&lifted(&link)), &offset);
+                offset = sum(&S::turned(first, &link), &offset);
             }
         }
         for k in 0..D {
@@ -294,6 +305,8 @@ pub trait Orientation<const D: usize, const N: usize, const R: usize>: Space<D, 
     fn direction(x: &[f64], reference: &Reference) -> [f64; D];
     /// How a body stands at a pose.
     fn stance(q: &[f64; N]) -> Stance;
+    /// A vector of a body in ground axes.
+    fn turned(body: &Stance, vector: &[f64; D]) -> [f64; 3];
     /// A rotation axis of a body in ground axes; in the plane the normal of the plane.
     fn turning_axis(body: &Stance, axis: &[f64; D]) -> [f64; 3];
     /// The same of the ground.
@@ -346,6 +359,12 @@ impl Orientation<2, 3, 1> for Planar {
 
     fn stance(q: &[f64; 3]) -> Stance {
         Stance::planar(q)
+    }
+
+    #[inline(always)]
+    fn turned(body: &Stance, [x, y]: &[f64; 2]) -> [f64; 3] {
+        let [[a, b, _], [c, d, _], _] = &body.axes;
+        [a * x + b * y, c * x + d * y, 0.0]
     }
 
     fn turning_axis(_body: &Stance, _axis: &[f64; 2]) -> [f64; 3] {
@@ -425,6 +444,11 @@ impl Orientation<3, 7, 4> for Spatial {
 
     fn stance(q: &[f64; 7]) -> Stance {
         Stance::spatial(q)
+    }
+
+    #[inline(always)]
+    fn turned(body: &Stance, vector: &[f64; 3]) -> [f64; 3] {
+        body.turn(vector)
     }
 
     fn turning_axis(body: &Stance, axis: &[f64; 3]) -> [f64; 3] {

@@ -306,15 +306,8 @@ impl Relatives {
         q: &mut [f64],
         stances: Option<&mut [Stance]>,
     ) {
-        let mut references = [[0.0; 6]; 3];
-        let form = self.forms[edge];
-        let (groups, own) = (system.relative_groups(), &system.tree().edges[edge].forms[form]);
-        if own.iter().any(|&group| groups[group].kind == RelativeKind::Direction) {
-            for (reference, &group) in references.iter_mut().zip(own) {
-                *reference = self.references[group];
-            }
-        }
-        system.place(edge, form, &x[edge], &references, &self.anchors[edge], q, stances);
+        let (form, anchor) = (self.forms[edge], &self.anchors[edge]);
+        system.place(edge, form, &x[edge], &self.references, anchor, q, stances);
     }
 
     /// Windings that follow the edges, from the coordinates of [`Relatives::coordinates`].

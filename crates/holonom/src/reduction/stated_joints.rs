@@ -71,6 +71,7 @@ fn of_edge<'a>(model: &'a Model, edge: &TreeEdge, level: Level) -> Vec<&'a Initi
 /// were against their parents in the design configuration; bodies whose own pose is stated stay.
 pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &mut State) {
     let groups = system.relative_groups();
+    let mut references = vec![[0.0; 6]; groups.len()];
     let mut moved = vec![false; model.bodies.len()];
     for (at, edge) in system.tree().edges.iter().enumerate() {
         let own = of_edge(model, edge, Level::Position);
@@ -84,7 +85,6 @@ pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &
         }
         let mut x = [0.0; 6];
         let mut wanted = x;
-        let mut references = Vec::new();
         let mut first = 0;
         for &group in &edge.forms[0] {
             let info = &groups[group];
@@ -104,7 +104,7 @@ pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &
             if let (1, Some(c)) = (info.rows, own.iter().find(fits)) {
                 wanted[first] = c.value;
             }
-            references.push(reference);
+            references[group] = reference;
             first += info.rows;
         }
         let anchor = Anchor { orientation: system.anchor_orientation(at, 0, design), x };

@@ -135,7 +135,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, 
             }
         };
         let from = (parent, stands);
-        let (child, stance) = placed.kinematics[form].place(x, references, anchor, from, first);
+        let kinematics = &placed.kinematics[form];
+        let direction = kinematics.direction().map(|own| &references[tree.forms[form][own]]);
+        let reference = direction.unwrap_or(const { &[0.0; 6] });
+        let (child, stance) = kinematics.place(x, reference, anchor, from, first);
         q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);
         if let Some(stances) = stances {
             stances[tree.body] = stance;

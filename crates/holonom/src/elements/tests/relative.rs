@@ -138,7 +138,8 @@ fn check_form<S, const D: usize, const N: usize, const R: usize>(
         let parent = first[1 - child];
         let stance = S::stance(&parent);
         let from = (&parent, &stance);
-        let (placed, stands) = kinematics.place(&x, &references, &anchor, from, parent_is_first);
+        let reference = kinematics.direction().map_or([0.0; 6], |own| references[own]);
+        let (placed, stands) = kinematics.place(&x, &reference, &anchor, from, parent_is_first);
         assert_eq!(stands, S::stance(&placed), "{name}: how a placed body stands");
         let mut q = first;
         q[child] = placed;
