@@ -72,6 +72,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 
     /// Accelerations and rates of twists where drivers alone accelerate.
     fn tell_drivers(&mut self, t: f64) {
+        if self.edges.iter().all(|edge| edge.driven == 0) {
+            self.accelerations.fill(0.0);
+            self.carry_bias();
+            return;
+        }
         let mut accelerations = std::mem::take(&mut self.accelerations);
         self.zero_rates.fill(0.0);
         self.tell(t, Some(2), &self.zero_rates, &mut accelerations);
