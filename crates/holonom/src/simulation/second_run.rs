@@ -69,12 +69,12 @@ pub(super) fn compare(
         outcome => return Some(warning(unfinished(outcome))),
     };
     let allowed = if doubtful { UNCERTAIN } else { FAR };
-    let Far { item, tolerances, t } =
+    let Far { item, tolerances, by, t } =
         comparison.worst.filter(|worst| worst.tolerances > allowed)?;
     let fold = 10f64.powf((tolerances / MET).log10().ceil());
     let doubt = if doubtful { ", which may be off itself" } else { "" };
     Some(warning(format!(
-        "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances away from where a second \
+        "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances ({by}) away from where a second \
          run, at a tenth of the tolerance{doubt}, has it at t = {t:.4} s; tighten the tolerance, {fold:.0}-fold at least \
          if it is to be met, and compare with another code"
     )))
@@ -100,6 +100,8 @@ fn unfinished(outcome: Result<(Summary, Option<CarriedError>), RunError>) -> Str
 struct Far {
     item: String,
     tolerances: f64,
+    /// The same in m and rad.
+    by: String,
     /// s
     t: f64,
 }
@@ -151,8 +153,15 @@ impl Comparison<'_> {
         let (body, tolerances) =
             displacements.reduce(|a, b| if b.1 > a.1 { b } else { a }).unwrap_or((0, 0.0));
         if self.worst.as_ref().is_none_or(|worst| tolerances > worst.tolerances) {
-            let item = self.system.coordinate_item(body * sizes.per_body).to_owned();
-            self.worst = Some(Far { item, tolerances, t });
+            let first = body * sizes.per_body;
+            let item = self.system.coordinate_item(first).to_owned();
+            let own = &self.difference[first..first + sizes.per_body];
+            let [moved, turned] = <[&[f64]; 2]>::from(own.split_at(sizes.translations))
+                .map(|x| x.iter().map(|x| x * x).sum::<f64>().sqrt());
+            // Euler parameters turn by half the angle.
+            let turned = if own.len() == 7 { 2.0 * turned } else { turned };
+            let by = format!("{moved:.1e} m, {turned:.1e} rad");
+            self.worst = Some(Far { item, tolerances, by, t });
         }
     }
 }
