@@ -45,6 +45,9 @@ class CoreModel:
     def channels(self) -> list[tuple[str, str, str, list[int]]]:
         """Return name, unit, frame and shape of each."""
 
+    def channel(self, name: str) -> tuple[str, str, list[int]] | None:
+        """Return unit, frame and shape of one, without a list of all."""
+
     def warnings(self) -> str:
         """Return a JSON list of ``code``, ``message``, ``path``."""
 
@@ -106,6 +109,9 @@ def model_reference() -> str:
 
 def methods() -> str:
     """Return a JSON list of ``name``, ``title``, ``family``, ``formula``."""
+
+def diagnostics() -> list[str]:
+    """Return the names of the channels that every run stores."""
 
 def version() -> str:
     """Return the version of the core."""

@@ -34,6 +34,12 @@ fn version() -> &'static str {
     env!("CARGO_PKG_VERSION")
 }
 
+/// Names of the channels that every run stores.
+#[pyfunction]
+fn diagnostics() -> Vec<String> {
+    holonom::system::diagnostics().into_iter().map(|channel| channel.name).collect()
+}
+
 /// JSON object of what was built: profile, target and the vector instructions that kernels use on this machine.
 #[pyfunction]
 fn build() -> String {
@@ -69,6 +75,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(schema, module)?)?;
     module.add_function(wrap_pyfunction!(model_reference, module)?)?;
     module.add_function(wrap_pyfunction!(version, module)?)?;
+    module.add_function(wrap_pyfunction!(diagnostics, module)?)?;
     module.add_function(wrap_pyfunction!(build, module)?)?;
     module.add_function(wrap_pyfunction!(methods, module)?)?;
     Ok(())

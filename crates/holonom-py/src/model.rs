@@ -171,6 +171,11 @@ impl CoreModel {
         all.map(|c| (c.name.as_str(), c.unit, c.frame, c.shape)).collect()
     }
 
+    /// Unit, frame and shape of one of them.
+    fn channel(&self, name: &str) -> Option<(&str, &str, &[usize])> {
+        self.problem.channel(name).map(|c| (c.unit, c.frame, c.shape))
+    }
+
     fn warnings(&self) -> String {
         report::warnings(&self.warnings)
     }
@@ -243,8 +248,7 @@ impl CoreModel {
         // What goes on from a state begins where that is, whatever the model says.
         let given = taken_up.as_ref().map_or(from.is_some(), |taken| !taken.assembled());
         let problem = if given { self.problem.clone() } else { self.problem.starting_at(first) };
-        let channels =
-            options.channels.iter().filter_map(|name| problem.channel(name)).cloned().collect();
+        let channels = options.channels.iter().filter_map(|name| problem.channel(name)).collect();
         let mut sink = Callbacks { on_chunk, on_progress, sizes, channels, error: None };
         let work = || match &taken_up {
             Some(checkpoint) => resume(&problem, &options, checkpoint, &mut sink),
@@ -310,7 +314,7 @@ impl CoreModel {
             let size = channel.size();
             let mut values = vec![0.0; size * states.len()];
             for (row, sample) in values.chunks_exact_mut(size).zip(&samples) {
-                system.channel(channel, sample, row);
+                system.channel(&channel, sample, row);
             }
             out.set_item(&channel.name, rows(py, &values, states.len(), channel.shape)?)?;
         }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from holonom import _core
@@ -19,11 +19,49 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-#: Beginnings of the names of channels that every run stores.
-DIAGNOSTICS = ("energy.", "constraint.")
-
 #: Kinds of items of a model.
 KINDS = ("bodies", "joints", "forces", "drivers", "parameters")
+
+
+class Channels(Mapping[str, Quantity]):
+    """Every channel of a model by name.
+
+    A large model has hundreds of thousands, which are listed when something goes over all of them.
+
+    Parameters
+    ----------
+    core : CoreModel
+    """
+
+    def __init__(self, core: _core.CoreModel) -> None:
+        self._core = core
+        self._all: dict[str, Quantity] | None = None
+
+    def _listed(self) -> dict[str, Quantity]:
+        if self._all is None:
+            self._all = {
+                name: Quantity(name, unit, frame, tuple(shape))
+                for name, unit, frame, shape in self._core.channels()
+            }
+        return self._all
+
+    def __getitem__(self, name: str) -> Quantity:
+        if self._all is not None:
+            return self._all[name]
+        found = self._core.channel(name) if isinstance(name, str) else None
+        if found is None:
+            raise KeyError(name)
+        unit, frame, shape = found
+        return Quantity(name, unit, frame, tuple(shape))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._listed())
+
+    def __len__(self) -> int:
+        return len(self._listed())
+
+    def __repr__(self) -> str:
+        return repr(self._listed())
 
 
 class Compiled:
@@ -37,9 +75,8 @@ class Compiled:
 
     def __init__(self, core: _core.CoreModel, name: str) -> None:
         self._core = core
-        self._channels: dict[str, Quantity] | None = None
+        self._channels = Channels(core)
         self._defaults: dict[str, Any] | None = None
-        self._diagnostics: tuple[str, ...] | None = None
         self._text: str | None = None
         self._hash: str | None = None
         self._warnings: str | None = None
@@ -106,13 +143,8 @@ class Compiled:
         return found
 
     @property
-    def channels(self) -> dict[str, Quantity]:
+    def channels(self) -> Mapping[str, Quantity]:
         """Every channel that can be asked for, by name, with unit, frame and shape."""
-        if self._channels is None:
-            self._channels = {
-                name: Quantity(name, unit, frame, tuple(shape))
-                for name, unit, frame, shape in self._core.channels()
-            }
         return self._channels
 
     @property
@@ -121,10 +153,7 @@ class Compiled:
 
         The path integrals among them cannot be computed from states afterwards.
         """
-        if self._diagnostics is None:
-            names = (name for name in self.channels if name.startswith(DIAGNOSTICS))
-            self._diagnostics = tuple(names)
-        return self._diagnostics
+        return tuple(_core.diagnostics())
 
     @property
     def geometry(self) -> dict[str, Any]:

@@ -389,7 +389,7 @@ fn refuse_coincident_ends(
             continue;
         };
         let mut length = [0.0];
-        system.channel(channel, &sample, &mut length);
+        system.channel(&channel, &sample, &mut length);
         if length[0] <= COINCIDENT * free_length.max(system.characteristic_length()) {
             let item = force.name.clone();
             return Err(match elastic {

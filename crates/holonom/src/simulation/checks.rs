@@ -555,7 +555,7 @@ pub(super) fn find_channels(
         .map(|name| {
             let nearest = || nearest(name, system.channels());
             let unknown = || RunError::UnknownChannel { name: told(name), nearest: nearest() };
-            system.channel_named(name).cloned().ok_or_else(unknown)
+            system.channel_named(name).ok_or_else(unknown)
         })
         .collect()
 }

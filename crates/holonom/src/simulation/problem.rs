@@ -225,7 +225,7 @@ impl Problem {
     }
 
     /// A channel by name.
-    pub fn channel(&self, name: &str) -> Option<&Channel> {
+    pub fn channel(&self, name: &str) -> Option<Channel> {
         self.system.channel_named(name)
     }
 

@@ -15,7 +15,7 @@ use crate::elements::{ConstraintElement, ForceElement, ForceInput, ForceOutput, 
 use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
 use holonom_linalg::BlockMatrix;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// The system.
 pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
@@ -36,8 +36,7 @@ pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
     pub(super) arguments: Vec<LawArgument>,
     pub(super) gravity: [f64; 3],
     pub(super) length: f64,
-    /// Made when they are first asked for: there are a dozen to a body.
-    pub(super) channels: OnceLock<Channels>,
+    pub(super) channels: Channels,
 }
 
 impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {

@@ -2,7 +2,7 @@
 
 use super::cartesian::Cartesian;
 use super::placed::PlacedForce;
-use super::quantities::{Channel, Channels, Sample, evaluate_channel};
+use super::quantities::{Channel, Sample, evaluate_channel};
 use super::space::Space;
 use super::{Directory, State};
 use crate::elements::row::RowKind;
@@ -13,11 +13,11 @@ const PROBE: f64 = 1e-6;
 
 impl<S: Space<D, N>, const D: usize, const N: usize> Directory for Cartesian<S, D, N> {
     fn channels(&self) -> &[Channel] {
-        &self.channels.get_or_init(|| Channels::of(self)).all
+        self.channels.all(self)
     }
 
-    fn channel_named(&self, name: &str) -> Option<&Channel> {
-        self.channels.get_or_init(|| Channels::of(self)).named(name)
+    fn channel_named(&self, name: &str) -> Option<Channel> {
+        self.channels.named(self, name)
     }
 
     fn channel(&self, channel: &Channel, sample: &Sample<'_>, out: &mut [f64]) {

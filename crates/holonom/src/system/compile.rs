@@ -5,6 +5,7 @@ use super::cartesian_planar::Planar;
 use super::cartesian_spatial::Spatial;
 use super::forest::{self, ResistanceLaw};
 use super::placed::{Elements, Part, PlacedBody, PlacedConstraint, PlacedForce, Slots};
+use super::quantities::Channels;
 use super::space::Space;
 use super::structure::{JointRows, Sizes, Structure};
 use super::turns::Turns;
@@ -15,7 +16,7 @@ use crate::topology::Forest;
 use crate::watch::{NAMED, checkpoint, stage};
 use holonom_linalg::BlockPattern;
 use std::collections::BTreeMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// Most parts of a system that are evaluated at the same time, and bodies of the smallest.
 const PARTS: usize = 16;
@@ -166,7 +167,7 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
         resistances,
         gravity,
         length: model.characteristic_length(),
-        channels: OnceLock::new(),
+        channels: Channels::default(),
     }
 }
 

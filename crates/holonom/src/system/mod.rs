@@ -20,7 +20,7 @@ mod turns;
 
 pub use compile::{compile, compile_along};
 pub use forest::{Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge};
-pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity, Sample};
+pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity, Sample, diagnostics};
 pub use structure::{DerivativeBlocks, JointRows, Sizes, Structure};
 
 use crate::model::Model;
@@ -345,11 +345,11 @@ pub trait Bodies {
 
 /// Names of coordinates, rows and elements, and the channels that can be computed from a state.
 pub trait Directory {
-    /// Channels that can be computed from a state.
+    /// Channels that can be computed from a state: a list that is long and made when it is first asked for.
     fn channels(&self) -> &[Channel];
 
-    /// One of them by name.
-    fn channel_named(&self, name: &str) -> Option<&Channel>;
+    /// One of them by name, without that list.
+    fn channel_named(&self, name: &str) -> Option<Channel>;
 
     /// Value of a channel at a state; `out` has the channel's size.
     fn channel(&self, channel: &Channel, sample: &Sample<'_>, out: &mut [f64]);

@@ -6,6 +6,7 @@ use super::{EnergyBalance, Equations, State};
 use crate::elements::ForceElement;
 use crate::watch::{NAMED, checkpoint};
 use std::cell::OnceCell;
+use std::sync::OnceLock;
 
 /// A named output.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,104 +108,161 @@ fn shape(components: usize) -> &'static [usize] {
     if components == 1 { &[] } else { &SIZES[components..=components] }
 }
 
-/// All channels of a system.
-#[derive(Debug)]
+/// What channels belong to.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Item {
+    Body(u32),
+    Constraint(u32),
+    Force(u32),
+}
+
+/// Channels of a system, as far as they have been asked for.
+#[derive(Debug, Default)]
 pub(super) struct Channels {
-    pub(super) all: Vec<Channel>,
+    all: OnceLock<Vec<Channel>>,
     /// In the order of their names.
-    by_name: Vec<u32>,
+    items: OnceLock<Vec<Item>>,
 }
 
 impl Channels {
-    pub(super) fn of<S: Space<D, N>, const D: usize, const N: usize>(
+    /// All of them: a dozen to a body.
+    pub(super) fn all<S: Space<D, N>, const D: usize, const N: usize>(
+        &self,
         system: &Cartesian<S, D, N>,
-    ) -> Self {
-        let all = list(system);
-        let mut by_name: Vec<u32> = (0..all.len() as u32).collect();
-        by_name.sort_by_key(|&at| all[at as usize].name.as_str());
-        Self { all, by_name }
+    ) -> &[Channel] {
+        self.all.get_or_init(|| {
+            let mut all = Vec::new();
+            for item in items(system) {
+                checkpoint(4 * NAMED);
+                add_channels(system, item, &mut all);
+            }
+            all.extend(diagnostics());
+            all.shrink_to_fit();
+            all
+        })
     }
 
-    pub(super) fn named(&self, name: &str) -> Option<&Channel> {
-        let channel = |at: &u32| &self.all[*at as usize];
-        let at = self.by_name.binary_search_by(|at| channel(at).name.as_str().cmp(name)).ok()?;
-        Some(channel(&self.by_name[at]))
+    /// One of them.
+    pub(super) fn named<S: Space<D, N>, const D: usize, const N: usize>(
+        &self,
+        system: &Cartesian<S, D, N>,
+        name: &str,
+    ) -> Option<Channel> {
+        if let Some(found) = diagnostics().into_iter().find(|channel| channel.name == name) {
+            return Some(found);
+        }
+        let items = self.items.get_or_init(|| {
+            let mut items: Vec<Item> = items(system).collect();
+            items.sort_by_key(|&item| name_of(system, item));
+            items
+        });
+        let (wanted, _) = name.split_once('.')?;
+        let at = items.binary_search_by(|&item| name_of(system, item).cmp(wanted)).ok()?;
+        let mut own = Vec::new();
+        add_channels(system, items[at], &mut own);
+        own.into_iter().find(|channel| channel.name == name)
     }
 }
 
-fn list<S: Space<D, N>, const D: usize, const N: usize>(
+fn items<S: Space<D, N>, const D: usize, const N: usize>(
     system: &Cartesian<S, D, N>,
-) -> Vec<Channel> {
+) -> impl Iterator<Item = Item> {
+    let numbers = |n: usize| 0..n as u32;
+    let bodies = numbers(system.bodies.len()).map(Item::Body);
+    let constraints = numbers(system.constraints.len()).map(Item::Constraint);
+    bodies.chain(constraints).chain(numbers(system.forces.len()).map(Item::Force))
+}
+
+fn name_of<S: Space<D, N>, const D: usize, const N: usize>(
+    system: &Cartesian<S, D, N>,
+    item: Item,
+) -> &str {
+    match item {
+        Item::Body(b) => &system.bodies[b as usize].name,
+        Item::Constraint(k) => &system.constraints[k as usize].name,
+        Item::Force(k) => &system.forces[k as usize].name,
+    }
+}
+
+/// Channels of an item.
+fn add_channels<S: Space<D, N>, const D: usize, const N: usize>(
+    system: &Cartesian<S, D, N>,
+    item: Item,
+    out: &mut Vec<Channel>,
+) {
     let (vector, angular) = (shape(D), if D == 2 { shape(1) } else { shape(3) });
-    let mut all = Vec::new();
-    let mut add = |name: String, unit, frame, shape, source| {
-        all.push(Channel { name, unit, frame, shape, source });
+    let own = name_of(system, item);
+    let mut add = |quantity: &str, unit, frame, shape, source| {
+        out.push(Channel { name: format!("{own}.{quantity}"), unit, frame, shape, source });
     };
-    for (b, body) in system.bodies.iter().enumerate() {
-        checkpoint(4 * NAMED);
-        let mut motion = |quantity: &str, unit, frame, shape, kind| {
-            let source = ChannelSource::Body(b, kind);
-            add(format!("{}.{quantity}", body.name), unit, frame, shape, source);
-        };
-        motion("position", "m", "ground", vector, BodyQuantity::Position);
-        if D == 2 {
-            motion("angle", "rad", "ground", angular, BodyQuantity::Orientation);
-        } else {
-            motion("euler_parameters", "", "ground", shape(4), BodyQuantity::Orientation);
-            motion("yaw_pitch_roll", "rad", "ground", vector, BodyQuantity::YawPitchRoll);
+    match item {
+        Item::Body(b) => {
+            let b = b as usize;
+            let mut motion = |quantity: &str, unit, shape, kind| {
+                add(quantity, unit, "ground", shape, ChannelSource::Body(b, kind));
+            };
+            motion("position", "m", vector, BodyQuantity::Position);
+            if D == 2 {
+                motion("angle", "rad", angular, BodyQuantity::Orientation);
+            } else {
+                motion("euler_parameters", "", shape(4), BodyQuantity::Orientation);
+                motion("yaw_pitch_roll", "rad", vector, BodyQuantity::YawPitchRoll);
+            }
+            motion("velocity", "m/s", vector, BodyQuantity::Velocity);
+            motion("angular_velocity", "rad/s", angular, BodyQuantity::AngularVelocity);
+            motion("acceleration", "m/s^2", vector, BodyQuantity::Acceleration);
+            motion("angular_acceleration", "rad/s^2", angular, BodyQuantity::AngularAcceleration);
+            for (k, (marker, _)) in system.bodies[b].markers.iter().enumerate() {
+                for (quantity, unit, kind) in [
+                    ("position", "m", BodyQuantity::Position),
+                    ("velocity", "m/s", BodyQuantity::Velocity),
+                ] {
+                    let source = ChannelSource::Marker(b, k, kind);
+                    add(&format!("{marker}.{quantity}"), unit, "ground", vector, source);
+                }
+            }
         }
-        motion("velocity", "m/s", "ground", vector, BodyQuantity::Velocity);
-        motion("angular_velocity", "rad/s", "ground", angular, BodyQuantity::AngularVelocity);
-        motion("acceleration", "m/s^2", "ground", vector, BodyQuantity::Acceleration);
-        let kind = BodyQuantity::AngularAcceleration;
-        motion("angular_acceleration", "rad/s^2", "ground", angular, kind);
-        for (k, (marker, _)) in body.markers.iter().enumerate() {
-            for (quantity, unit, kind) in [
-                ("position", "m", BodyQuantity::Position),
-                ("velocity", "m/s", BodyQuantity::Velocity),
-            ] {
-                let name = format!("{}.{marker}.{quantity}", body.name);
-                add(name, unit, "ground", vector, ChannelSource::Marker(b, k, kind));
+        Item::Constraint(k) => {
+            let k = k as usize;
+            add("force", "N", "ground", vector, ChannelSource::ReactionForce(k));
+            add("torque", "N m", "ground", angular, ChannelSource::ReactionTorque(k));
+            let quantities = S::joint_quantities(&system.constraints[k].element);
+            for (i, quantity) in quantities.iter().enumerate() {
+                let (size, source) = (shape(quantity.size), ChannelSource::Joint(k, i));
+                add(quantity.name, quantity.unit, quantity.frame, size, source);
+            }
+        }
+        Item::Force(k) => {
+            let k = k as usize;
+            for (i, quantity) in system.forces[k].element.quantities().iter().enumerate() {
+                let (size, source) = (shape(quantity.size), ChannelSource::Force(k, i));
+                add(quantity.name, quantity.unit, quantity.frame, size, source);
             }
         }
     }
-    for (k, c) in system.constraints.iter().enumerate() {
-        checkpoint(NAMED);
-        let force = ChannelSource::ReactionForce(k);
-        add(format!("{}.force", c.name), "N", "ground", vector, force);
-        let torque = ChannelSource::ReactionTorque(k);
-        add(format!("{}.torque", c.name), "N m", "ground", angular, torque);
-        for (i, quantity) in S::joint_quantities(&c.element).iter().enumerate() {
-            let (size, source) = (shape(quantity.size), ChannelSource::Joint(k, i));
-            let name = format!("{}.{}", c.name, quantity.name);
-            add(name, quantity.unit, quantity.frame, size, source);
-        }
-    }
-    for (k, f) in system.forces.iter().enumerate() {
-        checkpoint(NAMED);
-        for (i, quantity) in f.element.quantities().iter().enumerate() {
-            let (size, source) = (shape(quantity.size), ChannelSource::Force(k, i));
-            let name = format!("{}.{}", f.name, quantity.name);
-            add(name, quantity.unit, quantity.frame, size, source);
-        }
-    }
-    for (name, kind) in [
+}
+
+/// Channels that every run stores: the energy ledger and residuals.
+pub fn diagnostics() -> Vec<Channel> {
+    let scalar = |name: String, unit, source| {
+        let (frame, shape) = ("", shape(1));
+        Channel { name, unit, frame, shape, source }
+    };
+    let energy = [
         ("kinetic", EnergyQuantity::Kinetic),
         ("potential", EnergyQuantity::Potential),
         ("dissipated", EnergyQuantity::Dissipated),
         ("driver_work", EnergyQuantity::DriverWork),
         ("total", EnergyQuantity::Total),
         ("imbalance", EnergyQuantity::Imbalance),
-    ] {
-        add(format!("energy.{name}"), "J", "", shape(1), ChannelSource::Energy(kind));
-    }
-    for (level, (name, unit)) in
-        [("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2")].into_iter().enumerate()
-    {
-        add(format!("constraint.{name}"), unit, "", shape(1), ChannelSource::Residual(level));
-    }
-    all.shrink_to_fit();
-    all
+    ];
+    let energy = energy
+        .map(|(name, kind)| scalar(format!("energy.{name}"), "J", ChannelSource::Energy(kind)));
+    let levels = [("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s^2")];
+    let residuals = levels.into_iter().enumerate().map(|(level, (name, unit))| {
+        scalar(format!("constraint.{name}"), unit, ChannelSource::Residual(level))
+    });
+    energy.into_iter().chain(residuals).collect()
 }
 
 /// Value of one channel.

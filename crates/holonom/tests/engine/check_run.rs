@@ -40,7 +40,7 @@ fn chosen_velocities_are_told_and_determined_ones_are_not() {
     let channel = problem.channel("rail.rate").unwrap();
     let mut rate = [0.0];
     let state = &problem.assemble().unwrap().state;
-    problem.system().channel(channel, &Sample::new(state), &mut rate);
+    problem.system().channel(&channel, &Sample::new(state), &mut rate);
     assert!((chosen[0].rate - rate[0]).abs() < 1e-12 && rate[0].abs() > 0.1, "{chosen:?}");
 }
 
@@ -82,7 +82,7 @@ fn what_is_beyond_a_stated_joint_is_carried_along_also_where_its_body_says_the_s
         let channel = problem.channel("rail.displacement").unwrap();
         let mut displacement = [f64::NAN];
         let state = &problem.assemble().unwrap().state;
-        problem.system().channel(channel, &Sample::new(state), &mut displacement);
+        problem.system().channel(&channel, &Sample::new(state), &mut displacement);
         assert!(displacement[0].abs() < 1e-9, "{displacement:?}");
         assert!((state.q[3] - 2.0 * 0.5f64.cos()).abs() < 1e-9, "{:?}", state.q);
     }

@@ -37,7 +37,7 @@ fn read(problem: &Problem, name: &str) -> Vec<f64> {
     let assembled = problem.assemble().unwrap();
     let channel = problem.channel(name).unwrap_or_else(|| panic!("no channel {name}"));
     let mut out = vec![0.0; channel.size()];
-    problem.system().channel(channel, &Sample::new(&assembled.state), &mut out);
+    problem.system().channel(&channel, &Sample::new(&assembled.state), &mut out);
     out
 }
 
