@@ -20,6 +20,7 @@ from holonom.pictures.curves import components, curves, title
 from holonom.pictures.picture import Panel, Picture
 from holonom.pictures.traces import COLUMNS, envelope, trace, walked
 from holonom.result import Result
+from holonom.signals import spectrum
 from holonom.store.reader import Reader
 from holonom.store.writer import Writer
 
@@ -64,13 +65,24 @@ def test_derivatives_are_those_of_the_motion(spring: Result) -> None:
 def test_a_spectrum_has_the_amplitude_and_frequency_of_the_motion(spring: Result) -> None:
     picture = spring.plot("block.position[0]", fft=True, end=2.0)
     ((hertz, amplitude),) = drawn(picture)
-    top = int(np.argmax(amplitude))
+    top = int(np.nanargmax(amplitude))
     assert hertz[top] == pytest.approx(5.0, abs=0.25)
     assert amplitude[top] == pytest.approx(0.2, rel=0.02)
     assert picture.label == "frequency, Hz"
     assert picture.panels[0].label == "amplitude, m"
     assert "hann window, resolution 0.4" in picture.panels[0].note
     assert "flat top window" in spring.plot("block.position[0]", fft="flat_top").panels[0].note
+
+
+def test_a_spectrum_of_many_points_keeps_its_peaks(spring: Result) -> None:
+    time = np.linspace(0.0, spring.time[-1], round(1e4 * spring.time[-1]) + 1)
+    found = spectrum(time, spring.at(time)["block.position"][:, 0], "hann")
+    ((hertz, amplitude),) = drawn(spring.plot("block.position[0]", fft=True, interval=1e-4))
+    top = int(np.nanargmax(amplitude))
+    assert hertz.size < 600 < found.frequency.size
+    assert amplitude[top] == pytest.approx(found.amplitude[1:].max(), rel=0.02)
+    assert hertz[top] == pytest.approx(5.0, abs=0.5)
+    assert np.nanmin(amplitude) >= 1e-6 * amplitude[top]  # what is less is no line
 
 
 def test_a_filter_takes_what_is_fast(spring: Result) -> None:

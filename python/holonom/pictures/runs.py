@@ -37,6 +37,8 @@ if TYPE_CHECKING:
 MOST_RUNS = 6
 #: A spectrum shows so much less than its largest amplitude.
 _DEPTH = 1e-6
+#: Points of a spectrum's line, about one to a pixel.
+_PIXELS = 560
 
 
 def plot(
@@ -279,11 +281,10 @@ def _spectra(
                 for k, (one, label) in enumerate(zip(spectra, labels, strict=True)):
                     at = k if several else i
                     lines.append(
-                        _decades(
-                            one.frequency[1:],
-                            np.maximum(one.amplitude[1:, i], _DEPTH * top),
-                            label=label if several else first.labels[i],
-                            color=COLORS[at % len(COLORS)],
+                        Line(
+                            *_highest(one.frequency[1:], one.amplitude[1:, i], _DEPTH * top),
+                            label if several else first.labels[i],
+                            COLORS[at % len(COLORS)],
                             dash=DASHES[k % len(DASHES)],
                         )
                     )
@@ -300,12 +301,18 @@ def _spectra(
     return Picture(f"amplitudes of {title_} by frequency", panels, "frequency, Hz", height=0.36)
 
 
-def _decades(x: Series, y: Series, **style: str) -> Line:
-    """Return the line of what is shown on a logarithmic scale."""
-    with np.errstate(divide="ignore"):
-        line = trace(x, np.log10(y), **style)
-    band = line.band and (line.band[0], 10.0 ** line.band[1], 10.0 ** line.band[2])
-    return replace(line, y=10.0**line.y, band=band)
+def _highest(x: Series, y: Series, least: float) -> tuple[Series, Series]:
+    """Return the highest points of a spectrum, one to a pixel, without what is below `least`."""
+    if x.size > _PIXELS:
+        edges = np.linspace(0, x.size, _PIXELS + 1).astype(int)[:-1]
+        high = np.maximum.reduceat(y, edges)
+        # The place of each: the first that is as high.
+        index = [
+            e + int(np.argmax(y[e:n] >= h))
+            for e, n, h in zip(edges, [*edges[1:], None], high, strict=True)
+        ]
+        x, y = x[index], y[index]
+    return x, np.where(y >= least, y, np.nan)
 
 
 def _labels(results: Sequence[Result]) -> list[str]:
