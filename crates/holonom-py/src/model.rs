@@ -30,9 +30,14 @@ fn refused(errors: &ModelErrors) -> PyErr {
     ModelError::new_err(report::model_errors(errors))
 }
 
-fn not_run(error: RunError) -> PyErr {
+fn not_run(error: RunError, document: &Document) -> PyErr {
     match error {
-        RunError::Assembly(error) => ModelError::new_err(report::assembly_error(&error)),
+        RunError::Assembly(error) => {
+            let path = error.path();
+            let wanted: Vec<&str> = path.as_deref().into_iter().chain(error.item()).collect();
+            let place = document.location_of(&wanted);
+            ModelError::new_err(report::assembly_error(&error, place.as_ref()))
+        }
         error => {
             let message = error.to_string();
             let text = report::refusal(error.code(), &message, error.item(), error.help());
@@ -54,8 +59,9 @@ impl CoreModel {
             SimulationError::new_err(text)
         })?;
         let model = self.problem.model();
-        let start = choices.start_time(model, from).map_err(not_run)?;
-        Ok((start, choices.resolve(model, start).map_err(not_run)?))
+        let refused = |error| not_run(error, &self.document);
+        let start = choices.start_time(model, from).map_err(refused)?;
+        Ok((start, choices.resolve(model, start).map_err(refused)?))
     }
 }
 
@@ -205,7 +211,9 @@ impl CoreModel {
             let summary = problem.summary(assembled);
             Ok(report::check(problem, assembled, &summary, values, &warnings))
         };
-        watched(py, on_stage.as_ref(), work).whole()?.map_err(not_run)
+        watched(py, on_stage.as_ref(), work)
+            .whole()?
+            .map_err(|error| not_run(error, &self.document))
     }
 
     fn options(
@@ -230,7 +238,8 @@ impl CoreModel {
         on_stage: Py<PyAny>,
         checkpoint: Option<&str>,
     ) -> PyResult<Py<PyAny>> {
-        let taken_up = checkpoint.map(Checkpoint::from_text).transpose().map_err(not_run)?;
+        let refused = |error| not_run(error, &self.document);
+        let taken_up = checkpoint.map(Checkpoint::from_text).transpose().map_err(refused)?;
         let sizes = self.problem.system().structure().sizes;
         let from = match start {
             None => None,
@@ -260,7 +269,7 @@ impl CoreModel {
         if let Some(error) = sink.error {
             return Err(error);
         }
-        let summary = outcome.in_good_order()?.map_err(not_run)?;
+        let summary = outcome.in_good_order()?.map_err(refused)?;
         report::to_python(
             py,
             &report::summary(

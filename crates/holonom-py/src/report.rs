@@ -1,7 +1,7 @@
 //! Plain data of the core as JSON.
 
 use holonom::analysis::Spectrum;
-use holonom::error::{Diagnostic, ModelErrors};
+use holonom::error::{Diagnostic, Location, ModelErrors};
 use holonom::method::{CODES, Code};
 use holonom::model::{Dimension, Model};
 use holonom::reduction::assembly::{Assembled, AssemblyError};
@@ -67,14 +67,16 @@ pub(crate) fn model_errors(errors: &ModelErrors) -> String {
 }
 
 /// A model that is well-formed but cannot be assembled.
-pub(crate) fn assembly_error(error: &AssemblyError) -> String {
+pub(crate) fn assembly_error(error: &AssemblyError, place: Option<&Location>) -> String {
     let item = error.item().unwrap_or("");
     let (code, message, help) = (error.code(), error.to_string(), error.help());
-    let rendered = format!("error[{code}]: {message}\n  help: {help}\n");
+    let marked = place.map_or(String::new(), |place| place.render() + "\n");
+    let rendered = format!("error[{code}]: {message}\n{marked}  help: {help}\n");
     json!({
         "errors": [{
             "code": code, "message": message, "path": item, "help": help,
-            "file": null, "line": null, "column": null, "expected": "",
+            "file": place.map(|place| &place.file), "line": place.map(|place| place.line),
+            "column": place.map(|place| place.column), "expected": "",
         }],
         "omitted": 0, "rendered": rendered,
     })

@@ -190,6 +190,16 @@ impl Location {
         Self::on_line(line, file, source, start, end)
     }
 
+    /// File, line and column, and the marked line.
+    pub fn render(&self) -> String {
+        let Self { file, line, column, excerpt, mark: (first, length) } = self;
+        let gutter = " ".repeat(line.to_string().len());
+        let mark = " ".repeat(*first) + &"^".repeat(*length);
+        format!(
+            "{gutter}--> {file}:{line}:{column}\n{gutter} |\n{line} | {excerpt}\n{gutter} | {mark}"
+        )
+    }
+
     /// The same where the line is known: counting it reads all that stands before.
     pub(crate) fn on_line(line: usize, file: &str, source: &str, start: usize, end: usize) -> Self {
         let start = boundary(source, start);
@@ -261,12 +271,7 @@ impl Diagnostic {
         };
         let mut lines = vec![format!("{word}[{}]: {}", self.code.as_str(), self.message)];
         if let Some(at) = &self.location {
-            let gutter = " ".repeat(at.line.to_string().len());
-            let (first, length) = at.mark;
-            lines.push(format!("{gutter}--> {}:{}:{}", at.file, at.line, at.column));
-            lines.push(format!("{gutter} |"));
-            lines.push(format!("{} | {}", at.line, at.excerpt));
-            lines.push(format!("{gutter} | {}{}", " ".repeat(first), "^".repeat(length)));
+            lines.push(at.render());
         } else if !self.path.is_empty() {
             lines.push(format!("  at {}", told(&self.path)));
         }

@@ -53,13 +53,19 @@ def as_path(path: str | Path) -> Path:
     return found
 
 
-def plain(value: Any, path: str, depth: int = 0) -> Any:
-    """Return a value as what JSON knows, NumPy's included; refuse what no model can hold."""
+def plain(value: Any, path: str, depth: int = 0, within: str = "") -> Any:
+    """Return a value as what JSON knows, NumPy's included; refuse what no model can hold.
+
+    It is the new one of `path`, or all of a model if that is empty; `within` leads on from there.
+    """
 
     def refused(code: str, message: str, tip: str) -> ModelError:
         where = f"the new value of {quoted(path)}" if path else "the data of the model"
+        place = (path + within).lstrip(".")
+        if within:
+            where = f"{quoted(place)} in {where}"
         return ModelError(
-            Problem(code=code, message=f"{where} {message}", path=quoted(path)[1:-1], help=tip)
+            Problem(code=code, message=f"{where} {message}", path=quoted(place)[1:-1], help=tip)
         )
 
     if depth > MAX_DEPTH:
@@ -81,10 +87,11 @@ def plain(value: Any, path: str, depth: int = 0) -> Any:
         return value
     if isinstance(value, Mapping):
         return {
-            plain(str(key), path): plain(entry, path, depth + 1) for key, entry in value.items()
+            plain(str(key), path, within=within): plain(entry, path, depth + 1, f"{within}.{key}")
+            for key, entry in value.items()
         }
     if isinstance(value, list | tuple):
-        return [plain(entry, path, depth + 1) for entry in value]
+        return [plain(entry, path, depth + 1, f"{within}[{i}]") for i, entry in enumerate(value)]
     tip = "take numbers, texts, lists and tables"
     raise refused("model/unusable-value", f"holds {quoted(repr(value))}", tip)
 

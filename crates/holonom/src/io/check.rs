@@ -83,7 +83,7 @@ impl Checker<'_> {
         let takes_number =
             alternatives(shape, self.dimension).iter().any(|s| matches!(s, Shape::Number));
         let help = match node.text().map(str::trim) {
-            Some(text) if takes_number && text.parse::<f64>().is_ok() => {
+            Some(text) if takes_number && text.parse().is_ok_and(f64::is_finite) => {
                 format!("write the number without quotes: {text}")
             }
             Some(text)

@@ -16,9 +16,9 @@ use super::read::Syntax;
 use super::resolve;
 use super::schema::ModelFile;
 use super::set::set;
-use super::tree::{Node, Places, Source, Span, Value, location, marks_key, node_at, span_of};
+use super::tree::{Node, Places, Source, Span, Value, join, location, marks_key, node_at, span_of};
 use super::units::Units;
-use crate::error::{Code, Diagnostic, ModelErrors, Severity, Warning, told};
+use crate::error::{Code, Diagnostic, Location, ModelErrors, Severity, Warning, told};
 use crate::model::Model;
 use crate::simulation::Problem;
 use crate::watch::{NAMED, checkpoint, stage};
@@ -160,6 +160,18 @@ impl Document {
     pub fn check_channels(&self, problem: &Problem) -> Result<(), ModelErrors> {
         let errors = unknown_channels(problem);
         if errors.is_empty() { Ok(()) } else { Err(self.collect(errors, &self.expanded())) }
+    }
+
+    /// Where a file states the first of these that it states: a path of the model, or the name of an item.
+    pub fn location_of(&self, wanted: &[&str]) -> Option<Location> {
+        let root = self.expanded().root;
+        let collections = ["joints", "drivers", "forces", "bodies"];
+        let mut paths = wanted.iter().flat_map(|name| {
+            let items = collections.iter().map(|collection| join(collection, name));
+            std::iter::once((*name).to_owned()).chain(items)
+        });
+        let path = paths.find(|path| path.contains('.') && node_at(&root, path).is_some())?;
+        location(span_of(&root, &path, true), &self.sources)
     }
 
     fn built(&self) -> Result<(Model, Vec<Warning>), ModelErrors> {

@@ -1,6 +1,8 @@
 //! What is legal but looks like another unit: millimetres, degrees, grams.
 
-use super::{Dimension, DriverKind, ForceKind, Frame, InitialBody, JointKind, Model, Orientation};
+use super::{
+    Body, Dimension, DriverKind, ForceKind, Frame, InitialBody, JointKind, Model, Orientation,
+};
 use crate::error::{Code, Diagnostic, Warning, shown};
 use crate::math::TimeFunction;
 use crate::watch::{NAMED, checkpoint};
@@ -19,6 +21,11 @@ const OVERSHOOT: f64 = 0.5;
 const TURNS: f64 = 100.0;
 /// A length over those around it: in millimetres it is 1000 times what it should be.
 const LONG: f64 = 100.0;
+/// A radius of gyration over the distance of a body's points from its centre: in kg mm² it is 1000 times what it should be.
+/// Beyond, the points are at the centre but for round-off.
+const WIDE: [f64; 2] = [200.0, 1e5];
+/// m, and kg/m: what is larger and lighter is rare.
+const LARGE_AND_LIGHT: [f64; 2] = [50.0, 0.1];
 /// m: shorter displacements are not told from a long way of a small body.
 const WAY: f64 = 10.0;
 
@@ -42,16 +49,15 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
         }
         angle(&mut warn, format!("{item}.angle"), body.orientation);
         // r² = J/m is the radius of gyration; no body is that much larger than its own points say.
-        let j = match model.dimension {
-            Dimension::Planar => body.inertia[2][2],
-            Dimension::Spatial => (0..3).map(|k| body.inertia[k][k]).fold(0.0, f64::max),
-        };
+        let j = largest_inertia(body, model.dimension);
         if body.mass > 0.0 && (j / body.mass).sqrt() > LENGTH {
             let radius = (j / body.mass).sqrt();
             let message = format!("the radius of gyration of `{}` is {radius:.4e} m", body.name);
             warn(format!("{item}.inertia"), message, "inertia is in kg m²; is it in kg mm²?");
         }
     }
+    wide(&mut warn, model);
+    light(&mut warn, model);
     for (body, initial) in model.bodies.iter().zip(&model.initial.bodies) {
         if let Some(orientation) = initial.orientation {
             angle(&mut warn, format!("initial.bodies.{}.angle", body.name), orientation);
@@ -194,6 +200,53 @@ fn for_motions(model: &Model, mut add: impl FnMut(String, &TimeFunction)) {
         for function in functions {
             add(format!("forces.{}.{field}", force.name), function);
         }
+    }
+}
+
+/// Bodies whose inertia belongs to something far larger than their points say.
+fn wide(warn: &mut impl FnMut(String, String, &str), model: &Model) {
+    let mut reach = vec![0.0f64; model.bodies.len()];
+    for frame in model.joints.iter().flat_map(|joint| &joint.frames) {
+        let Some(b) = frame.body else { continue };
+        let center = &model.bodies[b].center_of_mass;
+        let square: f64 = frame.point.iter().zip(center).map(|(x, c)| (x - c) * (x - c)).sum();
+        reach[b] = reach[b].max(square.sqrt());
+    }
+    for (body, reach) in model.bodies.iter().zip(reach) {
+        checkpoint(NAMED);
+        let radius = (largest_inertia(body, model.dimension) / body.mass).sqrt();
+        let is_wide = (WIDE[0] * reach..WIDE[1] * reach).contains(&radius);
+        if body.mass > 0.0 && is_wide && radius <= LENGTH {
+            let message = format!(
+                "the radius of gyration of `{}` is {radius:.4e} m, its joints lie within {reach:.4e} m of its centre of mass",
+                body.name
+            );
+            let path = format!("bodies.{}.inertia", body.name);
+            warn(path, message, "inertia is in kg m²; is it in kg mm²?");
+        }
+    }
+}
+
+/// A large model that weighs next to nothing.
+fn light(warn: &mut impl FnMut(String, String, &str), model: &Model) {
+    let size = model.characteristic_length();
+    let mass: f64 = model.bodies.iter().map(|body| body.mass).sum();
+    let [large, light] = LARGE_AND_LIGHT;
+    let Some(first) = model.bodies.first().filter(|_| size > large && mass < light * size) else {
+        return;
+    };
+    let rough = |x: f64| shown(format!("{x:.1e}").parse().unwrap_or(x));
+    let message =
+        format!("bodies are about {} m large and weigh {} kg in all", rough(size), rough(mass));
+    let path = format!("bodies.{}", first.name);
+    warn(path, message, "lengths are in metres; are they in millimetres?");
+}
+
+/// J of a body about its centre of mass, the largest, kg m².
+fn largest_inertia(body: &Body, dimension: Dimension) -> f64 {
+    match dimension {
+        Dimension::Planar => body.inertia[2][2],
+        Dimension::Spatial => (0..3).map(|k| body.inertia[k][k]).fold(0.0, f64::max),
     }
 }
 

@@ -14,6 +14,10 @@ pub const FARTHEST: f64 = 1e9;
 /// All violations of the rules, in the order of the model.
 pub fn validate(model: &Model) -> Vec<Diagnostic> {
     let mut rules = Rules { errors: Vec::new() };
+    if model.bodies.is_empty() {
+        let help = "state one under [bodies]; one with `enabled = false` does not count";
+        rules.refuse(Code::MissingField, "bodies", "the model has no bodies".to_owned(), help);
+    }
     for body in &model.bodies {
         checkpoint(NAMED);
         rules.body(body, model.dimension);

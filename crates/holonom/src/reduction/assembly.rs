@@ -15,7 +15,7 @@ use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
 use crate::model::{Body, ElasticLaw, ForceKind, InitialBody, Model, Orientation};
-use crate::system::{BodyPose, Sample, State, System};
+use crate::system::{BodyPose, Measure, Sample, State, System};
 use holonom_linalg::{BlockMatrix, Cholesky};
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ const COINCIDENT: f64 = 1e-8;
 pub enum AssemblyError {
     /// Stated values contradict a joint.
     #[error(
-        "the stated initial {level} contradict {row}: residual {residual:.3e}, allowed {allowed:.0e}"
+        "the stated initial {level} contradict {row}: {residual:.3e} {unit} are left, {allowed:.0e} allowed"
     )]
     Inconsistent {
         /// `positions` or `velocities`.
@@ -41,15 +41,17 @@ pub enum AssemblyError {
         row: String,
         /// Name of the joint, driver or body.
         item: String,
-        /// Residual, m, rad, m/s or rad/s.
+        /// What is left of it.
         residual: f64,
+        /// m, rad, m/s or rad/s.
+        unit: &'static str,
         /// Largest residual that is projected away.
         allowed: f64,
     },
     /// A stated coordinate of a joint contradicts the joints or other stated values.
     #[error(
-        "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: residual \
-         {residual:.3e}, allowed {allowed:.0e}"
+        "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: {residual:.3e} are left, \
+         {allowed:.0e} allowed"
     )]
     StatedJoint {
         /// Name of the field, `angle`.
@@ -69,20 +71,22 @@ pub enum AssemblyError {
     },
     /// The joints cannot be closed.
     #[error(
-        "the model cannot be assembled: {row} keeps a residual of {residual:.3e}; it cannot be met together with {others}"
+        "the model cannot be assembled: {row} stays open by {residual:.3e} {unit}; it cannot be met together with {others}"
     )]
     Unreachable {
         /// Joint and row.
         row: String,
         /// Name of the joint, driver or body.
         item: String,
-        /// Residual, m or rad.
+        /// What stays open.
         residual: f64,
+        /// m or rad.
+        unit: &'static str,
         /// What it cannot be met together with.
         others: Conflict,
     },
     /// Redundant constraints contradict each other.
-    #[error("{row} contradicts {others}: residual {residual:.3e} at {level} level")]
+    #[error("{row} contradicts {others}: at {level} level they differ by {residual:.3e} {unit}")]
     Contradiction {
         /// `position`, `velocity` or `acceleration`.
         level: &'static str,
@@ -90,13 +94,15 @@ pub enum AssemblyError {
         row: String,
         /// Name of the joint, driver or body.
         item: String,
-        /// Residual.
+        /// By what they differ.
         residual: f64,
+        /// m, rad, or that per second, or per second squared.
+        unit: &'static str,
         /// What it contradicts.
         others: Conflict,
     },
     /// No mass behind a degree of freedom.
-    #[error("the mass matrix is singular: no mass or inertia behind `{coordinate}`")]
+    #[error("the mass matrix is singular: no mass or inertia behind {coordinate}")]
     SingularMass {
         /// Name of the body.
         body: String,
@@ -156,6 +162,14 @@ impl AssemblyError {
         }
     }
 
+    /// Path of the stated value concerned, if one is.
+    pub fn path(&self) -> Option<String> {
+        match self {
+            Self::StatedJoint { item, field, .. } => Some(format!("initial.joints.{item}.{field}")),
+            _ => None,
+        }
+    }
+
     /// What to try.
     pub fn help(&self) -> &'static str {
         match self {
@@ -164,12 +178,14 @@ impl AssemblyError {
             }
             Self::Unreachable { .. } => {
                 "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or start nearer \
-                 to an assembled configuration"
+                 to an assembled configuration. f, g and h are axes of the joint's frame on its first body, h its own axis"
             }
             Self::Contradiction { .. } => {
                 "these joints or drivers prescribe the same motion differently; remove or change one of them"
             }
-            Self::SingularMass { .. } => "give the body a mass and inertia, or hold it by a joint",
+            Self::SingularMass { .. } => {
+                "give the body a mass and an inertia about every axis, or hold it by a joint"
+            }
             Self::CoincidentEnds { .. } => {
                 "move one of its points, or start where they are apart; only a spring of free length zero may begin there"
             }
@@ -357,12 +373,31 @@ fn check_dropped(
                     row: system.row_name(row),
                     item: system.row_item(row).0.to_owned(),
                     residual: residuals[k][row],
+                    unit: unit_of_row(system, row, k),
                     others: Conflict::of(system, &left, row),
                 });
             }
         }
     }
     Ok(())
+}
+
+/// A coordinate in words: one of four Euler parameters says little.
+fn direction(system: &dyn System, coordinate: usize) -> String {
+    let sizes = system.structure().sizes;
+    if sizes.translations == 3 && coordinate % sizes.per_body >= sizes.translations {
+        format!("a rotation of `{}`", system.coordinate_item(coordinate))
+    } else {
+        format!("`{}`", system.coordinate_name(coordinate))
+    }
+}
+
+/// Unit of what a row leaves at a level, positions being 0.
+pub(super) fn unit_of_row(system: &dyn System, row: usize, level: usize) -> &'static str {
+    match system.structure().row_measure[row] {
+        Measure::Length => ["m", "m/s", "m/s²"][level],
+        Measure::Angle => ["rad", "rad/s", "rad/s²"][level],
+    }
 }
 
 /// A spring pushes along the line of its points.
@@ -419,7 +454,7 @@ fn check_mass(
             match failure.coordinate {
                 Some(coordinate) => AssemblyError::SingularMass {
                     body: system.coordinate_item(coordinate).to_owned(),
-                    coordinate: system.coordinate_name(coordinate),
+                    coordinate: direction(system, coordinate),
                 },
                 None => AssemblyError::Evaluation(failure),
             }
@@ -450,7 +485,8 @@ fn check_mass(
     let singular = |k: usize| {
         let coordinate = manifold.chart().parametrization().coordinate(system, k);
         let body = system.coordinate_item(coordinate).to_owned();
-        AssemblyError::SingularMass { body, coordinate: system.coordinate_name(coordinate) }
+        let name = manifold.chart().parametrization().name(system, k);
+        AssemblyError::SingularMass { body, coordinate: format!("`{name}`") }
     };
     if let Some(k) = (0..ndof).find(|&k| reduced[k * ndof + k] <= tiny) {
         return Err(singular(k));

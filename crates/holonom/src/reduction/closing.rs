@@ -1,6 +1,6 @@
 //! Closing the joints with least change of what is free.
 
-use super::assembly::{AssemblyError, PROJECTED};
+use super::assembly::{AssemblyError, PROJECTED, unit_of_row};
 use super::parametrization::largest_index;
 use super::stated_joints::{Level, conditions, stated};
 use crate::model::{Assembly, DriverKind, InitialBody, InitialCoordinate, Model};
@@ -57,6 +57,7 @@ pub(super) fn closed(
             });
         }
     }
+    let number = usize::from(level != Level::Position);
     // What cannot be closed with everything free is no fault of what is stated.
     let everything = everything(system.as_ref());
     let mut state = plain.state;
@@ -71,6 +72,7 @@ pub(super) fn closed(
             row: system.row_name(plain.row),
             item: system.row_item(plain.row).0.to_owned(),
             residual: plain.residual,
+            unit: unit_of_row(system.as_ref(), plain.row, number),
             allowed: PROJECTED,
         });
     }
@@ -83,10 +85,12 @@ pub(super) fn closed(
     };
     let others = Conflict::of(system.as_ref(), &open, worst);
     let (row, item) = (system.row_name(worst), system.row_item(worst).0.to_owned());
+    let unit = unit_of_row(system.as_ref(), worst, number);
     Err(match level {
-        Level::Position => AssemblyError::Unreachable { row, item, residual, others },
+        Level::Position => AssemblyError::Unreachable { row, item, residual, unit, others },
         Level::Velocity => {
-            AssemblyError::Contradiction { level: "velocity", row, item, residual, others }
+            let level = "velocity";
+            AssemblyError::Contradiction { level, row, item, residual, unit, others }
         }
     })
 }

@@ -2,6 +2,7 @@
 
 use super::options::{Options, OutputTimes};
 use super::output::OUTPUT_SLACK;
+use super::step_length::smallest_step;
 use crate::error::told;
 use crate::method::{Code, Newmark, UnknownMethod};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
@@ -16,6 +17,8 @@ use std::sync::Arc;
 
 /// Smallest tolerance: a step's error cannot be told from the round-off of its arithmetic below.
 const SMALLEST_TOLERANCE: f64 = 1e-13;
+/// Last time at which a run may end, s.
+const LATEST: f64 = 1e12;
 /// Largest number of output rows of a run.
 const MOST_ROWS: f64 = 1e7;
 
@@ -75,6 +78,28 @@ pub enum RunError {
         value: f64,
         /// What it must be.
         rule: &'static str,
+    },
+    /// An end before the start.
+    #[error("`end_time` is {end} s; the run starts at {start} s, and cannot end before")]
+    EndTime {
+        /// s.
+        end: f64,
+        /// s.
+        start: f64,
+    },
+    /// A first step that is lost in the round-off of times.
+    #[error(
+        "`initial_step` is {step:e} s; from {start} s to {end} s steps are {least:.1e} s at least"
+    )]
+    InitialStep {
+        /// s.
+        step: f64,
+        /// s.
+        start: f64,
+        /// s.
+        end: f64,
+        /// s.
+        least: f64,
     },
     /// A tolerance that no arithmetic can keep.
     #[error(
@@ -272,6 +297,8 @@ impl RunError {
             Self::StartTime { .. } => {
                 "leave `start_time` out: the run begins at the time of the state"
             }
+            Self::EndTime { .. } => "give an `end_time` that lies later",
+            Self::InitialStep { .. } => "leave `initial_step` out: the run finds one",
             Self::Option { .. } => "change the option, or leave it out for its default",
             Self::InexactJacobian { .. } | Self::SparseDifferences => {
                 "leave `jacobian` out for the analytic one"
@@ -330,11 +357,19 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
         return refuse("max_steps", 0.0, "at least 1");
     }
     let end = options.end_time;
-    if !end.is_finite() {
-        return refuse("end_time", end, "finite");
+    if end.is_nan() || end.abs() > LATEST {
+        return refuse(
+            "end_time",
+            end,
+            "finite, and 1e12 s at most: beyond, steps are lost in round-off",
+        );
     }
     if end < start {
-        return refuse("end_time", end, "not before the start time");
+        return Err(RunError::EndTime { end, start });
+    }
+    let least = smallest_step(start, end);
+    if let Some(step) = options.initial_step.filter(|&step| step < least) {
+        return Err(RunError::InitialStep { step, start, end, least });
     }
     match &options.output {
         OutputTimes::Interval(interval) => {

@@ -1,9 +1,9 @@
 //! What a finished run warns of.
 
+use super::options::Options;
 use super::statistics::{EnergySummary, RunWarning, Statistics};
 use crate::error::shown;
-use crate::model::Tolerance;
-use crate::reduction::ChosenVelocity;
+use crate::reduction::{Choice, ChosenVelocity};
 use crate::system::System;
 
 /// Share of the energy moved that may be missing without a warning, however tight the tolerance.
@@ -27,7 +27,7 @@ pub(super) fn warnings(
     e: &EnergySummary,
     negligible: f64,
     drift: f64,
-    tolerance: &Tolerance,
+    options: &Options,
 ) -> Vec<RunWarning> {
     let mut out = Vec::new();
     if !dropped.is_empty() {
@@ -54,7 +54,7 @@ pub(super) fn warnings(
             .into();
         out.push(RunWarning { code: "simulation/stiff", message });
     }
-    let share = LARGEST_IMBALANCE.max(TOLERANCES * tolerance.relative);
+    let share = LARGEST_IMBALANCE.max(TOLERANCES * options.tolerance.relative);
     if e.largest_imbalance > (share * e.moved).max(negligible) {
         let message = format!(
             "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved, more \
@@ -66,10 +66,12 @@ pub(super) fn warnings(
         );
         out.push(RunWarning { code: "simulation/energy-imbalance", message });
     } else if drift > LARGEST_DRIFT {
+        let coordinates =
+            if options.parametrization == Choice::Tree { "" } else { " use tree coordinates," };
         let message = format!(
             "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what \
-                 turns many times this adds up to about {:.0} tolerances: tighten the \
-                 tolerance, use tree coordinates, or measure the error with `certify`",
+                 turns many times this adds up to about {:.0} tolerances, and to more where small errors \
+                 grow: tighten the tolerance,{coordinates} or measure the error with `certify`",
             e.largest_imbalance, e.moved, drift
         );
         out.push(RunWarning { code: "simulation/energy-imbalance", message });

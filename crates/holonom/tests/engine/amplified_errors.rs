@@ -128,3 +128,25 @@ fn a_second_run_that_does_not_end_is_told() {
         assert!(told.message.contains(part), "{}", told.message);
     }
 }
+
+#[test] // truth: the motion is chaotic, so that a longer run is no nearer to it
+fn a_longer_chaotic_run_keeps_its_warning() {
+    let pendulum = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+upper = { mass = 1.0, inertia = 0.0833, position = [0.5, 0.0] }
+lower = { mass = 1.0, inertia = 0.0833, position = [1.5, 0.0] }
+[joints]
+pivot = { type = "revolute", between = ["ground", "upper"], point = [0.0, 0.0] }
+elbow = { type = "revolute", between = ["upper", "lower"], point = [1.0, 0.0] }
+"#,
+    );
+    for end in [20.0, 300.0] {
+        let options =
+            Options { output: OutputTimes::Interval(end), ..options(DEFAULT_CODE, TOLERANCE, end) };
+        assert!(warned(&run_model(&pendulum, &options).summary), "{end} s");
+    }
+}

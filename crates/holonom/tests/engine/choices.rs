@@ -4,7 +4,9 @@ use crate::common::model_of;
 use holonom::method::Code;
 use holonom::model::{Model, Tolerance};
 use holonom::reduction::Choice;
-use holonom::simulation::{Choices, Options, OutputTimes, RunError, ToleranceParts};
+use holonom::simulation::{
+    Choices, Memory, Options, OutputTimes, Problem, RunError, ToleranceParts, run,
+};
 
 const ROD: &str = r#"
 holonom = 1
@@ -106,4 +108,20 @@ fn unknown_words_are_refused_with_the_known_ones() {
         assert_eq!(error.code(), format!("simulation/{code}"));
         assert!(error.to_string().contains(known), "{error}");
     }
+}
+
+#[test] // truth: round-off of the times of the run
+fn spans_and_first_steps_that_arithmetic_cannot_keep_are_refused() {
+    let problem = Problem::new(stating(""));
+    let refused = |options: Options| run(&problem, &options, None, &mut Memory::default()).err();
+    for end_time in [f64::INFINITY, f64::NAN, 1e300] {
+        let option = |error| matches!(error, RunError::Option { option: "end_time", .. });
+        assert!(refused(Options::new(end_time)).is_some_and(option), "{end_time:e}");
+    }
+    let before = RunError::EndTime { end: -1.0, start: 0.0 };
+    assert_eq!(refused(Options::new(-1.0)), Some(before));
+    let small = |step| Options { initial_step: Some(step), ..Options::new(1.0) };
+    let lost = |error| matches!(error, RunError::InitialStep { .. });
+    assert!(refused(small(1e-300)).is_some_and(lost));
+    assert_eq!(refused(small(1e-12)), None);
 }

@@ -396,6 +396,30 @@ fn warnings_speak_of_what_is_legal_but_implausible() {
     assert_eq!(warnings[0].code, Code::NotStated);
 }
 
+#[test] // truth: the same crank in millimetres, and with its inertia in kg mm²
+fn lengths_and_inertias_in_millimetres_bring_warnings() {
+    let crank = |length: f64, inertia: f64| {
+        let text = format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+crank = {{ mass = 0.5, inertia = {inertia:e}, position = [{}, 0.0] }}
+[joints]
+pin = {{ type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }}
+"#,
+            0.5 * length
+        );
+        let warnings = document(&text).unwrap().build().unwrap().1;
+        warnings.into_iter().map(|w| w.path).collect::<Vec<_>>()
+    };
+    assert_eq!(crank(0.15, 1e-3), [""; 0]);
+    assert_eq!(crank(0.15, 1e3), ["bodies.crank.inertia"]);
+    assert_eq!(crank(150.0, 1e3), ["bodies.crank"]);
+    assert_eq!(crank(1e-9, 1e-3), [""; 0], "a wheel whose axle is in its middle but for round-off");
+}
+
 /// Paths of what looks like another unit in a linkage whose values are these.
 fn suspected(values: [&str; 6]) -> Vec<String> {
     let [angle, shift, motion, drive, free, rod] = values;

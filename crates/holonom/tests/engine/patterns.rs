@@ -590,7 +590,7 @@ fn a_long_chain_is_the_one_written_by_hand() {
 proptest! {
     #[test]
     fn a_pattern_is_the_text_written_by_hand(
-        from in -3i64..4, count in 0i64..6, wide in 0i64..4, digits in 1usize..4,
+        from in -3i64..4, count in 1i64..6, wide in 1i64..4, digits in 1usize..4,
         (a, b, c) in (-2.0..2.0f64, 0.1..3.0f64, 1i64..4), but in 0i64..30,
     ) {
         let (to, last) = (from + count - 1, wide - 1);

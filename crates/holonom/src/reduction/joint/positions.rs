@@ -115,7 +115,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
             if is_slow && !fresh {
                 self.factor(parametrization, x, q)?;
-                self.stood[0] = f64::NAN;
+                self.forget_stand();
                 fresh = true;
             }
         }
@@ -124,9 +124,16 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         Err(self.failure(t, q, size))
     }
 
+    /// How bodies stand is not known.
+    fn forget_stand(&mut self) {
+        if let Some(first) = self.stood.first_mut() {
+            *first = f64::NAN;
+        }
+    }
+
     /// Places all bodies. How they stand is known when the configuration is.
     fn place_all(&mut self, relatives: &Relatives, x: &[[f64; 6]], q: &mut [f64]) {
-        self.stood[0] = f64::NAN;
+        self.forget_stand();
         for edge in &*self.edges {
             let stances = Some(&mut self.stances[..]);
             relatives.place_edge(self.system.as_ref(), edge.at, x, q, stances);

@@ -42,7 +42,7 @@ impl Run<'_> {
         self.form.references_moved(&self.w);
         // Those of a multistep formula move rarely and far.
         let far = self.stepper.multistep();
-        if let Some(carried) = self.carried.as_mut().filter(|carried| far || carried.counts()) {
+        if let Some(carried) = self.carried.as_mut() {
             if far {
                 carried.forget_matrix();
             }

@@ -119,11 +119,8 @@ fn begin(
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
     let (mut summary, carried) = once(problem, options, start, "running", sink)?;
-    let told = |warning: &RunWarning| warning.code == "simulation/energy-imbalance";
-    let known = summary.warnings.iter().any(told);
     if let Some(carried) = carried.filter(CarriedError::is_suspicious)
         && summary.status == Status::Completed
-        && !known
     {
         let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
         let left = limit.map(|limit| limit.saturating_sub(begun.passed()));

@@ -131,7 +131,7 @@ impl Run<'_> {
         let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
         let negligible = self.energy_scale.negligible(system, tolerance);
         self.warnings =
-            warnings(system, dropped, ndof, s, e, negligible, self.drift.largest(), tolerance);
+            warnings(system, dropped, ndof, s, e, negligible, self.drift.largest(), self.options);
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
                 Err(Stop::Sink(message))
