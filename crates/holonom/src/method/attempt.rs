@@ -317,7 +317,15 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
 
     fn filter(&mut self, ode: &mut dyn LinearizedOde, change: &mut [f64]) {
         let mut ode = Counted::new(ode, self.statistics);
+        // Matrices serve many steps, in which bodies may turn far.
+        let turns = ode.turns();
+        if turns {
+            ode.turn_back(change);
+        }
         self.stages.filter(&mut ode, change);
+        if turns {
+            ode.turn(0, change);
+        }
         self.statistics = ode.statistics;
     }
 

@@ -53,6 +53,10 @@ impl<'a> Counted<'a> {
         self.ode.turns()
     }
 
+    pub(super) fn turn_back(&mut self, change: &mut [f64]) {
+        self.ode.turn_back(change);
+    }
+
     pub(super) fn turn(&mut self, stage: usize, change: &mut [f64]) {
         self.ode.turn(stage, change);
     }

@@ -340,6 +340,19 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
         self.newton.turn(stage, rest);
     }
 
+    /// Halfway through the step: there the matrix is right to the second order of the turn.
+    fn turn_back(&mut self, change: &mut [f64]) {
+        let Point { manifold, state, anchor, .. } = &self.point;
+        let per_body = manifold.system().structure().sizes.per_body;
+        let between = self.dq.chunks_exact_mut(per_body);
+        let ends = anchor.chunks_exact(per_body).zip(state.q.chunks_exact(per_body));
+        between.zip(ends).for_each(|(out, (a, b))| halfway(a, b, out));
+        self.newton.align(0, manifold, &self.dq);
+        let (positions, rest) = change.split_at_mut(self.rates.len());
+        self.newton.turn_back(0, positions);
+        self.newton.turn_back(0, rest);
+    }
+
     fn solve_complex(&mut self, x: &mut [f64], y: &mut [f64]) {
         self.newton.weigh(x);
         self.newton.weigh(y);
@@ -370,4 +383,16 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
     fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure> {
         self.newton.time_derivative(&mut self.point, g_t)
     }
+}
+
+/// The pose of a body halfway between two others, (r, Euler parameters) or (x, y, angle).
+fn halfway(a: &[f64], b: &[f64], out: &mut [f64]) {
+    let dot: f64 = a.iter().zip(b).skip(3).map(|(a, b)| a * b).sum();
+    let sign = if dot < 0.0 { -1.0 } else { 1.0 };
+    for (k, (out, (a, b))) in out.iter_mut().zip(a.iter().zip(b)).enumerate() {
+        *out = 0.5 * (a + if k < 3 { *b } else { sign * b });
+    }
+    let turned = &mut out[3..];
+    let length = turned.iter().map(|x| x * x).sum::<f64>().sqrt();
+    turned.iter_mut().for_each(|x| *x /= length);
 }

@@ -105,6 +105,10 @@ pub trait LinearizedOde: Ode {
     /// Turns a correction from where the matrix belongs to the stage whose defect was the last of that place.
     fn turn(&mut self, _stage: usize, _change: &mut [f64]) {}
 
+    /// Turns a change from the middle of the step to where the matrix belongs; [`LinearizedOde::turn`] of the first stage
+    /// undoes it.
+    fn turn_back(&mut self, _change: &mut [f64]) {}
+
     /// x + iy ← (I − γh J)⁻¹ (x + iy) for x, y made of defects, with the complex factor.
     fn solve_complex_defect(&mut self, x: &mut [f64], y: &mut [f64]) {
         self.solve_complex(x, y);

@@ -9,8 +9,10 @@ use serde::{Deserialize, Serialize};
 /// Tolerances from which a second run is asked: a fifth of what is warned of, since the carried error is up to a few times
 /// too small.
 const SUSPICIOUS: f64 = 10.0;
-/// Tolerances below which the turn of a reference within a step makes no difference worth its cost.
-const NEGLIGIBLE: f64 = 0.1;
+/// Of what is as fast as one radian to a step, the error of Radau's formula is this to the second of its estimate.
+const TURNED: f64 = 0.17;
+/// Error of the start, in tolerances: what grows to be suspicious from there grows some thousandfold.
+const SEED: f64 = 0.003;
 /// Places on its way that a run keeps for the comparison with a second one, beside that at its end.
 const MILESTONES: usize = 16;
 
@@ -37,6 +39,7 @@ pub(super) struct CarriedError {
     /// formula, which may change its sign where that of the motion does not.
     pub(super) sums: [Carried; 2],
     serving: Serving,
+    seeded: bool,
     /// Of the place of a body, in its tolerances: there, and the largest of all.
     present: f64,
     largest: f64,
@@ -52,6 +55,7 @@ impl CarriedError {
             sums: [none(), none()],
             // What the first steps leave is little.
             serving: Serving { most: MOST_STEPS[1], ..Serving::NEW },
+            seeded: false,
             present: 0.0,
             largest: 0.0,
             milestones: Milestones::new(start),
@@ -86,11 +90,6 @@ impl CarriedError {
         self.serving.known = false;
     }
 
-    /// Whether it is worth the trouble to turn it along with small turns of references.
-    pub(super) fn counts(&self) -> bool {
-        self.present > NEGLIGIBLE
-    }
-
     /// Takes the error over the step just accepted, whose own error was estimated as `estimate`, 1 = on tolerance, and in
     /// which laws may have passed knots; with the length of the step and the slope of the equations at its end also what its
     /// iterations have left. Where there is no matrix to carry it with, it is suspicious, and the form may be elsewhere:
@@ -104,6 +103,7 @@ impl CarriedError {
         power: &mut [f64],
         iterated: Option<(f64, &[f64])>,
         passes_knot: bool,
+        turn: f64,
         (t, step, w): (f64, f64, &[f64]),
     ) -> bool {
         if self.is_suspicious() {
@@ -123,9 +123,14 @@ impl CarriedError {
                 }
             }
         }
+        // Explicit codes tell by the growth of what there is when a matrix is due.
+        if !std::mem::replace(&mut self.seeded, true) && !stepper.explicit() {
+            self.seed(form, power);
+        }
         let share = estimate * tolerance.relative.max(tolerance.rotation);
         // At the knot of a law, or beside the other end of a line, no formula has its order.
-        let part = if passes_knot { 1.0 } else { true_part(stepper.orders_of_error(), share) };
+        let part =
+            if passes_knot { 1.0 } else { true_part(stepper.orders_of_error(), share, turn) };
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, part, stepper.last_change());
         // By rates: errors of places last, those of rates become more.
@@ -193,6 +198,20 @@ impl CarriedError {
 }
 
 impl CarriedError {
+    /// A run starts from values that are known to no more than a part of the tolerance, whatever they are.
+    fn seed(&mut self, form: &mut dyn StateSpace, change: &mut [f64]) {
+        // No direction is left out; which one it is does not matter.
+        for (k, x) in change.iter_mut().enumerate() {
+            *x = (1.0 + k as f64).sin();
+        }
+        let size = form.norm(change);
+        if size > 0.0 && size.is_finite() {
+            for Carried { error, .. } in &mut self.sums {
+                add(error, SEED / size, change);
+            }
+        }
+    }
+
     /// Where a step of an explicit formula is much shorter than those that wait for a matrix, what makes it short was not
     /// there before: they get the matrix of their time.
     fn part_with_longer_steps(&mut self, form: &mut dyn StateSpace, power: &mut [f64], step: f64) {
@@ -300,10 +319,13 @@ fn transfer(gamma: f64) -> [f64; 3] {
 }
 
 /// Part of an estimate that is the error of a formula of order p whose estimate is that of order p̂, where the estimate
-/// is `share` of the scale that tolerances are relative to. Source: `docs/theory/simulation.md` (11).
-fn true_part([order, estimated]: [u32; 2], share: f64) -> f64 {
-    let exponent = f64::from(order.saturating_sub(estimated)) / f64::from(estimated + 1);
-    if share < 1.0 { share.powf(exponent) } else { 1.0 }
+/// is `share` of the scale that tolerances are relative to. What swings about a steady turn is as fast as that, however
+/// little is seen of it: bodies turn by `turn` rad in the step. Source: `docs/theory/simulation.md` (11).
+fn true_part([order, estimated]: [u32; 2], share: f64, turn: f64) -> f64 {
+    let orders = order.saturating_sub(estimated);
+    let exponent = f64::from(orders) / f64::from(estimated + 1);
+    let part = share.powf(exponent).max((TURNED * turn).powi(orders as i32));
+    part.min(1.0)
 }
 
 /// Where a run began and has been, at most [`MILESTONES`] times.

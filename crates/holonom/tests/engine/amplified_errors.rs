@@ -150,3 +150,45 @@ elbow = { type = "revolute", between = ["upper", "lower"], point = [1.0, 0.0] }
         assert!(warned(&run_model(&pendulum, &options).summary), "{end} s");
     }
 }
+
+#[test] // truth: a body that turns about its middle axis tumbles, and how far it is then says the integrator at 1e-9
+fn a_body_that_tumbles_from_its_middle_axis_is_right_or_warned_of() {
+    let body = model_of(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies]
+racket = { mass = 1.0, inertia = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]], position = [0.0, 0.0, 0.0] }
+[initial.bodies]
+racket = { angular_velocity = [0.02, 7.0, 0.01] }
+"#,
+    );
+    let end = 8.0;
+    let asked = |code, tolerance| Options {
+        channels: vec!["racket.euler_parameters".to_owned()],
+        output: OutputTimes::Interval(end / 40.0),
+        ..options(code, tolerance, end)
+    };
+    let truth = run_model(&body, &asked(DEFAULT_CODE, 1e-9));
+    let mut warnings = 0;
+    for code in CODES.iter().map(|info| info.code) {
+        for tolerance in [1e-3, 1e-4, 1e-5] {
+            let outcome = run_model(&body, &asked(code, tolerance));
+            let turned = |row: usize| {
+                let part = |k| {
+                    let series =
+                        [&truth, &outcome].map(|o| o.series("racket.euler_parameters", k)[row]);
+                    series[0] * series[1]
+                };
+                2.0 * (0..4).map(part).sum::<f64>().abs().min(1.0).acos()
+            };
+            let most = (0..truth.times().len()).map(turned).fold(0.0, f64::max);
+            let warned = warned(&outcome.summary);
+            let tolerances = most / (tolerance * (1.0 + std::f64::consts::PI));
+            assert!(tolerances <= WRONG || warned, "{code:?} {tolerance:e}: {tolerances}");
+            warnings += u32::from(warned);
+        }
+    }
+    assert!(warnings > 10, "{warnings} warnings");
+}

@@ -483,3 +483,36 @@ fn a_short_bump_lifts_no_wheel() {
         }
     }
 }
+
+#[test] // truth: a formula that looks between the knots, at 1e-9
+fn forces_that_vanish_at_all_knots_but_two_are_not_missed() {
+    let times: Vec<f64> = (0..=100).map(|k| 0.01 * f64::from(k)).collect();
+    let values: Vec<f64> =
+        (0..=100).map(|k| if k == 50 || k == 51 { 100.0 } else { 0.0 }).collect();
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+puck = {{ mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }}
+[forces]
+push = {{ type = "point_force", on = "puck", point = [0.0, 0.0], force = [{{ type = "table", x = {times:?}, y = {values:?} }}, 0.0] }}
+"#
+    ));
+    let asked = |code, tolerance| Options {
+        channels: vec!["puck.position".to_owned()],
+        output: OutputTimes::Interval(1.0),
+        ..options(code, tolerance, 1.0)
+    };
+    let place = |code, tolerance| {
+        *run_model(&model, &asked(code, tolerance)).series("puck.position", 0).last().unwrap()
+    };
+    let truth = place(Code::ForRadau, 1e-9);
+    for code in [Code::SspTrap, Code::InflTrap, Code::Deabm] {
+        for tolerance in [1e-3, 1e-4, 1e-5] {
+            let error = (place(code, tolerance) - truth).abs() / (tolerance * (1.0 + truth));
+            assert!(error < 30.0, "{code:?} {tolerance:e}: {error} tolerances");
+        }
+    }
+}

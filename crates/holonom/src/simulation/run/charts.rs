@@ -13,8 +13,9 @@ const CONDITION_FLOOR: f64 = 10.0;
 /// Relative coordinates are chosen anew when the condition of [G; P] has grown by this factor: on a circle
 /// limits of 2.5, 10 and 100 cost 178, 314 and 676 steps.
 const TREE_GROWTH: f64 = 2.5;
-/// Largest change of a direction or rotation in a step of an explicit formula, rad.
-const EXPLICIT_TURN: f64 = 0.9;
+/// Largest change of a direction or rotation in a step, rad: what is about to tumble swings about a steady turn as fast as
+/// it turns, which no error shows before it has grown.
+pub(super) const LONGEST_TURN: f64 = 0.9;
 /// References of directions and rotations move at every step; those of a multistep formula, whose history
 /// would have to move along, when they are this far, rad.
 const MULTISTEP_TURN: f64 = 1.5;
@@ -51,15 +52,14 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// Longest step of an explicit formula, s: what is about to tumble swings about a steady turn as fast as
-    /// it turns, which no error shows before it has grown.
-    pub(super) fn explicit_turn(&self) -> f64 {
+    /// How fast directions and rotations change at the start of the step, rad/s.
+    pub(super) fn turning(&self) -> f64 {
         let manifold = &self.form.point().manifold;
-        let Some(relatives) = manifold.chart().parametrization().relatives() else {
-            return f64::INFINITY;
-        };
         let ndof = manifold.chart().ndof();
-        EXPLICIT_TURN / relatives.turning(self.system.as_ref(), &self.w[ndof..2 * ndof])
+        let relatives = manifold.chart().parametrization().relatives();
+        relatives.map_or(0.0, |relatives| {
+            relatives.turning(self.system.as_ref(), &self.w[ndof..2 * ndof])
+        })
     }
 
     /// Chooses another partition when the present one has become ill-conditioned.

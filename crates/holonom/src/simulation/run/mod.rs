@@ -34,6 +34,7 @@ use crate::simulation::trajectory::{EventKind, Memory, Sink};
 use crate::simulation::warnings::chosen;
 use crate::system::{EnergyBalance, State, System};
 use crate::watch::{stage, unwatched, within};
+use charts::LONGEST_TURN;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -258,6 +259,9 @@ impl Run<'_> {
         let kinematic = self.form.point().manifold.chart().ndof() == 0;
         let fixed = self.options.fixed_step.is_some();
         let relative = self.options.tolerance.relative;
+        // Formulas that evaluate forces at the ends of steps alone.
+        let ends_only =
+            self.stepper.multistep() || self.options.code.info().formula == "trapezoidal";
         let drivers = step_length::drivers(self.system.as_ref(), [self.started, end]);
         let mut rejections = 0;
         let mut repartitioned = false;
@@ -272,12 +276,14 @@ impl Run<'_> {
             let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
                 .first()
                 .map_or(end, |&b| b.min(end));
+            if !fixed && ends_only && breakpoints.binary_search_by(|b| b.total_cmp(&t)).is_ok() {
+                // A curve may begin and end with nothing and be large between.
+                h = h.min(0.5 * (next - t));
+            }
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree));
-                if self.stepper.explicit() {
-                    h = h.min(self.explicit_turn());
-                }
+                h = h.min(LONGEST_TURN / self.turning());
                 if !drivers.is_empty() {
                     let most = h.min(next - t);
                     h = step_length::driven(self.system.as_ref(), &drivers, t, most, relative);
@@ -332,6 +338,7 @@ impl Run<'_> {
                 continue;
             }
             (rejections, repartitioned, seen) = (0, false, true);
+            let turning = self.turning();
             if let Some(carried) = &mut self.carried {
                 let (stepper, form) = (self.stepper.as_mut(), self.form.as_mut());
                 let chart = form.point().manifold.chart().parametrization();
@@ -340,6 +347,7 @@ impl Run<'_> {
                 let (tolerance, power) = (&self.options.tolerance, &mut self.scratch[0]);
                 let ended = (t_end, step, &self.w_end[..]);
                 let passes_knot = self.passes_knot;
+                let turn = step * turning;
                 let known = carried.follow(
                     stepper,
                     form,
@@ -348,6 +356,7 @@ impl Run<'_> {
                     power,
                     iterated,
                     passes_knot,
+                    turn,
                     ended,
                 );
                 if !known {
