@@ -82,7 +82,7 @@ def test_a_spectrum_of_many_points_keeps_its_peaks(spring: Result) -> None:
     assert hertz.size < 600 < found.frequency.size
     assert amplitude[top] == pytest.approx(found.amplitude[1:].max(), rel=0.02)
     assert hertz[top] == pytest.approx(5.0, abs=0.5)
-    assert np.nanmin(amplitude) >= 1e-6 * amplitude[top]  # what is less is no line
+    assert np.isfinite(amplitude).all()  # points between gaps would be no line
 
 
 def test_a_filter_takes_what_is_fast(spring: Result) -> None:

@@ -11,7 +11,7 @@ from holonom.base.errors import UsageError, translated
 from holonom.base.names import did_you_mean, nearest_channels
 from holonom.base.plain import frozen
 from holonom.base.record import Record
-from holonom.base.text import quoted
+from holonom.base.text import is_unicode, quoted
 from holonom.channels import expand, is_pattern, require_name, split_component, unknown
 from holonom.store.layout import Quantity
 
@@ -48,7 +48,8 @@ class Channels(Mapping[str, Quantity]):
     def __getitem__(self, name: str) -> Quantity:
         if self._all is not None:
             return self._all[name]
-        found = self._core.channel(name) if isinstance(name, str) else None
+        known = isinstance(name, str) and is_unicode(name)
+        found = self._core.channel(name) if known else None
         if found is None:
             raise KeyError(name)
         unit, frame, shape = found
@@ -60,8 +61,14 @@ class Channels(Mapping[str, Quantity]):
     def __len__(self) -> int:
         return len(self._listed())
 
+    def __reversed__(self) -> Iterator[str]:
+        return reversed(self._listed())
+
     def __repr__(self) -> str:
         return repr(self._listed())
+
+    def __reduce__(self) -> tuple[type[dict[str, Quantity]], tuple[dict[str, Quantity]]]:
+        return dict, (self._listed(),)
 
 
 class Compiled:

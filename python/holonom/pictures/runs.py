@@ -302,7 +302,7 @@ def _spectra(
 
 
 def _highest(x: Series, y: Series, least: float) -> tuple[Series, Series]:
-    """Return the highest points of a spectrum, one to a pixel, without what is below `least`."""
+    """Return the highest points of a spectrum, one to a pixel, at `least` where they are below."""
     if x.size > _PIXELS:
         edges = np.linspace(0, x.size, _PIXELS + 1).astype(int)[:-1]
         high = np.maximum.reduceat(y, edges)
@@ -312,7 +312,7 @@ def _highest(x: Series, y: Series, least: float) -> tuple[Series, Series]:
             for e, n, h in zip(edges, [*edges[1:], None], high, strict=True)
         ]
         x, y = x[index], y[index]
-    return x, np.where(y >= least, y, np.nan)
+    return x, np.maximum(y, least)
 
 
 def _labels(results: Sequence[Result]) -> list[str]:

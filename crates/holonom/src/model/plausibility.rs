@@ -21,9 +21,12 @@ const OVERSHOOT: f64 = 0.5;
 const TURNS: f64 = 100.0;
 /// A length over those around it: in millimetres it is 1000 times what it should be.
 const LONG: f64 = 100.0;
-/// A radius of gyration over the distance of a body's points from its centre: in kg mm² it is 1000 times what it should be.
-/// Beyond, the points are at the centre but for round-off.
-const WIDE: [f64; 2] = [200.0, 1e5];
+/// A radius of gyration over the distance of a body's points from its centre: in kg mm² it is 1000 times what it should be,
+/// and metres. A rotor that is smaller may have its axle next to its centre.
+const WIDE: f64 = 200.0;
+const WIDE_RADIUS: f64 = 1.0;
+/// Of the radius: points nearer to the centre are there but for round-off.
+const AT_CENTER: f64 = 1e-5;
 /// m, and kg/m: what is larger and lighter is rare.
 const LARGE_AND_LIGHT: [f64; 2] = [50.0, 0.1];
 /// m: shorter displacements are not told from a long way of a small body.
@@ -215,8 +218,8 @@ fn wide(warn: &mut impl FnMut(String, String, &str), model: &Model) {
     for (body, reach) in model.bodies.iter().zip(reach) {
         checkpoint(NAMED);
         let radius = (largest_inertia(body, model.dimension) / body.mass).sqrt();
-        let is_wide = (WIDE[0] * reach..WIDE[1] * reach).contains(&radius);
-        if body.mass > 0.0 && is_wide && radius <= LENGTH {
+        let is_wide = radius > WIDE_RADIUS.max(WIDE * reach) && radius <= LENGTH;
+        if body.mass > 0.0 && reach > AT_CENTER * radius && is_wide {
             let message = format!(
                 "the radius of gyration of `{}` is {radius:.4e} m, its joints lie within {reach:.4e} m of its centre of mass",
                 body.name

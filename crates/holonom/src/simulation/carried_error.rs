@@ -39,11 +39,17 @@ pub(super) struct CarriedError {
     /// formula, which may change its sign where that of the motion does not.
     pub(super) sums: [Carried; 2],
     serving: Serving,
+    #[serde(default = "of_before")]
     seeded: bool,
     /// Of the place of a body, in its tolerances: there, and the largest of all.
     present: f64,
     largest: f64,
     pub(super) milestones: Milestones,
+}
+
+/// Of checkpoints that do not say: what they carry has begun.
+fn of_before() -> bool {
+    true
 }
 
 impl CarriedError {
@@ -109,6 +115,10 @@ impl CarriedError {
         if self.is_suspicious() {
             return true;
         }
+        // Explicit codes tell by the growth of what there is when a matrix is due.
+        if !std::mem::replace(&mut self.seeded, true) && !stepper.explicit() {
+            self.seed(form, power);
+        }
         if stepper.explicit() {
             self.part_with_longer_steps(form, power, step);
         } else {
@@ -122,10 +132,6 @@ impl CarriedError {
                     }
                 }
             }
-        }
-        // Explicit codes tell by the growth of what there is when a matrix is due.
-        if !std::mem::replace(&mut self.seeded, true) && !stepper.explicit() {
-            self.seed(form, power);
         }
         let share = estimate * tolerance.relative.max(tolerance.rotation);
         // At the knot of a law, or beside the other end of a line, no formula has its order.

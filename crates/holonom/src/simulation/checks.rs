@@ -361,7 +361,7 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
         return refuse(
             "end_time",
             end,
-            "finite, and 1e12 s at most: beyond, steps are lost in round-off",
+            "within 1e12 s of zero: beyond, steps are lost in round-off",
         );
     }
     if end < start {

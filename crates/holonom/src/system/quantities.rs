@@ -4,7 +4,6 @@ use super::cartesian::Cartesian;
 use super::space::Space;
 use super::{EnergyBalance, Equations, State};
 use crate::elements::ForceElement;
-use crate::watch::{NAMED, checkpoint};
 use std::cell::OnceCell;
 use std::sync::OnceLock;
 
@@ -133,7 +132,6 @@ impl Channels {
         self.all.get_or_init(|| {
             let mut all = Vec::new();
             for item in items(system) {
-                checkpoint(4 * NAMED);
                 add_channels(system, item, &mut all);
             }
             all.extend(diagnostics());

@@ -417,6 +417,11 @@ pin = {{ type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }}
     assert_eq!(crank(0.15, 1e-3), [""; 0]);
     assert_eq!(crank(0.15, 1e3), ["bodies.crank.inertia"]);
     assert_eq!(crank(150.0, 1e3), ["bodies.crank"]);
+    assert_eq!(
+        crank(1e-3, 2e-2),
+        [""; 0],
+        "a rotor whose axle is half a millimetre beside its middle"
+    );
     assert_eq!(crank(1e-9, 1e-3), [""; 0], "a wheel whose axle is in its middle but for round-off");
 }
 

@@ -111,6 +111,9 @@ pub(in crate::simulation) enum Start<'a> {
     Checkpoint(&'a Checkpoint),
 }
 
+/// Turn in a step from which what iterations leave counts among carried errors, rad.
+const FAR: f64 = 0.3;
+
 /// A run, and a second one where the errors of its steps may have grown beyond what they were allowed.
 fn begin(
     problem: &Problem,
@@ -342,12 +345,13 @@ impl Run<'_> {
             if let Some(carried) = &mut self.carried {
                 let (stepper, form) = (self.stepper.as_mut(), self.form.as_mut());
                 let chart = form.point().manifold.chart().parametrization();
-                // Where matrices do not turn along with bodies.
-                let iterated = chart.relatives().is_none().then_some((step, &self.g_end[..]));
+                let turn = step * turning;
+                // Where matrices do not turn along with bodies, or these turn far.
+                let far = chart.relatives().is_none() || turn > FAR;
+                let iterated = far.then_some((step, &self.g_end[..]));
                 let (tolerance, power) = (&self.options.tolerance, &mut self.scratch[0]);
                 let ended = (t_end, step, &self.w_end[..]);
                 let passes_knot = self.passes_knot;
-                let turn = step * turning;
                 let known = carried.follow(
                     stepper,
                     form,
