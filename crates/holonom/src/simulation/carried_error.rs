@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 const SUSPICIOUS: f64 = 10.0;
 /// Of what is as fast as one radian to a step, the error of Radau's formula is this to the second of its estimate.
 const TURNED: f64 = 0.17;
-/// Error of the start, in tolerances: what grows to be suspicious from there grows some thousandfold.
+/// Error of the start, in tolerances: what grows to be suspicious from there grows some thousandfold. Three times as much would
+/// ask for second runs of Andrews' mechanism, in vain.
 const SEED: f64 = 0.003;
 /// Places on its way that a run keeps for the comparison with a second one, beside that at its end.
 const MILESTONES: usize = 16;

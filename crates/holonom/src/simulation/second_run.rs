@@ -74,9 +74,9 @@ pub(super) fn compare(
     let fold = 10f64.powf((tolerances / MET).log10().ceil());
     let doubt = if doubtful { ", which may be off itself" } else { "" };
     Some(warning(format!(
-        "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances ({by}) away from where a second \
-         run, at a tenth of the tolerance{doubt}, has it at t = {t:.4} s, and what comes later may be further off; tighten the tolerance, {fold:.0}-fold at least \
-         if it is to be met, and compare with another code"
+        "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances ({by}) away \
+         from where a second run, at a tenth of the tolerance{doubt}, has it at t = {t:.4} s, and what comes later may be \
+         further off; tighten the tolerance, {fold:.0}-fold at least if it is to be met, and compare with another code"
     )))
 }
 

@@ -311,7 +311,8 @@ pub trait Bodies {
     fn anchor_orientation(&self, edge: usize, form: usize, q: &[f64]) -> [f64; 4];
 
     /// Writes the pose of the outer body of an edge: from that of the inner one, the coordinates `x` and, for a line,
-    /// the reference of its direction among those of all groups. Where `stances` tell how bodies stand, that of the outer body is written, too.
+    /// the reference of its direction among those of all groups. Where `stances` tell how bodies stand, that of the outer
+    /// body is written, too.
     fn place(
         &self,
         edge: usize,

@@ -146,18 +146,17 @@ impl Channels {
         system: &Cartesian<S, D, N>,
         name: &str,
     ) -> Option<Channel> {
-        if let Some(found) = diagnostics().into_iter().find(|channel| channel.name == name) {
-            return Some(found);
-        }
         let items = self.items.get_or_init(|| {
             let mut items: Vec<Item> = items(system).collect();
             items.sort_by_key(|&item| name_of(system, item));
             items
         });
         let (wanted, _) = name.split_once('.')?;
-        let at = items.binary_search_by(|&item| name_of(system, item).cmp(wanted)).ok()?;
         let mut own = Vec::new();
-        add_channels(system, items[at], &mut own);
+        match items.binary_search_by(|&item| name_of(system, item).cmp(wanted)) {
+            Ok(at) => add_channels(system, items[at], &mut own),
+            Err(_) => own = diagnostics(),
+        }
         own.into_iter().find(|channel| channel.name == name)
     }
 }

@@ -279,6 +279,7 @@ impl Run<'_> {
             let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
                 .first()
                 .map_or(end, |&b| b.min(end));
+            let turning = self.turning();
             if !fixed && ends_only && breakpoints.binary_search_by(|b| b.total_cmp(&t)).is_ok() {
                 // A curve may begin and end with nothing and be large between.
                 h = h.min(0.5 * (next - t));
@@ -286,7 +287,7 @@ impl Run<'_> {
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree));
-                h = h.min(LONGEST_TURN / self.turning());
+                h = h.min(LONGEST_TURN / turning);
                 if !drivers.is_empty() {
                     let most = h.min(next - t);
                     h = step_length::driven(self.system.as_ref(), &drivers, t, most, relative);
@@ -341,7 +342,6 @@ impl Run<'_> {
                 continue;
             }
             (rejections, repartitioned, seen) = (0, false, true);
-            let turning = self.turning();
             if let Some(carried) = &mut self.carried {
                 let (stepper, form) = (self.stepper.as_mut(), self.form.as_mut());
                 let chart = form.point().manifold.chart().parametrization();
