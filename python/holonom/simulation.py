@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -124,8 +125,8 @@ def _recorded(
 
     ended = False
     try:
-        with _DeferredInterrupts() as heed:
-            summary = _simulate(model, text, state, append, progress, watch, heed, checkpoint)
+        with _DeferredInterrupts() as interrupts:
+            summary = _simulate(model, text, state, append, progress, watch, interrupts, checkpoint)
             recorder.finish(summary)
             ended = True
     except KeyboardInterrupt:
@@ -234,9 +235,9 @@ def _certify(
     try:
         if progress is not None:
             progress(start, 0.0, 0)
-        with _DeferredInterrupts() as heed:
+        with _DeferredInterrupts() as interrupts:
             text = _encode(second)
-            summary = _simulate(model, text, state, measurement.append, progress, watch, heed)
+            summary = _simulate(model, text, state, measurement.append, progress, watch, interrupts)
     except KeyboardInterrupt:
         interrupted = True
     except HolonomError as error:
@@ -280,21 +281,24 @@ def _simulate(
     on_chunk: Callable[[dict[str, Any]], None],
     progress: Progress | None,
     watch: Watch | None,
-    heed: Callable[[], None],
+    interrupts: _DeferredInterrupts,
     checkpoint: str | None = None,
 ) -> dict[str, Any]:
     def on_progress(time: float, step_size: float, steps: int) -> None:
-        heed()
-        if progress is not None:
-            progress(time, step_size, steps)
+        with interrupts.heeded():
+            if progress is not None:
+                progress(time, step_size, steps)
 
     def on_stage(stage: str) -> None:
-        heed()
-        if watch is not None:
-            watch(stage)
+        with interrupts.heeded():
+            if watch is not None:
+                watch(stage)
 
     with translated():
-        return model._core.simulate(chosen, state, on_chunk, on_progress, on_stage, checkpoint)
+        summary = model._core.simulate(chosen, state, on_chunk, on_progress, on_stage, checkpoint)
+    if summary["status"] == "interrupted":
+        interrupts.settle()
+    return summary
 
 
 class _Recorder:
@@ -412,36 +416,51 @@ class _Recorder:
 
 
 class _DeferredInterrupts:
-    """Let Ctrl-C take effect where `heed` is called, and after the block.
+    """Let Ctrl-C take effect where it is heeded, and after the block.
 
-    So the core ends in good order, and what is written is whole.
+    So the core ends in good order, and what is written is whole. What was raised where it was
+    heeded but did not end the run, which was at its end and being checked, is raised after the
+    block.
     """
 
     def __init__(self) -> None:
         self._asked: list[int] = []
         self._before: Any = None
+        self._raised: KeyboardInterrupt | None = None
 
-    def __enter__(self) -> Callable[[], None]:
+    def __enter__(self) -> _DeferredInterrupts:
         if threading.current_thread() is threading.main_thread():
             self._before = signal.signal(signal.SIGINT, self._ask)
             if not callable(self._before):  # Ctrl-C does nothing, and is to go on doing so
                 signal.signal(signal.SIGINT, self._before)
                 self._before = None
-        return self.heed
+        return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
-            if kind is None:
-                self.heed()
+        if kind is None:
+            with self.heeded():
+                if self._raised is not None:
+                    raise self._raised
 
     def _ask(self, number: int, _: object) -> None:
         self._asked.append(number)
 
-    def heed(self) -> None:
-        """Do what Ctrl-C does, if it was pressed."""
-        if self._asked:
-            self._before(self._asked.pop(), None)
+    @contextlib.contextmanager
+    def heeded(self) -> Iterator[None]:
+        """Do what Ctrl-C does, if it was pressed, then what is in the block."""
+        try:
+            if self._asked:
+                self._before(self._asked.pop(), None)
+            yield
+        except KeyboardInterrupt as error:
+            self._raised = error
+            raise
+
+    def settle(self) -> None:
+        """Forget what was raised: the run was ended by it."""
+        self._raised = None
 
 
 def _now() -> str:

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from conftest import oscillator_text
 
 import holonom
 
@@ -93,6 +94,31 @@ def test_ctrl_c_is_heeded_at_any_moment_of_ten_thousand_bodies(tmp_path: Path) -
     moments = random.Random(20260101)
     drawn = [moments.uniform(0.0, 12.0) for _ in range(20)]
     _assert_heeded(tmp_path / "chain.toml", 10_000, drawn)
+
+
+@pytest.mark.parametrize("pressed", [True, False])
+def test_ctrl_c_is_heeded_while_a_run_is_checked_by_a_second_one(pressed: bool) -> None:
+    text = oscillator_text(mass=1.0, x=1.0, stiffness=100.0, free_length=1.0)
+    model = holonom.Model.from_text(text)
+    end = 2_000.0
+    asked: list[int] = []
+
+    def progress(time: float, _: float, steps: int) -> None:
+        if time == end and not asked:  # the first run is at its end
+            asked.append(steps)
+            if not pressed:
+                raise KeyboardInterrupt
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(holonom.Interrupted, match="whole") as caught:
+        model.simulate(tolerance=1e-4, end_time=end, interval=1.0, progress=progress)
+    result = caught.value.result
+    assert result is not None
+    assert result.status == "completed"
+    assert result.time.size == 2_001
+    assert "interrupted" in next(
+        warning["message"] for warning in result.warnings if "amplified" in warning["code"]
+    )
 
 
 def test_what_is_being_done_is_told() -> None:
