@@ -2,4 +2,5 @@
 
 mod spectrum;
 
-pub use spectrum::{LARGEST_DENSE, Spectrum, SpectrumError, fastest, spectrum};
+pub use crate::newton::SpectrumError;
+pub use spectrum::{LARGEST_DENSE, Spectrum, fastest, spectrum};

@@ -1,10 +1,7 @@
 //! Eigenvalues of the motion linearized at a state.
 
-use crate::error::EvaluationFailure;
-use crate::method::ode::{LinearizedOde, Ode};
-use crate::method::{FirstOrder, Weights};
-use crate::model::Tolerance;
-use crate::newton::Tangent;
+use crate::method::FirstOrder;
+use crate::newton::{SpectrumError, Tangent};
 use crate::reduction::Point;
 use crate::reduction::assembly::Assembled;
 use holonom_linalg::{DecompositionError, eigenvalues};
@@ -17,17 +14,6 @@ const WANTED: usize = 12;
 const KRYLOV: [usize; 2] = [110, 90];
 /// Relative change between the two up to which an eigenvalue has settled.
 const SETTLED: f64 = 1e-6;
-
-/// Why there is no spectrum.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SpectrumError {
-    /// The equations could not be evaluated.
-    #[error(transparent)]
-    Evaluation(#[from] EvaluationFailure),
-    /// The eigenvalue iteration failed.
-    #[error("the eigenvalues could not be computed: {0}")]
-    Decomposition(#[from] DecompositionError),
-}
 
 /// Eigenvalues, fastest first.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,20 +32,13 @@ pub struct Spectrum {
 /// [`SpectrumError`].
 pub fn spectrum(assembled: &Assembled) -> Result<Spectrum, SpectrumError> {
     let is_complete = assembled.manifold.chart().ndof() <= LARGEST_DENSE;
-    let mut values = if is_complete { all(assembled)? } else { fastest(assembled)? };
+    let mut values = if is_complete {
+        FirstOrder::eigenvalues(assembled.manifold.clone(), &assembled.state)?
+    } else {
+        fastest(assembled)?
+    };
     values.sort_by(|a, b| b.0.hypot(b.1).total_cmp(&a.0.hypot(a.1)).then(b.1.total_cmp(&a.1)));
     Ok(Spectrum { values, is_complete })
-}
-
-fn all(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> {
-    let system = assembled.manifold.system().clone();
-    let weights = Weights::new(Tolerance::uniform(1.0), system.as_ref(), &assembled.state);
-    let mut form = FirstOrder::new(assembled.manifold.clone(), weights, &assembled.state);
-    let n = form.dimension();
-    let mut w = vec![0.0; n];
-    form.pack(&assembled.state, &mut w);
-    form.linearize(assembled.state.t, &w)?;
-    Ok(eigenvalues(n, &form.newton().blocks().jacobian()?)?)
 }
 
 /// The eigenvalues of the largest magnitude, as far as they have settled. Source: W. E. Arnoldi, *The principle of minimized

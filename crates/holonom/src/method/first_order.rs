@@ -3,8 +3,10 @@
 use super::acceleration_buffers::AccelerationBuffers;
 use super::ode::{Complex64, EvaluationFailure, LinearizedOde, Ode, SecondOrder, require_finite};
 use super::weights::Weights;
+use crate::model::Tolerance;
 use crate::newton::{
     FirstOrderMatrix, JacobianSource, Matrix, MatrixOptions, Newton, ReducedMatrix, Representation,
+    SpectrumError,
 };
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
@@ -31,6 +33,24 @@ impl FirstOrder {
     /// With the dense reduced matrix, at a consistent state whose factors the manifold holds.
     pub fn new(manifold: Manifold, weights: Weights, state: &State) -> Self {
         Self::with_matrix(manifold, weights, state)
+    }
+
+    /// Real and imaginary parts, 1/s, of the eigenvalues of J = g_w at a consistent state whose factors the manifold
+    /// holds.
+    ///
+    /// # Errors
+    /// [`SpectrumError`].
+    pub fn eigenvalues(
+        manifold: Manifold,
+        state: &State,
+    ) -> Result<Vec<(f64, f64)>, SpectrumError> {
+        let tolerance = Tolerance::uniform(1.0);
+        let weights = Weights::new(tolerance, manifold.system().as_ref(), state);
+        let mut form = Self::new(manifold, weights, state);
+        let mut w = vec![0.0; form.dimension()];
+        form.pack(state, &mut w);
+        form.linearize(state.t, &w)?;
+        form.newton.blocks().eigenvalues()
     }
 }
 

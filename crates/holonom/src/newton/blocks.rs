@@ -203,6 +203,11 @@ impl ReducedBlocks {
         }
     }
 
+    /// Degrees of freedom.
+    pub(super) fn order(&self) -> usize {
+        self.independent.len()
+    }
+
     /// J = g_w of ẇ = g(t, w), w = (v, v̇, z), by rows; for analysis, not for steps.
     ///
     /// # Errors

@@ -16,6 +16,7 @@ mod simplified;
 mod solver;
 mod sparse;
 mod sparse_pattern;
+mod spectrum;
 mod tangent;
 
 pub use blocks::ReducedBlocks;
@@ -28,4 +29,5 @@ pub use matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Repres
 pub use reduced::ReducedMatrix;
 pub use solver::Newton;
 pub use sparse::SparseMatrix;
+pub use spectrum::SpectrumError;
 pub use tangent::Tangent;

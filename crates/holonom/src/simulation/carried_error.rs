@@ -1,5 +1,8 @@
 //! The errors of steps, carried along with the motion. Equations: `docs/theory/simulation.md` (11), (12).
 
+use super::options::Options;
+use super::problem::Problem;
+use super::unseen_growth::LongestStep;
 use crate::method::StateSpace;
 use crate::method::stepper::Stepper;
 use crate::model::Tolerance;
@@ -46,6 +49,9 @@ pub(super) struct CarriedError {
     present: f64,
     largest: f64,
     pub(super) milestones: Milestones,
+    /// Of runs that are not too large.
+    #[serde(default)]
+    pub(super) longest: Option<LongestStep>,
 }
 
 /// Of checkpoints that do not say: what they carry has begun.
@@ -66,6 +72,7 @@ impl CarriedError {
             present: 0.0,
             largest: 0.0,
             milestones: Milestones::new(start),
+            longest: LongestStep::new(dimension, start),
         }
     }
 
@@ -85,11 +92,21 @@ impl CarriedError {
             && times.len() <= MILESTONES
             && milestones.every > 0
             && self.serving.steps <= MOST_STEPS[1]
+            && self.longest.as_ref().is_none_or(|step| step.fits(state))
     }
 
     /// Whether it may be several tolerances; then it is not followed any further.
     pub(super) fn is_suspicious(&self) -> bool {
         self.largest > SUSPICIOUS
+    }
+
+    /// The longest step, s, by which a second run is to tell, if it is suspicious or steps may not have shown what
+    /// grows.
+    pub(super) fn longest_step_to_tell(&self, problem: &Problem, options: &Options) -> Option<f64> {
+        if self.is_suspicious() {
+            return Some(f64::INFINITY);
+        }
+        self.longest.as_ref()?.hides_growth(problem, options)
     }
 
     /// The equations are set up anew, or in other variables: there is no matrix of theirs.

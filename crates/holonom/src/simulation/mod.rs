@@ -22,6 +22,7 @@ mod slowness;
 mod statistics;
 mod step_length;
 mod trajectory;
+mod unseen_growth;
 mod warnings;
 
 pub use checkpoint::Checkpoint;

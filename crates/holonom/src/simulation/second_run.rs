@@ -21,17 +21,23 @@ const UNCERTAIN: f64 = 40.0;
 /// Tolerance of the second run as a part of that of the first.
 const PART: f64 = 0.1;
 
-/// A warning where a run by `options`, whose `carried` error is suspicious, is far from a run by the default code at a
-/// tenth of its tolerance, or where such a run does not come to its end within what is `left` of the time.
+/// Steps up to which it is computed whether something grows that longer ones do not show.
+const MOST_STEPS: u64 = 200_000;
+
+/// A warning where a run by `options` that was at the `milestones` and is suspicious is far from a run by the default
+/// code at a tenth of its tolerance with steps of `max_step` at most, or where such a run does not come to its end within
+/// what is `left` of the time.
 pub(super) fn compare(
     problem: &Problem,
     options: &Options,
-    carried: &CarriedError,
+    milestones: &Milestones,
+    max_step: f64,
     left: Option<Duration>,
     sink: &mut dyn Sink,
 ) -> Option<RunWarning> {
-    let milestones = &carried.milestones;
     let system = problem.system().as_ref();
+    // Steps of its own length did not show what may grow.
+    let shows = max_step < options.max_step;
     let Tolerance { relative, translation, rotation } = options.tolerance;
     let tighter = Options {
         tolerance: Tolerance {
@@ -40,8 +46,8 @@ pub(super) fn compare(
             rotation: PART * rotation,
         },
         output: OutputTimes::Listed(milestones.times.clone()),
-        max_step: options.max_step,
-        max_steps: options.max_steps,
+        max_step: options.max_step.min(max_step),
+        max_steps: if shows { options.max_steps.min(MOST_STEPS) } else { options.max_steps },
         max_seconds: left.map_or(f64::INFINITY, |left| left.as_secs_f64()),
         threads: options.threads.clone(),
         dense_output: Some(false),
@@ -73,10 +79,16 @@ pub(super) fn compare(
         comparison.worst.filter(|worst| worst.tolerances > allowed)?;
     let fold = 10f64.powf((tolerances / MET).log10().ceil());
     let doubt = if doubtful { ", which may be off itself" } else { "" };
+    let shorter = if shows {
+        format!(", or set `max_step` to {max_step:.1e} s, as longer steps do not show what grows")
+    } else {
+        String::new()
+    };
     Some(warning(format!(
         "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances ({by}) away \
          from where a second run, at a tenth of the tolerance{doubt}, has it at t = {t:.4} s, and what comes later may be \
-         further off; tighten the tolerance, {fold:.0}-fold at least if it is to be met, and compare with another code"
+         further off; tighten the tolerance, {fold:.0}-fold at least if it is to be met{shorter}, and compare with another \
+         code"
     )))
 }
 

@@ -68,7 +68,7 @@ fn error(model: &Model, lean: f64, options: &Options) -> (f64, Summary) {
 #[test] // independent truth: the equation of the bar by DOP853 at 1e-13
 fn a_bar_that_falls_from_upright_is_right_or_warned_of() {
     let mut found = [0; 2];
-    for lean in [1e-1, 1e-2, 1e-3, 1e-5] {
+    for lean in [1e-1, 1e-2, 1e-3, 1e-5, 1e-8] {
         let model = standing(lean);
         for code in CODES.iter().map(|info| info.code) {
             let (error, summary) = error(&model, lean, &asked(code, 12.0));
@@ -149,6 +149,80 @@ elbow = { type = "revolute", between = ["upper", "lower"], point = [1.0, 0.0] }
         let options =
             Options { output: OutputTimes::Interval(end), ..options(DEFAULT_CODE, TOLERANCE, end) };
         assert!(warned(&run_model(&pendulum, &options).summary), "{end} s");
+    }
+}
+
+/// A disc of 1 kg that turns at `speed` rad/s in the middle of a light shaft, 100 rad/s, and starts to move by `v` m/s;
+/// the shaft's damping, 20 N s/m, turns along with it.
+fn rotor(speed: f64, v: f64) -> Model {
+    model_of(&format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies]
+hub = {{ mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]], position = [0.0, 0.0, 0.0] }}
+disc = {{ mass = 1.0, inertia = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.02]], position = [0.0, 0.0, 0.0] }}
+[joints]
+bearing = {{ type = "revolute", between = ["ground", "hub"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }}
+[forces.shaft]
+type = "bushing"
+between = ["hub", "disc"]
+point = [0.0, 0.0, 0.0]
+stiffness = [1e4, 1e4, 1e5]
+damping = [20.0, 20.0, 100.0]
+rotational_stiffness = [1e4, 1e4, 1e4]
+rotational_damping = [10.0, 10.0, 10.0]
+[drivers.motor]
+joint = "bearing"
+coordinate = "rotation"
+motion = {{ type = "polynomial", coefficients = [0.0, {speed:e}] }}
+[initial.bodies]
+disc = {{ velocity = [{v:e}, 0.0, 0.0], angular_velocity = [0.0, 0.0, {speed:e}] }}
+"#
+    ))
+}
+
+#[test] // independent truth: the equations of the disc's centre by DOP853
+fn a_rotor_that_begins_to_whirl_is_right_or_warned_of() {
+    let end = 1.5;
+    let times: Vec<f64> = (0..=50).map(|k| end / 50.0 * f64::from(k)).collect();
+    for (speed, v, whirls) in [(200.0, 1e-4, true), (200.0, 0.0, false), (50.0, 1e-4, false)] {
+        let model = rotor(speed, v);
+        // Stiffness and damping act along axes that turn: F = −k r − c (ṙ − Ω × r).
+        let rate = move |_: f64, y: &[f64]| {
+            let [x, y, u, w] = [y[0], y[1], y[2], y[3]];
+            let along = -1e4 * x - 20.0 * (u + speed * y);
+            let across = -1e4 * y - 20.0 * (w - speed * x);
+            vec![u, w, along, across]
+        };
+        let norm = |error: &[f64], y: &[f64]| {
+            let length = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+            length(error) / (1e-12 * (1e-9 + length(y)))
+        };
+        let (truth, _) = dop853(&rate, &[0.0, 0.0, v, 0.0], &times, &norm);
+        for code in CODES.iter().map(|info| info.code) {
+            for tolerance in [1e-3, 1e-4, 1e-5] {
+                let outcome = run_model(
+                    &model,
+                    &Options {
+                        channels: vec!["disc.position".to_owned()],
+                        output: OutputTimes::Interval(end / 50.0),
+                        ..options(code, tolerance, end)
+                    },
+                );
+                let place = |k| outcome.series("disc.position", k);
+                let (xs, ys) = (place(0), place(1));
+                let off = |row: usize| {
+                    let [x, y] = [truth[row][0], truth[row][1]];
+                    (xs[row] - x).hypot(ys[row] - y) / (tolerance * (1.0 + x.hypot(y)))
+                };
+                let most = (0..times.len()).map(off).fold(0.0, f64::max);
+                let warned = warned(&outcome.summary);
+                assert!(most <= WRONG || warned, "{speed} {v:e} {code:?} {tolerance:e}: {most}");
+                assert!(whirls || !warned, "{speed} {v:e} {code:?} {tolerance:e}: warned, {most}");
+            }
+        }
     }
 }
 

@@ -123,13 +123,15 @@ fn begin(
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
     let (mut summary, carried) = once(problem, options, start, "running", sink)?;
-    if let Some(carried) = carried.filter(CarriedError::is_suspicious)
+    if let Some(carried) = carried
         && summary.status == Status::Completed
+        && let Some(most) = carried.longest_step_to_tell(problem, options)
     {
         let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
         let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
         let checked = Stopwatch::start();
-        summary.warnings.extend(second_run::compare(problem, options, &carried, left, sink));
+        let found = second_run::compare(problem, options, &carried.milestones, most, left, sink);
+        summary.warnings.extend(found);
         let took = checked.elapsed();
         summary.statistics.run_seconds += took.wall.as_secs_f64();
         summary.statistics.run_cpu_seconds += took.processor.as_secs_f64();
@@ -528,6 +530,9 @@ impl Run<'_> {
         self.w.copy_from_slice(&self.w_end);
         self.g.copy_from_slice(&self.g_end);
         // `self.row` is now the state at the start, `self.state` the one at the end.
+        if let Some(longest) = self.carried.as_mut().and_then(|carried| carried.longest.as_mut()) {
+            longest.take(self.options.end_time - self.started, &self.row, &self.state);
+        }
         self.system.update_windings(t_end, &self.state.q, &mut self.state.winding);
         self.powers.at[0] = self.powers.at[2];
         let energy = self.system.energy(&self.state);

@@ -1,0 +1,99 @@
+//! Growth that long steps do not see. Equations: `docs/theory/simulation.md` (14).
+
+use super::options::Options;
+use super::problem::Problem;
+use crate::method::FirstOrder;
+use crate::model::Tolerance;
+use crate::system::{State, System};
+use serde::{Deserialize, Serialize};
+
+/// More unknowns than this are not looked at: eigenvalues of so many take a tenth of a second.
+const MOST_UNKNOWNS: usize = 200;
+/// A step that takes this part of a run has seen nothing happen.
+const LONG: f64 = 0.05;
+/// Steps show growth and vibrations of less than so many radians.
+const SHOWN: f64 = 0.5;
+/// Growth of what a step may leave, which is a tolerance, from which it is suspicious.
+const GROWTH: f64 = 10.0;
+/// Relative difference of an eigenvalue at both ends of a step in which it stays the same.
+const SAME: f64 = 0.1;
+/// Eigenvalues are known to about this part of the largest one, as round-off splits multiple ones.
+const KNOWN: f64 = 1e-6;
+
+/// The longest step of a run, if it is a large part of it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(super) struct LongestStep {
+    length: f64,
+    ends: [State; 2],
+}
+
+impl LongestStep {
+    /// Of a run with so many unknowns that starts at `state`; none where there are too many of them.
+    pub(super) fn new(unknowns: usize, state: &State) -> Option<Self> {
+        (unknowns <= MOST_UNKNOWNS)
+            .then(|| Self { length: 0.0, ends: [state.clone(), state.clone()] })
+    }
+
+    /// Whether its ends can be states of a run that is at `state`.
+    pub(super) fn fits(&self, state: &State) -> bool {
+        let sizes = |s: &State| [&s.q, &s.v, &s.a, &s.lambda, &s.z, &s.winding].map(Vec::len);
+        self.ends.iter().all(|end| sizes(end) == sizes(state))
+    }
+
+    /// Takes a step of a run of `span`, s.
+    pub(super) fn take(&mut self, span: f64, start: &State, end: &State) {
+        let length = end.t - start.t;
+        if length >= LONG * span && length > self.length {
+            self.length = length;
+            self.ends[0].copy_from(start);
+            self.ends[1].copy_from(end);
+        }
+    }
+
+    /// The longest step, s, that shows what grows up to the end of a run by `options` while the motion goes on as in this step, which does not
+    /// show it.
+    pub(super) fn hides_growth(&self, problem: &Problem, options: &Options) -> Option<f64> {
+        if self.length == 0.0 || !self.is_steady(problem.system().as_ref(), &options.tolerance) {
+            return None;
+        }
+        let [start, finish] = self.ends.each_ref().map(|state| {
+            let (manifold, state) = problem.start_from(state).ok()?;
+            FirstOrder::eigenvalues(manifold, &state).ok()
+        });
+        let (start, finish) = (start?, finish?);
+        let left = options.end_time - self.ends[0].t;
+        let fastest = finish.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
+        let grows = |&&(re, im): &&(f64, f64)| {
+            let rate = re.hypot(im);
+            let hidden =
+                re * left > GROWTH.ln() && self.length * rate > SHOWN && rate > KNOWN * fastest;
+            let stays = |z: &(f64, f64)| {
+                (z.0 - re).abs() < SAME * re && (z.0 - re).hypot(z.1 - im) < SAME * rate
+            };
+            hidden && start.iter().any(stays)
+        };
+        let rate = finish.iter().filter(grows).map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
+        (rate > 0.0).then(|| SHOWN / rate)
+    }
+
+    /// Whether every body is as fast at both ends, but for what a tolerance makes of it: the equations of another motion do not
+    /// stay the same, and to see that costs nothing.
+    fn is_steady(&self, system: &dyn System, tolerance: &Tolerance) -> bool {
+        let sizes = system.structure().sizes;
+        let [start, end] = self.ends.each_ref().map(|state| {
+            state.v.chunks_exact(sizes.per_body).map(|v| {
+                <[&[f64]; 2]>::from(v.split_at(sizes.translations))
+                    .map(|v| v.iter().map(|v| v * v).sum::<f64>().sqrt())
+            })
+        });
+        let (mut fastest, mut change) = ([0.0f64; 2], [0.0f64; 2]);
+        for (start, end) in start.zip(end) {
+            for k in 0..2 {
+                fastest[k] = fastest[k].max(start[k]).max(end[k]);
+                change[k] = change[k].max((end[k] - start[k]).abs());
+            }
+        }
+        let allowed = [tolerance.translation, tolerance.rotation].map(|a| a / self.length);
+        (0..2).all(|k| change[k] < SAME * fastest[k] + allowed[k])
+    }
+}
