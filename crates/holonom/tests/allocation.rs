@@ -189,7 +189,7 @@ fn redundant_joints_and_drivers() {
 fn the_vehicle() {
     for (code, source) in everything() {
         let end = match code {
-            Code::Deabm => 4e-3,
+            Code::Deabm => 8e-3,
             Code::Dopri5 => 2e-3,
             _ => 1.0,
         };
