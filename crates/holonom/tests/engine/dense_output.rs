@@ -1,11 +1,12 @@
 //! States at any time of a run from its stored steps: as good as output rows at these times.
 
+use crate::common::integrate::tight;
 use crate::common::table::{Table, all_codes};
 use crate::common::{
     DRIVEN_TELESCOPE, FOUR_BAR, MOTOR, PLATFORM, SPATIAL_SLIDER_CRANK, TURNING, model, model_of,
-    options, run_from,
+    options, run_from, run_model,
 };
-use holonom::method::{Code, DEFAULT_CODE};
+use holonom::method::{CODES, Code, DEFAULT_CODE};
 use holonom::model::Model;
 use holonom::reduction::Choice;
 use holonom::simulation::{
@@ -388,4 +389,85 @@ a = {{ velocity = [0.1, 0.2, 0.3], angular_velocity = [0.5, 0.2, 0.1] }}
     let states: Vec<State> = times.iter().map(|&t| dense.state(t).unwrap()).collect();
     let (difference, _) = apart(&states, &[("q", &rows.all.q, |s| s.q.clone())]);
     assert!(difference < 1e-13, "{difference:.1e}");
+}
+
+/// A block of 1 kg on two springs without damping, places in m.
+fn on_two_springs(start: [f64; 2], speed: f64, springs: [([f64; 2], f64, f64); 2]) -> Model {
+    let spring = |name: &str, (anchor, stiffness, free): ([f64; 2], f64, f64)| {
+        format!(
+            "{name} = {{ type = \"tsda\", between = [\"ground\", \"block\"], points = [{anchor:?}, {start:?}], \
+             stiffness = {stiffness}, free_length = {free} }}\n"
+        )
+    };
+    model_of(&format!(
+        "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, 0.0]\n[bodies]\n\
+         block = {{ mass = 1.0, inertia = 1.0, position = {start:?} }}\n[forces]\n{}{}\
+         [initial.bodies]\nblock = {{ velocity = [{speed}, 0.0] }}\n",
+        spring("first", springs[0]),
+        spring("second", springs[1]),
+    ))
+}
+
+#[test] // independent truth: the equations of the block by DOP853
+fn rows_that_are_far_apart_are_on_the_branch_of_the_motion() {
+    let cases = [
+        (
+            [-5.303_161_222_313_22, 0.011_009_058_657_291_657],
+            2.972_284_191_490_276,
+            [
+                ([0.0, 0.0], 14.066_547_482_176_777, 0.766_648_727_222_179_8),
+                (
+                    [0.795_040_210_366_749_5, 0.256_201_709_729_813_7],
+                    18.897_100_196_380_446,
+                    0.367_778_793_019_382_3,
+                ),
+            ],
+            (4.650_917_976_115_57, 100),
+        ),
+        (
+            [-1.434_963_047_829_133_8, 0.003_030_243_221_567_908_3],
+            0.576_620_357_201_063,
+            [
+                ([0.0, 0.0], 1.246_185_926_227_538_5, 1.052_739_047_307_197_1),
+                (
+                    [3.514_247_971_579_252, -0.958_706_290_411_425],
+                    1.280_850_727_641_330_3,
+                    1.366_982_255_014_781_4,
+                ),
+            ],
+            (13.2, 13),
+        ),
+    ];
+    for (start, speed, springs, (end, rows)) in cases {
+        let model = on_two_springs(start, speed, springs);
+        let interval = end / f64::from(rows);
+        let rate = |_: f64, y: &[f64]| {
+            let mut force = [0.0; 2];
+            for (anchor, stiffness, free) in springs {
+                let d = [y[0] - anchor[0], y[1] - anchor[1]];
+                let length = d[0].hypot(d[1]);
+                for k in 0..2 {
+                    force[k] -= stiffness * (length - free) * d[k] / length;
+                }
+            }
+            vec![y[2], y[3], force[0], force[1]]
+        };
+        for code in CODES.iter().map(|info| info.code) {
+            let outcome = run_model(
+                &model,
+                &Options {
+                    channels: vec!["block.position".to_owned()],
+                    output: OutputTimes::Interval(interval),
+                    ..options(code, 1e-6, end)
+                },
+            );
+            let truth = tight(&rate, &[start[0], start[1], speed, 0.0], outcome.times());
+            let place = |k| outcome.series("block.position", k);
+            for (row, y) in truth.iter().enumerate() {
+                let off = (place(0)[row] - y[0]).hypot(place(1)[row] - y[1]);
+                // What is off by a step's errors is some thousandths of that.
+                assert!(off < 1e-2, "{code:?} at {}: {off}", outcome.times()[row]);
+            }
+        }
+    }
 }

@@ -56,6 +56,14 @@ impl Manifold {
             let parametrization = self.chart.parametrization();
             if std::mem::take(&mut self.returned) {
                 joint.read(parametrization, q, &mut self.edges);
+                // What is predicted along the closures belongs to where they were factored last.
+                if self.at != *q && joint.largest_closure() > 0 {
+                    self.at.copy_from_slice(q);
+                    self.stale = true;
+                    self.counters.factorizations += 1;
+                    joint.factor(parametrization, &self.edges, q)?;
+                    self.orientation = joint.determinant_sign();
+                }
             }
             let corrections = joint.recover_position(parametrization, t, p, &mut self.edges, q)?;
             self.counters.corrections += corrections;

@@ -271,6 +271,7 @@ impl Run<'_> {
         let mut rejections = 0;
         let mut repartitioned = false;
         let mut seen = true;
+        let mut crawl = Crawl { attempts: 0, since: self.state.t, cause: None };
         while self.state.t < end {
             self.poll(h)?;
             if attempts >= self.options.max_steps {
@@ -278,6 +279,9 @@ impl Run<'_> {
             }
             attempts += 1;
             let t = self.state.t;
+            if !fixed && crawl.is_hopeless(t, end) {
+                return Err(Stop::Failed { cause: crawl.cause, step_size: h });
+            }
             let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
                 .first()
                 .map_or(end, |&b| b.min(end));
@@ -341,6 +345,7 @@ impl Run<'_> {
                     h = retry;
                     longest = retry;
                 }
+                crawl.cause = Some(cause);
                 continue;
             }
             (rejections, repartitioned, seen) = (0, false, true);
@@ -619,6 +624,30 @@ impl Run<'_> {
         self.energy_scale.take(system, &self.state, energy);
         let part = self.energy_scale.part_of_velocities(imbalance);
         self.drift.follow(system, &self.state, step, part, tolerance);
+    }
+}
+
+/// How a run gets on.
+struct Crawl {
+    /// Attempts since the time `since`, s.
+    attempts: u64,
+    since: f64,
+    /// Why the last one that was refused was.
+    cause: Option<Rejection>,
+}
+
+impl Crawl {
+    /// Whether steps have long been so short that no computer would come to the `end`: none of them is too short for the
+    /// resolution of time, but together they do not leave the place that makes them short.
+    fn is_hopeless(&mut self, t: f64, end: f64) -> bool {
+        const LONG: u64 = 20_000;
+        const ENDLESS: f64 = 1e11;
+        self.attempts += 1;
+        if self.attempts < LONG {
+            return false;
+        }
+        let done = t - std::mem::replace(&mut self.since, t);
+        (end - t) * std::mem::take(&mut self.attempts) as f64 > ENDLESS * done
     }
 }
 
