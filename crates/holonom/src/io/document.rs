@@ -149,7 +149,10 @@ impl Document {
     /// # Errors
     /// All errors found, up to [`limits::ERRORS_SHOWN`], in file order.
     pub fn build(&self) -> Result<(Model, Vec<Warning>), ModelErrors> {
-        stage(READING, || self.built())
+        let (model, warnings) = stage(READING, || self.built())?;
+        // A copy has its many small pieces side by side: those made between what reading throws away would keep most of
+        // that from being used again.
+        Ok((model.clone(), warnings))
     }
 
     /// Checks the output channels of the file, whose quantities only the compiled model knows: `problem` is that of the
