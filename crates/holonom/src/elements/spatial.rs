@@ -58,7 +58,7 @@ pub enum Force {
     /// Linear 6×6 bushing.
     Bushing(Box<Bushing>),
     /// Tyre on a road.
-    Tyre(Tyre),
+    Tyre(Box<Tyre>),
     /// Force at a point.
     PointForce(PointForce),
     /// Torque.
@@ -92,7 +92,7 @@ impl Force {
             ForceKind::Bushing { frames, stiffness, damping } => {
                 Self::Bushing(Box::new(Bushing::new(&triads(frames, &centers), stiffness, damping)))
             }
-            ForceKind::Tyre(tyre) => Self::Tyre(Tyre::new(tyre, &centers)),
+            ForceKind::Tyre(tyre) => Self::Tyre(Box::new(Tyre::new(tyre, &centers))),
         }
     }
 

@@ -38,8 +38,8 @@ pub enum TimeFunction {
     },
     /// C2 spline through a table.
     Table {
-        /// The spline.
-        spline: Spline,
+        /// The spline. Boxed: every driver, applied force and angle has room for its motion.
+        spline: Box<Spline>,
         /// Where the table is written, for messages: `tables.lift`; may be empty.
         name: String,
     },
@@ -51,7 +51,8 @@ impl TimeFunction {
     /// # Errors
     /// As [`Spline::new`].
     pub fn table(times: Vec<f64>, values: Vec<f64>, name: &str) -> Result<Self, TableError> {
-        Spline::new(times, values).map(|spline| Self::Table { spline, name: name.to_owned() })
+        let spline = Box::new(Spline::new(times, values)?);
+        Ok(Self::Table { spline, name: name.to_owned() })
     }
 
     /// Value and first three derivatives at `t`.

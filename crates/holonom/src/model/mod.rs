@@ -315,8 +315,8 @@ pub enum ForceAxes {
 pub enum ElasticLaw {
     /// Stiffness, N/m or N m/rad.
     Linear(f64),
-    /// Monotone C1 cubic through a table, N or N m; continued linearly outside.
-    Table(MonotoneCubic),
+    /// Monotone C1 cubic through a table, N or N m; continued linearly outside. Boxed: few laws are tables.
+    Table(Box<MonotoneCubic>),
 }
 
 /// Smooth tyre of the vehicle models. With δ = radius − (z − h(x)) of the wheel centre (x, y, z) and

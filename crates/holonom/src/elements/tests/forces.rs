@@ -138,7 +138,7 @@ fn check<const N: usize>(name: &str, e: &impl ForceElement<N>, at: &At<f64, N>, 
 fn table() -> ElasticLaw {
     let x = vec![-0.9, -0.3, -0.1, 0.0, 0.15, 0.4, 1.1];
     let y = vec![-9000.0, -1500.0, -200.0, 0.0, 300.0, 2500.0, 9500.0];
-    ElasticLaw::Table(MonotoneCubic::new(x, y).unwrap())
+    ElasticLaw::Table(Box::new(MonotoneCubic::new(x, y).unwrap()))
 }
 
 /// Whether a deformation is away from the knots of `table`, where the slope has a kink.

@@ -69,7 +69,7 @@ impl Context<'_> {
             return None;
         }
         let (at, x, y) = self.columns(&path, law.table.as_ref(), law.x.as_ref(), law.y.as_ref())?;
-        self.table(&at, MonotoneCubic::new(x, y)).map(ElasticLaw::Table)
+        self.table(&at, MonotoneCubic::new(x, y)).map(|table| ElasticLaw::Table(Box::new(table)))
     }
 
     /// The columns of a named or inline table, and where they are written.
