@@ -8,17 +8,16 @@ pub(super) struct AccelerationBuffers {
     /// Iterate w.
     pub(super) trial: Vec<f64>,
     pub(super) correction: Vec<f64>,
-    /// q, q̇ and q̈ at the start of the step and at its end.
+    /// q, q̇ and q̈ at the start of the step and at its end; they have room from the first step that has such stages.
     pub(super) ends: [[Vec<f64>; 3]; 2],
 }
 
 impl AccelerationBuffers {
     pub(super) fn new(ndof: usize, sizes: &Sizes) -> Self {
-        let all = || std::array::from_fn(|_| vec![0.0; sizes.coordinates]);
         Self {
             trial: vec![0.0; 2 * ndof + sizes.extra_states],
             correction: vec![0.0; ndof],
-            ends: [all(), all()],
+            ends: Default::default(),
         }
     }
 

@@ -78,8 +78,9 @@ impl<M: FirstOrderMatrix> SecondOrder for FirstOrder<M> {
 
     fn end_step(&mut self, x: &[f64]) {
         let [q, v, a] = &mut self.stage.ends[1];
-        q.copy_from_slice(&self.point.state.q);
-        v.copy_from_slice(&self.point.state.v);
+        q.clone_from(&self.point.state.q);
+        v.clone_from(&self.point.state.v);
+        a.resize(q.len(), 0.0);
         self.point.manifold.extend_acceleration(q, v, x, a);
     }
 

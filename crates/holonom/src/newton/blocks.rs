@@ -52,6 +52,7 @@ pub struct ReducedBlocks {
     transposed: Vec<f64>,
     coordinates: Vec<f64>,
     rows: Vec<f64>,
+    /// Effects of explicit time, which few formulas ask for: they have room from the first time on.
     q_t: Vec<f64>,
     v_t: Vec<f64>,
     a_t: Vec<f64>,
@@ -93,9 +94,9 @@ impl ReducedBlocks {
             transposed: vec![0.0; ndof * ndof],
             coordinates: vec![0.0; s.coordinates],
             rows: vec![0.0; s.rows],
-            q_t: vec![0.0; s.coordinates],
-            v_t: vec![0.0; s.coordinates],
-            a_t: vec![0.0; s.coordinates],
+            q_t: Vec::new(),
+            v_t: Vec::new(),
+            a_t: Vec::new(),
             independent: vec![0.0; manifold.chart().ndof()],
         }
     }
@@ -301,6 +302,9 @@ impl ReducedBlocks {
     ) {
         let system = manifold.system().clone();
         let structure = system.structure();
+        for x in [&mut self.q_t, &mut self.v_t, &mut self.a_t] {
+            x.resize(structure.sizes.coordinates, 0.0);
+        }
         system.velocity_rhs(state.t, &mut self.rows);
         let linear = manifold.chart().parametrization().linear();
         self.independent.fill(0.0);
