@@ -9,22 +9,47 @@ use crate::math::vector::difference;
 /// Growth of numbers in the elimination of an edge that leaves ten digits; beyond it other solvers answer.
 const LARGEST_GROWTH: f64 = 1e-10 / f64::EPSILON;
 
-/// What is left of an edge once its coordinates are eliminated.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Pivots<const W: usize> {
-    /// Of Bᵀ K B.
-    pub(super) factor: [[f64; 6]; 6],
-    /// Bᵀ's right-hand side.
-    pub(super) force: [f64; 6],
-    /// Sizes of what the diagonal of the body's inertia is summed from.
-    pub(super) size: [f64; W],
+/// What is left of a coordinate once it is eliminated.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Pivot {
+    /// Row of the factor of its edge's Bᵀ K B.
+    factor: [f64; 6],
+    /// Of Bᵀ's right-hand side.
+    force: f64,
 }
 
-impl<const W: usize> Pivots<W> {
-    /// Whether a pivot summed from terms of that size is round-off: of a light body between two hinges of one axis.
-    pub(super) fn is_lost(&self, i: usize, size: f64) -> bool {
-        size * self.factor[i][i] * self.factor[i][i] > LARGEST_GROWTH
+impl Pivot {
+    /// Those of an edge.
+    pub(super) fn keep<const M: usize>(
+        pivots: &mut [Self],
+        factor: &[[f64; M]; M],
+        force: &[f64; M],
+    ) {
+        for (pivot, (row, force)) in pivots.iter_mut().zip(factor.iter().zip(force)) {
+            pivot.factor[..M].copy_from_slice(row);
+            pivot.force = *force;
+        }
     }
+
+    /// Solution where the base moves by `motion`.
+    #[inline(always)]
+    fn rates<const M: usize, const W: usize>(
+        pivots: &[Self],
+        felt: &[[f64; W]],
+        motion: &[f64; W],
+    ) -> [f64; M] {
+        let pivots: &[Self; M] = pivots.first_chunk().expect("M coordinates");
+        let factor = pivots.map(|pivot| *pivot.factor.first_chunk().expect("six at most"));
+        let mut rate = std::array::from_fn(|i| pivots[i].force - dot(&felt[i], motion));
+        substitute(&factor, M, &mut rate);
+        rate
+    }
+}
+
+/// Whether a pivot summed from terms of that size, the inverse of its root given, is round-off: of a light body between two
+/// hinges of one axis.
+pub(super) fn is_lost(inverse: f64, size: f64) -> bool {
+    size * inverse * inverse > LARGEST_GROWTH
 }
 
 /// Articulated inertia of a body K and its wrench, less what its edge takes of them once that is eliminated, about the point
@@ -33,18 +58,18 @@ impl<const W: usize> Pivots<W> {
 pub(super) struct Articulated<I, const W: usize> {
     pub(super) inertia: I,
     wrench: [f64; W],
-    pivots: Pivots<W>,
+    /// Sizes of what the diagonal of the inertia is summed from.
+    size: [f64; W],
 }
 
 impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     pub(super) fn zero() -> Self {
-        let (factor, force, size) = ([[0.0; 6]; 6], [0.0; 6], [0.0; W]);
-        let pivots = Pivots { factor, force, size };
-        Self { inertia: I::default(), wrench: [0.0; W], pivots }
+        Self { inertia: I::default(), wrench: [0.0; W], size: [0.0; W] }
     }
 
     /// By the number of an edge's coordinates: loops of known lengths are worth it.
-    const ELIMINATE: [fn(&mut Self, &[[f64; W]], u8, &mut [[f64; W]], bool) -> bool; 7] = [
+    const ELIMINATE: [fn(&mut Self, &mut [Pivot], &[[f64; W]], u8, &mut [[f64; W]], bool) -> bool;
+        7] = [
         Self::eliminate::<0>,
         Self::eliminate::<1>,
         Self::eliminate::<2>,
@@ -53,7 +78,7 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
         Self::eliminate::<5>,
         Self::eliminate::<6>,
     ];
-    const RESPOND: [fn(&Self, &[[f64; W]], &[[f64; W]], &mut [f64; W], &mut [f64]); 7] = [
+    const RESPOND: [fn(&[Pivot], &[[f64; W]], &[[f64; W]], &mut [f64; W], &mut [f64]); 7] = [
         Self::respond::<0>,
         Self::respond::<1>,
         Self::respond::<2>,
@@ -68,6 +93,7 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     /// and feels nothing.
     fn eliminate<const M: usize>(
         &mut self,
+        pivots: &mut [Pivot],
         columns: &[[f64; W]],
         driven: u8,
         felt: &mut [[f64; W]],
@@ -75,48 +101,50 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     ) -> bool {
         let columns: &[[f64; W]; M] = columns.first_chunk().expect("M coordinates");
         let felt: &mut [[f64; W]; M] = felt.first_chunk_mut().expect("M coordinates");
-        let Self { inertia, wrench, pivots } = self;
+        let Self { inertia, wrench, size } = self;
+        let (mut l, mut force) = ([[0.0; M]; M], [0.0; M]);
         for i in 0..M {
             felt[i] = inertia.times(&columns[i]);
-            pivots.force[i] = -dot(&columns[i], wrench);
+            force[i] = -dot(&columns[i], wrench);
             for j in 0..=i {
-                pivots.factor[i][j] = dot(&columns[i], &felt[j]);
+                l[i][j] = dot(&columns[i], &felt[j]);
             }
         }
         let is_driven = |i: usize| driven >> i & 1 == 1;
         for i in (0..M).filter(|&i| is_driven(i)) {
             felt[i] = [0.0; W];
-            pivots.force[i] = 0.0;
+            force[i] = 0.0;
             for j in 0..M {
-                pivots.factor[i.max(j)][i.min(j)] = f64::from(u8::from(i == j));
+                l[i.max(j)][i.min(j)] = f64::from(u8::from(i == j));
             }
         }
-        let served = factor(&mut pivots.factor, M);
+        let served = factor(&mut l, M);
+        Pivot::keep(pivots, &l, &force);
         let lost = columns.iter().enumerate().any(|(i, column)| {
             if is_driven(i) {
                 return false;
             }
-            let terms = column.iter().zip(&pivots.size).map(|(x, size)| x * x * size);
-            pivots.is_lost(i, terms.sum())
+            let terms = column.iter().zip(&*size).map(|(x, size)| x * x * size);
+            is_lost(l[i][i], terms.sum())
         });
         if !served || lost || !hangs {
             return served && !lost;
         }
-        pivots.size = inertia.diagonal();
+        *size = inertia.diagonal();
         let (mut halves, mut rate) = (*felt, [0.0; M]);
         for i in 0..M {
-            rate[i] = pivots.force[i];
+            rate[i] = force[i];
             for j in 0..i {
                 let half = halves[j];
-                add(&mut halves[i], -pivots.factor[i][j], &half);
-                rate[i] -= pivots.factor[i][j] * rate[j];
+                add(&mut halves[i], -l[i][j], &half);
+                rate[i] -= l[i][j] * rate[j];
             }
-            let inverse = pivots.factor[i][i];
+            let inverse = l[i][i];
             halves[i] = halves[i].map(|x| x * inverse);
             rate[i] *= inverse;
             inertia.subtract_square(&halves[i]);
             for w in 0..W {
-                pivots.size[w] += halves[i][w] * halves[i][w];
+                size[w] += halves[i][w] * halves[i][w];
                 wrench[w] += rate[i] * halves[i][w];
             }
         }
@@ -125,28 +153,17 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
 
     /// Adds accelerations of the edge's coordinates where its base moves by `motion`, which becomes that of the body.
     fn respond<const M: usize>(
-        &self,
+        pivots: &[Pivot],
         columns: &[[f64; W]],
         felt: &[[f64; W]],
         motion: &mut [f64; W],
         rates: &mut [f64],
     ) {
-        let rate = self.rates(&felt[..M], motion);
+        let rate: [f64; M] = Pivot::rates(pivots, felt, motion);
         for (i, column) in columns[..M].iter().enumerate() {
             rates[i] += rate[i];
             add(motion, rate[i], column);
         }
-    }
-
-    /// Solution of the pivots where the base moves by `motion`.
-    #[inline(always)]
-    fn rates(&self, felt: &[[f64; W]], motion: &[f64; W]) -> [f64; 6] {
-        let mut rate = self.pivots.force;
-        for (rate, felt) in rate.iter_mut().zip(felt) {
-            *rate -= dot(felt, motion);
-        }
-        substitute(&self.pivots.factor, felt.len(), &mut rate);
-        rate
     }
 }
 
@@ -161,19 +178,20 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             own.wrench = A::moved(&wrench, &self.origin[b], center);
             let arm = difference(&A::center(pose(q, b)), center);
             own.inertia = A::Inertia::of_body(*mass, turned, &arm);
-            own.pivots.size = own.inertia.diagonal();
+            own.size = own.inertia.diagonal();
         }
         for edge in self.edges.iter().rev() {
             let b = edge.body;
             let own = &mut self.articulated[b];
             let columns = &self.own_columns[edge.range.clone()];
             let felt = &mut self.felt[edge.range.clone()];
+            let pivots = &mut self.pivots[edge.range.clone()];
             let served = if edge.turns_freely() {
-                let Articulated { inertia, wrench, pivots } = own;
-                inertia.release(pivots, felt, wrench)
+                let Articulated { inertia, wrench, size } = own;
+                inertia.release(pivots, size, felt, wrench)
             } else {
-                let hangs = edge.base.is_some();
-                Articulated::ELIMINATE[edge.range.len()](own, columns, edge.driven, felt, hangs)
+                let (driven, hangs) = (edge.driven, edge.base.is_some());
+                Articulated::ELIMINATE[edge.range.len()](own, pivots, columns, driven, felt, hangs)
             };
             if !served {
                 return false;
@@ -182,11 +200,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let (from, to) = (&self.center[b], &self.center[base]);
             let inertia = own.inertia.moved(&difference(from, to));
             let wrench = A::moved(&own.wrench, from, to);
-            let size = A::moved_sizes(&own.pivots.size, from, to);
+            let size = A::moved_sizes(&own.size, from, to);
             let carrier = &mut self.articulated[base];
             carrier.inertia.add(&inertia);
             add(&mut carrier.wrench, 1.0, &wrench);
-            add(&mut carrier.pivots.size, 1.0, &size);
+            add(&mut carrier.size, 1.0, &size);
         }
         for edge in &*self.edges {
             let b = edge.body;
@@ -196,12 +214,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let columns = &self.own_columns[edge.range.clone()];
             let felt = &self.felt[edge.range.clone()];
             let rates = &mut self.accelerations[edge.range.clone()];
-            let own = &self.articulated[b];
+            let pivots = &self.pivots[edge.range.clone()];
             if edge.turns_freely() {
-                let [x, y, z, ..] = own.rates(felt, &motion);
-                A::Inertia::turn(&mut motion, [x, y, z], columns, rates);
+                let angular = Pivot::rates(pivots, felt, &motion);
+                A::Inertia::turn(&mut motion, angular, columns, rates);
             } else {
-                Articulated::RESPOND[edge.range.len()](own, columns, felt, &mut motion, rates);
+                let respond = Articulated::<A::Inertia, W>::RESPOND[edge.range.len()];
+                respond(pivots, columns, felt, &mut motion, rates);
             }
             self.motion[b] = motion;
         }

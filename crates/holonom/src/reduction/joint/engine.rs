@@ -1,7 +1,7 @@
 //! Recursions along the tree.
 
 use super::algebra::Algebra;
-use super::articulated::Articulated;
+use super::articulated::{Articulated, Pivot};
 use super::branched::Branched;
 use super::closures::{Closures, Numbers, Origin};
 use super::derivatives::Derivatives;
@@ -99,6 +99,7 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) wrench: Vec<[f64; W]>,
     pub(super) inertias: Vec<BodyInertia>,
     pub(super) articulated: Vec<Articulated<A::Inertia, W>>,
+    pub(super) pivots: Vec<Pivot>,
     /// Articulated or composite inertia times the columns.
     pub(super) felt: Vec<[f64; W]>,
     pub(super) branched: Option<Box<Branched>>,
@@ -282,6 +283,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             generalized: vec![0.0; system.structure().sizes.coordinates],
             zero_rates: vec![0.0; parametrization.ndof],
             articulated: vec![Articulated::zero(); bodies],
+            pivots: vec![Pivot::default(); n],
             felt: vec![[0.0; W]; n],
             branched: None,
             directions: None,

@@ -1,7 +1,7 @@
 //! Inertias as symmetric matrices that make wrenches of rates of twists (`docs/theory/joint.md` (11), (12)).
 
 use super::algebra::{joined, parts};
-use super::articulated::Pivots;
+use super::articulated::{Pivot, is_lost};
 use super::small::factor;
 use crate::math::spatial::cross;
 use crate::math::vector::{difference, dot, sum};
@@ -28,12 +28,13 @@ pub(super) trait Inertia<const W: usize>:
     /// Its diagonal.
     fn diagonal(&self) -> [f64; W];
 
-    /// What a body that turns freely about the point takes of this inertia and its wrench: with `own`, the three rotations
-    /// eliminated, whose moments and factor of J it leaves there and H in `felt`; `false` where too few digits are left, and in a
+    /// What a body that turns freely about the point takes of this inertia, the `size` of its terms and its wrench: the three
+    /// rotations eliminated, whose moments and factor of J it leaves in `pivots` and H in `felt`; `false` where too few digits are left, and in a
     /// plane.
     fn release(
         &mut self,
-        own: &mut Pivots<W>,
+        pivots: &mut [Pivot],
+        size: &mut [f64; W],
         felt: &mut [[f64; W]],
         wrench: &mut [f64; W],
     ) -> bool;
@@ -131,26 +132,27 @@ impl Inertia<6> for SpatialInertia {
     /// M ← M − H J⁻¹Hᵀ, f ← f − H J⁻¹n; H, J and n vanish.
     fn release(
         &mut self,
-        own: &mut Pivots<6>,
+        pivots: &mut [Pivot],
+        sizes: &mut [f64; 6],
         felt: &mut [[f64; 6]],
         wrench: &mut [f64; 6],
     ) -> bool {
         let Self { m, h, j } = *self;
+        let (mut l, mut force) = (j, [0.0; 3]);
         for i in 0..3 {
-            own.force[i] = -wrench[3 + i];
-            own.factor[i][..3].copy_from_slice(&j[i]);
+            force[i] = -wrench[3 + i];
             felt[i] = [h[0][i], h[1][i], h[2][i], 0.0, 0.0, 0.0];
         }
-        if !factor(&mut own.factor, 3) || (0..3).any(|i| own.is_lost(i, own.size[3 + i])) {
+        if !factor(&mut l, 3) || (0..3).any(|i| is_lost(l[i][i], sizes[3 + i])) {
             return false;
         }
-        let l = &own.factor;
+        Pivot::keep(pivots, &l, &force);
         *self = Self { m, ..Self::default() };
         let size: [f64; 3] = std::array::from_fn(|i| m[i][i]);
-        own.size = joined(&size, &[0.0; 3]);
+        *sizes = joined(&size, &[0.0; 3]);
         let (mut halves, mut rates) = ([[0.0; 3]; 3], [0.0; 3]);
         for i in 0..3 {
-            (halves[i], rates[i]) = ([h[0][i], h[1][i], h[2][i]], own.force[i]);
+            (halves[i], rates[i]) = ([h[0][i], h[1][i], h[2][i]], force[i]);
             for k in 0..i {
                 rates[i] -= l[i][k] * rates[k];
                 for w in 0..3 {
@@ -160,7 +162,7 @@ impl Inertia<6> for SpatialInertia {
             rates[i] *= l[i][i];
             halves[i] = halves[i].map(|x| x * l[i][i]);
             for w in 0..3 {
-                own.size[w] += halves[i][w] * halves[i][w];
+                sizes[w] += halves[i][w] * halves[i][w];
                 wrench[w] += rates[i] * halves[i][w];
                 wrench[3 + w] = 0.0;
                 for k in 0..3 {
@@ -236,7 +238,13 @@ impl Inertia<3> for PlanarInertia {
         [self.m[0], self.m[2], self.j]
     }
 
-    fn release(&mut self, _: &mut Pivots<3>, _: &mut [[f64; 3]], _: &mut [f64; 3]) -> bool {
+    fn release(
+        &mut self,
+        _: &mut [Pivot],
+        _: &mut [f64; 3],
+        _: &mut [[f64; 3]],
+        _: &mut [f64; 3],
+    ) -> bool {
         false
     }
 
