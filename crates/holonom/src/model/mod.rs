@@ -385,7 +385,7 @@ pub enum Road {
 pub struct Initial {
     /// How stated values are treated.
     pub assembly: Assembly,
-    /// One entry per body, in the order of [`Model::bodies`].
+    /// One entry per body, in the order of [`Model::bodies`]; none where nothing is stated of any.
     pub bodies: Vec<InitialBody>,
     /// Stated relative coordinates of joints.
     pub joints: Vec<InitialCoordinate>,

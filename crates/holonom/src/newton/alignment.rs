@@ -130,6 +130,7 @@ impl Alignment {
             }
         }
         nodes.retain(|node| carries[node.body]);
+        nodes.shrink_to_fit();
         let poses = || vec![Pose::default(); nodes.len()];
         Self {
             base: poses(),

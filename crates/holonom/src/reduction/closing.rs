@@ -402,7 +402,8 @@ impl Solver<'_> {
     /// Puts the origins of coupled bodies back to their stated places.
     fn restore_origins(&self, state: &mut State, unknowns: &Unknowns) {
         for &b in &unknowns.coupled {
-            let Some(position) = self.model.initial.bodies[b].position else { continue };
+            let stated = self.model.initial.bodies.get(b);
+            let Some(position) = stated.and_then(|own| own.position) else { continue };
             let mut pose = self.system.body(b, &state.q, &state.v);
             pose.position = position;
             let mut v = state.v.clone();

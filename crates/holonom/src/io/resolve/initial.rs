@@ -93,6 +93,9 @@ impl Context<'_> {
                 angular_velocity: turning.map(Rotational::components),
             });
         }
+        if bodies.iter().all(|stated| *stated == InitialBody::default()) {
+            bodies.clear();
+        }
         Initial {
             assembly: match stated.assembly {
                 schema::Assembly::Keep => Assembly::Keep,
