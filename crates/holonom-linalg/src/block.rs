@@ -1,24 +1,43 @@
 use crate::lanes::{LaneKernel, lanes, lanes_mut, run_lanes};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Names one block of a [`BlockMatrix`]; blocks are numbered from zero in order of first mention.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct BlockId(usize);
+pub struct BlockId(u32);
 
 impl BlockId {
     /// Number of the block in its matrix.
     pub fn index(self) -> usize {
-        self.0
+        self.0 as usize
     }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Block {
-    row: usize,
-    column: usize,
-    rows: usize,
-    columns: usize,
-    offset: usize,
+    row: u32,
+    column: u32,
+    rows: u32,
+    columns: u32,
+    offset: u32,
+}
+
+impl Block {
+    /// First row and column, rows and columns.
+    fn place(self) -> (usize, usize, usize, usize) {
+        (self.row as usize, self.column as usize, self.rows as usize, self.columns as usize)
+    }
+
+    /// Where its values are among those of the matrix.
+    fn values(self) -> Range<usize> {
+        let start = self.offset as usize;
+        start..start + self.rows as usize * self.columns as usize
+    }
+}
+
+/// Places are kept in half a word.
+fn narrow(x: usize) -> u32 {
+    u32::try_from(x).expect("a matrix of less than 2³² values")
 }
 
 /// Dense blocks at fixed places, one after the other: what matrices of one shape share.
@@ -61,9 +80,11 @@ impl BlockPattern {
                 "block {rows}×{columns} at ({row}, {column}) is outside {n_rows}×{n_cols}"
             );
             if first[e] == e {
-                ids.push(BlockId(places.len()));
-                places.push(Block { row, column, rows, columns, offset });
-                offset += rows * columns;
+                ids.push(BlockId(narrow(places.len())));
+                let [row, column, rows, columns] = [row, column, rows, columns].map(narrow);
+                let block = Block { row, column, rows, columns, offset: narrow(offset) };
+                offset = block.values().end;
+                places.push(block);
             } else {
                 ids.push(ids[first[e]]);
             }
@@ -94,13 +115,12 @@ impl BlockPattern {
 
     /// Place of one block: (first row, first column, rows, columns).
     pub fn shape(&self, id: BlockId) -> (usize, usize, usize, usize) {
-        let b = self.blocks[id.0];
-        (b.row, b.column, b.rows, b.columns)
+        self.blocks[id.index()].place()
     }
 
     /// Places of all blocks in the order of their values: (first row, first column, rows, columns).
     pub fn shapes(&self) -> impl Iterator<Item = (usize, usize, usize, usize)> + '_ {
-        self.blocks.iter().map(|b| (b.row, b.column, b.rows, b.columns))
+        self.blocks.iter().map(|b| b.place())
     }
 
     /// Number of different blocks.
@@ -116,10 +136,10 @@ impl BlockPattern {
     /// [`SparsePattern`]: crate::SparsePattern
     pub fn entries(&self, row_offset: usize, column_offset: usize) -> Vec<(usize, usize)> {
         let mut entries = Vec::with_capacity(self.values);
-        for b in &*self.blocks {
-            for i in 0..b.rows {
-                for j in 0..b.columns {
-                    entries.push((row_offset + b.row + i, column_offset + b.column + j));
+        for (row, column, rows, columns) in self.shapes() {
+            for i in 0..rows {
+                for j in 0..columns {
+                    entries.push((row_offset + row + i, column_offset + column + j));
                 }
             }
         }
@@ -186,14 +206,12 @@ impl BlockMatrix {
 
     /// Values of one block, by rows.
     pub fn block(&self, id: BlockId) -> &[f64] {
-        let b = self.pattern.blocks[id.0];
-        &self.values[b.offset..b.offset + b.rows * b.columns]
+        &self.values[self.pattern.blocks[id.index()].values()]
     }
 
     /// Values of one block, by rows.
     pub fn block_mut(&mut self, id: BlockId) -> &mut [f64] {
-        let b = self.pattern.blocks[id.0];
-        &mut self.values[b.offset..b.offset + b.rows * b.columns]
+        &mut self.values[self.pattern.blocks[id.index()].values()]
     }
 
     /// All blocks, to be parted.
@@ -332,9 +350,8 @@ impl BlocksMut<'_> {
     /// # Panics
     /// If it is none of them.
     pub fn block_mut(&mut self, id: BlockId) -> &mut [f64] {
-        let b = self.blocks[id.0];
-        let start = b.offset - self.first;
-        &mut self.values[start..start + b.rows * b.columns]
+        let Range { start, end } = self.blocks[id.index()].values();
+        &mut self.values[start - self.first..end - self.first]
     }
 
     /// Sets every value to zero.
@@ -355,34 +372,35 @@ impl LaneKernel for Product<'_> {
     #[inline(always)]
     fn run<const W: usize>(&mut self, from: usize) {
         for b in self.matrix.pattern.blocks.iter().filter(|b| b.columns > 0) {
-            let values = &self.matrix.values[b.offset..b.offset + b.rows * b.columns];
+            let (first_row, first_column, rows, columns) = b.place();
+            let values = &self.matrix.values[b.values()];
             if W == 1 && self.k == 1 {
-                let x = &self.x[b.column..b.column + b.columns];
-                let y = &mut self.y[b.row..b.row + b.rows];
+                let x = &self.x[first_column..first_column + columns];
+                let y = &mut self.y[first_row..first_row + rows];
                 // Loops of a known length cost a fraction of those over blocks of any size.
-                match b.columns {
+                match columns {
                     1 => add_block::<1>(self.alpha, values, x, y),
                     2 => add_block::<2>(self.alpha, values, x, y),
                     3 => add_block::<3>(self.alpha, values, x, y),
                     4 => add_block::<4>(self.alpha, values, x, y),
                     7 => add_block::<7>(self.alpha, values, x, y),
                     _ => {
-                        for (y, row) in y.iter_mut().zip(values.chunks_exact(b.columns)) {
+                        for (y, row) in y.iter_mut().zip(values.chunks_exact(columns)) {
                             *y += self.alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
                         }
                     }
                 }
                 continue;
             }
-            for (i, row) in values.chunks_exact(b.columns).enumerate() {
+            for (i, row) in values.chunks_exact(columns).enumerate() {
                 let mut sum = [0.0; W];
                 for (j, a) in row.iter().enumerate() {
-                    let x: &[f64; W] = lanes(self.x, self.k, b.column + j, from);
+                    let x: &[f64; W] = lanes(self.x, self.k, first_column + j, from);
                     for w in 0..W {
                         sum[w] += a * x[w];
                     }
                 }
-                let y: &mut [f64; W] = lanes_mut(self.y, self.k, b.row + i, from);
+                let y: &mut [f64; W] = lanes_mut(self.y, self.k, first_row + i, from);
                 for w in 0..W {
                     y[w] += self.alpha * sum[w];
                 }
@@ -412,17 +430,18 @@ impl LaneKernel for TransposedProduct<'_> {
     #[inline(always)]
     fn run<const W: usize>(&mut self, from: usize) {
         for b in &*self.matrix.pattern.blocks {
-            let values = &self.matrix.values[b.offset..b.offset + b.rows * b.columns];
-            for j in 0..b.columns {
+            let (first_row, first_column, rows, columns) = b.place();
+            let values = &self.matrix.values[b.values()];
+            for j in 0..columns {
                 let mut sum = [0.0; W];
-                for i in 0..b.rows {
-                    let a = values[i * b.columns + j];
-                    let x: &[f64; W] = lanes(self.x, self.k, b.row + i, from);
+                for i in 0..rows {
+                    let a = values[i * columns + j];
+                    let x: &[f64; W] = lanes(self.x, self.k, first_row + i, from);
                     for w in 0..W {
                         sum[w] += a * x[w];
                     }
                 }
-                let y: &mut [f64; W] = lanes_mut(self.y, self.k, b.column + j, from);
+                let y: &mut [f64; W] = lanes_mut(self.y, self.k, first_column + j, from);
                 for w in 0..W {
                     y[w] += self.alpha * sum[w];
                 }
