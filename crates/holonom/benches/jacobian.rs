@@ -29,7 +29,7 @@ fn jacobian(c: &mut Criterion) {
     for name in MODELS {
         let problem = problem(name);
         let assembled = problem.assemble().expect("an initial state");
-        let (manifold, state) = (assembled.manifold.clone(), assembled.state.clone());
+        let (manifold, state) = (assembled.manifold(), assembled.state.clone());
         let system = problem.system().clone();
         let weights = || Weights::new(Tolerance::uniform(1e-4), system.as_ref(), &state);
         let mut reduced = FirstOrder::new(manifold.clone(), weights(), &state);

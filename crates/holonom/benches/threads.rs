@@ -65,11 +65,11 @@ impl Tree {
         let document = Document::parse(text, Syntax::Toml, "tree", &mut read).expect("reads");
         let problem = Problem::new(document.build().expect("is valid").0);
         let assembled = problem.assemble().expect("assembles");
-        let mut point = Point::new(assembled.manifold.clone(), &assembled.state);
-        let ndof = assembled.manifold.chart().ndof();
+        let mut point = Point::new(assembled.manifold(), &assembled.state);
+        let ndof = assembled.parametrization().ndof;
         let mut w = vec![0.0; 2 * ndof];
         let (p, rates) = w.split_at_mut(ndof);
-        assembled.manifold.independent_state(&assembled.state, p, rates);
+        assembled.manifold().independent_state(&assembled.state, p, rates);
         point.evaluate(0.0, p, rates, &[], true).expect("regular");
         point.complete();
         let options = MatrixOptions {
@@ -77,7 +77,7 @@ impl Tree {
             threads: Threads::new(threads),
             ..MatrixOptions::default()
         };
-        let newton = Newton::new(&assembled.manifold, &assembled.state.q, options);
+        let newton = Newton::new(&assembled.manifold(), &assembled.state.q, options);
         Self { newton, point, w }
     }
 

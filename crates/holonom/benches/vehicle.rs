@@ -39,7 +39,7 @@ impl Vehicle {
         let document = Document::parse(&text, Syntax::Toml, file, &mut read).expect("reads");
         let problem = Problem::new(document.build().expect("is valid").0);
         let assembled = problem.assemble().expect("assembles");
-        let (manifold, state) = (assembled.manifold.clone(), assembled.state.clone());
+        let (manifold, state) = (assembled.manifold(), assembled.state.clone());
         let ndof = manifold.chart().ndof();
         Self {
             g: manifold.jacobian().clone(),

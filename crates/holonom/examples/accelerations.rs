@@ -49,12 +49,12 @@ impl Case {
     fn new(name: &'static str, model: Model) -> Result<Self, Box<dyn Error>> {
         let problem = Problem::new(model);
         let assembled = problem.assemble().map_err(|e| e.to_string())?;
-        let system = assembled.manifold.system().clone();
-        let chart = assembled.manifold.chart().parametrization().clone();
+        let system = assembled.manifold().system().clone();
+        let chart = assembled.parametrization().clone();
         let (mut p, mut rates) = (vec![0.0; chart.ndof], vec![0.0; chart.ndof]);
-        assembled.manifold.independent_state(&assembled.state, &mut p, &mut rates);
+        assembled.manifold().independent_state(&assembled.state, &mut p, &mut rates);
         let rates: Vec<f64> = (0..chart.ndof).map(|k| 1.0 + 0.1 * (k as f64).sin()).collect();
-        let mut point = Point::new(assembled.manifold.clone(), &assembled.state);
+        let mut point = Point::new(assembled.manifold(), &assembled.state);
         point
             .evaluate(assembled.state.t, &p, &rates, &assembled.state.z, true)
             .map_err(|e| e.message)?;

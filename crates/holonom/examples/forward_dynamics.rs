@@ -59,7 +59,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .map_err(|errors| errors.render())?;
     let problem = Problem::new(model);
     let assembled = problem.assemble().map_err(|e| e.to_string())?;
-    let mut manifold = assembled.manifold.clone();
+    let mut manifold = assembled.manifold();
     if !manifold.use_joint_coordinates(&assembled.state.q, usize::MAX) {
         return Err("no joint coordinates".into());
     }

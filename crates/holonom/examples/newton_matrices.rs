@@ -64,8 +64,8 @@ fn measured(model: &Model, tolerance: f64, end: f64) -> Result<String, Box<dyn E
     let mut states = Memory::default();
     run(&problem, &options(OutputTimes::Listed(times)), None, &mut states)?;
     let assembled = problem.assemble().map_err(|e| e.to_string())?;
-    let mut manifold = assembled.manifold.clone();
-    let (sizes, ndof) = (problem.system().structure().sizes, assembled.manifold.chart().ndof());
+    let mut manifold = assembled.manifold();
+    let (sizes, ndof) = (problem.system().structure().sizes, assembled.parametrization().ndof);
     let mut blocks = ReducedBlocks::new(&manifold, &Threads::default());
     let mut state = assembled.state.clone();
     let mut found = Vec::new();

@@ -31,9 +31,9 @@ pub struct Spectrum {
 /// # Errors
 /// [`SpectrumError`].
 pub fn spectrum(assembled: &Assembled) -> Result<Spectrum, SpectrumError> {
-    let is_complete = assembled.manifold.chart().ndof() <= LARGEST_DENSE;
+    let is_complete = assembled.parametrization().ndof <= LARGEST_DENSE;
     let mut values = if is_complete {
-        FirstOrder::eigenvalues(assembled.manifold.clone(), &assembled.state)?
+        FirstOrder::eigenvalues(assembled.manifold(), &assembled.state)?
     } else {
         fastest(assembled)?
     };
@@ -47,7 +47,7 @@ pub fn spectrum(assembled: &Assembled) -> Result<Spectrum, SpectrumError> {
 /// # Errors
 /// [`SpectrumError`].
 pub fn fastest(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> {
-    let mut point = Point::new(assembled.manifold.clone(), &assembled.state);
+    let mut point = Point::new(assembled.manifold(), &assembled.state);
     let mut tangent = Tangent::new(&mut point);
     let n = tangent.dimension();
     let steps = KRYLOV[0].min(n);

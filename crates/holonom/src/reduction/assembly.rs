@@ -217,12 +217,34 @@ pub struct Adjustment {
 pub struct Assembled {
     /// The state with accelerations and multipliers.
     pub state: State,
-    /// Factors at the state, in the initial parametrization.
-    pub manifold: Manifold,
+    /// In the initial parametrization, at rest: what a run has of its own is not kept beside it.
+    manifold: Manifold,
     /// Stated values that were moved by more than round-off.
     pub adjustments: Vec<Adjustment>,
     /// Residuals of the stated values before projection, position and velocity level.
     pub stated_residuals: (f64, f64),
+}
+
+impl Assembled {
+    /// Factors at the state, in the initial parametrization, to go on with.
+    pub fn manifold(&self) -> Manifold {
+        self.manifold.awake()
+    }
+
+    /// The manifold without its numbers.
+    pub(crate) fn resting(&self) -> &Manifold {
+        &self.manifold
+    }
+
+    /// The initial parametrization.
+    pub fn parametrization(&self) -> &Parametrization {
+        self.manifold.chart().parametrization()
+    }
+
+    /// Where accelerations come from.
+    pub fn accelerator(&self) -> &Accelerator {
+        self.manifold.accelerator()
+    }
 }
 
 /// Finds a consistent start of a model. `template`: the manifold of a model that differs in numbers
@@ -268,7 +290,8 @@ pub fn assemble(
     wind(system.as_ref(), model, &mut state);
     system.update_windings(state.t, &state.q, &mut state.winding);
     refuse_coincident_ends(system.as_ref(), model, &state)?;
-    let (manifold, state) = start(system, state, template)?;
+    let (mut manifold, state) = start(system, state, template)?;
+    manifold.rest(&state.q);
     let mut adjustments = adjustments(model, system.as_ref(), &wanted, &before, &state);
     adjustments.extend(moved(model, &state));
     Ok(Assembled { state, manifold, adjustments, stated_residuals: (worst, worst_velocity) })
@@ -322,8 +345,6 @@ pub fn start(
     manifold.accelerate(&mut state, &mut z_rate)?;
     manifold.multipliers(&mut state);
     check_dropped(system.as_ref(), &mut manifold, &state, &parametrization)?;
-    // Runs go on with copies.
-    manifold.release();
     Ok((manifold, state))
 }
 

@@ -32,7 +32,7 @@ pub fn chosen_velocities(
     assembled: &Assembled,
 ) -> Vec<ChosenVelocity> {
     let state = &assembled.state;
-    let parametrization = assembled.manifold.chart().parametrization();
+    let parametrization = assembled.parametrization();
     let mut rates = vec![0.0; parametrization.ndof];
     parametrization.rates(system.as_ref(), &state.q, &state.v, &mut rates);
     let free = unknowns(system.as_ref(), model, Level::Velocity).free;

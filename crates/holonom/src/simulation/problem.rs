@@ -216,7 +216,7 @@ impl Problem {
     }
 
     fn manifold(&self) -> Option<&Manifold> {
-        self.assemble().ok().map(|a| &a.manifold)
+        self.assemble().ok().map(Assembled::resting)
     }
 
     /// Channels that can be asked for.
@@ -283,11 +283,10 @@ impl Problem {
     }
 
     /// Where accelerations come from when a run states no more than the model.
-    fn accelerations(&self, manifold: &Manifold) -> AccelerationSummary {
+    fn accelerations(&self, mut manifold: Manifold) -> AccelerationSummary {
         let name = self.model.simulation.accelerations.unwrap_or_default();
         let known = Accelerations::ALL.iter().find(|(_, known)| *known == name);
         let stated = known.map_or(Accelerations::Auto, |(way, _)| *way);
-        let mut manifold = manifold.clone();
         let outcome = manifold.set_accelerations(stated);
         let accelerator = manifold.accelerator();
         let refusal = outcome.err().or(accelerator.costs().refusal);
@@ -302,7 +301,7 @@ impl Problem {
     /// Counts of an assembled model.
     pub fn summary(&self, assembled: &Assembled) -> ModelSummary {
         let sizes = self.system.structure().sizes;
-        let parametrization = assembled.manifold.chart().parametrization();
+        let parametrization = assembled.parametrization();
         let redundant = parametrization
             .dropped
             .iter()
@@ -315,10 +314,10 @@ impl Problem {
         let independent = (0..parametrization.ndof)
             .map(|k| parametrization.name(self.system.as_ref(), k))
             .collect();
-        let accelerations = self.accelerations(&assembled.manifold);
+        let accelerations = self.accelerations(assembled.manifold());
         let joint_coordinates = (sizes.bodies <= SUMMARIZED_IN_JOINT_COORDINATES)
             .then(|| {
-                let mut manifold = assembled.manifold.clone();
+                let mut manifold = assembled.manifold();
                 manifold.use_joint_coordinates(&assembled.state.q, usize::MAX);
                 manifold.joint_sizes()
             })

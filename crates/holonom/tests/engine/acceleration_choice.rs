@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 
 fn start(problem: &Problem) -> (Manifold, State) {
     let assembled = problem.assemble().expect("assembles");
-    let (manifold, state) = (&assembled.manifold, &assembled.state);
+    let (manifold, state) = (&assembled.manifold(), &assembled.state);
     let ndof = manifold.chart().ndof();
     let (mut p, mut rates) = (vec![0.0; ndof], vec![0.0; ndof]);
     manifold.independent_state(state, &mut p, &mut rates);
@@ -24,7 +24,7 @@ fn start(problem: &Problem) -> (Manifold, State) {
 }
 
 fn chosen(model: Model) -> Accelerations {
-    Problem::new(model).assemble().expect("assembles").manifold.accelerator().way()
+    Problem::new(model).assemble().expect("assembles").accelerator().way()
 }
 
 #[test] // independent truth: the times of benchmarks/accelerations
@@ -167,7 +167,7 @@ weld = { type = "revolute", between = ["arm", "bob"], point = [1.5, 0.0] }
 #[test]
 fn a_body_without_inertia_leaves_the_reduced_matrix_out() {
     let problem = Problem::new(model_of(MASSLESS));
-    let way = problem.assemble().expect("assembles").manifold.accelerator().way();
+    let way = problem.assemble().expect("assembles").accelerator().way();
     assert_ne!(way, Accelerations::Reduced);
     let stated = |accelerations| Options { accelerations, ..options(Code::ForSdirk, 1e-6, 0.1) };
     let refused = run(&problem, &stated(Accelerations::Reduced), None, &mut Memory::default());
@@ -257,14 +257,14 @@ fn changed_values_keep_the_choice() {
     let mut changed = model("hmmwv14");
     changed.bodies[0].mass *= 2.0;
     let other = base.with_model(changed);
-    let accelerator = other.assemble().expect("assembles").manifold.accelerator();
+    let accelerator = other.assemble().expect("assembles").accelerator();
     assert_eq!(accelerator.way(), Accelerations::Reduced);
-    assert_eq!(accelerator.costs(), base.assemble().unwrap().manifold.accelerator().costs());
+    assert_eq!(accelerator.costs(), base.assemble().unwrap().accelerator().costs());
     // A mass that vanishes takes the reduced matrix away, and only there.
     let mut massless = model("hmmwv14");
     massless.bodies[7].inertia = [[0.0; 3]; 3];
     let other = base.with_model(massless);
-    let accelerator = other.assemble().expect("assembles").manifold.accelerator();
+    let accelerator = other.assemble().expect("assembles").accelerator();
     assert_ne!(accelerator.way(), Accelerations::Reduced);
     assert_eq!(accelerator.costs().refusal, Some(Refusal::Massless { body: 7 }));
 }

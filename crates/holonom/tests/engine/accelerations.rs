@@ -251,7 +251,7 @@ const KINDS: &[SolverKind] = &[
 
 /// The start of a model, evaluated.
 fn start(assembled: &Assembled) -> Point {
-    let (manifold, state) = (&assembled.manifold, &assembled.state);
+    let (manifold, state) = (&assembled.manifold(), &assembled.state);
     let ndof = manifold.chart().ndof();
     let (mut p, mut rates) = (vec![0.0; ndof], vec![0.0; ndof]);
     manifold.independent_state(state, &mut p, &mut rates);
@@ -264,14 +264,14 @@ fn start(assembled: &Assembled) -> Point {
 fn cases(name: &str, model: Model, seed: u64, states: usize) -> Vec<Case> {
     let problem = Problem::new(model);
     let Ok(assembled) = problem.assemble() else { return Vec::new() };
-    let system = assembled.manifold.system().clone();
-    let chart = assembled.manifold.chart().parametrization().clone();
+    let system = assembled.manifold().system().clone();
+    let chart = assembled.parametrization().clone();
     let mut out = vec![Case::new(name, &start(assembled), &chart)];
     let (mut p, mut rates) = (vec![0.0; chart.ndof], vec![0.0; chart.ndof]);
-    assembled.manifold.independent_state(&assembled.state, &mut p, &mut rates);
+    assembled.manifold().independent_state(&assembled.state, &mut p, &mut rates);
     let mut random = Random::new(seed);
     for k in 0..states {
-        let mut point = Point::new(assembled.manifold.clone(), &assembled.state);
+        let mut point = Point::new(assembled.manifold(), &assembled.state);
         let length = system.characteristic_length();
         let scale = |i: usize| match chart.measure(system.as_ref(), i) {
             Measure::Length => length,
@@ -334,7 +334,7 @@ fn every_solver_agrees_on_random_mechanisms() {
 
 /// Accelerations and multipliers of a manifold that takes them from there, at (v, v̇) = (`p`, `rates`).
 fn along(assembled: &Assembled, way: Accelerations, p: &[f64], rates: &[f64]) -> Option<Point> {
-    let mut point = Point::new(assembled.manifold.clone(), &assembled.state);
+    let mut point = Point::new(assembled.manifold(), &assembled.state);
     point.manifold.set_accelerations(way).ok()?;
     point.evaluate(assembled.state.t, p, rates, &assembled.state.z, true).ok()?;
     point.complete();
@@ -351,14 +351,14 @@ fn articulated_bodies_agree_on_trees() {
     for (seed, (name, model)) in named.into_iter().chain(random).enumerate() {
         let problem = Problem::new(model);
         let Ok(assembled) = problem.assemble() else { continue };
-        let ndof = assembled.manifold.chart().ndof();
+        let ndof = assembled.parametrization().ndof;
         let (mut p, mut rates) = (vec![0.0; ndof], vec![0.0; ndof]);
-        assembled.manifold.independent_state(&assembled.state, &mut p, &mut rates);
+        assembled.manifold().independent_state(&assembled.state, &mut p, &mut rates);
         let mut random = Random::new(seed as u64);
         rates.iter_mut().for_each(|x| *x += 3.0 * random.range(-1.0, 1.0));
         let Some(found) = along(assembled, Accelerations::Recursive, &p, &rates) else { continue };
         let truth = along(assembled, Accelerations::Augmented, &p, &rates).unwrap();
-        let chart = assembled.manifold.chart().parametrization();
+        let chart = assembled.parametrization();
         let [of_a, of_lambda] = Case::new(name, &truth, chart).sizes_of_terms();
         let (found, truth) = (found.state, truth.state);
         for (what, found, truth, terms) in [

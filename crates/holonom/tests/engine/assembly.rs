@@ -233,7 +233,7 @@ high = { type = "revolute", between = ["ground", "door"], point = [0.0, 0.0, 0.5
         let name = format!("`{}`, {}", row.item, row.row);
         assert!(warning.message.contains(&name), "{name}: {}", warning.message);
     }
-    let mut manifold = assembled.manifold.clone();
+    let mut manifold = assembled.manifold();
     let mut state = assembled.state.clone();
     manifold.minimum_norm_multipliers(&mut state.lambda);
     let read = |name: &str| {

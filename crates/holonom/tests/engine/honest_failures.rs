@@ -156,7 +156,7 @@ fn a_fixed_step_that_is_too_long_is_told_as_such() {
 fn a_recovery_out_of_reach_names_residual_and_last_correction() {
     let problem = Problem::new(model("slider_beyond_reach"));
     let assembled = problem.assemble().unwrap();
-    let mut manifold = assembled.manifold.clone();
+    let mut manifold = assembled.manifold();
     let mut q = assembled.state.q.clone();
     let failure = manifold.recover_position(0.8, &[], &mut q).unwrap_err();
     assert_eq!(failure.code, "simulation/position-recovery");

@@ -25,7 +25,7 @@ impl Forms {
     fn new(model: Model) -> Option<Self> {
         let problem = Problem::new(model);
         let assembled = problem.assemble().ok()?;
-        let (mut manifold, state) = (assembled.manifold.clone(), assembled.state.clone());
+        let (mut manifold, state) = (assembled.manifold(), assembled.state.clone());
         let ndof = manifold.chart().ndof();
         let mut along = manifold.clone();
         let has_form = along.use_joint_coordinates(&state.q, usize::MAX);

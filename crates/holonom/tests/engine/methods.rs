@@ -435,7 +435,7 @@ fn a_rejected_step_costs_no_jacobian() {
 fn prescribed(model: &Model, code: Code, steps: &[f64], detour: Option<f64>) -> (Vec<f64>, u32) {
     let problem = Problem::new(model.clone());
     let assembled = problem.assemble().unwrap();
-    let (mut manifold, mut state) = (assembled.manifold.clone(), assembled.state.clone());
+    let (mut manifold, mut state) = (assembled.manifold(), assembled.state.clone());
     let (profile, tolerance) = (Profile::Thesis, Tolerance::uniform(1e-9));
     let (system, g) = (problem.system().as_ref(), manifold.jacobian());
     let chart = choose(profile.parametrization(), &manifold, &state, g)

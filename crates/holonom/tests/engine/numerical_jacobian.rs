@@ -38,7 +38,7 @@ fn differences_agree_with_the_analytic_blocks() {
         let system = problem.system().clone();
         let form = |source| {
             let weights = Weights::new(Tolerance::uniform(1e-4), system.as_ref(), &assembled.state);
-            let mut form = FirstOrder::new(assembled.manifold.clone(), weights, &assembled.state);
+            let mut form = FirstOrder::new(assembled.manifold(), weights, &assembled.state);
             form.set_matrix(MatrixOptions { source, ..MatrixOptions::default() });
             form.begin_step(&assembled.state);
             let mut w = vec![0.0; form.dimension()];

@@ -91,7 +91,7 @@ fn one_solve_agrees_on_random_mechanisms() {
         let model = model_of(&crate::random::Mechanism::new(seed, 0.0).text());
         let problem = Problem::new(model);
         let Ok(assembled) = problem.assemble() else { continue };
-        let (manifold, state) = (assembled.manifold.clone(), &assembled.state);
+        let (manifold, state) = (assembled.manifold(), &assembled.state);
         let weights = || Weights::new(Tolerance::uniform(1e-4), problem.system().as_ref(), state);
         let mut dense = FirstOrder::new(manifold.clone(), weights(), state);
         let mut sparse =

@@ -50,7 +50,7 @@ fn cases() -> impl Iterator<Item = (u64, Case)> {
     (0..150).filter_map(|seed| {
         let problem = Problem::new(model_of(&crate::random::Mechanism::new(seed, 0.0).text()));
         let assembled = problem.assemble().ok()?;
-        let (manifold, state) = (assembled.manifold.clone(), assembled.state.clone());
+        let (manifold, state) = (assembled.manifold(), assembled.state.clone());
         Some((seed, Case::new(&problem, manifold, state)?))
     })
 }
@@ -259,7 +259,7 @@ fn after_a_load_jump_what_is_left_out_is_too_much() {
     let problem = Problem::new(jump(2, 0.2));
     let assembled = problem.assemble().unwrap();
     let Case { mut manifold, state, mut form, w } =
-        Case::new(&problem, assembled.manifold.clone(), assembled.state.clone()).unwrap();
+        Case::new(&problem, assembled.manifold(), assembled.state.clone()).unwrap();
     let (n, ndof) = (w.len(), manifold.chart().ndof());
     let mut blocks = ReducedBlocks::new(&manifold, &Threads::default());
     blocks.evaluate(&mut manifold, &state);

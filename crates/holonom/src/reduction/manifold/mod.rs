@@ -91,15 +91,15 @@ impl Manifold {
         // The cheapest way is always there.
         let _ = accelerator.choose(system.as_ref(), &mut chart, Accelerations::Auto);
         let orientation = chart.determinant_sign();
-        Self {
-            phi: vec![0.0; sizes.rows],
-            rows: vec![0.0; sizes.rows],
-            correction: vec![0.0; sizes.coordinates],
-            predictor: vec![0.0; sizes.coordinates],
-            independent: vec![0.0; chart.ndof()],
-            curvature: vec![0.0; chart.ndof()],
-            force: vec![0.0; sizes.coordinates],
-            tau: vec![0.0; sizes.rows],
+        let mut out = Self {
+            phi: Vec::new(),
+            rows: Vec::new(),
+            correction: Vec::new(),
+            predictor: Vec::new(),
+            independent: Vec::new(),
+            curvature: Vec::new(),
+            force: Vec::new(),
+            tau: Vec::new(),
             z_rate: vec![0.0; sizes.extra_states],
             accelerator,
             redundant: Redundant::new(&chart, &g).map(Box::new),
@@ -119,7 +119,19 @@ impl Manifold {
             moves_along: false,
             references_moved: false,
             counters: RecoveryCounters::default(),
-        }
+        };
+        out.make_room();
+        out
+    }
+
+    fn make_room(&mut self) {
+        let (sizes, ndof) = (self.system.structure().sizes, self.chart.ndof());
+        let Self { phi, rows, tau, correction, predictor, force, independent, curvature, .. } =
+            self;
+        [phi, rows, tau].into_iter().for_each(|x| x.resize(sizes.rows, 0.0));
+        let of_coordinates = [correction, predictor, force];
+        of_coordinates.into_iter().for_each(|x| x.resize(sizes.coordinates, 0.0));
+        [independent, curvature].into_iter().for_each(|x| x.resize(ndof, 0.0));
     }
 
     /// The system.
@@ -171,17 +183,38 @@ impl Manifold {
         let mut out = self.clone();
         if let Some(joint) = &mut out.joint {
             joint.keep_room_for_derivatives(false);
-            out.chart.release();
-            out.g.release();
+            out.give_up_factors();
             out.accelerator.release_mass();
-            out.stale = true;
         }
         out
     }
 
-    /// Gives up what the next accelerations make anew.
-    pub(in crate::reduction) fn release(&mut self) {
+    /// Gives up what [`Manifold::awake`] makes the same again at the configuration q, its own: pivots of a sparse matrix are
+    /// those of its way there. M stays for those that begin with these patterns and pivots.
+    pub(in crate::reduction) fn rest(&mut self, q: &[f64]) {
         self.accelerator.release();
+        let Self { phi, rows, tau, correction, predictor, force, .. } = self;
+        let room = [phi, rows, tau, correction, predictor, force];
+        room.into_iter().for_each(|x| *x = Vec::new());
+        if self.chart.forest().is_some() {
+            self.give_up_factors();
+            self.at = q.to_vec();
+        }
+    }
+
+    /// A copy that has everything again.
+    pub(in crate::reduction) fn awake(&self) -> Self {
+        let mut out = self.clone();
+        out.make_room();
+        // It could be factored before.
+        let _ = out.catch_up();
+        out
+    }
+
+    fn give_up_factors(&mut self) {
+        self.chart.release();
+        self.g.release();
+        self.stale = true;
     }
 
     /// Where accelerations come from.
@@ -219,8 +252,6 @@ impl Manifold {
 
     /// Changes the parametrization at the configuration where G was last evaluated.
     pub fn set_chart(&mut self, mut chart: Chart) {
-        self.independent.resize(chart.ndof(), 0.0);
-        self.curvature.resize(chart.ndof(), 0.0);
         self.orientation = chart.determinant_sign();
         self.counters.analyses += self.chart.analyses();
         // What cannot be with these rows is made up for by the cheapest way.
@@ -230,6 +261,7 @@ impl Manifold {
         self.g.restore();
         self.edges = anchored(&chart);
         self.chart = chart;
+        self.make_room();
         if self.joint.is_some() {
             let q = std::mem::take(&mut self.at);
             self.use_joint_coordinates(&q, usize::MAX);

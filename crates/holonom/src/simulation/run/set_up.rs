@@ -110,7 +110,7 @@ pub(super) fn set_up<'a>(
         Some(given) => given,
         None => {
             let assembled = problem.assemble()?;
-            (assembled.manifold.clone(), assembled.state.clone())
+            (assembled.manifold(), assembled.state.clone())
         }
     };
     // Assembly has chosen among the coordinates of the tree already.
