@@ -133,8 +133,11 @@ impl AdamsStepper {
         let weight = |m: usize| h * c.sigma[m] * ADAMS_GAMMA_STAR[m].abs();
         let mut below = 0.0;
         let mut order = k;
+        let mut rest = 1.0;
         if k >= 2 {
-            below = weight(k - 1) * self.norm_with(ode, k - 1);
+            let lower = h * self.norm_with(ode, k - 1);
+            rest = rest_of_series(size / lower, (c.g[0] - c.g[1]) / (c.g[k - 1] - c.g[k]));
+            below = weight(k - 1) / h * lower;
             let lower = if k == 2 {
                 below <= 0.5 * at_k
             } else {
@@ -144,11 +147,12 @@ impl AdamsStepper {
                 order = k - 1;
             }
         }
+        let error = rest * error;
         let acceptable = error <= 1.0 || (self.options.fixed_step && error.is_finite());
         let part = h * (c.g[k - 1] - c.g[k]);
         if !acceptable {
             scale(&mut self.difference, part);
-            return Ok(self.after_failure(h, error, at_k, order));
+            return Ok(self.after_failure(h, error, rest * at_k, order));
         }
 
         let trial = &mut self.trial;
@@ -167,7 +171,7 @@ impl AdamsStepper {
         if self.unfinished {
             std::mem::swap(&mut self.difference, &mut self.work);
             if left > 1.0 && !self.options.fixed_step {
-                return Ok(self.after_failure(h, left, at_k, order));
+                return Ok(self.after_failure(h, left, rest * at_k, order));
             }
         }
         let trial = &mut self.trial;
@@ -183,7 +187,7 @@ impl AdamsStepper {
         trial.psi = c.psi;
         (trial.last_order, trial.last_step) = (k, h);
         trial.suspect = if k > 4 && !self.unfinished { 0 } else { trial.suspect + 1 };
-        Ok(self.after_success(ode, h, k, order, [error, left], at_k, below))
+        Ok(self.after_success(ode, h, k, order, [error, left, rest], at_k, below))
     }
 
     /// Halves the step, or falls back to order 1 after three failures in a row.
@@ -200,14 +204,14 @@ impl AdamsStepper {
     }
 
     /// Order and length of the next step; `order` is k − 1 if that already won. The errors are that of order k and
-    /// what another correction would change.
+    /// what another correction would change, and by how much the rest of their series makes estimates larger.
     fn after_success(
         &mut self,
         ode: &mut dyn LinearizedOde,
         h: f64,
         k: usize,
         order: usize,
-        [error, left]: [f64; 2],
+        [error, left, rest]: [f64; 3],
         at_k: f64,
         below: f64,
     ) -> Judgement {
@@ -231,7 +235,7 @@ impl AdamsStepper {
             }
         }
         let power = order as f64 + 1.0;
-        let estimate = estimate.max(left);
+        let estimate = (rest * estimate).max(left);
         let ratio = if self.trial.starting || 0.5 >= estimate * power.exp2() {
             2.0
         } else if 0.5 >= estimate {
@@ -243,6 +247,14 @@ impl AdamsStepper {
         let error = error.max(left);
         Judgement { error, accepted: true, order, step: ratio * h }
     }
+}
+
+/// Differences of one order are `ratio` times those of the order before: an estimate is the first term of a series, and says
+/// little of the rest where they are alike, as all are where only the last slope is another. By how much the rest makes it
+/// larger; what a formula of order 1 would have as error, `largest` times as much, is the most that the last slope has
+/// shown. Differences of noise, and of what is at the limit of stability, grow by more than a half.
+fn rest_of_series(ratio: f64, largest: f64) -> f64 {
+    (0.5 / (1.0 - ratio).abs()).min(largest).max(1.0)
 }
 
 fn scale(x: &mut [f64], part: f64) {

@@ -90,6 +90,24 @@ fn needs_no_more_evaluations_than_another_code() {
     }
 }
 
+#[test] // truth: the integral, arsinh
+fn an_abrupt_change_between_smooth_ones_is_as_exact_as_they_are() {
+    for sharpness in [1e-2, 1e-3, 1e-4] {
+        for tolerance in [1e-4, 1e-6, 1e-8] {
+            // What passes a point at a small distance; it comes from and goes to where nothing happens.
+            let slope = move |t: f64, _: &[f64], g: &mut [f64]| {
+                g[0] = 1.0 / (t - 1.0).hypot(sharpness);
+            };
+            let mut ode =
+                DenseOde::new(1, slope, |_, _| Vec::new()).with_tolerance(tolerance, tolerance);
+            let found = run(&mut stepper(1), &mut ode, 0.0, &[0.0], 2.0, None);
+            let truth = 2.0 * (1.0 / sharpness).asinh();
+            let off = (found.w[0] - truth).abs() / (tolerance * (1.0 + truth));
+            assert!(off < 10.0, "{sharpness:e} at {tolerance:e}: {off} tolerances");
+        }
+    }
+}
+
 #[test]
 fn orders_follow_the_tolerance() {
     let mean_order = |tolerance: f64| {

@@ -48,7 +48,9 @@ pub(super) fn warnings(
             .into();
         out.push(RunWarning { code: "simulation/immobile", message });
     }
-    if s.stiff_steps > (s.steps / 10).max(s.rejected_evaluation) && s.stiff_steps > 50 {
+    let limited = s.stiff_steps > (s.steps / 10).max(s.rejected_evaluation) && s.stiff_steps > 50;
+    // What is prescribed altogether is limited by the drivers alone.
+    if limited && ndof > 0 {
         let message = "the explicit code was limited by stability, not accuracy: an implicit \
                            one (ForRadau) will be much faster"
             .into();
