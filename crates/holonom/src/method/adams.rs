@@ -149,7 +149,7 @@ impl AdamsStepper {
         }
         let error = rest * error;
         let acceptable = error <= 1.0 || (self.options.fixed_step && error.is_finite());
-        let part = h * (c.g[k - 1] - c.g[k]);
+        let part = rest * h * (c.g[k - 1] - c.g[k]);
         if !acceptable {
             scale(&mut self.difference, part);
             return Ok(self.after_failure(h, error, rest * at_k, order));

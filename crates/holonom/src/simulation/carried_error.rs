@@ -103,10 +103,10 @@ impl CarriedError {
     /// The longest step, s, by which a second run is to tell, if it is suspicious or steps may not have shown what
     /// grows.
     pub(super) fn longest_step_to_tell(&self, problem: &Problem, options: &Options) -> Option<f64> {
-        if self.is_suspicious() {
-            return Some(f64::INFINITY);
-        }
-        self.longest.as_ref()?.hides_growth(problem, options)
+        let started = self.milestones.start.t;
+        let longest = self.longest.as_ref();
+        let hidden = longest.and_then(|step| step.hides_growth(problem, options, started));
+        hidden.or(self.is_suspicious().then_some(f64::INFINITY))
     }
 
     /// The equations are set up anew, or in other variables: there is no matrix of theirs.

@@ -20,9 +20,8 @@ const MET: f64 = 20.0;
 const UNCERTAIN: f64 = 40.0;
 /// Tolerance of the second run as a part of that of the first.
 const PART: f64 = 0.1;
-
 /// Steps up to which it is computed whether something grows that longer ones do not show.
-const MOST_STEPS: u64 = 200_000;
+const MOST_STEPS: f64 = 200_000.0;
 
 /// A warning where a run by `options` that was at the `milestones` and is suspicious is far from a run by the default
 /// code at a tenth of its tolerance with steps of `max_step` at most, or where such a run does not come to its end within
@@ -38,6 +37,12 @@ pub(super) fn compare(
     let system = problem.system().as_ref();
     // Steps of its own length did not show what may grow.
     let shows = max_step < options.max_step;
+    if shows && options.end_time - milestones.start.t > MOST_STEPS * max_step {
+        return Some(warning(format!(
+            "whatever disturbs this motion grows in it, which steps of this length do not show: set `max_step` to {max_step:.1e} s \
+             at most to see what becomes of it, and end the run earlier"
+        )));
+    }
     let Tolerance { relative, translation, rotation } = options.tolerance;
     let tighter = Options {
         tolerance: Tolerance {
@@ -47,7 +52,7 @@ pub(super) fn compare(
         },
         output: OutputTimes::Listed(milestones.times.clone()),
         max_step: options.max_step.min(max_step),
-        max_steps: if shows { options.max_steps.min(MOST_STEPS) } else { options.max_steps },
+        max_steps: options.max_steps,
         max_seconds: left.map_or(f64::INFINITY, |left| left.as_secs_f64()),
         threads: options.threads.clone(),
         dense_output: Some(false),

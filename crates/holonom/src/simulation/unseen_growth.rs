@@ -50,10 +50,18 @@ impl LongestStep {
         }
     }
 
-    /// The longest step, s, that shows what grows up to the end of a run by `options` while the motion goes on as in this step, which does not
-    /// show it.
-    pub(super) fn hides_growth(&self, problem: &Problem, options: &Options) -> Option<f64> {
-        if self.length == 0.0 || !self.is_steady(problem.system().as_ref(), &options.tolerance) {
+    /// The longest step, s, that shows what grows up to the end of a run by `options` from `started`, s, while the
+    /// motion goes on as in this step, which does not show it.
+    pub(super) fn hides_growth(
+        &self,
+        problem: &Problem,
+        options: &Options,
+        started: f64,
+    ) -> Option<f64> {
+        // What was taken up may have another end.
+        let long = LONG * (options.end_time - started);
+        let steady = || self.is_steady(problem.system().as_ref(), &options.tolerance);
+        if self.length == 0.0 || self.length < long || !steady() {
             return None;
         }
         let [start, finish] = self.ends.each_ref().map(|state| {
@@ -76,8 +84,8 @@ impl LongestStep {
         (rate > 0.0).then(|| SHOWN / rate)
     }
 
-    /// Whether every body is as fast at both ends, but for what a tolerance makes of it: the equations of another motion do not
-    /// stay the same, and to see that costs nothing.
+    /// Whether every body is as fast at both ends, but for what a tolerance makes of it: the equations of another
+    /// motion do not stay the same, and to see that costs nothing.
     fn is_steady(&self, system: &dyn System, tolerance: &Tolerance) -> bool {
         let sizes = system.structure().sizes;
         let [start, end] = self.ends.each_ref().map(|state| {
@@ -94,6 +102,6 @@ impl LongestStep {
             }
         }
         let allowed = [tolerance.translation, tolerance.rotation].map(|a| a / self.length);
-        (0..2).all(|k| change[k] < SAME * fastest[k] + allowed[k])
+        (0..2).all(|k| change[k] <= SAME * fastest[k] + allowed[k])
     }
 }

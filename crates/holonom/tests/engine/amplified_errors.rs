@@ -6,7 +6,8 @@ use crate::common::{model_of, options, run_model};
 use holonom::method::{CODES, Code, DEFAULT_CODE};
 use holonom::model::Model;
 use holonom::simulation::{
-    Checkpoint, Chunk, Flow, Memory, Options, OutputTimes, Problem, Sink, Summary, resume, run,
+    Checkpoint, Chunk, Flow, Memory, Options, OutputTimes, Problem, RunWarning, Sink, Summary,
+    resume, run,
 };
 
 const TOLERANCE: f64 = 1e-4;
@@ -187,6 +188,7 @@ disc = {{ velocity = [{v:e}, 0.0, 0.0], angular_velocity = [0.0, 0.0, {speed:e}]
 fn a_rotor_that_begins_to_whirl_is_right_or_warned_of() {
     let end = 1.5;
     let times: Vec<f64> = (0..=50).map(|k| end / 50.0 * f64::from(k)).collect();
+    let mut hidden = 0;
     for (speed, v, whirls) in [(200.0, 1e-4, true), (200.0, 0.0, false), (50.0, 1e-4, false)] {
         let model = rotor(speed, v);
         // Stiffness and damping act along axes that turn: F = −k r − c (ṙ − Ω × r).
@@ -221,9 +223,23 @@ fn a_rotor_that_begins_to_whirl_is_right_or_warned_of() {
                 let warned = warned(&outcome.summary);
                 assert!(most <= WRONG || warned, "{speed} {v:e} {code:?} {tolerance:e}: {most}");
                 assert!(whirls || !warned, "{speed} {v:e} {code:?} {tolerance:e}: warned, {most}");
+                let says = |warning: &RunWarning| warning.message.contains("`max_step`");
+                hidden += u32::from(outcome.summary.warnings.iter().any(says));
             }
         }
-    }
+    } // Steps of some radians do not show it.
+    assert!(hidden > 5, "{hidden}");
+}
+
+#[test] // independent truth: an equilibrium; e to the power of 4 t is not
+fn what_would_grow_in_too_many_steps_is_told() {
+    let summary = run_model(&standing(0.0), &asked(DEFAULT_CODE, 1e6)).summary;
+    let found = summary.warnings.iter().find(|warning| warning.code == AMPLIFIED);
+    assert!(
+        found.is_some_and(|warning| warning.message.contains("`max_step` to 2.2e-1 s")),
+        "{found:?}"
+    );
+    assert!(!warned(&run_model(&standing(0.0), &asked(DEFAULT_CODE, 10.0)).summary));
 }
 
 #[test] // independent truth: Euler's equations by DOP853

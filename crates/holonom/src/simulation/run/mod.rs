@@ -125,16 +125,20 @@ fn begin(
     let (mut summary, carried) = once(problem, options, start, "running", sink)?;
     if let Some(carried) = carried
         && summary.status == Status::Completed
-        && let Some(most) = carried.longest_step_to_tell(problem, options)
     {
         let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
-        let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
+        let left = || limit.map(|limit| limit.saturating_sub(begun.passed()));
         let checked = Stopwatch::start();
-        let found = second_run::compare(problem, options, &carried.milestones, most, left, sink);
-        summary.warnings.extend(found);
-        let took = checked.elapsed();
-        summary.statistics.run_seconds += took.wall.as_secs_f64();
-        summary.statistics.run_cpu_seconds += took.processor.as_secs_f64();
+        // Where this is given up, the run is whole all the same.
+        let look = || stage("checking", || carried.longest_step_to_tell(problem, options));
+        if let Ok(Some(most)) = within(left(), look) {
+            let found =
+                second_run::compare(problem, options, &carried.milestones, most, left(), sink);
+            summary.warnings.extend(found);
+            let took = checked.elapsed();
+            summary.statistics.run_seconds += took.wall.as_secs_f64();
+            summary.statistics.run_cpu_seconds += took.processor.as_secs_f64();
+        }
     }
     Ok(summary)
 }
@@ -271,7 +275,6 @@ impl Run<'_> {
         let mut rejections = 0;
         let mut repartitioned = false;
         let mut seen = true;
-        let mut crawl = Crawl { attempts: 0, since: self.state.t, cause: None };
         while self.state.t < end {
             self.poll(h)?;
             if attempts >= self.options.max_steps {
@@ -279,9 +282,6 @@ impl Run<'_> {
             }
             attempts += 1;
             let t = self.state.t;
-            if !fixed && crawl.is_hopeless(t, end) {
-                return Err(Stop::Failed { cause: crawl.cause, step_size: h });
-            }
             let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
                 .first()
                 .map_or(end, |&b| b.min(end));
@@ -345,7 +345,6 @@ impl Run<'_> {
                     h = retry;
                     longest = retry;
                 }
-                crawl.cause = Some(cause);
                 continue;
             }
             (rejections, repartitioned, seen) = (0, false, true);
@@ -535,10 +534,10 @@ impl Run<'_> {
         self.w.copy_from_slice(&self.w_end);
         self.g.copy_from_slice(&self.g_end);
         // `self.row` is now the state at the start, `self.state` the one at the end.
+        self.system.update_windings(t_end, &self.state.q, &mut self.state.winding);
         if let Some(longest) = self.carried.as_mut().and_then(|carried| carried.longest.as_mut()) {
             longest.take(self.options.end_time - self.started, &self.row, &self.state);
         }
-        self.system.update_windings(t_end, &self.state.q, &mut self.state.winding);
         self.powers.at[0] = self.powers.at[2];
         let energy = self.system.energy(&self.state);
         self.powers.at[2] = powers(&energy);
@@ -624,30 +623,6 @@ impl Run<'_> {
         self.energy_scale.take(system, &self.state, energy);
         let part = self.energy_scale.part_of_velocities(imbalance);
         self.drift.follow(system, &self.state, step, part, tolerance);
-    }
-}
-
-/// How a run gets on.
-struct Crawl {
-    /// Attempts since the time `since`, s.
-    attempts: u64,
-    since: f64,
-    /// Why the last one that was refused was.
-    cause: Option<Rejection>,
-}
-
-impl Crawl {
-    /// Whether steps have long been so short that no computer would come to the `end`: none of them is too short for the
-    /// resolution of time, but together they do not leave the place that makes them short.
-    fn is_hopeless(&mut self, t: f64, end: f64) -> bool {
-        const LONG: u64 = 20_000;
-        const ENDLESS: f64 = 1e11;
-        self.attempts += 1;
-        if self.attempts < LONG {
-            return false;
-        }
-        let done = t - std::mem::replace(&mut self.since, t);
-        (end - t) * std::mem::take(&mut self.attempts) as f64 > ENDLESS * done
     }
 }
 
