@@ -440,7 +440,7 @@ class _DeferredInterrupts:
         if self._before is not None:
             signal.signal(signal.SIGINT, self._before)
         if kind is None:
-            with self.heeded():
+            with self.heeded():  # what was pressed since then comes first
                 if self._raised is not None:
                     raise self._raised
 

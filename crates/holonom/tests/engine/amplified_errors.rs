@@ -231,7 +231,7 @@ fn a_rotor_that_begins_to_whirl_is_right_or_warned_of() {
     assert!(hidden > 5, "{hidden}");
 }
 
-#[test] // independent truth: an equilibrium; e to the power of 4 t is not
+#[test] // independent truth: upright, θ̈ = 5 θ grows by √5 1/s, which steps of 0.5/√5 s show; at rest there nothing moves
 fn what_would_grow_in_too_many_steps_is_told() {
     let summary = run_model(&standing(0.0), &asked(DEFAULT_CODE, 1e6)).summary;
     let found = summary.warnings.iter().find(|warning| warning.code == AMPLIFIED);

@@ -135,10 +135,10 @@ fn begin(
             let found =
                 second_run::compare(problem, options, &carried.milestones, most, left(), sink);
             summary.warnings.extend(found);
-            let took = checked.elapsed();
-            summary.statistics.run_seconds += took.wall.as_secs_f64();
-            summary.statistics.run_cpu_seconds += took.processor.as_secs_f64();
         }
+        let took = checked.elapsed();
+        summary.statistics.run_seconds += took.wall.as_secs_f64();
+        summary.statistics.run_cpu_seconds += took.processor.as_secs_f64();
     }
     Ok(summary)
 }
