@@ -72,7 +72,7 @@ impl SparseLu {
     /// # Panics
     /// If the pattern is not square or `values` has not the pattern's length.
     pub fn analyze(pattern: &SparsePattern, values: &[f64]) -> Result<Self, SingularMatrix> {
-        Self::analyzed(pattern, values, |pattern, scaled| {
+        Self::analyzed(pattern, values, None, |pattern, scaled| {
             let order = ordering::choose_pivots(pattern, scaled, Search::Near)?;
             Ok(FactorPattern::new(pattern, &order).gather(&order))
         })
@@ -90,26 +90,45 @@ impl SparseLu {
         pattern: &SparsePattern,
         values: &[f64],
     ) -> Result<Self, SingularMatrix> {
-        Self::analyzed(pattern, values, least_work)
+        Self::analyzed(pattern, values, None, least_work)
+    }
+
+    /// The same for a matrix whose entry (i, j) is of the size of 1 once it is multiplied by `units[0][i] * units[1][j]`: what
+    /// its unknowns are measured in is not for its entries to tell.
+    ///
+    /// # Errors
+    /// As [`analyze`](Self::analyze).
+    ///
+    /// # Panics
+    /// As [`analyze`](Self::analyze), and if there is not a unit for every row and column.
+    pub fn analyze_in_units(
+        pattern: &SparsePattern,
+        values: &[f64],
+        units: &[Vec<f64>; 2],
+    ) -> Result<Self, SingularMatrix> {
+        assert_eq!(units.each_ref().map(Vec::len), [pattern.n_rows(), pattern.n_cols()]);
+        Self::analyzed(pattern, values, Some(units), least_work)
     }
 
     fn analyzed(
         pattern: &SparsePattern,
         values: &[f64],
+        units: Option<&[Vec<f64>; 2]>,
         choose: impl FnOnce(&SparsePattern, &[f64]) -> Result<PivotOrder, SingularMatrix>,
     ) -> Result<Self, SingularMatrix> {
         assert_eq!(pattern.n_rows(), pattern.n_cols(), "only a square matrix has an LU here");
         assert_eq!(values.len(), pattern.len(), "one value for each slot of the pattern");
-        stage("analysing", || Self::planned(pattern, values, choose))
+        stage("analysing", || Self::planned(pattern, values, units, choose))
     }
 
     fn planned(
         pattern: &SparsePattern,
         values: &[f64],
+        units: Option<&[Vec<f64>; 2]>,
         choose: impl FnOnce(&SparsePattern, &[f64]) -> Result<PivotOrder, SingularMatrix>,
     ) -> Result<Self, SingularMatrix> {
         let n = pattern.n_rows();
-        let (row_scale, column_scale) = scales(pattern, values)?;
+        let (row_scale, column_scale) = scales(pattern, values, units)?;
         let mut a_scale = vec![1.0; pattern.len()];
         for i in 0..n {
             checkpoint(PER_ROW);
@@ -345,10 +364,20 @@ fn least_work(pattern: &SparsePattern, scaled: &[f64]) -> Result<PivotOrder, Sin
     Ok(factors.gather(&near))
 }
 
-/// Powers of two that bring the largest entry of every row, then of every column, into (½, 1].
-fn scales(pattern: &SparsePattern, values: &[f64]) -> Result<(Vec<f64>, Vec<f64>), SingularMatrix> {
+/// Powers of two that bring the largest entry of every row, then of every column, into (½, 1], from those that undo
+/// the units on.
+fn scales(
+    pattern: &SparsePattern,
+    values: &[f64],
+    units: Option<&[Vec<f64>; 2]>,
+) -> Result<(Vec<f64>, Vec<f64>), SingularMatrix> {
     let n = pattern.n_rows();
-    let mut row_scale = vec![1.0; n];
+    let [mut row_scale, mut column_scale] = match units {
+        Some(units) => {
+            units.each_ref().map(|units| units.iter().map(|x| power_of_two(*x)).collect())
+        }
+        None => [vec![1.0; n], vec![1.0; n]],
+    };
     let mut column_size = vec![0.0f64; n];
     for i in 0..n {
         checkpoint(PER_ROW);
@@ -357,19 +386,27 @@ fn scales(pattern: &SparsePattern, values: &[f64]) -> Result<(Vec<f64>, Vec<f64>
             if !values[slot].is_finite() {
                 return Err(SingularMatrix { row: i, column: j, pivot: values[slot] });
             }
-            size = size.max(values[slot].abs());
+            size = size.max(values[slot].abs() * row_scale[i] * column_scale[j]);
         }
-        row_scale[i] = power_of_two_below_inverse(size);
+        row_scale[i] *= power_of_two(1.0 / size);
         for (slot, j) in pattern.row(i) {
-            column_size[j] = column_size[j].max(values[slot].abs() * row_scale[i]);
+            let scaled = values[slot].abs() * row_scale[i] * column_scale[j];
+            column_size[j] = column_size[j].max(scaled);
         }
     }
-    let column_scale = column_size.into_iter().map(power_of_two_below_inverse).collect();
+    for (scale, size) in column_scale.iter_mut().zip(column_size) {
+        *scale *= power_of_two(1.0 / size);
+    }
     Ok((row_scale, column_scale))
 }
 
-fn power_of_two_below_inverse(size: f64) -> f64 {
-    if size > 0.0 { 2f64.powi(-(size.log2().ceil() as i32).clamp(-500, 500)) } else { 1.0 }
+/// The largest power of two that is not above a number; 1 for what is none.
+fn power_of_two(x: f64) -> f64 {
+    if x > 0.0 && x.is_finite() {
+        2f64.powi((x.log2().floor() as i32).clamp(-500, 500))
+    } else {
+        1.0
+    }
 }
 
 /// Sign of a permutation.
@@ -419,7 +456,7 @@ mod tests {
         let mut wide_is_better = 0;
         for (width, length, size) in [(1, 40, 3), (2, 60, 2), (4, 20, 1), (6, 12, 3), (12, 12, 2)] {
             let (pattern, values) = strip(width, length, size);
-            let (rows, columns) = scales(&pattern, &values).unwrap();
+            let (rows, columns) = scales(&pattern, &values, None).unwrap();
             let mut scaled = values.clone();
             for i in 0..pattern.n_rows() {
                 pattern.row(i).for_each(|(slot, j)| scaled[slot] *= rows[i] * columns[j]);

@@ -5,6 +5,7 @@ use super::descriptor_pattern::DescriptorPattern;
 use super::differences::JacobianSource;
 use super::linearization::Linearization;
 use super::matrix::{DescriptorForm, Matrix, MatrixOptions};
+use super::units::Units;
 use crate::reduction::{BodyRows, Manifold, Point, Projection};
 use crate::system::{DerivativeBlocks, Structure, System};
 use holonom_linalg::{BlockMatrix, SingularMatrix, SparseLu};
@@ -33,6 +34,7 @@ pub struct DescriptorMatrix {
     reduced: bool,
     pattern: DescriptorPattern,
     values: Vec<f64>,
+    units: Units,
     lu: Option<SparseLu>,
     /// Relative error that the last refinement left.
     left: f64,
@@ -98,6 +100,7 @@ impl Matrix for DescriptorMatrix {
             coordinates: n,
             reduced,
             values: vec![0.0; pattern.pattern.len()],
+            units: Units::new(manifold, manifold.mass()),
             lu: None,
             left: 0.0,
             mass: structure.mass_pattern.zeros(),
@@ -184,7 +187,9 @@ impl Matrix for DescriptorMatrix {
             return Ok(0);
         }
         (self.lu, self.left) = (None, 0.0);
-        self.lu = Some(SparseLu::analyze_for_many(&self.pattern.pattern, &self.values)?);
+        let units = self.units.of_descriptor(self.pattern.own.1);
+        let analysis = SparseLu::analyze_in_units(&self.pattern.pattern, &self.values, &units)?;
+        self.lu = Some(analysis);
         Ok(1)
     }
 

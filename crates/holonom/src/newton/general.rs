@@ -2,6 +2,7 @@
 
 use super::blocks::ReducedBlocks;
 use super::sparse_pattern::{Nonzeros, Shape, Sum, SumPattern};
+use super::units::Units;
 use crate::reduction::{BodyRows, Manifold, disturb};
 use crate::system::State;
 use holonom_linalg::{Complex64, SingularMatrix, SparseLu};
@@ -16,6 +17,7 @@ pub(super) struct GeneralElimination {
     jacobian: Vec<f64>,
     moving: BodyRows,
     values: Vec<f64>,
+    units: Units,
     lu: Option<SparseLu>,
     complex: Option<ComplexFactor>,
     /// Relative error that the last refinement left, and the one with fresh pivots; NaN until there is one.
@@ -62,6 +64,7 @@ impl GeneralElimination {
             shape,
             nonzeros,
             values: vec![0.0; pattern.len()],
+            units: Units::new(manifold, manifold.mass()),
             pattern,
             jacobian: Vec::new(),
             moving: manifold.chart().moving().clone(),
@@ -100,7 +103,8 @@ impl GeneralElimination {
             return Ok(0);
         }
         (self.lu, self.complex, self.left, self.fresh) = (None, None, 0.0, f64::NAN);
-        self.lu = Some(SparseLu::analyze_for_many(self.pattern.pattern(), &self.values)?);
+        let (pattern, units) = (self.pattern.pattern(), self.units.of(self.shape));
+        self.lu = Some(SparseLu::analyze_in_units(pattern, &self.values, &units)?);
         Ok(1)
     }
 

@@ -18,6 +18,7 @@ mod sparse;
 mod sparse_pattern;
 mod spectrum;
 mod tangent;
+mod units;
 
 pub use blocks::ReducedBlocks;
 pub use chosen::Chosen;

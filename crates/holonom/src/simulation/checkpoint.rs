@@ -5,6 +5,7 @@ use super::checks::{RunError, check_numbers};
 use super::dense::ChartRecord;
 use super::drift::Drift;
 use super::energy_scale::EnergyScale;
+use super::ledger::Quadrature;
 use super::slowness::Named;
 use super::statistics::{EnergySummary, Statistics};
 use crate::method::stepper::StepperStatistics;
@@ -42,6 +43,8 @@ pub struct Checkpoint {
     pub(super) kinetic_range: (f64, f64),
     pub(super) energy_scale: EnergyScale,
     pub(super) drift: Drift,
+    #[serde(default)]
+    pub(super) quadrature: Quadrature,
     pub(super) carried: Option<CarriedError>,
     pub(super) limits: Vec<Named>,
 }

@@ -3,7 +3,7 @@
 use crate::system::{Sizes, State, System};
 
 /// Smallest number of steps of a run without unknowns.
-const KINEMATIC_STEPS: f64 = 200.0;
+pub(super) const KINEMATIC_STEPS: f64 = 200.0;
 /// Largest rotation of a body in space in any step, rad: half of it is the angle of Euler parameters.
 const LARGEST_TURN: f64 = 0.8;
 /// Largest relative rotation in any step where only the branch of an angle is known, rad.

@@ -4,6 +4,7 @@ use super::options::Options;
 use super::problem::Problem;
 use crate::method::FirstOrder;
 use crate::model::Tolerance;
+use crate::reduction::Manifold;
 use crate::system::{State, System};
 use serde::{Deserialize, Serialize};
 
@@ -25,13 +26,20 @@ const KNOWN: f64 = 1e-6;
 pub(super) struct LongestStep {
     length: f64,
     ends: [State; 2],
+    /// The end of the run, where the motion is the same as at the end of this step: equations that stand there need not be
+    /// set up.
+    #[serde(skip)]
+    last: Option<Box<(Manifold, State)>>,
 }
 
 impl LongestStep {
     /// Of a run with so many unknowns that starts at `state`; none where there are too many of them.
     pub(super) fn new(unknowns: usize, state: &State) -> Option<Self> {
-        (unknowns <= MOST_UNKNOWNS)
-            .then(|| Self { length: 0.0, ends: [state.clone(), state.clone()] })
+        (unknowns <= MOST_UNKNOWNS).then(|| Self {
+            length: 0.0,
+            ends: [state.clone(), state.clone()],
+            last: None,
+        })
     }
 
     /// Whether its ends can be states of a run that is at `state`.
@@ -50,6 +58,15 @@ impl LongestStep {
         }
     }
 
+    /// The run has ended at `state`, which the manifold stands at.
+    pub(super) fn end(&mut self, manifold: &Manifold, state: &State, tolerance: &Tolerance) {
+        let system = manifold.system().as_ref();
+        let same = self.length > 0.0
+            && self.is_steady([&self.ends[0], &self.ends[1]], system, tolerance)
+            && self.is_steady([&self.ends[1], state], system, tolerance);
+        self.last = same.then(|| Box::new((manifold.clone(), state.clone())));
+    }
+
     /// The longest step, s, that shows what grows up to the end of a run by `options` from `started`, s, while the
     /// motion goes on as in this step, which does not show it.
     pub(super) fn hides_growth(
@@ -60,35 +77,45 @@ impl LongestStep {
     ) -> Option<f64> {
         // What was taken up may have another end.
         let long = LONG * (options.end_time - started);
-        let steady = || self.is_steady(problem.system().as_ref(), &options.tolerance);
+        let [start, end] = &self.ends;
+        let steady = || self.is_steady([start, end], problem.system().as_ref(), &options.tolerance);
         if self.length == 0.0 || self.length < long || !steady() {
             return None;
         }
-        let [start, finish] = self.ends.each_ref().map(|state| {
+        let eigenvalues_at = |state: &State| {
             let (manifold, state) = problem.start_from(state).ok()?;
             FirstOrder::eigenvalues(manifold, &state).ok()
-        });
-        let (start, finish) = (start?, finish?);
-        let left = options.end_time - self.ends[0].t;
-        let fastest = finish.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
-        let grows = |&&(re, im): &&(f64, f64)| {
-            let rate = re.hypot(im);
-            let hidden =
-                re * left > GROWTH.ln() && self.length * rate > SHOWN && rate > KNOWN * fastest;
-            let stays = |z: &(f64, f64)| {
-                (z.0 - re).abs() < SAME * re && (z.0 - re).hypot(z.1 - im) < SAME * rate
-            };
-            hidden && start.iter().any(stays)
         };
-        let rate = finish.iter().filter(grows).map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
+        let finish = match self.last.as_deref() {
+            Some((manifold, state)) => FirstOrder::eigenvalues(manifold.clone(), state).ok()?,
+            None => eigenvalues_at(end)?,
+        };
+        let left = options.end_time - start.t;
+        let fastest = finish.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
+        let hidden = |&(re, im): &(f64, f64)| {
+            let rate = re.hypot(im);
+            re * left > GROWTH.ln() && self.length * rate > SHOWN && rate > KNOWN * fastest
+        };
+        let growing: Vec<_> = finish.into_iter().filter(hidden).collect();
+        if growing.is_empty() {
+            return None;
+        }
+        let before = eigenvalues_at(start)?;
+        let stays = |&&(re, im): &&(f64, f64)| {
+            let rate = re.hypot(im);
+            before
+                .iter()
+                .any(|z| (z.0 - re).abs() < SAME * re && (z.0 - re).hypot(z.1 - im) < SAME * rate)
+        };
+        let rate = growing.iter().filter(stays).map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
         (rate > 0.0).then(|| SHOWN / rate)
     }
 
-    /// Whether every body is as fast at both ends, but for what a tolerance makes of it: the equations of another
+    /// Whether every body is as fast at two of its times, but for what a tolerance makes of it: the equations of another
     /// motion do not stay the same, and to see that costs nothing.
-    fn is_steady(&self, system: &dyn System, tolerance: &Tolerance) -> bool {
+    fn is_steady(&self, ends: [&State; 2], system: &dyn System, tolerance: &Tolerance) -> bool {
         let sizes = system.structure().sizes;
-        let [start, end] = self.ends.each_ref().map(|state| {
+        let [start, end] = ends.map(|state| {
             state.v.chunks_exact(sizes.per_body).map(|v| {
                 <[&[f64]; 2]>::from(v.split_at(sizes.translations))
                     .map(|v| v.iter().map(|v| v * v).sum::<f64>().sqrt())

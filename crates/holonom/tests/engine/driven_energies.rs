@@ -78,3 +78,68 @@ fn what_a_driver_works_and_a_damper_takes_is_known_at_any_frequency() {
         }
     }
 }
+
+/// Crank, rod and a slider on a damper.
+const CRANK: f64 = 0.48;
+const ROD: f64 = 0.5;
+
+#[test] // independent truth: the slider's place r cos φ + √(l² − r² sin² φ), and c∫ẋ² dt by 200,000 points
+fn what_a_crank_of_constant_rate_works_is_known_to_the_tolerance() {
+    let (rate, end) = (50.0, 3.0);
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+crank = {{ mass = 1.0, inertia = 0.02, position = [{half:?}, 0.0] }}
+rod = {{ mass = 0.4, inertia = 0.01, position = [{middle:?}, 0.0] }}
+slider = {{ mass = 2.0, inertia = 0.1, position = [{far:?}, 0.0] }}
+[joints]
+bearing = {{ type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }}
+pin = {{ type = "revolute", between = ["crank", "rod"], point = [{CRANK:?}, 0.0] }}
+wrist = {{ type = "revolute", between = ["rod", "slider"], point = [{far:?}, 0.0] }}
+guide = {{ type = "translational", between = ["ground", "slider"], point = [{far:?}, 0.0], axis = [1.0, 0.0] }}
+[drivers]
+motor = {{ joint = "bearing", coordinate = "rotation", motion = {{ type = "polynomial", coefficients = [0.0, {rate:?}] }} }}
+[forces]
+damper = {{ type = "tsda", between = ["ground", "slider"], points = [[-5.0, 0.0], [{far:?}, 0.0]], damping = {DAMPING:?} }}
+"#,
+        half = 0.5 * CRANK,
+        middle = CRANK + 0.5 * ROD,
+        far = CRANK + ROD,
+    ));
+    let speed = |t: f64| {
+        let (sin, cos) = (rate * t).sin_cos();
+        let square = (ROD * ROD - (CRANK * sin).powi(2)).sqrt();
+        -CRANK * sin * rate * (1.0 + CRANK * cos / square)
+    };
+    const POINTS: u32 = 200_000;
+    let at = |k: u32| speed(end * (f64::from(k) + 0.5) / f64::from(POINTS)).powi(2);
+    let dissipated = DAMPING * end / f64::from(POINTS) * (0..POINTS).map(at).sum::<f64>();
+    let mut steps = Vec::new();
+    for code in all_codes() {
+        for tolerance in [1e-3, 1e-4, 1e-6] {
+            let channels =
+                ["energy.dissipated", "energy.driver_work", "energy.kinetic", "energy.potential"];
+            let options = Options {
+                channels: channels.map(str::to_owned).to_vec(),
+                output: OutputTimes::Interval(end / 7.0),
+                ..options(code, tolerance, end)
+            };
+            let run = run_model(&model, &options);
+            let [lost, work, kinetic, potential] = channels.map(|channel| run.series(channel, 0));
+            let last = lost.len() - 1;
+            let stored = kinetic[last] + potential[last] - kinetic[0] - potential[0];
+            for (found, truth) in [(lost[last], dissipated), (work[last], dissipated + stored)] {
+                let error = (found - truth).abs() / (tolerance * dissipated);
+                assert!(error < 3.0, "{code:?}, {tolerance:e}: {error:.1} tolerances");
+            }
+            assert!(run.summary.warnings.is_empty(), "{code:?}: {:?}", run.summary.warnings);
+            if code == Code::ForRadau {
+                steps.push(run.summary.statistics.steps);
+            }
+        }
+    }
+    println!("steps {steps:?}");
+}

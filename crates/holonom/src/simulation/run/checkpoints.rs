@@ -70,6 +70,7 @@ impl Run<'_> {
             kinetic_range: self.kinetic_range,
             energy_scale: self.energy_scale.clone(),
             drift: self.drift.clone(),
+            quadrature: self.quadrature,
             carried: self.carried.clone(),
             limits,
             state: self.state.clone(),
@@ -129,6 +130,7 @@ impl Run<'_> {
         self.energy = checkpoint.energy;
         self.kinetic_range = checkpoint.kinetic_range;
         (self.energy_scale, self.drift) = (energy_scale.clone(), drift.clone());
+        self.quadrature = checkpoint.quadrature;
         self.carried.clone_from(carried);
         self.start_residuals = checkpoint.start_residuals;
         self.condition_reference = checkpoint.condition;

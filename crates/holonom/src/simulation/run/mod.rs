@@ -19,7 +19,7 @@ use crate::simulation::clock::{Elapsed, Stopwatch};
 use crate::simulation::diagnosis::Stop;
 use crate::simulation::drift::Drift;
 use crate::simulation::energy_scale::EnergyScale;
-use crate::simulation::ledger::{StepPowers, powers};
+use crate::simulation::ledger::{Quadrature, StepPowers, powers};
 use crate::simulation::options::Options;
 use crate::simulation::output::Output;
 use crate::simulation::passage::{Place, Way};
@@ -43,6 +43,9 @@ const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
 /// A velocity residual may reach this times max(1, ‖q̇‖∞).
 const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
 pub(in crate::simulation) const MAX_REJECTIONS: u32 = 60;
+/// Part of the step at which energies would be on tolerance, and the least of one, that follow a step of a run without unknowns.
+const SAFE_PART: f64 = 0.9;
+const SHORTEST_PART: f64 = 0.1;
 
 /// Summary of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -160,6 +163,9 @@ pub(in crate::simulation) fn once(
     let stop = within(left, || stage(task, || run.advance()))
         .unwrap_or_else(|given_up| Err(Stop::from(given_up)));
     let (status, stop) = run.finish(stop);
+    if let Some(longest) = run.carried.as_mut().and_then(|carried| carried.longest.as_mut()) {
+        longest.end(&run.form.point().manifold, &run.state, &options.tolerance);
+    }
     let mut statistics = run.statistics;
     run.add_times(&mut statistics);
     if run.assembled {
@@ -237,6 +243,7 @@ struct Run<'a> {
     passes_knot: bool,
     /// Powers in the middle of the step just accepted, if they are known.
     middle: Option<[f64; 2]>,
+    quadrature: Quadrature,
     output: Output,
     warnings: Vec<RunWarning>,
     sink: &'a mut dyn Sink,
@@ -321,6 +328,16 @@ impl Run<'_> {
                 let first = std::mem::replace(&mut seen, false);
                 retry = (passed.time - t).min(if first { step } else { 0.5 * step });
             }
+            let mut growth = f64::INFINITY;
+            if report.accepted && rejection.is_none() && kinematic && !fixed {
+                let missed = self.follow_powers(t, step, span);
+                growth = (SAFE_PART * missed.powf(-0.25)).max(SHORTEST_PART);
+                if missed > 1.0 {
+                    self.stepper.discard();
+                    (rejection, report.error) = (Some(Rejection::ErrorTooLarge), missed);
+                    retry = growth * step;
+                }
+            }
             self.record(t, step, &report, rejection.as_ref());
             let (accepted, change) = (rejection.is_none(), self.stepper.last_change());
             self.slowness.count(accepted, report.error, change, &self.w);
@@ -382,7 +399,7 @@ impl Run<'_> {
             self.account(step, &energy);
             h = self.options.fixed_step.unwrap_or(report.next_step);
             // What has just been refused is approached again by doubling.
-            longest *= 2.0;
+            longest = (2.0 * longest).min(growth * step);
             if reaches && next < end {
                 self.note(EventKind::Breakpoint);
                 self.stepper.restart();
@@ -488,6 +505,26 @@ impl Run<'_> {
             self.halfway.extend(arguments.map(|a| Place::of(system, a, t + 0.5 * step, middle)));
         }
         self.recorder.begin_step(self.form.point(), &self.state);
+    }
+
+    /// Powers along the accepted step of a run without unknowns over `span` seconds, and how many tolerances of its
+    /// energies a step of this length misses. Nothing where one cannot look into it.
+    fn follow_powers(&mut self, t: f64, step: f64, span: f64) -> f64 {
+        let stepper = &mut self.stepper;
+        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+        let mut at = [self.powers.at[2]; 5];
+        for (theta, at) in [0.25, 0.5, 0.75, 1.0].into_iter().zip(&mut at[1..]) {
+            let Ok(state) = self.recorder.state(interpolate, t, step, theta, true) else {
+                return 0.0;
+            };
+            *at = powers(&self.system.energy(state));
+        }
+        let usual = span / step_length::KINEMATIC_STEPS;
+        // Powers are those of joints that are met to so much.
+        let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
+        let (middle, missed) = self.quadrature.middle(&at, step, usual, tolerance);
+        self.middle = Some(middle);
+        missed
     }
 
     /// Residuals of the state just evaluated, whose Jacobian is at hand.

@@ -15,7 +15,7 @@ use crate::simulation::clock::{Elapsed, Stopwatch};
 use crate::simulation::dense::{STEP_POWERS, Segments};
 use crate::simulation::drift::Drift;
 use crate::simulation::energy_scale::EnergyScale;
-use crate::simulation::ledger::{StepPowers, powers};
+use crate::simulation::ledger::{Quadrature, StepPowers, powers};
 use crate::simulation::options::Options;
 use crate::simulation::output::Output;
 use crate::simulation::passage::Way;
@@ -168,6 +168,7 @@ pub(super) fn set_up<'a>(
         complete: true,
         passes_knot: false,
         middle: None,
+        quadrature: Quadrature::default(),
         output,
         recorder,
         inspector,
