@@ -100,7 +100,7 @@ impl Matrix for DescriptorMatrix {
             coordinates: n,
             reduced,
             values: vec![0.0; pattern.pattern.len()],
-            units: Units::new(manifold, manifold.mass()),
+            units: Units::new(manifold, q),
             lu: None,
             left: 0.0,
             mass: structure.mass_pattern.zeros(),

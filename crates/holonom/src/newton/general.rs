@@ -64,7 +64,7 @@ impl GeneralElimination {
             shape,
             nonzeros,
             values: vec![0.0; pattern.len()],
-            units: Units::new(manifold, manifold.mass()),
+            units: Units::new(manifold, &state.q),
             pattern,
             jacobian: Vec::new(),
             moving: manifold.chart().moving().clone(),

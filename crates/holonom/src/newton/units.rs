@@ -4,7 +4,6 @@
 use super::sparse_pattern::Shape;
 use crate::reduction::Manifold;
 use crate::system::Measure;
-use holonom_linalg::BlockMatrix;
 
 /// Lengths of coordinates, rows and rates, and the largest mass.
 ///
@@ -20,14 +19,16 @@ pub(super) struct Units {
 }
 
 impl Units {
-    /// Of a manifold's system in its present parametrization, with its mass matrix.
-    pub(super) fn new(manifold: &Manifold, mass: &BlockMatrix) -> Self {
+    /// Of a manifold's system in its present parametrization, with the mass matrix at q.
+    pub(super) fn new(manifold: &Manifold, q: &[f64]) -> Self {
         let system = manifold.system().as_ref();
         let (structure, parametrization) = (system.structure(), manifold.chart().parametrization());
         let length = system.characteristic_length();
         let of = |measure| if measure == Measure::Length { length } else { 1.0 };
         let coordinates: Vec<f64> =
             (0..structure.sizes.coordinates).map(|i| of(structure.coordinate_measure(i))).collect();
+        let mut mass = structure.mass_pattern.zeros();
+        system.mass_matrix(q, &mut mass);
         let entries = mass.entries(0, 0).into_iter().zip(mass.values());
         let heaviest = entries.fold(0.0f64, |most, ((i, j), x)| {
             most.max((x * coordinates[i] * coordinates[j]).abs())

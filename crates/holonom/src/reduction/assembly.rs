@@ -469,7 +469,9 @@ fn check_mass(
         return Ok(());
     }
     if manifold.accelerator().way() != Accelerations::NullSpace {
-        // M is positive semidefinite, so M̂ is positive definite where accelerations are determined.
+        // M is positive semidefinite, so M̂ is positive definite where accelerations are determined. That of a template
+        // is another one.
+        manifold.evaluate_mass(q);
         let (force, mut rate) = (vec![0.0; n], vec![0.0; ndof]);
         return manifold.respond(q, &force, &mut rate).map_err(|failure| {
             match failure.coordinate {

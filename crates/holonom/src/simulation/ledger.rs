@@ -45,12 +45,14 @@ impl Quadrature {
     const JUMP: f64 = 0.1;
 
     /// Powers that have, as the middle ones of [`StepPowers`], the integrals of Boole's rule through these at θ = 0, ¼, ½,
-    /// ¾, 1 of a step h, and how many times the tolerance Simpson's rule misses; steps of `usual` length cover the run.
+    /// ¾, 1 of a step h, and how many times the tolerance Simpson's rule misses; steps of `usual` length cover the run,
+    /// in which energies move at this mean rate, W, at least.
     pub(super) fn middle(
         &mut self,
         at: &[[f64; 2]; 5],
         h: f64,
         usual: f64,
+        rate: f64,
         tolerance: f64,
     ) -> ([f64; 2], f64) {
         let mut missed = 0.0f64;
@@ -60,7 +62,7 @@ impl Quadrature {
             let largest = at.iter().fold(self.largest[k], |most, powers| most.max(powers[k].abs()));
             self.largest[k] = largest;
             if largest > 0.0 {
-                let allowed = tolerance * largest * h.max(Self::JUMP * usual);
+                let allowed = (largest * h.max(Self::JUMP * usual)).max(rate * h) * tolerance;
                 missed = missed.max(2.0 / 3.0 * h * (middle - m).abs() / allowed);
             }
             middle
@@ -77,7 +79,7 @@ mod tests {
     fn booles_rule_is_exact_for_polynomials_of_degree_five_and_tells_what_simpsons_misses() {
         let p = |s: f64| 1.0 - 3.0 * s + 2.0 * s.powi(3) + 5.0 * s.powi(4) - 4.0 * s.powi(5);
         let at = [0.0, 0.25, 0.5, 0.75, 1.0].map(|s| [p(s), 0.0]);
-        let (middle, missed) = Quadrature::default().middle(&at, 0.2, 0.2, 1e-3);
+        let (middle, missed) = Quadrature::default().middle(&at, 0.2, 0.2, 0.0, 1e-3);
         let step = StepPowers { at: [at[0], middle, at[4]] };
         let integral = step.advance(&Ledger::default(), 0.2, 1.0);
         let truth = 0.2 * (1.0 - 1.5 + 0.5 + 1.0 - 2.0 / 3.0);

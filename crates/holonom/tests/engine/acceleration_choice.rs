@@ -268,3 +268,28 @@ fn changed_values_keep_the_choice() {
     assert_ne!(accelerator.way(), Accelerations::Reduced);
     assert_eq!(accelerator.costs().refusal, Some(Refusal::Massless { body: 7 }));
 }
+
+#[test] // independent truth: the same model set up by itself
+fn a_mass_that_is_changed_to_none_is_missed() {
+    let text = |mass: f64| {
+        format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+arm = {{ mass = 1.0, inertia = 0.1, position = [0.5, 0.0] }}
+bob = {{ mass = {mass:?}, inertia = 0.0, position = [2.0, 0.0] }}
+[joints]
+hinge = {{ type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0] }}
+slide = {{ type = "translational", between = ["ground", "bob"], point = [2.0, 0.0], axis = [1.0, 0.0] }}
+"#
+        )
+    };
+    let base = Problem::new(model_of(&text(1.0)));
+    base.assemble().expect("assembles");
+    let alone = Problem::new(model_of(&text(0.0))).assemble().err().expect("no mass");
+    assert_eq!(alone.code(), "assembly/singular-mass");
+    let changed = base.with_model(model_of(&text(0.0))).assemble().err();
+    assert_eq!(changed.map(|error| error.to_string()), Some(alone.to_string()));
+}

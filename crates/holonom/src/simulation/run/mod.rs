@@ -520,9 +520,11 @@ impl Run<'_> {
             *at = powers(&self.system.energy(state));
         }
         let usual = span / step_length::KINEMATIC_STEPS;
+        // What turns steadily has powers of round-off only.
+        let rate = self.energy_scale.moved() / span;
         // Powers are those of joints that are met to so much.
         let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
-        let (middle, missed) = self.quadrature.middle(&at, step, usual, tolerance);
+        let (middle, missed) = self.quadrature.middle(&at, step, usual, rate, tolerance);
         self.middle = Some(middle);
         missed
     }
