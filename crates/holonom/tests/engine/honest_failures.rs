@@ -2,10 +2,13 @@
 //! advice. The texts beside the files were read by a person when they were committed;
 //! `HOLONOM_WRITE=1 cargo test` rewrites them after a change: read them again then.
 
+use crate::common::table::all_codes;
 use crate::common::{model_of, options};
 use holonom::method::Code;
 use holonom::model::Model;
-use holonom::simulation::{Memory, Options, OutputTimes, Problem, Status, Summary, run};
+use holonom::simulation::{
+    Memory, Options, OutputTimes, Problem, Statistics, Status, Summary, run,
+};
 use std::path::PathBuf;
 
 fn folder() -> PathBuf {
@@ -162,5 +165,21 @@ fn a_recovery_out_of_reach_names_residual_and_last_correction() {
     assert_eq!(failure.code, "simulation/position-recovery");
     for words in ["largest residual", "is in joint `", "last correction", "was of `"] {
         assert!(failure.message.contains(words), "{}", failure.message);
+    }
+}
+
+#[test] // independent truth: from 120° at 1 rad/s all links lie on one line after π/3 s
+fn no_run_crawls_into_a_singular_configuration() {
+    let model = model("parallelogram_laid_flat");
+    let problem = Problem::new(model);
+    for code in all_codes() {
+        let options = options(code, 1e-4, 2.0);
+        let summary = run(&problem, &options, None, &mut Memory::default()).unwrap();
+        let Statistics { steps, rejected_evaluation, .. } = summary.statistics;
+        println!("{code:?}: {steps} steps, {rejected_evaluation} refused");
+        assert_eq!(summary.status, Status::Failed, "{code:?}");
+        assert!((summary.end.t - std::f64::consts::FRAC_PI_3).abs() < 2e-6, "{code:?}");
+        assert!(summary.stop.item.is_some(), "{code:?}: {:?}", summary.stop);
+        assert!(steps < 5_000, "{code:?}: {steps}");
     }
 }

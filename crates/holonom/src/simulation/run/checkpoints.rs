@@ -71,6 +71,7 @@ impl Run<'_> {
             energy_scale: self.energy_scale.clone(),
             drift: self.drift.clone(),
             quadrature: self.quadrature,
+            stall: self.stall,
             carried: self.carried.clone(),
             limits,
             state: self.state.clone(),
@@ -130,7 +131,7 @@ impl Run<'_> {
         self.energy = checkpoint.energy;
         self.kinetic_range = checkpoint.kinetic_range;
         (self.energy_scale, self.drift) = (energy_scale.clone(), drift.clone());
-        self.quadrature = checkpoint.quadrature;
+        (self.quadrature, self.stall) = (checkpoint.quadrature, checkpoint.stall);
         self.carried.clone_from(carried);
         self.start_residuals = checkpoint.start_residuals;
         self.condition_reference = checkpoint.condition;

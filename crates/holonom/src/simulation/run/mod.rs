@@ -28,6 +28,7 @@ use crate::simulation::recorder::{Inside, Recorder};
 use crate::simulation::reparametrization::no_longer_redundant;
 use crate::simulation::second_run;
 use crate::simulation::slowness::{LimitedBy, Limits, Slowness};
+use crate::simulation::stall::Stall;
 use crate::simulation::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 use crate::simulation::step_length::{self, clip, smallest_step};
 use crate::simulation::trajectory::{EventKind, Memory, Sink};
@@ -244,6 +245,7 @@ struct Run<'a> {
     /// Powers in the middle of the step just accepted, if they are known.
     middle: Option<[f64; 2]>,
     quadrature: Quadrature,
+    stall: Stall,
     output: Output,
     warnings: Vec<RunWarning>,
     sink: &'a mut dyn Sink,
@@ -282,6 +284,8 @@ impl Run<'_> {
         let mut rejections = 0;
         let mut repartitioned = false;
         let mut seen = true;
+        // Why the last attempt could not be evaluated.
+        let mut unevaluated = None;
         while self.state.t < end {
             self.poll(h)?;
             if attempts >= self.options.max_steps {
@@ -358,6 +362,10 @@ impl Run<'_> {
                 if hopeless {
                     return Err(Stop::Failed { cause: Some(cause), step_size: step });
                 }
+                if lost {
+                    self.stall.lose();
+                    unevaluated = Some(cause);
+                }
                 if !fixed {
                     h = retry;
                     longest = retry;
@@ -397,6 +405,9 @@ impl Run<'_> {
                 carried.milestones.pass(self.statistics.steps, &self.state);
             }
             self.account(step, &energy);
+            if self.stall.step(t_end, self.statistics.largest_step) {
+                return Err(Stop::Failed { cause: unevaluated, step_size: step });
+            }
             h = self.options.fixed_step.unwrap_or(report.next_step);
             // What has just been refused is approached again by doubling.
             longest = (2.0 * longest).min(growth * step);

@@ -23,6 +23,7 @@ use crate::simulation::problem::Problem;
 use crate::simulation::recorder::Recorder;
 use crate::simulation::reparametrization::new_chart;
 use crate::simulation::slowness::Slowness;
+use crate::simulation::stall::Stall;
 use crate::simulation::statistics::{EnergySummary, Statistics};
 use crate::simulation::trajectory::Sink;
 use crate::system::State;
@@ -169,6 +170,7 @@ pub(super) fn set_up<'a>(
         passes_knot: false,
         middle: None,
         quadrature: Quadrature::default(),
+        stall: Stall::default(),
         output,
         recorder,
         inspector,
