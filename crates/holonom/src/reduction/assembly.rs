@@ -50,7 +50,7 @@ pub enum AssemblyError {
     },
     /// A stated coordinate of a joint contradicts the joints or other stated values.
     #[error(
-        "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: {residual:.3e} are left, \
+        "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: {residual:.3e} {row_unit} are left, \
          {allowed:.0e} allowed"
     )]
     StatedJoint {
@@ -64,8 +64,10 @@ pub enum AssemblyError {
         unit: &'static str,
         /// Joint and row that keep the largest residual.
         row: String,
-        /// That residual, m, rad, m/s or rad/s.
+        /// That residual.
         residual: f64,
+        /// Its unit: m, rad, m/s or rad/s.
+        row_unit: &'static str,
         /// Largest residual that is projected away.
         allowed: f64,
     },
@@ -414,7 +416,7 @@ fn direction(system: &dyn System, coordinate: usize) -> String {
 }
 
 /// Unit of what a row leaves at a level, positions being 0.
-pub(super) fn unit_of_row(system: &dyn System, row: usize, level: usize) -> &'static str {
+pub(crate) fn unit_of_row(system: &dyn System, row: usize, level: usize) -> &'static str {
     match system.structure().row_measure[row] {
         Measure::Length => ["m", "m/s", "m/s²"][level],
         Measure::Angle => ["rad", "rad/s", "rad/s²"][level],

@@ -25,6 +25,7 @@ pub(super) fn closed(
     from: &State,
 ) -> Result<(State, f64), AssemblyError> {
     let coordinates = stated(model, level);
+    let number = usize::from(level != Level::Position);
     let keep = model.initial.assembly == Assembly::Keep;
     let attempt = |count: usize| Attempt::new(system, model, level, from, &coordinates[..count]);
     let all = attempt(coordinates.len());
@@ -53,11 +54,11 @@ pub(super) fn closed(
                 unit: unit(c),
                 row: failed.told(model, level, &coordinates[..=count]),
                 residual: failed.residual,
+                row_unit: unit_of_row(failed.system.as_ref(), failed.row, number),
                 allowed: PROJECTED,
             });
         }
     }
-    let number = usize::from(level != Level::Position);
     // What cannot be closed with everything free is no fault of what is stated.
     let everything = everything(system.as_ref());
     let mut state = plain.state;
