@@ -5,7 +5,7 @@
 
 use super::accelerations::{Accelerations, Accelerator};
 use super::chart::Chart;
-pub use super::closing::Conflict;
+pub use super::closing::{Conflict, FrameAxes};
 use super::closing::{closed, contradiction, scale};
 use super::manifold::Manifold;
 use super::parametrization::Parametrization;
@@ -86,6 +86,8 @@ pub enum AssemblyError {
         unit: &'static str,
         /// What it cannot be met together with.
         others: Conflict,
+        /// Axes that these rows are named by.
+        axes: FrameAxes,
     },
     /// Redundant constraints contradict each other.
     #[error("{row} contradicts {others}: at {level} level they differ by {residual:.3e} {unit}")]
@@ -178,10 +180,22 @@ impl AssemblyError {
             Self::Inconsistent { .. } | Self::StatedJoint { .. } => {
                 "state fewer values, or set `initial.assembly = \"adjust\"` to treat them as guesses"
             }
-            Self::Unreachable { .. } => {
-                "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or start nearer \
-                 to an assembled configuration. f, g and h are axes of the joint's frame on its first body, h its own axis"
-            }
+            Self::Unreachable { axes, .. } => match axes {
+                FrameAxes::None => {
+                    "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or \
+                     start nearer to an assembled configuration"
+                }
+                FrameAxes::Planar => {
+                    "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or \
+                     start nearer to an assembled configuration. f and g are axes on the joint's first body, f its own \
+                     axis"
+                }
+                FrameAxes::Spatial => {
+                    "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or \
+                     start nearer to an assembled configuration. f, g and h are axes of the joint's frame on its first \
+                     body, h its own axis"
+                }
+            },
             Self::Contradiction { .. } => {
                 "these joints or drivers prescribe the same motion differently; remove or change one of them"
             }
