@@ -269,7 +269,7 @@ def test_a_channel_of_the_file_that_is_not_there_is_refused_with_the_file(
         assert error["code"] == "model/unknown-name"
         (problem,) = error["errors"]
         assert (problem["file"], problem["line"]) == (str(wrong), number)
-        assert problem["help"] == "did you mean `velocity`?"
+        assert problem["help"] == "did you mean `rod.velocity`?"
     assert not (tmp_path / "rod.holonom").exists()
 
 

@@ -288,11 +288,13 @@ fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
         assert!(with(&format!("\"{known}\"")).is_ok(), "{known}");
     }
     for (unknown, help) in [
-        ("upper.velocityy", "did you mean `velocity`?"),
+        ("upper.velocityy", "did you mean `upper.velocity`?"),
+        ("upper.positon[1]", "did you mean `upper.position[1]`?"),
+        ("upper.positon[2]", "did you mean `upper.position`?"),
         ("upper.yaw_pitch_roll", "`angle`"),
         ("upper.position[2]", "up to 1"),
         ("upper.angle[0]", "leave the index out"),
-        ("*.positon", "did you mean `position`?"),
+        ("*.positon", "did you mean `*.position`?"),
         ("pivot.x*", "`angle`"),
     ] {
         let errors = with(&format!("\n  \"{unknown}\"")).unwrap_err();
