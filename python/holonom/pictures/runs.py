@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from holonom.pictures.picture import (
     Series,
     thinned,
 )
-from holonom.pictures.traces import trace, walked
+from holonom.pictures.traces import broken, envelope, trace, walked
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -174,6 +175,7 @@ def _panels(
                     label=label,
                     color=COLORS[k % len(COLORS)],
                     dash=DASHES[k % len(DASHES)],
+                    wraps=one.wraps,
                 )
                 for k, (one, label) in enumerate(zip(rows, labels, strict=True))
             ]
@@ -184,7 +186,7 @@ def _panels(
             text = ", ".join(filter(None, (_stillness(least, unit) if still else "", notes)))
             yield Panel(lines, unit, heading, text, least=least if still else 0.0)
         return
-    draw = Line if whole else trace
+    draw = partial(_whole if whole else trace, wraps=first.wraps)
     marker = "circle" if first.time.size == 1 else ""  # a single row has no line to draw
     bounds = STILL * first.tolerances
     for number, together in enumerate(_together(first, bounds)):
@@ -210,6 +212,13 @@ def _panels(
         least = max((float(bounds[i]) for i in resting), default=0.0)
         unit = unit_of(first.unit, together[0], len(first.labels))
         yield Panel(lines, unit, heading, text, least=least)
+
+
+def _whole(t: Series, y: Series, *, label: str, color: str, marker: str, wraps: bool) -> Line:
+    """Return a line with every row, interrupted as `trace` does it."""
+    if wraps and envelope(t, y) is None:
+        t, y = broken(t, y)
+    return Line(t, y, label, color, marker)
 
 
 def _together(one: Curves, bounds: Series) -> list[list[int]]:
@@ -251,7 +260,12 @@ def _phases(
         for i, word in enumerate(first.labels):
             lines = []
             for k, (run, one) in enumerate(zip(over, rows, strict=True)):
-                x, y = walked(run.values[:, 0], one.values[:, i])
+                x, y = run.values[:, 0], one.values[:, i]
+                if one.wraps:
+                    x, y = broken(x, y)
+                if run.wraps:
+                    x, y = broken(x, y, x)
+                x, y = walked(x, y)
                 color, dash = COLORS[k % len(COLORS)], DASHES[k % len(DASHES)]
                 lines.append(Line(x, y, labels[k] if several else "", color, dash=dash))
             whole = f"{first.title}, {word}" if word else first.title
