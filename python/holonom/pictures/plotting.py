@@ -149,7 +149,9 @@ def _legend(axes: Axes) -> int:
     handles, labels = axes.get_legend_handles_labels()
     if not labels:
         return 0
-    width = axes.get_position().width * axes.get_figure(root=True).get_figwidth() * 72.0  # pt
+    whole = axes.get_figure(root=True)
+    assert whole is not None
+    width = axes.get_position().width * whole.get_figwidth() * 72.0  # pt
     entries = [svg.shortened(label, width - _SAMPLE, _SMALL) for label in labels]
     widest = max(svg.text_width(text, _SMALL) for text in entries) + _SAMPLE
     columns = min(max(int(width / widest), 1), len(entries))
