@@ -307,6 +307,35 @@ fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
     }
 }
 
+#[test] // truth: the codes of docs/methods.md, and docs/model-file.md
+fn a_wrong_word_of_the_run_is_refused_at_its_place() {
+    for (line, field, help) in [
+        ("method = \"ForRadu\"", "method", "did you mean \"ForRadau\"?"),
+        ("method = \"statespace\"", "method", "did you mean \"state_space\"?"),
+        ("formula = \"radau6\"", "formula", "did you mean \"radau5\"?"),
+        ("formula = \"newmark\"", "formula", ""),
+        ("parametrization = \"trees\"", "parametrization", "did you mean \"tree\"?"),
+        ("newton = \"spars\"", "newton", "did you mean \"sparse\"?"),
+        ("coordinates = \"joints\"", "coordinates", "did you mean \"joint\"?"),
+    ] {
+        let errors = build(&format!("{DOUBLE_PENDULUM}{line}\n")).unwrap_err();
+        let [error] = &errors.errors[..] else { panic!("{errors:?}") };
+        let path = format!("simulation.{field}");
+        assert_eq!((error.code, error.path.as_str()), (Code::UnknownChoice, path.as_str()));
+        let place = error.location.as_ref().unwrap();
+        let at = DOUBLE_PENDULUM.lines().count() + 1;
+        assert_eq!((place.file.as_str(), place.line), ("model.toml", at), "{error:?}");
+        assert!(error.help.contains(help), "{error:?}");
+    }
+    for line in [
+        "method = \"forsdirk\"",
+        "method = \"state_space\"\nformula = \"newmark\"",
+        "formula = \"sdirk4_16\"",
+    ] {
+        assert!(build(&format!("{DOUBLE_PENDULUM}{line}\n")).is_ok(), "{line}");
+    }
+}
+
 #[test] // truth: docs/conventions.md, what is not stated of a tolerance in parts is 1e-4
 fn a_tolerance_may_be_stated_in_part() {
     let with = |tolerance: &str| build(&format!("{DOUBLE_PENDULUM}tolerance = {tolerance}\n"));
