@@ -16,7 +16,7 @@ use crate::watch::GivenUp;
 use std::sync::Arc;
 
 /// Smallest tolerance: a step's error cannot be told from the round-off of its arithmetic below.
-const SMALLEST_TOLERANCE: f64 = 1e-13;
+pub(super) const SMALLEST_TOLERANCE: f64 = 1e-13;
 /// Last time at which a run may end, s.
 const LATEST: f64 = 1e12;
 /// Largest number of output rows of a run.
