@@ -51,7 +51,8 @@ pub enum AssemblyError {
     /// A stated coordinate of a joint contradicts the joints or other stated values.
     #[error(
         "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: {residual:.3e} {row_unit} are left, \
-         {allowed:.0e} allowed"
+         {allowed:.0e} allowed",
+        allowed = PROJECTED
     )]
     StatedJoint {
         /// Name of the field, `angle`.
@@ -68,8 +69,6 @@ pub enum AssemblyError {
         residual: f64,
         /// Its unit: m, rad, m/s or rad/s.
         row_unit: &'static str,
-        /// Largest residual that is projected away.
-        allowed: f64,
     },
     /// The joints cannot be closed.
     #[error(
@@ -443,8 +442,25 @@ fn refuse_coincident_ends(
     model: &Model,
     state: &State,
 ) -> Result<(), AssemblyError> {
+    match coincident_ends(system, model, state, 0.0) {
+        None => Ok(()),
+        Some((item, Some(force))) => {
+            Err(AssemblyError::CoincidentEnds { item: item.to_owned(), force })
+        }
+        Some((item, None)) => Err(AssemblyError::CoincidentSeries { item: item.to_owned() }),
+    }
+}
+
+/// The first spring whose ends are nearer to each other than `near`, m, or than round-off, and whose force acts there, where
+/// it has no direction; with its elastic force, N, if that depends on the length alone.
+pub(crate) fn coincident_ends<'a>(
+    system: &dyn System,
+    model: &'a Model,
+    state: &State,
+    near: f64,
+) -> Option<(&'a str, Option<f64>)> {
     let sample = Sample::new(state);
-    for force in &model.forces {
+    model.forces.iter().find_map(|force| {
         let (elastic, free_length) = match &force.kind {
             ForceKind::Tsda { law, free_length, .. } => {
                 let elastic = match law {
@@ -454,23 +470,15 @@ fn refuse_coincident_ends(
                 (Some(elastic), *free_length)
             }
             ForceKind::Maxwell { free_length, .. } => (None, *free_length),
-            _ => continue,
+            _ => return None,
         };
         let name = format!("{}.length", force.name);
-        let Some(channel) = system.channel_named(&name).filter(|_| elastic != Some(0.0)) else {
-            continue;
-        };
+        let channel = system.channel_named(&name).filter(|_| elastic != Some(0.0))?;
         let mut length = [0.0];
         system.channel(&channel, &sample, &mut length);
-        if length[0] <= COINCIDENT * free_length.max(system.characteristic_length()) {
-            let item = force.name.clone();
-            return Err(match elastic {
-                Some(force) => AssemblyError::CoincidentEnds { item, force },
-                None => AssemblyError::CoincidentSeries { item },
-            });
-        }
-    }
-    Ok(())
+        let least = COINCIDENT * free_length.max(system.characteristic_length());
+        (length[0] <= least.max(near)).then_some((force.name.as_str(), elastic))
+    })
 }
 
 /// M̂ must be positive definite.

@@ -55,7 +55,6 @@ pub(super) fn closed(
                 row: failed.told(model, level, &coordinates[..=count]),
                 residual: failed.residual,
                 row_unit: unit_of_row(failed.system.as_ref(), failed.row, number),
-                allowed: PROJECTED,
             });
         }
     }

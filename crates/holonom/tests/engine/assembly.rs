@@ -178,9 +178,9 @@ fn a_loop_in_space_that_cannot_close_names_its_joints() {
         assert_eq!(error.code(), "assembly/unreachable");
         assert_eq!(named(&error), ["a", "b", "c", "d"], "{error}");
         let text = error.to_string();
-        let speaks = ["f", "g", "h"].iter().any(|axis| {
-            text.split([' ', ';', ':']).any(|word| word == *axis)
-        });
+        let speaks = ["f", "g", "h"]
+            .iter()
+            .any(|axis| text.split([' ', ';', ':']).any(|word| word == *axis));
         assert_eq!(explains_axes(&error), speaks, "{text}: {}", error.help());
     }
 }

@@ -250,7 +250,8 @@ impl Context<'_> {
         let unknown = unknown_method(stated.method.as_deref(), stated.formula.as_deref());
         if let Some(UnknownWord { option, word, known }) = unknown {
             let path = format!("simulation.{option}");
-            let words = known.iter().map(|word| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
+            let words =
+                known.iter().map(|word| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
             let message = format!("`{path}` is {word:?}; expected one of {words}");
             let meant = nearest(&word, known);
             let help = meant.map_or(String::new(), |word| format!("did you mean \"{word}\"?"));
