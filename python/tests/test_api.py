@@ -361,6 +361,36 @@ def test_patterns_name_several_channels(model: holonom.Model) -> None:
     assert {"rod.position", "rod.velocity", "rod.angle"} <= set(result.requested)
 
 
+@pytest.mark.parametrize(
+    ("pattern", "count"),
+    [
+        ("*.position", 1),
+        ("r?d.position", 1),
+        ("rod.[pv]*", 2),
+        ("[!r]*.force", 1),
+        ("*.[!a-e]*", None),
+        ("**.angle", 2),
+        ("rod.positio[^n]", 0),
+        ("?.position", 0),
+    ],
+)
+def test_a_model_file_takes_the_patterns_that_a_call_takes(
+    pendulum: Path, pattern: str, count: int | None
+) -> None:
+    model = holonom.Model.load(pendulum)
+    text = PENDULUM.replace('"rod.position", "pin.force"', f'"{pattern}"')
+    pendulum.write_text(text)
+    if count == 0:
+        with pytest.raises(holonom.ModelError, match=r"outputs\.channels\[0\]"):
+            holonom.Model.load(pendulum)
+        with pytest.raises(holonom.UsageError, match="there is no channel"):
+            model.expand([pattern])
+        return
+    asked = holonom.Model.load(pendulum).simulate(end_time=0.01).requested
+    assert asked == model.expand([pattern])
+    assert count in (None, len(asked))
+
+
 def test_an_unknown_option_or_method_is_refused_with_the_known_ones(model: holonom.Model) -> None:
     with pytest.raises(holonom.UsageError, match="did you mean `tolerance`"):
         model.simulate(tolerence=1e-3)

@@ -7,9 +7,11 @@ import os
 import pty
 import random
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -176,6 +178,37 @@ def test_the_faces_of_a_result(
         assert isinstance(output_json(capsys), dict)
 
 
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        ("UPDATE data SET blob = zeroblob(length(blob)) WHERE quantity = 2", "in rows 0 to"),
+        ("UPDATE step SET causes = '[7]'", "the step log of chunk 1"),
+        ("UPDATE dense SET dimension = 1 + dimension", "the steps of chunk 1"),
+        ("UPDATE meta SET value = '7' WHERE key = 'dof'", "the entry `dof`"),
+    ],
+)
+def test_info_of_a_damaged_result_tells_what_is_lost_and_what_is_left(
+    result_file: Path, capsys: pytest.CaptureFixture[str], change: str, part: str
+) -> None:
+    stored = result_file
+    with closing(sqlite3.connect(stored)) as db:
+        assert db.execute(change).rowcount == 1
+        db.commit()
+    capsys.readouterr()
+    assert invoke(["info", str(stored)]) == 5
+    told = capsys.readouterr()
+    assert part in told.err
+    assert "--recover" in told.err
+    assert "rod.position" in told.out
+    assert invoke(["info", str(stored), "--json"]) == 5
+    found = output_json(capsys)
+    assert (found["error"]["code"], found["exit_status"]) == ("result/damaged", 5)
+    assert [entry for entry in found["error"]["damage"] if part in entry]
+    assert found["n_times"] == 101
+    assert invoke(["info", str(stored), "--recover"]) == 0  # which was asked for
+    assert part in capsys.readouterr().err
+
+
 def test_schema_is_json_and_has_a_reference(capsys: pytest.CaptureFixture[str]) -> None:
     assert invoke(["schema"]) == 0
     assert isinstance(output_json(capsys), dict)
@@ -269,7 +302,7 @@ def test_a_channel_of_the_file_that_is_not_there_is_refused_with_the_file(
         assert error["code"] == "model/unknown-name"
         (problem,) = error["errors"]
         assert (problem["file"], problem["line"]) == (str(wrong), number)
-        assert problem["help"] == "did you mean `velocity`?"
+        assert problem["help"] == "did you mean `rod.velocity`?"
     assert not (tmp_path / "rod.holonom").exists()
 
 

@@ -18,6 +18,7 @@ from holonom.cli.commands import invoke
 from holonom.pictures import svg
 from holonom.pictures.curves import components, curves, title
 from holonom.pictures.picture import Panel, Picture
+from holonom.pictures.runs import channels
 from holonom.pictures.traces import COLUMNS, envelope, trace, walked
 from holonom.result import Result
 from holonom.signals import spectrum
@@ -83,6 +84,57 @@ def test_a_spectrum_of_many_points_keeps_its_peaks(spring: Result) -> None:
     assert amplitude[top] == pytest.approx(found.amplitude[1:].max(), rel=0.02)
     assert hertz[top] == pytest.approx(5.0, abs=0.5)
     assert np.isfinite(amplitude).all()  # points between gaps would be no line
+
+
+def test_the_axis_of_a_spectrum_ends_where_amplitudes_tell_nothing(spring: Result) -> None:
+    picture = spring.plot("block.position[0]", fft=True, interval=1e-4)
+    ((hertz, _),) = drawn(picture)
+    found = spectrum(time := 1e-4 * np.arange(20001), spring.at(time)["block.position"][:, 0])
+    assert 5.0 < hertz[-1] < 0.2 * found.frequency[-1]
+    assert "of 5000 Hz" in picture.panels[0].note
+    beyond = found.amplitude[found.frequency > hertz[-1]]
+    level = picture.panels[0].level
+    assert beyond.max() < max(1e-6 * found.amplitude[1:].max(), level[0] if level else 0.0)
+    # What is seen to its end is drawn to its end.
+    ((hertz, _),) = drawn(spring.plot("block.position[0]", fft="rectangular", interval=0.05))
+    assert hertz[-1] == pytest.approx(10.0, rel=0.06)
+
+
+#: A body that turns about z at 4 rad/s.
+TURNING = """
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies.wheel]
+mass = 1.0
+inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+position = [0.0, 0.0, 0.0]
+[initial.bodies]
+wheel = { angular_velocity = [0.0, 0.0, 4.0] }
+"""
+
+
+@pytest.mark.parametrize("rows", [301, 30001])
+def test_an_angle_that_jumps_by_a_whole_turn_is_no_vertical_line(rows: int) -> None:
+    name = "wheel.yaw_pitch_roll[0]"
+    result = holonom.Model.from_text(TURNING).simulate(
+        end_time=3.0, interval=3.0 / (rows - 1), channels=["wheel.yaw_pitch_roll"]
+    )
+    for picture in (
+        result.plot(name),
+        result.plot(name, others=[result]),
+        channels(result, [name], whole=True),
+    ):
+        for x, y in drawn(picture):
+            finite = np.isfinite(y)
+            joined = finite[1:] & finite[:-1]
+            assert np.abs(np.diff(y)[joined]).max() < 0.1
+            assert (~finite).sum() == 2  # 12 rad are two turns, at π and 3π
+            assert set(y[finite]) <= set(result[name])
+            assert (np.diff(x) > 0.0).all()
+    for across, along in (("wheel.angular_velocity[2]", name), (name, "wheel.position[0]")):
+        ((_, y),) = drawn(result.plot(along, versus=across))
+        assert np.isnan(y).sum() == 2
 
 
 def test_a_filter_takes_what_is_fast(spring: Result) -> None:

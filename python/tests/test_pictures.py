@@ -159,6 +159,24 @@ def test_a_picture_is_drawn_on_axes_of_ones_own(stored: Path) -> None:
         assert len(picture.figure().axes) == 1
 
 
+def test_legends_of_matplotlib_cover_no_line() -> None:
+    t = np.linspace(0.0, 1.0, 50)
+    labels = ["x", "a run with a long name", "another run with a name that is longer still"]
+    lines = [Line(t, np.sin(9.0 * t + k), label) for k, label in enumerate(labels)]
+    panels = [Panel(lines, "m", "block.position", "ground axes"), Panel(lines[:1], "m", "y")]
+    figure = Picture("test", panels).figure()
+    figure.draw_without_rendering()
+    for axes, count in zip(figure.axes, (3, 1), strict=True):
+        legend = axes.get_legend()
+        assert legend is not None
+        assert len(legend.get_texts()) == count
+        box = legend.get_window_extent()
+        assert box.y0 >= axes.bbox.y1 - 0.5  # above the axes
+        assert box.x1 <= figure.bbox.x1
+        title = axes._left_title.get_window_extent()  # type: ignore[attr-defined]  # matplotlib has no other name
+        assert title.y0 >= box.y1 - 3.0
+
+
 def test_a_picture_is_one_line_where_no_notebook_shows_it() -> None:
     line = Line(np.arange(3.0), np.arange(3.0))
     assert repr(Picture("angle", [Panel([line], "rad")])) == "<picture 'angle': 1 panel>"

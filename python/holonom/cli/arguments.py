@@ -78,10 +78,15 @@ def opened(path: Path, *, recover: bool) -> Iterator[Result]:
     with Result.load(path, recover=recover) as result:
         yield result
         if result.damage:
-            shown = "; ".join(result.damage[:_DAMAGE_SHOWN])
-            more = len(result.damage) - _DAMAGE_SHOWN
-            text = f"{shown}; {more} more" if more > 0 else shown
-            complain(f"{path} is damaged, and lost are: {text} [result/damaged]", "warning")
+            complain(f"{lost(path, result.damage)} [result/damaged]", "warning")
+
+
+def lost(path: Path, damage: Sequence[str]) -> str:
+    """Return what of a damaged result is lost."""
+    shown = "; ".join(damage[:_DAMAGE_SHOWN])
+    more = len(damage) - _DAMAGE_SHOWN
+    text = f"{shown}; {more} more" if more > 0 else shown
+    return f"{path} is damaged, and lost are: {text}"
 
 
 @contextlib.contextmanager

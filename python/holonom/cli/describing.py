@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from holonom import library
-from holonom.base.errors import Exit, UsageError, describe
+from holonom.base.errors import Exit, FileError, UsageError, describe
 from holonom.base.text import one_line
 from holonom.cli.arguments import (
     Json,
@@ -17,10 +17,10 @@ from holonom.cli.arguments import (
     ResultFile,
     Values,
     load_model,
-    opened,
+    lost,
     output_to,
 )
-from holonom.cli.terminal import done, facts, print_json, print_summary, say
+from holonom.cli.terminal import complain, done, facts, print_json, print_summary, say
 
 
 def check(
@@ -41,19 +41,55 @@ def check(
 
 
 def info(result: ResultFile, recover: Recover = False, json_: Json = False) -> int:
-    """Say what a result file holds, and up to which time."""
-    with opened(result, recover=recover) as loaded:
+    """Say what a result file holds, up to which time, and whether all of it is whole."""
+    from holonom.result import Result
+
+    refused = "" if recover else _refused(result)
+    with Result.load(result, recover=True) as loaded:
+        damage = loaded.verify() or ([refused] if refused else [])
+        failure = None if recover or not damage else _left(result, damage)
         if json_:
-            print_json(facts(loaded))
-        else:
-            print_summary(loaded)
-            if loaded.status != "completed" and loaded.stop_reason:
-                say(describe(loaded.stop_reason))
-            for name in loaded.channels:
-                quantity = loaded.quantities[name]
-                shape = f" {list(quantity.shape)}" if quantity.shape else ""
-                say(one_line(f"  {name}{shape} {quantity.unit} {quantity.frame}").rstrip())
+            failed = {}
+            if failure is not None:
+                error = failure.to_json() | {"damage": damage}
+                failed = {"error": error, "exit_status": int(failure.exit_code)}
+            print_json(facts(loaded) | failed)
+            return Exit.OK if failure is None else failure.exit_code
+        print_summary(loaded)
+        if loaded.status != "completed" and loaded.stop_reason:
+            say(describe(loaded.stop_reason))
+        for name in loaded.channels:
+            quantity = loaded.quantities[name]
+            shape = f" {list(quantity.shape)}" if quantity.shape else ""
+            say(one_line(f"  {name}{shape} {quantity.unit} {quantity.frame}").rstrip())
+    if failure is not None:
+        raise failure
+    if damage:
+        complain(f"{lost(result, damage)} [result/damaged]", "warning")
     return Exit.OK
+
+
+def _refused(path: Path) -> str:
+    """Return why a result is refused where nothing of it may be lost; empty if it is not."""
+    from holonom.result import Result
+
+    try:
+        Result.load(path).close()
+    except FileError as error:
+        if error.code != "result/damaged":
+            raise
+        return str(error).partition("\n")[0]
+    return ""
+
+
+def _left(path: Path, damage: list[str]) -> FileError:
+    """Return the error about a damaged result of which the rest was shown."""
+    return FileError(
+        f"{lost(path, damage)}; what is told here of it is whole",
+        "`--recover`, with each command that reads results, reads the rest; a copy or a new run "
+        "has all",
+        code="result/damaged",
+    )
 
 
 def models(

@@ -54,6 +54,8 @@ class Curves:
         Of the components, in `unit`; what moves less than ten of them over the whole run is still.
     still : ndarray, shape (n,)
         Which components are.
+    wraps : bool
+        Whether these are angles that jump by a whole turn where they come to its end.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Curves:
     labels: list[str]
     tolerances: Series
     still: NDArray[np.bool_]
+    wraps: bool = False
 
 
 #: What moves less than so many tolerances is told to be still.
@@ -158,8 +161,11 @@ def curves(
         size = quantity.size if index is None else 1
         values = np.asarray(sampled[name] if sampled else result[name]).reshape(times.size, size)
         one = _measured(result, name, quantity, times, values, tolerance, peaks)
-        if treated and whole.endswith(".yaw_pitch_roll"):
-            one = replace(one, values=np.unwrap(one.values, axis=0))
+        if whole.endswith(".yaw_pitch_roll"):
+            if treated:
+                one = replace(one, values=np.unwrap(one.values, axis=0))
+            else:
+                one = replace(one, wraps=True)
         if low_pass is not None:
             one = replace(one, values=signals.low_pass(times, one.values, low_pass))
         if derivative:

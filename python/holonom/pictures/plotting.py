@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 FORMATS = ("svg", "pdf", "png")
 
 _INK = "#1f2326"
+_FONT, _SMALL = 9.0, 8.0  # pt
+_SAMPLE = 34.0  # pt, of a line in the legend with the gaps beside it
+_ROW = 12.0  # pt, of the legend
 _STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
     "axes.edgecolor": _INK,
@@ -31,7 +34,7 @@ _STYLE: dict[Any, Any] = {
     "axes.linewidth": 0.7,
     "axes.spines.right": False,
     "axes.spines.top": False,
-    "font.size": 9.0,
+    "font.size": _FONT,
     "grid.alpha": 0.25,
     "grid.color": _INK,
     "grid.linewidth": 0.5,
@@ -133,12 +136,39 @@ def draw(picture: Picture, axes: Axes | Sequence[Axes]) -> None:
             one.axhline(value, color=_INK, linewidth=0.8, linestyle=":", label=label)
         one.set_xscale("log" if picture.logarithmic else "linear")
         one.set_yscale("log" if panel.logarithmic else "linear")
-        one.set_title(", ".join(filter(None, (panel.title, panel.note))), loc="left", fontsize=9)
+        rows = _legend(one)
+        title = ", ".join(filter(None, (panel.title, panel.note)))
+        one.set_title(title, loc="left", fontsize=_FONT, pad=4.0 + _ROW * rows)
         one.set_ylabel(panel.label)
-        if panel.level is not None or any(line.label for line in panel.lines):
-            one.legend(loc="best", fontsize=8)
     if several:
         several[-1].set_xlabel(picture.label)
+
+
+def _legend(axes: Axes) -> int:
+    """Name the lines above the axes, where none of them is, and return in how many rows."""
+    handles, labels = axes.get_legend_handles_labels()
+    if not labels:
+        return 0
+    whole = axes.get_figure(root=True)
+    assert whole is not None
+    width = axes.get_position().width * whole.get_figwidth() * 72.0  # pt
+    entries = [svg.shortened(label, width - _SAMPLE, _SMALL) for label in labels]
+    widest = max(svg.text_width(text, _SMALL) for text in entries) + _SAMPLE
+    columns = min(max(int(width / widest), 1), len(entries))
+    axes.legend(
+        handles,
+        entries,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        fontsize=_SMALL,
+        borderaxespad=0.1,
+        borderpad=0.1,
+        columnspacing=1.2,
+        handlelength=1.8,
+        labelspacing=0.25,
+    )
+    return -(-len(entries) // columns)
 
 
 def _style(line: Line) -> dict[str, Any]:

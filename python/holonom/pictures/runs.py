@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from holonom.pictures.picture import (
     Series,
     thinned,
 )
-from holonom.pictures.traces import trace, walked
+from holonom.pictures.traces import broken, envelope, trace, walked
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 MOST_RUNS = 6
 #: A spectrum shows so much less than its largest amplitude.
 _DEPTH = 1e-6
+#: Its axis ends so far beyond the last amplitude that tells something; resolutions that it shows.
+_AIR, _LEAST_SHOWN = 1.15, 20.0
 #: Points of a spectrum's line, about one to a pixel.
 _PIXELS = 560
 
@@ -174,6 +177,7 @@ def _panels(
                     label=label,
                     color=COLORS[k % len(COLORS)],
                     dash=DASHES[k % len(DASHES)],
+                    wraps=one.wraps,
                 )
                 for k, (one, label) in enumerate(zip(rows, labels, strict=True))
             ]
@@ -184,7 +188,7 @@ def _panels(
             text = ", ".join(filter(None, (_stillness(least, unit) if still else "", notes)))
             yield Panel(lines, unit, heading, text, least=least if still else 0.0)
         return
-    draw = Line if whole else trace
+    draw = partial(_whole if whole else trace, wraps=first.wraps)
     marker = "circle" if first.time.size == 1 else ""  # a single row has no line to draw
     bounds = STILL * first.tolerances
     for number, together in enumerate(_together(first, bounds)):
@@ -210,6 +214,13 @@ def _panels(
         least = max((float(bounds[i]) for i in resting), default=0.0)
         unit = unit_of(first.unit, together[0], len(first.labels))
         yield Panel(lines, unit, heading, text, least=least)
+
+
+def _whole(t: Series, y: Series, *, label: str, color: str, marker: str, wraps: bool) -> Line:
+    """Return a line with every row, interrupted as `trace` does it."""
+    if wraps and envelope(t, y) is None:
+        t, y = broken(t, y)
+    return Line(t, y, label, color, marker)
 
 
 def _together(one: Curves, bounds: Series) -> list[list[int]]:
@@ -251,7 +262,12 @@ def _phases(
         for i, word in enumerate(first.labels):
             lines = []
             for k, (run, one) in enumerate(zip(over, rows, strict=True)):
-                x, y = walked(run.values[:, 0], one.values[:, i])
+                x, y = run.values[:, 0], one.values[:, i]
+                if one.wraps:
+                    x, y = broken(x, y)
+                if run.wraps:
+                    x, y = broken(x, y, x)
+                x, y = walked(x, y)
                 color, dash = COLORS[k % len(COLORS)], DASHES[k % len(DASHES)]
                 lines.append(Line(x, y, labels[k] if several else "", color, dash=dash))
             whole = f"{first.title}, {word}" if word else first.title
@@ -264,10 +280,16 @@ def _phases(
 def _spectra(
     found: Sequence[Sequence[Curves]], labels: Sequence[str], window: str, note: str
 ) -> Picture:
+    every = [
+        [signals.spectrum(one.time, one.values, window) for one in rows]
+        for rows in zip(*found, strict=True)
+    ]
+    ends = [_last_told(spectra, rows[0]) for spectra, *rows in zip(every, *found, strict=True)]
+    last, whole_range = max(ends), max(float(one.frequency[-1]) for row in every for one in row)
+    drawn = "" if last >= whole_range else f"drawn to {last:.3g} of {whole_range:.4g} Hz"
     panels = []
-    for rows in zip(*found, strict=True):
+    for spectra, *rows in zip(every, *found, strict=True):
         first: Curves = rows[0]
-        spectra = [signals.spectrum(one.time, one.values, window) for one in rows]
         told = (
             f"{window.replace('_', ' ')} window, resolution {spectra[0].resolution:.3g} Hz, "
             f"{first.time[0]:.4g} to {first.time[-1]:.4g} s"
@@ -280,9 +302,10 @@ def _spectra(
             for i in together:
                 for k, (one, label) in enumerate(zip(spectra, labels, strict=True)):
                     at = k if several else i
+                    seen = slice(1, np.searchsorted(one.frequency, last, side="right"))
                     lines.append(
                         Line(
-                            *_highest(one.frequency[1:], one.amplitude[1:, i], _DEPTH * top),
+                            *_highest(one.frequency[seen], one.amplitude[seen, i], _DEPTH * top),
                             label if several else first.labels[i],
                             COLORS[at % len(COLORS)],
                             dash=DASHES[k % len(DASHES)],
@@ -293,12 +316,30 @@ def _spectra(
             word = first.labels[together[0]] if several else ""
             whole = f"{first.title}, {word}" if word else first.title
             unit = unit_of(first.unit, together[0], len(first.labels))
-            notes = ", ".join(filter(None, (told, note)))
+            notes = ", ".join(filter(None, (told, drawn, note)))
             panels.append(
                 Panel(lines, f"amplitude, {unit}", whole, notes, logarithmic=True, level=level)
             )
     title_ = ", ".join(one.title for one in found[0])
     return Picture(f"amplitudes of {title_} by frequency", panels, "frequency, Hz", height=0.36)
+
+
+def _last_told(spectra: Sequence[signals.Spectrum], first: Curves) -> float:
+    """Return the frequency (Hz) that an axis ends at: beyond are amplitudes that tell nothing.
+
+    They are below one tolerance, or so far below the highest that they are not shown.
+    """
+    ends = []
+    for one in spectra:
+        amplitude = one.amplitude[1:]
+        least = np.maximum(first.tolerances, _DEPTH * np.nanmax(amplitude, axis=0, initial=0.0))
+        told = np.nonzero((amplitude > least).any(axis=1))[0]
+        last = one.frequency[told[-1] + 1] if told.size else 0.0
+        last = max(_AIR * last, _LEAST_SHOWN * one.resolution)
+        whole = float(one.frequency[-1])
+        # What would gain little is drawn to its end.
+        ends.append(last if last < 0.8 * whole else whole)
+    return max(ends)
 
 
 def _highest(x: Series, y: Series, least: float) -> tuple[Series, Series]:

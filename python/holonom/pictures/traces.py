@@ -14,15 +14,34 @@ _AROUND = 3
 
 
 def trace(
-    t: Series, y: Series, *, label: str = "", color: str = "", marker: str = "", dash: str = ""
+    t: Series,
+    y: Series,
+    *,
+    label: str = "",
+    color: str = "",
+    marker: str = "",
+    dash: str = "",
+    wraps: bool = False,
 ) -> Line:
-    """Return a signal as a line, with its range and its mean where it turns back too often."""
+    """Return a signal as a line, with its range and its mean where it turns back too often.
+
+    Where `wraps`, the line is interrupted at jumps by a whole turn.
+    """
     color = color or COLORS[0]
     found = envelope(t, y)
     if found is None:
+        if wraps:
+            t, y = broken(t, y)
         return Line(*thinned(t, y), label=label, color=color, marker=marker, dash=dash)
     x, low, high, mean = found
     return Line(x, mean, label, color, marker, dash=dash, band=(x, low, high))
+
+
+def broken(x: Series, y: Series, angle: Series | None = None) -> tuple[Series, Series]:
+    """Return a line that is interrupted where an angle, or `y`, jumps by more than half a turn."""
+    jumps = np.nonzero(np.abs(np.diff(y if angle is None else angle)) > np.pi)[0] + 1
+    middle = 0.5 * (x[jumps - 1] + x[jumps])
+    return np.insert(x, jumps, middle), np.insert(y, jumps, np.nan)
 
 
 def envelope(t: Series, y: Series) -> tuple[Series, Series, Series, Series] | None:

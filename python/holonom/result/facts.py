@@ -13,6 +13,7 @@ from holonom.base.record import Record
 from holonom.certificate import Certification
 from holonom.model import Model
 from holonom.store.memory import Stored
+from holonom.store.reader import Reader
 
 
 class Facts:
@@ -33,6 +34,18 @@ class Facts:
     def damage(self) -> list[str]:
         """Parts of the file that were found damaged so far; always empty without ``recover``."""
         return list(getattr(self._reader, "damage", []))
+
+    def verify(self) -> list[str]:
+        """Read all of the file, and return `damage`, which then names every part that is lost.
+
+        Raises
+        ------
+        FileError
+            ``result/damaged``, at the first one, without ``recover``.
+        """
+        if isinstance(self._reader, Reader):
+            self._reader.verify()
+        return self.damage
 
     @property
     def meta(self) -> dict[str, Any]:

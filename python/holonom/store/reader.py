@@ -12,8 +12,9 @@ import math
 import os
 import sqlite3
 from bisect import bisect_right
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -219,6 +220,34 @@ class Reader(Contents):
             else:
                 found.append(event)
         return found
+
+    def verify(self) -> None:
+        """Read all there is, so that `damage` names every part that is lost.
+
+        Raises
+        ------
+        FileError
+            ``result/damaged``, at the first one, if `recover` was not asked for.
+        """
+        for name in self.quantities:
+            for chunk in self._rows:
+                if len(self.damage) > MOST_DAMAGE:
+                    return
+                self._verify(partial(self._blob, chunk, name))
+        self._verify(self.steps)
+        self._verify(self.events)
+        for number in self._dense[:, 0].astype(int).tolist():
+            part = f"the steps of chunk {number}"
+            self._verify(partial(self._dense_steps, number), part)
+
+    def _verify(self, read: Callable[[], object], part: str = "") -> None:
+        """Read something; note as lost what is refused even where reading goes on."""
+        try:
+            read()
+        except FileError as error:
+            if not self._recover:
+                raise
+            self._note(part or str(error).partition("\n")[0])
 
     def amend(self, meta: Mapping[str, Any]) -> None:
         """Store more entries of ``meta``, what is learnt about a run after its end."""

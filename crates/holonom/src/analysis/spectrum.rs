@@ -98,6 +98,14 @@ pub fn fastest(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> 
             values.pop();
         }
     }
+    // What has neither stiffness nor damping has a double zero, of [0 1; 0 0] in (q, q̇): round-off of m ε ‖H‖ in place of
+    // the lower 0 makes a λ² of that size.
+    let round_off = size as f64 * f64::EPSILON * norm(&hessenberg);
+    for z in &mut values {
+        if z.0 * z.0 + z.1 * z.1 <= round_off {
+            *z = (0.0, 0.0);
+        }
+    }
     Ok(values)
 }
 

@@ -1,6 +1,6 @@
 //! Output channels of a file against those that its model has.
 
-use super::names::suggest;
+use super::names::{ERRORS_WITH_HELP, nearest, suggest};
 use crate::error::{Code, Diagnostic};
 use crate::simulation::Problem;
 use glob::Pattern;
@@ -36,7 +36,15 @@ pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
             ),
             _ => (
                 format!("`{path}` names the channel `{wanted}`, which is not there"),
-                suggest(&errors, quantity, "quantities", known.iter().copied()),
+                match nearest(whole, known.iter().copied()) {
+                    Some(meant) if errors.len() < ERRORS_WITH_HELP => {
+                        let component = format!("{item}.{meant}{}", &quantity[whole.len()..]);
+                        let fits = component.ends_with(']') && is_there(problem, &component);
+                        let meant = if fits { component } else { format!("{item}.{meant}") };
+                        format!("did you mean `{meant}`?")
+                    }
+                    _ => suggest(&errors, quantity, "quantities", known.iter().copied()),
+                },
             ),
         };
         errors.push(Diagnostic::new(Code::UnknownName, path, message).help(help));

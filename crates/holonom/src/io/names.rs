@@ -68,7 +68,7 @@ pub(super) fn nearest<'a>(
 /// Names that are compared for one suggestion, and errors that get one: a large file with an error in
 /// every line is answered at once too.
 const COMPARED: usize = 10_000;
-const ERRORS_WITH_HELP: usize = 100;
+pub(super) const ERRORS_WITH_HELP: usize = 100;
 
 /// Help for an unknown name, unless there are many errors already.
 pub(super) fn suggest<'a>(

@@ -5,7 +5,7 @@
 
 use super::accelerations::{Accelerations, Accelerator};
 use super::chart::Chart;
-pub use super::closing::Conflict;
+pub use super::closing::{Conflict, FrameAxes};
 use super::closing::{closed, contradiction, scale};
 use super::manifold::Manifold;
 use super::parametrization::Parametrization;
@@ -50,8 +50,9 @@ pub enum AssemblyError {
     },
     /// A stated coordinate of a joint contradicts the joints or other stated values.
     #[error(
-        "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: {residual:.3e} are left, \
-         {allowed:.0e} allowed"
+        "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: {residual:.3e} {row_unit} are left, \
+         {allowed:.0e} allowed",
+        allowed = PROJECTED
     )]
     StatedJoint {
         /// Name of the field, `angle`.
@@ -64,10 +65,10 @@ pub enum AssemblyError {
         unit: &'static str,
         /// Joint and row that keep the largest residual.
         row: String,
-        /// That residual, m, rad, m/s or rad/s.
+        /// That residual.
         residual: f64,
-        /// Largest residual that is projected away.
-        allowed: f64,
+        /// Its unit: m, rad, m/s or rad/s.
+        row_unit: &'static str,
     },
     /// The joints cannot be closed.
     #[error(
@@ -84,6 +85,8 @@ pub enum AssemblyError {
         unit: &'static str,
         /// What it cannot be met together with.
         others: Conflict,
+        /// Axes that these rows are named by.
+        axes: FrameAxes,
     },
     /// Redundant constraints contradict each other.
     #[error("{row} contradicts {others}: at {level} level they differ by {residual:.3e} {unit}")]
@@ -176,10 +179,22 @@ impl AssemblyError {
             Self::Inconsistent { .. } | Self::StatedJoint { .. } => {
                 "state fewer values, or set `initial.assembly = \"adjust\"` to treat them as guesses"
             }
-            Self::Unreachable { .. } => {
-                "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or start nearer \
-                 to an assembled configuration. f, g and h are axes of the joint's frame on its first body, h its own axis"
-            }
+            Self::Unreachable { axes, .. } => match axes {
+                FrameAxes::None => {
+                    "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or \
+                     start nearer to an assembled configuration"
+                }
+                FrameAxes::Planar => {
+                    "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or \
+                     start nearer to an assembled configuration. f and g are axes on the joint's first body, f its own \
+                     axis"
+                }
+                FrameAxes::Spatial => {
+                    "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or \
+                     start nearer to an assembled configuration. f, g and h are axes of the joint's frame on its first \
+                     body, h its own axis"
+                }
+            },
             Self::Contradiction { .. } => {
                 "these joints or drivers prescribe the same motion differently; remove or change one of them"
             }
@@ -414,7 +429,7 @@ fn direction(system: &dyn System, coordinate: usize) -> String {
 }
 
 /// Unit of what a row leaves at a level, positions being 0.
-pub(super) fn unit_of_row(system: &dyn System, row: usize, level: usize) -> &'static str {
+pub(crate) fn unit_of_row(system: &dyn System, row: usize, level: usize) -> &'static str {
     match system.structure().row_measure[row] {
         Measure::Length => ["m", "m/s", "m/s²"][level],
         Measure::Angle => ["rad", "rad/s", "rad/s²"][level],
@@ -427,8 +442,25 @@ fn refuse_coincident_ends(
     model: &Model,
     state: &State,
 ) -> Result<(), AssemblyError> {
+    match coincident_ends(system, model, state, 0.0) {
+        None => Ok(()),
+        Some((item, Some(force))) => {
+            Err(AssemblyError::CoincidentEnds { item: item.to_owned(), force })
+        }
+        Some((item, None)) => Err(AssemblyError::CoincidentSeries { item: item.to_owned() }),
+    }
+}
+
+/// The first spring whose ends are nearer to each other than `near`, m, or than round-off, and whose force acts there, where
+/// it has no direction; with its elastic force, N, if that depends on the length alone.
+pub(crate) fn coincident_ends<'a>(
+    system: &dyn System,
+    model: &'a Model,
+    state: &State,
+    near: f64,
+) -> Option<(&'a str, Option<f64>)> {
     let sample = Sample::new(state);
-    for force in &model.forces {
+    model.forces.iter().find_map(|force| {
         let (elastic, free_length) = match &force.kind {
             ForceKind::Tsda { law, free_length, .. } => {
                 let elastic = match law {
@@ -438,23 +470,15 @@ fn refuse_coincident_ends(
                 (Some(elastic), *free_length)
             }
             ForceKind::Maxwell { free_length, .. } => (None, *free_length),
-            _ => continue,
+            _ => return None,
         };
         let name = format!("{}.length", force.name);
-        let Some(channel) = system.channel_named(&name).filter(|_| elastic != Some(0.0)) else {
-            continue;
-        };
+        let channel = system.channel_named(&name).filter(|_| elastic != Some(0.0))?;
         let mut length = [0.0];
         system.channel(&channel, &sample, &mut length);
-        if length[0] <= COINCIDENT * free_length.max(system.characteristic_length()) {
-            let item = force.name.clone();
-            return Err(match elastic {
-                Some(force) => AssemblyError::CoincidentEnds { item, force },
-                None => AssemblyError::CoincidentSeries { item },
-            });
-        }
-    }
-    Ok(())
+        let least = COINCIDENT * free_length.max(system.characteristic_length());
+        (length[0] <= least.max(near)).then_some((force.name.as_str(), elastic))
+    })
 }
 
 /// M̂ must be positive definite.

@@ -25,6 +25,7 @@ pub(super) fn closed(
     from: &State,
 ) -> Result<(State, f64), AssemblyError> {
     let coordinates = stated(model, level);
+    let number = usize::from(level != Level::Position);
     let keep = model.initial.assembly == Assembly::Keep;
     let attempt = |count: usize| Attempt::new(system, model, level, from, &coordinates[..count]);
     let all = attempt(coordinates.len());
@@ -53,11 +54,10 @@ pub(super) fn closed(
                 unit: unit(c),
                 row: failed.told(model, level, &coordinates[..=count]),
                 residual: failed.residual,
-                allowed: PROJECTED,
+                row_unit: unit_of_row(failed.system.as_ref(), failed.row, number),
             });
         }
     }
-    let number = usize::from(level != Level::Position);
     // What cannot be closed with everything free is no fault of what is stated.
     let everything = everything(system.as_ref());
     let mut state = plain.state;
@@ -83,11 +83,13 @@ pub(super) fn closed(
         Some(residual) if residual > PROJECTED => (most, residual),
         _ => (worst, left),
     };
-    let others = Conflict::of(system.as_ref(), &open, worst);
+    let rows = Conflict::rows(system.as_ref(), &open, worst);
+    let axes = FrameAxes::of(system.as_ref(), rows.iter().take(SHOWN).chain([&worst]));
+    let others = Conflict::named(system.as_ref(), &rows);
     let (row, item) = (system.row_name(worst), system.row_item(worst).0.to_owned());
     let unit = unit_of_row(system.as_ref(), worst, number);
     Err(match level {
-        Level::Position => AssemblyError::Unreachable { row, item, residual, unit, others },
+        Level::Position => AssemblyError::Unreachable { row, item, residual, unit, others, axes },
         Level::Velocity => {
             let level = "velocity";
             AssemblyError::Contradiction { level, row, item, residual, unit, others }
@@ -142,6 +144,15 @@ const PART: f64 = 0.05;
 impl Conflict {
     /// Those that with `row` take part in a [`contradiction`].
     pub(super) fn of(system: &dyn System, left: &[f64], row: usize) -> Self {
+        Self::named(system, &Self::rows(system, left, row))
+    }
+
+    fn named(system: &dyn System, rows: &[usize]) -> Self {
+        Self(rows.iter().map(|&k| system.row_name(k)).collect())
+    }
+
+    /// One row of each.
+    fn rows(system: &dyn System, left: &[f64], row: usize) -> Vec<usize> {
         let most = left.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let mut largest: Vec<(&str, usize)> = Vec::new();
         for (k, x) in left.iter().enumerate().filter(|(_, x)| x.abs() > PART * most) {
@@ -157,7 +168,32 @@ impl Conflict {
         }
         let own = system.row_item(row).0;
         let others = largest.into_iter().filter(|(item, _)| *item != own);
-        Self(others.map(|(_, k)| system.row_name(k)).collect())
+        others.map(|(_, k)| k).collect()
+    }
+}
+
+/// Axes of frames of joints that the names of rows speak of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FrameAxes {
+    /// None, but perhaps those of the ground.
+    None,
+    /// f and g.
+    Planar,
+    /// f, g and h.
+    Spatial,
+}
+
+impl FrameAxes {
+    fn of<'a>(system: &dyn System, mut rows: impl Iterator<Item = &'a usize>) -> Self {
+        let of_frame = |&row: &usize| {
+            let motion = system.row_item(row).1.motion();
+            motion.is_some_and(|(_, axis)| axis.of_frame().is_some())
+        };
+        match system.structure().sizes.translations {
+            _ if !rows.any(of_frame) => Self::None,
+            2 => Self::Planar,
+            _ => Self::Spatial,
+        }
     }
 }
 

@@ -9,14 +9,14 @@ use crate::model::{Model, MotionTable, Tolerance, motion_tables};
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::Coordinates;
 use crate::reduction::accelerations::{Accelerations, Refusal};
-use crate::reduction::assembly::{AssemblyError, PROJECTED};
+use crate::reduction::assembly::{AssemblyError, PROJECTED, unit_of_row};
 use crate::reduction::{Manifold, largest_index};
 use crate::system::{Channel, State, System};
 use crate::watch::GivenUp;
 use std::sync::Arc;
 
 /// Smallest tolerance: a step's error cannot be told from the round-off of its arithmetic below.
-const SMALLEST_TOLERANCE: f64 = 1e-13;
+pub(super) const SMALLEST_TOLERANCE: f64 = 1e-13;
 /// Last time at which a run may end, s.
 const LATEST: f64 = 1e12;
 /// Largest number of output rows of a run.
@@ -216,7 +216,7 @@ pub enum RunError {
     },
     /// A start state that contradicts a joint.
     #[error(
-        "the start state contradicts {row}: {level} residual {residual:.3e}, allowed {allowed:.1e}"
+        "the start state contradicts {row}: {level} residual {residual:.3e} {unit}, allowed {allowed:.1e}"
     )]
     InconsistentState {
         /// `position` or `velocity`.
@@ -225,8 +225,10 @@ pub enum RunError {
         row: String,
         /// Name of the joint, driver or body.
         item: String,
-        /// Residual, m, rad, m/s or rad/s.
+        /// What is left of it.
         residual: f64,
+        /// m, rad, m/s or rad/s.
+        unit: &'static str,
         /// Largest residual that is projected away.
         allowed: f64,
     },
@@ -533,7 +535,8 @@ pub(super) fn check_state(system: &dyn System, state: &State) -> Result<(), RunE
         match residual.get(worst) {
             Some(&residual) if residual.abs() > allowed || residual.is_nan() => {
                 let (row, item) = (system.row_name(worst), system.row_item(worst).0.to_owned());
-                Err(RunError::InconsistentState { level, row, item, residual, allowed })
+                let unit = unit_of_row(system, worst, usize::from(level == "velocity"));
+                Err(RunError::InconsistentState { level, row, item, residual, unit, allowed })
             }
             _ => Ok(()),
         }

@@ -3,7 +3,7 @@
 use super::checks::RunError;
 use super::options::{Options, OutputTimes};
 use crate::error::told;
-use crate::method::{Code, Newmark, Profile};
+use crate::method::{CODES, Code, Newmark, Profile};
 use crate::model::{Model, Tolerance};
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::accelerations::Accelerations;
@@ -11,8 +11,11 @@ use crate::reduction::{Choice, Coordinates};
 use crate::threads::Threads;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
+use std::collections::BTreeSet;
 
 const MOST_THREADS: usize = 1024;
+/// The family of a formula that is stated without one.
+const FAMILY: &str = "first_order";
 /// 2⁵³: beyond, not every whole number is one of 64 bits of a file.
 const LARGEST_WHOLE: f64 = 9_007_199_254_740_992.0;
 
@@ -59,6 +62,35 @@ pub struct ToleranceParts {
     pub rotation: Option<f64>,
 }
 
+/// A word of a method that names none.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UnknownWord {
+    /// The option, `method` or `formula`.
+    pub option: &'static str,
+    /// What it was given.
+    pub word: String,
+    /// The words it knows; of a formula, those of the method.
+    pub known: Vec<&'static str>,
+}
+
+/// The word by which a stated method or formula is none that there is, if so.
+pub fn unknown_method(method: Option<&str>, formula: Option<&str>) -> Option<UnknownWord> {
+    let named = method.unwrap_or(FAMILY);
+    if Code::find(named, None).is_err() {
+        let codes = CODES.iter().map(|info| info.name);
+        let mut known: Vec<&str> = codes.chain(CODES.iter().map(|info| info.family)).collect();
+        let mut seen = BTreeSet::new();
+        known.retain(|&name| seen.insert(name));
+        return Some(UnknownWord { option: "method", word: named.to_owned(), known });
+    }
+    let word = formula.filter(|formula| Code::find(named, Some(formula)).is_err())?;
+    let formulas = CODES.iter().map(|info| info.formula);
+    let known = formulas.filter(|formula| Code::find(named, Some(formula)).is_ok());
+    let mut seen = BTreeSet::new();
+    let known = known.filter(|&formula| seen.insert(formula)).collect();
+    Some(UnknownWord { option: "formula", word: word.to_owned(), known })
+}
+
 impl Choices {
     /// First time of a run, s: that of the state it starts from, if it does.
     ///
@@ -103,7 +135,7 @@ impl Choices {
         };
         let code = match (method, formula) {
             (None, None) => usual.code,
-            _ => Code::find(method.map_or("first_order", String::as_str), formula)?,
+            _ => Code::find(method.map_or(FAMILY, String::as_str), formula)?,
         };
         let profile = self.profile.as_deref().or(file.profile);
         let profile = word("profile", profile, &Profile::ALL)?.unwrap_or(usual.profile);

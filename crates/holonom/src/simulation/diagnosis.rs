@@ -20,6 +20,10 @@ const SHORTER: &str =
 const SHORTER_OR_DEAD_POINT: &str = "take a smaller `fixed_step`, or leave it out; where that does not help, the \
     mechanism comes to a dead point: change its lengths or its start, or stop before it";
 
+/// What to try where the ends of a spring have met.
+const APART: &str = "let its force vanish with its length, as with `free_length = 0`, or keep its ends apart: a little \
+    beside each other where they pass, or by a stop";
+
 /// Why the loop ended early.
 pub(super) enum Stop {
     Interrupted,
@@ -49,6 +53,8 @@ pub(super) struct Suspects {
     kinks: Vec<String>,
     /// A coordinate that has left the range in which squares are numbers, with its size.
     runaway: Option<(String, f64)>,
+    /// A spring whose ends have met, where its force has no direction.
+    pub(super) met: Option<String>,
     /// Joint and coordinate that are nearest to losing their hold.
     weakest: (Option<String>, Option<String>),
 }
@@ -102,6 +108,7 @@ impl Suspects {
             changed: changed.map(|c| c.1),
             runaway,
             kinks: owned(system.kinks_at(state.t)),
+            met: None,
             weakest,
         }
     }
@@ -126,6 +133,34 @@ impl Suspects {
 
 /// Status and reason of a run that ended at `time`.
 pub(super) fn diagnose(
+    stop: Result<(), Stop>,
+    time: f64,
+    options: &Options,
+    suspects: &Suspects,
+    system: &dyn System,
+) -> (Status, StopReason) {
+    let slowed = matches!(stop, Err(Stop::MaxSteps | Stop::MaxSeconds));
+    // What runs away does so whatever has met.
+    let failed = matches!(stop, Err(Stop::Failed { .. })) && suspects.runaway.is_none();
+    let (status, mut reason) = ended(stop, time, options, suspects, system);
+    if let Some(item) = suspects.met.as_ref().filter(|_| slowed || failed) {
+        say_met(item, slowed, &mut reason);
+    }
+    (status, reason)
+}
+
+/// Says that the ends of a spring have met, which is the reason of a failure and likely that of a run that is `slowed`.
+fn say_met(item: &str, slowed: bool, reason: &mut StopReason) {
+    let met = format!("the ends of `{item}` have met, where its force has no direction");
+    reason.message = if slowed {
+        format!("{}; {met}", reason.message)
+    } else {
+        format!("{met}: {}", reason.message)
+    };
+    (reason.item, reason.help) = (Some(item.to_owned()), APART);
+}
+
+fn ended(
     stop: Result<(), Stop>,
     time: f64,
     options: &Options,
@@ -258,4 +293,28 @@ fn failure(
         ),
     };
     StopReason { code, message, time, step_size, item, coordinate, help }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_spring_whose_ends_have_met_is_named_and_not_a_joint() {
+        let mut reason = StopReason {
+            code: "simulation/branch",
+            message: "`pin` would leave the branch".into(),
+            time: 0.5,
+            step_size: 1e-12,
+            item: Some("pin".into()),
+            coordinate: None,
+            help: "change lengths",
+        };
+        let mut limited = StopReason { message: "`max_steps` reached".into(), ..reason.clone() };
+        say_met("spring", false, &mut reason);
+        assert!(reason.message.starts_with("the ends of `spring` have met"), "{}", reason.message);
+        assert_eq!((reason.item.as_deref(), reason.help), (Some("spring"), APART));
+        say_met("spring", true, &mut limited);
+        assert!(limited.message.starts_with("`max_steps` reached; the ends of `spring`"));
+    }
 }

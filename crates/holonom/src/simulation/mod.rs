@@ -28,7 +28,7 @@ mod warnings;
 
 pub use checkpoint::Checkpoint;
 pub use checks::RunError;
-pub use choices::{Choices, ToleranceParts};
+pub use choices::{Choices, ToleranceParts, UnknownWord, unknown_method};
 pub use dense::{ChartRecord, DenseOutput, Segments};
 pub use options::{Options, OutputTimes};
 pub use problem::{

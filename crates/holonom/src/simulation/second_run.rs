@@ -1,7 +1,7 @@
 //! A second run that tells how far a suspicious one is off.
 
 use super::carried_error::{CarriedError, Milestones};
-use super::checks::RunError;
+use super::checks::{RunError, SMALLEST_TOLERANCE};
 use super::options::{Options, OutputTimes};
 use super::problem::Problem;
 use super::run::{Start, Summary, once};
@@ -66,6 +66,7 @@ pub(super) fn compare(
         place: milestones.start.clone(),
         difference: vec![0.0; milestones.start.q.len()],
         compared: 0,
+        before: None,
         worst: None,
     };
     let outcome =
@@ -80,20 +81,19 @@ pub(super) fn compare(
         outcome => return Some(warning(unfinished(outcome))),
     };
     let allowed = if doubtful { UNCERTAIN } else { FAR };
-    let Far { item, tolerances, by, t } =
-        comparison.worst.filter(|worst| worst.tolerances > allowed)?;
-    let fold = 10f64.powf((tolerances / MET).log10().ceil());
+    let far = comparison.worst.filter(|worst| worst.tolerances > allowed)?;
     let doubt = if doubtful { ", which may be off itself" } else { "" };
     let shorter = if shows {
         format!(", or set `max_step` to {max_step:.1e} s, as longer steps do not show what grows")
     } else {
         String::new()
     };
+    let advice = far.advice(options, &milestones.start, system.characteristic_length(), &shorter);
+    let Far { item, tolerances, by, t, .. } = far;
     Some(warning(format!(
-        "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances ({by}) away \
-         from where a second run, at a tenth of the tolerance{doubt}, has it at t = {t:.4} s, and what comes later may be \
-         further off; tighten the tolerance, {fold:.0}-fold at least if it is to be met{shorter}, and compare with another \
-         code"
+        "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances of its position and \
+         orientation ({by}) away from where a second run, at a tenth of the tolerance{doubt}, has it at t = {t:.4} s, and \
+         what comes later may be further off; {advice}"
     )))
 }
 
@@ -121,6 +121,55 @@ struct Far {
     by: String,
     /// s
     t: f64,
+    /// Time, s, of the comparison before, and the difference there in tolerances.
+    before: Option<(f64, f64)>,
+}
+
+/// What may be had where errors grow beyond any tolerance.
+const BEYOND: &str =
+    "a shorter run can be predicted, or statistics over runs from slightly different starts";
+
+impl Far {
+    /// What to do about it; `shorter` is said beside a tighter tolerance.
+    fn advice(&self, options: &Options, start: &State, length: f64, shorter: &str) -> String {
+        let most = largest_fold(options.tolerance, length);
+        let fold = 10f64.powf((self.tolerances / MET).log10().ceil());
+        let least = SMALLEST_TOLERANCE;
+        if fold > most {
+            return format!(
+                "the motion amplifies errors too strongly to be predicted so far: no tolerance that the arithmetic can \
+                 keep, {least:.0e} relative at least, is tight enough; {BEYOND}"
+            );
+        }
+        let tighten = format!(
+            "tighten the tolerance, {fold:.0}-fold at least if it is to be met until then{shorter}, and compare with \
+             another code"
+        );
+        if fold * self.growth_to(options.end_time, start.t) <= most {
+            return tighten;
+        }
+        format!(
+            "{tighten}; where errors go on growing as they did before, no tolerance that the arithmetic can keep, \
+             {least:.0e} relative at least, is tight enough for the whole run: {BEYOND}"
+        )
+    }
+
+    /// Growth until `end`, s, of what began at `start`, s, and grows by the power of time that it grew by since the
+    /// comparison before: what grows exponentially grows more. One where nothing is known of it.
+    fn growth_to(&self, end: f64, start: f64) -> f64 {
+        let Some((before, difference)) = self.before else { return 1.0 };
+        let grown = self.tolerances / difference.max(1.0); // less than one is no growth to go by
+        let power = grown.ln() / ((self.t - start) / (before - start)).ln();
+        let growth = ((end - start) / (self.t - start)).powf(power.max(0.0));
+        if growth.is_nan() { 1.0 } else { growth }
+    }
+}
+
+/// How many times tighter a tolerance may be for a model of characteristic length `length`, m.
+fn largest_fold(tolerance: Tolerance, length: f64) -> f64 {
+    let Tolerance { relative, translation, rotation } = tolerance;
+    let translation = translation / length.min(1.0);
+    relative.min(translation).min(rotation) / SMALLEST_TOLERANCE
 }
 
 /// Compares the places of the second run with those of the first as they come.
@@ -132,6 +181,8 @@ struct Comparison<'a> {
     place: State,
     difference: Vec<f64>,
     compared: usize,
+    /// Time, s, and difference in tolerances of the last row.
+    before: Option<(f64, f64)>,
     /// The largest difference, up to the first that is far.
     worst: Option<Far>,
 }
@@ -178,8 +229,9 @@ impl Comparison<'_> {
             // Euler parameters turn by half the angle.
             let turned = if own.len() == 7 { 2.0 * turned } else { turned };
             let by = format!("{moved:.1e} m, {turned:.1e} rad");
-            self.worst = Some(Far { item, tolerances, by, t });
+            self.worst = Some(Far { item, tolerances, by, t, before: self.before });
         }
+        self.before = Some((t, tolerances));
     }
 }
 
@@ -202,5 +254,50 @@ impl Sink for Comparison<'_> {
         }
         let end = self.milestones.times.last().copied().unwrap_or(self.milestones.start.t);
         self.sink.progress(end, step_size, steps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn far(tolerances: f64, t: f64, before: Option<(f64, f64)>) -> Far {
+        Far { item: "bob".into(), tolerances, by: String::new(), t, before }
+    }
+
+    #[test] // independent truth: tolerances down to 1e-13 can be kept, as docs/conventions.md says
+    fn a_tighter_tolerance_is_advised_where_there_is_one() {
+        let advice = |far: &Far, tolerance: f64| {
+            let options =
+                Options { tolerance: Tolerance::uniform(tolerance), ..Options::new(100.0) };
+            far.advice(&options, &State::default(), 1.0, "")
+        };
+        let alone = far(60.0, 10.0, None);
+        assert!(advice(&alone, 1e-4).starts_with("tighten the tolerance, 10-fold at least"));
+        assert!(!advice(&alone, 1e-4).contains("whole run"));
+        // 6e9 tolerances of 1e-5 ask for 1e-14.
+        let lost = far(6e9, 10.0, Some((5.0, 1.0)));
+        assert!(advice(&lost, 1e-5).contains("too strongly to be predicted"));
+        assert!(!advice(&lost, 1e-5).contains("tighten"));
+        // What adds up evenly is ten times larger in the end, what grows 1e4-fold in a twelfth of the run is not met.
+        let even = far(60.0, 10.0, Some((5.0, 30.0)));
+        assert!(!advice(&even, 1e-4).contains("whole run"));
+        let chaotic = far(1e4, 10.0, Some((5.0, 1.0)));
+        let said = advice(&chaotic, 1e-4);
+        assert!(said.contains("1000-fold at least") && said.contains("whole run"), "{said}");
+    }
+
+    #[test] // independent truth: powers by hand
+    fn growth_goes_on_by_its_power() {
+        for (t, before, end, start, growth) in [
+            (4.0, Some((2.0, 20.0)), 8.0, 0.0, 4.0),
+            (5.0, Some((3.0, 20.0)), 9.0, 1.0, 4.0),
+            (4.0, Some((2.0, 160.0)), 8.0, 0.0, 1.0),
+            (4.0, Some((0.0, 20.0)), 8.0, 0.0, 1.0),
+            (4.0, None, 8.0, 0.0, 1.0),
+        ] {
+            let found = far(80.0, t, before).growth_to(end, start);
+            assert!((found - growth).abs() < 1e-12, "{before:?}: {found}");
+        }
     }
 }

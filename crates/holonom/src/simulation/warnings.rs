@@ -58,9 +58,11 @@ pub(super) fn warnings(
     }
     let share = LARGEST_IMBALANCE.max(TOLERANCES * options.tolerance.relative);
     if e.largest_imbalance > (share * e.moved).max(negligible) {
+        // Where that is what counts, not the least share.
+        let relative = if share > LARGEST_IMBALANCE { ", ten relative tolerances" } else { "" };
         let message = format!(
             "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved, more \
-                 than {:.2} %; the motion or forces of stiff elements may be wrong: tighten the \
+                 than {:.2} %{relative}; the motion or forces of stiff elements may be wrong: tighten the \
                  tolerance, compare with another code, or measure the error with `certify`",
             e.largest_imbalance,
             e.moved,
@@ -72,8 +74,8 @@ pub(super) fn warnings(
             if options.parametrization == Choice::Tree { "" } else { " use tree coordinates," };
         let message = format!(
             "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what \
-                 turns many times this adds up to about {:.0} tolerances, and to more where small errors \
-                 grow: tighten the tolerance,{coordinates} or measure the error with `certify`",
+                 turns many times this adds up to about {:.0} tolerances of an angle or of a place along a \
+                 path, and to more where small errors grow: tighten the tolerance,{coordinates} or measure the error with `certify`",
             e.largest_imbalance, e.moved, drift
         );
         out.push(RunWarning { code: "simulation/energy-imbalance", message });

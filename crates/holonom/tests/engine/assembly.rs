@@ -98,7 +98,32 @@ fn a_loop_that_cannot_close_is_refused() {
     let error = refusal(&four_bar(rod));
     assert_eq!(error.code(), "assembly/unreachable");
     assert_eq!(error.item(), Some("far"));
-    assert!(!error.help().is_empty());
+    assert!(error.help().contains("assembled configuration"));
+    assert!(!explains_axes(&error), "{error}: {}", error.help());
+}
+
+/// Whether the advice says what the letters of axes in the names of rows mean.
+fn explains_axes(error: &AssemblyError) -> bool {
+    error.help().contains("f, g and h are axes") || error.help().contains("f and g are axes")
+}
+
+#[test] // truth: a guide along x and a pin 0.1 m above it; planar frames have no third axis
+fn a_guide_that_cannot_be_met_is_told_with_its_axes() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+block = { mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }
+[joints]
+guide = { type = "translational", between = ["ground", "block"], point = [0.0, 0.0], axis = [1.0, 0.0] }
+pin = { type = "revolute", between = ["ground", "block"], points_in_body = [[0.0, 0.1], [0.0, 0.0]] }
+"#,
+    );
+    let error = refusal(&Problem::new(model));
+    assert!(error.to_string().contains("translation along g"), "{error}");
+    assert!(error.help().contains("f and g are axes"), "{}", error.help());
 }
 
 /// Items that a refusal names.
@@ -152,6 +177,11 @@ fn a_loop_in_space_that_cannot_close_names_its_joints() {
         let error = refusal(&Problem::new(model_of(&text)));
         assert_eq!(error.code(), "assembly/unreachable");
         assert_eq!(named(&error), ["a", "b", "c", "d"], "{error}");
+        let text = error.to_string();
+        let speaks = ["f", "g", "h"]
+            .iter()
+            .any(|axis| text.split([' ', ';', ':']).any(|word| word == *axis));
+        assert_eq!(explains_axes(&error), speaks, "{text}: {}", error.help());
     }
 }
 

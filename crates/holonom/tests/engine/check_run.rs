@@ -92,7 +92,6 @@ fn what_is_beyond_a_stated_joint_is_carried_along_also_where_its_body_says_the_s
 fn choices_of_the_file_that_a_run_refuses_are_refused() {
     for (rest, expected) in [
         ("[outputs]\nchannels = [\"arm.positon\"]\n", "did you mean `arm.position`?"),
-        ("[simulation]\nend_time = 1.0\nmethod = \"ForRadu\"\n", "ForRadu"),
         ("[simulation]\nend_time = 1.0\ntolerance = 1e-18\n", "below the round-off"),
         ("[simulation]\nend_time = 1e9\n[outputs]\ninterval = 1e-3\n", "output rows"),
         ("[simulation]\nmethod = \"ForRosen\"\njacobian = \"differences\"\n", "exact Jacobian"),

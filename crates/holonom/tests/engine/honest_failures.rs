@@ -183,3 +183,42 @@ fn no_run_crawls_into_a_singular_configuration() {
         assert!(steps < 5_000, "{code:?}: {steps}");
     }
 }
+
+/// An arm that a spring pulls to a point on the circle of its end.
+fn pulled_together(law: &str) -> Model {
+    model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+arm = {{ mass = 1.0, inertia = 0.1, position = [0.5, 0.0] }}
+[joints]
+hinge = {{ type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0] }}
+[tables]
+pull = {{ x = [-2.0, 2.0], y = [1000.0, 1000.0] }}
+[forces]
+spring = {{ type = "tsda", between = ["ground", "arm"], points = [[0.0, -1.0], [1.0, 0.0]], damping = 5.0, {law} }}
+"#
+    ))
+}
+
+#[test] // independent truth: a pull of 1,000 N at every length ends where the length does
+fn a_spring_whose_ends_have_met_is_told_as_what_slows_a_run() {
+    for (law, met) in [
+        ("force = { table = \"pull\" }, free_length = 0.5", true),
+        ("stiffness = 1000.0, free_length = 0.0", false),
+    ] {
+        for code in [Code::ForSdirk, Code::ForRadau, Code::Dopri5] {
+            let options = Options { max_steps: 20_000, ..options(code, 1e-4, 60.0) };
+            let mut rows = Memory::default();
+            let problem = Problem::new(pulled_together(law));
+            let summary = run(&problem, &options, None, &mut rows).unwrap();
+            let stop = &summary.stop;
+            let said = stop.message.contains("the ends of `spring` have met");
+            assert_eq!(said, met, "{code:?}: {}", stop.message);
+            assert_eq!(stop.item.as_deref() == Some("spring"), met, "{code:?}");
+            assert_eq!(summary.status == Status::Limit, met, "{code:?}");
+        }
+    }
+}

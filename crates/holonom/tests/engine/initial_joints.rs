@@ -163,11 +163,14 @@ fn conflicts_name_the_joint_and_its_value() {
     let error = pendulum(false, both).assemble().unwrap_err().clone();
     let AssemblyError::StatedJoint { item, field, value, .. } = &error else { panic!("{error}") };
     assert_eq!((item.as_str(), field.as_str(), *value), ("top", "angle", 0.5));
-    assert!(error.to_string().starts_with("the stated angle of joint `top`, 0.5 rad, contradicts"));
+    let text = error.to_string();
+    assert!(text.starts_with("the stated angle of joint `top`, 0.5 rad, contradicts"), "{text}");
+    assert!(text.contains(" m are left, ") || text.contains(" rad are left, "), "{text}");
     let rate = "[initial.bodies]\nlower = { angular_velocity = 1.0 }\nupper = { angular_velocity = 1.0 }\n\
                 [initial.joints]\nmiddle = { angular_velocity = 0.5 }\n";
     let error = pendulum(false, rate).assemble().unwrap_err().clone();
     assert_eq!((error.code(), error.item()), ("assembly/inconsistent", Some("middle")));
+    assert!(error.to_string().contains(" rad/s are left, "), "{error}");
     // As guesses they move, and how far is told.
     let adjusted = pendulum(false, &format!("[initial]\nassembly = \"adjust\"\n{both}"));
     let moved = &adjusted.assemble().unwrap().adjustments;

@@ -42,6 +42,7 @@ fn a_start_state_with_an_open_joint_is_refused_with_joint_and_residual() {
     assert_eq!(*level, "position");
     assert!(item == "bearing" || item == "pin", "{error}");
     assert!((residual.abs() - 1e-3).abs() < 1e-12, "{error}");
+    assert!(error.to_string().contains(" m, allowed "), "{error}");
     assert!(*allowed <= 1e-6 && error.to_string().contains(item) && !error.help().is_empty());
 
     let mut moving = good.clone();
@@ -50,6 +51,7 @@ fn a_start_state_with_an_open_joint_is_refused_with_joint_and_residual() {
     let RunError::InconsistentState { level, residual, .. } = &error else { panic!("{error}") };
     assert_eq!(*level, "velocity");
     assert!((residual.abs() - 0.1 * (1.0 + good.v[0].abs())).abs() < 1e-9, "{error}");
+    assert!(error.to_string().contains(" m/s, allowed "), "{error}");
 
     let mut nearly = good;
     nearly.q[0] += 1e-8;

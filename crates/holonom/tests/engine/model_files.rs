@@ -288,11 +288,13 @@ fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
         assert!(with(&format!("\"{known}\"")).is_ok(), "{known}");
     }
     for (unknown, help) in [
-        ("upper.velocityy", "did you mean `velocity`?"),
+        ("upper.velocityy", "did you mean `upper.velocity`?"),
+        ("upper.positon[1]", "did you mean `upper.position[1]`?"),
+        ("upper.positon[2]", "did you mean `upper.position`?"),
         ("upper.yaw_pitch_roll", "`angle`"),
         ("upper.position[2]", "up to 1"),
         ("upper.angle[0]", "leave the index out"),
-        ("*.positon", "did you mean `position`?"),
+        ("*.positon", "did you mean `*.position`?"),
         ("pivot.x*", "`angle`"),
     ] {
         let errors = with(&format!("\n  \"{unknown}\"")).unwrap_err();
@@ -302,6 +304,35 @@ fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
         let line = DOUBLE_PENDULUM.lines().count() + 3;
         assert_eq!((place.file.as_str(), place.line), ("model.toml", line), "{error:?}");
         assert!(error.message.contains(unknown) && error.help.contains(help), "{error:?}");
+    }
+}
+
+#[test] // truth: the codes of docs/methods.md, and docs/model-file.md
+fn a_wrong_word_of_the_run_is_refused_at_its_place() {
+    for (line, field, help) in [
+        ("method = \"ForRadu\"", "method", "did you mean \"ForRadau\"?"),
+        ("method = \"statespace\"", "method", "did you mean \"state_space\"?"),
+        ("formula = \"radau6\"", "formula", "did you mean \"radau5\"?"),
+        ("formula = \"newmark\"", "formula", ""),
+        ("parametrization = \"trees\"", "parametrization", "did you mean \"tree\"?"),
+        ("newton = \"spars\"", "newton", "did you mean \"sparse\"?"),
+        ("coordinates = \"joints\"", "coordinates", "did you mean \"joint\"?"),
+    ] {
+        let errors = build(&format!("{DOUBLE_PENDULUM}{line}\n")).unwrap_err();
+        let [error] = &errors.errors[..] else { panic!("{errors:?}") };
+        let path = format!("simulation.{field}");
+        assert_eq!((error.code, error.path.as_str()), (Code::UnknownChoice, path.as_str()));
+        let place = error.location.as_ref().unwrap();
+        let at = DOUBLE_PENDULUM.lines().count() + 1;
+        assert_eq!((place.file.as_str(), place.line), ("model.toml", at), "{error:?}");
+        assert!(error.help.contains(help), "{error:?}");
+    }
+    for line in [
+        "method = \"forsdirk\"",
+        "method = \"state_space\"\nformula = \"newmark\"",
+        "formula = \"sdirk4_16\"",
+    ] {
+        assert!(build(&format!("{DOUBLE_PENDULUM}{line}\n")).is_ok(), "{line}");
     }
 }
 

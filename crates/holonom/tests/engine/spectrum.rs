@@ -1,5 +1,6 @@
 //! The fastest eigenvalues of large models.
 
+use crate::common::model_of;
 use holonom::analysis::{fastest, spectrum};
 use holonom::simulation::Problem;
 
@@ -19,4 +20,39 @@ fn the_fastest_are_those_of_the_dense_matrix() {
             assert!(nearest < 1e-5 * largest, "{name}: {z:?} is {nearest:.1e} off");
         }
     }
+}
+
+/// A chain of `links`, 0.1 m each, that begins to fall from the horizontal.
+fn level_chain(links: usize, force: &str) -> Problem {
+    Problem::new(model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[patterns.chain]
+over.i = {{ from = 1, to = {links} }}
+bodies."link_{{i}}" = {{ mass = 0.1, inertia = 8.3e-5, position = ["=(i - 0.5)/10", 0.0] }}
+joints."joint_{{i}}" = {{ type = "revolute", between = ["link_{{i - 1}}", "link_{{i}}"], point = ["=(i - 1)/10", 0.0] }}
+[joints]
+joint_1 = {{ between = ["ground", "link_1"] }}
+{force}
+"#
+    )))
+}
+
+#[test] // independent truth: gravity is perpendicular to all links, so that its moments change with no angle
+fn round_off_of_zero_is_no_mode() {
+    for links in [40, 400, 4000] {
+        let problem = level_chain(links, "");
+        let found = fastest(problem.assemble().unwrap()).unwrap();
+        assert!(found.iter().all(|z| *z == (0.0, 0.0)), "{links}: {found:?}");
+    }
+    // A spring on the first link alone has one mode beside them.
+    let spring = "[forces]\nspring = { type = \"rsda\", between = [\"ground\", \"link_1\"], stiffness = 10.0 }";
+    let problem = level_chain(40, spring);
+    let assembled = problem.assemble().unwrap();
+    let (all, found) = (spectrum(assembled).unwrap().values, fastest(assembled).unwrap());
+    let frequency = all[0].1;
+    assert!((found[0].1 / frequency - 1.0).abs() < 1e-6, "{found:?} {frequency}");
+    assert!(found[2..].iter().all(|z| *z == (0.0, 0.0)), "{found:?}");
 }

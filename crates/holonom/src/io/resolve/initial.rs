@@ -6,12 +6,13 @@ use super::Context;
 use super::orientations::Turned;
 use crate::error::Code;
 use crate::io::channels::PATTERN;
-use crate::io::names::suggest;
+use crate::io::names::{nearest, suggest};
 use crate::io::schema::{self, Rotational, Tolerance as Stated, Vector};
 use crate::model::{
     Assembly, DriverKind, Frame, Initial, InitialBody, InitialCoordinate, Joint, JointKind,
     Orientation, Outputs, SimulationDefaults, Tolerance,
 };
+use crate::simulation::{UnknownWord, unknown_method};
 
 /// What joints have, as help.
 const HAVE: &str = "revolute joints have `angle` and `angular_velocity`, translational ones `displacement` \
@@ -245,6 +246,16 @@ impl Context<'_> {
                 // Absent: the joint has errors of its own.
                 cut.extend(joints.iter().position(|joint| joint.name == *name));
             }
+        }
+        let unknown = unknown_method(stated.method.as_deref(), stated.formula.as_deref());
+        if let Some(UnknownWord { option, word, known }) = unknown {
+            let path = format!("simulation.{option}");
+            let words =
+                known.iter().map(|word| format!("\"{word}\"")).collect::<Vec<_>>().join(", ");
+            let message = format!("`{path}` is {word:?}; expected one of {words}");
+            let meant = nearest(&word, known);
+            let help = meant.map_or(String::new(), |word| format!("did you mean \"{word}\"?"));
+            self.refuse(Code::UnknownChoice, path, message, &help);
         }
         SimulationDefaults {
             start_time: stated.start_time,

@@ -10,6 +10,7 @@ mod set_up;
 use crate::error::EvaluationFailure;
 use crate::method::StateSpace;
 use crate::method::stepper::{Rejection, Stepper, StepperStatistics, initial_step};
+use crate::model::Model;
 use crate::reduction::Choice;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::simulation::carried_error::CarriedError;
@@ -205,6 +206,7 @@ pub fn check_run(problem: &Problem, options: &Options) -> Result<Vec<RunWarning>
 /// Everything of one run.
 struct Run<'a> {
     options: &'a Options,
+    model: &'a Model,
     system: Arc<dyn System>,
     form: Box<dyn StateSpace>,
     stepper: Box<dyn Stepper>,

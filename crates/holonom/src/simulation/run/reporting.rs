@@ -2,6 +2,7 @@
 
 use super::Run;
 use crate::method::stepper::{Rejection, StepReport};
+use crate::reduction::assembly::coincident_ends;
 use crate::simulation::clock::Stopwatch;
 use crate::simulation::diagnosis::{Stop, Suspects, diagnose};
 use crate::simulation::output::CHUNK_STEPS;
@@ -138,7 +139,7 @@ impl Run<'_> {
             }
             (stop, _) => stop,
         };
-        let suspects = match &stop {
+        let mut suspects = match &stop {
             // A search that is given up finds nothing; the run is told as it ended.
             Err(Stop::Failed { .. }) => within(None, || {
                 Suspects::find(self.form.as_mut(), self.stepper.as_ref(), &self.state)
@@ -146,6 +147,11 @@ impl Run<'_> {
             .unwrap_or_default(),
             _ => Suspects::default(),
         };
+        if stop.is_err() {
+            let near = self.options.tolerance.translation;
+            let met = coincident_ends(self.system.as_ref(), self.model, &self.state, near);
+            suspects.met = met.map(|(item, _)| item.to_owned());
+        }
         diagnose(stop, self.state.t, self.options, &suspects, self.system.as_ref())
     }
 }

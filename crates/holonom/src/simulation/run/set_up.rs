@@ -87,7 +87,7 @@ impl Machinery {
 
 /// Everything that a run needs before its first step; it was asked for at `begun`.
 pub(super) fn set_up<'a>(
-    problem: &Problem,
+    problem: &'a Problem,
     options: &'a Options,
     start: Start<'a>,
     sink: &'a mut dyn Sink,
@@ -158,6 +158,7 @@ pub(super) fn set_up<'a>(
     let laws = system.law_arguments().iter().map(|a| a.knots.len()).max();
     let mut run = Run {
         options,
+        model: problem.model(),
         condition_reference: 0.0,
         start_residuals: (0.0, 0.0),
         energy: EnergySummary { start: energy, ..EnergySummary::default() },
