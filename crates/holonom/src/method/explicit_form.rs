@@ -101,9 +101,10 @@ impl ExplicitForm {
         }
     }
 
-    /// Whether the powers in w are integrated under error control: not where there is nothing else.
+    /// Whether the powers in w are the ledger: not where drivers work, whose powers no error of the motion tells, and a formula
+    /// of high order through those of steps before makes anything of a sudden one.
     pub fn integrates_powers(&self) -> bool {
-        !self.rates.is_empty()
+        !self.rates.is_empty() && !self.point.manifold.system().has_drivers()
     }
 
     /// The meaning of w has changed to `w` at the state last evaluated.

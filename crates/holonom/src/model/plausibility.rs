@@ -189,6 +189,20 @@ pub fn motion_tables(model: &Model) -> Vec<MotionTable> {
     out
 }
 
+/// Starts and ends, s, of the smooth steps of applied forces.
+pub fn force_ramps(model: &Model) -> Vec<[f64; 2]> {
+    let mut out = Vec::new();
+    for_motions(model, |path, function| {
+        if let TimeFunction::SmoothStep { from, to, start, end } = function
+            && from != to
+            && path.starts_with("forces.")
+        {
+            out.push([*start, *end]);
+        }
+    });
+    out
+}
+
 /// Tells all functions of time with their paths.
 fn for_motions(model: &Model, mut add: impl FnMut(String, &TimeFunction)) {
     for driver in &model.drivers {

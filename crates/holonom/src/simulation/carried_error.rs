@@ -5,7 +5,6 @@ use super::problem::Problem;
 use super::unseen_growth::LongestStep;
 use crate::method::StateSpace;
 use crate::method::stepper::Stepper;
-use crate::model::Tolerance;
 use crate::system::State;
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +44,9 @@ pub(super) struct CarriedError {
     serving: Serving,
     #[serde(default = "of_before")]
     seeded: bool,
+    /// The largest rates so far, in tolerances.
+    #[serde(default)]
+    rates: f64,
     /// Of the place of a body, in its tolerances: there, and the largest of all.
     present: f64,
     largest: f64,
@@ -69,6 +71,7 @@ impl CarriedError {
             // What the first steps leave is little.
             serving: Serving { most: MOST_STEPS[1], ..Serving::NEW },
             seeded: false,
+            rates: 0.0,
             present: 0.0,
             largest: 0.0,
             milestones: Milestones::new(start),
@@ -123,7 +126,6 @@ impl CarriedError {
         stepper: &mut dyn Stepper,
         form: &mut dyn StateSpace,
         estimate: f64,
-        tolerance: &Tolerance,
         power: &mut [f64],
         iterated: Option<(f64, &[f64])>,
         passes_knot: bool,
@@ -151,14 +153,17 @@ impl CarriedError {
                 }
             }
         }
-        let share = estimate * tolerance.relative.max(tolerance.rotation);
+        let ndof = form.second_order_split();
+        power.fill(0.0);
+        power[ndof..2 * ndof].copy_from_slice(&w[ndof..2 * ndof]);
+        self.rates = self.rates.max(form.norm(power));
+        let share = (estimate / self.rates).min(1.0);
         // At the knot of a law, or beside the other end of a line, no formula has its order.
         let part =
             if passes_knot { 1.0 } else { true_part(stepper.orders_of_error(), share, turn) };
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, part, stepper.last_change());
         // By rates: errors of places last, those of rates become more.
-        let ndof = form.second_order_split();
         let rates = other.error.iter().zip(stepper.last_change()).skip(ndof).take(ndof);
         let product = rates.map(|(e, d)| e * d).sum();
         add(&mut other.error, part.copysign(product), stepper.last_change());
@@ -343,7 +348,7 @@ fn transfer(gamma: f64) -> [f64; 3] {
 }
 
 /// Part of an estimate that is the error of a formula of order p whose estimate is that of order p̂, where the estimate
-/// is `share` of the scale that tolerances are relative to. What swings about a steady turn is as fast as that, however
+/// is `share` of the rates of the motion. What swings about a steady turn is as fast as that, however
 /// little is seen of it: bodies turn by `turn` rad in the step. Source: `docs/theory/simulation.md` (11).
 fn true_part([order, estimated]: [u32; 2], share: f64, turn: f64) -> f64 {
     let orders = order.saturating_sub(estimated);

@@ -54,6 +54,14 @@ pub(super) fn kinematic(system: &dyn System, state: &State, span: f64) -> f64 {
         .min(span / KINEMATIC_STEPS)
 }
 
+/// Longest step from `t` in a ramp of an applied force, s, a part of it: what is slow has no error that would tell a ramp,
+/// however much its motion is in the end that of the ramp's impulse.
+pub(super) fn ramped(ramps: &[[f64; 2]], t: f64) -> f64 {
+    const PARTS: f64 = 4.0;
+    let inside = ramps.iter().filter(|[start, end]| *start <= t && t < *end);
+    inside.map(|[start, end]| (end - start) / PARTS).fold(f64::INFINITY, f64::min)
+}
+
 /// A driver and the largest rate that it has in a run, as far as samples tell.
 pub(super) struct Driven {
     row: usize,

@@ -44,6 +44,7 @@ mod representations;
 mod rotors;
 mod shapes;
 mod simplified;
+mod slow_motions;
 mod slowness;
 mod spectrum;
 mod spinning_bodies;

@@ -10,7 +10,7 @@ mod set_up;
 use crate::error::EvaluationFailure;
 use crate::method::StateSpace;
 use crate::method::stepper::{Rejection, Stepper, StepperStatistics, initial_step};
-use crate::model::Model;
+use crate::model::{Model, force_ramps};
 use crate::reduction::Choice;
 use crate::reduction::assembly::{AssemblyError, PROJECTED};
 use crate::simulation::carried_error::CarriedError;
@@ -283,6 +283,7 @@ impl Run<'_> {
         let ends_only =
             self.stepper.multistep() || self.options.code.info().formula == "trapezoidal";
         let drivers = step_length::drivers(self.system.as_ref(), [self.started, end]);
+        let ramps = force_ramps(self.model);
         let mut rejections = 0;
         let mut repartitioned = false;
         let mut seen = true;
@@ -306,7 +307,7 @@ impl Run<'_> {
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree));
-                h = h.min(LONGEST_TURN / turning);
+                h = h.min(LONGEST_TURN / turning).min(step_length::ramped(&ramps, t));
                 if !drivers.is_empty() {
                     let most = h.min(next - t);
                     h = step_length::driven(self.system.as_ref(), &drivers, t, most, relative);
@@ -317,8 +318,10 @@ impl Run<'_> {
                 }
             }
             let (step, reaches) = clip(t, h, next, fixed);
-            let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let t_end = if reaches { next } else { t + step };
+            // As long as the times say: far from zero they are rounded.
+            let step = if t_end > t { t_end - t } else { step };
+            let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let mut rejection = report.cause.take();
             let mut retry = if report.accepted { 0.5 * step } else { report.next_step };
             if report.accepted {
@@ -335,7 +338,9 @@ impl Run<'_> {
                 retry = (passed.time - t).min(if first { step } else { 0.5 * step });
             }
             let mut growth = f64::INFINITY;
-            if report.accepted && rejection.is_none() && kinematic && !fixed {
+            // Nothing else tells of a bump under a wheel that is driven over it.
+            let follows = kinematic || self.passes_knot && self.system.drivers_move(t);
+            if report.accepted && rejection.is_none() && follows && !fixed {
                 let missed = self.follow_powers(t, step, span);
                 growth = (SAFE_PART * missed.powf(-0.25)).max(SHORTEST_PART);
                 if missed > 1.0 {
@@ -382,14 +387,13 @@ impl Run<'_> {
                 // Where matrices do not turn along with bodies, or these turn far.
                 let far = chart.relatives().is_none() || turn > FAR;
                 let iterated = far.then_some((step, &self.g_end[..]));
-                let (tolerance, power) = (&self.options.tolerance, &mut self.scratch[0]);
+                let power = &mut self.scratch[0];
                 let ended = (t_end, step, &self.w_end[..]);
                 let passes_knot = self.passes_knot;
                 let known = carried.follow(
                     stepper,
                     form,
                     report.error,
-                    tolerance,
                     power,
                     iterated,
                     passes_knot,
@@ -520,7 +524,7 @@ impl Run<'_> {
         self.recorder.begin_step(self.form.point(), &self.state);
     }
 
-    /// Powers along the accepted step of a run without unknowns over `span` seconds, and how many tolerances of its
+    /// Powers along the accepted step of a run of `span` seconds, and how many tolerances of its
     /// energies a step of this length misses. Nothing where one cannot look into it.
     fn follow_powers(&mut self, t: f64, step: f64, span: f64) -> f64 {
         let stepper = &mut self.stepper;

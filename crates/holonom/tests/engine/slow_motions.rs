@@ -1,0 +1,118 @@
+//! Velocities and forces far below the tolerance, which move things far in the end, and times far from zero.
+
+use crate::common::table::all_codes;
+use crate::common::{model_of, options, run_model};
+use holonom::method::Code;
+use holonom::simulation::{Options, OutputTimes};
+
+/// A body of 1 kg that forces along x push.
+fn pushed(forces: &[String]) -> String {
+    let force = |(k, force): (usize, &String)| {
+        format!(
+            "f{k} = {{ type = \"point_force\", on = \"body\", point = [0.0, 0.0], direction = [1.0, 0.0], force = {{ {force} }} }}\n"
+        )
+    };
+    let forces: String = forces.iter().enumerate().map(force).collect();
+    format!(
+        "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, 0.0]\n[bodies]\nbody = {{ mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }}\n\
+         [forces]\n{forces}"
+    )
+}
+
+/// Tolerances by which the body is off at the end, and whether there is a warning.
+fn off(text: &str, code: Code, tolerance: f64, end: f64, truth: f64) -> (f64, bool) {
+    let options = Options {
+        channels: vec!["body.position".to_owned()],
+        output: OutputTimes::Interval(end),
+        ..options(code, tolerance, end)
+    };
+    let run = run_model(&model_of(text), &options);
+    let x = *run.series("body.position", 0).last().unwrap();
+    let warned = run.summary.warnings.iter().any(|w| w.code.starts_with("simulation/"));
+    ((x - truth).abs() / (tolerance * (1.0 + truth.abs())), warned)
+}
+
+#[test] // independent truth: F (b − a) (T − (a + b + w)/2) of two ramps of w, up from a and down from b
+fn an_impulse_of_a_slow_motion_is_not_jumped_over() {
+    for (end, ramp, gap, way) in [
+        (3e7, 1.0, 2.0, 10.0),
+        (3e7, 60.0, 150.0, 3.0),
+        (2e5, 0.3, 1.0, 2.75),
+        (1e6, 2.0, 2.0, 5.0),
+    ] {
+        let first = 0.2 * end;
+        let force = way / (gap * (end - first - 0.5 * (gap + ramp)));
+        let ramp_of = |to: f64, start: f64| {
+            format!(
+                "type = \"smooth_step\", from = 0.0, to = {to:?}, start = {start:?}, end = {:?}",
+                start + ramp
+            )
+        };
+        let text = pushed(&[ramp_of(force, first), ramp_of(-force, first + gap)]);
+        for code in all_codes() {
+            for tolerance in [1e-4, 1e-5, 1e-6] {
+                let (off, warned) = off(&text, code, tolerance, end, way);
+                assert!(off < 60.0 || warned, "{end:e} s, {code:?}, {tolerance:e}: {off:.0}");
+                if code == Code::ForRadau {
+                    assert!(off < 20.0, "{end:e} s, {tolerance:e}: {off:.1}");
+                }
+            }
+        }
+    }
+}
+
+#[test] // independent truth: F/ω (t − sin ωt/ω)
+fn a_wave_that_steps_of_whole_periods_do_not_see_is_told() {
+    for (end, frequency, force, tolerance, code) in [
+        (62.617_424_2f64, 3.970_443_63f64, 3.329_010e-6, 3.183_666e-6, Code::ForRadau),
+        (36.676_304_7, 4.120_791_68, 1.654_461e-5, 3.676_477e-5, Code::ForRadau),
+        (205.622_873, 1.006_298_54, 7.615_015e-7, 1.479_839e-6, Code::SspTrap),
+        (641.144_577, 0.211_134_449, 6.963_038e-9, 1.184_558e-6, Code::ForSdirk16),
+    ] {
+        let text = pushed(&[format!(
+            "type = \"harmonic\", amplitude = {force:?}, angular_frequency = {frequency:?}"
+        )]);
+        let truth = force / frequency * (end - (frequency * end).sin() / frequency);
+        let (off, warned) = off(&text, code, tolerance, end, truth);
+        assert!(off < 40.0 || warned, "{code:?}, {frequency}: {off:.0}");
+    }
+}
+
+#[test] // independent truth: 0.9 + 0.1 cos 100 (t − t₀), at the times of the rows
+fn vibrations_far_from_the_start_of_time_are_as_right() {
+    for start in [0.0, 1e6, 1.7e9] {
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+body = {{ mass = 1.0, inertia = 1.0, position = [1.0, 0.0] }}
+[joints]
+rail = {{ type = "translational", between = ["ground", "body"], point = [1.0, 0.0], axis = [1.0, 0.0] }}
+[forces]
+spring = {{ type = "tsda", between = ["ground", "body"], points = [[-10.0, 0.0], [1.0, 0.0]], stiffness = 1.0e4, free_length = 10.9 }}
+[simulation]
+start_time = {start:?}
+"#
+        ));
+        for code in [Code::ForRadau, Code::ForSdirk, Code::Deabm, Code::Dopri5] {
+            for fixed_step in [None, Some(1e-3)] {
+                if fixed_step.is_some() && code == Code::Deabm {
+                    continue;
+                }
+                let options = Options {
+                    channels: vec!["body.position".to_owned()],
+                    output: OutputTimes::Interval(0.1),
+                    fixed_step,
+                    ..options(code, 1e-6, start + 12.5)
+                };
+                let run = run_model(&model, &options);
+                let rows = run.times().iter().zip(run.series("body.position", 0));
+                let off = rows.map(|(t, x)| (x - 0.9 - 0.1 * (100.0 * (t - start)).cos()).abs());
+                let off = off.fold(0.0, f64::max) / 2e-6;
+                assert!(off < 20.0, "from {start:e} s, {code:?}, {fixed_step:?}: {off:.1}");
+            }
+        }
+    }
+}
