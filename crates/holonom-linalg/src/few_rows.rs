@@ -13,6 +13,8 @@ macro_rules! by_size {
             4 => Some($kernel::<4>($($argument),*)),
             5 => Some($kernel::<5>($($argument),*)),
             6 => Some($kernel::<6>($($argument),*)),
+            7 => Some($kernel::<7>($($argument),*)),
+            8 => Some($kernel::<8>($($argument),*)),
             _ => None,
         }
     };

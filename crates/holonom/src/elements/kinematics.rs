@@ -152,6 +152,7 @@ where
         S::stance(q)
     }
 
+    #[inline(always)]
     fn screws(&self, [first, second]: [&Stance; 2], child: &Stance, out: &mut EdgeScrews) -> bool {
         let free = self.is_free();
         (out.count, out.rotation) = (0, None);
@@ -210,6 +211,7 @@ where
         }
     }
 
+    #[inline(always)]
     fn place(
         &self,
         x: &[f64],

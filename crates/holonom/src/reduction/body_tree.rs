@@ -7,6 +7,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 const NONE: u32 = u32::MAX;
+/// A part has at most this share of all bodies, so that a few threads get about the same.
+const SHARE: usize = 16;
 
 /// Items that belong to the positions of a walk.
 #[derive(Debug)]
@@ -28,6 +30,42 @@ impl<T: Copy> ByPosition<T> {
     pub fn at(&self, position: usize) -> &[T] {
         &self.items[self.starts[position] as usize..self.starts[position + 1] as usize]
     }
+}
+
+/// Ranges of subtrees that hang on the same body, as large as a share of all bodies allows, if together they have most of
+/// these: what can be done at the same time in a forest of `count` bodies in the order of a walk, of which each hangs on the one
+/// at position `parent`. None where too little is in them.
+pub fn parts_of_forest(count: usize, parent: impl Fn(usize) -> Option<usize>) -> Vec<Range<usize>> {
+    let mut ends: Vec<usize> = (1..=count).collect();
+    for at in (0..count).rev() {
+        if let Some(parent) = parent(at) {
+            ends[parent] = ends[parent].max(ends[at]);
+        }
+    }
+    let most = count.div_ceil(SHARE);
+    let (mut parts, mut at) = (Vec::<Range<usize>>::new(), 0);
+    while at < count {
+        let end = ends[at];
+        if end - at > most {
+            at += 1;
+            continue;
+        }
+        match parts.last_mut() {
+            Some(last)
+                if last.end == at
+                    && parent(last.start) == parent(at)
+                    && end - last.start <= most =>
+            {
+                last.end = end;
+            }
+            _ => parts.push(at..end),
+        }
+        at = end;
+    }
+    // Smaller ones are not worth the place of what they add to the rest.
+    parts.retain(|part| SHARE * part.len() >= most);
+    let inside: usize = parts.iter().map(Range::len).sum();
+    if 2 * inside < count { Vec::new() } else { parts }
 }
 
 /// Bodies of which every row of [G; P] touches one and its parent only, in the order of a walk that goes on

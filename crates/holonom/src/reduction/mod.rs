@@ -28,7 +28,7 @@ mod tangent_plane;
 mod tree;
 
 pub use body_rows::BodyRows;
-pub use body_tree::{BodyTree, ByPosition};
+pub use body_tree::{BodyTree, ByPosition, parts_of_forest};
 pub use chart::Chart;
 pub use chosen::{ChosenVelocity, chosen_velocities};
 pub use joint::{Coordinates, ReducedDerivatives};

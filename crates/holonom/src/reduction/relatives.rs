@@ -228,13 +228,13 @@ impl Relatives {
         p: &[f64],
         x: &mut [[f64; MOST]],
     ) -> Result<(), EvaluationFailure> {
-        let tree = system.tree();
+        let (tree, groups) = (system.tree(), system.relative_groups());
         for ((edge, form), (sources, x)) in
             tree.edges.iter().zip(&*self.forms).zip(self.sources.iter().zip(x))
         {
             let mut at = 0;
             for &group in &edge.forms[*form] {
-                let info = &system.relative_groups()[group];
+                let info = &groups[group];
                 let values = &mut x[at..at + info.rows];
                 for (source, value) in sources[at..].iter().zip(&mut *values) {
                     match *source {
@@ -312,11 +312,12 @@ impl Relatives {
 
     /// Windings that follow the edges, from the coordinates of [`Relatives::coordinates`].
     pub(super) fn tell_turns(&self, system: &dyn System, x: &[[f64; MOST]], winding: &mut [f64]) {
+        let groups = system.relative_groups();
         for ((edge, form), x) in system.tree().edges.iter().zip(&*self.forms).zip(x) {
             let Some(index) = edge.winding else { continue };
             let mut at = 0;
             for &group in &edge.forms[*form] {
-                let info = &system.relative_groups()[group];
+                let info = &groups[group];
                 if info.kind == RelativeKind::Angle {
                     winding[index] = x[at];
                 }

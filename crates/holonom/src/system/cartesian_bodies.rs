@@ -176,6 +176,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, 
 
 impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
     /// Screws of an edge for how its first and second body and its outer one stand.
+    #[inline(always)]
     fn screws(
         &self,
         edge: usize,

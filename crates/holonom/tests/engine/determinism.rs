@@ -4,7 +4,8 @@ use crate::common::{ALL_CODES, model, model_of, options, run_model};
 use holonom::method::Code;
 use holonom::model::Model;
 use holonom::newton::Representation;
-use holonom::simulation::{Options, OutputTimes, Statistics};
+use holonom::reduction::Point;
+use holonom::simulation::{Options, OutputTimes, Problem, Statistics};
 use holonom::threads::Threads;
 
 /// Every bit of the rows, the step log and the counted work of a run.
@@ -102,5 +103,42 @@ fn threads_change_nothing_where_the_matrix_is_chosen() {
             bits_of(&model, &Options { threads, ..options(Code::ForRadau, 1e-3, 0.05) })
         };
         assert!(run(2) == run(1));
+    }
+}
+
+#[test] // independent truth: the calling thread alone
+fn threads_give_the_same_accelerations() {
+    let parents: [(&str, fn(usize) -> usize); 4] = [
+        ("binary tree", |i| i / 2),
+        ("trees on four roots", |i| i.saturating_sub(2) / 3),
+        ("chains beside each other", |i| i.saturating_sub(20)),
+        ("separate bars", |_| 0),
+    ];
+    for (planar, count) in [(true, 4500), (false, 1200)] {
+        for (name, parent) in parents {
+            let model = crate::common::bars(planar, count, parent, [false, false]);
+            let problem = Problem::new(model);
+            let assembled = problem.assemble().expect("assembles");
+            let accelerations = |count: usize| {
+                let (mut manifold, threads) = (assembled.manifold(), Threads::new(count));
+                assert!(manifold.use_joint_coordinates(&assembled.state.q, usize::MAX));
+                manifold.share_among(&threads);
+                let ndof = manifold.chart().ndof();
+                let (mut p, mut rates) = (vec![0.0; ndof], vec![0.0; ndof]);
+                manifold.independent_state(&assembled.state, &mut p, &mut rates);
+                for (k, (p, rate)) in p.iter_mut().zip(&mut rates).enumerate() {
+                    (*p, *rate) = (*p + 0.5 * (k as f64).sin(), (3.0 * k as f64).sin());
+                }
+                let mut point = Point::new(manifold, &assembled.state);
+                point.evaluate(0.0, &p, &rates, &[], true).expect("regular");
+                assert!(count == 1 || threads.ask(|| ()).len() == count, "{name}: nobody came");
+                assert_eq!(point.manifold.counters.left_to_cartesian, 0, "{name}");
+                point.state.a.iter().map(|x| x.to_bits()).collect::<Vec<_>>()
+            };
+            let alone = accelerations(1);
+            for threads in [2, 4] {
+                assert!(accelerations(threads) == alone, "{name}: planar {planar}, {threads}");
+            }
+        }
     }
 }

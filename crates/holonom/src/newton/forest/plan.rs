@@ -1,6 +1,6 @@
 //! Where the entries of a tree's matrix stand, found once.
 
-use crate::reduction::{BodyTree, ByPosition, Manifold, Projection};
+use crate::reduction::{BodyTree, ByPosition, Manifold, Projection, parts_of_forest};
 use std::ops::Range;
 
 /// Places, found once; bodies by their positions in the tree.
@@ -35,8 +35,6 @@ pub(super) struct Extra {
 
 /// No block.
 pub(super) const NONE: usize = usize::MAX;
-/// A part has at most this share of all bodies, so that a few threads get about the same.
-const SHARE: usize = 16;
 
 impl Plan {
     pub(super) fn new(manifold: &Manifold) -> Option<Self> {
@@ -125,7 +123,7 @@ impl Plan {
             extra: ByPosition::new(count, extra),
             rank,
             places: places(&tree),
-            parts: parts(&tree),
+            parts: parts_of_forest(tree.len(), |at| tree.parent(at)),
             tree,
         })
     }
@@ -151,39 +149,4 @@ fn places(tree: &BodyTree) -> Vec<u32> {
         }
     }
     places
-}
-
-/// Ranges of subtrees that hang on the same body, as large as a share of all bodies allows, if together they
-/// have most of these.
-fn parts(tree: &BodyTree) -> Vec<Range<usize>> {
-    let mut ends: Vec<usize> = (1..=tree.len()).collect();
-    for at in (0..tree.len()).rev() {
-        if let Some(parent) = tree.parent(at) {
-            ends[parent] = ends[parent].max(ends[at]);
-        }
-    }
-    let most = tree.len().div_ceil(SHARE);
-    let (mut parts, mut at) = (Vec::<Range<usize>>::new(), 0);
-    while at < tree.len() {
-        let end = ends[at];
-        if end - at > most {
-            at += 1;
-            continue;
-        }
-        match parts.last_mut() {
-            Some(last)
-                if last.end == at
-                    && tree.parent(last.start) == tree.parent(at)
-                    && end - last.start <= most =>
-            {
-                last.end = end;
-            }
-            _ => parts.push(at..end),
-        }
-        at = end;
-    }
-    // Smaller ones are not worth the place of what they add to the rest.
-    parts.retain(|part| SHARE * part.len() >= most);
-    let inside: usize = parts.iter().map(Range::len).sum();
-    if 2 * inside < tree.len() { Vec::new() } else { parts }
 }

@@ -1,10 +1,13 @@
 //! Accelerations of a tree, from the leaves inwards and out again: articulated bodies.
 
 use super::algebra::Algebra;
-use super::engine::{BodyInertia, Engine, add, dot, pose};
+use super::engine::{BodyInertia, Edge, Engine, add, dot, pose};
 use super::inertia::Inertia;
 use super::small::{factor, substitute};
+use super::subtrees::{Place, Subtrees};
 use crate::math::vector::difference;
+use crate::threads::Threads;
+use std::ops::Range;
 
 /// Growth of numbers in the elimination of an edge that leaves ten digits; beyond it other solvers answer.
 const LARGEST_GROWTH: f64 = 1e-10 / f64::EPSILON;
@@ -40,7 +43,10 @@ impl Pivot {
     ) -> [f64; M] {
         let pivots: &[Self; M] = pivots.first_chunk().expect("M coordinates");
         let factor = pivots.map(|pivot| *pivot.factor.first_chunk().expect("six at most"));
-        let mut rate = std::array::from_fn(|i| pivots[i].force - dot(&felt[i], motion));
+        let mut rate = [0.0; M];
+        for ((rate, pivot), felt) in rate.iter_mut().zip(pivots).zip(felt) {
+            *rate = pivot.force - dot(felt, motion);
+        }
         substitute(&factor, M, &mut rate);
         rate
     }
@@ -60,11 +66,13 @@ pub(super) struct Articulated<I, const W: usize> {
     wrench: [f64; W],
     /// Sizes of what the diagonal of the inertia is summed from.
     size: [f64; W],
+    /// What accelerations of coordinates add to that of the body; before it, what its base does where that is another thread's.
+    motion: [f64; W],
 }
 
 impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     pub(super) fn zero() -> Self {
-        Self { inertia: I::default(), wrench: [0.0; W], size: [0.0; W] }
+        Self { inertia: I::default(), wrench: [0.0; W], size: [0.0; W], motion: [0.0; W] }
     }
 
     /// By the number of an edge's coordinates: loops of known lengths are worth it.
@@ -101,7 +109,7 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     ) -> bool {
         let columns: &[[f64; W]; M] = columns.first_chunk().expect("M coordinates");
         let felt: &mut [[f64; W]; M] = felt.first_chunk_mut().expect("M coordinates");
-        let Self { inertia, wrench, size } = self;
+        let Self { inertia, wrench, size, .. } = self;
         let (mut l, mut force) = ([[0.0; M]; M], [0.0; M]);
         for i in 0..M {
             felt[i] = inertia.times(&columns[i]);
@@ -167,63 +175,242 @@ impl<I: Inertia<W>, const W: usize> Articulated<I, W> {
     }
 }
 
+/// What consecutive edges write, the first of them and its first coordinate.
+struct Piece<'a, I, const W: usize> {
+    first: usize,
+    coordinate: usize,
+    bodies: &'a mut [Articulated<I, W>],
+    pivots: &'a mut [Pivot],
+    felt: &'a mut [[f64; W]],
+    rates: &'a mut [f64],
+}
+
+impl<I: Inertia<W>, const W: usize> Piece<'_, I, W> {
+    /// What edges before a place write, and the others.
+    fn split_at(self, edges: &[Edge], at: usize) -> [Self; 2] {
+        let coordinate =
+            edges.get(at).map_or(self.coordinate + self.pivots.len(), |edge| edge.range.start);
+        let middle = coordinate - self.coordinate;
+        let (bodies, later_bodies) = self.bodies.split_at_mut(at - self.first);
+        let (pivots, later_pivots) = self.pivots.split_at_mut(middle);
+        let (felt, later_felt) = self.felt.split_at_mut(middle);
+        let (rates, later_rates) = self.rates.split_at_mut(middle);
+        [
+            Self { first: self.first, coordinate: self.coordinate, bodies, pivots, felt, rates },
+            Self {
+                first: at,
+                coordinate,
+                bodies: later_bodies,
+                pivots: later_pivots,
+                felt: later_felt,
+                rates: later_rates,
+            },
+        ]
+    }
+
+    /// The same once more.
+    fn again(&mut self) -> Piece<'_, I, W> {
+        let Self { first, coordinate, bodies, pivots, felt, rates } = self;
+        Piece { first: *first, coordinate: *coordinate, bodies, pivots, felt, rates }
+    }
+
+    /// Its edges.
+    fn all(&self) -> Range<usize> {
+        self.first..self.first + self.bodies.len()
+    }
+}
+
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Accelerations of a tree, those of its drivers left out; the rates of twists are those of drivers alone. Source: Featherstone,
     /// *Rigid Body Dynamics Algorithms* (2008), section 9.2, hybrid dynamics.
     pub(super) fn articulate(&mut self, q: &[f64], v: &[f64]) -> bool {
-        for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
-            let (center, wrench) = (&self.center[b], self.inertia_force(b, q, v));
-            let wrench = std::array::from_fn(|i| wrench[i] - self.applied[b][i]);
-            let own = &mut self.articulated[b];
-            own.wrench = A::moved(&wrench, &self.origin[b], center);
-            let arm = difference(&A::center(pose(q, b)), center);
-            own.inertia = A::Inertia::of_body(*mass, turned, &arm);
-            own.size = own.inertia.diagonal();
+        let mut bodies = std::mem::take(&mut self.articulated);
+        let mut pivots = std::mem::take(&mut self.pivots);
+        let mut felt = std::mem::take(&mut self.felt);
+        let mut rates = std::mem::take(&mut self.accelerations);
+        let piece = Piece {
+            first: 0,
+            coordinate: 0,
+            bodies: &mut bodies,
+            pivots: &mut pivots,
+            felt: &mut felt,
+            rates: &mut rates,
+        };
+        let served = match &self.subtrees {
+            Some((threads, subtrees)) => {
+                threads.share(|| self.articulate_shared(threads, subtrees, piece, [q, v]))
+            }
+            None => self.articulate_piece(piece, [q, v]),
+        };
+        (self.articulated, self.pivots, self.felt, self.accelerations) =
+            (bodies, pivots, felt, rates);
+        served
+    }
+
+    /// Whole trees.
+    fn articulate_piece(&self, mut piece: Piece<'_, A::Inertia, W>, state: [&[f64]; 2]) -> bool {
+        let served = self.go_inwards(&mut piece, state);
+        if served {
+            self.go_outwards(&mut piece);
         }
-        for edge in self.edges.iter().rev() {
-            let b = edge.body;
-            let own = &mut self.articulated[b];
-            let columns = &self.own_columns[edge.range.clone()];
-            let felt = &mut self.felt[edge.range.clone()];
-            let pivots = &mut self.pivots[edge.range.clone()];
-            let served = if edge.turns_freely() {
-                let Articulated { inertia, wrench, size } = own;
-                inertia.release(pivots, size, felt, wrench)
-            } else {
-                let (driven, hangs) = (edge.driven, edge.base.is_some());
-                Articulated::ELIMINATE[edge.range.len()](own, pivots, columns, driven, felt, hangs)
-            };
-            if !served {
+        served
+    }
+
+    /// Parts at the same time, what is near the roots by one thread: the same numbers as from one piece, as what a body is given
+    /// comes in the same order.
+    fn articulate_shared(
+        &self,
+        threads: &Threads,
+        Subtrees { parts, rest }: &Subtrees,
+        mut piece: Piece<'_, A::Inertia, W>,
+        state: [&[f64]; 2],
+    ) -> bool {
+        if !self.each_part(threads, parts, piece.again(), &|own| self.go_inwards(own, state)) {
+            return false;
+        }
+        for place in rest {
+            if let Place::Of(at) = *place {
+                self.set(&mut piece, at, state);
+            }
+        }
+        for place in rest.iter().rev() {
+            match *place {
+                Place::Of(at) => {
+                    if !self.eliminate(&mut piece, at) {
+                        return false;
+                    }
+                    self.carry_inwards(&mut piece, at);
+                }
+                Place::Top(at) => self.carry_inwards(&mut piece, at),
+            }
+        }
+        for place in rest {
+            match *place {
+                Place::Of(at) => self.respond(&mut piece, at),
+                Place::Top(at) => {
+                    if let Some(carrier) = self.edges[at].carrier {
+                        piece.bodies[at].motion = piece.bodies[carrier].motion;
+                    }
+                }
+            }
+        }
+        self.each_part(threads, parts, piece, &|own| {
+            self.go_outwards(own);
+            true
+        })
+    }
+
+    /// Whether work on each part has served.
+    fn each_part(
+        &self,
+        threads: &Threads,
+        parts: &[Range<usize>],
+        piece: Piece<'_, A::Inertia, W>,
+        work: &(impl Fn(&mut Piece<'_, A::Inertia, W>) -> bool + Sync),
+    ) -> bool {
+        if let [part] = parts {
+            let [before, _] = piece.split_at(&self.edges, part.end);
+            let [_, mut own] = before.split_at(&self.edges, part.start);
+            return work(&mut own);
+        }
+        let (left, right) = parts.split_at(parts.len() / 2);
+        let [first, second] = piece.split_at(&self.edges, right[0].start);
+        let (one, other) = threads.join(
+            || self.each_part(threads, left, first, work),
+            || self.each_part(threads, right, second, work),
+        );
+        one && other
+    }
+
+    /// From the leaves inwards; what the first bodies give to theirs is left to others. Whether enough digits are left.
+    fn go_inwards(&self, piece: &mut Piece<'_, A::Inertia, W>, state: [&[f64]; 2]) -> bool {
+        let all = piece.all();
+        all.clone().for_each(|at| self.set(piece, at, state));
+        for at in all.rev() {
+            if !self.eliminate(piece, at) {
                 return false;
             }
-            let Some(base) = edge.base else { continue };
-            let (from, to) = (&self.center[b], &self.center[base]);
-            let inertia = own.inertia.moved(&difference(from, to));
-            let wrench = A::moved(&own.wrench, from, to);
-            let size = A::moved_sizes(&own.size, from, to);
-            let carrier = &mut self.articulated[base];
-            carrier.inertia.add(&inertia);
-            add(&mut carrier.wrench, 1.0, &wrench);
-            add(&mut carrier.size, 1.0, &size);
-        }
-        for edge in &*self.edges {
-            let b = edge.body;
-            let mut motion = edge.base.map_or([0.0; W], |base| {
-                A::moved_twist(&self.motion[base], &self.center[base], &self.center[b])
-            });
-            let columns = &self.own_columns[edge.range.clone()];
-            let felt = &self.felt[edge.range.clone()];
-            let rates = &mut self.accelerations[edge.range.clone()];
-            let pivots = &self.pivots[edge.range.clone()];
-            if edge.turns_freely() {
-                let angular = Pivot::rates(pivots, felt, &motion);
-                A::Inertia::turn(&mut motion, angular, columns, rates);
-            } else {
-                let respond = Articulated::<A::Inertia, W>::RESPOND[edge.range.len()];
-                respond(pivots, columns, felt, &mut motion, rates);
+            if self.edges[at].carrier.is_some_and(|carrier| carrier >= piece.first) {
+                self.carry_inwards(piece, at);
             }
-            self.motion[b] = motion;
         }
         true
+    }
+
+    /// From the first bodies outwards.
+    fn go_outwards(&self, piece: &mut Piece<'_, A::Inertia, W>) {
+        piece.all().for_each(|at| self.respond(piece, at));
+    }
+
+    /// Inertia and wrench of a body alone.
+    #[inline(always)]
+    fn set(&self, piece: &mut Piece<'_, A::Inertia, W>, at: usize, [q, v]: [&[f64]; 2]) {
+        let b = self.edges[at].body;
+        let BodyInertia { mass, turned, .. } = &self.inertias[b];
+        let (center, wrench) = (&self.center[b], self.inertia_force(b, q, v));
+        let wrench = std::array::from_fn(|i| wrench[i] - self.applied[b][i]);
+        let own = &mut piece.bodies[at - piece.first];
+        own.wrench = A::moved(&wrench, &self.origin[b], center);
+        let arm = difference(&A::center(pose(q, b)), center);
+        own.inertia = A::Inertia::of_body(*mass, turned, &arm);
+        own.size = own.inertia.diagonal();
+    }
+
+    /// Eliminates the coordinates of an edge.
+    #[inline(always)]
+    fn eliminate(&self, piece: &mut Piece<'_, A::Inertia, W>, at: usize) -> bool {
+        let edge = &self.edges[at];
+        let own = &mut piece.bodies[at - piece.first];
+        let range = edge.range.start - piece.coordinate..edge.range.end - piece.coordinate;
+        let (pivots, felt) = (&mut piece.pivots[range.clone()], &mut piece.felt[range]);
+        if edge.turns_freely() {
+            let Articulated { inertia, wrench, size, .. } = own;
+            return inertia.release(pivots, size, felt, wrench);
+        }
+        let columns = &self.own_columns[edge.range.clone()];
+        let (driven, hangs) = (edge.driven, edge.base.is_some());
+        Articulated::ELIMINATE[edge.range.len()](own, pivots, columns, driven, felt, hangs)
+    }
+
+    /// Gives what is left of a body to its base.
+    #[inline(always)]
+    fn carry_inwards(&self, piece: &mut Piece<'_, A::Inertia, W>, at: usize) {
+        let edge = &self.edges[at];
+        let (Some(base), Some(carrier)) = (edge.base, edge.carrier) else { return };
+        let (from, to) = (&self.center[edge.body], &self.center[base]);
+        let own = &piece.bodies[at - piece.first];
+        let inertia = own.inertia.moved(&difference(from, to));
+        let wrench = A::moved(&own.wrench, from, to);
+        let size = A::moved_sizes(&own.size, from, to);
+        let carrier = &mut piece.bodies[carrier - piece.first];
+        carrier.inertia.add(&inertia);
+        add(&mut carrier.wrench, 1.0, &wrench);
+        add(&mut carrier.size, 1.0, &size);
+    }
+
+    /// Adds the accelerations of an edge for the motion of its base, which stands with the body itself where the base is not in the
+    /// piece.
+    #[inline(always)]
+    fn respond(&self, piece: &mut Piece<'_, A::Inertia, W>, at: usize) {
+        let edge = &self.edges[at];
+        let mut motion = match (edge.base, edge.carrier) {
+            (Some(base), Some(carrier)) => {
+                let from = if carrier < piece.first { at } else { carrier };
+                let motion = &piece.bodies[from - piece.first].motion;
+                A::moved_twist(motion, &self.center[base], &self.center[edge.body])
+            }
+            _ => [0.0; W],
+        };
+        let range = edge.range.start - piece.coordinate..edge.range.end - piece.coordinate;
+        let (pivots, felt) = (&piece.pivots[range.clone()], &piece.felt[range.clone()]);
+        let (columns, rates) = (&self.own_columns[edge.range.clone()], &mut piece.rates[range]);
+        if edge.turns_freely() {
+            let angular = Pivot::rates(pivots, felt, &motion);
+            A::Inertia::turn(&mut motion, angular, columns, rates);
+        } else {
+            let respond = Articulated::<A::Inertia, W>::RESPOND[edge.range.len()];
+            respond(pivots, columns, felt, &mut motion, rates);
+        }
+        piece.bodies[at - piece.first].motion = motion;
     }
 }

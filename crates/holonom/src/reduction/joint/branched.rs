@@ -98,10 +98,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut branched = self.branched.take().expect("made where something closes loops");
         let plan = branched.factors.plan().clone();
         let width = plan.width();
-        for edge in &*self.edges {
+        for (edge, own) in self.edges.iter().zip(&self.articulated) {
             for k in edge.range.clone() {
                 let b = edge.body;
-                let felt = self.articulated[b].inertia.times(&self.own_columns[k]);
+                let felt = own.inertia.times(&self.own_columns[k]);
                 self.felt[k] = A::moved(&felt, &self.center[b], &self.origin[b]);
             }
         }

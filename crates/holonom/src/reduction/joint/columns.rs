@@ -23,11 +23,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let sign = if edge.outward { 1.0 } else { -1.0 };
             self.center[edge.body] = screws.center;
             let own = &mut self.screws[edge.range.clone()];
-            for (out, [linear, angular]) in own.iter_mut().zip(&screws.columns) {
-                *out = A::screw(linear, angular).map(|x| sign * x);
-            }
             let columns = &mut self.own_columns[edge.range.clone()];
-            columns.copy_from_slice(own);
+            let both = own.iter_mut().zip(&mut *columns);
+            for ((own, column), [linear, angular]) in both.zip(&screws.columns) {
+                *own = A::screw(linear, angular).map(|x| sign * x);
+                *column = *own;
+            }
             if let Some(start) = edge.rotation {
                 let theta = [x[edge.at][start], x[edge.at][start + 1], x[edge.at][start + 2]];
                 let rate = turning.insert(TurnRate::new(&theta)).matrix();

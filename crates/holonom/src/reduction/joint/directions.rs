@@ -32,6 +32,8 @@ struct Moved {
 struct Alone {
     variable: usize,
     coordinate: usize,
+    /// Place of its edge.
+    edge: usize,
     body: usize,
     base: Option<usize>,
     /// Variables of no loop, itself among them, that move the body, with their coordinates.
@@ -94,7 +96,7 @@ impl<const W: usize> Directions<W> {
         let mut above: Vec<Vec<(usize, usize)>> = vec![vec![]; bodies];
         let mut alone = Vec::new();
         let mut count = 0;
-        for edge in edges {
+        for (at, edge) in edges.iter().enumerate() {
             let (body, base) = (edge.body, edge.base);
             let from_base = base.map(|base| moved[base].variables.clone()).unwrap_or_default();
             let mut variables = from_base.clone();
@@ -104,8 +106,8 @@ impl<const W: usize> Directions<W> {
                     (Source::Independent(p), _) if is_looped[p] => variables.push(p),
                     (Source::Independent(variable), _) => {
                         own.push((variable, coordinate));
-                        let (above, below) = (own.clone(), Vec::new());
-                        alone.push(Alone { variable, coordinate, body, base, above, below });
+                        let (edge, above, below) = (at, own.clone(), Vec::new());
+                        alone.push(Alone { variable, coordinate, edge, body, base, above, below });
                     }
                     (Source::Dependent, Some((cluster, _))) => {
                         variables.extend(free(cluster).iter().map(|(p, _)| *p));
@@ -236,7 +238,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for one in &*alone {
             let column = &self.columns[one.coordinate];
             let b = one.body;
-            let own = self.articulated[b].inertia.times(&self.own_columns[one.coordinate]);
+            let own = self.articulated[one.edge].inertia.times(&self.own_columns[one.coordinate]);
             let own = A::moved(&own, &self.center[b], &self.origin[b]);
             for (other, coordinate) in &one.above {
                 mass.add(one.variable, *other, dot(&own, &self.columns[*coordinate]));

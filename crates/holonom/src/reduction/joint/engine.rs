@@ -7,12 +7,14 @@ use super::closures::{Closures, Numbers, Origin};
 use super::derivatives::Derivatives;
 use super::directions::Directions;
 use super::inertia::Inertia;
+use super::subtrees::Subtrees;
 use crate::math::turn::TurnRate;
 use crate::math::vector::difference;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::recent::RecentPoints;
 use crate::reduction::relatives::{Relatives, Source};
 use crate::system::{EdgeScrews, EdgeSource, Measure, Motion, Stance, System};
+use crate::threads::Threads;
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -26,6 +28,8 @@ pub(super) struct Edge {
     pub(super) form: usize,
     pub(super) body: usize,
     pub(super) base: Option<usize>,
+    /// The edge of its base, by its place among all.
+    pub(super) carrier: Option<usize>,
     pub(super) first: Option<usize>,
     pub(super) outward: bool,
     /// Its coordinates among all.
@@ -62,7 +66,10 @@ pub(super) struct BodyInertia {
 #[derive(Debug, Clone)]
 pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) system: Arc<dyn System>,
+    /// In the order of a walk: those of the bodies that hang on one stand right behind its own.
     pub(super) edges: Arc<[Edge]>,
+    /// Where several threads share the work, what each of them may take.
+    pub(super) subtrees: Option<(Threads, Arc<Subtrees>)>,
     /// Per coordinate: where it comes from, and the row of the driver that tells it.
     pub(super) sources: Arc<[Source]>,
     /// Group of each coordinate, and place in it.
@@ -70,8 +77,10 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) closures: Closures,
     /// Configurations recovered before, within this step.
     pub(super) recent: RecentPoints<Numbers>,
-    /// Edge, and place among its coordinates, of each dependent coordinate.
+    /// Edge of the forest, and place among its coordinates, of each dependent coordinate.
     pub(super) places: Vec<(usize, usize)>,
+    /// Body that each of them moves against its base.
+    pub(super) moves: Vec<usize>,
     /// Root of each body's tree.
     pub(super) root: Vec<usize>,
     /// Reference point of each body.
@@ -98,6 +107,7 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) wrench_size: Vec<[f64; 2]>,
     pub(super) wrench: Vec<[f64; W]>,
     pub(super) inertias: Vec<BodyInertia>,
+    /// By the places of the edges.
     pub(super) articulated: Vec<Articulated<A::Inertia, W>>,
     pub(super) pivots: Vec<Pivot>,
     /// Articulated or composite inertia times the columns.
@@ -168,7 +178,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut edge_of = vec![None; bodies];
         let mut screws = EdgeScrews::default();
         let mut root: Vec<usize> = (0..bodies).collect();
-        for (at, (edge, &form)) in tree.edges.iter().zip(&*relatives.forms).enumerate() {
+        let mut place_of = vec![0; bodies];
+        tree.edges.iter().enumerate().for_each(|(at, edge)| place_of[edge.body] = at);
+        for body in tree.forest.walk() {
+            let at = place_of[body];
+            let (edge, form) = (&tree.edges[at], relatives.forms[at]);
             if !system.edge_screws_at(at, form, q, &mut screws) {
                 return None;
             }
@@ -194,6 +208,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 form,
                 body: edge.body,
                 base: screws.base,
+                carrier: screws.base.and_then(|base| edge_of[base]),
                 first: screws.first,
                 outward: screws.outward,
                 range: start..coordinates.len(),
@@ -227,8 +242,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let closures =
             Closures::new(system.as_ref(), parametrization, relatives, &coordinates, path)?;
         for at in 0..edges.len() {
-            let base = edges[at].base.and_then(|base| edge_of[base]);
-            let mut clusters = base.map_or(Vec::new(), |base| edges[base].moved_by.clone());
+            let mut clusters =
+                edges[at].carrier.map_or(Vec::new(), |base| edges[base].moved_by.clone());
             let own = edges[at].range.clone().filter_map(|k| closures.place(k));
             clusters.extend(own.map(|(cluster, _)| cluster));
             clusters.sort_unstable();
@@ -240,10 +255,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         ends.dedup();
         let (n, rows) = (coordinates.len(), closures.rows());
         let of_edges = edges.iter().flat_map(|edge| {
-            edge.range.clone().enumerate().map(|(place, k)| (k, (edge.at, place)))
+            edge.range.clone().enumerate().map(|(place, k)| (k, ((edge.at, place), edge.body)))
         });
-        let places = of_edges.filter(|(k, _)| coordinates[*k].0 == Source::Dependent);
-        let places = places.map(|(_, place)| place).collect();
+        let dependent = of_edges.filter(|(k, _)| coordinates[*k].0 == Source::Dependent);
+        let (places, moves) = dependent.map(|(_, place)| place).unzip();
         let zeros = || vec![[0.0; W]; bodies];
         let mut out = Self {
             system: system.clone(),
@@ -282,7 +297,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             gathered: vec![0.0; n],
             generalized: vec![0.0; system.structure().sizes.coordinates],
             zero_rates: vec![0.0; parametrization.ndof],
-            articulated: vec![Articulated::zero(); bodies],
+            subtrees: None,
+            articulated: vec![Articulated::zero(); edges.len()],
             pivots: vec![Pivot::default(); n],
             felt: vec![[0.0; W]; n],
             branched: None,
@@ -299,6 +315,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             recent: RecentPoints::new(rows > 0, || closures.numbers(), q.len(), tree.edges.len()),
             closures,
             places,
+            moves,
             edges: edges.into(),
         };
         out.plan_accelerations();
@@ -369,6 +386,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     }
 
     /// The wrench that accelerates a body.
+    #[inline(always)]
     pub(super) fn inertia_force(&self, b: usize, q: &[f64], v: &[f64]) -> [f64; W] {
         let BodyInertia { mass, turned, .. } = &self.inertias[b];
         let (y, yd) = (&self.twist[b], &self.twist_rate[b]);
@@ -399,15 +417,16 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Inertias of all that hangs on each body, about the point that its edge turns about: about the reference point what
     /// is light and far out is a small difference.
     pub(super) fn gather_inertias(&mut self, q: &[f64]) {
-        for (b, BodyInertia { mass, turned, .. }) in self.inertias.iter().enumerate() {
-            let arm = difference(&A::center(pose(q, b)), &self.center[b]);
-            self.articulated[b].inertia = A::Inertia::of_body(*mass, turned, &arm);
+        for (edge, own) in self.edges.iter().zip(&mut self.articulated) {
+            let BodyInertia { mass, turned, .. } = &self.inertias[edge.body];
+            let arm = difference(&A::center(pose(q, edge.body)), &self.center[edge.body]);
+            own.inertia = A::Inertia::of_body(*mass, turned, &arm);
         }
-        for edge in self.edges.iter().rev() {
-            if let Some(base) = edge.base {
+        for (at, edge) in self.edges.iter().enumerate().rev() {
+            if let (Some(base), Some(carrier)) = (edge.base, edge.carrier) {
                 let arm = difference(&self.center[edge.body], &self.center[base]);
-                let own = self.articulated[edge.body].inertia.moved(&arm);
-                self.articulated[base].inertia.add(&own);
+                let own = self.articulated[at].inertia.moved(&arm);
+                self.articulated[carrier].inertia.add(&own);
             }
         }
     }

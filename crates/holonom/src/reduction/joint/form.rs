@@ -8,6 +8,7 @@ use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
 use crate::system::{DerivativeBlocks, State};
+use crate::threads::Threads;
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N, W> {
     fn boxed(&self) -> Box<dyn JointForm> {
@@ -181,6 +182,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
     ) {
         self.displace(dp, &state.q, dq);
         self.displace_rates(parametrization, state, dp_rate, dq, dv);
+    }
+
+    fn share_among(&mut self, threads: &Threads) {
+        Self::share_among(self, threads);
     }
 
     fn keep_room_for_derivatives(&mut self, keep: bool) {

@@ -1,6 +1,6 @@
 //! Inertias as symmetric matrices that make wrenches of rates of twists (`docs/theory/joint.md` (11), (12)).
 
-use super::algebra::{joined, parts};
+use super::algebra::parts;
 use super::articulated::{Pivot, is_lost};
 use super::small::factor;
 use crate::math::spatial::cross;
@@ -43,77 +43,85 @@ pub(super) trait Inertia<const W: usize>:
     fn turn(motion: &mut [f64; W], angular: [f64; 3], columns: &[[f64; W]], rates: &mut [f64]);
 }
 
-/// f = M v + H ω, n = Hᵀ v + J ω.
+/// f = M v + H ω, n = Hᵀ v + J ω, M and J by their entries xx, xy, xz, yy, yz, zz.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SpatialInertia {
-    m: [[f64; 3]; 3],
+    m: [f64; 6],
     h: [[f64; 3]; 3],
-    j: [[f64; 3]; 3],
+    j: [f64; 6],
 }
 
-fn add_up(out: &mut [[f64; 3]; 3], x: &[[f64; 3]; 3]) {
-    for (out, x) in out.iter_mut().zip(x) {
-        *out = sum(out, x);
-    }
+/// Rows of a symmetric matrix.
+#[inline(always)]
+fn rows([xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> [[f64; 3]; 3] {
+    [[*xx, *xy, *xz], [*xy, *yy, *yz], [*xz, *yz, *zz]]
+}
+
+/// Entries of u uᵀ.
+#[inline(always)]
+fn square([x, y, z]: &[f64; 3]) -> [f64; 6] {
+    [x * x, x * y, x * z, y * y, y * z, z * z]
+}
+
+#[inline(always)]
+fn add_up<const K: usize>(out: &mut [f64; K], x: &[f64; K]) {
+    out.iter_mut().zip(x).for_each(|(out, x)| *out += x);
+}
+
+#[inline(always)]
+fn take_away<const K: usize>(out: &mut [f64; K], x: &[f64; K]) {
+    out.iter_mut().zip(x).for_each(|(out, x)| *out -= x);
 }
 
 impl Inertia<6> for SpatialInertia {
+    #[inline(always)]
     fn of_body(mass: f64, inertia: &[[f64; 3]; 3], arm: &[f64; 3]) -> Self {
         let [x, y, z] = arm.map(|x| mass * x);
         let square = dot(arm, &[x, y, z]);
-        let mut out = Self { h: [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]], ..Self::default() };
-        for i in 0..3 {
-            out.m[i][i] = mass;
-            for j in 0..3 {
-                out.j[i][j] = inertia[i][j] - mass * arm[i] * arm[j];
-            }
-            out.j[i][i] += square;
+        let entry = |i: usize, k: usize| inertia[i][k] - mass * arm[i] * arm[k];
+        let [xx, yy, zz] = std::array::from_fn(|i| entry(i, i) + square);
+        Self {
+            m: [mass, 0.0, 0.0, mass, 0.0, mass],
+            h: [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]],
+            j: [xx, entry(0, 1), entry(0, 2), yy, entry(1, 2), zz],
         }
-        out
     }
 
     #[inline(always)]
     fn moved(&self, arm: &[f64; 3]) -> Self {
         // H' = H − M r̃, J' = J + Hᵀ·(−r̃) + r̃ H'
-        let h: [[f64; 3]; 3] = std::array::from_fn(|i| {
-            let turned = cross(&self.m[i], arm);
-            std::array::from_fn(|j| self.h[i][j] - turned[j])
-        });
+        let m = rows(&self.m);
+        let h: [[f64; 3]; 3] = std::array::from_fn(|i| difference(&self.h[i], &cross(&m[i], arm)));
         let column = |h: &[[f64; 3]; 3], k: usize| cross(arm, &[h[0][k], h[1][k], h[2][k]]);
-        let [before, after]: [[[f64; 3]; 3]; 2] =
+        let [a, b]: [[[f64; 3]; 3]; 2] =
             [&self.h, &h].map(|h| std::array::from_fn(|k| column(h, k)));
         let mut j = self.j;
-        for i in 0..3 {
-            for k in 0..=i {
-                j[i][k] += before[i][k] + after[k][i];
-                j[k][i] = j[i][k];
-            }
-        }
+        let by = |i: usize, k: usize| a[i][k] + b[k][i];
+        add_up(&mut j, &[by(0, 0), by(1, 0), by(2, 0), by(1, 1), by(2, 1), by(2, 2)]);
         Self { m: self.m, h, j }
     }
 
     #[inline(always)]
     fn add(&mut self, other: &Self) {
         add_up(&mut self.m, &other.m);
-        add_up(&mut self.h, &other.h);
+        self.h.iter_mut().zip(&other.h).for_each(|(out, x)| add_up(out, x));
         add_up(&mut self.j, &other.j);
     }
 
     #[inline(always)]
     fn subtract_square(&mut self, u: &[f64; 6]) {
-        for i in 0..3 {
-            for k in 0..3 {
-                self.m[i][k] -= u[i] * u[k];
-                self.h[i][k] -= u[i] * u[3 + k];
-                self.j[i][k] -= u[3 + i] * u[3 + k];
-            }
+        let (f, n) = parts(u);
+        take_away(&mut self.m, &square(&f));
+        for (out, f) in self.h.iter_mut().zip(f) {
+            take_away(out, &n.map(|n| f * n));
         }
+        take_away(&mut self.j, &square(&n));
     }
 
     #[inline(always)]
     fn times(&self, y: &[f64; 6]) -> [f64; 6] {
         let (v, w) = parts(y);
-        let Self { m, h, j } = self;
+        let (m, h, j) = (rows(&self.m), &self.h, rows(&self.j));
         std::array::from_fn(|i| {
             if i < 3 {
                 dot(&m[i], &v) + dot(&h[i], &w)
@@ -124,9 +132,10 @@ impl Inertia<6> for SpatialInertia {
         })
     }
 
+    #[inline(always)]
     fn diagonal(&self) -> [f64; 6] {
         let Self { m, j, .. } = self;
-        [m[0][0], m[1][1], m[2][2], j[0][0], j[1][1], j[2][2]]
+        [m[0], m[3], m[5], j[0], j[3], j[5]]
     }
 
     /// M ← M − H J⁻¹Hᵀ, f ← f − H J⁻¹n; H, J and n vanish.
@@ -138,7 +147,7 @@ impl Inertia<6> for SpatialInertia {
         wrench: &mut [f64; 6],
     ) -> bool {
         let Self { m, h, j } = *self;
-        let (mut l, mut force) = (j, [0.0; 3]);
+        let (mut l, mut force) = (rows(&j), [0.0; 3]);
         for i in 0..3 {
             force[i] = -wrench[3 + i];
             felt[i] = [h[0][i], h[1][i], h[2][i], 0.0, 0.0, 0.0];
@@ -148,8 +157,7 @@ impl Inertia<6> for SpatialInertia {
         }
         Pivot::keep(pivots, &l, &force);
         *self = Self { m, ..Self::default() };
-        let size: [f64; 3] = std::array::from_fn(|i| m[i][i]);
-        *sizes = joined(&size, &[0.0; 3]);
+        *sizes = [m[0], m[3], m[5], 0.0, 0.0, 0.0];
         let (mut halves, mut rates) = ([[0.0; 3]; 3], [0.0; 3]);
         for i in 0..3 {
             (halves[i], rates[i]) = ([h[0][i], h[1][i], h[2][i]], force[i]);
@@ -161,13 +169,11 @@ impl Inertia<6> for SpatialInertia {
             }
             rates[i] *= l[i][i];
             halves[i] = halves[i].map(|x| x * l[i][i]);
+            take_away(&mut self.m, &square(&halves[i]));
             for w in 0..3 {
                 sizes[w] += halves[i][w] * halves[i][w];
                 wrench[w] += rates[i] * halves[i][w];
                 wrench[3 + w] = 0.0;
-                for k in 0..3 {
-                    self.m[w][k] -= halves[i][w] * halves[i][k];
-                }
             }
         }
         true

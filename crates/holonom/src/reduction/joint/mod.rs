@@ -25,12 +25,14 @@ mod positions;
 mod residuals;
 mod small;
 mod stances;
+mod subtrees;
 mod variation;
 mod varied;
 
 use super::parametrization::Parametrization;
 use crate::error::EvaluationFailure;
 use crate::system::{DerivativeBlocks, State, System};
+use crate::threads::Threads;
 use engine::Engine;
 use std::sync::Arc;
 
@@ -173,6 +175,9 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
 
     /// Equations in the largest of the systems that close loops, each with dependent coordinates of its own.
     fn largest_closure(&self) -> usize;
+
+    /// These threads share accelerations from now on, where there is enough of them.
+    fn share_among(&mut self, threads: &Threads);
 
     /// Makes room for [`JointForm::linearize`], or gives it up.
     fn keep_room_for_derivatives(&mut self, keep: bool);

@@ -2,7 +2,7 @@
 
 use super::JointForm;
 use super::algebra::Algebra;
-use super::closures::{Closures, Origin};
+use super::closures::Origin;
 use super::clusters::keep_larger;
 use super::engine::Engine;
 use super::residuals::counts_turns;
@@ -178,13 +178,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// lengths over the characteristic length.
     fn correct(&mut self, x: &mut [[f64; 6]]) -> f64 {
         self.closures.solve_open(&mut self.rows);
-        let Closures { clusters, dependent, column_scale, .. } = &mut self.closures;
         let mut largest = 0.0f64;
-        for cluster in clusters.iter_mut().filter(|cluster| cluster.is_open) {
+        for cluster in self.closures.clusters.iter_mut().filter(|cluster| cluster.is_open) {
             let mut size = 0.0;
-            for (at, change) in cluster.changes(&self.rows) {
+            for ((at, change), scale) in cluster.changes(&self.rows).zip(&cluster.column_scale) {
                 let (edge, place) = self.places[at];
-                size = keep_larger(size, (change / column_scale[dependent[at]]).abs());
+                size = keep_larger(size, (change / scale).abs());
                 x[edge][place] += change;
             }
             cluster.size = size;
@@ -197,8 +196,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     fn distance(&self, x: &[[f64; 6]]) -> f64 {
         let mut largest = 0.0f64;
         for edge in &*self.edges {
-            for (x, k) in x[edge.at].iter().zip(edge.range.clone()) {
-                let change = (x - self.before[k]) / self.closures.column_scale[k];
+            let before = &self.before[edge.range.clone()];
+            let scales = &self.closures.column_scale[edge.range.clone()];
+            for ((x, before), scale) in x[edge.at].iter().zip(before).zip(scales) {
+                let change = (x - before) / scale;
                 largest = keep_larger(largest, change.abs());
             }
         }

@@ -18,7 +18,9 @@ pub(super) enum Variation {
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// How all bodies stand at q.
     pub(super) fn stand(&mut self, q: &[f64]) {
-        if self.stood == q {
+        // The same as a rule: several numbers are compared at once, with no way out in between.
+        let differs = |(a, b): (&f64, &f64)| a.to_bits() ^ b.to_bits();
+        if self.stood.iter().zip(q).map(differs).fold(0, |all, bits| all | bits) == 0 {
             return;
         }
         self.stood.copy_from_slice(q);

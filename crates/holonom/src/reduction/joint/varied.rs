@@ -162,8 +162,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     fn add_dependent(&self, mover: &Mover, x: &[f64], own: &mut [[f64; W]]) {
         for &(c, _) in &mover.clusters {
             for &at in &self.closures.clusters[c].dependent {
-                let (edge, k) = (self.places[at].0, self.closures.dependent[at]);
-                add(&mut own[self.edges[edge].body], x[k], &self.columns[k]);
+                let k = self.closures.dependent[at];
+                add(&mut own[self.moves[at]], x[k], &self.columns[k]);
             }
         }
     }

@@ -4,6 +4,7 @@ use super::Manifold;
 use crate::error::EvaluationFailure;
 use crate::reduction::joint::{ReducedDerivatives, joint_form};
 use crate::system::{DerivativeBlocks, State};
+use crate::threads::Threads;
 
 impl Manifold {
     /// Recovers in joint coordinates from now on, in other parametrizations too; at the configuration q whose factors
@@ -18,7 +19,21 @@ impl Manifold {
         if self.joint.is_some() && self.refactor_joint().is_err() {
             self.joint = None;
         }
+        self.share_joint();
         self.joint.is_some()
+    }
+
+    /// These threads share accelerations in joint coordinates from now on, where there is enough of them; in other
+    /// parametrizations too.
+    pub fn share_among(&mut self, threads: &Threads) {
+        self.threads = threads.clone();
+        self.share_joint();
+    }
+
+    fn share_joint(&mut self) {
+        if let Some(joint) = &mut self.joint {
+            joint.share_among(&self.threads);
+        }
     }
 
     /// Whether it does.

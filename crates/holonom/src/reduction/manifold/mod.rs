@@ -11,6 +11,7 @@ use crate::reduction::joint::JointForm;
 use crate::reduction::recent::RecentPoints;
 use crate::reduction::redundant::Redundant;
 use crate::system::{State, System};
+use crate::threads::Threads;
 use holonom_linalg::BlockMatrix;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -63,6 +64,7 @@ pub struct Manifold {
     /// Recoveries in joint coordinates. The chart, G and M are then those of a configuration before, until they are
     /// needed.
     joint: Option<Box<dyn JointForm>>,
+    threads: Threads,
     /// Time and configuration of the last evaluation in joint coordinates.
     at_time: f64,
     at: Vec<f64>,
@@ -111,6 +113,7 @@ impl Manifold {
             g,
             orientation,
             joint: None,
+            threads: Threads::default(),
             at_time: 0.0,
             at: Vec::new(),
             stale: false,

@@ -45,7 +45,8 @@ pub(super) struct Machinery {
 
 impl Machinery {
     /// Nothing is computed before, and nothing known but a consistent state whose factors the manifold holds.
-    pub(super) fn new(options: &Options, manifold: Manifold, state: &State) -> Self {
+    pub(super) fn new(options: &Options, mut manifold: Manifold, state: &State) -> Self {
+        manifold.share_among(&options.threads);
         // Copies of what is large take time, too.
         let copied = || checkpoint(COPIED * state.q.len());
         let (code, profile, tolerance) = (options.code, options.profile, options.tolerance);
