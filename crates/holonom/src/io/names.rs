@@ -20,8 +20,8 @@ pub(super) fn objection(name: &str) -> Option<String> {
     }
 }
 
-/// Words of other programs for fields of a model file; the first that a table knows is meant.
-const WORDS_OF_OTHERS: [(&str, &[&str]); 16] = [
+/// Words of other programs for fields of a model file, and for methods; the first that a table knows is meant.
+const WORDS_OF_OTHERS: [(&str, &[&str]); 21] = [
     ("angular_velocity", &["omega", "w", "rpm", "spin", "rate", "angular_speed"]),
     ("velocity", &["v", "vel", "speed", "rate"]),
     ("position", &["pos", "r", "origin", "location", "translation"]),
@@ -37,6 +37,20 @@ const WORDS_OF_OTHERS: [(&str, &[&str]); 16] = [
     ("free_length", &["l0", "rest_length", "natural_length"]),
     ("tolerance", &["tol", "rtol", "atol", "eps", "accuracy"]),
     ("fixed_step", &["dt", "h", "step", "step_size", "time_step"]),
+    (
+        "ForRadau",
+        &[
+            "radau", "radau5", "bdf", "lsoda", "ode15s", "cvode", "ida", "dassl", "implicit",
+            "stiff",
+        ],
+    ),
+    ("ForSDIRK", &["sdirk", "sdirk4", "esdirk"]),
+    (
+        "SspTrap",
+        &["trapezoidal", "newmark", "crank-nicolson", "hht", "generalized-alpha", "midpoint"],
+    ),
+    ("DOPRI5", &["rk45", "ode45", "rkf45", "rk4", "dopri", "euler", "runge-kutta"]),
+    ("DEABM", &["adams", "ab", "abm", "ode113", "predictor-corrector"]),
     ("end_time", &["tend", "t_end", "tf", "tfinal", "t_final", "duration", "stop_time"]),
 ];
 

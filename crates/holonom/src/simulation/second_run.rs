@@ -127,7 +127,7 @@ struct Far {
 
 /// What may be had where errors grow beyond any tolerance.
 const BEYOND: &str =
-    "a shorter run can be predicted, or statistics over runs from slightly different starts";
+    "what can be had is a shorter run, or statistics over runs from slightly different starts";
 
 impl Far {
     /// What to do about it; `shorter` is said beside a tighter tolerance.

@@ -311,6 +311,7 @@ fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
 fn a_wrong_word_of_the_run_is_refused_at_its_place() {
     for (line, field, help) in [
         ("method = \"ForRadu\"", "method", "did you mean \"ForRadau\"?"),
+        ("method = \"RK45\"", "method", "did you mean \"DOPRI5\"?"),
         ("method = \"statespace\"", "method", "did you mean \"state_space\"?"),
         ("formula = \"radau6\"", "formula", "did you mean \"radau5\"?"),
         ("formula = \"newmark\"", "formula", ""),
