@@ -130,6 +130,13 @@ fn turning(sizes: &Sizes, x: &[f64]) -> f64 {
     per_unit * turns.fold(0.0, f64::max)
 }
 
+/// A step as times up to `end`, s, can tell it: far from zero they are rounded. Steps of one length stay so.
+pub(super) fn told(step: f64, t: f64, end: f64) -> f64 {
+    let far = t.abs().max(end.abs());
+    let told = (far + step) - far;
+    if told > 0.0 { told } else { step }
+}
+
 /// Smallest step worth trying.
 pub(super) fn smallest_step(t: f64, end: f64) -> f64 {
     10.0 * f64::EPSILON * t.abs().max((end - t).abs() * 1e-3).max(1e-3)

@@ -318,8 +318,7 @@ impl Run<'_> {
                 }
             }
             let (step, reaches) = clip(t, h, next, fixed);
-            let t_end = if reaches { next } else { t + step };
-            // As long as the times say: far from zero they are rounded.
+            let t_end = if reaches { next } else { t + step_length::told(step, t, end) };
             let step = if t_end > t { t_end - t } else { step };
             let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let mut rejection = report.cause.take();
