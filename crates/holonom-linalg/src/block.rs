@@ -118,6 +118,11 @@ impl BlockPattern {
         self.blocks[id.index()].place()
     }
 
+    /// Where the values of one block are among those of the matrix.
+    pub fn place(&self, id: BlockId) -> Range<usize> {
+        self.blocks[id.index()].values()
+    }
+
     /// Places of all blocks in the order of their values: (first row, first column, rows, columns).
     pub fn shapes(&self) -> impl Iterator<Item = (usize, usize, usize, usize)> + '_ {
         self.blocks.iter().map(|b| b.place())

@@ -78,6 +78,7 @@ fn envelope_factors_do_not_allocate() {
         assert_no_allocation("envelope Cholesky", || {
             cholesky.factor(&values).unwrap();
             cholesky.solve(&mut b[..10]);
+            cholesky.factor_solve(&values, &mut b[..10]).unwrap();
             cholesky.solve_many(&mut b, k);
         });
     }

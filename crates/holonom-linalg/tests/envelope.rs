@@ -62,6 +62,9 @@ fn values(graph: &BlockGraph, plan: &EnvelopePlan, a: &[f64]) -> Vec<f64> {
 #[track_caller]
 fn assert_solves(graph: &BlockGraph, order: &[usize], seed: u64) {
     let plan = Arc::new(EnvelopePlan::new(graph, order));
+    let natural: Vec<usize> = (0..order.len()).collect();
+    let renumbered = EnvelopePlan::new(&graph.renumbered(order), &natural);
+    assert_eq!(EnvelopePlan::clone(&plan).renumbered(), renumbered);
     let (n, k) = (plan.n(), 3);
     let a = matrix(graph, seed);
     let mut cholesky = EnvelopeCholesky::new(plan.clone());
@@ -69,8 +72,11 @@ fn assert_solves(graph: &BlockGraph, order: &[usize], seed: u64) {
     let mut x = noise(seed + 1, n * k);
     let expected = dense_solve(n, &a, &x, k).unwrap().x;
     let mut one: Vec<f64> = x.iter().step_by(k).copied().collect();
+    let mut at_once = one.clone();
     cholesky.solve_many(&mut x, k);
     cholesky.solve(&mut one);
+    cholesky.factor_solve(&values(graph, &plan, &a), &mut at_once).unwrap();
+    assert_eq!(at_once, one, "the same operations");
     for (r, (x, expected)) in x.chunks(k).zip(expected.chunks(k)).enumerate() {
         for (x, expected) in x.iter().chain([&one[r]]).zip(expected.iter().chain([&expected[0]])) {
             assert!((x - expected).abs() < 1e-11, "row {r}: {x} and {expected}");

@@ -402,8 +402,7 @@ fn reduced(table: &str, case: &Case, numbering: &Numbering) -> Result<(), Box<dy
             "envelope Cholesky",
             Box::new(move || {
                 let mut x = given.clone();
-                envelope.factor(&skyline).expect("definite");
-                envelope.solve(&mut x);
+                envelope.factor_solve(&skyline, &mut x).expect("definite");
                 to_numbering(&x)
             }),
         ),
@@ -449,9 +448,12 @@ fn bad_numbering(case: &Case) -> Result<Numbering, Box<dyn Error>> {
 
 fn model(name: &str) -> Result<Model, Box<dyn Error>> {
     let library = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../models");
-    let text = std::fs::read_to_string(library.join(name).join("model.toml"))?;
+    let folder = library.join(name);
+    let text = std::fs::read_to_string(folder.join("model.toml"))?;
     let mut none = |_: &str| Err("no other file".to_owned());
-    let document = Document::parse(&text, Syntax::Toml, name, &mut none)
+    let mut bytes = |file: &str| std::fs::read(folder.join(file)).map_err(|e| e.to_string());
+    let document = Document::parse(&text, Syntax::Toml, "model.toml", &mut none)
+        .and_then(|document| document.with_meshes(&mut bytes))
         .and_then(|document| document.build())
         .map_err(|errors| errors.render())?;
     Ok(document.0)

@@ -36,6 +36,22 @@ impl BlockGraph {
         Self { sizes: sizes.to_vec(), neighbours }
     }
 
+    /// The graph with block `order[p]` as number p.
+    ///
+    /// # Panics
+    /// If `order` is no permutation of the blocks.
+    #[must_use]
+    pub fn renumbered(&self, order: &[usize]) -> Self {
+        let position = positions(order, self.len());
+        let neighbours = |&i: &usize| {
+            let mut list: Vec<usize> = self.neighbours[i].iter().map(|&j| position[j]).collect();
+            list.sort_unstable();
+            list
+        };
+        let sizes = order.iter().map(|&i| self.sizes[i]).collect();
+        Self { sizes, neighbours: order.iter().map(neighbours).collect() }
+    }
+
     /// Number of diagonal blocks.
     pub fn len(&self) -> usize {
         self.sizes.len()

@@ -5,23 +5,46 @@ use std::ops::Range;
 
 /// Places and counts of a block envelope: block rows from their first block to the diagonal.
 ///
-/// Position p holds block `order[p]`. Entry (r, c) of block row p, c counted from the first column of
-/// the row's envelope, stands at `offset[p] + c * rows + r`: by columns, so that the rows of a block lie
-/// side by side.
+/// Position p holds block `order[p]`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct EnvelopePlan {
-    pub(super) order: Vec<usize>,
+    order: Vec<usize>,
     position: Vec<usize>,
-    /// First block of each block row.
-    pub(super) first: Vec<usize>,
-    /// First scalar row of each position, and the number of rows.
-    pub(super) begin: Vec<usize>,
-    /// First value of each block row, and the number of values.
-    pub(super) offset: Vec<usize>,
+    pub(super) lines: Vec<Line>,
     /// Row of the matrix at each scalar position.
     pub(super) row_at: Vec<usize>,
+    /// Blocks are numbered as they stand.
+    pub(super) natural: bool,
     operations: usize,
     multiplications: usize,
+}
+
+/// Block row at one position. Entry (r, c), c counted from `start`, stands at `offset + c * rows + r`: by columns,
+/// so that the rows of a block lie side by side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Line {
+    /// First block of the envelope, and its first scalar column.
+    pub(super) first: usize,
+    pub(super) start: usize,
+    /// First scalar row, and number of rows.
+    pub(super) begin: usize,
+    pub(super) rows: usize,
+    /// First value.
+    pub(super) offset: usize,
+}
+
+impl Line {
+    /// Columns left of the diagonal block.
+    #[inline(always)]
+    pub(super) fn left(&self) -> usize {
+        self.begin - self.start
+    }
+
+    /// Its values.
+    #[inline(always)]
+    pub(super) fn values(&self) -> Range<usize> {
+        self.offset..self.offset + self.rows * (self.left() + self.rows)
+    }
 }
 
 impl EnvelopePlan {
@@ -32,33 +55,38 @@ impl EnvelopePlan {
     pub fn new(graph: &BlockGraph, order: &[usize]) -> Self {
         let count = graph.len();
         let position = positions(order, count);
-        let first: Vec<usize> =
-            graph.widths(order).into_iter().enumerate().map(|(p, width)| p - width).collect();
-        let mut begin = vec![0; count + 1];
-        for (p, &i) in order.iter().enumerate() {
-            begin[p + 1] = begin[p] + graph.sizes()[i];
-        }
-        let mut offset = vec![0; count + 1];
+        let mut lines: Vec<Line> = Vec::with_capacity(count);
+        let (mut begin, mut offset) = (0, 0);
         let (mut operations, mut multiplications) = (0, 0);
-        for p in 0..count {
-            let rows = begin[p + 1] - begin[p];
-            offset[p + 1] = offset[p] + rows * (begin[p + 1] - begin[first[p]]);
-            for j in first[p]..p {
-                let common = first[p].max(first[j]);
-                operations += j - common + 2; // products, a solve, and one for the diagonal
-                let columns = begin[j]..begin[j + 1];
-                multiplications += columns.map(|c| rows * (c - begin[common])).sum::<usize>();
+        for (p, (&i, width)) in order.iter().zip(graph.widths(order)).enumerate() {
+            let (first, rows) = (p - width, graph.sizes()[i]);
+            let start = lines.get(first).map_or(begin, |line| line.begin);
+            for (j, before) in lines.iter().enumerate().skip(first) {
+                operations += j - first.max(before.first) + 2; // products, a solve, and one for the diagonal
+                let columns = before.begin..before.begin + before.rows;
+                let common = start.max(before.start);
+                multiplications += columns.map(|c| rows * (c - common)).sum::<usize>();
             }
-            multiplications +=
-                (0..rows).map(|d| (rows - d) * (begin[p] + d - begin[first[p]])).sum::<usize>();
+            multiplications += (0..rows).map(|d| (rows - d) * (begin + d - start)).sum::<usize>();
+            lines.push(Line { first, start, begin, rows, offset });
+            (begin, offset) = (begin + rows, lines[p].values().end);
         }
         let mut rows = vec![0; count + 1];
         for (i, size) in graph.sizes().iter().enumerate() {
             rows[i + 1] = rows[i] + size;
         }
         let row_at = order.iter().flat_map(|&i| rows[i]..rows[i + 1]).collect();
+        let natural = order.is_sorted();
         let order = order.to_vec();
-        Self { order, position, first, begin, offset, row_at, operations, multiplications }
+        Self { order, position, lines, row_at, natural, operations, multiplications }
+    }
+
+    /// The plan of the same matrix with its blocks numbered as they stand here: vectors need no reordering then.
+    #[must_use]
+    pub fn renumbered(self) -> Self {
+        let blocks: Vec<usize> = (0..self.order.len()).collect();
+        let row_at = (0..self.n()).collect();
+        Self { order: blocks.clone(), position: blocks, row_at, natural: true, ..self }
     }
 
     /// Number of rows of the matrix.
@@ -68,7 +96,7 @@ impl EnvelopePlan {
 
     /// Number of stored values: the length of a value slice.
     pub fn len(&self) -> usize {
-        self.offset[self.order.len()]
+        self.lines.last().map_or(0, |line| line.values().end)
     }
 
     /// Whether nothing is stored.
@@ -83,7 +111,7 @@ impl EnvelopePlan {
 
     /// β: blocks left of the diagonal in the envelope of each position.
     pub fn widths(&self) -> impl Iterator<Item = usize> + '_ {
-        self.first.iter().enumerate().map(|(p, first)| p - first)
+        self.lines.iter().enumerate().map(|(p, line)| p - line.first)
     }
 
     /// Blocks of the envelope left of the diagonal.
@@ -121,9 +149,9 @@ impl EnvelopePlan {
     /// If (i, j) is not in the envelope or j stands before i.
     pub fn block(&self, i: usize, j: usize) -> Range<usize> {
         let (p, q) = (self.position[i], self.position[j]);
-        assert!(self.first[q] <= p && p <= q, "block ({i}, {j}) is not in the envelope");
-        let rows = self.begin[q + 1] - self.begin[q];
-        let start = self.offset[q] + (self.begin[p] - self.begin[self.first[q]]) * rows;
-        start..start + (self.begin[p + 1] - self.begin[p]) * rows
+        let (block, line) = (&self.lines[p], &self.lines[q]);
+        assert!(line.first <= p && p <= q, "block ({i}, {j}) is not in the envelope");
+        let start = line.offset + (block.begin - line.start) * line.rows;
+        start..start + block.rows * line.rows
     }
 }

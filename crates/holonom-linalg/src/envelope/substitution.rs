@@ -1,14 +1,16 @@
 //! Forward and backward substitution with an envelope factor.
 
+use super::plan::Line;
 use super::{EnvelopePlan, by_rows};
 use crate::lanes::{LaneKernel, lanes, lanes_mut};
 
-/// L Lᵀ x = b in place, in the order of the plan.
+/// L D Lᵀ x = b in place, in the order of the plan; what [`forward`] does may have been done.
 pub(super) struct SolveOne<'a> {
     pub(super) plan: &'a EnvelopePlan,
     pub(super) numbers: &'a [f64],
     pub(super) inverse: &'a [f64],
     pub(super) x: &'a mut [f64],
+    pub(super) forward: bool,
 }
 
 impl pulp::WithSimd for SolveOne<'_> {
@@ -16,80 +18,72 @@ impl pulp::WithSimd for SolveOne<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) {
-        let Self { plan, numbers, inverse, x } = self;
-        let blocks = plan.order.len();
-        for p in 0..blocks {
-            by_rows!(plan.begin[p + 1] - plan.begin[p], forward(plan, p, numbers, inverse, x));
+        let Self { plan, numbers, inverse, x, .. } = self;
+        if self.forward {
+            for line in &plan.lines {
+                by_rows!(line.rows, forward(line, numbers, x));
+            }
         }
-        for p in (0..blocks).rev() {
-            by_rows!(plan.begin[p + 1] - plan.begin[p], backward(plan, p, numbers, inverse, x));
+        for (x, inverse) in x.iter_mut().zip(inverse) {
+            *x *= inverse;
+        }
+        for line in plan.lines.iter().rev() {
+            by_rows!(line.rows, backward(line, numbers, x));
         }
     }
 }
 
-/// Columns of block row `p` left of the diagonal and in the diagonal block.
+/// What a block row takes part in: its columns left of the diagonal and in the diagonal block, and of a vector the
+/// part before it in its envelope, and its own.
 #[inline(always)]
-fn columns<'a, const W: usize>(
-    plan: &EnvelopePlan,
-    p: usize,
+fn parts<'a, const W: usize>(
+    line: &Line,
     numbers: &'a [f64],
-) -> (&'a [[f64; W]], &'a [[f64; W]]) {
-    let (row, _) = numbers[plan.offset[p]..plan.offset[p + 1]].as_chunks::<W>();
-    row.split_at(row.len() - W)
+    x: &'a mut [f64],
+) -> (&'a [[f64; W]], &'a [[f64; W]; W], &'a mut [f64], &'a mut [f64; W]) {
+    let (row, _) = numbers[line.values()].as_chunks::<W>();
+    let (left, diagonal) = row.split_last_chunk().expect("a diagonal block");
+    let (before, own) = x[line.start..].split_at_mut(line.left());
+    (left, diagonal, before, own.first_chunk_mut().expect("the rows of the block"))
 }
 
 #[inline(always)]
-fn forward<const W: usize>(
-    plan: &EnvelopePlan,
-    p: usize,
-    numbers: &[f64],
-    inverse: &[f64],
-    x: &mut [f64],
-) {
-    let (left, diagonal) = columns::<W>(plan, p, numbers);
-    let (before, own) = x.split_at_mut(plan.begin[p]);
-    let before = &before[plan.begin[plan.first[p]]..];
-    let own: &mut [f64; W] = own.first_chunk_mut().expect("the rows of the block");
+fn forward<const W: usize>(line: &Line, numbers: &[f64], x: &mut [f64]) {
+    let (left, diagonal, before, own) = parts::<W>(line, numbers, x);
     let mut a = *own;
     for (l, x) in left.iter().zip(before) {
         for w in 0..W {
-            a[w] -= l[w] * x;
+            a[w] -= l[w] * *x;
         }
     }
+    *own = within(diagonal, a);
+}
+
+/// Forward substitution within a diagonal block.
+#[inline(always)]
+pub(super) fn within<const W: usize>(diagonal: &[[f64; W]; W], mut a: [f64; W]) -> [f64; W] {
     for d in 0..W {
-        a[d] *= inverse[plan.begin[p] + d];
         for w in d + 1..W {
             a[w] -= diagonal[d][w] * a[d];
         }
     }
-    *own = a;
+    a
 }
 
 #[inline(always)]
-fn backward<const W: usize>(
-    plan: &EnvelopePlan,
-    p: usize,
-    numbers: &[f64],
-    inverse: &[f64],
-    x: &mut [f64],
-) {
-    let (left, diagonal) = columns::<W>(plan, p, numbers);
-    let (before, own) = x.split_at_mut(plan.begin[p]);
-    let before = &mut before[plan.begin[plan.first[p]]..];
-    let own: &mut [f64; W] = own.first_chunk_mut().expect("the rows of the block");
+fn backward<const W: usize>(line: &Line, numbers: &[f64], x: &mut [f64]) {
+    let (left, diagonal, before, own) = parts::<W>(line, numbers, x);
     let mut a = *own;
     for d in (0..W).rev() {
-        for w in d + 1..W {
+        for w in (d + 1..W).rev() {
             a[d] -= diagonal[d][w] * a[w];
         }
-        a[d] *= inverse[plan.begin[p] + d];
     }
+    // What is known first is subtracted first.
     for (l, x) in left.iter().zip(before) {
-        let mut sum = 0.0;
-        for w in 0..W {
-            sum += l[w] * a[w];
+        for w in (0..W).rev() {
+            *x -= l[w] * a[w];
         }
-        *x -= sum;
     }
     *own = a;
 }
@@ -112,30 +106,28 @@ impl LaneKernel for Lanes<'_> {
         for (x, &row) in x.iter_mut().zip(&plan.row_at) {
             *x = *lanes(self.b, self.k, row, from);
         }
-        for p in 0..plan.order.len() {
-            let (start, begin, end) = (plan.begin[plan.first[p]], plan.begin[p], plan.begin[p + 1]);
-            let rows = end - begin;
-            let numbers = &self.numbers[plan.offset[p]..];
-            for r in 0..rows {
-                let mut a = x[begin + r];
-                for c in start..begin + r {
-                    let l = numbers[(c - start) * rows + r];
+        for line in &plan.lines {
+            let numbers = &self.numbers[line.offset..];
+            for r in 0..line.rows {
+                let mut a = x[line.begin + r];
+                for c in line.start..line.begin + r {
+                    let l = numbers[(c - line.start) * line.rows + r];
                     for w in 0..K {
                         a[w] -= l * x[c][w];
                     }
                 }
-                x[begin + r] = a.map(|a| a * self.inverse[begin + r]);
+                x[line.begin + r] = a;
             }
         }
-        for p in (0..plan.order.len()).rev() {
-            let (start, begin, end) = (plan.begin[plan.first[p]], plan.begin[p], plan.begin[p + 1]);
-            let rows = end - begin;
-            let numbers = &self.numbers[plan.offset[p]..];
-            for r in (0..rows).rev() {
-                let a = x[begin + r].map(|a| a * self.inverse[begin + r]);
-                x[begin + r] = a;
-                for c in start..begin + r {
-                    let l = numbers[(c - start) * rows + r];
+        for (x, inverse) in x.iter_mut().zip(self.inverse) {
+            *x = x.map(|x| x * inverse);
+        }
+        for line in plan.lines.iter().rev() {
+            let numbers = &self.numbers[line.offset..];
+            for r in (0..line.rows).rev() {
+                let a = x[line.begin + r];
+                for c in line.start..line.begin + r {
+                    let l = numbers[(c - line.start) * line.rows + r];
                     for w in 0..K {
                         x[c][w] -= l * a[w];
                     }

@@ -26,7 +26,22 @@ pub(super) fn refine(mut correct: impl FnMut() -> (f64, f64)) -> f64 {
     left
 }
 
+/// The largest size of a number with its weight, a NaN if one of them is: in lanes, which need not wait for each other.
+pub(super) fn largest(x: &[f64], weights: &[f64], size: impl Fn(f64, f64) -> f64) -> f64 {
+    let mut lanes = [0.0; 4];
+    let ((x, x_rest), (weights, rest)) = (x.as_chunks::<4>(), weights.as_chunks::<4>());
+    for (x, w) in x.iter().zip(weights) {
+        for k in 0..4 {
+            lanes[k] = larger(size(x[k], w[k]), lanes[k]);
+        }
+    }
+    for (lane, (x, w)) in lanes.iter_mut().zip(x_rest.iter().zip(rest)) {
+        *lane = larger(size(*x, *w), *lane);
+    }
+    lanes.into_iter().fold(0.0, larger)
+}
+
 /// The larger one, a NaN if one of them is.
 pub(super) fn larger(a: f64, b: f64) -> f64 {
-    if a >= b || a.is_nan() { a } else { b }
+    if (a >= b) | a.is_nan() { a } else { b }
 }

@@ -277,9 +277,8 @@ impl Accelerator {
         let &Known { q, jacobian, force, tau } = at;
         if let Some(reduced) = &mut self.reduced {
             let equations = IndexOneEquations { q, mass: self.saddle.mass(), jacobian, force, tau };
-            let served = reduced.factor(&equations).is_ok()
-                && reduced.solve_factored(&equations, a, lambda) <= ACCURACY;
-            if served {
+            let outcome = reduced.accelerate(&equations, a, lambda);
+            if outcome.is_ok_and(|left| left <= ACCURACY) {
                 return Ok(());
             }
             self.fallbacks += 1;

@@ -4,7 +4,6 @@ use super::solvers::envelope_multiplications;
 use super::{Numbering, ReducedEnvelope, ReducedMatrix, Refusal};
 use crate::system::System;
 use holonom_linalg::EnvelopePlan;
-use std::sync::Arc;
 
 /// Where accelerations and multipliers come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -112,7 +111,7 @@ pub(super) fn plan_reduced(
     small(plan.len() as f64)?;
     let own = matrix.multiplications_beside_products() + envelope_multiplications(&plan);
     let cost = least + BLOCK * own as f64;
-    let made = (cost < most).then(|| ReducedEnvelope::with_plan(matrix, Arc::new(plan)));
+    let made = (cost < most).then(|| ReducedEnvelope::with_plan(matrix, plan));
     Ok((made, cost))
 }
 

@@ -4,6 +4,7 @@ mod accelerator;
 mod articulated;
 mod augmented;
 mod choice;
+mod products;
 mod reduced;
 mod solvers;
 

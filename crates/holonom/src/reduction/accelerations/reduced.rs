@@ -11,10 +11,13 @@
 //! Source: thesis (3.108) to (3.122), Algorithms 1 and 2; `docs/theory/reduction.md` (52) to (59).
 
 use super::IndexOneEquations;
+use super::products::{
+    Product, Side, add_products, by_rows, multiply, part_mut, subtract_reactions,
+};
 use crate::error::EvaluationFailure;
-use crate::reduction::refinement::larger;
+use crate::reduction::refinement::largest;
 use crate::system::{Structure, System};
-use holonom_linalg::{BlockGraph, BlockId, BlockMatrix, LARGEST_BLOCK};
+use holonom_linalg::{BlockGraph, BlockMatrix, LARGEST_BLOCK};
 use std::sync::Arc;
 
 /// Why accelerations cannot come from there.
@@ -56,47 +59,18 @@ struct Inertia {
     rotation: [[f64; 3]; 3],
 }
 
-/// One body of a joint.
-#[derive(Debug, Clone, Copy)]
-struct Side {
-    body: usize,
-    /// Its block of G.
-    block: BlockId,
-    /// Reduced rows of the joint.
-    begin: usize,
-    end: usize,
-    /// First row of H.
-    h: usize,
-}
-
-/// What two joints, or one with itself, have from a body they share.
-#[derive(Debug, Clone, Copy)]
-struct Product {
-    /// Rows of H of the earlier and of the later joint.
-    left: u32,
-    right: u32,
-    rows: u16,
-    columns: u16,
-    /// First value of the block, and how far its rows are apart.
-    target: u32,
-    stride: u32,
-    diagonal: bool,
-    /// Nothing is there yet.
-    first: bool,
-}
-
 /// G M⁻¹ Gᵀ of a system.
 #[derive(Debug, Clone)]
 pub struct ReducedMatrix {
     planar: bool,
     graph: Arc<BlockGraph>,
-    /// Row of G and row within the joint, of each reduced row.
-    rows: Arc<[(usize, usize)]>,
+    /// Row of G of each reduced row.
+    rows: Arc<[usize]>,
     sides: Arc<[Side]>,
+    /// First value of G of each row of H: there is one for each reduced row and body of its joint.
+    places: Arc<[u32]>,
     products: Arc<[Product]>,
     inertia: Arc<[Inertia]>,
-    /// Number of rows of H: one for each reduced row and body of its joint.
-    h_rows: usize,
     numbers: Numbers,
     normalization_start: usize,
 }
@@ -107,7 +81,7 @@ pub struct ReducedMatrix {
 struct Numbers {
     /// Rotational part of T of each body (spatial).
     maps: Vec<[[f64; 3]; 4]>,
-    /// H.
+    /// H, side by side.
     h: Vec<f64>,
     /// Φ_p p of its rows (spatial).
     stretch: Vec<f64>,
@@ -145,22 +119,23 @@ impl ReducedMatrix {
         let inertia = inverse_roots(system)?;
         let (mut joints, mut begin) = (Vec::new(), vec![0]);
         let mut rows = Vec::new();
-        for (k, joint) in structure.joints.iter().enumerate() {
-            let own = kept_rows(structure, k, kept);
-            rows.extend(own.iter().map(|&row| (row, row - joint.row)));
+        for k in 0..structure.joints.len() {
+            rows.extend(kept_rows(structure, k, kept));
             if rows.len() > begin[begin.len() - 1] {
                 joints.push(k);
                 begin.push(rows.len());
             }
         }
-        let mut sides = Vec::new();
-        let mut count = 0;
+        let (mut sides, mut places) = (Vec::new(), Vec::new());
         for (joint, range) in joints.iter().zip(begin.windows(2)) {
             let joint = &structure.joints[*joint];
             for (body, block) in joint.bodies.iter().zip(joint.blocks) {
                 let (Some(body), Some(block)) = (*body, block) else { continue };
-                sides.push(Side { body, block, begin: range[0], end: range[1], h: count });
-                count += range[1] - range[0];
+                let (begin, count) = (range[0], range[1] - range[0]);
+                sides.push(Side { body, begin, rows: count, h: places.len() });
+                let first = structure.constraint_pattern.place(block).start;
+                let own = rows[begin..range[1]].iter().map(|row| row - joint.row);
+                places.extend(own.map(|row| (first + row * structure.sizes.per_body) as u32));
             }
         }
         let heights: Vec<usize> = begin.windows(2).map(|w| w[1] - w[0]).collect();
@@ -170,9 +145,9 @@ impl ReducedMatrix {
             graph: Arc::new(BlockGraph::new(&heights, &structure.joint_pairs(&joints))),
             rows: rows.into(),
             sides: sides.into(),
+            places: places.into(),
             products: Arc::new([]),
             inertia,
-            h_rows: count,
             numbers: Numbers::default(),
             normalization_start: structure.normalization_start,
         })
@@ -235,7 +210,7 @@ impl ReducedMatrix {
 
     /// Row of G of a reduced row.
     pub fn row(&self, reduced: usize) -> usize {
-        self.rows[reduced].0
+        self.rows[reduced]
     }
 
     /// First reduced row of each joint, and their number.
@@ -246,6 +221,26 @@ impl ReducedMatrix {
             Some(*sum)
         }));
         begin
+    }
+
+    /// Numbers the joints anew: joint `order[k]` is number k from now on. Places of blocks are forgotten.
+    pub fn renumber(&mut self, order: &[usize]) {
+        let old = self.begins();
+        self.graph = Arc::new(self.graph.renumbered(order));
+        self.products = Arc::new([]);
+        self.rows = order
+            .iter()
+            .flat_map(|&joint| &self.rows[old[joint]..old[joint + 1]])
+            .copied()
+            .collect();
+        let mut begin = vec![0; self.rows.len()];
+        for (&joint, new) in order.iter().zip(self.begins()) {
+            begin[old[joint]] = new;
+        }
+        let mut sides = self.sides.to_vec();
+        sides.iter_mut().for_each(|side| side.begin = begin[side.begin]);
+        sides.sort_by_key(|side| side.begin);
+        self.sides = sides.into();
     }
 
     /// Where blocks go from now on: of two joints the one that is earlier is told by `in_order`, and
@@ -276,8 +271,8 @@ impl ReducedMatrix {
                     products.push(Product {
                         left: left.h as u32,
                         right: right.h as u32,
-                        rows: (left.end - left.begin) as u16,
-                        columns: (right.end - right.begin) as u16,
+                        rows: left.rows as u16,
+                        columns: right.rows as u16,
                         target: target as u32,
                         stride: stride as u32,
                         diagonal: i == j,
@@ -300,7 +295,7 @@ impl ReducedMatrix {
     pub fn multiplications_beside_products(&self) -> usize {
         let free = if self.planar { 3 } else { 6 };
         let (h, maps) = if self.planar { (3, 0) } else { (3 + 12, 24 + 24) };
-        self.h_rows * (h + 4 * free) + self.inertia.len() * (2 * free + maps)
+        self.places.len() * (h + 4 * free) + self.inertia.len() * (2 * free + maps)
     }
 
     /// Multiplications of one assembly, right-hand side, correction and recovery.
@@ -315,18 +310,12 @@ impl ReducedMatrix {
 
     /// B at a configuration with Jacobian `g`, into the places given before.
     pub fn assemble(&mut self, q: &[f64], g: &BlockMatrix, values: &mut [f64]) {
-        self.numbers.make_room(self.planar, self.h_rows, self.inertia.len());
+        self.numbers.make_room(self.planar, self.places.len(), self.inertia.len());
         if self.planar {
-            for side in self.sides.iter() {
-                let Inertia { translation, rotation } = &self.inertia[side.body];
-                let block = g.block(side.block);
-                let h = self.numbers.h[side.h * 3..].chunks_exact_mut(3);
-                for (h, &(_, r)) in h.zip(&self.rows[side.begin..side.end]) {
-                    let g: &[f64; 3] = block[r * 3..].first_chunk().expect("three coordinates");
-                    h[0] = g[0] * translation;
-                    h[1] = g[1] * translation;
-                    h[2] = g[2] * rotation[2][2];
-                }
+            let Self { sides, places, inertia, numbers, .. } = self;
+            for side in sides.iter() {
+                let own = (side, &**places, &inertia[side.body]);
+                by_rows!(side.rows, turn_planar(own, g.values(), &mut numbers.h));
             }
             multiply::<3>(&self.products, &self.numbers.h, values);
         } else {
@@ -354,23 +343,11 @@ impl ReducedMatrix {
                 ];
             }
         }
-        for side in self.sides.iter() {
-            let scale = self.inertia[side.body].translation;
-            let map = &self.numbers.maps[side.body];
+        let Self { sides, places, inertia, numbers, .. } = self;
+        for side in sides.iter() {
             let p = &q[side.body * 7 + 3..side.body * 7 + 7];
-            let block = g.block(side.block);
-            let out = self.numbers.h[side.h * 6..]
-                .chunks_exact_mut(6)
-                .zip(&mut self.numbers.stretch[side.h..]);
-            for ((h, stretch), &(_, r)) in out.zip(&self.rows[side.begin..side.end]) {
-                let g: &[f64; 7] = block[r * 7..].first_chunk().expect("seven coordinates");
-                for k in 0..3 {
-                    h[k] = g[k] * scale;
-                    h[3 + k] = (g[3] * map[0][k] + g[4] * map[1][k])
-                        + (g[5] * map[2][k] + g[6] * map[3][k]);
-                }
-                *stretch = (g[3] * p[0] + g[4] * p[1]) + (g[5] * p[2] + g[6] * p[3]);
-            }
+            let own = (side, &**places, &inertia[side.body]);
+            by_rows!(side.rows, turn_spatial(own, p, g.values(), numbers));
         }
     }
 
@@ -379,7 +356,7 @@ impl ReducedMatrix {
     pub fn right_side(&mut self, equations: &IndexOneEquations, b: &mut [f64]) -> f64 {
         self.weigh_forces(equations);
         self.residual(equations, b);
-        self.numbers.y.iter().map(|y| y.abs()).fold(0.0, larger)
+        largest(&self.numbers.y, &self.numbers.y, |y, _| y.abs())
     }
 
     /// y = TᵀQ, and β.
@@ -411,7 +388,7 @@ impl ReducedMatrix {
 
     /// What y leaves of the constraints, H y − τ + Φ_p p β.
     pub fn residual(&self, equations: &IndexOneEquations, b: &mut [f64]) {
-        for (b, &(row, _)) in b.iter_mut().zip(self.rows.iter()) {
+        for (b, &row) in b.iter_mut().zip(self.rows.iter()) {
             *b = -equations.tau[row];
         }
         if self.planar {
@@ -421,7 +398,7 @@ impl ReducedMatrix {
         for side in self.sides.iter() {
             let beta = self.numbers.beta[side.body];
             for (b, stretch) in
-                b[side.begin..side.end].iter_mut().zip(&self.numbers.stretch[side.h..])
+                b[side.begin..][..side.rows].iter_mut().zip(&self.numbers.stretch[side.h..])
             {
                 *b += stretch * beta;
             }
@@ -446,7 +423,7 @@ impl ReducedMatrix {
         lambda: &mut [f64],
     ) {
         lambda.fill(0.0);
-        for (b, &(row, _)) in b.iter().zip(self.rows.iter()) {
+        for (b, &row) in b.iter().zip(self.rows.iter()) {
             lambda[row] = *b;
         }
         if self.planar {
@@ -464,7 +441,7 @@ impl ReducedMatrix {
             *l = q[3..].iter().zip(&f[3..]).map(|(p, f)| p * f).sum();
         }
         for side in self.sides.iter() {
-            let rows = b[side.begin..side.end].iter().zip(&self.numbers.stretch[side.h..]);
+            let rows = b[side.begin..][..side.rows].iter().zip(&self.numbers.stretch[side.h..]);
             normalization[side.body] -= rows.map(|(l, stretch)| l * stretch).sum::<f64>();
         }
         let bodies = a.chunks_exact_mut(7).zip(self.numbers.y.chunks_exact(6)).zip(&*self.inertia);
@@ -559,58 +536,42 @@ fn inverse_root(planar: bool, mass: f64, inertia: &[[f64; 3]; 3]) -> Option<Iner
     Some(Inertia { translation: 1.0 / mass.sqrt(), rotation })
 }
 
-/// H Hᵀ by blocks.
-fn multiply<const D: usize>(products: &[Product], h: &[f64], values: &mut [f64]) {
-    let (h, _) = h.as_chunks::<D>();
-    for p in products {
-        match p.columns {
-            1 => multiply_block::<D, 1>(p, h, values),
-            2 => multiply_block::<D, 2>(p, h, values),
-            3 => multiply_block::<D, 3>(p, h, values),
-            4 => multiply_block::<D, 4>(p, h, values),
-            5 => multiply_block::<D, 5>(p, h, values),
-            _ => multiply_block::<D, 6>(p, h, values),
-        }
-    }
-}
-
+/// H of one body of a joint in the plane.
 #[inline(always)]
-fn multiply_block<const D: usize, const W: usize>(p: &Product, h: &[[f64; D]], values: &mut [f64]) {
-    let left = &h[p.left as usize..][..p.rows as usize];
-    let right: &[[f64; D]; W] = h[p.right as usize..].first_chunk().expect("rows of the joint");
-    for (r, l) in left.iter().enumerate() {
-        let at = p.target as usize + r * p.stride as usize;
-        let line: &mut [f64; W] = values[at..].first_chunk_mut().expect("a row of the block");
-        let mut sum = if p.first { [0.0; W] } else { *line };
-        for d in 0..D {
-            for w in 0..W {
-                sum[w] += l[d] * right[w][d];
-            }
-        }
-        *line = sum;
+fn turn_planar<const W: usize>(
+    (side, places, inertia): (&Side, &[u32], &Inertia),
+    g: &[f64],
+    h: &mut [f64],
+) {
+    let h = part_mut::<3, W>(h, side.h);
+    let places: &[u32; W] = places[side.h..].first_chunk().expect("rows of the joint");
+    for w in 0..W {
+        let g: &[f64; 3] = g[places[w] as usize..].first_chunk().expect("three coordinates");
+        h[0][w] = g[0] * inertia.translation;
+        h[1][w] = g[1] * inertia.translation;
+        h[2][w] = g[2] * inertia.rotation[2][2];
     }
 }
 
-/// b += H y.
-fn add_products<const D: usize>(sides: &[Side], h: &[f64], y: &[f64], b: &mut [f64]) {
-    let ((h, _), (y, _)) = (h.as_chunks::<D>(), y.as_chunks::<D>());
-    for side in sides {
-        let y = &y[side.body];
-        for (b, h) in b[side.begin..side.end].iter_mut().zip(&h[side.h..]) {
-            *b += h.iter().zip(y).map(|(h, y)| h * y).sum::<f64>();
+/// H and Φ_p p of one body of a joint in space.
+#[inline(always)]
+fn turn_spatial<const W: usize>(
+    (side, places, inertia): (&Side, &[u32], &Inertia),
+    p: &[f64],
+    g: &[f64],
+    numbers: &mut Numbers,
+) {
+    let (map, p) = (&numbers.maps[side.body], [p[0], p[1], p[2], p[3]]);
+    let h = part_mut::<6, W>(&mut numbers.h, side.h);
+    let stretch = &mut numbers.stretch[side.h..][..W];
+    let places: &[u32; W] = places[side.h..].first_chunk().expect("rows of the joint");
+    for w in 0..W {
+        let g: &[f64; 7] = g[places[w] as usize..].first_chunk().expect("seven coordinates");
+        for k in 0..3 {
+            h[k][w] = g[k] * inertia.translation;
+            h[3 + k][w] =
+                (g[3] * map[0][k] + g[4] * map[1][k]) + (g[5] * map[2][k] + g[6] * map[3][k]);
         }
-    }
-}
-
-/// y −= Hᵀ λ.
-fn subtract_reactions<const D: usize>(sides: &[Side], h: &[f64], lambda: &[f64], y: &mut [f64]) {
-    let ((h, _), (y, _)) = (h.as_chunks::<D>(), y.as_chunks_mut::<D>());
-    for side in sides {
-        let y = &mut y[side.body];
-        for (l, h) in lambda[side.begin..side.end].iter().zip(&h[side.h..]) {
-            for d in 0..D {
-                y[d] -= h[d] * l;
-            }
-        }
+        stretch[w] = (g[3] * p[0] + g[4] * p[1]) + (g[5] * p[2] + g[6] * p[3]);
     }
 }

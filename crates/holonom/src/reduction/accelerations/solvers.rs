@@ -2,7 +2,7 @@
 
 use super::{AccelerationSolver, IndexOneEquations, Numbering, ReducedMatrix, Refusal};
 use crate::error::EvaluationFailure;
-use crate::reduction::refinement::{larger, refine};
+use crate::reduction::refinement::{larger, largest, refine};
 use crate::system::System;
 use holonom_linalg::{Cholesky, DenseLu, EnvelopeCholesky, EnvelopePlan, NotPositiveDefinite};
 use std::sync::Arc;
@@ -14,8 +14,6 @@ use std::sync::Arc;
 pub struct ReducedEnvelope {
     matrix: ReducedMatrix,
     plan: Arc<EnvelopePlan>,
-    /// Where the diagonal of B stands.
-    diagonal: Arc<[u32]>,
     /// There from the first factorisation on, in copies too: many of them never come to one.
     numbers: Option<Box<EnvelopeNumbers>>,
 }
@@ -30,8 +28,7 @@ struct EnvelopeNumbers {
 
 impl Clone for ReducedEnvelope {
     fn clone(&self) -> Self {
-        let (plan, diagonal) = (self.plan.clone(), self.diagonal.clone());
-        Self { matrix: self.matrix.clone(), plan, diagonal, numbers: None }
+        Self { matrix: self.matrix.clone(), plan: self.plan.clone(), numbers: None }
     }
 }
 
@@ -39,18 +36,16 @@ impl ReducedEnvelope {
     /// Numbers the joints and plans the factorisation.
     pub fn new(matrix: ReducedMatrix, numbering: &Numbering) -> Self {
         let plan = EnvelopePlan::new(matrix.graph(), &numbering.order(matrix.graph()));
-        Self::with_plan(matrix, Arc::new(plan))
+        Self::with_plan(matrix, plan)
     }
 
-    /// For what a plan places.
-    pub fn with_plan(mut matrix: ReducedMatrix, plan: Arc<EnvelopePlan>) -> Self {
+    /// For what a plan places. Joints are renumbered as they stand there.
+    pub fn with_plan(mut matrix: ReducedMatrix, plan: EnvelopePlan) -> Self {
+        matrix.renumber(plan.order());
+        let plan = Arc::new(plan.renumbered());
         let rows = matrix.graph().sizes().to_vec();
-        matrix.place(|i, j| plan.in_order(i, j), |i, j| (plan.block(i, j).start, rows[j]));
-        let diagonal = rows.iter().enumerate().flat_map(|(joint, &rows)| {
-            let first = plan.block(joint, joint).start;
-            (0..rows).map(move |row| (first + row * (rows + 1)) as u32)
-        });
-        Self { diagonal: diagonal.collect(), numbers: None, plan, matrix }
+        matrix.place(|i, j| i <= j, |i, j| (plan.block(i, j).start, rows[j]));
+        Self { numbers: None, plan, matrix }
     }
 
     /// A copy with this plan for other numbers of the same structure.
@@ -72,12 +67,18 @@ impl ReducedEnvelope {
         &self.plan
     }
 
-    /// Factors B at a configuration with this Jacobian.
+    /// Accelerations and multipliers. Returns the relative size of the next correction as forecast: far above
+    /// round-off it says that B is too ill-conditioned here.
     ///
     /// # Errors
     /// At a reduced row that depends on others.
-    pub fn factor(&mut self, equations: &IndexOneEquations) -> Result<(), NotPositiveDefinite> {
-        let Self { matrix, plan, numbers, .. } = self;
+    pub fn accelerate(
+        &mut self,
+        equations: &IndexOneEquations,
+        a: &mut [f64],
+        lambda: &mut [f64],
+    ) -> Result<f64, NotPositiveDefinite> {
+        let Self { matrix, plan, numbers } = self;
         let numbers = numbers.get_or_insert_with(|| {
             Box::new(EnvelopeNumbers {
                 values: vec![0.0; plan.len()],
@@ -87,28 +88,12 @@ impl ReducedEnvelope {
             })
         });
         matrix.assemble(equations.q, equations.jacobian, &mut numbers.values);
-        numbers.factor.factor(&numbers.values)
-    }
-
-    /// Accelerations and multipliers with the factors at hand. Returns the relative size of the next
-    /// correction as forecast: far above round-off it says that B is too ill-conditioned here.
-    ///
-    /// # Panics
-    /// Where nothing has been factored before.
-    pub fn solve_factored(
-        &mut self,
-        equations: &IndexOneEquations,
-        a: &mut [f64],
-        lambda: &mut [f64],
-    ) -> f64 {
-        let Self { matrix, diagonal, numbers, .. } = self;
-        let numbers = numbers.as_mut().expect("factored before");
         let forces = matrix.right_side(equations, &mut numbers.lambda);
-        numbers.factor.solve(&mut numbers.lambda);
+        numbers.factor.factor_solve(&numbers.values, &mut numbers.lambda)?;
         matrix.subtract_reactions(&numbers.lambda);
-        let left = numbers.refine(matrix, diagonal, equations, forces);
+        let left = numbers.refine(matrix, equations, forces);
         matrix.recover(equations, &numbers.lambda, a, lambda);
-        left
+        Ok(left)
     }
 }
 
@@ -120,18 +105,14 @@ impl EnvelopeNumbers {
     fn refine(
         &mut self,
         matrix: &mut ReducedMatrix,
-        diagonal: &[u32],
         equations: &IndexOneEquations,
         forces: f64,
     ) -> f64 {
-        let Self { factor, values, lambda, correction } = self;
-        let size = |x: &[f64]| {
-            let squares = x.iter().zip(diagonal).map(|(x, &at)| x * x * values[at as usize]);
-            squares.fold(0.0, larger).sqrt()
-        };
+        let Self { factor, lambda, correction, .. } = self;
         refine(|| {
             matrix.residual(equations, correction);
             factor.solve(correction);
+            let size = |x: &[f64]| largest(x, factor.diagonal(), |x, b| x * x * b).sqrt();
             matrix.subtract_reactions(correction);
             lambda.iter_mut().zip(&*correction).for_each(|(l, d)| *l += d);
             (size(correction), larger(forces, size(lambda)))
@@ -147,9 +128,8 @@ impl AccelerationSolver for ReducedEnvelope {
         a: &mut [f64],
         lambda: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
-        self.factor(equations).map_err(|e| self.matrix.singular(system, e.index))?;
-        self.solve_factored(equations, a, lambda);
-        Ok(())
+        let outcome = self.accelerate(equations, a, lambda);
+        outcome.map(|_| ()).map_err(|e| self.matrix.singular(system, e.index))
     }
 
     fn order(&self) -> usize {
