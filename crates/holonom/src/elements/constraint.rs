@@ -243,6 +243,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         self.motion.as_ref().map(|motion| motion.derivatives(t))
     }
 
+    fn is_driven(&self) -> bool {
+        self.motion.as_ref().is_some_and(|motion| !matches!(motion, TimeFunction::Constant(_)))
+    }
+
     fn on_motions(&self) -> Option<&dyn MotionRows> {
         match &self.rows {
             Rows::Measure(measure) => Some(measure),

@@ -68,6 +68,8 @@ pub trait ConstraintElement<const N: usize> {
     fn hessian<T: Real>(&self, q: [&[T; N]; 2], c: &[T; 6], out: &mut PairBlocks<T, N>);
     /// s, ṡ, s̈, s⃛ of a driver at time t; `None` for a joint.
     fn drive(&self, t: f64) -> Option<[f64; 4]>;
+    /// Whether that is more than a constant.
+    fn is_driven(&self) -> bool;
     /// u from how the bodies stand and move; not for angles, whose turns a stance does not tell.
     fn on_motions(&self) -> Option<&dyn MotionRows>;
 }

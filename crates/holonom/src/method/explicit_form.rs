@@ -16,6 +16,8 @@ pub struct ExplicitForm {
     dv: Vec<f64>,
     rows: Vec<f64>,
     rates: Vec<f64>,
+    /// Whether there are drivers that move and laws with knots.
+    sudden_powers: bool,
     /// Where the slope was evaluated last, NaN where that point is no longer at hand, and the slope: the last
     /// stage of a formula is where its step ends.
     at_time: f64,
@@ -32,12 +34,16 @@ impl ExplicitForm {
     /// Starts at a consistent state whose factors the manifold holds.
     pub fn new(manifold: Manifold, weights: Weights, state: &State) -> Self {
         let dimension = 2 * manifold.chart().ndof() + state.z.len() + POWERS;
+        let system = manifold.system();
+        let sudden_powers = system.has_moving_drivers()
+            && system.law_arguments().iter().any(|argument| !argument.knots.is_empty());
         Self {
             weights,
             dq: vec![0.0; state.q.len()],
             dv: vec![0.0; state.q.len()],
             rows: vec![0.0; state.lambda.len()],
             rates: vec![0.0; manifold.chart().ndof()],
+            sudden_powers,
             at_time: f64::NAN,
             at: vec![0.0; dimension],
             slope: vec![0.0; dimension],
@@ -101,10 +107,10 @@ impl ExplicitForm {
         }
     }
 
-    /// Whether the powers in w are the ledger: not where drivers work, whose powers no error of the motion tells, and a formula
-    /// of high order through those of steps before makes anything of a sudden one.
+    /// Whether the powers in w are the ledger: not where drivers may move something past a knot of a force law. No error of the
+    /// motion tells that power, and a formula of high order through those of the steps before makes anything of a sudden one.
     pub fn integrates_powers(&self) -> bool {
-        !self.rates.is_empty() && !self.point.manifold.system().has_drivers()
+        !self.rates.is_empty() && !self.sudden_powers
     }
 
     /// The meaning of w has changed to `w` at the state last evaluated.

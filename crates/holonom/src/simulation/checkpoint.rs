@@ -7,7 +7,6 @@ use super::drift::Drift;
 use super::energy_scale::EnergyScale;
 use super::ledger::Quadrature;
 use super::slowness::Named;
-use super::stall::Stall;
 use super::statistics::{EnergySummary, Statistics};
 use crate::method::stepper::StepperStatistics;
 use crate::reduction::RecoveryCounters;
@@ -46,8 +45,6 @@ pub struct Checkpoint {
     pub(super) drift: Drift,
     #[serde(default)]
     pub(super) quadrature: Quadrature,
-    #[serde(default)]
-    pub(super) stall: Stall,
     pub(super) carried: Option<CarriedError>,
     pub(super) limits: Vec<Named>,
 }

@@ -1,4 +1,4 @@
-//! Energy bookkeeping along a run. Equations: `docs/theory/simulation.md` (2), (2a).
+//! Energy bookkeeping along a run. Equations: `docs/theory/simulation.md` (3), (3a), (3b).
 
 use crate::system::{EnergyBalance, Ledger};
 use serde::{Deserialize, Serialize};
@@ -31,8 +31,8 @@ impl StepPowers {
     }
 }
 
-/// The energy ledger of a run without unknowns, whose steps no error limits: by Boole's rule, with Simpson's to compare it
-/// with.
+/// The energy ledger of steps whose powers no error tells, without unknowns or where drivers move something past a knot: by
+/// Boole's rule, with Simpson's to compare it with.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct Quadrature {
     /// The largest powers so far, W.
@@ -40,19 +40,13 @@ pub(super) struct Quadrature {
 }
 
 impl Quadrature {
-    /// Part of the time that a run has for each of its steps for which powers may be wrong all the same: where they
-    /// jump, nothing else ends the refinement.
-    const JUMP: f64 = 0.1;
-
     /// Powers that have, as the middle ones of [`StepPowers`], the integrals of Boole's rule through these at θ = 0, ¼, ½,
-    /// ¾, 1 of a step h, and how many times the tolerance Simpson's rule misses; steps of `usual` length cover the run,
-    /// in which energies move at this mean rate, W, at least.
+    /// ¾, 1 of a step h, and how many times the tolerance Simpson's rule misses; powers below `negligible`, W, are none.
     pub(super) fn middle(
         &mut self,
         at: &[[f64; 2]; 5],
         h: f64,
-        usual: f64,
-        rate: f64,
+        negligible: f64,
         tolerance: f64,
     ) -> ([f64; 2], f64) {
         let mut missed = 0.0f64;
@@ -62,7 +56,7 @@ impl Quadrature {
             let largest = at.iter().fold(self.largest[k], |most, powers| most.max(powers[k].abs()));
             self.largest[k] = largest;
             if largest > 0.0 {
-                let allowed = (largest * h.max(Self::JUMP * usual)).max(rate * h) * tolerance;
+                let allowed = h * (tolerance * largest).max(negligible);
                 missed = missed.max(2.0 / 3.0 * h * (middle - m).abs() / allowed);
             }
             middle
@@ -77,16 +71,17 @@ mod tests {
 
     #[test] // independent truth: integrals in closed form
     fn booles_rule_is_exact_for_polynomials_of_degree_five_and_tells_what_simpsons_misses() {
-        let p = |s: f64| 1.0 - 3.0 * s + 2.0 * s.powi(3) + 5.0 * s.powi(4) - 4.0 * s.powi(5);
+        let p =
+            |s: f64| -> f64 { 1.0 - 3.0 * s + 2.0 * s.powi(3) + 5.0 * s.powi(4) - 4.0 * s.powi(5) };
         let at = [0.0, 0.25, 0.5, 0.75, 1.0].map(|s| [p(s), 0.0]);
-        let (middle, missed) = Quadrature::default().middle(&at, 0.2, 0.2, 0.0, 1e-3);
+        let (middle, missed) = Quadrature::default().middle(&at, 0.2, 0.0, 1e-3);
         let step = StepPowers { at: [at[0], middle, at[4]] };
         let integral = step.advance(&Ledger::default(), 0.2, 1.0);
         let truth = 0.2 * (1.0 - 1.5 + 0.5 + 1.0 - 2.0 / 3.0);
         assert!((integral.dissipated - truth).abs() < 1e-15);
         assert_eq!(integral.supplied, 0.0);
         // Simpson's rule misses h f⁗/2880, here with the mean of f⁗.
-        let simpson = 0.2 * (5.0 * 24.0 - 4.0 * 120.0 * 0.5) / 2880.0;
+        let simpson: f64 = 0.2 * (5.0 * 24.0 - 4.0 * 120.0 * 0.5) / 2880.0;
         let largest = at.iter().fold(0.0f64, |most, p| most.max(p[0].abs()));
         assert!((missed / (simpson.abs() / (0.2 * largest * 1e-3)) - 1.0).abs() < 1e-9);
     }

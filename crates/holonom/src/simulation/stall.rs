@@ -1,10 +1,8 @@
 //! Runs that do not come on. Equations: `docs/theory/simulation.md` (8d).
 
-use serde::{Deserialize, Serialize};
-
 /// Steps over which it is seen whether a run comes on.
-const STEPS: u64 = 1000;
-/// Part of them that follow an attempt at which the equations could not be evaluated.
+const STEPS: u64 = 500;
+/// Attempts at which the equations could not be evaluated, for each of these steps.
 const LOST: f64 = 0.25;
 /// Part of the longest step of a run that it comes on by, at most, where it stalls.
 const PART: f64 = 1e-6;
@@ -12,7 +10,7 @@ const PART: f64 = 1e-6;
 /// What a run has done in the present [`STEPS`] steps.
 ///
 /// Beside a singular configuration almost no step may be possible, and never quite none: no attempt fails for good.
-#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Stall {
     steps: u64,
     lost: u64,

@@ -56,10 +56,13 @@ pub(super) fn kinematic(system: &dyn System, state: &State, span: f64) -> f64 {
 
 /// Longest step from `t` in a ramp of an applied force, s, a part of it: what is slow has no error that would tell a ramp,
 /// however much its motion is in the end that of the ramp's impulse.
-pub(super) fn ramped(ramps: &[[f64; 2]], t: f64) -> f64 {
+/// Equations: `docs/theory/simulation.md` (8e).
+pub(super) fn ramped(ramps: &[[f64; 2]], t: f64, last: f64) -> f64 {
     const PARTS: f64 = 4.0;
     let inside = ramps.iter().filter(|[start, end]| *start <= t && t < *end);
-    inside.map(|[start, end]| (end - start) / PARTS).fold(f64::INFINITY, f64::min)
+    let part = inside.map(|[start, end]| (end - start) / PARTS).fold(f64::INFINITY, f64::min);
+    // What is shorter than times can tell is a jump.
+    if part < smallest_step(t, last) { f64::INFINITY } else { part }
 }
 
 /// A driver and the largest rate that it has in a run, as far as samples tell.
@@ -130,11 +133,13 @@ fn turning(sizes: &Sizes, x: &[f64]) -> f64 {
     per_unit * turns.fold(0.0, f64::max)
 }
 
-/// A step as times up to `end`, s, can tell it: far from zero they are rounded. Steps of one length stay so.
+/// A step as times up to `end`, s, can tell it, so that steps of one length stay so far from zero, where times are rounded;
+/// itself where that would make another step of it.
 pub(super) fn told(step: f64, t: f64, end: f64) -> f64 {
+    const SAME: f64 = 1e-3;
     let far = t.abs().max(end.abs());
     let told = (far + step) - far;
-    if told > 0.0 { told } else { step }
+    if (told - step).abs() <= SAME * step { told } else { step }
 }
 
 /// Smallest step worth trying.

@@ -394,6 +394,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         self.constraints.iter().any(|c| c.element.drive(0.0).is_some())
     }
 
+    fn has_moving_drivers(&self) -> bool {
+        self.constraints.iter().any(|c| c.element.is_driven())
+    }
+
     fn drivers_move(&self, t: f64) -> bool {
         self.constraints.iter().any(|c| c.element.drive(t).is_some_and(|s| s[1] != 0.0))
     }

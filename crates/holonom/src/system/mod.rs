@@ -181,6 +181,9 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// Whether there are drivers, whose power takes multipliers.
     fn has_drivers(&self) -> bool;
 
+    /// Whether one of them is to move at any time.
+    fn has_moving_drivers(&self) -> bool;
+
     /// Whether one of them moves at a time: only then has its multiplier a power.
     fn drivers_move(&self, t: f64) -> bool;
 

@@ -288,7 +288,8 @@ slide = {{ type = "translational", between = ["ground", "bob"], point = [2.0, 0.
     };
     let base = Problem::new(model_of(&text(1.0)));
     base.assemble().expect("assembles");
-    let alone = Problem::new(model_of(&text(0.0))).assemble().err().expect("no mass");
+    let massless = Problem::new(model_of(&text(0.0)));
+    let alone = massless.assemble().expect_err("no mass");
     assert_eq!(alone.code(), "assembly/singular-mass");
     let changed = base.with_model(model_of(&text(0.0))).assemble().err();
     assert_eq!(changed.map(|error| error.to_string()), Some(alone.to_string()));

@@ -85,6 +85,7 @@ const ROD: f64 = 0.5;
 
 #[test] // independent truth: the slider's place r cos φ + √(l² − r² sin² φ), and c∫ẋ² dt by 200,000 points
 fn what_a_crank_of_constant_rate_works_is_known_to_the_tolerance() {
+    const POINTS: u32 = 200_000;
     let (rate, end) = (50.0, 3.0);
     let model = model_of(&format!(
         r#"
@@ -114,7 +115,6 @@ damper = {{ type = "tsda", between = ["ground", "slider"], points = [[-5.0, 0.0]
         let square = (ROD * ROD - (CRANK * sin).powi(2)).sqrt();
         -CRANK * sin * rate * (1.0 + CRANK * cos / square)
     };
-    const POINTS: u32 = 200_000;
     let at = |k: u32| speed(end * (f64::from(k) + 0.5) / f64::from(POINTS)).powi(2);
     let dissipated = DAMPING * end / f64::from(POINTS) * (0..POINTS).map(at).sum::<f64>();
     let mut steps = Vec::new();
@@ -141,5 +141,73 @@ damper = {{ type = "tsda", between = ["ground", "slider"], points = [[-5.0, 0.0]
             }
         }
     }
-    println!("steps {steps:?}");
+    // They follow the powers.
+    assert!(steps[0] < steps[1] && steps[1] < steps[2] && steps[2] < 5_000, "{steps:?}");
+}
+
+#[test] // truth: what turns steadily about the vertical works nothing; its powers are round-off of 1 MN
+fn a_heavy_mount_that_turns_slowly_takes_few_steps() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+mount = { mass = 1.0e5, inertia = [[1.0e6, 0.0, 0.0], [0.0, 1.0e6, 0.0], [0.0, 0.0, 1.0e6]], position = [0.3, 0.1, 2.0] }
+[joints]
+azimuth = { type = "revolute", between = ["ground", "mount"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }
+[drivers]
+motor = { joint = "azimuth", coordinate = "rotation", motion = { type = "polynomial", coefficients = [0.0, 7.27e-5] } }
+"#,
+    );
+    let end = 86_400.0;
+    for code in all_codes() {
+        for tolerance in [1e-4, 1e-6, 1e-8, 1e-10] {
+            let options = Options { max_steps: 5_000, ..options(code, tolerance, end) };
+            let run = run_model(&model, &options);
+            assert!(run.summary.statistics.steps < 1_000, "{code:?}, {tolerance:e}");
+            assert!(run.summary.energy.supplied.abs() < 1e-3, "{code:?}, {tolerance:e}");
+        }
+    }
+}
+
+#[test] // truth: the same run without the driver, which has nothing to do with the spring
+fn a_driver_beside_it_changes_no_ledger_of_an_oscillator() {
+    let text = |driven: bool| {
+        let beside = if driven {
+            [
+                "other = { mass = 1.0, inertia = 1.0, position = [0.0, 3.0] }",
+                "rail = { type = \"translational\", between = [\"ground\", \"other\"], point = [0.0, 3.0], axis = [1.0, 0.0] }",
+                "[drivers]\nmotor = { joint = \"rail\", coordinate = \"translation\", motion = { type = \"harmonic\", amplitude = 0.01, angular_frequency = 0.5 } }",
+            ]
+        } else {
+            [""; 3]
+        };
+        let [body, joint, driver] = beside;
+        format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+block = {{ mass = 1.0, inertia = 1.0, position = [1.0, 0.0] }}
+{body}
+[joints]
+guide = {{ type = "translational", between = ["ground", "block"], point = [1.0, 0.0], axis = [1.0, 0.0] }}
+{joint}
+{driver}
+[forces]
+line = {{ type = "tsda", between = ["ground", "block"], points = [[-10.0, 0.0], [1.0, 0.0]], stiffness = 10.0, damping = 0.2, free_length = 10.5 }}
+"#
+        )
+    };
+    for code in [Code::Deabm, Code::Dopri5] {
+        let [alone, beside] = [false, true].map(|driven| {
+            let run = run_model(&model_of(&text(driven)), &options(code, 1e-9, 20.0));
+            assert!(run.summary.warnings.is_empty(), "{:?}", run.summary.warnings);
+            run.summary.energy.dissipated
+        });
+        let off = (alone - beside).abs() / (1e-9 * alone);
+        assert!(off < 20.0, "{code:?}: {alone} {beside}, {off:.0} tolerances");
+    }
 }

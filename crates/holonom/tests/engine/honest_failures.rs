@@ -6,9 +6,7 @@ use crate::common::table::all_codes;
 use crate::common::{model_of, options};
 use holonom::method::Code;
 use holonom::model::Model;
-use holonom::simulation::{
-    Memory, Options, OutputTimes, Problem, Statistics, Status, Summary, run,
-};
+use holonom::simulation::{Memory, Options, OutputTimes, Problem, Status, Summary, run};
 use std::path::PathBuf;
 
 fn folder() -> PathBuf {
@@ -126,7 +124,8 @@ fn failures_come_at_the_moment_they_must_and_keep_the_last_good_state() {
             Err(error) => error.code(),
         };
         assert!(dead_point && (end.t - moment).abs() < 1e-9, "{name}: {code}");
-        assert_eq!(code, "simulation/singular-configuration", "{name}");
+        let singular = ["simulation/singular-configuration", "assembly/contradiction"];
+        assert!(singular.contains(&code), "{name}: {code}");
     }
 }
 
@@ -175,8 +174,7 @@ fn no_run_crawls_into_a_singular_configuration() {
     for code in all_codes() {
         let options = options(code, 1e-4, 2.0);
         let summary = run(&problem, &options, None, &mut Memory::default()).unwrap();
-        let Statistics { steps, rejected_evaluation, .. } = summary.statistics;
-        println!("{code:?}: {steps} steps, {rejected_evaluation} refused");
+        let steps = summary.statistics.steps;
         assert_eq!(summary.status, Status::Failed, "{code:?}");
         assert!((summary.end.t - std::f64::consts::FRAC_PI_3).abs() < 2e-6, "{code:?}");
         assert!(summary.stop.item.is_some(), "{code:?}: {:?}", summary.stop);

@@ -13,6 +13,7 @@ use crate::simulation::dense::ChartRecord;
 use crate::simulation::diagnosis::Stop;
 use crate::simulation::ledger::powers;
 use crate::simulation::slowness::Slowness;
+use crate::simulation::stall::Stall;
 
 impl Run<'_> {
     /// After an accepted step: hands out a checkpoint if it is time for one, and goes on from that alone.
@@ -71,7 +72,6 @@ impl Run<'_> {
             energy_scale: self.energy_scale.clone(),
             drift: self.drift.clone(),
             quadrature: self.quadrature,
-            stall: self.stall,
             carried: self.carried.clone(),
             limits,
             state: self.state.clone(),
@@ -106,6 +106,7 @@ impl Run<'_> {
         self.work_before = checkpoint.work;
         self.recorder.begin_step(self.form.point(), &self.state);
         self.powers.at[2] = powers(&self.system.energy(&self.state));
+        self.stall = Stall::default();
         let chart = self.form.point().manifold.chart().parametrization();
         self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);
         self.record_chart();
@@ -131,7 +132,7 @@ impl Run<'_> {
         self.energy = checkpoint.energy;
         self.kinetic_range = checkpoint.kinetic_range;
         (self.energy_scale, self.drift) = (energy_scale.clone(), drift.clone());
-        (self.quadrature, self.stall) = (checkpoint.quadrature, checkpoint.stall);
+        self.quadrature = checkpoint.quadrature;
         self.carried.clone_from(carried);
         self.start_residuals = checkpoint.start_residuals;
         self.condition_reference = checkpoint.condition;

@@ -48,6 +48,8 @@ pub(in crate::simulation) const MAX_REJECTIONS: u32 = 60;
 /// Part of the step at which energies would be on tolerance, and the least of one, that follow a step of a run without unknowns.
 const SAFE_PART: f64 = 0.9;
 const SHORTEST_PART: f64 = 0.1;
+/// The shortest step that powers make, as a part of the longest that such a run takes.
+const SHORTEST_OF_USUAL: f64 = 1e-3;
 
 /// Summary of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -165,7 +167,8 @@ pub(in crate::simulation) fn once(
     let stop = within(left, || stage(task, || run.advance()))
         .unwrap_or_else(|given_up| Err(Stop::from(given_up)));
     let (status, stop) = run.finish(stop);
-    if let Some(longest) = run.carried.as_mut().and_then(|carried| carried.longest.as_mut()) {
+    let longest = run.carried.as_mut().and_then(|carried| carried.longest.as_mut());
+    if let (Status::Completed, Some(longest)) = (status, longest) {
         longest.end(&run.form.point().manifold, &run.state, &options.tolerance);
     }
     let mut statistics = run.statistics;
@@ -307,7 +310,7 @@ impl Run<'_> {
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree));
-                h = h.min(LONGEST_TURN / turning).min(step_length::ramped(&ramps, t));
+                h = h.min(LONGEST_TURN / turning).min(step_length::ramped(&ramps, t, end));
                 if !drivers.is_empty() {
                     let most = h.min(next - t);
                     h = step_length::driven(self.system.as_ref(), &drivers, t, most, relative);
@@ -319,7 +322,10 @@ impl Run<'_> {
             }
             let (step, reaches) = clip(t, h, next, fixed);
             let t_end = if reaches { next } else { t + step_length::told(step, t, end) };
-            let step = if t_end > t { t_end - t } else { step };
+            if t_end <= t {
+                return Err(Stop::Failed { cause: None, step_size: step });
+            }
+            let step = t_end - t;
             let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let mut rejection = report.cause.take();
             let mut retry = if report.accepted { 0.5 * step } else { report.next_step };
@@ -526,6 +532,10 @@ impl Run<'_> {
     /// Powers along the accepted step of a run of `span` seconds, and how many tolerances of its
     /// energies a step of this length misses. Nothing where one cannot look into it.
     fn follow_powers(&mut self, t: f64, step: f64, span: f64) -> f64 {
+        // Where a power jumps, nothing else ends the refinement.
+        if step < SHORTEST_OF_USUAL * span / step_length::KINEMATIC_STEPS {
+            return 0.0;
+        }
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         let mut at = [self.powers.at[2]; 5];
@@ -535,12 +545,13 @@ impl Run<'_> {
             };
             *at = powers(&self.system.energy(state));
         }
-        let usual = span / step_length::KINEMATIC_STEPS;
-        // What turns steadily has powers of round-off only.
-        let rate = self.energy_scale.moved() / span;
         // Powers are those of joints that are met to so much.
         let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
-        let (middle, missed) = self.quadrature.middle(&at, step, usual, rate, tolerance);
+        // What turns steadily has powers of round-off only, and what is heavy large ones.
+        let negligible =
+            self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
+        let rate = (tolerance * self.energy_scale.moved()).max(negligible) / span;
+        let (middle, missed) = self.quadrature.middle(&at, step, rate, tolerance);
         self.middle = Some(middle);
         missed
     }
