@@ -115,15 +115,15 @@ fn failures_come_at_the_moment_they_must_and_keep_the_last_good_state() {
             ..options(Code::ForSdirk, 1e-4, end.t)
         };
         let again = run(&problem, &still, Some(end), &mut Memory::default());
-        // Within round-off of a dead point no acceleration is determined, and the run says so. The driven
-        // four-bar comes within 1e-13 s of it.
+        // Within what decides on ranks of a dead point no acceleration is determined, or rows contradict each other that
+        // seem redundant, and the run says so.
         let dead_point = name.starts_with("parallelogram") || name.starts_with("four_bar");
         let code = match &again {
             Ok(summary) if summary.status == Status::Completed => continue,
             Ok(summary) => summary.stop.code,
             Err(error) => error.code(),
         };
-        assert!(dead_point && (end.t - moment).abs() < 1e-9, "{name}: {code}");
+        assert!(dead_point && (end.t - moment).abs() < 1e-8, "{name}: {code}");
         let singular = ["simulation/singular-configuration", "assembly/contradiction"];
         assert!(singular.contains(&code), "{name}: {code}");
     }
