@@ -171,7 +171,7 @@ motor = { joint = "azimuth", coordinate = "rotation", motion = { type = "polynom
     }
 }
 
-#[test] // truth: the same run without the driver, which has nothing to do with the spring
+#[test] // independent truth: ½ k s₀² less the energy of s = s₀ e^(−γt) (cos ωt + γ/ω sin ωt); the driver has nothing to do with it
 fn a_driver_beside_it_changes_no_ledger_of_an_oscillator() {
     let text = |driven: bool| {
         let beside = if driven {
@@ -201,13 +201,21 @@ line = {{ type = "tsda", between = ["ground", "block"], points = [[-10.0, 0.0], 
 "#
         )
     };
+    let (t, decay) = (20.0f64, 0.1f64);
+    let omega = (10.0 - decay * decay).sqrt();
+    let (sin, cos) = (omega * t).sin_cos();
+    let left = 0.5 * (-decay * t).exp();
+    let (s, rate) = (left * (cos + decay / omega * sin), -left * 10.0 / omega * sin);
+    let truth = 1.25 - 0.5 * (rate * rate + 10.0 * s * s);
     for code in [Code::Deabm, Code::Dopri5] {
         let [alone, beside] = [false, true].map(|driven| {
-            let run = run_model(&model_of(&text(driven)), &options(code, 1e-9, 20.0));
+            let run = run_model(&model_of(&text(driven)), &options(code, 1e-9, t));
             assert!(run.summary.warnings.is_empty(), "{:?}", run.summary.warnings);
             run.summary.energy.dissipated
         });
         let off = (alone - beside).abs() / (1e-9 * alone);
         assert!(off < 20.0, "{code:?}: {alone} {beside}, {off:.0} tolerances");
+        let off = (alone - truth).abs() / (1e-9 * truth);
+        assert!(off < 50.0, "{code:?}: {alone} {truth}, {off:.0} tolerances");
     }
 }
