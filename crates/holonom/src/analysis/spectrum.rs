@@ -14,6 +14,11 @@ const WANTED: usize = 12;
 const KRYLOV: [usize; 2] = [110, 90];
 /// Relative change between the two up to which an eigenvalue has settled.
 const SETTLED: f64 = 1e-6;
+/// Dimension of the spaces that tell how fast positions count, how many there are at most, and the factor by which the
+/// last one may still have found more.
+const BALANCING: usize = 10;
+const BALANCINGS: usize = 4;
+const BALANCED: f64 = 2.0;
 
 /// Eigenvalues, fastest first.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,51 +49,31 @@ pub fn spectrum(assembled: &Assembled) -> Result<Spectrum, SpectrumError> {
 /// The eigenvalues of the largest magnitude, as far as they have settled. Source: W. E. Arnoldi, *The principle of minimized
 /// iterations in the solution of the matrix eigenvalue problem*, Quart. Appl. Math. 9 (1951).
 ///
+/// Positions count ω times, by the largest ω of a small space: beside [0 1; −ω² 0] in (q, q̇), whose parts are as far
+/// apart as ω² and 1, one cannot see the other.
+///
 /// # Errors
 /// [`SpectrumError`].
 pub fn fastest(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> {
     let mut point = Point::new(assembled.manifold(), &assembled.state);
     let mut tangent = Tangent::new(&mut point);
-    let n = tangent.dimension();
-    let steps = KRYLOV[0].min(n);
-    let mut hessenberg = vec![0.0; KRYLOV[0] * KRYLOV[0]];
-    // A fixed direction without symmetry.
-    let start: Vec<f64> =
-        (0..n).map(|i| 0.5 + (0.618_033_988_749_895 * (i + 1) as f64).fract()).collect();
-    let mut basis = vec![normalized(start)];
-    let mut size = steps;
-    for k in 0..steps {
-        let mut next = vec![0.0; n];
-        tangent.multiply(&mut point, &basis[k], &mut next)?;
-        let length = norm(&next);
-        // Twice, as one pass leaves what cancellation makes of it.
-        for _ in 0..2 {
-            for (j, direction) in basis.iter().enumerate() {
-                let along = dot(direction, &next);
-                hessenberg[j * KRYLOV[0] + k] += along;
-                next.iter_mut().zip(direction).for_each(|(x, d)| *x -= along * d);
-            }
-        }
-        let rest = norm(&next);
-        if rest <= 1e-12 * length || k + 1 == steps {
-            size = k + 1;
+    let mut frequency = 1.0;
+    for _ in 0..BALANCINGS {
+        let (size, space) = krylov(&mut point, &mut tangent, BALANCING, frequency)?;
+        let largest = part_of(&space, BALANCING, size)?.first().map_or(0.0, magnitude);
+        let change = largest / std::mem::replace(&mut frequency, largest.max(1.0));
+        if change < BALANCED {
             break;
         }
-        hessenberg[(k + 1) * KRYLOV[0] + k] = rest;
-        basis.push(normalized(next));
     }
-    let part = |m: usize| -> Result<Vec<(f64, f64)>, DecompositionError> {
-        let rows = (0..m).flat_map(|i| &hessenberg[i * KRYLOV[0]..i * KRYLOV[0] + m]);
-        let mut values = eigenvalues(m, &rows.copied().collect::<Vec<_>>())?;
-        values.sort_by(|a, b| b.0.hypot(b.1).total_cmp(&a.0.hypot(a.1)));
-        Ok(values)
-    };
-    let mut values = part(size)?;
+    let steps = KRYLOV[0].min(tangent.dimension());
+    let (size, space) = krylov(&mut point, &mut tangent, KRYLOV[0], frequency)?;
+    let mut values = part_of(&space, KRYLOV[0], size)?;
     if size == steps && size > KRYLOV[1] {
-        let before = part(KRYLOV[1])?;
+        let before = part_of(&space, KRYLOV[0], KRYLOV[1])?;
         let settled = |z: &(f64, f64)| {
             let change = |y: &(f64, f64)| (z.0 - y.0).hypot(z.1 - y.1);
-            before.iter().any(|y| change(y) <= SETTLED * z.0.hypot(z.1))
+            before.iter().any(|y| change(y) <= SETTLED * magnitude(z))
         };
         let unsettled = values.iter().position(|z| !settled(z)).unwrap_or(values.len());
         values.truncate(unsettled.min(WANTED));
@@ -98,15 +83,73 @@ pub fn fastest(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> 
             values.pop();
         }
     }
-    // What has neither stiffness nor damping has a double zero, of [0 1; 0 0] in (q, q̇): round-off of m ε ‖H‖ in place of
-    // the lower 0 makes a λ² of that size.
-    let round_off = size as f64 * f64::EPSILON * norm(&hessenberg);
+    // What has neither stiffness nor damping has a double zero, of [0 ω; 0 0] in (ωq, q̇): round-off of m ε ‖H‖ in place of
+    // the lower 0 makes a λ² of that size times ω.
+    let round_off = size as f64 * f64::EPSILON * norm(&space) * frequency;
     for z in &mut values {
         if z.0 * z.0 + z.1 * z.1 <= round_off {
             *z = (0.0, 0.0);
         }
     }
     Ok(values)
+}
+
+/// The Hessenberg matrix of a Krylov space of at most `most` directions of (ωq, q̇, z), by rows of that length, and its
+/// size.
+fn krylov(
+    point: &mut Point,
+    tangent: &mut Tangent,
+    most: usize,
+    frequency: f64,
+) -> Result<(usize, Vec<f64>), SpectrumError> {
+    let n = tangent.dimension();
+    let ndof = point.manifold.chart().ndof();
+    let steps = most.min(n);
+    let mut hessenberg = vec![0.0; most * most];
+    // A fixed direction without symmetry.
+    let start: Vec<f64> =
+        (0..n).map(|i| 0.5 + (0.618_033_988_749_895 * (i + 1) as f64).fract()).collect();
+    let mut basis = vec![normalized(start)];
+    let mut direction = vec![0.0; n];
+    for k in 0..steps {
+        direction.copy_from_slice(&basis[k]);
+        direction[..ndof].iter_mut().for_each(|x| *x /= frequency);
+        let mut next = vec![0.0; n];
+        tangent.multiply(point, &direction, &mut next)?;
+        next[..ndof].iter_mut().for_each(|x| *x *= frequency);
+        let length = norm(&next);
+        // Twice, as one pass leaves what cancellation makes of it.
+        for _ in 0..2 {
+            for (j, direction) in basis.iter().enumerate() {
+                let along = dot(direction, &next);
+                hessenberg[j * most + k] += along;
+                next.iter_mut().zip(direction).for_each(|(x, d)| *x -= along * d);
+            }
+        }
+        let rest = norm(&next);
+        if rest <= 1e-12 * length || k + 1 == steps {
+            return Ok((k + 1, hessenberg));
+        }
+        hessenberg[(k + 1) * most + k] = rest;
+        basis.push(normalized(next));
+    }
+    Ok((steps, hessenberg))
+}
+
+/// Eigenvalues of the first m directions of a Hessenberg matrix with rows of length `row`, fastest first.
+fn part_of(
+    hessenberg: &[f64],
+    row: usize,
+    m: usize,
+) -> Result<Vec<(f64, f64)>, DecompositionError> {
+    let rows = (0..m).flat_map(|i| &hessenberg[i * row..i * row + m]);
+    let mut values = eigenvalues(m, &rows.copied().collect::<Vec<_>>())?;
+    values.sort_by(|a, b| magnitude(b).total_cmp(&magnitude(a)));
+    Ok(values)
+}
+
+fn magnitude(z: &(f64, f64)) -> f64 {
+    z.0.hypot(z.1)
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -251,6 +251,10 @@ impl StateSpace for Descriptor {
         self.base.spread(change)
     }
 
+    fn displace(&mut self, change: &[f64]) -> &[f64] {
+        self.base.displace(change)
+    }
+
     fn displacement(&self, dq: &[f64]) -> f64 {
         self.base.displacement(dq)
     }

@@ -111,6 +111,13 @@ impl<M: Matrix> FirstOrder<M> {
         [dq, dv]
     }
 
+    /// The part of it on coordinates.
+    pub fn displace(&mut self, change: &[f64]) -> &[f64] {
+        let Self { point, dq, rows, rates, .. } = self;
+        point.displace(&change[..rates.len()], dq, rows);
+        dq
+    }
+
     /// The largest of the changes of bodies' places, in their tolerances at the start of the step.
     pub fn displacement(&self, dq: &[f64]) -> f64 {
         self.weights.displacement(dq)

@@ -35,6 +35,9 @@ pub trait StateSpace: LinearizedOde + Send {
     /// A change of w on the coordinates and velocities of all bodies, with the factors of the last evaluation.
     fn spread(&mut self, change: &[f64]) -> [&[f64]; 2];
 
+    /// The part of it on coordinates.
+    fn displace(&mut self, change: &[f64]) -> &[f64];
+
     /// The largest of the changes of bodies' places, in their tolerances at the start of the step.
     fn displacement(&self, dq: &[f64]) -> f64;
 
@@ -76,6 +79,9 @@ macro_rules! state_space {
             }
             fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
                 Self::spread(self, change)
+            }
+            fn displace(&mut self, change: &[f64]) -> &[f64] {
+                Self::displace(self, change)
             }
             fn displacement(&self, dq: &[f64]) -> f64 {
                 Self::displacement(self, dq)

@@ -98,6 +98,11 @@ impl Point {
         self.manifold.spread(&self.state, [dp, dp_rate], [dq, dv], [rows, rates]);
     }
 
+    /// A change of independent variables on all coordinates, as [`Manifold::displace`].
+    pub fn displace(&mut self, dp: &[f64], dq: &mut [f64], rows: &mut [f64]) {
+        self.manifold.displace(&self.state.q, dp, dq, rows);
+    }
+
     /// Multipliers of the state of the last evaluation.
     pub fn complete(&mut self) {
         self.manifold.multipliers(&mut self.state);

@@ -31,7 +31,7 @@ const GROWTH: f64 = 2.0;
 pub(super) struct Carried {
     /// In w.
     pub(super) error: Vec<f64>,
-    /// On coordinates and velocities, at the end of the last step.
+    /// On coordinates and, where these are asked for, velocities.
     pub(super) spread: [Vec<f64>; 2],
 }
 
@@ -179,9 +179,7 @@ impl CarriedError {
         }
         let known = !stepper.explicit()
             || self.carry_if_due(stepper.multistep(), form, power, (t, step, w));
-        if known {
-            self.look(form);
-        } else {
+        if !known {
             self.lose();
         }
         known
@@ -194,9 +192,20 @@ impl CarriedError {
             return;
         }
         if form.linearize(t, w).is_ok() && self.carry_over(form, power, (steps, span)).is_some() {
-            self.look(form);
+            self.look(form, false);
         } else {
             self.lose();
+        }
+    }
+
+    /// Keeps it on coordinates and velocities, by which independent variables with another meaning are told; the form is at
+    /// the present state.
+    pub(super) fn spread(&mut self, form: &mut dyn StateSpace) {
+        if self.is_suspicious() {
+            return;
+        }
+        for Carried { error, spread } in &mut self.sums {
+            take(spread, form.spread(error));
         }
     }
 
@@ -206,13 +215,19 @@ impl CarriedError {
         self.largest = f64::MAX;
     }
 
-    /// How large it is.
-    fn look(&mut self, form: &mut dyn StateSpace) {
+    /// How large it is at the end of the step that was followed last. Where independent variables are about to get another
+    /// meaning, it `moves` along, and is kept on velocities, too.
+    pub(super) fn look(&mut self, form: &mut dyn StateSpace, moves: bool) {
+        if self.is_suspicious() {
+            return;
+        }
         self.present = 0.0;
         for Carried { error, spread } in &mut self.sums {
-            let [dq, dv] = form.spread(error);
-            spread[0].copy_from_slice(dq);
-            spread[1].copy_from_slice(dv);
+            if moves {
+                take(spread, form.spread(error));
+            } else {
+                spread[0].copy_from_slice(form.displace(error));
+            }
             let size = form.displacement(&spread[0]);
             if size.is_finite() && error.iter().sum::<f64>().is_finite() {
                 self.present = self.present.max(size);
@@ -309,9 +324,8 @@ impl CarriedError {
         let ndof = form.second_order_split();
         let [Carried { error, spread: [places, _] }, _] = &mut self.sums;
         let mut of = |part: &[f64]| {
-            room.fill(0.0);
             room[..ndof].copy_from_slice(part);
-            places.copy_from_slice(form.spread(room)[0]);
+            places.copy_from_slice(form.displace(room));
             form.displacement(places)
         };
         of(&error[..ndof]) + span * of(&error[ndof..2 * ndof])
@@ -332,6 +346,12 @@ struct Serving {
 
 impl Serving {
     const NEW: Self = Self { steps: 0, span: 0.0, most: 1, known: false };
+}
+
+fn take(spread: &mut [Vec<f64>; 2], change: [&[f64]; 2]) {
+    for (spread, change) in spread.iter_mut().zip(change) {
+        spread.copy_from_slice(change);
+    }
 }
 
 fn add(y: &mut [f64], a: f64, x: &[f64]) {

@@ -56,3 +56,28 @@ fn round_off_of_zero_is_no_mode() {
     assert!((found[0].1 / frequency - 1.0).abs() < 1e-6, "{found:?} {frequency}");
     assert!(found[2..].iter().all(|z| *z == (0.0, 0.0)), "{found:?}");
 }
+
+#[test] // independent truth: all eigenvalues, of the dense matrix
+fn fast_vibrations_are_found_beside_slow_ones() {
+    for (seed, damped) in [(1u32, false), (2, false), (3, true), (4, true)] {
+        let springs: String = (1..=60u32)
+            .map(|i| {
+                let part = f64::from((i * i * 7 + seed * 131) % 97) / 97.0;
+                let stiffness = 10f64.powf(2.0 + 10.0 * part);
+                let damping = if damped && i % 3 == 0 { 1e-8 * stiffness } else { 0.0 };
+                let before = if i == 1 { "ground".to_owned() } else { format!("link_{}", i - 1) };
+                format!(
+                    "[forces.spring_{i}]\ntype = \"rsda\"\nbetween = [\"{before}\", \"link_{i}\"]\n\
+                     stiffness = {stiffness:e}\ndamping = {damping:e}\n"
+                )
+            })
+            .collect();
+        let problem = level_chain(60, &springs);
+        let assembled = problem.assemble().unwrap();
+        let (all, found) = (spectrum(assembled).unwrap().values, fastest(assembled).unwrap());
+        assert!(!found.is_empty(), "seed {seed}");
+        let size = |z: &(f64, f64)| z.0.hypot(z.1);
+        let off = size(&all[0]) / size(&found[0]) - 1.0;
+        assert!(off.abs() < 1e-6, "seed {seed}: {:?} {:?}", all[0], found[0]);
+    }
+}

@@ -173,15 +173,19 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         self.tree_multipliers(force, state)
     }
 
-    fn spread(
+    fn displace(&mut self, dp: &[f64], q: &[f64], dq: &mut [f64]) {
+        Self::displace(self, dp, q, dq);
+    }
+
+    fn displace_rates(
         &mut self,
         parametrization: &Parametrization,
         state: &State,
-        [dp, dp_rate]: [&[f64]; 2],
-        [dq, dv]: [&mut [f64]; 2],
+        dp_rate: &[f64],
+        dq: &[f64],
+        dv: &mut [f64],
     ) {
-        self.displace(dp, &state.q, dq);
-        self.displace_rates(parametrization, state, dp_rate, dq, dv);
+        Self::displace_rates(self, parametrization, state, dp_rate, dq, dv);
     }
 
     fn share_among(&mut self, threads: &Threads) {

@@ -160,13 +160,17 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
     /// the rows of a joint do not tell them.
     fn complete_multipliers(&mut self, force: &[f64], state: &mut State) -> bool;
 
-    /// A change of independent variables and their rates on the coordinates of all bodies.
-    fn spread(
+    /// A change δp of independent variables on the coordinates of all bodies, δq.
+    fn displace(&mut self, dp: &[f64], q: &[f64], dq: &mut [f64]);
+
+    /// δq̇ of a change of independent variables and their rates, after [`JointForm::displace`] for the former.
+    fn displace_rates(
         &mut self,
         parametrization: &Parametrization,
         state: &State,
-        change: [&[f64]; 2],
-        out: [&mut [f64]; 2],
+        dp_rate: &[f64],
+        dq: &[f64],
+        dv: &mut [f64],
     );
 
     /// Joint coordinates, rows of cut joints and drivers on the tree, and entries of the factor of the composite inertia

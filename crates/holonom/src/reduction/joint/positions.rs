@@ -16,6 +16,8 @@ const MAX_CORRECTIONS: usize = 40;
 const CONTRACTION_LIMIT: f64 = 0.5;
 /// Contraction from which the closures are factored anew.
 const SLOW: f64 = 0.05;
+/// What the second correction may be larger than the first one lets expect.
+const FIRST_CAUTION: f64 = 64.0;
 /// Corrections of this size may be noise where the residual is.
 const NOISY_CORRECTION: f64 = 1e-9;
 
@@ -88,8 +90,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             for cluster in self.closures.clusters.iter_mut().filter(|cluster| cluster.is_open) {
                 let (size, before) = (cluster.size, cluster.before);
                 let rate = size / before;
-                // Or the next one would be.
-                let ends = size <= noise || (count > 1 && 4.0 * rate * size <= noise);
+                // Or the next one would be. The first rate is that of a correction to what was predicted: less is known of it.
+                let caution = if count > 1 { 4.0 } else { FIRST_CAUTION };
+                let ends = size <= noise || caution * rate * size <= noise;
                 let stalls = count > 1 && rate > CONTRACTION_LIMIT;
                 let is_noise = before <= 1e3 * noise
                     || (size <= NOISY_CORRECTION && is_round_off(cluster.residual));

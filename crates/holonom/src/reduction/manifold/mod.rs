@@ -458,22 +458,31 @@ impl Manifold {
         self.chart.solve_transposed(&self.correction, &mut state.lambda, &mut self.independent);
     }
 
+    /// A change of independent variables on all coordinates, at the configuration q of the last evaluation: δq = D δp.
+    /// `rows` is scratch of the length of λ.
+    pub fn displace(&mut self, q: &[f64], dp: &[f64], dq: &mut [f64], rows: &mut [f64]) {
+        if let Some(joint) = &mut self.joint {
+            joint.displace(dp, q, dq);
+            return;
+        }
+        rows.fill(0.0);
+        self.chart.solve(rows, dp, dq);
+    }
+
     /// A change of independent variables and their rates on all coordinates, at the state of the last evaluation:
     /// δq = D δp, δq̇ = D δṗ − [S D] (A₀ δq). `rows` and `rates` are scratch of the lengths of λ and p.
     pub fn spread(
         &mut self,
         state: &State,
-        change: [&[f64]; 2],
+        [dp, dp_rate]: [&[f64]; 2],
         [dq, dv]: [&mut [f64]; 2],
         [rows, rates]: [&mut [f64]; 2],
     ) {
-        let [dp, dp_rate] = change;
+        self.displace(&state.q, dp, dq, rows);
         if let Some(joint) = &mut self.joint {
-            joint.spread(self.chart.parametrization(), state, change, [dq, dv]);
+            joint.displace_rates(self.chart.parametrization(), state, dp_rate, dq, dv);
             return;
         }
-        rows.fill(0.0);
-        self.chart.solve(rows, dp, dq);
         self.system.rate_change(&state.q, &state.v, dq, rows);
         rows.iter_mut().for_each(|x| *x = -*x);
         self.chart.parametrization().rate_change(self.system.as_ref(), state, dq, rates);

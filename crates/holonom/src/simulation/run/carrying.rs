@@ -7,8 +7,15 @@ use crate::simulation::carried_error::Carried;
 const SHIFT: f64 = 1e-6;
 
 impl Run<'_> {
+    /// Keeps the carried error on coordinates and velocities before other variables are chosen.
+    pub(super) fn spread_error(&mut self) {
+        if let Some(carried) = &mut self.carried {
+            carried.spread(self.form.as_mut());
+        }
+    }
+
     /// Expresses the carried error in new independent variables, which are w by now, by those of a state that is off by a
-    /// small part of it.
+    /// small part of what [`Run::spread_error`] has kept.
     pub(super) fn express_error(&mut self) {
         let carried = self.carried.as_mut().filter(|carried| !carried.is_suspicious());
         let Some(carried) = carried else { return };

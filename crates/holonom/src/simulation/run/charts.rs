@@ -27,7 +27,7 @@ impl Run<'_> {
     /// slope are read anew.
     pub(super) fn move_references(&mut self) -> Result<(), EvaluationFailure> {
         let ndof = self.form.second_order_split();
-        let turn = if self.stepper.multistep() { MULTISTEP_TURN } else { 0.0 };
+        let turn = self.longest_turn();
         let point = self.form.point_mut();
         if !point.move_references(&self.w[..ndof], turn)? {
             return Ok(());
@@ -50,6 +50,18 @@ impl Run<'_> {
             self.express_error();
         }
         Ok(())
+    }
+
+    /// How far directions and rotations may be from their references at the end of a step, rad.
+    fn longest_turn(&self) -> f64 {
+        if self.stepper.multistep() { MULTISTEP_TURN } else { 0.0 }
+    }
+
+    /// Whether [`Run::move_references`] will give independent variables another meaning at the end of the step.
+    pub(super) fn references_are_to_move(&self) -> bool {
+        let ndof = self.form.second_order_split();
+        let (manifold, turn) = (&self.form.point().manifold, self.longest_turn());
+        manifold.moves_references(&self.w_end[..ndof], turn)
     }
 
     /// How fast directions and rotations change at the start of the step, rad/s.
@@ -111,6 +123,7 @@ impl Run<'_> {
         for recorder in std::iter::once(&mut self.recorder).chain(&mut self.inspector) {
             recorder.set_chart(chart.clone());
         }
+        self.spread_error();
         self.form.point_mut().manifold.set_chart(chart);
         self.form.reparametrized();
         if self.stepper.explicit() {

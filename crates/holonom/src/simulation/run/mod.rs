@@ -385,6 +385,7 @@ impl Run<'_> {
                 continue;
             }
             (rejections, repartitioned, seen) = (0, false, true);
+            let moves = self.references_are_to_move();
             if let Some(carried) = &mut self.carried {
                 let (stepper, form) = (self.stepper.as_mut(), self.form.as_mut());
                 let chart = form.point().manifold.chart().parametrization();
@@ -405,7 +406,9 @@ impl Run<'_> {
                     turn,
                     ended,
                 );
-                if !known {
+                if known {
+                    carried.look(form, moves);
+                } else {
                     // The form may be elsewhere: back to the end of the step.
                     let found = form.derivative(t_end, &self.w_end, &mut self.g_end);
                     found.map_err(|f| failed(f, step))?;
