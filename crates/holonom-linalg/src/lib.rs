@@ -3,7 +3,8 @@
 //! | matrix | type | made for |
 //! |---|---|---|
 //! | dense blocks at fixed places | [`BlockMatrix`] | assembly, products |
-//! | general sparse, fixed pattern | [`SparsePattern`], [`SparseLu`] | factor again and again |
+//! | general sparse, fixed pattern | [`SparsePattern`], [`SparseLu`], [`FrozenLu`] | factor again and again |
+//! | sums of values of other matrices | [`Terms`], [`Assembly`] | which value goes where, found once |
 //! | blocks that hang on each other like a forest | [`BlockForest`], [`ForestLu`] | trees of bodies, without fill |
 //! | symmetric, small blocks, in an envelope | [`BlockGraph`], [`EnvelopePlan`], [`EnvelopeCholesky`] | reduced matrices of mechanisms |
 //! | symmetric, zeros along the branches of a tree | [`BranchedPlan`], [`BranchedCholesky`] | inertia in joint coordinates, without fill |
@@ -56,4 +57,4 @@ pub use rank::{
     singular_values, thin_svd,
 };
 pub use scalar::Scalar;
-pub use sparse::{SparseLu, SparsePattern, sparse_least_norm};
+pub use sparse::{Assembly, FrozenLu, SparseLu, SparsePattern, Terms, sparse_least_norm};

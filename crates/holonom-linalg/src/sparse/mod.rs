@@ -1,6 +1,8 @@
 //! Sparse matrices with a fixed pattern and their LU factorisation.
 
+mod assembly;
 mod elimination;
+mod frozen;
 mod inverse;
 mod least_norm;
 mod ordering;
@@ -17,7 +19,9 @@ use crate::scalar::Scalar;
 use crate::watch::{checkpoint, stage};
 use std::sync::Arc;
 
+pub use assembly::{Assembly, Terms};
 use elimination::{Factors, Plan};
+pub use frozen::FrozenLu;
 pub use least_norm::sparse_least_norm;
 use ordering::{PivotOrder, Search};
 pub use pattern::SparsePattern;

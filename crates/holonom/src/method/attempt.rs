@@ -98,7 +98,7 @@ impl<S: Stages> ImplicitStepper<S> {
     }
 
     /// Linearization, factorization and stages. An iteration that fails is repeated with a fresh
-    /// linearization, and with a full one, before the step is made shorter.
+    /// linearization, with a full one, and by other residuals, before the step is made shorter.
     fn solve(
         &mut self,
         ode: &mut Counted<'_>,
@@ -108,6 +108,7 @@ impl<S: Stages> ImplicitStepper<S> {
         let reuse = self.memory.reuses(&self.options);
         let ahead = S::ITERATES && self.options.linearize_ahead && self.predicts;
         let ahead = ahead.then_some((&mut self.ahead, &self.previous));
+        self.matrices.begin(ode);
         self.matrices.prepare(&mut self.stages, ode, step, reuse, ahead)?;
         let evaluations = S::REPEATS_EVALUATIONS || self.options.fixed_step;
         let repeats = |failure: &Failure| evaluations || failure.is_of_newton();
@@ -115,7 +116,7 @@ impl<S: Stages> ImplicitStepper<S> {
         while S::ITERATES && outcome.as_ref().is_err_and(repeats) {
             // A fixed step has no shorter one to try.
             let last_resort = self.options.fixed_step && self.predicts;
-            let remedy = self.matrices.remedy(ode);
+            let remedy = self.matrices.remedy(ode, self.options.other_residuals);
             let Some(place) = remedy.or(last_resort.then_some(Place::Start)) else { break };
             let ahead = place == Place::Middle && self.predicts;
             let ahead = ahead.then_some((&mut self.ahead, &self.previous));

@@ -214,7 +214,9 @@ pub fn build_state_space(
         weights = weights.of_independent_coordinates();
     }
     match code {
-        Code::Deabm | Code::Dopri5 => Box::new(ExplicitForm::new(manifold, weights, state)),
+        Code::Deabm | Code::Dopri5 => {
+            Box::new(ExplicitForm::new(manifold, weights, state, code == Code::Deabm))
+        }
         Code::InflSdirk | Code::InflSdirk15 | Code::InflTrap => {
             let iterate = match profile {
                 Profile::Thesis => Iterate::Plain,

@@ -84,6 +84,14 @@ impl<'a> Counted<'a> {
         self.ode.is_simplified()
     }
 
+    pub(super) fn has_accelerations(&self) -> bool {
+        self.ode.has_accelerations()
+    }
+
+    pub(super) fn take_accelerations(&mut self, take: bool) {
+        self.ode.take_accelerations(take);
+    }
+
     fn count_factorization(&mut self) {
         self.statistics.factorizations += 1;
         self.statistics.simplified_factorizations += u64::from(self.ode.is_simplified());

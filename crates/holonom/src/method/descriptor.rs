@@ -13,6 +13,7 @@
 //! during the step; this one converges like the state-space method.
 //! Source: thesis section 3.3.
 
+use super::first_order::residual_rates;
 use super::ode::{EvaluationFailure, LinearizedOde, Ode, SecondOrder, Stage};
 use super::state_space_method::add;
 use super::{FirstOrder, StateSpace, Weights};
@@ -93,10 +94,20 @@ impl SecondOrder for Descriptor {
                 }
             }
             Iterate::Consistent => {
-                manifold.reduced_residual(state, rate, z_rate, &mut self.psi);
                 base.newton.align(0, manifold, &state.q);
-                base.newton.take_forces(0, &mut self.psi);
+                if base.by_accelerations {
+                    residual_rates(manifold, state, rate, &mut self.psi);
+                    base.newton.turn_back(0, &mut self.psi);
+                    base.newton.weigh_rates(&mut self.psi);
+                } else {
+                    manifold.reduced_residual(state, rate, z_rate, &mut self.psi);
+                    base.newton.take_forces(0, &mut self.psi);
+                }
                 base.newton.extend(&self.psi, residual);
+                if base.by_accelerations {
+                    manifold.multipliers(state);
+                    manifold.extend_acceleration(&state.q, &state.v, rate, &mut state.a);
+                }
                 a.copy_from_slice(&state.a);
                 lambda.copy_from_slice(&state.lambda);
             }
@@ -194,6 +205,14 @@ impl LinearizedOde for Descriptor {
         slope: &[f64],
     ) -> Result<(), EvaluationFailure> {
         self.base.linearize_by(t, w, slope)
+    }
+
+    fn has_accelerations(&self) -> bool {
+        self.iterate == Iterate::Consistent
+    }
+
+    fn take_accelerations(&mut self, take: bool) {
+        self.base.by_accelerations = take;
     }
 
     fn factor(&mut self, gamma_h: f64) -> Result<(), EvaluationFailure> {

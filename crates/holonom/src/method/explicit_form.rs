@@ -16,8 +16,8 @@ pub struct ExplicitForm {
     dv: Vec<f64>,
     rows: Vec<f64>,
     rates: Vec<f64>,
-    /// Whether there are drivers that move and laws with knots.
-    sudden_powers: bool,
+    /// Whether the powers of drivers are too much for the formula.
+    powers_apart: bool,
     /// Where the slope was evaluated last, NaN where that point is no longer at hand, and the slope: the last
     /// stage of a formula is where its step ends.
     at_time: f64,
@@ -31,19 +31,19 @@ pub struct ExplicitForm {
 const POWERS: usize = 2;
 
 impl ExplicitForm {
-    /// Starts at a consistent state whose factors the manifold holds.
-    pub fn new(manifold: Manifold, weights: Weights, state: &State) -> Self {
+    /// Starts at a consistent state whose factors the manifold holds, for a formula of several steps or of one.
+    pub fn new(manifold: Manifold, weights: Weights, state: &State, multistep: bool) -> Self {
         let dimension = 2 * manifold.chart().ndof() + state.z.len() + POWERS;
         let system = manifold.system();
-        let sudden_powers = system.has_moving_drivers()
-            && system.law_arguments().iter().any(|argument| !argument.knots.is_empty());
+        let has_knots = || system.law_arguments().iter().any(|law| !law.knots.is_empty());
+        let powers_apart = system.has_moving_drivers() && (multistep || has_knots());
         Self {
             weights,
             dq: vec![0.0; state.q.len()],
             dv: vec![0.0; state.q.len()],
             rows: vec![0.0; state.lambda.len()],
             rates: vec![0.0; manifold.chart().ndof()],
-            sudden_powers,
+            powers_apart,
             at_time: f64::NAN,
             at: vec![0.0; dimension],
             slope: vec![0.0; dimension],
@@ -114,10 +114,11 @@ impl ExplicitForm {
         }
     }
 
-    /// Whether the powers in w are the ledger: not where drivers may move something past a knot of a force law. No error of the
-    /// motion tells that power, and a formula of high order through those of the steps before makes anything of a sudden one.
+    /// Whether the powers in w are the ledger: not where drivers may move something past a knot of a force law, nor by
+    /// formulas of several steps where they move at all. No error of the motion tells that power, and a polynomial of high
+    /// order through those of the steps before makes anything of it.
     pub fn integrates_powers(&self) -> bool {
-        !self.rates.is_empty() && !self.sudden_powers
+        !self.rates.is_empty() && !self.powers_apart
     }
 
     /// The meaning of w has changed to `w` at the state last evaluated.

@@ -25,6 +25,8 @@ pub struct FirstOrder<M = ReducedMatrix> {
     dv: Vec<f64>,
     rows: Vec<f64>,
     rates: Vec<f64>,
+    /// Defects and residuals are accelerations.
+    pub(super) by_accelerations: bool,
     /// For stages that are solved for accelerations.
     pub(super) stage: AccelerationBuffers,
 }
@@ -68,6 +70,7 @@ impl<M: Matrix> FirstOrder<M> {
             dv: vec![0.0; s.coordinates],
             rows: vec![0.0; s.rows],
             rates: vec![0.0; ndof],
+            by_accelerations: false,
             stage: AccelerationBuffers::new(ndof, &s),
             point: Point::new(manifold, state),
         }
@@ -325,8 +328,17 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
         self.newton.factor_complex(gamma_h)
     }
 
+    fn has_accelerations(&self) -> bool {
+        true
+    }
+
+    fn take_accelerations(&mut self, take: bool) {
+        self.by_accelerations = take;
+    }
+
     /// Velocity entries are forces, −ψ with the slope's accelerations: written as M̂ (v̈ − f) the change of M̂
-    /// within the step would multiply stiff forces.
+    /// within the step would multiply stiff forces. By accelerations they are that: forces would be multiplied by the
+    /// change of M̂⁻¹.
     fn defect(
         &mut self,
         stage: usize,
@@ -337,7 +349,7 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
     ) -> Result<(), EvaluationFailure> {
         let ndof = self.point.manifold.chart().ndof();
         require_finite(t, w)?;
-        self.evaluate(t, w, false)?;
+        self.evaluate(t, w, self.by_accelerations)?;
         let (rates, rest) = slope[ndof..].split_at(ndof);
         let (positions, forces) = defect.split_at_mut(ndof);
         let (forces, z) = forces.split_at_mut(ndof);
@@ -345,11 +357,17 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
             *out = v - s;
         }
         let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
-        manifold.reduced_residual(state, rates, &mut self.point.z_rate, forces);
         self.newton.align(stage, manifold, &state.q);
         self.newton.turn_back(stage, positions);
-        self.newton.take_forces(stage, forces);
-        self.newton.respond_to_mass(stage, manifold, forces);
+        if self.by_accelerations {
+            residual_rates(manifold, state, rates, forces);
+            self.newton.turn_back(stage, forces);
+            self.newton.weigh_rates(forces);
+        } else {
+            manifold.reduced_residual(state, rates, &mut self.point.z_rate, forces);
+            self.newton.take_forces(stage, forces);
+            self.newton.respond_to_mass(stage, manifold, forces);
+        }
         forces.iter_mut().for_each(|x| *x = -*x);
         for ((out, rate), s) in z.iter_mut().zip(&self.point.z_rate).zip(rest) {
             *out = rate - s;
@@ -409,6 +427,19 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
 
     fn time_derivative(&mut self, g_t: &mut [f64]) -> Result<(), EvaluationFailure> {
         self.newton.time_derivative(&mut self.point, g_t)
+    }
+}
+
+/// v̈ − f of a stage with the accelerations `rates` and those f of the equations, which have been evaluated.
+pub(super) fn residual_rates(
+    manifold: &mut Manifold,
+    state: &State,
+    rates: &[f64],
+    out: &mut [f64],
+) {
+    manifold.independent_acceleration_anew(state, out);
+    for (out, rate) in out.iter_mut().zip(rates) {
+        *out = rate - *out;
     }
 }
 

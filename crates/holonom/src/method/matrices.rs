@@ -2,6 +2,7 @@
 
 use super::counted::Counted;
 use super::iteration::Failure;
+use super::residuals::Residuals;
 use super::segment::Segment;
 use super::simplification::Simplification;
 use super::stages::{Stages, Step};
@@ -43,6 +44,7 @@ pub(super) struct Matrices {
     /// Step of the last factorization.
     factored: Option<f64>,
     simplification: Simplification,
+    residuals: Residuals,
 }
 
 /// The middle of a step as the step before predicts it.
@@ -73,16 +75,27 @@ impl Matrices {
         reach: 0.0,
         factored: None,
         simplification: Simplification::START,
+        residuals: Residuals::START,
     };
 
     /// Those there are hold no longer.
     pub(super) fn forget(&mut self) {
-        *self = Self { simplification: self.simplification, ..Self::NONE };
+        let Self { simplification, residuals, .. } = *self;
+        *self = Self { simplification, residuals, ..Self::NONE };
+    }
+
+    /// An attempt begins.
+    pub(super) fn begin(&mut self, ode: &mut Counted<'_>) {
+        if ode.has_accelerations() {
+            self.residuals.begin();
+            ode.take_accelerations(self.residuals.are_accelerations());
+        }
     }
 
     /// Iterations converged with this factor; 0 where none was seen. Where the linearization is old that says
     /// nothing of what was left out.
     pub(super) fn observe(&mut self, ode: &mut Counted<'_>, contraction: f64) {
+        self.residuals.converge();
         let tells = self.linearization != Linearization::Old && ode.is_simplified();
         if tells && self.simplification.observe(contraction) {
             self.complete(ode);
@@ -90,15 +103,20 @@ impl Matrices {
     }
 
     /// After iterations have failed: whether another linearization may serve better, and if so whether it is to be where the last
-    /// one was, or at the start of the step.
-    pub(super) fn remedy(&mut self, ode: &mut Counted<'_>) -> Option<Place> {
+    /// one was, or at the start of the step. With one from there, `others` may be tried for residuals.
+    pub(super) fn remedy(&mut self, ode: &mut Counted<'_>, others: bool) -> Option<Place> {
         let last = self.linearization;
         // An old one says nothing of what was left out.
         if last != Linearization::Old && self.complete_after_failure(ode) {
             let ahead = last == Linearization::Predicted;
             return Some(if ahead { Place::Middle } else { Place::Start });
         }
-        matches!(last, Linearization::Old | Linearization::Predicted).then_some(Place::Start)
+        if matches!(last, Linearization::Old | Linearization::Predicted) {
+            return Some(Place::Start);
+        }
+        let again = others && ode.has_accelerations() && self.residuals.fail();
+        ode.take_accelerations(self.residuals.are_accelerations());
+        again.then_some(Place::Start)
     }
 
     /// Whether it is a simplified matrix that fails, in whose place comes the full one.

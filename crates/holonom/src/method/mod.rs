@@ -17,6 +17,7 @@ pub mod nystrom;
 mod nystrom_start;
 pub mod ode;
 pub mod radau;
+mod residuals;
 pub mod rosenbrock;
 pub mod sdirk;
 mod segment;

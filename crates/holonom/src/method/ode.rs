@@ -64,6 +64,14 @@ pub trait LinearizedOde: Ode {
         false
     }
 
+    /// Whether defects and residuals of stages can be accelerations in place of forces.
+    fn has_accelerations(&self) -> bool {
+        false
+    }
+
+    /// From the next iteration on they are, or they are forces again.
+    fn take_accelerations(&mut self, _take: bool) {}
+
     /// Factors I − γh J from the parts of the last `linearize`.
     ///
     /// # Errors

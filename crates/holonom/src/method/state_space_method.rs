@@ -5,10 +5,13 @@
 //! Ψ = M̂ + γh M̂₁' + βh² M̂₂'      M̂₁', M̂₂' with the extra states eliminated, see `FirstOrder`
 //! ```
 //!
+//! or M̂₀ (v̈ − f) in place of ψ, with M̂₀ of the linearization and the accelerations f of the equations.
+//!
 //! Unknown x = v̈. Ψ is the matrix Π of the first-order reduction (proposition 1, `docs/theory/newton.md`), so
 //! both methods are one form of the equations. Source: thesis section 3.2, (3.30), (3.46).
 
 use super::FirstOrder;
+use super::first_order::residual_rates;
 use super::ode::{EvaluationFailure, SecondOrder, Stage, require_finite};
 use crate::newton::{FirstOrderMatrix, Matrix};
 
@@ -28,7 +31,7 @@ impl<M: Matrix> FirstOrder<M> {
         }
         trial[2 * ndof..].copy_from_slice(z);
         let outcome = require_finite(stage.t, &trial)
-            .and_then(|()| self.evaluate(stage.t, &trial, false).map(|_| ()));
+            .and_then(|()| self.evaluate(stage.t, &trial, self.by_accelerations).map(|_| ()));
         self.stage.trial = trial;
         outcome
     }
@@ -54,13 +57,19 @@ impl<M: FirstOrderMatrix> SecondOrder for FirstOrder<M> {
         self.evaluate_stage(stage, x, z)?;
         let delta = &mut self.stage.correction;
         let (manifold, state) = (&mut self.point.manifold, &mut self.point.state);
-        manifold.reduced_residual(state, x, &mut self.point.z_rate, delta);
+        self.newton.align(0, manifold, &state.q);
+        if self.by_accelerations {
+            residual_rates(manifold, state, x, delta);
+            self.newton.turn_back(0, delta);
+            self.newton.weigh_rates(delta);
+        } else {
+            manifold.reduced_residual(state, x, &mut self.point.z_rate, delta);
+            self.newton.take_forces(0, delta);
+        }
         for (k, dz) in change[2 * ndof..].iter_mut().enumerate() {
             let past = stage.past[2 * ndof + k];
             *dz = past + stage.gamma_h * self.point.z_rate[k] - z[k];
         }
-        self.newton.align(0, manifold, &state.q);
-        self.newton.take_forces(0, delta);
         self.newton.correct(delta, change);
         self.newton.turn(0, delta);
         add(x, delta);

@@ -151,6 +151,8 @@ pub struct StepperOptions {
     /// New linearizations are made in the predicted middle of the step, not at its start: stages are half as far
     /// from it, and iterations that much faster. Rosenbrock formulas always linearize at the start.
     pub linearize_ahead: bool,
+    /// Residuals of stages may be accelerations where iterations by forces fail.
+    pub other_residuals: bool,
     /// Ratio of steps up to which the step, and with it the factorization, is kept; 1 never. Only
     /// where a linearization is reused.
     pub dead_band: f64,
@@ -180,6 +182,7 @@ impl StepperOptions {
             newton: NewtonControl::default(),
             reuse_contraction: 0.0,
             linearize_ahead: false,
+            other_residuals: false,
             dead_band: 1.0,
             predictive: false,
             continue_accelerations: false,
@@ -203,6 +206,7 @@ impl StepperOptions {
             newton: NewtonControl { kappa, ..NewtonControl::default() },
             reuse_contraction: 0.02,
             linearize_ahead: true,
+            other_residuals: true,
             dead_band: 1.2,
             predictive: true,
             continue_accelerations: true,

@@ -165,6 +165,13 @@ impl<D: Matrix> Matrix for Chosen<D> {
             Self::Sparse(matrix) => matrix.respond(parts, p, v, z, rate),
         }
     }
+
+    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
+        match self {
+            Self::Dense(matrix) => matrix.weigh(parts, v),
+            Self::Sparse(matrix) => matrix.weigh(parts, v),
+        }
+    }
 }
 
 impl<D: FirstOrderMatrix> FirstOrderMatrix for Chosen<D> {
@@ -197,13 +204,6 @@ impl<D: FirstOrderMatrix> FirstOrderMatrix for Chosen<D> {
         match self {
             Self::Dense(matrix) => matrix.solve_complex(parts, x, y),
             Self::Sparse(matrix) => matrix.solve_complex(parts, x, y),
-        }
-    }
-
-    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
-        match self {
-            Self::Dense(matrix) => matrix.weigh(parts, v),
-            Self::Sparse(matrix) => matrix.weigh(parts, v),
         }
     }
 

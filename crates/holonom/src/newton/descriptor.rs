@@ -8,7 +8,7 @@ use super::matrix::{DescriptorForm, Matrix, MatrixOptions};
 use super::units::Units;
 use crate::reduction::{BodyRows, Manifold, Point, Projection};
 use crate::system::{DerivativeBlocks, Structure, System};
-use holonom_linalg::{BlockMatrix, SingularMatrix, SparseLu};
+use holonom_linalg::{BlockMatrix, FrozenLu, SingularMatrix};
 
 /// Ψ = Ψ₀ + γh Ψ₁ + βh² Ψ₂ of the unknowns (q̈, λ), with D the null space of G, δv̈ = P δq̈:
 ///
@@ -35,9 +35,7 @@ pub struct DescriptorMatrix {
     pattern: DescriptorPattern,
     values: Vec<f64>,
     units: Units,
-    lu: Option<SparseLu>,
-    /// Relative error that the last refinement left.
-    left: f64,
+    lu: FrozenLu,
     /// M, G and the moving rows of P of the linearization.
     mass: BlockMatrix,
     jacobian: Vec<f64>,
@@ -101,8 +99,7 @@ impl Matrix for DescriptorMatrix {
             reduced,
             values: vec![0.0; pattern.pattern.len()],
             units: Units::new(manifold, q),
-            lu: None,
-            left: 0.0,
+            lu: FrozenLu::new(HARMLESS_GROWTH, ACCURACY),
             mass: structure.mass_pattern.zeros(),
             jacobian: vec![0.0; structure.constraint_pattern.len()],
             by_rate: dense(),
@@ -180,17 +177,9 @@ impl Matrix for DescriptorMatrix {
         }
         let (mass, moving) = (&self.mass, &self.moving);
         self.pattern.fill(mass, &self.jacobian, moving, &self.sum, &mut self.values);
-        if let Some(lu) = &mut self.lu
-            && self.left <= ACCURACY
-            && lu.refactor(&self.values).is_ok()
-        {
-            return Ok(0);
-        }
-        (self.lu, self.left) = (None, 0.0);
-        let units = self.units.of_descriptor(self.pattern.own.1);
-        let analysis = SparseLu::analyze_in_units(&self.pattern.pattern, &self.values, &units)?;
-        self.lu = Some(analysis);
-        Ok(1)
+        let units = || Some(self.units.of_descriptor(self.pattern.own.1));
+        let analysed = self.lu.factor(&self.pattern.pattern, &self.values, units)?;
+        Ok(u64::from(analysed))
     }
 
     fn respond(
@@ -217,6 +206,17 @@ impl Matrix for DescriptorMatrix {
         self.solve(parts, &mut x);
         rate.copy_from_slice(&x.rate);
         self.response = x;
+    }
+
+    /// M̂ v = Dᵀ M D v.
+    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
+        let Unknowns { force, rows, .. } = &mut self.response;
+        let weighed = &mut self.right[..self.coordinates];
+        rows.fill(0.0);
+        parts.chart.solve(rows, v, force);
+        weighed.fill(0.0);
+        self.mass.multiply_add(1.0, force, weighed);
+        parts.chart.solve_transposed(weighed, rows, v);
     }
 }
 
@@ -280,12 +280,7 @@ impl DescriptorMatrix {
         for (out, x) in self.right[first..].iter_mut().zip(&x.rate[from..]) {
             *out = -x;
         }
-        let lu = self.lu.as_mut().expect("factored before it is solved with");
-        if lu.growth() <= HARMLESS_GROWTH {
-            lu.solve(&mut self.right);
-        } else {
-            self.left = lu.solve_refined(&self.pattern.pattern, &self.values, &mut self.right);
-        }
+        self.lu.solve(&self.pattern.pattern, &self.values, &mut self.right);
         x.force.copy_from_slice(&self.right[..n]);
         x.rows.fill(0.0);
         for (solved, &row) in self.right[n..].iter().zip(&*parametrization.kept) {

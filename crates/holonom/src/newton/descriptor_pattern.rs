@@ -4,22 +4,26 @@ use crate::reduction::{
     BodyRows, Manifold, Projection, structural_nonzeros, structural_null_space,
 };
 use crate::system::System;
-use holonom_linalg::{BlockMatrix, BlockPattern, SparsePattern};
+use holonom_linalg::{Assembly, BlockMatrix, BlockPattern, SparsePattern, Terms};
+
+/// Matrices whose values stand in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Source {
+    Mass,
+    Jacobian,
+    /// P, where it does not move, and −1.
+    Constant,
+    Moving,
+    /// The (n+m)×ndof parts.
+    Part,
+}
 
 /// The pattern with the source of every entry.
 #[derive(Debug, Clone)]
 pub(super) struct DescriptorPattern {
     pub(super) pattern: SparsePattern,
-    /// (value of M, slot).
-    mass: Vec<(u32, u32)>,
-    /// (value of G, slot in G, slot in Gᵀ).
-    jacobian: Vec<(u32, u32, u32)>,
-    /// (entry of the (n+m)×ndof parts, slot).
-    parts: Vec<(u32, u32)>,
-    /// Constant entries of P and −1: (slot, value).
-    constants: Vec<(u32, f64)>,
-    /// (value of the moving rows of P, slot).
-    moving: Vec<(u32, u32)>,
+    assembly: Assembly<Source>,
+    constants: Vec<f64>,
     /// Unknowns before the entries of v̈ that are their own, and the first of these entries.
     pub(super) own: (usize, usize),
     /// Number of unknowns.
@@ -43,72 +47,51 @@ impl DescriptorPattern {
             place[n + row] = Some(n + k);
         }
 
-        let mut entries = Vec::new();
-        let mut mass_sources = Vec::new();
-        for (at, entry) in structure.mass_pattern.entries(0, 0).into_iter().enumerate() {
-            if m_nonzero[at] {
-                entries.push(entry);
-                mass_sources.push(at as u32);
-            }
-        }
-        let mut jacobian_sources = Vec::new();
-        for (at, (row, j)) in structure.constraint_pattern.entries(0, 0).into_iter().enumerate() {
-            if let Some(i) = place[n + row].filter(|_| g_nonzero[at]) {
-                entries.extend([(i, j), (j, i)]);
-                jacobian_sources.push(at as u32);
-            }
-        }
+        let mut terms = Terms::default();
+        let mass = structure.mass_pattern.entries(0, 0).into_iter().enumerate();
+        terms.add(Source::Mass, mass.filter(|(at, _)| m_nonzero[*at]));
+        let jacobian = structure.constraint_pattern.entries(0, 0).into_iter().enumerate();
+        let jacobian = jacobian.filter(|(at, _)| g_nonzero[*at]).filter_map(|(at, (row, j))| {
+            let i = place[n + row]?;
+            Some([(at, (i, j)), (at, (j, i))])
+        });
+        terms.add(Source::Jacobian, jacobian.flatten());
         let first_own = n + rank;
-        let mut constants = Vec::new();
+        let mut constants = vec![-1.0];
         let columns: Vec<usize> = match &parametrization.projection {
             Projection::Selection(independent) => {
                 independent.iter().copied().chain(first_own..first_own + moving_rows).collect()
             }
             Projection::Basis(rows) => {
-                for (k, row) in rows.chunks_exact(n).enumerate() {
-                    entries.extend((0..n).map(|j| (first_own + k, j)));
-                    constants.extend_from_slice(row);
-                }
+                let places = (0..ndof).flat_map(|k| (0..n).map(move |j| (first_own + k, j)));
+                terms.add(Source::Constant, (1..).zip(places));
+                constants.extend_from_slice(rows);
                 (first_own..first_own + ndof).collect()
             }
             Projection::Relative(_) => (first_own..first_own + ndof).collect(),
         };
         let owned = columns.iter().filter(|c| **c >= first_own).count();
         let size = first_own + owned;
-        for k in first_own..size {
-            entries.push((k, k));
-            constants.push(-1.0);
-        }
-        let mut moving_sources = Vec::new();
-        for (at, row, column) in manifold.chart().moving().entries() {
-            entries.push((size - moving_rows + row, column));
-            moving_sources.push(at as u32);
-        }
+        terms.add(Source::Constant, (first_own..size).map(|k| (0, (k, k))));
+        let moving = manifold.chart().moving().entries();
+        let first_moving = size - moving_rows;
+        terms.add(
+            Source::Moving,
+            moving.map(|(at, row, column)| (at, (first_moving + row, column))),
+        );
         place.extend((size - moving_rows..size).map(Some));
         let part = if reduced {
             reduced_nonzeros(manifold, m)
         } else {
             part_nonzeros(system, manifold, q)
         };
-        let mut part_sources = Vec::new();
-        for (at, _) in part.iter().enumerate().filter(|(_, nonzero)| **nonzero) {
-            if let Some(i) = place[at / ndof] {
-                entries.push((i, columns[at % ndof]));
-                part_sources.push(at as u32);
-            }
-        }
+        let part = part.iter().enumerate().filter(|(_, nonzero)| **nonzero);
+        let part = part.filter_map(|(at, _)| Some((at, (place[at / ndof]?, columns[at % ndof]))));
+        terms.add(Source::Part, part);
 
-        let (pattern, slots) = SparsePattern::new(size, size, &entries);
-        let mut slots = slots.into_iter().map(|slot| slot as u32);
-        let mut next = || slots.next().expect("a slot for every entry");
-        // In the order in which they were listed.
-        let mass = mass_sources.into_iter().map(|at| (at, next())).collect();
-        let jacobian = jacobian_sources.into_iter().map(|at| (at, next(), next())).collect();
-        let constants = constants.into_iter().map(|x| (next(), x)).collect();
-        let moving = moving_sources.into_iter().map(|at| (at, next())).collect();
-        let parts = part_sources.into_iter().map(|at| (at, next())).collect();
+        let (pattern, slots) = SparsePattern::new(size, size, terms.places());
         let own = (first_own, ndof - owned);
-        Self { pattern, mass, jacobian, parts, constants, moving, own, size }
+        Self { pattern, assembly: terms.in_slots(&slots), constants, own, size }
     }
 
     /// Sums the entries.
@@ -120,23 +103,17 @@ impl DescriptorPattern {
         parts: &[f64],
         values: &mut [f64],
     ) {
-        values.fill(0.0);
-        for &(at, slot) in &self.mass {
-            values[slot as usize] += mass.values()[at as usize];
-        }
-        for &(at, lower, upper) in &self.jacobian {
-            values[lower as usize] += jacobian[at as usize];
-            values[upper as usize] += jacobian[at as usize];
-        }
-        for &(slot, x) in &self.constants {
-            values[slot as usize] += x;
-        }
-        for &(at, slot) in &self.moving {
-            values[slot as usize] += moving.value(at as usize);
-        }
-        for &(at, slot) in &self.parts {
-            values[slot as usize] += parts[at as usize];
-        }
+        let of = |source| {
+            let source = match source {
+                Source::Mass => mass.values(),
+                Source::Jacobian => jacobian,
+                Source::Constant => &self.constants[..],
+                Source::Moving => moving.values(),
+                Source::Part => parts,
+            };
+            (source, 1.0)
+        };
+        self.assembly.sum(of, values);
     }
 }
 

@@ -5,7 +5,7 @@ use super::sparse_pattern::{Nonzeros, Shape, Sum, SumPattern};
 use super::units::Units;
 use crate::reduction::{BodyRows, Manifold, disturb};
 use crate::system::State;
-use holonom_linalg::{Complex64, SingularMatrix, SparseLu};
+use holonom_linalg::{Complex64, FrozenLu, SingularMatrix, SparseLu};
 
 /// What is found at the first linearization, and again when another entry appears; with the numbers of the last one.
 #[derive(Debug, Clone)]
@@ -18,11 +18,8 @@ pub(super) struct GeneralElimination {
     moving: BodyRows,
     values: Vec<f64>,
     units: Units,
-    lu: Option<SparseLu>,
+    lu: FrozenLu,
     complex: Option<ComplexFactor>,
-    /// Relative error that the last refinement left, and the one with fresh pivots; NaN until there is one.
-    left: f64,
-    fresh: f64,
 }
 
 /// The factor for a complex γh, with the pivots of the real one.
@@ -34,10 +31,8 @@ struct ComplexFactor {
 
 /// Growth of numbers in the elimination from which solutions are refined.
 const HARMLESS_GROWTH: f64 = 1e4;
-/// What refinement may leave of the relative error before pivots are chosen anew, where fresh ones left not
-/// much less.
+/// What refinement may leave of the relative error before pivots are chosen anew.
 const ACCURACY: f64 = 1e-9;
-const WORSE_THAN_FRESH: f64 = 100.0;
 
 impl GeneralElimination {
     /// At a complete state, where the blocks are evaluated.
@@ -68,10 +63,8 @@ impl GeneralElimination {
             pattern,
             jacobian: Vec::new(),
             moving: manifold.chart().moving().clone(),
-            lu: None,
+            lu: FrozenLu::new(HARMLESS_GROWTH, ACCURACY),
             complex: None,
-            left: 0.0,
-            fresh: f64::NAN,
         };
         new.take(manifold);
         new
@@ -82,7 +75,8 @@ impl GeneralElimination {
         if self.nonzeros.observe(blocks) {
             self.pattern = SumPattern::new(self.shape, manifold, &state.q, &self.nonzeros);
             self.values.resize(self.pattern.len(), 0.0);
-            (self.lu, self.complex) = (None, None);
+            self.lu.forget();
+            self.complex = None;
         }
         self.take(manifold);
     }
@@ -96,16 +90,12 @@ impl GeneralElimination {
     /// Sums and factors; returns the number of symbolic analyses made.
     pub(super) fn factor(&mut self, sum: &Sum<'_, f64>) -> Result<u64, SingularMatrix> {
         self.pattern.fill(sum, &self.jacobian, &self.moving, &mut self.values);
-        if let Some(lu) = &mut self.lu
-            && self.left <= ACCURACY.max(WORSE_THAN_FRESH * self.fresh)
-            && lu.refactor(&self.values).is_ok()
-        {
-            return Ok(0);
+        let units = || Some(self.units.of(self.shape));
+        let analysed = self.lu.factor(self.pattern.pattern(), &self.values, units)?;
+        if analysed {
+            self.complex = None;
         }
-        (self.lu, self.complex, self.left, self.fresh) = (None, None, 0.0, f64::NAN);
-        let (pattern, units) = (self.pattern.pattern(), self.units.of(self.shape));
-        self.lu = Some(SparseLu::analyze_in_units(pattern, &self.values, &units)?);
-        Ok(1)
+        Ok(u64::from(analysed))
     }
 
     /// The same with complex coefficients, after the real ones.
@@ -113,42 +103,24 @@ impl GeneralElimination {
         &mut self,
         sum: &Sum<'_, Complex64>,
     ) -> Result<(), SingularMatrix> {
-        let real = self.lu.as_ref().expect("the real factor comes first");
+        let real = self.lu.factors().expect("the real factor comes first");
         let complex = self.complex.get_or_insert_with(|| ComplexFactor {
             lu: real.complex(),
             values: vec![Complex64::new(0.0, 0.0); self.values.len()],
         });
         self.pattern.fill(sum, &self.jacobian, &self.moving, &mut complex.values);
-        let outcome = complex.lu.refactor(&complex.values);
-        if outcome.is_err() {
-            // Pivots of the real matrix that do not serve here: the next real factor chooses others.
-            self.left = f64::INFINITY;
-        }
-        outcome
+        self.lu.factor_complex(&mut complex.lu, &complex.values)
     }
 
     /// A solution in place of its right-hand side.
     pub(super) fn solve(&mut self, right: &mut [f64]) {
-        let lu = self.lu.as_mut().expect("factored before it is solved with");
-        if lu.growth() <= HARMLESS_GROWTH {
-            lu.solve(right);
-        } else {
-            self.left = lu.solve_refined(self.pattern.pattern(), &self.values, right);
-            if self.fresh.is_nan() {
-                self.fresh = self.left;
-            }
-        }
+        self.lu.solve(self.pattern.pattern(), &self.values, right);
     }
 
     /// The same with the complex factor.
     pub(super) fn solve_complex(&mut self, right: &mut [Complex64]) {
         let ComplexFactor { lu, values } =
             self.complex.as_mut().expect("factored before it is solved with");
-        if lu.growth() <= HARMLESS_GROWTH {
-            lu.solve(right);
-        } else {
-            let left = lu.solve_refined(self.pattern.pattern(), values, right);
-            self.left = self.left.max(left);
-        }
+        self.lu.solve_complex(lu, self.pattern.pattern(), values, right);
     }
 }

@@ -111,6 +111,9 @@ pub trait Matrix: std::fmt::Debug + Clone + Send + 'static {
         z: &[f64],
         rate: &mut [f64],
     );
+
+    /// v ← M̂ v.
+    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]);
 }
 
 /// What it must supply beyond that for stages that have q̈ and λ as unknowns too.
@@ -139,9 +142,6 @@ pub trait FirstOrderMatrix: Matrix {
 
     /// x + iy ← (I − γhJ)⁻¹ (x + iy), with M̂ r_v in the velocity entries.
     fn solve_complex(&mut self, parts: &mut Linearization, x: &mut [f64], y: &mut [f64]);
-
-    /// v ← M̂ v.
-    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]);
 
     /// Explicit time dependence of v̈ and ż at the point.
     ///

@@ -109,6 +109,12 @@ impl Matrix for ReducedMatrix {
             self.lu.solve(rate);
         }
     }
+
+    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
+        self.b2.fill(0.0);
+        multiply_add(&parts.blocks.mass, 1.0, v, &mut self.b2);
+        v.copy_from_slice(&self.b2);
+    }
 }
 
 impl FirstOrderMatrix for ReducedMatrix {
@@ -163,12 +169,6 @@ impl FirstOrderMatrix for ReducedMatrix {
     fn solve_complex(&mut self, parts: &mut Linearization, x: &mut [f64], y: &mut [f64]) {
         let solver = self.complex.as_mut().expect("factored before");
         solver.solve(&parts.blocks, x, y);
-    }
-
-    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
-        self.b2.fill(0.0);
-        multiply_add(&parts.blocks.mass, 1.0, v, &mut self.b2);
-        v.copy_from_slice(&self.b2);
     }
 
     fn time_derivative(

@@ -178,6 +178,11 @@ impl<M: Matrix> Newton<M> {
         let (p, rest) = change.split_at(self.rate.len());
         self.parts.spread(p, &rest[..self.rate.len()], dq, dv);
     }
+
+    /// v̇ ← M̂ v̇ for rates v̇.
+    pub fn weigh_rates(&mut self, rates: &mut [f64]) {
+        self.matrix.weigh(&mut self.parts, rates);
+    }
 }
 
 impl<M: FirstOrderMatrix> Newton<M> {

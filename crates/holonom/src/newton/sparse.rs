@@ -218,6 +218,25 @@ impl Matrix for SparseMatrix {
         self.solve_right([true; 2]);
         rate.copy_from_slice(&self.rate);
     }
+
+    /// M̂ v = Dᵀ M D v.
+    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
+        let forest = match &self.elimination {
+            Elimination::Forest(forest) if !self.is_simplified => Some(forest),
+            _ => None,
+        };
+        self.rows.fill(0.0);
+        match forest {
+            Some(forest) => forest.spread(v, &mut self.extended),
+            None => parts.chart.solve(&self.rows, v, &mut self.extended),
+        }
+        self.force.fill(0.0);
+        self.mass.multiply_add(1.0, &self.extended, &mut self.force);
+        match forest {
+            Some(forest) => forest.gather(&mut self.force, v),
+            None => parts.chart.solve_transposed(&self.force, &mut self.rows, v),
+        }
+    }
 }
 
 impl FirstOrderMatrix for SparseMatrix {
@@ -367,25 +386,6 @@ impl FirstOrderMatrix for SparseMatrix {
             let p = at(x, y, k) + gh * v;
             (x[k], y[k]) = (p.re, p.im);
             (x[ndof + k], y[ndof + k]) = (v.re, v.im);
-        }
-    }
-
-    /// M̂ v = Dᵀ M D v.
-    fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
-        let forest = match &self.elimination {
-            Elimination::Forest(forest) if !self.is_simplified => Some(forest),
-            _ => None,
-        };
-        self.rows.fill(0.0);
-        match forest {
-            Some(forest) => forest.spread(v, &mut self.extended),
-            None => parts.chart.solve(&self.rows, v, &mut self.extended),
-        }
-        self.force.fill(0.0);
-        self.mass.multiply_add(1.0, &self.extended, &mut self.force);
-        match forest {
-            Some(forest) => forest.gather(&mut self.force, v),
-            None => parts.chart.solve_transposed(&self.force, &mut self.rows, v),
         }
     }
 

@@ -2,11 +2,7 @@
 
 use super::blocks::ReducedBlocks;
 use crate::reduction::{BodyRows, Manifold, Projection, structural_nonzeros};
-use crate::watch::checkpoint;
-use holonom_linalg::{BlockMatrix, BlockPattern, Scalar, SparsePattern};
-
-/// Numbers that could be computed in the time that an entry is listed in; for checkpoints.
-const PER_ENTRY: usize = 4;
+use holonom_linalg::{Assembly, BlockMatrix, BlockPattern, Scalar, SparsePattern, Terms};
 
 /// Which of the two matrices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,7 +14,7 @@ pub(super) enum Shape {
 }
 
 /// Matrices whose values stand in the sum.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Source {
     Constant,
     Mass,
@@ -33,7 +29,7 @@ enum Source {
 }
 
 /// What a value is multiplied by.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Coefficient {
     One,
     /// γh and 2γh.
@@ -42,14 +38,6 @@ enum Coefficient {
     /// βh² and βh²/γh.
     BetaH2,
     Ratio,
-}
-
-/// Entries with one source and one coefficient: (value of the source, slot).
-#[derive(Debug, Clone)]
-struct Term {
-    source: Source,
-    coefficient: Coefficient,
-    entries: Vec<(u32, u32)>,
 }
 
 /// One entry of F_z E⁻¹ g_q or F_z E⁻¹ g_q̇: the extra state, places in the system's blocks, slot.
@@ -147,7 +135,7 @@ fn observe_block(flags: &mut [bool], values: &[f64], columns: usize) -> bool {
 #[derive(Debug, Clone)]
 pub(super) struct SumPattern {
     pattern: SparsePattern,
-    terms: Vec<Term>,
+    assembly: Assembly<(Source, Coefficient)>,
     constants: Vec<f64>,
     by_position: Vec<ExtraEntry>,
     by_velocity: Vec<ExtraEntry>,
@@ -167,7 +155,7 @@ impl SumPattern {
         }
         let row_of = |(row, j): (usize, usize)| kept[row].map(|k: usize| (k, j));
         let jacobian = marked(&structure.constraint_pattern, &g_nonzero);
-        let mut list = List::default();
+        let mut terms = Terms::default();
         let mut constants = Vec::new();
         // Where forces and, of them, those by δq, δq̇, δq̈ and δλ stand.
         let (size, force, columns) = match shape {
@@ -178,11 +166,11 @@ impl SumPattern {
             Shape::Inflated => {
                 let curvature = [&nonzeros.a0, &nonzeros.a1]
                     .map(|nonzero| marked(&structure.constraint_pattern, nonzero));
-                list.add_levels(manifold, &jacobian, curvature, row_of, &mut constants);
+                constants = add_levels(&mut terms, manifold, &jacobian, curvature, row_of);
             }
             Shape::Simplified => {
                 let row = |e| row_of(e).map(|(k, j)| (n + k, j));
-                list.add(Source::Jacobian, Coefficient::One, &jacobian, row);
+                terms.add((Source::Jacobian, Coefficient::One), placed(&jacobian, row));
             }
         }
         let mass = marked(&structure.mass_pattern, &m_nonzero);
@@ -193,11 +181,11 @@ impl SumPattern {
             (Source::Damping, Coefficient::GammaH, &damping, columns[1]),
             (Source::Mass, Coefficient::One, &mass, columns[2]),
         ] {
-            list.add(source, coefficient, entries, |(i, j)| Some((force + i, column + j)));
+            let place = |(i, j)| Some((force + i, column + j));
+            terms.add((source, coefficient), placed(entries, place));
         }
-        list.add(Source::Jacobian, Coefficient::One, &jacobian, |e| {
-            row_of(e).map(|(k, j)| (force + j, columns[3] + k))
-        });
+        let transposed = |e| row_of(e).map(|(k, j)| (force + j, columns[3] + k));
+        terms.add((Source::Jacobian, Coefficient::One), placed(&jacobian, transposed));
         let mut extra = Vec::new();
         let per_body = structure.sizes.per_body;
         for (state, ends) in structure.extra_bodies.iter().enumerate() {
@@ -215,21 +203,19 @@ impl SumPattern {
                 }
             }
         }
-        let positions = list.entries.len();
-        list.entries.extend(extra.iter().map(|(.., place)| *place));
-        list.entries.extend(extra.iter().map(|(.., (i, j))| (*i, columns[1] + j)));
-        let (pattern, slots) = SparsePattern::new(size, size, &list.entries);
-        let entry = |(at, &(state, force, rate, _)): (usize, &(usize, usize, usize, _))| {
-            [state, force, rate, slots[at]].map(|x| x as u32)
+        let by_position = terms.keep(extra.iter().map(|(.., place)| *place));
+        let by_velocity = terms.keep(extra.iter().map(|(.., (i, j))| (*i, columns[1] + j)));
+        let (pattern, slots) = SparsePattern::new(size, size, terms.places());
+        let made = |kept: std::ops::Range<usize>| {
+            let entries =
+                extra.iter().zip(&slots[kept]).map(|(&(state, force, rate, _), &slot)| {
+                    let [state, force, rate, slot] = [state, force, rate, slot].map(|x| x as u32);
+                    ExtraEntry { state, force, rate, slot }
+                });
+            entries.collect()
         };
-        let made = |from: usize| {
-            let entries = extra.iter().enumerate().map(move |(at, e)| (from + at, e)).map(entry);
-            entries
-                .map(|[state, force, rate, slot]| ExtraEntry { state, force, rate, slot })
-                .collect()
-        };
-        let (by_position, by_velocity) = (made(positions), made(positions + extra.len()));
-        Self { terms: list.terms(&slots), pattern, constants, by_position, by_velocity }
+        let (by_position, by_velocity) = (made(by_position), made(by_velocity));
+        Self { assembly: terms.in_slots(&slots), pattern, constants, by_position, by_velocity }
     }
 
     /// Where entries stand.
@@ -250,10 +236,9 @@ impl SumPattern {
         moving: &BodyRows,
         values: &mut [T],
     ) {
-        values.fill(T::ZERO);
         let b = &sum.blocks.blocks;
-        for term in &self.terms {
-            let source = match term.source {
+        let of = |(source, coefficient)| {
+            let source = match source {
                 Source::Constant => &self.constants[..],
                 Source::Mass => sum.mass.values(),
                 Source::Jacobian => jacobian,
@@ -265,18 +250,16 @@ impl SumPattern {
                 Source::Damping => b.damping.values(),
                 Source::Stiffness => b.stiffness.values(),
             };
-            let coefficient = match term.coefficient {
+            let coefficient = match coefficient {
                 Coefficient::One => T::from(1.0),
                 Coefficient::GammaH => sum.gamma_h,
                 Coefficient::TwiceGammaH => sum.gamma_h.scaled(2.0),
                 Coefficient::BetaH2 => sum.beta_h2,
                 Coefficient::Ratio => sum.ratio,
             };
-            for &(at, slot) in &term.entries {
-                let value = &mut values[slot as usize];
-                *value = *value + coefficient.scaled(source[at as usize]);
-            }
-        }
+            (source, coefficient)
+        };
+        self.assembly.sum(of, values);
         for (entries, rates, power) in [
             (&self.by_position, &b.extra_position, sum.beta_h2),
             (&self.by_velocity, &b.extra_velocity, sum.gamma_h),
@@ -297,102 +280,69 @@ fn marked(matrix: &BlockPattern, nonzero: &[bool]) -> Vec<(usize, (usize, usize)
     all.filter(|(at, _)| nonzero[*at]).collect()
 }
 
-/// Entries listed term by term.
-#[derive(Default)]
-struct List {
-    entries: Vec<(usize, usize)>,
-    terms: Vec<(Source, Coefficient, Vec<u32>)>,
+/// Entries with a place in the sum.
+fn placed(
+    entries: &[(usize, (usize, usize))],
+    place: impl Fn((usize, usize)) -> Option<(usize, usize)>,
+) -> impl Iterator<Item = (usize, (usize, usize))> {
+    entries.iter().filter_map(move |&(at, entry)| place(entry).map(|place| (at, place)))
 }
 
-impl List {
-    fn add(
-        &mut self,
-        source: Source,
-        coefficient: Coefficient,
-        entries: &[(usize, (usize, usize))],
-        place: impl Fn((usize, usize)) -> Option<(usize, usize)>,
-    ) {
-        let mut values = Vec::new();
-        checkpoint(PER_ENTRY * entries.len());
-        for &(at, entry) in entries {
-            if let Some(entry) = place(entry) {
-                self.entries.push(entry);
-                values.push(at as u32);
+/// (11) to (13): three levels of G̃, and Ã₀ and Ã₁ between them. Returns the constants.
+fn add_levels(
+    terms: &mut Terms<(Source, Coefficient)>,
+    manifold: &Manifold,
+    jacobian: &[(usize, (usize, usize))],
+    [a0, a1]: [Vec<(usize, (usize, usize))>; 2],
+    row_of: impl Fn((usize, usize)) -> Option<(usize, usize)>,
+) -> Vec<f64> {
+    let n = manifold.system().structure().sizes.coordinates;
+    let parametrization = manifold.chart().parametrization();
+    let (rank, linear) = (parametrization.kept.len(), parametrization.linear());
+    let moving = manifold.chart().moving().entries();
+    let moving: Vec<_> = moving.map(|(at, row, j)| (at, (rank + linear + row, j))).collect();
+    let mut constants = Vec::new();
+    let mut constant_entries = Vec::new();
+    match &parametrization.projection {
+        Projection::Selection(independent) => {
+            for (k, &i) in independent.iter().enumerate() {
+                constant_entries.push((constants.len(), (rank + k, i)));
+                constants.push(1.0);
             }
         }
-        self.terms.push((source, coefficient, values));
-    }
-
-    /// (11) to (13): three levels of G̃, and Ã₀ and Ã₁ between them.
-    fn add_levels(
-        &mut self,
-        manifold: &Manifold,
-        jacobian: &[(usize, (usize, usize))],
-        [a0, a1]: [Vec<(usize, (usize, usize))>; 2],
-        row_of: impl Fn((usize, usize)) -> Option<(usize, usize)>,
-        constants: &mut Vec<f64>,
-    ) {
-        let n = manifold.system().structure().sizes.coordinates;
-        let parametrization = manifold.chart().parametrization();
-        let (rank, linear) = (parametrization.kept.len(), parametrization.linear());
-        let moving = manifold.chart().moving().entries();
-        let moving: Vec<_> = moving.map(|(at, row, j)| (at, (rank + linear + row, j))).collect();
-        let mut constant_entries = Vec::new();
-        match &parametrization.projection {
-            Projection::Selection(independent) => {
-                for (k, &i) in independent.iter().enumerate() {
+        Projection::Basis(rows) => {
+            for (k, row) in rows.chunks_exact(n).enumerate() {
+                for (i, &x) in row.iter().enumerate().filter(|(_, x)| **x != 0.0) {
                     constant_entries.push((constants.len(), (rank + k, i)));
-                    constants.push(1.0);
+                    constants.push(x);
                 }
             }
-            Projection::Basis(rows) => {
-                for (k, row) in rows.chunks_exact(n).enumerate() {
-                    for (i, &x) in row.iter().enumerate().filter(|(_, x)| **x != 0.0) {
-                        constant_entries.push((constants.len(), (rank + k, i)));
-                        constants.push(x);
-                    }
-                }
-            }
-            Projection::Relative(_) => {}
         }
-        let minus_one = constants.len();
-        constants.push(-1.0);
-        let own = 3 * n + rank;
-        let minus: Vec<_> =
-            (0..parametrization.ndof).map(|k| (minus_one, (rank + k, own + k))).collect();
-        for level in 0..3 {
-            let place = |(i, j): (usize, usize)| Some((level * n + i, level * n + j));
-            self.add(Source::Jacobian, Coefficient::One, jacobian, |e| row_of(e).and_then(place));
-            self.add(Source::Moving, Coefficient::One, &moving, place);
-            self.add(Source::Constant, Coefficient::One, &constant_entries, place);
-            self.add(Source::Constant, Coefficient::One, &minus, |(i, j)| Some((level * n + i, j)));
-        }
-        for (level, column, source, turning, rows, coefficient) in [
-            (1, 0, Source::A0, Source::Turning, &a0, Coefficient::Ratio),
-            (2, 0, Source::A1, Source::TurningRate, &a1, Coefficient::BetaH2),
-            (2, 1, Source::A0, Source::Turning, &a0, Coefficient::TwiceGammaH),
-        ] {
-            let place = |(i, j): (usize, usize)| Some((level * n + i, column * n + j));
-            self.add(source, coefficient, rows, |e| row_of(e).and_then(place));
-            self.add(turning, coefficient, &moving, place);
-        }
+        Projection::Relative(_) => {}
     }
-
-    fn terms(self, slots: &[usize]) -> Vec<Term> {
-        let mut slots = slots.iter().map(|slot| *slot as u32);
-        let mut placed = |values: Vec<u32>| {
-            values
-                .into_iter()
-                .map(|at| (at, slots.next().expect("a slot for every entry")))
-                .collect()
-        };
-        let terms = self.terms.into_iter();
-        terms
-            .map(|(source, coefficient, values)| Term {
-                source,
-                coefficient,
-                entries: placed(values),
-            })
-            .collect()
+    let minus_one = constants.len();
+    constants.push(-1.0);
+    let own = 3 * n + rank;
+    let minus: Vec<_> =
+        (0..parametrization.ndof).map(|k| (minus_one, (rank + k, own + k))).collect();
+    for level in 0..3 {
+        let place = |(i, j): (usize, usize)| Some((level * n + i, level * n + j));
+        let row = |e| row_of(e).and_then(place);
+        terms.add((Source::Jacobian, Coefficient::One), placed(jacobian, row));
+        terms.add((Source::Moving, Coefficient::One), placed(&moving, place));
+        terms.add((Source::Constant, Coefficient::One), placed(&constant_entries, place));
+        let rate = |(i, j)| Some((level * n + i, j));
+        terms.add((Source::Constant, Coefficient::One), placed(&minus, rate));
     }
+    for (level, column, source, turning, rows, coefficient) in [
+        (1, 0, Source::A0, Source::Turning, &a0, Coefficient::Ratio),
+        (2, 0, Source::A1, Source::TurningRate, &a1, Coefficient::BetaH2),
+        (2, 1, Source::A0, Source::Turning, &a0, Coefficient::TwiceGammaH),
+    ] {
+        let place = |(i, j): (usize, usize)| Some((level * n + i, column * n + j));
+        let row = |e| row_of(e).and_then(place);
+        terms.add((source, coefficient), placed(rows, row));
+        terms.add((turning, coefficient), placed(&moving, place));
+    }
+    constants
 }

@@ -1,14 +1,13 @@
 //! The factored matrix [G; P] of one parametrization, and the only solves made with it.
 
 use super::body_rows::BodyRows;
-use super::copies::Copies;
 use super::parametrization::{Parametrization, Projection, largest_index};
 use super::recent::RecentPoints;
 use super::relatives::Relatives;
 use super::square::Square;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, System};
-use holonom_linalg::{BlockForest, BlockMatrix};
+use holonom_linalg::{Assembly, BlockForest, BlockMatrix, Terms};
 use std::sync::Arc;
 
 /// Enough to tell the smallest singular value from the next where the matrix is nearly singular.
@@ -23,17 +22,23 @@ const INVERSE_ITERATIONS: u32 = 4;
 pub struct Chart {
     parametrization: Parametrization,
     matrix: Square,
-    /// Entries of G that can differ from zero.
-    copies: Copies,
+    /// Of entries of G that can differ from zero and of rows of P that move, with their scale.
+    assembly: Assembly<(Source, f64)>,
     row_scale: Arc<[f64]>,
     column_scale: Arc<[f64]>,
-    /// Rows of P that move, and their entries.
+    /// Rows of P that move.
     moving: BodyRows,
-    moving_copies: Copies,
     work: Vec<f64>,
     nonzero: Arc<[bool]>,
     /// Symbolic analyses made for this chart.
     analyses: u64,
+}
+
+/// Matrices whose values stand in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Source {
+    Jacobian,
+    Moving,
 }
 
 /// What a configuration makes of a chart: numbers and factors, with their pivots.
@@ -89,66 +94,52 @@ impl Chart {
         for (k, &row) in parametrization.kept.iter().enumerate() {
             position[row] = k;
         }
-        let mut entries = Vec::new();
-        let mut sources = Vec::new();
+        let mut terms = Terms::default();
         for (at, (row, column)) in g.entries(0, 0).into_iter().enumerate() {
-            if nonzero[at] && position[row] != usize::MAX {
-                let k = position[row];
-                entries.push((k, column));
-                sources.push((at, row_scale[k] * column_scale[column]));
+            let k = position[row];
+            if nonzero[at] && k != usize::MAX {
+                let scale = row_scale[k] * column_scale[column];
+                terms.add((Source::Jacobian, scale), [(at, (k, column))]);
             }
         }
-        let constraint_entries = entries.len();
         let mut constants = Vec::new();
         match &parametrization.projection {
             Projection::Selection(independent) => {
                 for (k, &i) in independent.iter().enumerate() {
-                    entries.push((rank + k, i));
                     row_scale.push(1.0 / column_scale[i]);
-                    constants.push(1.0);
+                    constants.push(((rank + k, i), 1.0));
                 }
             }
             Projection::Basis(rows) => {
                 for (k, row) in rows.chunks_exact(n).enumerate() {
                     row_scale.push(1.0);
-                    for (i, &x) in row.iter().enumerate().filter(|(_, x)| **x != 0.0) {
-                        entries.push((rank + k, i));
-                        constants.push(x * column_scale[i]);
-                    }
+                    let row = row.iter().enumerate().filter(|(_, x)| **x != 0.0);
+                    constants.extend(row.map(|(i, x)| ((rank + k, i), x * column_scale[i])));
                 }
             }
             Projection::Relative(_) => {}
         }
-        let first_moving = entries.len();
+        let constant_places = terms.keep(constants.iter().map(|(place, _)| *place));
         let moving = BodyRows::new(system, &parametrization);
         let scales: Vec<f64> = (0..moving.len())
             .map(|k| 1.0 / scale_of(parametrization.measure(system, k), length))
             .collect();
-        let mut moving_sources = Vec::new();
         for (at, k, column) in moving.entries() {
-            entries.push((rank + k, column));
-            moving_sources.push((at, column_scale[column] * scales[k]));
+            let scale = column_scale[column] * scales[k];
+            terms.add((Source::Moving, scale), [(at, (rank + k, column))]);
         }
         row_scale.extend(scales);
-        let (mut matrix, slots) = Square::new(system, &entries);
-        for (slot, x) in slots[constraint_entries..first_moving].iter().zip(constants) {
+        let (mut matrix, slots) = Square::new(system, terms.places());
+        for (slot, (_, x)) in slots[constant_places].iter().zip(constants) {
             matrix.values[*slot] = x;
         }
-        let copies = |sources: Vec<(usize, f64)>, slots: &[usize]| {
-            Copies::new(
-                sources.into_iter().zip(slots).map(|((at, scale), &slot)| (at, slot, scale)),
-            )
-        };
-        let moving_copies = copies(moving_sources, &slots[first_moving..]);
-        let copies = copies(sources, &slots);
         let mut chart = Self {
             parametrization,
             matrix,
-            copies,
+            assembly: terms.in_slots(&slots),
             row_scale: row_scale.into(),
             column_scale: column_scale.into(),
             moving,
-            moving_copies,
             work: vec![0.0; n],
             nonzero: nonzero.clone(),
             analyses: 0,
@@ -258,9 +249,12 @@ impl Chart {
         g: &BlockMatrix,
     ) -> Result<(), EvaluationFailure> {
         self.matrix.restore();
-        self.copies.write(|at| g.values()[at], &mut self.matrix.values);
         self.moving.evaluate(system, &self.parametrization, q);
-        self.moving_copies.write(|at| self.moving.value(at), &mut self.matrix.values);
+        let of = |(source, scale)| match source {
+            Source::Jacobian => (g.values(), scale),
+            Source::Moving => (self.moving.values(), scale),
+        };
+        self.assembly.write(of, &mut self.matrix.values);
         self.analyses += self.matrix.factor().map_err(|e| singular(system, e))?;
         Ok(())
     }

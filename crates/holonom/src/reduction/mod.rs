@@ -7,7 +7,6 @@ mod body_tree;
 mod chart;
 mod chosen;
 mod closing;
-mod copies;
 mod joint;
 mod loops;
 mod manifold;

@@ -2,7 +2,7 @@
 
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, System};
-use holonom_linalg::{BlockMatrix, BlockPattern, SparseLu, SparsePattern};
+use holonom_linalg::{Assembly, BlockMatrix, BlockPattern, FrozenLu, SparsePattern, Terms};
 use std::sync::Arc;
 
 /// The sparse saddle-point matrix with a fixed pattern and frozen pivots. Most accelerations come from elsewhere: the
@@ -15,23 +15,26 @@ pub struct Saddle {
     pattern: SparsePattern,
     values: Vec<f64>,
     mass: BlockMatrix,
-    /// (value of M, slot, scale).
-    mass_copies: Arc<[(u32, u32, f64)]>,
-    /// (value of G, slot in G, slot in Gᵀ, scale).
-    jacobian_copies: Arc<[(u32, u32, u32, f64)]>,
+    /// Of values of M or G, with their scale.
+    assembly: Assembly<(Source, f64)>,
     /// Congruence scaling: coordinates by the characteristic length, rows by their kind and mass.
     scale: Arc<[f64]>,
-    lu: Option<SparseLu>,
+    lu: FrozenLu,
     work: Vec<f64>,
     coordinates: usize,
-    /// What refinement left with fresh pivots.
-    fresh: f64,
     analyses: u64,
 }
 
-/// Frozen pivots serve while refinement comes this far, or not much less far than with fresh ones.
+/// Matrices whose values stand in it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Source {
+    Mass,
+    Jacobian,
+}
+
+/// Solutions are always refined, and frozen pivots serve while that comes this far.
+const ALWAYS: f64 = 0.0;
 const ACCURACY: f64 = 1e-13;
-const WORSE_THAN_FRESH: f64 = 100.0;
 
 /// Operations of the elimination per stored entry, about, for matrices of mechanisms.
 const ELIMINATION: f64 = 6.0;
@@ -75,13 +78,11 @@ impl Saddle {
             pattern: SparsePattern::new(0, 0, &[]).0,
             values: Vec::new(),
             mass,
-            mass_copies: Arc::default(),
-            jacobian_copies: Arc::default(),
+            assembly: Assembly::none(),
             scale: scale.into(),
-            lu: None,
+            lu: FrozenLu::new(ALWAYS, ACCURACY),
             work: Vec::new(),
             coordinates: n,
-            fresh: 0.0,
             analyses: 0,
         }
     }
@@ -104,7 +105,7 @@ impl Saddle {
     /// Uses other rows of G from now on; the pattern is placed anew at the next solve.
     pub fn set_rows(&mut self, kept: &[usize]) {
         self.kept = kept.into();
-        self.lu = None;
+        self.lu.forget();
         self.pattern = SparsePattern::new(0, 0, &[]).0;
     }
 
@@ -114,38 +115,27 @@ impl Saddle {
         for (k, &row) in self.kept.iter().enumerate() {
             position[row] = n + k;
         }
-        let mut entries = Vec::new();
-        let mut masses = Vec::new();
+        let mut terms = Terms::default();
         for (at, (i, j)) in self.mass.entries(0, 0).into_iter().enumerate() {
             if self.nonzero_m[at] {
-                entries.push((i, j));
-                masses.push((at, self.scale[i] * self.scale[j]));
+                let scale = self.scale[i] * self.scale[j];
+                terms.add((Source::Mass, scale), [(at, (i, j))]);
             }
         }
-        let mut jacobians = Vec::new();
         for (at, (row, j)) in g.entries(0, 0).into_iter().enumerate() {
-            if self.nonzero_g[at] && position[row] != usize::MAX {
-                entries.push((position[row], j));
-                entries.push((j, position[row]));
-                jacobians.push((at, self.scale[n + row] * self.scale[j]));
+            let k = position[row];
+            if self.nonzero_g[at] && k != usize::MAX {
+                let scale = self.scale[n + row] * self.scale[j];
+                terms.add((Source::Jacobian, scale), [(at, (k, j)), (at, (j, k))]);
             }
         }
         let size = self.order();
-        let (pattern, slots) = SparsePattern::new(size, size, &entries);
+        let (pattern, slots) = SparsePattern::new(size, size, terms.places());
+        self.assembly = terms.in_slots(&slots);
         self.values = vec![0.0; pattern.len()];
         self.pattern = pattern;
-        self.mass_copies = masses
-            .iter()
-            .zip(&slots)
-            .map(|(&(at, scale), &slot)| (at as u32, slot as u32, scale))
-            .collect();
-        self.jacobian_copies = jacobians
-            .iter()
-            .zip(slots[masses.len()..].chunks_exact(2))
-            .map(|(&(at, scale), s)| (at as u32, s[0] as u32, s[1] as u32, scale))
-            .collect();
         self.work = vec![0.0; size];
-        self.lu = None;
+        self.lu.forget();
     }
 
     /// M where it was last evaluated.
@@ -172,7 +162,7 @@ impl Saddle {
 
     /// Pivots are chosen anew at the next solve.
     pub fn forget_pivots(&mut self) {
-        self.lu = None;
+        self.lu.forget();
     }
 
     /// Predicted operations of one solve with M and G of these patterns, in multiplications.
@@ -188,8 +178,7 @@ impl Saddle {
     /// Multiplications of a factorisation, a solve and one refinement with the pivots last chosen, about:
     /// half of the additions and multiplications.
     pub fn multiplications(&self) -> Option<usize> {
-        let solves = |lu: &SparseLu| 2 * lu.fill() + self.pattern.len();
-        self.lu.as_ref().map(|lu| lu.operations() / 2 + solves(lu))
+        self.lu.factors().map(|lu| lu.operations() / 2 + 2 * lu.fill() + self.pattern.len())
     }
 
     /// Solves for accelerations and multipliers at the configuration of `g` and of the last
@@ -208,16 +197,18 @@ impl Saddle {
     ) -> Result<(), EvaluationFailure> {
         self.load(g);
         let n = self.coordinates;
-        let frozen = self.lu.as_mut().is_some_and(|lu| lu.refactor(&self.values).is_ok());
-        let served = frozen && {
-            let left = self.solve_factored(force, tau);
-            left <= ACCURACY.max(WORSE_THAN_FRESH * self.fresh)
-        };
-        if !served {
-            self.analyses += 1;
-            let analysis = SparseLu::analyze_for_many(&self.pattern, &self.values);
-            self.lu = Some(analysis.map_err(|e| singular(system, e, n))?);
-            self.fresh = self.solve_factored(force, tau);
+        let mut analysed = false;
+        while !analysed {
+            analysed = self
+                .lu
+                .factor(&self.pattern, &self.values, || None)
+                .map_err(|e| singular(system, e, n))?;
+            self.analyses += u64::from(analysed);
+            self.right_side(force, tau);
+            self.lu.solve(&self.pattern, &self.values, &mut self.work);
+            if self.lu.serves() {
+                break;
+            }
         }
         self.hand_out(a, lambda);
         Ok(())
@@ -228,14 +219,11 @@ impl Saddle {
         if self.pattern.n_rows() != self.order() {
             self.place(g);
         }
-        for &(at, slot, scale) in &*self.mass_copies {
-            self.values[slot as usize] = self.mass.values()[at as usize] * scale;
-        }
-        for &(at, lower, upper, scale) in &*self.jacobian_copies {
-            let x = g.values()[at as usize] * scale;
-            self.values[lower as usize] = x;
-            self.values[upper as usize] = x;
-        }
+        let of = |(source, scale)| match source {
+            Source::Mass => (self.mass.values(), scale),
+            Source::Jacobian => (g.values(), scale),
+        };
+        self.assembly.write(of, &mut self.values);
     }
 
     /// The scaled matrix with all its zeros, by rows.
@@ -276,13 +264,6 @@ impl Saddle {
         for (k, &row) in self.kept.iter().enumerate() {
             lambda[row] = self.work[n + k] * self.scale[n + row];
         }
-    }
-
-    /// Scaled solution into `work`; returns its relative error as far as the refinement tells.
-    fn solve_factored(&mut self, force: &[f64], tau: &[f64]) -> f64 {
-        self.right_side(force, tau);
-        let lu = self.lu.as_mut().expect("analysed before");
-        lu.solve_refined(&self.pattern, &self.values, &mut self.work)
     }
 }
 

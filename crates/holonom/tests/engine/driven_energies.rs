@@ -219,3 +219,45 @@ line = {{ type = "tsda", between = ["ground", "block"], points = [[-10.0, 0.0], 
         assert!(off < 50.0, "{code:?}: {alone} {truth}, {off:.0} tolerances");
     }
 }
+
+/// Largest error of a driver's work in rows every 2.5 ms, in tolerances of the largest work.
+fn work_off(code: Code, tolerance: f64) -> f64 {
+    let (mass, amplitude, rate) = (2.0, 0.2, 15.0f64);
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies]
+body = {{ mass = {mass:?}, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.0, 0.0, 0.0] }}
+[joints]
+guide = {{ type = "cylindrical", between = ["ground", "body"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }}
+[drivers]
+shaker = {{ joint = "guide", coordinate = "translation", motion = {{ type = "harmonic", amplitude = {amplitude:?}, angular_frequency = {rate:?} }} }}
+"#
+    ));
+    let options = Options {
+        channels: vec!["energy.driver_work".to_owned()],
+        output: OutputTimes::Interval(2.5e-3),
+        ..options(code, tolerance, 1.0)
+    };
+    let run = run_model(&model, &options);
+    let largest = 0.5 * mass * (rate * amplitude).powi(2);
+    let work = run.series("energy.driver_work", 0);
+    let rows = run.rows.all.time.iter().zip(work);
+    rows.map(|(t, work)| {
+        let truth = largest * ((rate * t).cos().powi(2) - 1.0);
+        (work - truth).abs() / largest / tolerance
+    })
+    .fold(0.0, f64::max)
+}
+
+#[test] // truth: m (ṡ² − ṡ₀²) / 2 of what a driver moves beside a turn that is free and idle
+fn rows_inside_a_step_know_what_drivers_have_done() {
+    for code in all_codes() {
+        for tolerance in [1e-3, 1e-4] {
+            let off = work_off(code, tolerance);
+            assert!(off < 30.0, "{code:?} {tolerance:e}: {off:.1}");
+        }
+    }
+}

@@ -10,6 +10,7 @@ mod amplified_errors;
 mod architecture;
 mod assembly;
 mod broken_models;
+mod carried_masses;
 mod check_run;
 mod checkpoints;
 mod choices;

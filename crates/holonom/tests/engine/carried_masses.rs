@@ -1,0 +1,86 @@
+//! Heavy bodies that hang on light ones, which are held by forces alone: M̂ is small along a direction that turns.
+
+use crate::common::table::all_codes;
+use crate::common::{model_of, options, run_model};
+use holonom::method::Code;
+use holonom::simulation::{Options, OutputTimes};
+
+/// Codes that iterate, or solve with a matrix.
+fn implicit() -> impl Iterator<Item = Code> {
+    all_codes().into_iter().filter(|code| !matches!(code, Code::Dopri5 | Code::Deabm))
+}
+
+/// A body of `heavy` kg on a ball joint on one of `light` kg, which a bushing holds.
+fn pair([heavy, light]: [f64; 2], bushing: &str) -> String {
+    let (h, l) = (0.3 * heavy, 0.3 * light);
+    format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [3.0, 1.0, -9.0]
+[bodies]
+heavy = {{ mass = {heavy:e}, inertia = [[{h:e}, 0.0, 0.0], [0.0, {h:e}, 0.0], [0.0, 0.0, {h:e}]], position = [0.7, 0.2, 0.6] }}
+light = {{ mass = {light:e}, inertia = [[{l:e}, 0.0, 0.0], [0.0, {l:e}, 0.0], [0.0, 0.0, {l:e}]], position = [-0.5, -0.2, 0.1] }}
+[joints]
+ball = {{ type = "spherical", between = ["heavy", "light"], point = [-0.9, -0.3, 0.4] }}
+[forces]
+bushing = {{ type = "bushing", between = ["light", "ground"], point = [0.1, 0.8, 0.05], {bushing} }}
+"#
+    )
+}
+
+const HELD: &str = "stiffness = [20.0, 20.0, 20.0], damping = [0.1, 0.1, 0.1], rotational_stiffness = [10.0, 10.0, 10.0], rotational_damping = [0.1, 0.1, 0.1]";
+const FREE_TO_FALL: &str = "stiffness = [0.0, 0.0, 0.0], damping = [0.0, 0.0, 0.0], rotational_stiffness = [10.0, 10.0, 10.0], rotational_damping = [0.1, 0.1, 0.1]";
+
+/// The place of the heavy body at the end of half a second, with the attempts that it took.
+fn fallen(text: &str, code: Code, tolerance: f64) -> ([f64; 3], u64) {
+    let options = Options {
+        channels: vec!["heavy.position".to_owned()],
+        output: OutputTimes::Listed(vec![0.5]),
+        ..options(code, tolerance, 0.5)
+    };
+    let run = run_model(&model_of(text), &options);
+    let place = std::array::from_fn(|k| *run.series("heavy.position", k).last().unwrap());
+    let s = &run.summary.statistics;
+    (place, s.steps + s.rejected_newton + s.rejected_error)
+}
+
+fn of_low_order(code: Code) -> bool {
+    matches!(code, Code::SspTrap | Code::InflTrap)
+}
+
+fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+#[test] // independent truth: DOPRI5 at 1e-10, which iterates nothing
+fn iterations_do_not_feel_the_ratio_of_masses() {
+    for masses in [[100.0, 1.0], [1e4, 1.0], [1e4, 1e-2]] {
+        let text = pair(masses, HELD);
+        let (truth, _) = fallen(&text, Code::Dopri5, 1e-10);
+        let (_, explicit) = fallen(&text, Code::Dopri5, 1e-4);
+        for code in implicit() {
+            let (place, attempts) = fallen(&text, code, 1e-4);
+            let off = distance(place, truth) / (1e-4 * (1.0 + distance(truth, [0.7, 0.2, 0.6])));
+            assert!(off < 30.0, "{masses:?} {code:?}: {off:.1}");
+            // The trapezoidal rule is of second order.
+            let most = if of_low_order(code) { 300 } else { 2 * explicit + 20 };
+            assert!(attempts <= most, "{masses:?} {code:?}: {attempts} {explicit}");
+        }
+    }
+}
+
+#[test] // independent truth: gt²/2
+fn a_pair_that_falls_together_takes_few_steps() {
+    let (t, g) = (0.5f64, [3.0, 1.0, -9.0]);
+    let start = [0.7, 0.2, 0.6];
+    let truth = std::array::from_fn(|k| start[k] + 0.5 * g[k] * t * t);
+    for masses in [[100.0, 1e-2], [1e4, 1e-2]] {
+        for code in implicit() {
+            let (place, attempts) = fallen(&pair(masses, FREE_TO_FALL), code, 1e-4);
+            assert!(distance(place, truth) < 3e-4, "{masses:?} {code:?}: {place:?}");
+            let most = if of_low_order(code) { 200 } else { 20 };
+            assert!(attempts <= most, "{masses:?} {code:?}: {attempts}");
+        }
+    }
+}
