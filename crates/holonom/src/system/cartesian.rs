@@ -4,6 +4,7 @@ use super::cartesian_bodies::set;
 use super::cartesian_derivatives::set_rows;
 use super::compile::build;
 use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, ResistanceLaw, Tree};
+use super::passage::Passage;
 use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
 use super::quantities::Channels;
 use super::space::Space;
@@ -11,6 +12,7 @@ use super::turns::Turns;
 use super::{
     DerivativeBlocks, EnergyBalance, Equations, LawArgument, MotionRows, State, Structure, System,
 };
+use crate::elements::body::Body;
 use crate::elements::{ConstraintElement, ForceElement, ForceInput, ForceOutput, RowBlocks};
 use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
@@ -18,7 +20,7 @@ use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
 /// The system.
-pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
+pub(super) struct Cartesian<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> {
     pub(super) structure: Arc<Structure>,
     pub(super) slots: Arc<Slots>,
     pub(super) bodies: Vec<PlacedBody>,
@@ -39,7 +41,7 @@ pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
     pub(super) channels: Channels,
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesian<S, D, N, W> {
     const REST: [f64; N] = [0.0; N];
 
     /// Numbers that an evaluation of all elements takes, about; for checkpoints.
@@ -69,17 +71,24 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         [Self::rate(v, bodies[0]), Self::rate(v, bodies[1])]
     }
 
-    pub(super) fn input<'a>(
-        force: &PlacedForce<S::Force>,
-        state: &'a State,
-    ) -> ForceInput<'a, f64, N> {
+    /// Body as forces see it.
+    #[inline(always)]
+    pub(super) fn moving(q: &[f64], v: &[f64], body: Option<usize>) -> Body<f64, D, N, W> {
+        S::moving(Self::pose(q, body), Self::rate(v, body))
+    }
+
+    pub(super) fn input(force: &PlacedForce<S::Force>, state: &State) -> ForceInput<f64, D, N, W> {
         ForceInput {
             t: state.t,
-            q: Self::pair(&state.q, force.bodies),
-            v: Self::rates(&state.v, force.bodies),
+            bodies: force.bodies.map(|body| Self::moving(&state.q, &state.v, body)),
             z: force.extra.map_or(0.0, |k| state.z[k]),
             winding: force.turns.as_ref().map_or(0.0, |turns| turns.near(state.t, &state.winding)),
         }
+    }
+
+    /// How changes of the poses of two bodies move these.
+    pub(super) fn passages(state: &State, bodies: [Option<usize>; 2]) -> [S::Passage; 2] {
+        bodies.map(|b| S::Passage::at(Self::pose(&state.q, b), Self::rate(&state.v, b)))
     }
 
     /// Whether elements join the same bodies in the same places, so that patterns can be shared.
@@ -199,13 +208,17 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> std::fmt::Debug for Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> std::fmt::Debug
+    for Cartesian<S, D, N, W>
+{
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Cartesian").field("sizes", &self.structure.sizes).finish_non_exhaustive()
     }
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Equations
+    for Cartesian<S, D, N, W>
+{
     fn structure(&self) -> &Structure {
         &self.structure
     }
@@ -314,15 +327,14 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
             let (q, v) = (Self::pose(&state.q, Some(b)), Self::rate(&state.v, Some(b)));
             S::gyroscopic_force(&body.inertia, q, v, out);
         }
-        let mut out = ForceOutput { q: [[0.0; N]; 2], z_rate: 0.0 };
+        let mut out = ForceOutput::zero();
         for f in &self.forces {
             f.element.evaluate(&Self::input(f, state), &mut out);
-            for side in 0..2 {
-                if let Some(b) = f.bodies[side] {
-                    for (o, x) in force[b * N..(b + 1) * N].iter_mut().zip(&out.q[side]) {
-                        *o += x;
-                    }
-                }
+            for (body, w) in f.bodies.iter().zip(&out.wrenches) {
+                let Some(b) = *body else { continue };
+                let (q, v) = (Self::pose(&state.q, *body), Self::rate(&state.v, *body));
+                let own = S::Passage::at(q, v).force(w);
+                force[b * N..(b + 1) * N].iter_mut().zip(&own).for_each(|(out, x)| *out += x);
             }
             if let Some(k) = f.extra {
                 z_rate[k] = out.z_rate;
@@ -453,7 +465,8 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         for f in &self.forces {
             if let Some(turns) = &f.turns {
                 let near = turns.near(t, winding);
-                winding[turns.index] = f.element.angle(Self::pair(q, f.bodies), near);
+                let bodies = f.bodies.map(|body| S::moving(Self::pose(q, body), &Self::REST));
+                winding[turns.index] = f.element.angle([&bodies[0], &bodies[1]], near);
             }
         }
         for c in &self.constraints {
@@ -500,7 +513,9 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
     }
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> System
+    for Cartesian<S, D, N, W>
+{
     fn with_values(&self, model: &Model) -> Option<Arc<dyn System>> {
         if (model.dimension == Dimension::Planar) != (D == 2) {
             return None;

@@ -1,6 +1,7 @@
 //! Derivatives of the equations, part by part.
 
 use super::cartesian::Cartesian;
+use super::passage::Passage;
 use super::placed::{Elements, Part, PlacedForce};
 use super::space::Space;
 use super::{DerivativeBlocks, State};
@@ -45,7 +46,7 @@ impl Target<'_> {
     }
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesian<S, D, N, W> {
     /// All derivative blocks; the same sums in the same order for any number of threads. With a list of `joints`, ascending,
     /// K and C have forces and the multipliers of these only, and A₀ and A₁ stay what they are.
     pub(super) fn add_up(&self, state: &State, joints: Wanted<'_>, out: &mut DerivativeBlocks) {
@@ -61,13 +62,15 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             let [all, _] = target.split_after(last, N);
             self.parts(&out.threads, &self.slots.parts, state, joints, all);
         }
-        self.elements(&self.slots.rest, state, joints, &mut target, |force, blocks| {
+        self.elements(&self.slots.rest, state, joints, &mut target, |force, passages, blocks| {
             let Some(k) = force.extra else { return };
             for side in 0..2 {
                 let at = (2 * k + side) * N;
-                out.force_extra[at..at + N].copy_from_slice(&blocks.z[side]);
-                out.extra_position[at..at + N].copy_from_slice(&blocks.rate_q[side]);
-                out.extra_velocity[at..at + N].copy_from_slice(&blocks.rate_v[side]);
+                let (own, by_x, by_y) =
+                    (&passages[side], &blocks.rate_x[side], &blocks.rate_y[side]);
+                out.force_extra[at..at + N].copy_from_slice(&own.force(&blocks.z[side]));
+                out.extra_position[at..at + N].copy_from_slice(&own.position_row(by_x, by_y));
+                out.extra_velocity[at..at + N].copy_from_slice(&own.force(by_y));
             }
             out.extra_extra[k] = blocks.rate_z;
             out.extra_time[k] = blocks.rate_t;
@@ -125,7 +128,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             }
         }
         for part in parts {
-            self.elements(&part.elements, state, joints, &mut target, |_, _| {});
+            self.elements(&part.elements, state, joints, &mut target, |_, _, _| {});
         }
     }
 
@@ -136,7 +139,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         state: &State,
         joints: Wanted<'_>,
         target: &mut Target<'_>,
-        mut look: impl FnMut(&PlacedForce<S::Force>, &ForceBlocks<f64, N>),
+        mut look: impl FnMut(&PlacedForce<S::Force>, &[S::Passage; 2], &ForceBlocks<f64, W>),
     ) {
         let mut blocks = ForceBlocks::zero();
         let mut rows = [RowBlocks::zero(); 2];
@@ -172,13 +175,27 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             let k = k as usize;
             let (f, slots) = (&self.forces[k], &self.slots.force_pairs[k]);
             f.element.blocks(&Self::input(f, state), &mut blocks);
-            look(f, &blocks);
-            add_pairs(&mut target.stiffness, slots, &blocks.k);
-            add_pairs(&mut target.damping, slots, &blocks.c);
-            for (body, time) in f.bodies.iter().zip(&blocks.t) {
-                let Some(b) = body else { continue };
-                let at = (self.slots.position[*b] as usize - target.first) * N;
-                target.time[at..at + N].iter_mut().zip(time).for_each(|(out, x)| *out += x);
+            let passages = Self::passages(state, f.bodies);
+            look(f, &passages, &blocks);
+            for felt in 0..2 {
+                let Some(b) = f.bodies[felt] else { continue };
+                let own = &passages[felt];
+                for (moved, other) in passages.iter().enumerate() {
+                    let Some(id) = slots[felt][moved] else { continue };
+                    let (k, c) = (&blocks.k.0[felt][moved], &blocks.c.0[felt][moved]);
+                    let c = blocks.damped.then_some(c);
+                    let stiffness = target.stiffness.block_mut(id);
+                    own.add_stiffness(other, k, c, stiffness);
+                    if felt == moved {
+                        own.add_bend(&blocks.wrenches[felt], stiffness);
+                    }
+                    if let Some(c) = c {
+                        own.add_damping(other, c, target.damping.block_mut(id));
+                    }
+                }
+                let at = (self.slots.position[b] as usize - target.first) * N;
+                let time = own.force(&blocks.t[felt]);
+                target.time[at..at + N].iter_mut().zip(&time).for_each(|(out, x)| *out += x);
             }
         }
     }

@@ -6,8 +6,10 @@
 
 use super::BodyPose;
 use super::cartesian::cross;
+use super::passage::ByEuler;
 use super::space::{FormOf, Space};
 use crate::elements::Quantity;
+use crate::elements::body::{Body, Rigid};
 use crate::elements::kinematics::{self, Kinematics, Orientation};
 use crate::elements::relative;
 use crate::elements::space::{self, triads};
@@ -95,11 +97,12 @@ fn t_matrix(y: V3) -> [[f64; 4]; 4] {
     ]
 }
 
-impl Space<3, 7> for Spatial {
+impl Space<3, 7, 6> for Spatial {
     type Constraint = Constraint;
     type Force = Force;
     type Relative = relative::SpatialRelative;
     type Kinematics = Kinematics<space::Spatial, 3, 7, 4>;
+    type Passage = ByEuler<f64>;
     const GROUND: [f64; 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
     const NORMALIZED: bool = true;
 
@@ -119,24 +122,29 @@ impl Space<3, 7> for Spatial {
         Force::bodies(force)
     }
 
-    fn joint_form(joint: &model::Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7> {
+    fn joint_form(joint: &model::Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7, 6> {
         space::Spatial::joint_form(&joint.kind, &triads(&joint.frames, &centers))
     }
 
-    fn line_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7> {
+    fn line_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7, 6> {
         kinematics::line_form(&triads(frames, &centers), None)
     }
 
-    fn bushing_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7> {
+    fn bushing_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7, 6> {
         kinematics::bushing_form(&triads(frames, &centers))
     }
 
-    fn free_form() -> FormOf<Self, 3, 7> {
+    fn free_form() -> FormOf<Self, 3, 7, 6> {
         kinematics::free_form()
     }
 
     fn relative_angle(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative {
         relative::SpatialRelative::angle(&triads(frames, &centers))
+    }
+
+    #[inline(always)]
+    fn moving(q: &[f64; 7], v: &[f64; 7]) -> Body<f64, 3, 7, 6> {
+        space::Spatial::body(q, v)
     }
 
     fn wraps(constraint: &Constraint) -> bool {

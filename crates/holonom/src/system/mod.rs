@@ -12,6 +12,7 @@ mod cartesian_planar;
 mod cartesian_spatial;
 mod compile;
 mod forest;
+mod passage;
 mod placed;
 mod quantities;
 mod space;
