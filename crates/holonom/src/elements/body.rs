@@ -37,7 +37,7 @@ impl<T: Real, const D: usize, const N: usize, const W: usize> Body<T, D, N, W> {
 
 /// Motions and wrenches of rigid bodies in the plane or in space.
 ///
-/// Source: `docs/theory/elements.md` (22), (23).
+/// Source: `docs/theory/elements.md` (22a), (22b), (24).
 pub trait Rigid<const D: usize, const N: usize, const W: usize>:
     Debug + Clone + Copy + PartialEq + 'static
 {

@@ -1,9 +1,9 @@
 //! The equations of one joint, driver or force between two bodies, with their derivative blocks.
 //!
-//! An element sees the poses and rates of its first and second body as arrays of N coordinates:
-//! planar N = 3 (x, y, angle), spatial N = 7 (r, Euler parameters); r is the centre of mass. The
-//! ground passes the identity pose and zero rates. It knows nothing of other bodies, of numbering,
-//! integration or files.
+//! A joint or driver sees the poses and rates of its first and second body as arrays of N coordinates:
+//! planar N = 3 (x, y, angle), spatial N = 7 (r, Euler parameters); r is the centre of mass. A force sees
+//! how they stand and move ([`body`]). The ground passes the identity pose and zero rates. An element knows
+//! nothing of other bodies, of numbering, integration or files.
 
 mod angle;
 pub mod body;
@@ -232,6 +232,11 @@ impl<T: Real, const N: usize> PairBlocks<T, N> {
     /// All entries zero.
     pub fn zero() -> Self {
         Self([[[[T::zero(); N]; N]; 2]; 2])
+    }
+
+    /// All entries in one row.
+    pub fn entries(&self) -> &[T] {
+        self.0.as_flattened().as_flattened().as_flattened()
     }
 
     /// Adds factor · a bᵀ.

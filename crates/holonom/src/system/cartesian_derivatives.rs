@@ -9,9 +9,6 @@ use crate::elements::{ConstraintElement, ForceBlocks, ForceElement, PairBlocks, 
 use crate::threads::Threads;
 use holonom_linalg::{BlockId, BlocksMut};
 
-/// Joints whose multipliers count beside the forces; none for everything there is.
-type Wanted<'a> = Option<&'a [usize]>;
-
 /// The blocks of consecutive parts.
 struct Target<'a> {
     stiffness: BlocksMut<'a>,
@@ -47,9 +44,8 @@ impl Target<'_> {
 }
 
 impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesian<S, D, N, W> {
-    /// All derivative blocks; the same sums in the same order for any number of threads. With a list of `joints`, ascending,
-    /// K and C have forces and the multipliers of these only, and A₀ and A₁ stay what they are.
-    pub(super) fn add_up(&self, state: &State, joints: Wanted<'_>, out: &mut DerivativeBlocks) {
+    /// All derivative blocks; the same sums in the same order for any number of threads.
+    pub(super) fn add_up(&self, state: &State, out: &mut DerivativeBlocks) {
         let mut target = Target {
             stiffness: out.stiffness.blocks_mut(),
             damping: out.damping.blocks_mut(),
@@ -60,9 +56,9 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         };
         if let Some(last) = self.slots.parts.last() {
             let [all, _] = target.split_after(last, N);
-            self.parts(&out.threads, &self.slots.parts, state, joints, all);
+            self.parts(&out.threads, &self.slots.parts, state, all);
         }
-        self.elements(&self.slots.rest, state, joints, &mut target, |force, passages, blocks| {
+        self.elements(&self.slots.rest, state, &mut target, |force, passages, blocks| {
             let Some(k) = force.extra else { return };
             for side in 0..2 {
                 let at = (2 * k + side) * N;
@@ -88,20 +84,13 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         }
     }
 
-    fn parts(
-        &self,
-        threads: &Threads,
-        parts: &[Part],
-        state: &State,
-        joints: Wanted<'_>,
-        mut target: Target<'_>,
-    ) {
+    fn parts(&self, threads: &Threads, parts: &[Part], state: &State, mut target: Target<'_>) {
         if parts.len() > 1 {
             let (left, right) = parts.split_at(parts.len() / 2);
             let [first, second] = target.split_after(&left[left.len() - 1], N);
             threads.join(
-                || self.parts(threads, left, state, joints, first),
-                || self.parts(threads, right, state, joints, second),
+                || self.parts(threads, left, state, first),
+                || self.parts(threads, right, state, second),
             );
             return;
         }
@@ -111,8 +100,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         }
         target.time.fill(0.0);
         let bodies = target.first..target.first + target.time.len() / N;
-        let bodies = if joints.is_none() { &slots.walk[bodies] } else { &[] };
-        for &b in bodies {
+        for &b in &slots.walk[bodies] {
             let b = b as usize;
             let (v, a) = (Self::rate(&state.v, Some(b)), Self::rate(&state.a, Some(b)));
             let (k, c) = (slots.diagonal[b], slots.diagonal[b]);
@@ -128,7 +116,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             }
         }
         for part in parts {
-            self.elements(&part.elements, state, joints, &mut target, |_, _, _| {});
+            self.elements(&part.elements, state, &mut target, |_, _, _| {});
         }
     }
 
@@ -137,7 +125,6 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         &self,
         elements: &Elements,
         state: &State,
-        joints: Wanted<'_>,
         target: &mut Target<'_>,
         mut look: impl FnMut(&PlacedForce<S::Force>, &[S::Passage; 2], &ForceBlocks<f64, W>),
     ) {
@@ -148,13 +135,6 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             let k = k as usize;
             let c = &self.constraints[k];
             let q = Self::pair(&state.q, c.bodies);
-            if let Some(joints) = joints {
-                if joints.binary_search(&k).is_ok() {
-                    c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
-                    add_pairs(&mut target.stiffness, &self.slots.constraint_pairs[k], &pairs);
-                }
-                continue;
-            }
             let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
             let (count, slots) = (c.element.rows(), &self.slots.jacobian[k]);
             let [rows, more] = &mut rows;

@@ -14,6 +14,7 @@ use crate::elements::kinematics::{self, Kinematics, Orientation};
 use crate::elements::relative;
 use crate::elements::space::{self, triads};
 use crate::elements::spatial::{Constraint, Force};
+use crate::math::spatial::g_transposed_slope;
 use crate::model;
 
 /// Marker of the spatial space.
@@ -85,16 +86,6 @@ fn inertia_product(j: &[[f64; 3]; 3], p: V4, w: V4) -> [[f64; 4]; 4] {
         }
     }
     out
-}
-
-/// T(y) = ∂(G(p)ᵀ y)/∂p.
-fn t_matrix(y: V3) -> [[f64; 4]; 4] {
-    [
-        [0.0, -y[0], -y[1], -y[2]],
-        [y[0], 0.0, y[2], -y[1]],
-        [y[1], -y[2], 0.0, y[0]],
-        [y[2], y[1], -y[0], 0.0],
-    ]
 }
 
 impl Space<3, 7, 6> for Spatial {
@@ -204,10 +195,10 @@ impl Space<3, 7, 6> for Spatial {
         c: &mut [f64],
     ) {
         let (p, pd, pdd) = (euler(q), euler(v), euler(a));
-        let t1 = t_matrix(times(inertia, g_times(p, pdd)));
+        let t1 = g_transposed_slope(&times(inertia, g_times(p, pdd)));
         let m1 = inertia_product(inertia, p, pdd);
         let m2 = inertia_product(inertia, pd, pd);
-        let t3 = t_matrix(times(inertia, g_times(pd, p)));
+        let t3 = g_transposed_slope(&times(inertia, g_times(pd, p)));
         let m3 = inertia_product(inertia, pd, p);
         for row in 0..4 {
             for column in 0..4 {

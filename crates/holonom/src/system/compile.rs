@@ -346,6 +346,7 @@ fn patterns<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
         constraint_pattern,
         mass_pattern,
         stiffness_pattern,
+        forces: forces.iter().map(|f| f.bodies).collect(),
         extra_bodies: forces.iter().filter(|f| f.extra.is_some()).map(|f| f.bodies).collect(),
         row_measure,
         normalization_start,

@@ -1,6 +1,6 @@
 //! From wrenches on bodies and their blocks on motions to generalized forces on poses and theirs.
 //!
-//! Source: `docs/theory/elements.md` (24)-(27).
+//! Source: `docs/theory/elements.md` (25)-(27).
 
 use crate::math::Real;
 use crate::math::spatial::e_transposed_slope;
@@ -123,10 +123,12 @@ fn add_rows(turn: &[[f64; 4]; 3], rows: &[[f64; 7]; 6], out: &mut [f64]) {
 }
 
 impl Passage<7, 6> for ByEuler<f64> {
+    #[inline(always)]
     fn at(q: &[f64; 7], v: &[f64; 7]) -> Self {
         Self::new(q, v)
     }
 
+    #[inline(always)]
     fn force(&self, w: &[f64; 6]) -> [f64; 7] {
         self.generalized(w)
     }

@@ -145,7 +145,7 @@ fn check<S: Displaced<D, N, W>, const D: usize, const N: usize, const W: usize>(
         |y| force::<S, _, D, N, W>(e, &At { y: *y, ..*at }),
         |y| force::<S, _, D, N, W>(e, &At { y: *y, ..wide }),
     );
-    let moves = b.c.0.as_flattened().as_flattened().as_flattened().iter().any(|x| *x != 0.0);
+    let moves = b.c.entries().iter().any(|x| *x != 0.0);
     assert!(b.damped || !moves, "{name}");
     // t and z as the first two columns of a pair whose other entries do nothing
     let single = |row: &Pair<f64, W>, rate: f64| {
