@@ -29,12 +29,13 @@ pub trait Angle<const N: usize>: Debug + Clone + PartialEq {
     /// θ on the branch nearest to `winding`.
     fn nearest<T: Real>(&self, q: [&[T; N]; 2], winding: f64) -> T {
         let angle = self.value(q);
-        if Self::COUNTS_TURNS {
-            angle + TAU * ((winding - angle.value()) / TAU).round()
-        } else {
-            angle
-        }
+        if Self::COUNTS_TURNS { on_branch(angle, winding) } else { angle }
     }
+}
+
+/// An angle that is known up to whole turns, on the branch nearest to `winding`.
+pub(super) fn on_branch<T: Real>(angle: T, winding: f64) -> T {
+    angle + TAU * ((winding - angle.value()) / TAU).round()
 }
 
 /// θ = θ_j − θ_i + offset; exact over any number of turns.

@@ -1,11 +1,12 @@
 //! The equations of one joint, driver or force between two bodies, with their derivative blocks.
 //!
-//! An element sees the poses and rates of its first and second body as arrays of N coordinates:
-//! planar N = 3 (x, y, angle), spatial N = 7 (r, Euler parameters); r is the centre of mass. The
-//! ground passes the identity pose and zero rates. It knows nothing of other bodies, of numbering,
-//! integration or files.
+//! A joint or driver sees the poses and rates of its first and second body as arrays of N coordinates:
+//! planar N = 3 (x, y, angle), spatial N = 7 (r, Euler parameters); r is the centre of mass. A force sees
+//! how they stand and move ([`body`]). The ground passes the identity pose and zero rates. An element knows
+//! nothing of other bodies, of numbering, integration or files.
 
 mod angle;
+pub mod body;
 pub mod constraint;
 mod drivers;
 mod forces;
@@ -24,6 +25,7 @@ mod turning;
 mod vector_function;
 
 use crate::math::Real;
+use body::Body;
 use motion::MotionRows;
 use row::RowKind;
 
@@ -76,13 +78,11 @@ pub trait ConstraintElement<const N: usize> {
 
 /// What a force sees.
 #[derive(Debug, Clone, Copy)]
-pub struct ForceInput<'a, T, const N: usize> {
+pub struct ForceInput<T, const D: usize, const N: usize, const W: usize> {
     /// Time, s.
     pub t: T,
-    /// Poses of the first and the second body.
-    pub q: [&'a [T; N]; 2],
-    /// Rates of the poses.
-    pub v: [&'a [T; N]; 2],
+    /// The first and the second body.
+    pub bodies: [Body<T, D, N, W>; 2],
     /// Extra state of the element; ignored by elements without one.
     pub z: T,
     /// Angle (rad) at the last accepted step of an element that counts turns: the element takes the
@@ -90,37 +90,54 @@ pub struct ForceInput<'a, T, const N: usize> {
     pub winding: f64,
 }
 
-/// Generalized force on the two bodies and rate of the extra state.
+impl<T, const D: usize, const N: usize, const W: usize> ForceInput<T, D, N, W> {
+    #[inline(always)]
+    fn pair(&self) -> [&Body<T, D, N, W>; 2] {
+        [&self.bodies[0], &self.bodies[1]]
+    }
+
+    #[inline(always)]
+    fn twists(&self) -> [&[T; W]; 2] {
+        [&self.bodies[0].twist, &self.bodies[1].twist]
+    }
+}
+
+/// Wrenches on the two bodies and rate of the extra state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ForceOutput<T, const N: usize> {
-    /// Q on the first and the second body.
-    pub q: [[T; N]; 2],
+pub struct ForceOutput<T, const W: usize> {
+    /// Force (N) and moment about the centre of mass (N m) on the first and the second body, ground axes.
+    pub wrenches: [[T; W]; 2],
     /// ż.
     pub z_rate: T,
 }
 
-/// Derivatives of a force. The first five are those of −Q, as they enter F = M q̈ + Gᵀλ − Q.
+/// A force with its derivatives. δξ is the displacement of a body as [`Body`] has its twist, y the twist; each is
+/// taken with the components of the other one fixed. Derivatives of wrenches w are those of −w, as they resist.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ForceBlocks<T, const N: usize> {
-    /// −Q_q.
-    pub k: PairBlocks<T, N>,
-    /// −Q_q̇.
-    pub c: PairBlocks<T, N>,
-    /// −Q_t.
-    pub t: [[T; N]; 2],
-    /// −Q_z.
-    pub z: [[T; N]; 2],
-    /// ż_q.
-    pub rate_q: [[T; N]; 2],
-    /// ż_q̇.
-    pub rate_v: [[T; N]; 2],
+pub struct ForceBlocks<T, const W: usize> {
+    /// w.
+    pub wrenches: [[T; W]; 2],
+    /// −w_ξ, `[felt][moved][row][column]`.
+    pub k: PairBlocks<T, W>,
+    /// −w_y.
+    pub c: PairBlocks<T, W>,
+    /// Whether w depends on twists: c is zero else.
+    pub damped: bool,
+    /// −w_t.
+    pub t: [[T; W]; 2],
+    /// −w_z.
+    pub z: [[T; W]; 2],
+    /// ż_ξ.
+    pub rate_x: [[T; W]; 2],
+    /// ż_y.
+    pub rate_y: [[T; W]; 2],
     /// ż_z.
     pub rate_z: T,
     /// ż_t.
     pub rate_t: T,
 }
 
-/// Energy terms of a force: Q·q̇ = −d(potential)/dt − dissipated + supplied.
+/// Energy terms of a force: its power is −d(potential)/dt − dissipated + supplied.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Energy {
     /// Potential energy, J (extra states' springs included).
@@ -145,7 +162,7 @@ pub struct Quantity {
 }
 
 /// Services of a force between two bodies.
-pub trait ForceElement<const N: usize> {
+pub trait ForceElement<const D: usize, const N: usize, const W: usize> {
     /// Whether the element has an extra state z (m), 0 where the element is unloaded.
     fn has_extra_state(&self) -> bool {
         false
@@ -155,7 +172,7 @@ pub trait ForceElement<const N: usize> {
         false
     }
     /// The angle that is kept as winding, rad; 0 for elements that do not count turns.
-    fn angle(&self, _q: [&[f64; N]; 2], _winding: f64) -> f64 {
+    fn angle(&self, _bodies: [&Body<f64, D, N, W>; 2], _winding: f64) -> f64 {
         0.0
     }
     /// Error of the extra state that counts like a metre or a metre per second of its points,
@@ -163,23 +180,23 @@ pub trait ForceElement<const N: usize> {
     fn extra_state_scale(&self) -> f64 {
         1.0
     }
-    /// Q and ż.
-    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceOutput<T, N>);
-    /// All derivatives.
-    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceBlocks<T, N>);
+    /// Wrenches and ż.
+    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>);
+    /// Wrenches and all derivatives.
+    fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>);
     /// Energy terms.
-    fn energy(&self, input: &ForceInput<'_, f64, N>) -> Energy;
+    fn energy(&self, input: &ForceInput<f64, D, N, W>) -> Energy;
     /// Quantities offered as channels.
     fn quantities(&self) -> &'static [Quantity];
     /// Value of quantity `index`, `size` components.
-    fn quantity(&self, index: usize, input: &ForceInput<'_, f64, N>, out: &mut [f64]);
+    fn quantity(&self, index: usize, input: &ForceInput<f64, D, N, W>, out: &mut [f64]);
     /// Times at which the element's time functions have a kink, s.
     fn breakpoints(&self) -> Vec<f64> {
         Vec::new()
     }
     /// Longest step from here that does not jump over a local feature of the law that lies ahead, s: spares a step that
     /// would be refused.
-    fn longest_step(&self, _input: &ForceInput<'_, f64, N>) -> f64 {
+    fn longest_step(&self, _input: &ForceInput<f64, D, N, W>) -> f64 {
         f64::INFINITY
     }
     /// Knots, increasing, of each scalar along which the law has local features: the deformation of a law through a
@@ -189,7 +206,7 @@ pub trait ForceElement<const N: usize> {
         Vec::new()
     }
     /// One of these scalars, its rate, and how fast the direction may turn that it depends on, rad/s.
-    fn argument(&self, _index: usize, _input: &ForceInput<'_, f64, N>) -> [f64; 3] {
+    fn argument(&self, _index: usize, _input: &ForceInput<f64, D, N, W>) -> [f64; 3] {
         [0.0; 3]
     }
     /// What the law makes of the scalar, in whatever unit: the measure of what a step may pass over.
@@ -217,6 +234,11 @@ impl<T: Real, const N: usize> PairBlocks<T, N> {
         Self([[[[T::zero(); N]; N]; 2]; 2])
     }
 
+    /// All entries in one row.
+    pub fn entries(&self) -> &[T] {
+        self.0.as_flattened().as_flattened().as_flattened()
+    }
+
     /// Adds factor · a bᵀ.
     #[inline(always)]
     fn add_outer(&mut self, factor: T, a: &[[T; N]; 2], b: &[[T; N]; 2]) {
@@ -233,31 +255,33 @@ impl<T: Real, const N: usize> PairBlocks<T, N> {
     }
 }
 
-impl<T: Real, const N: usize> ForceOutput<T, N> {
+impl<T: Real, const W: usize> ForceOutput<T, W> {
     /// No force.
     pub fn zero() -> Self {
-        Self { q: [[T::zero(); N]; 2], z_rate: T::zero() }
+        Self { wrenches: [[T::zero(); W]; 2], z_rate: T::zero() }
     }
 }
 
-impl<T: Real, const N: usize> ForceBlocks<T, N> {
+impl<T: Real, const W: usize> ForceBlocks<T, W> {
     /// All entries zero.
     pub fn zero() -> Self {
-        let o = [[T::zero(); N]; 2];
+        let o = [[T::zero(); W]; 2];
         Self {
+            wrenches: o,
             k: PairBlocks::zero(),
             c: PairBlocks::zero(),
+            damped: false,
             t: o,
             z: o,
-            rate_q: o,
-            rate_v: o,
+            rate_x: o,
+            rate_y: o,
             rate_z: T::zero(),
             rate_t: T::zero(),
         }
     }
 }
 
-/// aᵀb over the coordinates of both bodies.
+/// aᵀb over the numbers of both bodies.
 #[inline(always)]
 fn product<T: Real, const N: usize>(a: &[[T; N]; 2], b: [&[T; N]; 2]) -> T {
     crate::math::vector::dot(&a[0], b[0]) + crate::math::vector::dot(&a[1], b[1])

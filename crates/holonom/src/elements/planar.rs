@@ -1,6 +1,7 @@
 //! Joints, drivers and forces of planar models: poses (x, y, θ) of centres of mass.
 
-use super::angle::PlanarAngle;
+use super::body::Body;
+use super::forces::rsda::InPlane;
 use super::forces::{self, by_variant};
 use super::space::{Planar, triads};
 use super::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
@@ -41,10 +42,10 @@ impl Constraint {
     }
 }
 
-type Tsda = forces::tsda::Tsda<Planar, 2, 3, 1>;
-type Maxwell = forces::maxwell::Maxwell<Planar, 2, 3, 1>;
-type Rsda = forces::rsda::Rsda<PlanarAngle>;
-type PointForce = forces::point_force::PointForce<Planar, 2, 3, 1>;
+type Tsda = forces::tsda::Tsda<Planar, 2, 3, 3>;
+type Maxwell = forces::maxwell::Maxwell<Planar, 2, 3, 3>;
+type Rsda = forces::rsda::Rsda<InPlane>;
+type PointForce = forces::point_force::PointForce<Planar, 2, 3, 3>;
 type Torque = forces::torque::PlanarTorque;
 
 /// A planar force.
@@ -77,7 +78,7 @@ impl Force {
                 *free_length,
             )),
             ForceKind::Rsda { frames, law, damping, free_angle } => Self::Rsda(Rsda::new(
-                PlanarAngle::new(&triads(frames, &centers)),
+                InPlane::new(&triads(frames, &centers)),
                 law.clone(),
                 *damping,
                 *free_angle,
@@ -102,7 +103,7 @@ impl Force {
     }
 }
 
-by_variant!(Force, 3, Tsda, Rsda, Maxwell, PointForce, Torque);
+by_variant!(Force, [2, 3, 3], Tsda, Rsda, Maxwell, PointForce, Torque);
 
 /// The pose of the ground.
 pub const GROUND: [f64; 3] = [0.0; 3];

@@ -5,7 +5,6 @@ use std::fmt::Debug;
 
 use super::angle::{Angle, LineAngle, PlanarAngle, SpatialAngle};
 use super::turning::{SpatialDirection, SpatialRotation, Turning};
-use crate::math::spatial::cross;
 use crate::math::{Real, planar, spatial};
 use crate::model;
 
@@ -24,8 +23,6 @@ pub trait Space<const D: usize, const N: usize, const R: usize>:
 
     /// A a.
     fn rotate<T: Real>(q: &[T; N], a: &[T; D]) -> [T; D];
-    /// ω × a for a vector a in ground axes.
-    fn spin(q: &[f64; N], v: &[f64; N], a: &[f64; D]) -> [f64; D];
     /// B = (A a)_rot.
     fn slope<T: Real>(q: &[T; N], a: &[T; D]) -> [[T; R]; D];
     /// (B w)_rot with w = rates, of which the rotational part is used.
@@ -48,10 +45,6 @@ impl Space<2, 3, 1> for Planar {
     #[inline(always)]
     fn rotate<T: Real>(q: &[T; 3], a: &[T; 2]) -> [T; 2] {
         planar::rotate(q[2], a)
-    }
-
-    fn spin(_q: &[f64; 3], v: &[f64; 3], a: &[f64; 2]) -> [f64; 2] {
-        planar::quarter_turn(a).map(|x| v[2] * x)
     }
 
     #[inline(always)]
@@ -98,10 +91,6 @@ impl Space<3, 7, 4> for Spatial {
     #[inline(always)]
     fn rotate<T: Real>(q: &[T; 7], a: &[T; 3]) -> [T; 3] {
         spatial::rotate(&euler(q), a)
-    }
-
-    fn spin(q: &[f64; 7], v: &[f64; 7], a: &[f64; 3]) -> [f64; 3] {
-        cross(&spatial::e_times(&euler(q), &euler(v)).map(|x| 2.0 * x), a)
     }
 
     #[inline(always)]
@@ -151,40 +140,4 @@ pub(crate) fn triads<const D: usize>(
 
 pub(super) fn from_center(point: &[f64; 3], center: &[f64; 3]) -> [f64; 3] {
     std::array::from_fn(|k| point[k] - center[k])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::testing::{Random, richardson};
-
-    #[test] // independent truth: differences of the turned vector along the motion
-    fn a_vector_is_carried_with_the_angular_velocity() {
-        let mut random = Random::new(11);
-        for _ in 0..20 {
-            let a: [f64; 3] = random.array(1.0);
-            let (angle, rate) = (random.range(-3.0, 3.0), random.range(-2.0, 2.0));
-            let (q, v) = ([0.3, -0.2, angle], [1.0, 2.0, rate]);
-            let plane = [a[0], a[1]];
-            let found = richardson(1e-4, |s| {
-                Planar::rotate(&[q[0], q[1], angle + s * rate], &plane).to_vec()
-            });
-            let carried = Planar::spin(&q, &v, &Planar::rotate(&q, &plane));
-            assert!(found.iter().zip(carried).all(|(x, y)| (x - y).abs() < 1e-9));
-
-            // Euler parameters of unit length, and rates that keep it.
-            let p: [f64; 4] = random.array(1.0);
-            let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
-            let p = p.map(|x| x / length);
-            let w: [f64; 4] = random.array(1.0);
-            let along: f64 = p.iter().zip(w).map(|(p, w)| p * w).sum();
-            let pose = |p: [f64; 4]| [0.1, 0.2, 0.3, p[0], p[1], p[2], p[3]];
-            let w: [f64; 4] = std::array::from_fn(|k| w[k] - along * p[k]);
-            let found = richardson(1e-4, |s| {
-                Spatial::rotate(&pose(std::array::from_fn(|k| p[k] + s * w[k])), &a).to_vec()
-            });
-            let carried = Spatial::spin(&pose(p), &pose(w), &Spatial::rotate(&pose(p), &a));
-            assert!(found.iter().zip(carried).all(|(x, y)| (x - y).abs() < 1e-9));
-        }
-    }
 }

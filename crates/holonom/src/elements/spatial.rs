@@ -1,6 +1,7 @@
 //! Joints, drivers and forces of spatial models: poses (r, Euler parameters) of centres of mass.
 
-use super::angle::SpatialAngle;
+use super::body::Body;
+use super::forces::rsda::AboutAxis;
 use super::forces::{self, by_variant};
 use super::space::{Spatial, triads};
 use super::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
@@ -38,12 +39,12 @@ impl Constraint {
     }
 }
 
-type Tsda = forces::tsda::Tsda<Spatial, 3, 7, 4>;
-type Maxwell = forces::maxwell::Maxwell<Spatial, 3, 7, 4>;
-type Rsda = forces::rsda::Rsda<SpatialAngle>;
+type Tsda = forces::tsda::Tsda<Spatial, 3, 7, 6>;
+type Maxwell = forces::maxwell::Maxwell<Spatial, 3, 7, 6>;
+type Rsda = forces::rsda::Rsda<AboutAxis>;
 type Bushing = forces::bushing::Bushing;
 type Tyre = forces::tyre::Tyre;
-type PointForce = forces::point_force::PointForce<Spatial, 3, 7, 4>;
+type PointForce = forces::point_force::PointForce<Spatial, 3, 7, 6>;
 type Torque = forces::torque::SpatialTorque;
 
 /// A spatial force.
@@ -77,7 +78,7 @@ impl Force {
                 *free_length,
             )),
             ForceKind::Rsda { frames, law, damping, free_angle } => Self::Rsda(Rsda::new(
-                SpatialAngle::new(&triads(frames, &centers)),
+                AboutAxis::new(&triads(frames, &centers)),
                 law.clone(),
                 *damping,
                 *free_angle,
@@ -103,7 +104,7 @@ impl Force {
     }
 }
 
-by_variant!(Force, 7, Tsda, Rsda, Maxwell, Bushing, Tyre, PointForce, Torque);
+by_variant!(Force, [3, 7, 6], Tsda, Rsda, Maxwell, Bushing, Tyre, PointForce, Torque);
 
 /// The pose of the ground.
 pub const GROUND: [f64; 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];

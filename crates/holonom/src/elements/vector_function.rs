@@ -63,14 +63,6 @@ impl<T: Real, const D: usize, const R: usize> Columns<T, D, R> {
         }
     }
 
-    /// cᵀ (matrix).
-    #[inline(always)]
-    pub(super) fn transposed_times<const N: usize>(&self, c: &[T; D]) -> [[T; N]; 2] {
-        let mut row = [[T::zero(); N]; 2];
-        self.add_to(c, &mut row);
-        row
-    }
-
     /// The matrix as D rows over both poses.
     pub(super) fn row<const N: usize>(&self, d: usize) -> [[T; N]; 2] {
         let mut row = [[T::zero(); N]; 2];
@@ -130,60 +122,6 @@ impl<T: Real, const D: usize, const R: usize> Columns<T, D, R> {
                                 value += x[d][i] * y[d][j];
                             }
                             add(D + i, D + j, factor * value);
-                        }
-                    }
-                }
-            }
-        }
-    }
-
-    /// out += DᵀMD, D this matrix of a link, M symmetric.
-    #[inline(always)]
-    pub(super) fn add_quadratic<const N: usize>(
-        &self,
-        m: &[[T; D]; D],
-        out: &mut PairBlocks<T, N>,
-    ) {
-        let mut columns = *self;
-        for side in 0..2 {
-            if let Some(turn) = &self.turn[side] {
-                let product = std::array::from_fn(|d| {
-                    std::array::from_fn(|k| {
-                        let mut value = m[d][0] * turn[0][k];
-                        for e in 1..D {
-                            value += m[d][e] * turn[e][k];
-                        }
-                        value
-                    })
-                });
-                columns.turn[side] = Some(product);
-            }
-        }
-        for s in 0..2 {
-            for t in 0..2 {
-                let negative = s != t;
-                for d in 0..D {
-                    for e in 0..D {
-                        out.0[s][t][d][e] += if negative { -m[d][e] } else { m[d][e] };
-                    }
-                }
-                if let Some(y) = &columns.turn[t] {
-                    for d in 0..D {
-                        for k in 0..R {
-                            let value = if s == 0 { -y[d][k] } else { y[d][k] };
-                            out.0[s][t][d][D + k] += value;
-                            out.0[t][s][D + k][d] += value;
-                        }
-                    }
-                }
-                if let (Some(x), Some(y)) = (&self.turn[s], &columns.turn[t]) {
-                    for i in 0..R {
-                        for j in 0..R {
-                            let mut value = x[0][i] * y[0][j];
-                            for d in 1..D {
-                                value += x[d][i] * y[d][j];
-                            }
-                            out.0[s][t][D + i][D + j] += value;
                         }
                     }
                 }

@@ -4,21 +4,26 @@ use super::cartesian_bodies::set;
 use super::cartesian_derivatives::set_rows;
 use super::compile::build;
 use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, ResistanceLaw, Tree};
+use super::passage::Passage;
 use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
 use super::quantities::Channels;
 use super::space::Space;
 use super::turns::Turns;
 use super::{
-    DerivativeBlocks, EnergyBalance, Equations, LawArgument, MotionRows, State, Structure, System,
+    DerivativeBlocks, EnergyBalance, Equations, ExtraBlocks, LawArgument, MotionRows, State,
+    Structure, System, WrenchBlocks,
 };
-use crate::elements::{ConstraintElement, ForceElement, ForceInput, ForceOutput, RowBlocks};
+use crate::elements::body::Body;
+use crate::elements::{
+    ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
+};
 use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
 use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
 /// The system.
-pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
+pub(super) struct Cartesian<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> {
     pub(super) structure: Arc<Structure>,
     pub(super) slots: Arc<Slots>,
     pub(super) bodies: Vec<PlacedBody>,
@@ -39,7 +44,7 @@ pub(super) struct Cartesian<S: Space<D, N>, const D: usize, const N: usize> {
     pub(super) channels: Channels,
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesian<S, D, N, W> {
     const REST: [f64; N] = [0.0; N];
 
     /// Numbers that an evaluation of all elements takes, about; for checkpoints.
@@ -69,17 +74,74 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         [Self::rate(v, bodies[0]), Self::rate(v, bodies[1])]
     }
 
-    pub(super) fn input<'a>(
+    /// Body as forces see it.
+    #[inline(always)]
+    pub(super) fn moving(q: &[f64], v: &[f64], body: Option<usize>) -> Body<f64, D, N, W> {
+        S::moving(Self::pose(q, body), Self::rate(v, body))
+    }
+
+    #[inline(always)]
+    pub(super) fn input(force: &PlacedForce<S::Force>, state: &State) -> ForceInput<f64, D, N, W> {
+        // One by one: a map of what is so large is not compiled into place.
+        let bodies = [
+            Self::moving(&state.q, &state.v, force.bodies[0]),
+            Self::moving(&state.q, &state.v, force.bodies[1]),
+        ];
+        let mut input = ForceInput { t: state.t, bodies, z: 0.0, winding: 0.0 };
+        Self::tell_own(force, state, &mut input);
+        input
+    }
+
+    /// What a force has for itself.
+    #[inline(always)]
+    fn tell_own(
         force: &PlacedForce<S::Force>,
-        state: &'a State,
-    ) -> ForceInput<'a, f64, N> {
-        ForceInput {
-            t: state.t,
-            q: Self::pair(&state.q, force.bodies),
-            v: Self::rates(&state.v, force.bodies),
-            z: force.extra.map_or(0.0, |k| state.z[k]),
-            winding: force.turns.as_ref().map_or(0.0, |turns| turns.near(state.t, &state.winding)),
+        state: &State,
+        input: &mut ForceInput<f64, D, N, W>,
+    ) {
+        input.z = force.extra.map_or(0.0, |k| state.z[k]);
+        input.winding =
+            force.turns.as_ref().map_or(0.0, |turns| turns.near(state.t, &state.winding));
+    }
+
+    /// Wrenches of gravity and forces, `stride` numbers per body of which the first W are used, and ż.
+    fn add_up_wrenches(&self, state: &State, stride: usize, out: &mut [f64], z_rate: &mut [f64]) {
+        checkpoint(self.numbers());
+        out.fill(0.0);
+        for (body, out) in self.bodies.iter().zip(out.chunks_exact_mut(stride)) {
+            for (out, g) in out[..D].iter_mut().zip(&self.gravity) {
+                *out = body.mass * g;
+            }
         }
+        let mut exerted = ForceOutput::zero();
+        let mut bodies = [None; 2];
+        let ground = Self::moving(&state.q, &state.v, None);
+        let mut input = ForceInput { t: state.t, bodies: [ground; 2], z: 0.0, winding: 0.0 };
+        for f in &self.forces {
+            // Neighbours in the model often share a body.
+            for side in 0..2 {
+                if bodies[side] != f.bodies[side] {
+                    bodies[side] = f.bodies[side];
+                    input.bodies[side] = Self::moving(&state.q, &state.v, bodies[side]);
+                }
+            }
+            Self::tell_own(f, state, &mut input);
+            f.element.evaluate(&input, &mut exerted);
+            for (body, w) in bodies.iter().zip(&exerted.wrenches) {
+                let Some(b) = *body else { continue };
+                out[b * stride..][..W].iter_mut().zip(w).for_each(|(out, x)| *out += x);
+            }
+            if let Some(k) = f.extra {
+                z_rate[k] = exerted.z_rate;
+            }
+        }
+    }
+
+    /// How changes of the poses of two bodies move these.
+    #[inline(always)]
+    pub(super) fn passages(state: &State, bodies: [Option<usize>; 2]) -> [S::Passage; 2] {
+        let at = |b| S::Passage::at(Self::pose(&state.q, b), Self::rate(&state.v, b));
+        [at(bodies[0]), at(bodies[1])]
     }
 
     /// Whether elements join the same bodies in the same places, so that patterns can be shared.
@@ -199,13 +261,17 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> std::fmt::Debug for Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> std::fmt::Debug
+    for Cartesian<S, D, N, W>
+{
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Cartesian").field("sizes", &self.structure.sizes).finish_non_exhaustive()
     }
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Equations
+    for Cartesian<S, D, N, W>
+{
     fn structure(&self) -> &Structure {
         &self.structure
     }
@@ -304,40 +370,45 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
     }
 
     fn forces(&self, state: &State, force: &mut [f64], z_rate: &mut [f64]) {
-        checkpoint(self.numbers());
-        for (b, body) in self.bodies.iter().enumerate() {
-            let out = &mut force[b * N..(b + 1) * N];
-            out.fill(0.0);
-            for k in 0..D {
-                out[k] = body.mass * self.gravity[k];
-            }
+        self.add_up_wrenches(state, N, force, z_rate);
+        for (b, (body, out)) in self.bodies.iter().zip(force.chunks_exact_mut(N)).enumerate() {
             let (q, v) = (Self::pose(&state.q, Some(b)), Self::rate(&state.v, Some(b)));
+            let w: [f64; W] = *out.first_chunk().expect("N is not less than W");
+            out.copy_from_slice(&S::Passage::at(q, v).force(&w));
             S::gyroscopic_force(&body.inertia, q, v, out);
         }
-        let mut out = ForceOutput { q: [[0.0; N]; 2], z_rate: 0.0 };
-        for f in &self.forces {
-            f.element.evaluate(&Self::input(f, state), &mut out);
-            for side in 0..2 {
-                if let Some(b) = f.bodies[side] {
-                    for (o, x) in force[b * N..(b + 1) * N].iter_mut().zip(&out.q[side]) {
-                        *o += x;
-                    }
-                }
-            }
-            if let Some(k) = f.extra {
-                z_rate[k] = out.z_rate;
-            }
+    }
+
+    fn wrenches(&self, state: &State, wrenches: &mut [f64], z_rate: &mut [f64]) {
+        self.add_up_wrenches(state, W, wrenches, z_rate);
+    }
+
+    fn wrench_blocks(&self, state: &State, look: &mut dyn FnMut(usize, &WrenchBlocks<'_>)) {
+        checkpoint(8 * self.numbers());
+        let mut blocks = ForceBlocks::zero();
+        for (k, f) in self.forces.iter().enumerate() {
+            f.element.blocks(&Self::input(f, state), &mut blocks);
+            let extra = f.extra.map(|index| ExtraBlocks {
+                index,
+                force: blocks.z.as_flattened(),
+                by_displacement: blocks.rate_x.as_flattened(),
+                by_twist: blocks.rate_y.as_flattened(),
+                own: blocks.rate_z,
+                time: blocks.rate_t,
+            });
+            let shown = WrenchBlocks {
+                stiffness: blocks.k.entries(),
+                damping: blocks.damped.then(|| blocks.c.entries()),
+                time: blocks.t.as_flattened(),
+                extra,
+            };
+            look(k, &shown);
         }
     }
 
     fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks) {
         checkpoint(8 * self.numbers());
-        self.add_up(state, None, out);
-    }
-
-    fn force_blocks(&self, state: &State, joints: &[usize], out: &mut DerivativeBlocks) {
-        checkpoint(8 * self.numbers());
-        self.add_up(state, Some(joints), out);
+        self.add_up(state, out);
     }
 
     fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]) {
@@ -445,6 +516,14 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         set(&rows, a1, true);
     }
 
+    fn joint_hessian(&self, joint: usize, state: &State, out: &mut [f64]) {
+        let c = &self.constraints[joint];
+        let (q, lambda) = (Self::pair(&state.q, c.bodies), Self::multipliers(c, &state.lambda));
+        let mut pairs = PairBlocks::zero();
+        c.element.hessian(q, &lambda, &mut pairs);
+        out.copy_from_slice(pairs.entries());
+    }
+
     fn gravity(&self) -> f64 {
         self.gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
     }
@@ -453,7 +532,8 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         for f in &self.forces {
             if let Some(turns) = &f.turns {
                 let near = turns.near(t, winding);
-                winding[turns.index] = f.element.angle(Self::pair(q, f.bodies), near);
+                let bodies = f.bodies.map(|body| S::moving(Self::pose(q, body), &Self::REST));
+                winding[turns.index] = f.element.angle([&bodies[0], &bodies[1]], near);
             }
         }
         for c in &self.constraints {
@@ -500,7 +580,9 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
     }
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> System for Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> System
+    for Cartesian<S, D, N, W>
+{
     fn with_values(&self, model: &Model) -> Option<Arc<dyn System>> {
         if (model.dimension == Dimension::Planar) != (D == 2) {
             return None;

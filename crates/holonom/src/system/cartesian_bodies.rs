@@ -8,7 +8,9 @@ use crate::elements::RowBlocks;
 use crate::elements::kinematics::{Anchor, EdgeKinematics, EdgeScrews};
 use crate::elements::relative::{Reference, RelativeElement};
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
+    for Cartesian<S, D, N, W>
+{
     fn set_body(&self, body: usize, pose: &BodyPose, q: &mut [f64], v: &mut [f64]) {
         let range = body * N..(body + 1) * N;
         S::set_body(&self.bodies[body].center, pose, &mut q[range.clone()], &mut v[range]);
@@ -174,7 +176,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Bodies for Cartesian<S, D, 
     }
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesian<S, D, N, W> {
     /// Screws of an edge for how its first and second body and its outer one stand.
     #[inline(always)]
     fn screws(

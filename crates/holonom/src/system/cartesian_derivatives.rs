@@ -1,15 +1,13 @@
 //! Derivatives of the equations, part by part.
 
 use super::cartesian::Cartesian;
+use super::passage::Passage;
 use super::placed::{Elements, Part, PlacedForce};
 use super::space::Space;
 use super::{DerivativeBlocks, State};
 use crate::elements::{ConstraintElement, ForceBlocks, ForceElement, PairBlocks, RowBlocks};
 use crate::threads::Threads;
 use holonom_linalg::{BlockId, BlocksMut};
-
-/// Joints whose multipliers count beside the forces; none for everything there is.
-type Wanted<'a> = Option<&'a [usize]>;
 
 /// The blocks of consecutive parts.
 struct Target<'a> {
@@ -45,10 +43,9 @@ impl Target<'_> {
     }
 }
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
-    /// All derivative blocks; the same sums in the same order for any number of threads. With a list of `joints`, ascending,
-    /// K and C have forces and the multipliers of these only, and A₀ and A₁ stay what they are.
-    pub(super) fn add_up(&self, state: &State, joints: Wanted<'_>, out: &mut DerivativeBlocks) {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesian<S, D, N, W> {
+    /// All derivative blocks; the same sums in the same order for any number of threads.
+    pub(super) fn add_up(&self, state: &State, out: &mut DerivativeBlocks) {
         let mut target = Target {
             stiffness: out.stiffness.blocks_mut(),
             damping: out.damping.blocks_mut(),
@@ -59,15 +56,17 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         };
         if let Some(last) = self.slots.parts.last() {
             let [all, _] = target.split_after(last, N);
-            self.parts(&out.threads, &self.slots.parts, state, joints, all);
+            self.parts(&out.threads, &self.slots.parts, state, all);
         }
-        self.elements(&self.slots.rest, state, joints, &mut target, |force, blocks| {
+        self.elements(&self.slots.rest, state, &mut target, |force, passages, blocks| {
             let Some(k) = force.extra else { return };
             for side in 0..2 {
                 let at = (2 * k + side) * N;
-                out.force_extra[at..at + N].copy_from_slice(&blocks.z[side]);
-                out.extra_position[at..at + N].copy_from_slice(&blocks.rate_q[side]);
-                out.extra_velocity[at..at + N].copy_from_slice(&blocks.rate_v[side]);
+                let (own, by_x, by_y) =
+                    (&passages[side], &blocks.rate_x[side], &blocks.rate_y[side]);
+                out.force_extra[at..at + N].copy_from_slice(&own.force(&blocks.z[side]));
+                out.extra_position[at..at + N].copy_from_slice(&own.position_row(by_x, by_y));
+                out.extra_velocity[at..at + N].copy_from_slice(&own.force(by_y));
             }
             out.extra_extra[k] = blocks.rate_z;
             out.extra_time[k] = blocks.rate_t;
@@ -85,20 +84,13 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         }
     }
 
-    fn parts(
-        &self,
-        threads: &Threads,
-        parts: &[Part],
-        state: &State,
-        joints: Wanted<'_>,
-        mut target: Target<'_>,
-    ) {
+    fn parts(&self, threads: &Threads, parts: &[Part], state: &State, mut target: Target<'_>) {
         if parts.len() > 1 {
             let (left, right) = parts.split_at(parts.len() / 2);
             let [first, second] = target.split_after(&left[left.len() - 1], N);
             threads.join(
-                || self.parts(threads, left, state, joints, first),
-                || self.parts(threads, right, state, joints, second),
+                || self.parts(threads, left, state, first),
+                || self.parts(threads, right, state, second),
             );
             return;
         }
@@ -108,8 +100,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         }
         target.time.fill(0.0);
         let bodies = target.first..target.first + target.time.len() / N;
-        let bodies = if joints.is_none() { &slots.walk[bodies] } else { &[] };
-        for &b in bodies {
+        for &b in &slots.walk[bodies] {
             let b = b as usize;
             let (v, a) = (Self::rate(&state.v, Some(b)), Self::rate(&state.a, Some(b)));
             let (k, c) = (slots.diagonal[b], slots.diagonal[b]);
@@ -125,7 +116,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             }
         }
         for part in parts {
-            self.elements(&part.elements, state, joints, &mut target, |_, _| {});
+            self.elements(&part.elements, state, &mut target, |_, _, _| {});
         }
     }
 
@@ -134,9 +125,8 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
         &self,
         elements: &Elements,
         state: &State,
-        joints: Wanted<'_>,
         target: &mut Target<'_>,
-        mut look: impl FnMut(&PlacedForce<S::Force>, &ForceBlocks<f64, N>),
+        mut look: impl FnMut(&PlacedForce<S::Force>, &[S::Passage; 2], &ForceBlocks<f64, W>),
     ) {
         let mut blocks = ForceBlocks::zero();
         let mut rows = [RowBlocks::zero(); 2];
@@ -145,13 +135,6 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             let k = k as usize;
             let c = &self.constraints[k];
             let q = Self::pair(&state.q, c.bodies);
-            if let Some(joints) = joints {
-                if joints.binary_search(&k).is_ok() {
-                    c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
-                    add_pairs(&mut target.stiffness, &self.slots.constraint_pairs[k], &pairs);
-                }
-                continue;
-            }
             let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
             let (count, slots) = (c.element.rows(), &self.slots.jacobian[k]);
             let [rows, more] = &mut rows;
@@ -172,13 +155,27 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Cartesian<S, D, N> {
             let k = k as usize;
             let (f, slots) = (&self.forces[k], &self.slots.force_pairs[k]);
             f.element.blocks(&Self::input(f, state), &mut blocks);
-            look(f, &blocks);
-            add_pairs(&mut target.stiffness, slots, &blocks.k);
-            add_pairs(&mut target.damping, slots, &blocks.c);
-            for (body, time) in f.bodies.iter().zip(&blocks.t) {
-                let Some(b) = body else { continue };
-                let at = (self.slots.position[*b] as usize - target.first) * N;
-                target.time[at..at + N].iter_mut().zip(time).for_each(|(out, x)| *out += x);
+            let passages = Self::passages(state, f.bodies);
+            look(f, &passages, &blocks);
+            for felt in 0..2 {
+                let Some(b) = f.bodies[felt] else { continue };
+                let own = &passages[felt];
+                for (moved, other) in passages.iter().enumerate() {
+                    let Some(id) = slots[felt][moved] else { continue };
+                    let (k, c) = (&blocks.k.0[felt][moved], &blocks.c.0[felt][moved]);
+                    let c = blocks.damped.then_some(c);
+                    let stiffness = target.stiffness.block_mut(id);
+                    own.add_stiffness(other, k, c, stiffness);
+                    if felt == moved {
+                        own.add_bend(&blocks.wrenches[felt], stiffness);
+                    }
+                    if let Some(c) = c {
+                        own.add_damping(other, c, target.damping.block_mut(id));
+                    }
+                }
+                let at = (self.slots.position[b] as usize - target.first) * N;
+                let time = own.force(&blocks.t[felt]);
+                target.time[at..at + N].iter_mut().zip(&time).for_each(|(out, x)| *out += x);
             }
         }
     }

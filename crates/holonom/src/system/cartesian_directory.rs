@@ -1,6 +1,7 @@
 //! Names and channels of a Cartesian system.
 
 use super::cartesian::Cartesian;
+use super::passage::Passage;
 use super::placed::PlacedForce;
 use super::quantities::{Channel, Sample, evaluate_channel};
 use super::space::Space;
@@ -11,7 +12,9 @@ use crate::elements::{ConstraintElement, ForceElement, ForceOutput};
 /// Radians, or part of the characteristic length, over which stiff forces are told for messages.
 const PROBE: f64 = 1e-6;
 
-impl<S: Space<D, N>, const D: usize, const N: usize> Directory for Cartesian<S, D, N> {
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Directory
+    for Cartesian<S, D, N, W>
+{
     fn channels(&self) -> &[Channel] {
         self.channels.all(self)
     }
@@ -42,7 +45,8 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Directory for Cartesian<S, 
             probe.q[coordinate] += shift;
             let mut out = ForceOutput::zero();
             f.element.evaluate(&Self::input(f, &probe), &mut out);
-            out.q[usize::from(f.bodies[1] == body)][row]
+            let side = usize::from(f.bodies[1] == body);
+            Self::passages(&probe, f.bodies)[side].force(&out.wrenches[side])[row]
         };
         let mut acting: Vec<(f64, &str)> = self
             .forces

@@ -1,8 +1,10 @@
 //! Planar Cartesian coordinates: (x, y, θ) of the centre of mass per body.
 
 use super::BodyPose;
+use super::passage::Direct;
 use super::space::{FormOf, Space};
 use crate::elements::Quantity;
+use crate::elements::body::{Body, Rigid};
 use crate::elements::kinematics::{self, Kinematics, Orientation};
 use crate::elements::planar::{Constraint, Force};
 use crate::elements::relative;
@@ -18,11 +20,12 @@ fn turn(angle: f64, s: &[f64; 3]) -> [f64; 3] {
     [x, y, 0.0]
 }
 
-impl Space<2, 3> for Planar {
+impl Space<2, 3, 3> for Planar {
     type Constraint = Constraint;
     type Force = Force;
     type Relative = relative::PlanarRelative;
     type Kinematics = Kinematics<space::Planar, 2, 3, 1>;
+    type Passage = Direct;
     const GROUND: [f64; 3] = [0.0; 3];
     const NORMALIZED: bool = false;
 
@@ -42,24 +45,29 @@ impl Space<2, 3> for Planar {
         Force::bodies(force)
     }
 
-    fn joint_form(joint: &model::Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, 2, 3> {
+    fn joint_form(joint: &model::Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, 2, 3, 3> {
         space::Planar::joint_form(&joint.kind, &triads(&joint.frames, &centers))
     }
 
-    fn line_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 2, 3> {
+    fn line_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 2, 3, 3> {
         kinematics::line_form(&triads(frames, &centers), None)
     }
 
-    fn bushing_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 2, 3> {
+    fn bushing_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 2, 3, 3> {
         kinematics::bushing_form(&triads(frames, &centers))
     }
 
-    fn free_form() -> FormOf<Self, 2, 3> {
+    fn free_form() -> FormOf<Self, 2, 3, 3> {
         kinematics::free_form()
     }
 
     fn relative_angle(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative {
         relative::PlanarRelative::angle(&triads(frames, &centers))
+    }
+
+    #[inline(always)]
+    fn moving(q: &[f64; 3], v: &[f64; 3]) -> Body<f64, 2, 3, 3> {
+        space::Planar::body(q, v)
     }
 
     fn wraps(constraint: &Constraint) -> bool {

@@ -6,12 +6,15 @@
 
 use super::BodyPose;
 use super::cartesian::cross;
+use super::passage::ByEuler;
 use super::space::{FormOf, Space};
 use crate::elements::Quantity;
+use crate::elements::body::{Body, Rigid};
 use crate::elements::kinematics::{self, Kinematics, Orientation};
 use crate::elements::relative;
 use crate::elements::space::{self, triads};
 use crate::elements::spatial::{Constraint, Force};
+use crate::math::spatial::g_transposed_slope;
 use crate::model;
 
 /// Marker of the spatial space.
@@ -85,21 +88,12 @@ fn inertia_product(j: &[[f64; 3]; 3], p: V4, w: V4) -> [[f64; 4]; 4] {
     out
 }
 
-/// T(y) = ∂(G(p)ᵀ y)/∂p.
-fn t_matrix(y: V3) -> [[f64; 4]; 4] {
-    [
-        [0.0, -y[0], -y[1], -y[2]],
-        [y[0], 0.0, y[2], -y[1]],
-        [y[1], -y[2], 0.0, y[0]],
-        [y[2], y[1], -y[0], 0.0],
-    ]
-}
-
-impl Space<3, 7> for Spatial {
+impl Space<3, 7, 6> for Spatial {
     type Constraint = Constraint;
     type Force = Force;
     type Relative = relative::SpatialRelative;
     type Kinematics = Kinematics<space::Spatial, 3, 7, 4>;
+    type Passage = ByEuler<f64>;
     const GROUND: [f64; 7] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0];
     const NORMALIZED: bool = true;
 
@@ -119,24 +113,29 @@ impl Space<3, 7> for Spatial {
         Force::bodies(force)
     }
 
-    fn joint_form(joint: &model::Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7> {
+    fn joint_form(joint: &model::Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7, 6> {
         space::Spatial::joint_form(&joint.kind, &triads(&joint.frames, &centers))
     }
 
-    fn line_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7> {
+    fn line_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7, 6> {
         kinematics::line_form(&triads(frames, &centers), None)
     }
 
-    fn bushing_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7> {
+    fn bushing_form(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, 3, 7, 6> {
         kinematics::bushing_form(&triads(frames, &centers))
     }
 
-    fn free_form() -> FormOf<Self, 3, 7> {
+    fn free_form() -> FormOf<Self, 3, 7, 6> {
         kinematics::free_form()
     }
 
     fn relative_angle(frames: &[model::Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative {
         relative::SpatialRelative::angle(&triads(frames, &centers))
+    }
+
+    #[inline(always)]
+    fn moving(q: &[f64; 7], v: &[f64; 7]) -> Body<f64, 3, 7, 6> {
+        space::Spatial::body(q, v)
     }
 
     fn wraps(constraint: &Constraint) -> bool {
@@ -196,10 +195,10 @@ impl Space<3, 7> for Spatial {
         c: &mut [f64],
     ) {
         let (p, pd, pdd) = (euler(q), euler(v), euler(a));
-        let t1 = t_matrix(times(inertia, g_times(p, pdd)));
+        let t1 = g_transposed_slope(&times(inertia, g_times(p, pdd)));
         let m1 = inertia_product(inertia, p, pdd);
         let m2 = inertia_product(inertia, pd, pd);
-        let t3 = t_matrix(times(inertia, g_times(pd, p)));
+        let t3 = g_transposed_slope(&times(inertia, g_times(pd, p)));
         let m3 = inertia_product(inertia, pd, p);
         for row in 0..4 {
             for column in 0..4 {

@@ -26,8 +26,8 @@ const SMALLEST_PART: usize = 32;
 pub fn compile(model: &Model) -> Arc<dyn System> {
     stage("compiling", || -> Arc<dyn System> {
         match model.dimension {
-            Dimension::Planar => Arc::new(build::<Planar, 2, 3>(model, None, None)),
-            Dimension::Spatial => Arc::new(build::<Spatial, 3, 7>(model, None, None)),
+            Dimension::Planar => Arc::new(build::<Planar, 2, 3, 3>(model, None, None)),
+            Dimension::Spatial => Arc::new(build::<Spatial, 3, 7, 6>(model, None, None)),
         }
     })
 }
@@ -35,18 +35,18 @@ pub fn compile(model: &Model) -> Arc<dyn System> {
 /// Compiles a model along a forest that was found for one that differs in numbers only.
 pub fn compile_along(model: &Model, forest: &Forest) -> Arc<dyn System> {
     match model.dimension {
-        Dimension::Planar => Arc::new(build::<Planar, 2, 3>(model, None, Some(forest))),
-        Dimension::Spatial => Arc::new(build::<Spatial, 3, 7>(model, None, Some(forest))),
+        Dimension::Planar => Arc::new(build::<Planar, 2, 3, 3>(model, None, Some(forest))),
+        Dimension::Spatial => Arc::new(build::<Spatial, 3, 7, 6>(model, None, Some(forest))),
     }
 }
 
 /// Assembles numbers, places and patterns of a model; patterns and forest of `base` are shared where the
 /// model has the same structure.
-pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
+pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
     model: &Model,
-    base: Option<&Cartesian<S, D, N>>,
+    base: Option<&Cartesian<S, D, N, W>>,
     forest: Option<&Forest>,
-) -> Cartesian<S, D, N> {
+) -> Cartesian<S, D, N, W> {
     let center = |body: BodyIndex| body.map_or([0.0; 3], |b| model.bodies[b].center_of_mass);
     let bodies: Vec<PlacedBody> = model
         .bodies
@@ -126,13 +126,13 @@ pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
     let joint_windings: Vec<Option<usize>> =
         constraints.iter().map(|c| c.turns.as_ref().map(|t| t.index)).collect();
     let known = forest.or(base.map(|b| &b.tree.forest));
-    let mut built = forest::build::<S, D, N>(model, center, &rows, &joint_windings, known);
+    let mut built = forest::build::<S, D, N, W>(model, center, &rows, &joint_windings, known);
     let (structure, slots) = match base {
         Some(base) => (base.structure.clone(), base.slots.clone()),
         None => {
             let walk = built.tree.forest.walk();
             let (structure, slots) =
-                patterns::<S, D, N>(sizes, normalization_start, &constraints, &forces, &walk);
+                patterns::<S, D, N, W>(sizes, normalization_start, &constraints, &forces, &walk);
             (Arc::new(structure), Arc::new(slots))
         }
     };
@@ -217,7 +217,7 @@ fn post_increment(counter: &mut usize) -> usize {
 }
 
 /// Numbers the blocks of all patterns.
-fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
+fn patterns<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
     sizes: Sizes,
     normalization_start: usize,
     constraints: &[PlacedConstraint<S::Constraint>],
@@ -346,6 +346,7 @@ fn patterns<S: Space<D, N>, const D: usize, const N: usize>(
         constraint_pattern,
         mass_pattern,
         stiffness_pattern,
+        forces: forces.iter().map(|f| f.bodies).collect(),
         extra_bodies: forces.iter().filter(|f| f.extra.is_some()).map(|f| f.bodies).collect(),
         row_measure,
         normalization_start,

@@ -199,7 +199,7 @@ fn frames_of(force: &Force) -> Option<[crate::model::Frame; 2]> {
 
 /// Groups and edges of a model; the forest of `base`, whose model differs in numbers only, serves again.
 /// `rows` are the first rows of joints and drivers, `windings` those of the joints.
-pub(super) fn build<S: Space<D, N>, const D: usize, const N: usize>(
+pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
     model: &Model,
     center: impl Fn(BodyIndex) -> [f64; 3],
     rows: &[(usize, usize)],

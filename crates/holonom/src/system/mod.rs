@@ -12,6 +12,7 @@ mod cartesian_planar;
 mod cartesian_spatial;
 mod compile;
 mod forest;
+mod passage;
 mod placed;
 mod quantities;
 mod space;
@@ -21,7 +22,7 @@ mod turns;
 pub use compile::{compile, compile_along};
 pub use forest::{Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge};
 pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity, Sample, diagnostics};
-pub use structure::{DerivativeBlocks, JointRows, Sizes, Structure};
+pub use structure::{DerivativeBlocks, ExtraBlocks, JointRows, Sizes, Structure, WrenchBlocks};
 
 use crate::model::Model;
 
@@ -165,12 +166,15 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// Q(t, q, q̇, z) with velocity-quadratic terms, and ż.
     fn forces(&self, state: &State, force: &mut [f64], z_rate: &mut [f64]);
 
+    /// Wrenches of gravity and forces on the bodies, per body force (N) and moment about its centre of mass (N m), ground
+    /// axes, in the plane three numbers; and ż. Inertia has no part in them.
+    fn wrenches(&self, state: &State, wrenches: &mut [f64], z_rate: &mut [f64]);
+
+    /// Shows the derivatives of each force on the motions of its bodies, by its place in [`Structure::forces`].
+    fn wrench_blocks(&self, state: &State, look: &mut dyn FnMut(usize, &WrenchBlocks<'_>));
+
     /// All derivative blocks at `state`, whose accelerations and multipliers must be current.
     fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks);
-
-    /// The same of −Q and of (Gᵀλ)_q of these joints alone, by their places in [`Structure::joints`], ascending, inertia with its
-    /// gyroscopic forces left out; A₀ and A₁ stay what they are.
-    fn force_blocks(&self, state: &State, joints: &[usize], out: &mut DerivativeBlocks);
 
     /// A₀ δq = ((G q̇)_q δq).
     fn rate_change(&self, q: &[f64], v: &[f64], dq: &[f64], out: &mut [f64]);
@@ -213,6 +217,9 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
 
     /// (G q̇)_q of one joint or driver, and (G q̈ + (G q̇)_q q̇)_q, in the layout of the gradient.
     fn joint_blocks(&self, joint: usize, state: &State, a0: &mut [f64], a1: &mut [f64]);
+
+    /// (Gᵀλ)_q of one joint or driver between the coordinates of its bodies, `[side][side][row][column]`.
+    fn joint_hessian(&self, joint: usize, state: &State, out: &mut [f64]);
 
     /// Size of the acceleration of gravity, m/s².
     fn gravity(&self) -> f64;

@@ -125,9 +125,9 @@ pub(super) struct Channels {
 
 impl Channels {
     /// All of them: a dozen to a body.
-    pub(super) fn all<S: Space<D, N>, const D: usize, const N: usize>(
+    pub(super) fn all<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
         &self,
-        system: &Cartesian<S, D, N>,
+        system: &Cartesian<S, D, N, W>,
     ) -> &[Channel] {
         self.all.get_or_init(|| {
             let mut all = Vec::new();
@@ -141,9 +141,9 @@ impl Channels {
     }
 
     /// One of them.
-    pub(super) fn named<S: Space<D, N>, const D: usize, const N: usize>(
+    pub(super) fn named<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
         &self,
-        system: &Cartesian<S, D, N>,
+        system: &Cartesian<S, D, N, W>,
         name: &str,
     ) -> Option<Channel> {
         let items = self.items.get_or_init(|| {
@@ -161,8 +161,8 @@ impl Channels {
     }
 }
 
-fn items<S: Space<D, N>, const D: usize, const N: usize>(
-    system: &Cartesian<S, D, N>,
+fn items<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
+    system: &Cartesian<S, D, N, W>,
 ) -> impl Iterator<Item = Item> {
     let numbers = |n: usize| 0..n as u32;
     let bodies = numbers(system.bodies.len()).map(Item::Body);
@@ -170,8 +170,8 @@ fn items<S: Space<D, N>, const D: usize, const N: usize>(
     bodies.chain(constraints).chain(numbers(system.forces.len()).map(Item::Force))
 }
 
-fn name_of<S: Space<D, N>, const D: usize, const N: usize>(
-    system: &Cartesian<S, D, N>,
+fn name_of<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
+    system: &Cartesian<S, D, N, W>,
     item: Item,
 ) -> &str {
     match item {
@@ -182,8 +182,8 @@ fn name_of<S: Space<D, N>, const D: usize, const N: usize>(
 }
 
 /// Channels of an item.
-fn add_channels<S: Space<D, N>, const D: usize, const N: usize>(
-    system: &Cartesian<S, D, N>,
+fn add_channels<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
+    system: &Cartesian<S, D, N, W>,
     item: Item,
     out: &mut Vec<Channel>,
 ) {
@@ -263,16 +263,21 @@ pub fn diagnostics() -> Vec<Channel> {
 }
 
 /// Value of one channel.
-pub(super) fn evaluate_channel<S: Space<D, N>, const D: usize, const N: usize>(
-    system: &Cartesian<S, D, N>,
+pub(super) fn evaluate_channel<
+    S: Space<D, N, W>,
+    const D: usize,
+    const N: usize,
+    const W: usize,
+>(
+    system: &Cartesian<S, D, N, W>,
     channel: &Channel,
     sample: &Sample<'_>,
     out: &mut [f64],
 ) {
     let state = sample.state;
     let pair = |bodies: [Option<usize>; 2]| {
-        let q = bodies.map(|b| Cartesian::<S, D, N>::pose(&state.q, b));
-        (q, bodies.map(|b| Cartesian::<S, D, N>::rate(&state.v, b)))
+        let q = bodies.map(|b| Cartesian::<S, D, N, W>::pose(&state.q, b));
+        (q, bodies.map(|b| Cartesian::<S, D, N, W>::rate(&state.v, b)))
     };
     match channel.source {
         ChannelSource::Body(b, kind) => {
@@ -285,11 +290,11 @@ pub(super) fn evaluate_channel<S: Space<D, N>, const D: usize, const N: usize>(
             motion(system, b, &arm, kind, state, out);
         }
         ChannelSource::ReactionForce(k) => {
-            let (force, _) = Cartesian::<S, D, N>::reaction(&system.constraints[k], state);
+            let (force, _) = Cartesian::<S, D, N, W>::reaction(&system.constraints[k], state);
             out.copy_from_slice(&force[..out.len()]);
         }
         ChannelSource::ReactionTorque(k) => {
-            let (_, torque) = Cartesian::<S, D, N>::reaction(&system.constraints[k], state);
+            let (_, torque) = Cartesian::<S, D, N, W>::reaction(&system.constraints[k], state);
             copy_angular(&torque, out);
         }
         ChannelSource::Joint(k, i) => {
@@ -300,7 +305,7 @@ pub(super) fn evaluate_channel<S: Space<D, N>, const D: usize, const N: usize>(
         }
         ChannelSource::Force(k, i) => {
             let f = &system.forces[k];
-            f.element.quantity(i, &Cartesian::<S, D, N>::input(f, state), out);
+            f.element.quantity(i, &Cartesian::<S, D, N, W>::input(f, state), out);
         }
         ChannelSource::Energy(kind) => {
             let balance = || sample.energy.get_or_init(|| system.energy(state));
@@ -332,16 +337,16 @@ fn copy_angular(vector: &[f64; 3], out: &mut [f64]) {
     }
 }
 
-fn motion<S: Space<D, N>, const D: usize, const N: usize>(
-    _: &Cartesian<S, D, N>,
+fn motion<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
+    _: &Cartesian<S, D, N, W>,
     body: usize,
     center: &[f64; 3],
     kind: BodyQuantity,
     state: &State,
     out: &mut [f64],
 ) {
-    let q = Cartesian::<S, D, N>::pose(&state.q, Some(body));
-    let v = Cartesian::<S, D, N>::rate(&state.v, Some(body));
+    let q = Cartesian::<S, D, N, W>::pose(&state.q, Some(body));
+    let v = Cartesian::<S, D, N, W>::rate(&state.v, Some(body));
     let pose = S::body(center, q, v);
     match kind {
         BodyQuantity::Position => out.copy_from_slice(&pose.position[..D]),
@@ -353,7 +358,7 @@ fn motion<S: Space<D, N>, const D: usize, const N: usize>(
         BodyQuantity::Velocity => out.copy_from_slice(&pose.velocity[..D]),
         BodyQuantity::AngularVelocity => copy_angular(&pose.angular_velocity, out),
         BodyQuantity::Acceleration | BodyQuantity::AngularAcceleration => {
-            let a = Cartesian::<S, D, N>::rate(&state.a, Some(body));
+            let a = Cartesian::<S, D, N, W>::rate(&state.a, Some(body));
             let (linear, angular) = S::body_acceleration(center, q, v, a);
             if kind == BodyQuantity::Acceleration {
                 out.copy_from_slice(&linear[..D]);

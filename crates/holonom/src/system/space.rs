@@ -1,19 +1,22 @@
 //! What a dimension supplies to Cartesian coordinates.
 
 use super::BodyPose;
+use super::passage::Passage;
+use crate::elements::body::Body;
 use crate::elements::kinematics::{Between, EdgeKinematics};
 use crate::elements::relative::RelativeElement;
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Driver, Force, Frame, Joint};
 
 /// What distinguishes planar from spatial Cartesian coordinates: N per body, D of them translations.
-pub(super) trait Space<const D: usize, const N: usize>:
+pub(super) trait Space<const D: usize, const N: usize, const W: usize>:
     Send + Sync + Sized + 'static
 {
     type Constraint: ConstraintElement<N> + Send + Sync;
-    type Force: ForceElement<N> + Send + Sync;
+    type Force: ForceElement<D, N, W> + Send + Sync;
     type Relative: RelativeElement<N> + std::fmt::Debug + Clone + Send + Sync;
     type Kinematics: EdgeKinematics<N> + std::fmt::Debug + Clone + Send + Sync;
+    type Passage: Passage<N, W>;
     /// Pose of the ground.
     const GROUND: [f64; N];
     /// Whether each body has a normalisation row.
@@ -24,11 +27,13 @@ pub(super) trait Space<const D: usize, const N: usize>:
     fn force(force: &Force, centers: [[f64; 3]; 2]) -> Self::Force;
     fn force_bodies(force: &Force) -> [BodyIndex; 2];
     /// The relative coordinates of a joint, a line, a bushing, a free body, and the angle about h.
-    fn joint_form(joint: &Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
-    fn line_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
-    fn bushing_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N>;
-    fn free_form() -> FormOf<Self, D, N>;
+    fn joint_form(joint: &Joint, centers: [[f64; 3]; 2]) -> FormOf<Self, D, N, W>;
+    fn line_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N, W>;
+    fn bushing_form(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> FormOf<Self, D, N, W>;
+    fn free_form() -> FormOf<Self, D, N, W>;
     fn relative_angle(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative;
+    /// A body at a pose with its rates, as forces see it.
+    fn moving(q: &[f64; N], v: &[f64; N]) -> Body<f64, D, N, W>;
     fn wraps(constraint: &Self::Constraint) -> bool;
     fn joint_quantities(constraint: &Self::Constraint) -> &'static [crate::elements::Quantity];
     fn joint_quantity(
@@ -76,5 +81,5 @@ pub(super) trait Space<const D: usize, const N: usize>:
 }
 
 /// Kinematics of an edge with its coordinates.
-pub(super) type FormOf<S, const D: usize, const N: usize> =
-    (<S as Space<D, N>>::Kinematics, Vec<(<S as Space<D, N>>::Relative, Between)>);
+pub(super) type FormOf<S, const D: usize, const N: usize, const W: usize> =
+    (<S as Space<D, N, W>>::Kinematics, Vec<(<S as Space<D, N, W>>::Relative, Between)>);

@@ -50,6 +50,8 @@ pub struct Structure {
     pub mass_pattern: BlockPattern,
     /// Blocks of K and C (n×n).
     pub stiffness_pattern: BlockPattern,
+    /// Bodies of each force.
+    pub forces: Vec<[Option<usize>; 2]>,
     /// Body and element of each extra state: blocks of F_z (n×nz) and of g_q, g_q̇ (nz×n).
     pub extra_bodies: Vec<[Option<usize>; 2]>,
     /// Joints, then drivers, in the order of their rows.
@@ -131,6 +133,38 @@ pub struct DerivativeBlocks {
     pub(super) threads: Threads,
     /// F_t in another order.
     pub(super) time: Vec<f64>,
+}
+
+/// Derivatives of one force on the motions of its bodies. Per body W numbers of a displacement or twist, of the centre of mass
+/// and angular, or of a wrench, force and moment about it, ground axes: three in the plane, six in space. Those of wrenches are
+/// of −w, and of twists and displacements each is varied with the components of the other one fixed.
+#[derive(Debug, Clone, Copy)]
+pub struct WrenchBlocks<'a> {
+    /// By displacements, `[felt][moved][row][column]`.
+    pub stiffness: &'a [f64],
+    /// By twists; none where they do not count.
+    pub damping: Option<&'a [f64]>,
+    /// By time, for both bodies.
+    pub time: &'a [f64],
+    /// Of a force with an extra state z.
+    pub extra: Option<ExtraBlocks<'a>>,
+}
+
+/// The extra state of a force: its number, −w_z, and the derivatives of ż.
+#[derive(Debug, Clone, Copy)]
+pub struct ExtraBlocks<'a> {
+    /// Number among all.
+    pub index: usize,
+    /// −w_z on both bodies.
+    pub force: &'a [f64],
+    /// By displacements of both bodies.
+    pub by_displacement: &'a [f64],
+    /// By their twists.
+    pub by_twist: &'a [f64],
+    /// By z.
+    pub own: f64,
+    /// By time.
+    pub time: f64,
 }
 
 /// Bodies and joints times the square of a body's coordinates from which threads share the work: see the same of the

@@ -1,13 +1,12 @@
 use super::quantity;
-use crate::elements::measure::{Dot, Measure};
+use crate::elements::body::{Body, Link, Rigid, angular};
 use crate::elements::space::{Spatial, Triad, euler};
-use crate::elements::vector_function::Vector;
 use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, Quantity, RowBlocks,
+    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, Quantity,
 };
 use crate::math::Real;
-use crate::math::spatial::{conjugate, euler_parameters, product, rotate, slope};
-use crate::math::vector::{add_scaled, dot, lift, sum};
+use crate::math::spatial::{conjugate, cross, euler_parameters, product};
+use crate::math::vector::{add_scaled, difference, dot, lift, sum};
 
 const QUANTITIES: &[Quantity] = &[
     quantity("deformation", "m, rad", "first", 6),
@@ -15,46 +14,63 @@ const QUANTITIES: &[Quantity] = &[
     quantity("torque", "N m", "first", 3),
 ];
 
-/// Columns of a packed row: r_j, p_i, p_j. The row depends on r_i by −r_j.
-const PACKED: usize = 11;
+/// Displacements that it can tell apart: r_j − r_i, φ_i, φ_j.
+const PACKED: usize = 9;
 type Packed<T> = [[T; PACKED]; 6];
 
 /// Linear 6×6 bushing between two frames; acts at the second frame's point.
 ///
 /// ```text
-/// u = (d, e),   d_k = a_kᵀ (x_j − x_i) with a_k = f_i, g_i, h_i
-/// e_k = 2 sign(ε₀) ε_k,   ε = conj(p_i c_i) p_j c_j = (p_iᵀ R_k p_j),   c: frame in its body
-/// W = K u + C u̇,   Q = −u_qᵀ W
-/// −Q_q = u_qᵀ (K u_q + C (u_q v)_q) + Σ W_k (u_k)_qq,   −Q_q̇ = u_qᵀ C u_q
+/// u = (d, e),   d_k = a_kᵀx,   e_k = 2 sign(ε₀) ε_k,   W = K u + C u̇,   w = −u_ξᵀ W
+/// −w_ξ = u_ξᵀ (K u_ξ + C u̇_ξ) + Σ W_k (u_kξᵀ)_ξ,   −w_y = u_ξᵀ C u_ξ
 /// ```
 ///
-/// The force is evaluated without u_q of d: with f = −Σ W_k a_k fixed in the first body, it is the virtual work of A f on the
-/// link d and on the turning of A, fᵀ(Aᵀd)˙.
+/// x is the link of the points, a_k = f, g, h of the first frame, ε the Euler parameters of the second frame against it.
+/// With ρ = ω_j − ω_i, b the arm of the second point from the first centre of mass and ε as a vector in space,
+///
+/// ```text
+/// u̇_k = a_kᵀy,  y = ẋ − ω_i × x               u̇_3+k = j_kᵀρ,  j_k = sign(ε₀) (ε₀ a_k − a_k × ε)
+/// δd_k = a_kᵀ(δr_j − δr_i) − (b × a_k)ᵀδφ_i + (s_j × a_k)ᵀδφ_j     δe_k = j_kᵀ(δφ_j − δφ_i)
+/// ```
 ///
 /// With C = 0 the force is the gradient of ½ uᵀK u, so it is conservative at every amplitude; e
-/// turns over only at half a turn. On |p| = 1 the moment on the second body about its point is
+/// turns over only at half a turn. The moment on the second body about its point is
 /// −sign(ε₀) (ε₀ I + ε̃) W_e in axes of the first frame.
 ///
 /// Source: virtual work; Euler parameters after Haug (1989), 9.3.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bushing {
-    /// d.
-    translation: Measure<Spatial, 3, 7, 4>,
+    points: [[f64; 3]; 2],
     /// f, g, h of the first frame.
     axes: [[f64; 3]; 3],
-    /// R_k, k = 0..4.
-    forms: [[[f64; 4]; 4]; 4],
+    /// Euler parameters of the frames in their bodies.
+    frames: [[f64; 4]; 2],
     stiffness: [[f64; 6]; 6],
     damping: [[f64; 6]; 6],
     damped: bool,
 }
 
-/// The bushing in one configuration.
+/// The bushing in one configuration; vectors in axes of the ground, ε in those of the first frame too.
 struct Deformation<T> {
+    link: Link<T, 3>,
+    /// a_k.
+    axes: [[T; 3]; 3],
+    /// b.
+    arm: [T; 3],
+    sign: f64,
+    epsilon: [T; 4],
+    epsilon_in_space: [T; 3],
+    /// y and ρ.
+    speed: [T; 3],
+    spin: [T; 3],
     u: [T; 6],
-    u_q: Packed<T>,
-    /// 2 sign(ε₀).
-    twice_sign: f64,
+    rate: [T; 6],
+}
+
+/// Σ c_k a_k.
+#[inline(always)]
+fn combined<T: Real>(c: &[T], axes: &[[T; 3]; 3]) -> [T; 3] {
+    std::array::from_fn(|d| c[0] * axes[0][d] + c[1] * axes[1][d] + c[2] * axes[2][d])
 }
 
 impl Bushing {
@@ -63,97 +79,170 @@ impl Bushing {
         stiffness: &[[f64; 6]; 6],
         damping: &[[f64; 6]; 6],
     ) -> Self {
-        let dots = frames[0].axes.map(Dot::along).to_vec();
-        let translation = Measure::new([frames[0].point, frames[1].point], false, dots);
-        let [ci, cj] = frames.map(|frame| {
+        let turned = frames.map(|frame| {
             let columns = frame.axes;
             euler_parameters(&std::array::from_fn(|row| columns.map(|axis| axis[row])))
         });
-        let unit = |k: usize| std::array::from_fn(|i| if i == k { 1.0 } else { 0.0 });
-        let mut forms = [[[0.0; 4]; 4]; 4];
-        for a in 0..4 {
-            for b in 0..4 {
-                let (pi, pj) = (product(&unit(a), &ci), product(&unit(b), &cj));
-                let relative = product(&conjugate(&pi), &pj);
-                for k in 0..4 {
-                    forms[k][a][b] = relative[k];
-                }
-            }
-        }
+        let points = [frames[0].point, frames[1].point];
         let damped = damping.iter().flatten().any(|&c| c != 0.0);
-        let axes = frames[0].axes;
-        Self { translation, axes, forms, stiffness: *stiffness, damping: *damping, damped }
+        let (axes, stiffness, damping) = (frames[0].axes, *stiffness, *damping);
+        Self { points, axes, frames: turned, stiffness, damping, damped }
     }
 
-    /// R_k p_j (columns p_i) and R_kᵀ p_i (columns p_j).
     #[inline(always)]
-    fn form_rows<T: Real>(&self, k: usize, pi: &[T; 4], pj: &[T; 4]) -> ([T; 4], [T; 4]) {
-        let form = &self.forms[k];
-        let mut out = ([T::zero(); 4], [T::zero(); 4]);
-        for a in 0..4 {
-            for b in 0..4 {
-                out.0[a] += pj[b] * form[a][b];
-                out.1[b] += pi[a] * form[a][b];
-            }
+    fn deformation<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> Deformation<T> {
+        let link = Link::new(&self.points, bodies);
+        let axes = [0, 1, 2].map(|k| bodies[0].turn(&self.axes[k]));
+        let [pi, pj] = [0, 1]
+            .map(|side| product(&euler(&bodies[side].pose), &lift::<T, 4>(&self.frames[side])));
+        let epsilon = product(&conjugate(&pi), &pj);
+        let sign = 1.0_f64.copysign(epsilon[0].value());
+        let [first, second] = bodies.map(|body| angular(&body.twist));
+        let spin = difference(&second, &first);
+        let speed = difference(&link.speed::<Spatial, 7, 6>(bodies), &cross(&first, &link.x));
+        let epsilon_in_space = combined(&epsilon[1..], &axes);
+        let mut out = Deformation {
+            arm: sum(&link.arms[0], &link.x),
+            link,
+            axes,
+            sign,
+            epsilon,
+            epsilon_in_space,
+            speed,
+            spin,
+            u: [T::zero(); 6],
+            rate: [T::zero(); 6],
+        };
+        for k in 0..3 {
+            out.u[k] = dot(&axes[k], &out.link.x);
+            out.u[3 + k] = epsilon[1 + k] * (2.0 * sign);
+            out.rate[k] = dot(&axes[k], &speed);
+            out.rate[3 + k] = dot(&out.turning_row(k), &spin);
         }
         out
     }
 
-    #[inline(always)]
-    fn deformation<T: Real>(&self, q: [&[T; 7]; 2]) -> Deformation<T> {
-        let mut u = [T::zero(); 6];
-        let mut rows = RowBlocks::zero();
-        self.translation.value(q, &mut u);
-        self.translation.jacobian(q, &mut rows);
-        let mut u_q = pack(&rows);
-        let [pi, pj] = q.map(euler);
-        let (row, _) = self.form_rows(0, &pi, &pj);
-        let twice_sign = 2.0_f64.copysign(dot(&row, &pi).value());
-        for k in 0..3 {
-            let (on_i, on_j) = self.form_rows(k + 1, &pi, &pj);
-            u[3 + k] = dot(&on_i, &pi) * twice_sign;
-            for a in 0..4 {
-                u_q[3 + k][3 + a] = on_i[a] * twice_sign;
-                u_q[3 + k][7 + a] = on_j[a] * twice_sign;
-            }
-        }
-        Deformation { u, u_q, twice_sign }
-    }
-
-    /// u̇.
-    #[inline(always)]
-    fn rate<T: Real>(u_q: &Packed<T>, v: [&[T; 7]; 2]) -> [T; 6] {
-        let mut packed = [T::zero(); PACKED];
-        for k in 0..3 {
-            packed[k] = v[1][k] - v[0][k];
-        }
-        packed[3..7].copy_from_slice(&v[0][3..]);
-        packed[7..].copy_from_slice(&v[1][3..]);
-        u_q.map(|row| dot(&row, &packed))
-    }
-
     /// W.
     #[inline(always)]
-    fn wrench<T: Real>(&self, u: &[T; 6], rate: &[T; 6]) -> [T; 6] {
-        let mut wrench = [T::zero(); 6];
+    fn load<T: Real>(&self, u: &[T; 6], rate: &[T; 6]) -> [T; 6] {
+        let mut load = [T::zero(); 6];
         for i in 0..6 {
             for j in 0..6 {
-                wrench[i] += u[j] * self.stiffness[i][j] + rate[j] * self.damping[i][j];
+                load[i] += u[j] * self.stiffness[i][j] + rate[j] * self.damping[i][j];
             }
         }
-        wrench
+        load
     }
 }
 
-#[inline(always)]
-fn pack<T: Real>(rows: &RowBlocks<T, 7>) -> Packed<T> {
-    let mut out = [[T::zero(); PACKED]; 6];
-    for k in 0..3 {
-        out[k][..3].copy_from_slice(&rows.0[1][k][..3]);
-        out[k][3..7].copy_from_slice(&rows.0[0][k][3..]);
-        out[k][7..].copy_from_slice(&rows.0[1][k][3..]);
+impl<T: Real> Deformation<T> {
+    /// j_k.
+    #[inline(always)]
+    fn turning_row(&self, k: usize) -> [T; 3] {
+        let x = cross(&self.axes[k], &self.epsilon_in_space);
+        std::array::from_fn(|d| (self.epsilon[0] * self.axes[k][d] - x[d]) * self.sign)
     }
-    out
+
+    /// Force on the second body and moment about its point, W_e as a vector in space, and the wrenches.
+    #[inline(always)]
+    fn wrenches(&self, load: &[T; 6]) -> ([[T; 3]; 3], [[T; 6]; 2]) {
+        let force = combined(&load[..3], &self.axes).map(|x| -x);
+        let turning = combined(&load[3..], &self.axes);
+        let x = cross(&self.epsilon_in_space, &turning);
+        let moment: [T; 3] =
+            std::array::from_fn(|d| (self.epsilon[0] * turning[d] + x[d]) * -self.sign);
+        let mut first = Spatial::wrench(&force, &self.arm).map(|x| -x);
+        let mut second = Spatial::wrench(&force, &self.link.arms[1]);
+        for d in 0..3 {
+            first[3 + d] -= moment[d];
+            second[3 + d] += moment[d];
+        }
+        ([force, moment, turning], [first, second])
+    }
+
+    /// u_ξ.
+    #[inline(always)]
+    fn rows(&self) -> Packed<T> {
+        let o = [T::zero(); 3];
+        std::array::from_fn(|k| {
+            if k < 3 {
+                let a = &self.axes[k];
+                pack(a, &cross(a, &self.arm), &cross(&self.link.arms[1], a))
+            } else {
+                let j = self.turning_row(k - 3);
+                pack(&o, &j.map(|x| -x), &j)
+            }
+        })
+    }
+
+    /// u̇_ξ at fixed twists.
+    #[inline(always)]
+    fn rate_rows(&self, first_spin: &[T; 3]) -> Packed<T> {
+        let (o, spin) = ([T::zero(); 3], &self.spin);
+        let along = dot(spin, &self.epsilon_in_space);
+        std::array::from_fn(|k| {
+            let a = &self.axes[k % 3];
+            let across = cross(a, spin);
+            if k < 3 {
+                let second = cross(&self.link.arms[1], &across);
+                return pack(&cross(first_spin, a), &cross(a, &self.speed), &second);
+            }
+            let j = self.turning_row(k - 3);
+            let about = dot(a, spin);
+            let half: [T; 3] = std::array::from_fn(|d| {
+                let straight = along * a[d] - about * self.epsilon_in_space[d];
+                let bent = self.epsilon[0] * across[d] - self.epsilon[k - 2] * spin[d];
+                (straight + bent) * (0.5 * self.sign)
+            });
+            let carried = cross(&j, spin);
+            pack(&o, &difference(&carried, &half), &half)
+        })
+    }
+
+    /// Σ W_k (u_kξᵀ)_ξ: forces, moments on the first and on the second body.
+    #[inline(always)]
+    fn bend(&self, [force, moment, turning]: &[[T; 3]; 3]) -> [[T; PACKED]; PACKED] {
+        let mut out = [[T::zero(); PACKED]; PACKED];
+        let (e, arm, own) = (&self.epsilon_in_space, &self.arm, &self.link.arms[1]);
+        let half = 0.5 * self.sign;
+        let along = dot(e, turning);
+        let (by_arm, by_own) = (dot(arm, force), dot(own, force));
+        let [f, n, w] = [force, moment, turning].map(tilde);
+        for r in 0..3 {
+            for c in 0..3 {
+                let mut h = e[r] * turning[c] - turning[r] * e[c] - self.epsilon[0] * w[r][c];
+                let mut carried = -(force[r] * arm[c]);
+                let mut swing = own[r] * force[c];
+                let mut own_carried = force[r] * own[c];
+                if r == c {
+                    h -= along;
+                    carried += by_arm;
+                    swing -= by_own;
+                    own_carried -= by_own;
+                }
+                h *= half;
+                out[r][3 + c] = f[r][c];
+                out[3 + r][c] = -f[r][c];
+                out[3 + r][3 + c] = h - n[r][c] + carried;
+                out[3 + r][6 + c] = swing - h;
+                out[6 + r][3 + c] = own_carried + n[r][c] - h;
+                out[6 + r][6 + c] = h - swing;
+            }
+        }
+        out
+    }
+}
+
+/// ã.
+#[inline(always)]
+fn tilde<T: Real>(a: &[T; 3]) -> [[T; 3]; 3] {
+    let o = T::zero();
+    [[o, -a[2], a[1]], [a[2], o, -a[0]], [-a[1], a[0], o]]
+}
+
+#[inline(always)]
+fn pack<T: Real>(a: &[T; 3], b: &[T; 3], c: &[T; 3]) -> [T; PACKED] {
+    [a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]]
 }
 
 /// out += M rows, skipping the zeros of M (most bushings are diagonal).
@@ -162,148 +251,78 @@ fn add_product<T: Real>(m: &[[f64; 6]; 6], rows: &Packed<T>, out: &mut Packed<T>
     for i in 0..6 {
         for j in 0..6 {
             if m[i][j] != 0.0 {
-                for c in 0..PACKED {
-                    out[i][c] += rows[j][c] * m[i][j];
-                }
+                add_scaled(&mut out[i], T::from(m[i][j]), &rows[j]);
             }
         }
     }
 }
 
-/// Where packed column c goes: side, coordinate; translations go to r_i too, with a minus.
+/// out += leftᵀ right.
 #[inline(always)]
-fn place(c: usize) -> (usize, usize) {
-    match c {
-        0..3 => (1, c),
-        3..7 => (0, c),
-        _ => (1, c - 4),
-    }
-}
-
-/// out += leftᵀ right over the coordinates of both bodies.
-#[inline(always)]
-fn add_pair<T: Real>(left: &Packed<T>, right: &Packed<T>, out: &mut PairBlocks<T, 7>) {
-    let mut product = [[T::zero(); PACKED]; PACKED];
+fn add_square<T: Real>(left: &Packed<T>, right: &Packed<T>, out: &mut [[T; PACKED]; PACKED]) {
     for k in 0..6 {
-        // rows of rotations (3..6) do not depend on translations (columns 0..3)
+        // Rows of rotations do not depend on places.
         for r in if k < 3 { 0 } else { 3 }..PACKED {
-            let factor = left[k][r];
-            for c in 0..PACKED {
-                product[r][c] += factor * right[k][c];
-            }
-        }
-    }
-    for r in 0..PACKED {
-        let (s, i) = place(r);
-        add_row(&product[r], &mut out.0[s], i);
-        if r < 3 {
-            add_row(&product[r].map(|x| -x), &mut out.0[0], i);
+            add_scaled(&mut out[r], left[k][r], &right[k]);
         }
     }
 }
 
-/// Adds a packed row to row `i` of the blocks of one side.
+/// Where a packed number goes: body and place there; those of r_j − r_i go to the first body too, with a minus.
 #[inline(always)]
-fn add_row<T: Real>(row: &[T; PACKED], out: &mut [[[T; 7]; 7]; 2], i: usize) {
-    for k in 0..3 {
-        out[0][i][k] -= row[k];
-        out[1][i][k] += row[k];
+fn unpack<T: Real>(square: &[[T; PACKED]; PACKED]) -> PairBlocks<T, 6> {
+    let mut out = PairBlocks::zero();
+    let row = |x: &[T; PACKED]| {
+        [[-x[0], -x[1], -x[2], x[3], x[4], x[5]], [x[0], x[1], x[2], x[6], x[7], x[8]]]
+    };
+    for r in 0..3 {
+        let (force, first, second) = (row(&square[r]), row(&square[3 + r]), row(&square[6 + r]));
+        for moved in 0..2 {
+            out.0[0][moved][r] = force[moved].map(|x| -x);
+            out.0[1][moved][r] = force[moved];
+            out.0[0][moved][3 + r] = first[moved];
+            out.0[1][moved][3 + r] = second[moved];
+        }
     }
-    for k in 3..7 {
-        out[0][i][k] += row[k];
-        out[1][i][k] += row[k + 4];
-    }
+    out
 }
 
-impl ForceElement<7> for Bushing {
-    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, 7>, out: &mut ForceOutput<T, 7>) {
-        let ForceInput { q, v, .. } = *input;
-        let ([pi, pj], [vi, vj]) = (q.map(euler), v.map(euler));
-        let points = &self.translation.points;
-        let link = Vector::Link.jet::<T, Spatial, 7, 4>(points, q);
-        // d and its rate in axes of the first body, where those of the bushing stand still.
-        let (inverse, inverse_rate) = (conjugate(&pi), conjugate(&vi));
-        let d = rotate(&inverse, &link.x);
-        let turning = slope(&inverse, &link.x).map(|row| dot(&row, &inverse_rate));
-        let d_rate = sum(&rotate(&inverse, &link.d.times(v)), &turning);
-        let (mut u, mut rate) = ([T::zero(); 6], [T::zero(); 6]);
-        for k in 0..3 {
-            let axis = lift(&self.axes[k]);
-            (u[k], rate[k]) = (dot(&axis, &d), dot(&axis, &d_rate));
-        }
-        let twice_sign = 2.0_f64.copysign(dot(&self.form_rows(0, &pi, &pj).0, &pi).value());
-        let mut rows = [([T::zero(); 4], [T::zero(); 4]); 3];
-        for k in 0..3 {
-            rows[k] = self.form_rows(k + 1, &pi, &pj);
-            u[3 + k] = dot(&rows[k].0, &pi) * twice_sign;
-            rate[3 + k] = (dot(&rows[k].0, &vi) + dot(&rows[k].1, &vj)) * twice_sign;
-        }
-        let wrench = self.wrench(&u, &rate);
-        // The force in axes of the first body, at whose turning its link's components change.
-        let mut force = [T::zero(); 3];
-        for k in 0..3 {
-            add_scaled(&mut force, -wrench[k], &lift(&self.axes[k]));
-        }
+impl ForceElement<3, 7, 6> for Bushing {
+    fn evaluate<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceOutput<T, 6>) {
+        let at = self.deformation(input.pair());
+        out.wrenches = at.wrenches(&self.load(&at.u, &at.rate)).1;
         out.z_rate = T::zero();
-        out.q = link.d.transposed_times(&rotate(&pi, &force));
-        for (row, x) in slope(&pi, &force).iter().zip(&link.x) {
-            for a in 0..4 {
-                out.q[0][3 + a] += *x * row[a];
-            }
-        }
-        for k in 0..3 {
-            let moment = wrench[3 + k] * -twice_sign;
-            for a in 0..4 {
-                out.q[0][3 + a] += moment * rows[k].0[a];
-                out.q[1][3 + a] += moment * rows[k].1[a];
-            }
-        }
     }
 
-    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, 7>, out: &mut ForceBlocks<T, 7>) {
+    fn blocks<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceBlocks<T, 6>) {
         *out = ForceBlocks::zero();
-        let Deformation { u, u_q, twice_sign } = self.deformation(input.q);
-        let wrench = self.wrench(&u, &Self::rate(&u_q, input.v));
+        let at = self.deformation(input.pair());
+        let (acting, wrenches) = at.wrenches(&self.load(&at.u, &at.rate));
+        out.wrenches = wrenches;
+        let rows = at.rows();
         let mut weighted = [[T::zero(); PACKED]; 6];
-        add_product(&self.stiffness, &u_q, &mut weighted);
+        add_product(&self.stiffness, &rows, &mut weighted);
+        out.damped = self.damped;
         if self.damped {
-            let mut rows = RowBlocks::zero();
-            self.translation.directional(input.q, input.v, &mut rows);
-            let mut change = pack(&rows);
-            let [pi, pj] = input.v.map(euler);
-            for k in 0..3 {
-                let (on_i, on_j) = self.form_rows(k + 1, &pi, &pj);
-                for a in 0..4 {
-                    change[3 + k][3 + a] = on_i[a] * twice_sign;
-                    change[3 + k][7 + a] = on_j[a] * twice_sign;
-                }
-            }
-            add_product(&self.damping, &change, &mut weighted);
+            let rate_rows = at.rate_rows(&angular(&input.bodies[0].twist));
+            add_product(&self.damping, &rate_rows, &mut weighted);
             let mut damped = [[T::zero(); PACKED]; 6];
-            add_product(&self.damping, &u_q, &mut damped);
-            add_pair(&u_q, &damped, &mut out.c);
+            add_product(&self.damping, &rows, &mut damped);
+            let mut square = [[T::zero(); PACKED]; PACKED];
+            add_square(&rows, &damped, &mut square);
+            out.c = unpack(&square);
         }
-        add_pair(&u_q, &weighted, &mut out.k);
-        self.translation.add_hessian(input.q, &wrench, &mut out.k);
-        for k in 0..3 {
-            let factor = wrench[3 + k] * twice_sign;
-            for a in 0..4 {
-                for b in 0..4 {
-                    let value = factor * self.forms[k + 1][a][b];
-                    out.k.0[0][1][3 + a][3 + b] += value;
-                    out.k.0[1][0][3 + b][3 + a] += value;
-                }
-            }
-        }
+        let mut square = at.bend(&acting);
+        add_square(&rows, &weighted, &mut square);
+        out.k = unpack(&square);
     }
 
-    fn energy(&self, input: &ForceInput<'_, f64, 7>) -> Energy {
-        let Deformation { u, u_q, .. } = self.deformation(input.q);
-        let rate = Self::rate(&u_q, input.v);
+    fn energy(&self, input: &ForceInput<f64, 3, 7, 6>) -> Energy {
+        let Deformation { u, rate, .. } = self.deformation(input.pair());
         let zero = [0.0; 6];
         Energy {
-            potential: 0.5 * dot(&u, &self.wrench(&u, &zero)),
-            dissipated: dot(&rate, &self.wrench(&zero, &rate)),
+            potential: 0.5 * dot(&u, &self.load(&u, &zero)),
+            dissipated: dot(&rate, &self.load(&zero, &rate)),
             supplied: 0.0,
         }
     }
@@ -312,27 +331,17 @@ impl ForceElement<7> for Bushing {
         QUANTITIES
     }
 
-    fn quantity(&self, index: usize, input: &ForceInput<'_, f64, 7>, out: &mut [f64]) {
-        let Deformation { u, u_q, twice_sign } = self.deformation(input.q);
+    fn quantity(&self, index: usize, input: &ForceInput<f64, 3, 7, 6>, out: &mut [f64]) {
+        let at = self.deformation(input.pair());
         if index == 0 {
-            out[..6].copy_from_slice(&u);
+            out[..6].copy_from_slice(&at.u);
             return;
         }
-        let wrench = self.wrench(&u, &Self::rate(&u_q, input.v));
-        if index == 1 {
-            for k in 0..3 {
-                out[k] = -wrench[k];
-            }
-            return;
-        }
-        let [pi, pj] = input.q.map(euler);
-        let relative: [f64; 4] = std::array::from_fn(|k| dot(&self.form_rows(k, &pi, &pj).0, &pi));
-        // −sign(ε₀) (ε₀ I + ε̃) W_e
-        let (w, e) = (&wrench[3..], &relative[1..]);
+        let load = self.load(&at.u, &at.rate);
+        let ([force, moment, _], _) = at.wrenches(&load);
+        let vector = if index == 1 { force } else { moment };
         for k in 0..3 {
-            let (a, b) = ((k + 1) % 3, (k + 2) % 3);
-            let moment = relative[0] * w[k] + e[a] * w[b] - e[b] * w[a];
-            out[k] = -0.5 * twice_sign * moment;
+            out[k] = dot(&at.axes[k], &vector);
         }
     }
 }

@@ -1,6 +1,7 @@
 use super::line::Line;
 use super::quantity;
-use crate::elements::space::{Space, Triad};
+use crate::elements::body::Rigid;
+use crate::elements::space::Triad;
 use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
 use crate::math::Real;
 use crate::math::vector::scaled;
@@ -15,8 +16,8 @@ const QUANTITIES: &[Quantity] = &[
 /// A spring and a damper in series, planar or spatial; extra state z: the spring's extension, m.
 ///
 /// ```text
-/// f = k z,   Q = −f l_qᵀ,   ż = l̇ − (k/c) z
-/// −Q_q = f l_qq,   −Q_z = k l_qᵀ,   ż_q = l̇_q,   ż_q̇ = l_q,   ż_z = −k/c
+/// f = k z,   w = −f l_ξᵀ,   ż = l̇ − (k/c) z
+/// −w_ξ = f (l_ξᵀ)_ξ,   −w_z = k l_ξᵀ,   ż_ξ = l̇_ξ,   ż_y = l_ξ,   ż_z = −k/c
 /// ```
 ///
 /// With the damper's extension l − l₀ − z as the state, a stiff spring would turn every error of the
@@ -25,14 +26,14 @@ const QUANTITIES: &[Quantity] = &[
 ///
 /// Source: J. C. Maxwell's series model; l and its derivatives in `line.rs`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Maxwell<S, const D: usize, const N: usize, const R: usize> {
-    line: Line<S, D, N, R>,
+pub struct Maxwell<S, const D: usize, const N: usize, const W: usize> {
+    line: Line<S, D, N, W>,
     stiffness: f64,
     damping: f64,
     free_length: f64,
 }
 
-impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Maxwell<S, D, N, R> {
+impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> Maxwell<S, D, N, W> {
     pub(in crate::elements) fn new(
         frames: &[Triad<D>; 2],
         stiffness: f64,
@@ -43,8 +44,8 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Maxwell<
     }
 }
 
-impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceElement<N>
-    for Maxwell<S, D, N, R>
+impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceElement<D, N, W>
+    for Maxwell<S, D, N, W>
 {
     fn has_extra_state(&self) -> bool {
         true
@@ -54,27 +55,28 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
         (self.damping / self.stiffness).min(1.0)
     }
 
-    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceOutput<T, N>) {
-        let span = self.line.span(input.q, input.v);
-        let force = input.z * self.stiffness;
-        out.q = span.gradient().map(|row| scaled(&row, -force));
-        out.z_rate = span.rate - force / self.damping;
+    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>) {
+        let span = self.line.span(input.pair());
+        let pull = input.z * self.stiffness;
+        out.wrenches = Line::<S, D, N, W>::rows(&span).map(|row| scaled(&row, -pull));
+        out.z_rate = span.rate - pull / self.damping;
     }
 
-    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceBlocks<T, N>) {
+    fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>) {
         *out = ForceBlocks::zero();
-        let span = self.line.span(input.q, input.v);
+        let span = self.line.span(input.pair());
         let stiffness = T::from(self.stiffness);
-        let force = input.z * stiffness;
-        let gradient = span.gradient();
-        self.line.add_stiffness(&span, input.q, force, T::zero(), &mut out.k);
-        out.z = gradient.map(|row| scaled(&row, stiffness));
-        out.rate_q = self.line.rate_gradient(&span, input.q, input.v);
-        out.rate_v = gradient;
+        let pull = input.z * stiffness;
+        let rows = Line::<S, D, N, W>::rows(&span);
+        out.wrenches = rows.map(|row| scaled(&row, -pull));
+        Line::<S, D, N, W>::add_stiffness(&span, pull, T::zero(), &mut out.k);
+        out.z = rows.map(|row| scaled(&row, stiffness));
+        out.rate_x = Line::<S, D, N, W>::rate_rows(&span, input.pair());
+        out.rate_y = rows;
         out.rate_z = -(stiffness / self.damping);
     }
 
-    fn energy(&self, input: &ForceInput<'_, f64, N>) -> Energy {
+    fn energy(&self, input: &ForceInput<f64, D, N, W>) -> Energy {
         let force = self.stiffness * input.z;
         Energy {
             potential: 0.5 * force * input.z,
@@ -87,17 +89,17 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
         vec![Vec::new()]
     }
 
-    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 3] {
-        let span = self.line.span(input.q, input.v);
-        [span.length, span.rate, Line::<S, D, N, R>::turning(&span, input)]
+    fn argument(&self, _: usize, input: &ForceInput<f64, D, N, W>) -> [f64; 3] {
+        let span = self.line.span(input.pair());
+        [span.length, span.rate, Line::<S, D, N, W>::turning(&span, input)]
     }
 
     fn quantities(&self) -> &'static [Quantity] {
         QUANTITIES
     }
 
-    fn quantity(&self, index: usize, input: &ForceInput<'_, f64, N>, out: &mut [f64]) {
-        let span = self.line.span(input.q, input.v);
+    fn quantity(&self, index: usize, input: &ForceInput<f64, D, N, W>, out: &mut [f64]) {
+        let span = self.line.span(input.pair());
         out[0] = match index {
             0 => span.length,
             1 => span.rate,

@@ -1,4 +1,4 @@
-//! One file per force: its law, generalized force, derivative blocks, energy and channels.
+//! One file per force: its law, wrenches, derivative blocks, energy and channels.
 
 pub(super) mod bushing;
 pub(super) mod law;
@@ -11,7 +11,7 @@ pub(super) mod torque;
 pub(super) mod tsda;
 pub(super) mod tyre;
 
-use super::Quantity;
+use super::{Energy, ForceElement, ForceInput, ForceOutput, Quantity, product};
 use crate::model;
 
 /// First and second body of a force. For a force on one body the second is acted on and the first
@@ -42,55 +42,70 @@ const fn quantity(
     Quantity { name, unit, frame, size }
 }
 
-/// Implements [`ForceElement`](super::ForceElement) for an enum by the element of each variant.
+/// All power of an applied force is supplied.
+fn supplied<const D: usize, const N: usize, const W: usize>(
+    force: &impl ForceElement<D, N, W>,
+    input: &ForceInput<f64, D, N, W>,
+) -> Energy {
+    let mut out = ForceOutput::zero();
+    force.evaluate(input, &mut out);
+    Energy { supplied: product(&out.wrenches, input.twists()), ..Energy::default() }
+}
+
+/// Implements [`ForceElement`] for an enum by the element of each variant.
 macro_rules! by_variant {
-    ($name:ident, $n:literal, $($variant:ident),+) => {
-        impl ForceElement<$n> for $name {
+    ($name:ident, [$d:literal, $n:literal, $w:literal], $($variant:ident),+) => {
+        impl ForceElement<$d, $n, $w> for $name {
             fn has_extra_state(&self) -> bool {
                 match self { $(Self::$variant(e) => e.has_extra_state(),)+ }
             }
             fn counts_turns(&self) -> bool {
                 match self { $(Self::$variant(e) => e.counts_turns(),)+ }
             }
-            fn angle(&self, q: [&[f64; $n]; 2], winding: f64) -> f64 {
-                match self { $(Self::$variant(e) => e.angle(q, winding),)+ }
+            fn angle(&self, bodies: [&Body<f64, $d, $n, $w>; 2], winding: f64) -> f64 {
+                match self { $(Self::$variant(e) => e.angle(bodies, winding),)+ }
             }
             fn extra_state_scale(&self) -> f64 {
                 match self { $(Self::$variant(e) => e.extra_state_scale(),)+ }
             }
             fn evaluate<T: Real>(
                 &self,
-                input: &ForceInput<'_, T, $n>,
-                out: &mut ForceOutput<T, $n>,
+                input: &ForceInput<T, $d, $n, $w>,
+                out: &mut ForceOutput<T, $w>,
             ) {
                 match self { $(Self::$variant(e) => e.evaluate(input, out),)+ }
             }
             fn blocks<T: Real>(
                 &self,
-                input: &ForceInput<'_, T, $n>,
-                out: &mut ForceBlocks<T, $n>,
+                input: &ForceInput<T, $d, $n, $w>,
+                out: &mut ForceBlocks<T, $w>,
             ) {
                 match self { $(Self::$variant(e) => e.blocks(input, out),)+ }
             }
-            fn energy(&self, input: &ForceInput<'_, f64, $n>) -> Energy {
+            fn energy(&self, input: &ForceInput<f64, $d, $n, $w>) -> Energy {
                 match self { $(Self::$variant(e) => e.energy(input),)+ }
             }
             fn quantities(&self) -> &'static [Quantity] {
                 match self { $(Self::$variant(e) => e.quantities(),)+ }
             }
-            fn quantity(&self, index: usize, input: &ForceInput<'_, f64, $n>, out: &mut [f64]) {
+            fn quantity(
+                &self,
+                index: usize,
+                input: &ForceInput<f64, $d, $n, $w>,
+                out: &mut [f64],
+            ) {
                 match self { $(Self::$variant(e) => e.quantity(index, input, out),)+ }
             }
             fn breakpoints(&self) -> Vec<f64> {
                 match self { $(Self::$variant(e) => e.breakpoints(),)+ }
             }
-            fn longest_step(&self, input: &ForceInput<'_, f64, $n>) -> f64 {
+            fn longest_step(&self, input: &ForceInput<f64, $d, $n, $w>) -> f64 {
                 match self { $(Self::$variant(e) => e.longest_step(input),)+ }
             }
             fn knots(&self) -> Vec<Vec<f64>> {
                 match self { $(Self::$variant(e) => e.knots(),)+ }
             }
-            fn argument(&self, index: usize, input: &ForceInput<'_, f64, $n>) -> [f64; 3] {
+            fn argument(&self, index: usize, input: &ForceInput<f64, $d, $n, $w>) -> [f64; 3] {
                 match self { $(Self::$variant(e) => e.argument(index, input),)+ }
             }
             fn profile(&self, index: usize, argument: f64) -> f64 {

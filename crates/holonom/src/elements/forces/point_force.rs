@@ -1,34 +1,33 @@
 use std::marker::PhantomData;
 
-use super::quantity;
-use crate::elements::space::{Space, from_center, leading};
-use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity, product,
-};
-use crate::math::vector::lift;
+use super::{quantity, supplied};
+use crate::elements::body::Rigid;
+use crate::elements::space::{from_center, leading};
+use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use crate::math::vector::dot;
 use crate::math::{Real, TimeFunction};
 use crate::model::{ForceAxes, Frame};
 
 const PLANAR: &[Quantity] = &[quantity("force", "N", "ground", 2)];
 const SPATIAL: &[Quantity] = &[quantity("force", "N", "ground", 3)];
 
-/// A force at a point x = r + A s of the second body, planar or spatial.
+/// A force at a point of the second body with the arm a = A s, planar or spatial.
 ///
 /// ```text
-/// F = F'(t) in ground axes or A F'(t) in body axes,   Q_r = F,   Q_rot = BᵀF,   B = (A s)_rot
-/// −Q_q = −(BᵀF)_rot − D_xᵀ F_q
+/// F = F'(t) in ground axes or A F'(t) in body axes,   w = (F, a × F)
+/// −w_φ δφ = −(0, (δφ × a) × F) − (δF, a × δF),   δF = δφ × F in body axes
 /// ```
 ///
 /// Source: Haug (1989), 11.2.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PointForce<S, const D: usize, const N: usize, const R: usize> {
+pub struct PointForce<S, const D: usize, const N: usize, const W: usize> {
     point: [f64; D],
     force: [TimeFunction; 3],
     axes: ForceAxes,
     space: PhantomData<S>,
 }
 
-impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> PointForce<S, D, N, R> {
+impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> PointForce<S, D, N, W> {
     pub(in crate::elements) fn new(
         frame: &Frame,
         force: &[TimeFunction; 3],
@@ -39,88 +38,60 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> PointFor
         Self { point, force: force.clone(), axes, space: PhantomData }
     }
 
-    /// Components of F and of its time derivative in their own axes.
+    /// F and its rate in a body at rest, ground axes.
     #[inline(always)]
-    fn components<T: Real>(&self, t: T) -> ([T; D], [T; D]) {
-        let mut out = ([T::zero(); D], [T::zero(); D]);
+    fn force_and_rate<T: Real>(&self, input: &ForceInput<T, D, N, W>) -> [[T; D]; 2] {
+        let mut out = [[T::zero(); D]; 2];
         for d in 0..D {
-            (out.0[d], out.1[d]) = self.force[d].value_and_slope(t);
+            (out[0][d], out[1][d]) = self.force[d].value_and_slope(input.t);
         }
-        out
-    }
-
-    /// Components in ground axes.
-    #[inline(always)]
-    fn in_ground<T: Real>(&self, q: &[T; N], components: &[T; D]) -> [T; D] {
+        let axes = &input.bodies[1].axes;
         match self.axes {
-            ForceAxes::Ground => *components,
-            ForceAxes::Body => S::rotate(q, components),
+            ForceAxes::Ground => out,
+            ForceAxes::Body => out.map(|x| axes.map(|row| dot(&row, &x))),
         }
-    }
-
-    /// D_xᵀ F with B = (A s)_rot.
-    #[inline(always)]
-    fn generalized<T: Real>(slope: &[[T; R]; D], force: &[T; D]) -> [T; N] {
-        let mut row = [T::zero(); N];
-        row[..D].copy_from_slice(force);
-        for d in 0..D {
-            for k in 0..R {
-                row[D + k] += slope[d][k] * force[d];
-            }
-        }
-        row
     }
 }
 
-impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceElement<N>
-    for PointForce<S, D, N, R>
+impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceElement<D, N, W>
+    for PointForce<S, D, N, W>
 {
-    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceOutput<T, N>) {
-        let q = input.q[1];
-        let force = self.in_ground(q, &self.components(input.t).0);
+    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>) {
+        let [force, _] = self.force_and_rate(input);
         *out = ForceOutput::zero();
-        out.q[1] = Self::generalized(&S::slope(q, &lift(&self.point)), &force);
+        out.wrenches[1] = S::wrench(&force, &input.bodies[1].turn(&self.point));
     }
 
-    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceBlocks<T, N>) {
+    fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>) {
         *out = ForceBlocks::zero();
-        let q = input.q[1];
-        let (components, rates) = self.components(input.t);
-        let (force, rate) = (self.in_ground(q, &components), self.in_ground(q, &rates));
-        let arm = lift(&self.point);
-        let slope = S::slope(q, &arm);
-        out.t[1] = Self::generalized(&slope, &rate).map(|x| -x);
-        let bend = S::bend(q, &arm, &force);
+        let [force, rate] = self.force_and_rate(input);
+        let arm = input.bodies[1].turn(&self.point);
+        out.wrenches[1] = S::wrench(&force, &arm);
+        out.t[1] = S::wrench(&rate, &arm).map(|x| -x);
         let k = &mut out.k.0[1][1];
-        for i in 0..R {
-            for j in 0..R {
-                k[D + i][D + j] -= bend[i][j];
-            }
-        }
+        S::add_swing(&arm, &force, -1.0, k);
         if self.axes == ForceAxes::Body {
-            let turn = S::slope(q, &components); // F_rot
-            for j in 0..R {
-                let column: [T; N] = Self::generalized(&slope, &turn.map(|row| row[j]));
-                for i in 0..N {
-                    k[i][D + j] -= column[i];
+            for column in D..W {
+                let mut unit = [T::zero(); W];
+                unit[column] = T::one();
+                let change = S::wrench(&S::spin(&unit, &force), &arm);
+                for (row, x) in k.iter_mut().zip(change) {
+                    row[column] -= x;
                 }
             }
         }
     }
 
-    fn energy(&self, input: &ForceInput<'_, f64, N>) -> Energy {
-        let mut out = ForceOutput::zero();
-        self.evaluate(input, &mut out);
-        Energy { supplied: product(&out.q, input.v), ..Energy::default() }
+    fn energy(&self, input: &ForceInput<f64, D, N, W>) -> Energy {
+        supplied(self, input)
     }
 
     fn quantities(&self) -> &'static [Quantity] {
         if D == 2 { PLANAR } else { SPATIAL }
     }
 
-    fn quantity(&self, _index: usize, input: &ForceInput<'_, f64, N>, out: &mut [f64]) {
-        let force = self.in_ground(input.q[1], &self.components(input.t).0);
-        out[..D].copy_from_slice(&force);
+    fn quantity(&self, _index: usize, input: &ForceInput<f64, D, N, W>, out: &mut [f64]) {
+        out[..D].copy_from_slice(&self.force_and_rate(input)[0]);
     }
 
     fn breakpoints(&self) -> Vec<f64> {

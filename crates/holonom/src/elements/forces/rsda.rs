@@ -1,11 +1,15 @@
 use super::{law, quantity};
-use crate::elements::angle::Angle;
+use crate::elements::angle::on_branch;
+use crate::elements::body::{Body, angular};
+use crate::elements::space::Triad;
 use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity, product,
+    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, Quantity, product,
 };
 use crate::math::Real;
-use crate::math::vector::scaled;
+use crate::math::spatial::cross;
+use crate::math::vector::{difference, dot, scaled};
 use crate::model::ElasticLaw;
+use std::fmt::Debug;
 
 const QUANTITIES: &[Quantity] = &[
     quantity("angle", "rad", "", 1),
@@ -13,18 +17,190 @@ const QUANTITIES: &[Quantity] = &[
     quantity("torque", "N m", "along", 1),
 ];
 
+/// Angle θ of the second frame from the first one, rad, as two bodies have it between them.
+pub trait Between<const D: usize, const N: usize, const W: usize>:
+    Debug + Clone + PartialEq
+{
+    /// Whether only the principal value in (−π, π] is known from how bodies stand.
+    const COUNTS_TURNS: bool;
+
+    /// θ; the principal value where turns must be counted.
+    fn value<T: Real>(&self, bodies: [&Body<T, D, N, W>; 2]) -> T;
+
+    /// Rows of θ̇ on both twists, and of δθ on displacements.
+    fn rows<T: Real>(&self, bodies: [&Body<T, D, N, W>; 2]) -> [[T; W]; 2];
+
+    /// Rows of δθ̇ on displacements.
+    fn rate_rows<T: Real>(&self, bodies: [&Body<T, D, N, W>; 2]) -> [[T; W]; 2];
+
+    /// out += c times the changes of [`rows`](Self::rows) with displacements.
+    fn add_bend<T: Real>(&self, bodies: [&Body<T, D, N, W>; 2], c: T, out: &mut PairBlocks<T, W>);
+
+    /// θ on the branch nearest to `winding`.
+    fn nearest<T: Real>(&self, bodies: [&Body<T, D, N, W>; 2], winding: f64) -> T {
+        let angle = self.value(bodies);
+        if Self::COUNTS_TURNS { on_branch(angle, winding) } else { angle }
+    }
+}
+
+/// θ = θ_j − θ_i + offset; exact over any number of turns.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct InPlane {
+    offset: f64,
+}
+
+impl InPlane {
+    pub(in crate::elements) fn new(frames: &[Triad<2>; 2]) -> Self {
+        let [i, j] = frames.map(|frame| frame.axes[0][1].atan2(frame.axes[0][0]));
+        Self { offset: j - i }
+    }
+}
+
+impl Between<2, 3, 3> for InPlane {
+    const COUNTS_TURNS: bool = false;
+
+    fn value<T: Real>(&self, [i, j]: [&Body<T, 2, 3, 3>; 2]) -> T {
+        j.pose[2] - i.pose[2] + self.offset
+    }
+
+    fn rows<T: Real>(&self, _: [&Body<T, 2, 3, 3>; 2]) -> [[T; 3]; 2] {
+        let (o, one) = (T::zero(), T::one());
+        [[o, o, -one], [o, o, one]]
+    }
+
+    fn rate_rows<T: Real>(&self, _: [&Body<T, 2, 3, 3>; 2]) -> [[T; 3]; 2] {
+        [[T::zero(); 3]; 2]
+    }
+
+    fn add_bend<T: Real>(&self, _: [&Body<T, 2, 3, 3>; 2], _: T, _: &mut PairBlocks<T, 3>) {}
+}
+
+/// Angle about h of the first frame, with f, g, the axes of the first frame and e, f of the second one, all turned along:
+///
+/// ```text
+/// c = fᵀe,  s = gᵀe,  θ = atan2(s, c),  u = c² + s²
+/// n = (s f − c g) × e / u,   δθ = nᵀδρ,  δρ = δφ_j − δφ_i
+/// δn = δφ_i × n + B δρ,   B = (b aᵀ − a bᵀ + e mᵀ + 2 n (c a + s b)ᵀ) / u
+/// a = f × e,  b = g × e,  m = c g − s f
+/// ```
+///
+/// Undefined where e is parallel to h; on a revolute or cylindrical axis u = 1 and n = h.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AboutAxis {
+    /// f and g of the first frame.
+    first: [[f64; 3]; 2],
+    /// f of the second frame.
+    second: [f64; 3],
+}
+
+impl AboutAxis {
+    pub(in crate::elements) fn new(frames: &[Triad<3>; 2]) -> Self {
+        let [f, g, _] = frames[0].axes;
+        Self { first: [f, g], second: frames[1].axes[0] }
+    }
+
+    /// f, g and e.
+    #[inline(always)]
+    fn axes<T: Real>(&self, [i, j]: [&Body<T, 3, 7, 6>; 2]) -> [[T; 3]; 3] {
+        [i.turn(&self.first[0]), i.turn(&self.first[1]), j.turn(&self.second)]
+    }
+
+    /// n.
+    #[inline(always)]
+    fn normal<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> [T; 3] {
+        let [f, g, e] = self.axes(bodies);
+        let (c, s) = (dot(&f, &e), dot(&g, &e));
+        let across = std::array::from_fn(|k| s * f[k] - c * g[k]);
+        scaled(&cross(&across, &e), inverse_square(c, s))
+    }
+
+    /// B.
+    #[inline(always)]
+    fn bend<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> [[T; 3]; 3] {
+        let [f, g, e] = self.axes(bodies);
+        let (c, s) = (dot(&f, &e), dot(&g, &e));
+        let u = inverse_square(c, s);
+        let (a, b) = (cross(&f, &e), cross(&g, &e));
+        let m: [T; 3] = std::array::from_fn(|k| c * g[k] - s * f[k]);
+        let n = scaled(&cross(&m, &e), -u);
+        std::array::from_fn(|k| {
+            std::array::from_fn(|l| {
+                let square = (c * a[l] + s * b[l]) * 2.0;
+                (b[k] * a[l] - a[k] * b[l] + e[k] * m[l] + n[k] * square) * u
+            })
+        })
+    }
+}
+
+/// 1 / (c² + s²); the smallest number keeps an undefined angle free of 0/0.
+#[inline(always)]
+fn inverse_square<T: Real>(c: T, s: T) -> T {
+    (c * c + s * s + f64::MIN_POSITIVE).recip()
+}
+
+#[inline(always)]
+fn moment<T: Real>(n: &[T; 3]) -> [T; 6] {
+    let o = T::zero();
+    [o, o, o, n[0], n[1], n[2]]
+}
+
+impl Between<3, 7, 6> for AboutAxis {
+    const COUNTS_TURNS: bool = true;
+
+    fn value<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> T {
+        let [f, g, e] = self.axes(bodies);
+        dot(&g, &e).atan2(dot(&f, &e))
+    }
+
+    fn rows<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> [[T; 6]; 2] {
+        let n = self.normal(bodies);
+        [moment(&n.map(|x| -x)), moment(&n)]
+    }
+
+    /// ρ̇ᵀδn with ρ̇ = ω_j − ω_i.
+    fn rate_rows<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> [[T; 6]; 2] {
+        let [i, j] = bodies.map(|body| angular(&body.twist));
+        let spin = difference(&j, &i);
+        let bend = self.bend(bodies);
+        let second: [T; 3] = std::array::from_fn(|l| {
+            bend[0][l] * spin[0] + bend[1][l] * spin[1] + bend[2][l] * spin[2]
+        });
+        let first = difference(&cross(&self.normal(bodies), &spin), &second);
+        [moment(&first), moment(&second)]
+    }
+
+    fn add_bend<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2], c: T, out: &mut PairBlocks<T, 6>) {
+        let n = scaled(&self.normal(bodies), c);
+        let [x, y, z] = n;
+        let o = T::zero();
+        // δφ × n.
+        let turn = [[o, z, -y], [-z, o, x], [y, -x, o]];
+        let bend = self.bend(bodies);
+        for k in 0..3 {
+            for l in 0..3 {
+                let second = bend[k][l] * c;
+                let first = turn[k][l] - second;
+                for (felt, sign) in [(0, -1.0), (1, 1.0)] {
+                    out.0[felt][0][3 + k][3 + l] += first * sign;
+                    out.0[felt][1][3 + k][3 + l] += second * sign;
+                }
+            }
+        }
+    }
+}
+
 /// Rotational spring-damper, planar or about h of the first frame. Its torque t resists growing θ:
 /// it acts as −t on the second body.
 ///
 /// ```text
-/// t = law(θ − θ₀) + c θ̇,   Q = −t θ_qᵀ
-/// −Q_q = t θ_qq + θ_qᵀ (law' θ_q + c (θ_q v)_q),   −Q_q̇ = c θ_qᵀ θ_q
+/// t = law(θ − θ₀) + c θ̇,   w = −t θ_ξᵀ
+/// −w_ξ = t (θ_ξᵀ)_ξ + θ_ξᵀ (law' θ_ξ + c θ̇_ξ),   −w_y = c θ_ξᵀ θ_ξ
 /// ```
 ///
-/// Source: Haug (1989), 4.3 and 11.2; θ and its derivatives in `angle.rs`.
+/// Source: Haug (1989), 4.3 and 11.2.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rsda<A> {
-    pub(in crate::elements) angle: A,
+    angle: A,
     law: ElasticLaw,
     damping: f64,
     free_angle: f64,
@@ -48,40 +224,44 @@ impl<A> Rsda<A> {
     }
 }
 
-impl<A: Angle<N>, const N: usize> ForceElement<N> for Rsda<A> {
+impl<A: Between<D, N, W>, const D: usize, const N: usize, const W: usize> ForceElement<D, N, W>
+    for Rsda<A>
+{
     fn counts_turns(&self) -> bool {
         A::COUNTS_TURNS
     }
 
-    fn angle(&self, q: [&[f64; N]; 2], winding: f64) -> f64 {
-        if A::COUNTS_TURNS { self.angle.nearest(q, winding) } else { 0.0 }
+    fn angle(&self, bodies: [&Body<f64, D, N, W>; 2], winding: f64) -> f64 {
+        if A::COUNTS_TURNS { self.angle.nearest(bodies, winding) } else { 0.0 }
     }
 
-    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceOutput<T, N>) {
-        let gradient = self.angle.gradient(input.q);
-        let angle = self.angle.nearest(input.q, input.winding);
-        let (torque, _) = self.torque(angle, product(&gradient, input.v));
-        out.q = gradient.map(|row| scaled(&row, -torque));
+    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>) {
+        let rows = self.angle.rows(input.pair());
+        let angle = self.angle.nearest(input.pair(), input.winding);
+        let (torque, _) = self.torque(angle, product(&rows, input.twists()));
+        out.wrenches = rows.map(|row| scaled(&row, -torque));
         out.z_rate = T::zero();
     }
 
-    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceBlocks<T, N>) {
+    fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>) {
         *out = ForceBlocks::zero();
-        let gradient = self.angle.gradient(input.q);
-        let angle = self.angle.nearest(input.q, input.winding);
-        let (torque, slope) = self.torque(angle, product(&gradient, input.v));
-        self.angle.add_hessian(input.q, torque, &mut out.k);
-        out.k.add_outer(slope, &gradient, &gradient);
-        if self.damping != 0.0 {
+        let rows = self.angle.rows(input.pair());
+        let angle = self.angle.nearest(input.pair(), input.winding);
+        let (torque, slope) = self.torque(angle, product(&rows, input.twists()));
+        out.wrenches = rows.map(|row| scaled(&row, -torque));
+        self.angle.add_bend(input.pair(), torque, &mut out.k);
+        out.k.add_outer(slope, &rows, &rows);
+        out.damped = self.damping != 0.0;
+        if out.damped {
             let damping = T::from(self.damping);
-            out.k.add_outer(damping, &gradient, &self.angle.directional(input.q, input.v));
-            out.c.add_outer(damping, &gradient, &gradient);
+            out.k.add_outer(damping, &rows, &self.angle.rate_rows(input.pair()));
+            out.c.add_outer(damping, &rows, &rows);
         }
     }
 
-    fn energy(&self, input: &ForceInput<'_, f64, N>) -> Energy {
-        let angle = self.angle.nearest(input.q, input.winding);
-        let rate = product(&self.angle.gradient(input.q), input.v);
+    fn energy(&self, input: &ForceInput<f64, D, N, W>) -> Energy {
+        let angle = self.angle.nearest(input.pair(), input.winding);
+        let rate = product(&self.angle.rows(input.pair()), input.twists());
         Energy {
             potential: law::energy(&self.law, angle - self.free_angle),
             dissipated: self.damping * rate * rate,
@@ -93,9 +273,9 @@ impl<A: Angle<N>, const N: usize> ForceElement<N> for Rsda<A> {
         law::knots(&self.law)
     }
 
-    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 3] {
-        let angle = self.angle.nearest(input.q, input.winding);
-        let rate = product(&self.angle.gradient(input.q), input.v);
+    fn argument(&self, _: usize, input: &ForceInput<f64, D, N, W>) -> [f64; 3] {
+        let angle = self.angle.nearest(input.pair(), input.winding);
+        let rate = product(&self.angle.rows(input.pair()), input.twists());
         [angle - self.free_angle, rate, 0.0]
     }
 
@@ -107,9 +287,9 @@ impl<A: Angle<N>, const N: usize> ForceElement<N> for Rsda<A> {
         QUANTITIES
     }
 
-    fn quantity(&self, index: usize, input: &ForceInput<'_, f64, N>, out: &mut [f64]) {
-        let angle = self.angle.nearest(input.q, input.winding);
-        let rate = product(&self.angle.gradient(input.q), input.v);
+    fn quantity(&self, index: usize, input: &ForceInput<f64, D, N, W>, out: &mut [f64]) {
+        let angle = self.angle.nearest(input.pair(), input.winding);
+        let rate = product(&self.angle.rows(input.pair()), input.twists());
         out[0] = match index {
             0 => angle,
             1 => rate,

@@ -1,18 +1,13 @@
-use super::quantity;
-use crate::elements::space::euler;
-use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity, product,
-};
-use crate::math::spatial::{
-    e_transposed_slope, e_transposed_times, g_transposed_slope, g_transposed_times, rotate, slope,
-};
+use super::{quantity, supplied};
+use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use crate::math::vector::dot;
 use crate::math::{Real, TimeFunction};
 use crate::model::ForceAxes;
 
 const PLANAR: &[Quantity] = &[quantity("torque", "N m", "ground", 1)];
 const SPATIAL: &[Quantity] = &[quantity("torque", "N m", "ground", 3)];
 
-/// Planar torque on the second body, the opposite on the first: Q_θj = n(t), Q_θi = −n(t).
+/// Planar torque n(t) on the second body, the opposite on the first.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlanarTorque {
     torque: TimeFunction,
@@ -24,22 +19,20 @@ impl PlanarTorque {
     }
 }
 
-impl ForceElement<3> for PlanarTorque {
-    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, 3>, out: &mut ForceOutput<T, 3>) {
-        let (torque, _) = self.torque.value_and_slope(input.t);
+impl ForceElement<2, 3, 3> for PlanarTorque {
+    fn evaluate<T: Real>(&self, input: &ForceInput<T, 2, 3, 3>, out: &mut ForceOutput<T, 3>) {
         *out = ForceOutput::zero();
-        out.q[0][2] = -torque;
-        out.q[1][2] = torque;
+        out.wrenches = moments([self.torque.value_and_slope(input.t).0]);
     }
 
-    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, 3>, out: &mut ForceBlocks<T, 3>) {
-        let (_, rate) = self.torque.value_and_slope(input.t);
+    fn blocks<T: Real>(&self, input: &ForceInput<T, 2, 3, 3>, out: &mut ForceBlocks<T, 3>) {
         *out = ForceBlocks::zero();
-        out.t[0][2] = rate;
-        out.t[1][2] = -rate;
+        let (torque, rate) = self.torque.value_and_slope(input.t);
+        out.wrenches = moments([torque]);
+        out.t = moments([-rate]);
     }
 
-    fn energy(&self, input: &ForceInput<'_, f64, 3>) -> Energy {
+    fn energy(&self, input: &ForceInput<f64, 2, 3, 3>) -> Energy {
         supplied(self, input)
     }
 
@@ -47,7 +40,7 @@ impl ForceElement<3> for PlanarTorque {
         PLANAR
     }
 
-    fn quantity(&self, _index: usize, input: &ForceInput<'_, f64, 3>, out: &mut [f64]) {
+    fn quantity(&self, _index: usize, input: &ForceInput<f64, 2, 3, 3>, out: &mut [f64]) {
         out[0] = self.torque.derivatives(input.t)[0];
     }
 
@@ -56,14 +49,9 @@ impl ForceElement<3> for PlanarTorque {
     }
 }
 
-/// Spatial torque on the second body, the opposite on the first.
+/// Spatial torque n on the second body, the opposite on the first: n(t) in ground axes, or A_j n'(t) in body axes, which
+/// turns along, δn = δφ_j × n.
 ///
-/// ```text
-/// ground axes   Q_pj = 2 E(p_j)ᵀ n(t)      Q_pi = −2 E(p_i)ᵀ n(t)
-/// body axes     Q_pj = 2 G(p_j)ᵀ n'(t)     Q_pi = −2 E(p_i)ᵀ A(p_j) n'(t)
-/// ```
-///
-/// Both are linear in the p they belong to; on |p| = 1 they are the virtual work n·δπ.
 /// Source: Haug (1989), 11.2.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpatialTorque {
@@ -76,67 +64,44 @@ impl SpatialTorque {
         Self { torque: torque.clone(), axes }
     }
 
+    /// n and its rate in a body at rest, ground axes.
     #[inline(always)]
-    fn components<T: Real>(&self, t: T) -> ([T; 3], [T; 3]) {
-        let mut out = ([T::zero(); 3], [T::zero(); 3]);
+    fn torque_and_rate<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>) -> [[T; 3]; 2] {
+        let mut out = [[T::zero(); 3]; 2];
         for d in 0..3 {
-            (out.0[d], out.1[d]) = self.torque[d].value_and_slope(t);
+            (out[0][d], out[1][d]) = self.torque[d].value_and_slope(input.t);
         }
-        out
-    }
-
-    /// Q from components of the torque, in which it is linear.
-    #[inline(always)]
-    fn generalized<T: Real>(&self, q: [&[T; 7]; 2], n: &[T; 3]) -> [[T; 7]; 2] {
-        let [first, second] = q.map(euler);
-        let (on_second, ground) = match self.axes {
-            ForceAxes::Ground => (e_transposed_times(&second, n), *n),
-            ForceAxes::Body => (g_transposed_times(&second, n), rotate(&second, n)),
-        };
-        let on_first = e_transposed_times(&first, &ground);
-        let mut out = [[T::zero(); 7]; 2];
-        for k in 0..4 {
-            out[0][3 + k] = on_first[k] * -2.0;
-            out[1][3 + k] = on_second[k] * 2.0;
+        let axes = &input.bodies[1].axes;
+        match self.axes {
+            ForceAxes::Ground => out,
+            ForceAxes::Body => out.map(|x| axes.map(|row| dot(&row, &x))),
         }
-        out
     }
 }
 
-impl ForceElement<7> for SpatialTorque {
-    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, 7>, out: &mut ForceOutput<T, 7>) {
-        out.q = self.generalized(input.q, &self.components(input.t).0);
-        out.z_rate = T::zero();
+impl ForceElement<3, 7, 6> for SpatialTorque {
+    fn evaluate<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceOutput<T, 6>) {
+        *out = ForceOutput::zero();
+        out.wrenches = moments(self.torque_and_rate(input)[0]);
     }
 
-    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, 7>, out: &mut ForceBlocks<T, 7>) {
+    fn blocks<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceBlocks<T, 6>) {
         *out = ForceBlocks::zero();
-        let [first, second] = input.q.map(euler);
-        let (n, rate) = self.components(input.t);
-        out.t = self.generalized(input.q, &rate).map(|row| row.map(|x| -x));
-        let (on_second, ground) = match self.axes {
-            ForceAxes::Ground => (e_transposed_slope(&n), n),
-            ForceAxes::Body => (g_transposed_slope(&n), rotate(&second, &n)),
-        };
-        let on_first = e_transposed_slope(&ground);
-        for i in 0..4 {
-            for j in 0..4 {
-                out.k.0[0][0][3 + i][3 + j] = on_first[i][j] * 2.0;
-                out.k.0[1][1][3 + i][3 + j] = on_second[i][j] * -2.0;
-            }
-        }
+        let [n, rate] = self.torque_and_rate(input);
+        out.wrenches = moments(n);
+        out.t = moments(rate.map(|x| -x));
         if self.axes == ForceAxes::Body {
-            let turn = slope(&second, &n);
-            for j in 0..4 {
-                let column = e_transposed_times(&first, &turn.map(|row| row[j]));
-                for i in 0..4 {
-                    out.k.0[0][1][3 + i][3 + j] = column[i] * 2.0;
+            for (a, b, c) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+                for (felt, n) in [(0, n[c]), (1, -n[c])] {
+                    let block = &mut out.k.0[felt][1];
+                    block[3 + a][3 + b] = n;
+                    block[3 + b][3 + a] = -n;
                 }
             }
         }
     }
 
-    fn energy(&self, input: &ForceInput<'_, f64, 7>) -> Energy {
+    fn energy(&self, input: &ForceInput<f64, 3, 7, 6>) -> Energy {
         supplied(self, input)
     }
 
@@ -144,13 +109,8 @@ impl ForceElement<7> for SpatialTorque {
         SPATIAL
     }
 
-    fn quantity(&self, _index: usize, input: &ForceInput<'_, f64, 7>, out: &mut [f64]) {
-        let n = self.components(input.t).0;
-        let ground = match self.axes {
-            ForceAxes::Ground => n,
-            ForceAxes::Body => rotate(&euler(input.q[1]), &n),
-        };
-        out[..3].copy_from_slice(&ground);
+    fn quantity(&self, _index: usize, input: &ForceInput<f64, 3, 7, 6>, out: &mut [f64]) {
+        out[..3].copy_from_slice(&self.torque_and_rate(input)[0]);
     }
 
     fn breakpoints(&self) -> Vec<f64> {
@@ -158,12 +118,13 @@ impl ForceElement<7> for SpatialTorque {
     }
 }
 
-/// All power of an applied force is supplied.
-fn supplied<const N: usize>(
-    force: &impl ForceElement<N>,
-    input: &ForceInput<'_, f64, N>,
-) -> Energy {
-    let mut out = ForceOutput::zero();
-    force.evaluate(input, &mut out);
-    Energy { supplied: product(&out.q, input.v), ..Energy::default() }
+/// Wrenches of a moment on the second body and the opposite on the first.
+#[inline(always)]
+fn moments<T: Real, const M: usize, const W: usize>(n: [T; M]) -> [[T; W]; 2] {
+    let mut out = [[T::zero(); W]; 2];
+    for (k, n) in n.into_iter().enumerate() {
+        out[0][W - M + k] = -n;
+        out[1][W - M + k] = n;
+    }
+    out
 }

@@ -1,6 +1,7 @@
 use super::line::Line;
 use super::{law, quantity};
-use crate::elements::space::{Space, Triad};
+use crate::elements::body::Rigid;
+use crate::elements::space::Triad;
 use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
 use crate::math::Real;
 use crate::math::vector::scaled;
@@ -15,20 +16,20 @@ const QUANTITIES: &[Quantity] = &[
 /// Translational spring-damper, planar or spatial; tension positive.
 ///
 /// ```text
-/// f = law(l − l₀) + c l̇,   Q = −f l_qᵀ
-/// −Q_q = f l_qq + l_qᵀ (law' l_q + c l̇_q),   −Q_q̇ = c l_qᵀ l_q
+/// f = law(l − l₀) + c l̇,   w = −f l_ξᵀ
+/// −w_ξ = f (l_ξᵀ)_ξ + l_ξᵀ (law' l_ξ + c l̇_ξ),   −w_y = c l_ξᵀ l_ξ
 /// ```
 ///
 /// Source: Haug (1989), 4.3 and 11.2; l and its derivatives in `line.rs`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Tsda<S, const D: usize, const N: usize, const R: usize> {
-    line: Line<S, D, N, R>,
+pub struct Tsda<S, const D: usize, const N: usize, const W: usize> {
+    line: Line<S, D, N, W>,
     law: ElasticLaw,
     damping: f64,
     free_length: f64,
 }
 
-impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Tsda<S, D, N, R> {
+impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> Tsda<S, D, N, W> {
     pub(in crate::elements) fn new(
         frames: &[Triad<D>; 2],
         law: ElasticLaw,
@@ -46,32 +47,34 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Tsda<S, 
     }
 }
 
-impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceElement<N>
-    for Tsda<S, D, N, R>
+impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceElement<D, N, W>
+    for Tsda<S, D, N, W>
 {
-    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceOutput<T, N>) {
-        let span = self.line.span(input.q, input.v);
-        let (force, _) = self.force(span.length, span.rate);
-        out.q = span.gradient().map(|row| scaled(&row, -force));
+    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>) {
+        let span = self.line.span(input.pair());
+        let (pull, _) = self.force(span.length, span.rate);
+        out.wrenches = Line::<S, D, N, W>::rows(&span).map(|row| scaled(&row, -pull));
         out.z_rate = T::zero();
     }
 
-    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, N>, out: &mut ForceBlocks<T, N>) {
+    fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>) {
         *out = ForceBlocks::zero();
-        let span = self.line.span(input.q, input.v);
-        let (force, slope) = self.force(span.length, span.rate);
-        let gradient = span.gradient();
-        self.line.add_stiffness(&span, input.q, force, slope, &mut out.k);
-        if self.damping != 0.0 {
-            let rate_gradient = self.line.rate_gradient(&span, input.q, input.v);
+        let span = self.line.span(input.pair());
+        let (pull, slope) = self.force(span.length, span.rate);
+        let rows = Line::<S, D, N, W>::rows(&span);
+        out.wrenches = rows.map(|row| scaled(&row, -pull));
+        Line::<S, D, N, W>::add_stiffness(&span, pull, slope, &mut out.k);
+        out.damped = self.damping != 0.0;
+        if out.damped {
             let damping = T::from(self.damping);
-            out.k.add_outer(damping, &gradient, &rate_gradient);
-            out.c.add_outer(damping, &gradient, &gradient);
+            let rate_rows = Line::<S, D, N, W>::rate_rows(&span, input.pair());
+            out.k.add_outer(damping, &rows, &rate_rows);
+            out.c.add_outer(damping, &rows, &rows);
         }
     }
 
-    fn energy(&self, input: &ForceInput<'_, f64, N>) -> Energy {
-        let span = self.line.span(input.q, input.v);
+    fn energy(&self, input: &ForceInput<f64, D, N, W>) -> Energy {
+        let span = self.line.span(input.pair());
         Energy {
             potential: law::energy(&self.law, span.length - self.free_length),
             dissipated: self.damping * span.rate * span.rate,
@@ -83,9 +86,9 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
         law::knots_along_line(&self.law)
     }
 
-    fn argument(&self, _: usize, input: &ForceInput<'_, f64, N>) -> [f64; 3] {
-        let span = self.line.span(input.q, input.v);
-        [span.length - self.free_length, span.rate, Line::<S, D, N, R>::turning(&span, input)]
+    fn argument(&self, _: usize, input: &ForceInput<f64, D, N, W>) -> [f64; 3] {
+        let span = self.line.span(input.pair());
+        [span.length - self.free_length, span.rate, Line::<S, D, N, W>::turning(&span, input)]
     }
 
     fn profile(&self, _: usize, argument: f64) -> f64 {
@@ -96,8 +99,8 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> ForceEle
         QUANTITIES
     }
 
-    fn quantity(&self, index: usize, input: &ForceInput<'_, f64, N>, out: &mut [f64]) {
-        let span = self.line.span(input.q, input.v);
+    fn quantity(&self, index: usize, input: &ForceInput<f64, D, N, W>, out: &mut [f64]) {
+        let span = self.line.span(input.pair());
         out[0] = match index {
             0 => span.length,
             1 => span.rate,

@@ -1,9 +1,10 @@
 use super::{quantity, road};
-use crate::elements::space::{euler, from_center};
+use crate::elements::body::{Body, Rigid, angular};
+use crate::elements::space::{Spatial, from_center};
 use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
 use crate::math::Real;
-use crate::math::spatial::{bend, e_times, e_transposed_slope, e_transposed_times, rotate, slope};
-use crate::math::vector::{dot, lift};
+use crate::math::spatial::cross;
+use crate::math::vector::{dot, sum};
 use crate::model;
 
 const QUANTITIES: &[Quantity] = &[
@@ -14,14 +15,14 @@ const QUANTITIES: &[Quantity] = &[
 
 /// Smooth tyre on a road, between the ground and the second body; laws in [`model::Tyre`].
 ///
-/// With x the wheel centre, D = x_q, h the road height, t and l the horizontal unit vectors along
+/// With x the wheel centre, a its arm from the centre of mass, h the road height, t and l the horizontal unit vectors along
 /// and across the wheel and ψ its heading (dl = t dψ, dt = −l dψ):
 ///
 /// ```text
-/// δ = R − (z − h),  δ_q = h_x D_x − D_z,  δ̇_q = h_xx ẋ D_x + h_x (D v)_x,q − (D v)_z,q
-/// F = (0, 0, F_z) + F_y l,  n = a F_y t with a = R − s: moment of F_y l about the wheel centre
-/// Q = DᵀF + 2 Eᵀn
-/// −Q_q = −DᵀF_q − 2 Eᵀn_q − K_x(F) − 2 (Eᵀn)_p,   −Q_q̇ = −DᵀF_q̇ − 2 Eᵀn_q̇
+/// δ = R − (z − h),  dδ = h_x dx − dz,  dδ̇ = h_xx ẋ dx + h_x dẋ − dż
+/// F = (0, 0, F_z) + F_y l,  n = arm F_y t with arm = R − s: moment of F_y l about the wheel centre
+/// w = (F, a × F + n),   dx = dr + dφ × a,   dẋ = dv + dω × a + ω × (dφ × a)
+/// −dw = −(dF, a × dF + dn + (dφ × a) × F)
 /// ```
 ///
 /// The power of the lateral force counts as dissipated; the share of its moment may be of either
@@ -32,12 +33,13 @@ pub struct Tyre {
     law: model::Tyre,
 }
 
-type Row<T> = [T; 7];
+/// On displacement or twist of the wheel's body.
+type Row<T> = [T; 6];
 
 /// Wheel centre, deflection and vertical force.
 struct Contact<T> {
-    p: [T; 4],
-    slope: [[T; 4]; 3],
+    arm: [T; 3],
+    x: T,
     speed: [T; 3],
     road_slope: T,
     road_curvature: T,
@@ -66,15 +68,12 @@ impl Tyre {
     }
 
     #[inline(always)]
-    fn contact<T: Real>(&self, q: &Row<T>, v: &Row<T>) -> Contact<T> {
+    fn contact<T: Real>(&self, body: &Body<T, 3, 7, 6>) -> Contact<T> {
         let law = &self.law;
-        let p = euler(q);
-        let arm = lift(&self.center);
-        let slope = slope(&p, &arm);
-        let turned = rotate(&p, &arm);
-        let rates = euler(v);
-        let speed: [T; 3] = std::array::from_fn(|k| v[k] + dot(&slope[k], &rates));
-        let (x, z) = (q[0] + turned[0], q[2] + turned[2]);
+        let arm = body.turn(&self.center);
+        let spin = Spatial::spin(&body.twist, &arm);
+        let speed: [T; 3] = std::array::from_fn(|k| body.twist[k] + spin[k]);
+        let [x, _, z] = sum(&body.place(), &arm);
         let [height, road_slope, road_curvature] = road::height(&law.road, law.radius, x);
         let deflection = -(z - height) + law.radius;
         let rate = road_slope * speed[0] - speed[2];
@@ -89,23 +88,23 @@ impl Tyre {
         };
         let onset = [s, s / root, (square * root).recip() * half_square];
         let vertical = onset[0] * law.stiffness + onset[1] * rate * law.damping;
-        Contact { p, slope, speed, road_slope, road_curvature, deflection, rate, onset, vertical }
+        Contact { arm, x, speed, road_slope, road_curvature, deflection, rate, onset, vertical }
     }
 
     #[inline(always)]
-    fn lateral<T: Real>(law: &model::LateralTyre, contact: &Contact<T>) -> Lateral<T> {
-        let axis = lift(&law.axis);
-        let e = rotate(&contact.p, &axis);
+    fn lateral<T: Real>(
+        law: &model::LateralTyre,
+        body: &Body<T, 3, 7, 6>,
+        contact: &Contact<T>,
+    ) -> Lateral<T> {
+        let e = body.turn(&law.axis);
         // the smallest number keeps a wheel that lies flat free of 0/0
         let horizontal = (e[0] * e[0] + e[1] * e[1] + f64::MIN_POSITIVE).sqrt();
         let o = T::zero();
         let l = [e[0] / horizontal, e[1] / horizontal, o];
         let t = [l[1], -l[0], o];
-        let e_p = slope(&contact.p, &axis);
-        let mut heading_gradient = [o; 7];
-        for k in 0..4 {
-            heading_gradient[3 + k] = (t[0] * e_p[0][k] + t[1] * e_p[1][k]) / horizontal;
-        }
+        let [a, b, c] = cross(&e, &t).map(|x| x / horizontal);
+        let heading_gradient = [o, o, o, a, b, c];
         let (along, across) = (dot(&contact.speed, &t), dot(&contact.speed, &l));
         let v0 = law.regularization_speed;
         let regular = (along * along + v0 * v0).sqrt();
@@ -122,7 +121,7 @@ impl Tyre {
 
     /// F and n.
     #[inline(always)]
-    fn wrench<T: Real>(
+    fn force_and_moment<T: Real>(
         &self,
         contact: &Contact<T>,
         lateral: Option<&Lateral<T>>,
@@ -136,38 +135,36 @@ impl Tyre {
         out
     }
 
-    fn with_lateral<T: Real>(&self, contact: &Contact<T>) -> Option<Lateral<T>> {
-        self.law.lateral.as_ref().map(|law| Self::lateral(law, contact))
+    fn with_lateral<T: Real>(
+        &self,
+        body: &Body<T, 3, 7, 6>,
+        contact: &Contact<T>,
+    ) -> Option<Lateral<T>> {
+        self.law.lateral.as_ref().map(|law| Self::lateral(law, body, contact))
     }
 }
 
 impl<T: Real> Contact<T> {
-    /// DᵀF.
+    /// (F, a × F + n).
     #[inline(always)]
-    fn generalized(&self, force: &[T; 3]) -> Row<T> {
-        let mut row = [T::zero(); 7];
-        row[..3].copy_from_slice(force);
-        for d in 0..3 {
-            for k in 0..4 {
-                row[3 + k] += self.slope[d][k] * force[d];
-            }
+    fn wrench(&self, force: &[T; 3], moment: &[T; 3]) -> Row<T> {
+        let mut out = Spatial::wrench(force, &self.arm);
+        for k in 0..3 {
+            out[3 + k] += moment[k];
         }
-        row
+        out
     }
 
-    /// block −= DᵀF_x + 2 Eᵀn_x for derivatives F_x, n_x given as rows.
+    /// block −= rows of (F, a × F + n) for rows of F and n.
     #[inline(always)]
-    fn subtract(&self, force: &[Row<T>; 3], moment: Option<&[Row<T>; 3]>, block: &mut [Row<T>; 7]) {
-        for c in 0..7 {
-            let column = self.generalized(&force.map(|row| row[c]));
-            for r in 0..7 {
-                block[r][c] -= column[r];
-            }
-            if let Some(moment) = moment {
-                let turn = e_transposed_times(&self.p, &moment.map(|row| row[c]));
-                for r in 0..4 {
-                    block[3 + r][c] -= turn[r] * 2.0;
-                }
+    fn subtract(&self, force: &[Row<T>; 3], moment: &[Row<T>; 2], block: &mut [Row<T>; 6]) {
+        let mut rows = Spatial::wrenches(force, &self.arm);
+        for (row, moment) in rows[3..].iter_mut().zip(moment) {
+            *row = sum(row, moment);
+        }
+        for (out, row) in block.iter_mut().zip(&rows) {
+            for (out, x) in out.iter_mut().zip(row) {
+                *out -= *x;
             }
         }
     }
@@ -179,52 +176,47 @@ fn combine<T: Real>(a: T, x: &Row<T>, b: T, y: &Row<T>) -> Row<T> {
     std::array::from_fn(|k| a * x[k] + b * y[k])
 }
 
-impl ForceElement<7> for Tyre {
-    fn evaluate<T: Real>(&self, input: &ForceInput<'_, T, 7>, out: &mut ForceOutput<T, 7>) {
+impl ForceElement<3, 7, 6> for Tyre {
+    fn evaluate<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceOutput<T, 6>) {
         *out = ForceOutput::zero();
-        let contact = self.contact(input.q[1], input.v[1]);
-        let lateral = self.with_lateral(&contact);
-        let (force, moment) = self.wrench(&contact, lateral.as_ref());
-        out.q[1] = contact.generalized(&force);
-        if lateral.is_some() {
-            let turn = e_transposed_times(&contact.p, &moment);
-            for k in 0..4 {
-                out.q[1][3 + k] += turn[k] * 2.0;
-            }
-        }
+        let body = &input.bodies[1];
+        let contact = self.contact(body);
+        let lateral = self.with_lateral(body, &contact);
+        let (force, moment) = self.force_and_moment(&contact, lateral.as_ref());
+        out.wrenches[1] = contact.wrench(&force, &moment);
     }
 
-    fn blocks<T: Real>(&self, input: &ForceInput<'_, T, 7>, out: &mut ForceBlocks<T, 7>) {
+    fn blocks<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceBlocks<T, 6>) {
         *out = ForceBlocks::zero();
-        let law = &self.law;
-        let contact = self.contact(input.q[1], input.v[1]);
-        let lateral = self.with_lateral(&contact);
-        let (force, moment) = self.wrench(&contact, lateral.as_ref());
+        let (law, body) = (&self.law, &input.bodies[1]);
+        let contact = self.contact(body);
+        let lateral = self.with_lateral(body, &contact);
+        let (force, moment) = self.force_and_moment(&contact, lateral.as_ref());
+        out.wrenches[1] = contact.wrench(&force, &moment);
+        out.damped = true;
         let o = T::zero();
         let one = T::one();
-        // rows of D and of (D v)_q
-        let arm = lift(&self.center);
-        let turned = slope(&euler(input.v[1]), &arm);
-        let mut d = [[o; 7]; 3];
-        let mut speed_gradient = [[o; 7]; 3];
-        for k in 0..3 {
-            d[k][k] = one;
-            d[k][3..].copy_from_slice(&contact.slope[k]);
-            speed_gradient[k][3..].copy_from_slice(&turned[k]);
-        }
+        // Rows of dx, and of dẋ on displacements.
+        let units = [[one, o, o], [o, one, o], [o, o, one]];
+        let d = units.map(|unit| Spatial::wrench(&unit, &contact.arm));
+        let spin = angular(&body.twist);
+        let speed_gradient = units.map(|unit| {
+            let [a, b, c] = cross(&contact.arm, &cross(&unit, &spin));
+            [o, o, o, a, b, c]
+        });
         let deflection_gradient = combine(contact.road_slope, &d[0], -one, &d[2]);
         let mut rate_gradient =
             combine(contact.road_slope, &speed_gradient[0], -one, &speed_gradient[2]);
         let climb = contact.road_curvature * contact.speed[0];
-        for k in 0..7 {
+        for k in 0..6 {
             rate_gradient[k] += climb * d[0][k];
         }
         // vertical force
         let [_, sigma, sigma_slope] = contact.onset;
         let by_rate = sigma * law.damping;
         let by_deflection = sigma * law.stiffness + sigma_slope * contact.rate * law.damping;
-        let mut force_q = [[o; 7]; 3];
-        let mut force_v = [[o; 7]; 3];
+        let mut force_q = [[o; 6]; 3];
+        let mut force_v = [[o; 6]; 3];
         force_q[2] = combine(by_deflection, &deflection_gradient, by_rate, &rate_gradient);
         force_v[2] = deflection_gradient.map(|x| x * by_rate);
         let (k, c) = (&mut out.k.0[1][1], &mut out.c.0[1][1]);
@@ -249,8 +241,8 @@ impl ForceElement<7> for Tyre {
             );
             let side_v = slip_v.map(|x| x * stiffness * sigma);
             let arm = self.arm(&contact);
-            let mut moment_q = [[o; 7]; 3];
-            let mut moment_v = [[o; 7]; 3];
+            let mut moment_q = [[o; 6]; 2];
+            let mut moment_v = [[o; 6]; 2];
             let lever = combine(arm, &side_q, -side.force * sigma, &deflection_gradient);
             for x in 0..2 {
                 force_q[x] = combine(l[x], &side_q, side.force * t[x], heading_gradient);
@@ -258,41 +250,30 @@ impl ForceElement<7> for Tyre {
                 moment_q[x] = combine(t[x], &lever, -arm * side.force * l[x], heading_gradient);
                 moment_v[x] = side_v.map(|y| y * t[x] * arm);
             }
-            contact.subtract(&force_q, Some(&moment_q), k);
-            contact.subtract(&force_v, Some(&moment_v), c);
-            let turn = e_transposed_slope(&moment);
-            for i in 0..4 {
-                for j in 0..4 {
-                    k[3 + i][3 + j] -= turn[i][j] * 2.0;
-                }
-            }
+            contact.subtract(&force_q, &moment_q, k);
+            contact.subtract(&force_v, &moment_v, c);
         } else {
-            // only the third row of F varies: −Q_q = −D_zᵀ F_z,q
-            for i in 0..7 {
-                for j in 0..7 {
+            // Only the third row of F varies.
+            for i in 0..6 {
+                for j in 0..6 {
                     k[i][j] -= d[2][i] * force_q[2][j];
                     c[i][j] -= d[2][i] * force_v[2][j];
                 }
             }
         }
-        let bent = bend(&arm, &force);
-        for i in 0..4 {
-            for j in 0..4 {
-                k[3 + i][3 + j] -= bent[i][j];
-            }
-        }
+        Spatial::add_swing(&contact.arm, &force, -1.0, k);
     }
 
-    fn energy(&self, input: &ForceInput<'_, f64, 7>) -> Energy {
+    fn energy(&self, input: &ForceInput<f64, 3, 7, 6>) -> Energy {
         let law = &self.law;
-        let contact = self.contact(input.q[1], input.v[1]);
+        let contact = self.contact(&input.bodies[1]);
         let (delta, epsilon) = (contact.deflection, law.smoothing);
         let [s, sigma, _] = contact.onset;
         // ∫ s dδ from 0
         let area = 0.5 * delta * s + 0.25 * epsilon * epsilon * (delta / epsilon).asinh();
         let mut dissipated = law.damping * sigma * contact.rate * contact.rate;
-        if let Some(lateral) = self.with_lateral(&contact) {
-            let spin = e_times(&contact.p, &euler(input.v[1])).map(|x| 2.0 * x);
+        if let Some(lateral) = self.with_lateral(&input.bodies[1], &contact) {
+            let spin = angular(&input.bodies[1].twist);
             let moment = self.arm(&contact) * lateral.force;
             dissipated -= lateral.force * lateral.across + moment * dot(&spin, &lateral.t);
         }
@@ -303,10 +284,9 @@ impl ForceElement<7> for Tyre {
         }
     }
 
-    fn longest_step(&self, input: &ForceInput<'_, f64, 7>) -> f64 {
-        let contact = self.contact(input.q[1], input.v[1]);
-        let x = input.q[1][0] + rotate(&contact.p, &self.center)[0];
-        road::time_into_obstacle(&self.law.road, self.law.radius, x, contact.speed[0])
+    fn longest_step(&self, input: &ForceInput<f64, 3, 7, 6>) -> f64 {
+        let contact = self.contact(&input.bodies[1]);
+        road::time_into_obstacle(&self.law.road, self.law.radius, contact.x, contact.speed[0])
     }
 
     /// Deflection, whose sign tells contact, and the wheel centre's way along the road.
@@ -315,13 +295,12 @@ impl ForceElement<7> for Tyre {
         std::iter::once(vec![0.0]).chain(obstacle).collect()
     }
 
-    fn argument(&self, index: usize, input: &ForceInput<'_, f64, 7>) -> [f64; 3] {
-        let contact = self.contact(input.q[1], input.v[1]);
+    fn argument(&self, index: usize, input: &ForceInput<f64, 3, 7, 6>) -> [f64; 3] {
+        let contact = self.contact(&input.bodies[1]);
         if index == 0 {
             return [contact.deflection, contact.rate, 0.0];
         }
-        let x = input.q[1][0] + rotate(&contact.p, &self.center)[0];
-        [x, contact.speed[0], 0.0]
+        [contact.x, contact.speed[0], 0.0]
     }
 
     fn profile(&self, index: usize, argument: f64) -> f64 {
@@ -336,12 +315,12 @@ impl ForceElement<7> for Tyre {
         QUANTITIES
     }
 
-    fn quantity(&self, index: usize, input: &ForceInput<'_, f64, 7>, out: &mut [f64]) {
-        let contact = self.contact(input.q[1], input.v[1]);
+    fn quantity(&self, index: usize, input: &ForceInput<f64, 3, 7, 6>, out: &mut [f64]) {
+        let contact = self.contact(&input.bodies[1]);
         out[0] = match index {
             0 => contact.deflection,
             1 => contact.vertical,
-            _ => self.with_lateral(&contact).map_or(0.0, |lateral| lateral.force),
+            _ => self.with_lateral(&input.bodies[1], &contact).map_or(0.0, |lateral| lateral.force),
         };
     }
 }

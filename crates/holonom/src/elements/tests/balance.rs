@@ -3,9 +3,11 @@
 use super::constraints::{DRIVERS, PLANAR_JOINTS, SPATIAL_JOINTS, driver, joint, reaction};
 use super::forces::{At, coupled_matrix, internal_kinds, named, spatial_state};
 use super::*;
+use crate::elements::body::Rigid;
+use crate::elements::space::{Planar, Spatial};
 use crate::elements::{ConstraintElement, ForceElement, ForceOutput, planar as plane, spatial};
 use crate::math::TimeFunction;
-use crate::math::spatial::{cross, e_times, e_transposed_times, rotate, rotate_back};
+use crate::math::spatial::{cross, e_times, rotate, rotate_back};
 use crate::model::{ForceAxes, ForceKind, JointKind};
 
 fn euler(q: &[f64; 7]) -> [f64; 4] {
@@ -19,13 +21,21 @@ fn wrench(q: &[f64; 7], force: &[f64]) -> ([f64; 3], [f64; 3]) {
     ([force[0], force[1], force[2]], moment)
 }
 
+/// Those on both bodies.
+fn of_pair(q: &Pair<f64, 7>, force: &[f64]) -> [([f64; 3], [f64; 3]); 2] {
+    [0, 1].map(|side| wrench(&q[side], &force[7 * side..7 * side + 7]))
+}
+
+fn parts(w: &[f64; 6]) -> ([f64; 3], [f64; 3]) {
+    ([w[0], w[1], w[2]], [w[3], w[4], w[5]])
+}
+
 /// Net force and net moment about the ground origin vanish (d'Alembert: only moving or turning
 /// both bodies together, which does no internal work).
-fn assert_internal(name: &str, q: &Pair<f64, 7>, force: &[f64]) {
+fn assert_internal(name: &str, q: &Pair<f64, 7>, wrenches: [([f64; 3], [f64; 3]); 2]) {
     let mut net = [0.0; 6];
     let mut size = 1e-9_f64;
-    for side in 0..2 {
-        let (f, n) = wrench(&q[side], &force[7 * side..7 * side + 7]);
+    for (side, (f, n)) in wrenches.into_iter().enumerate() {
         let arm = cross(&[q[side][0], q[side][1], q[side][2]], &f);
         for k in 0..3 {
             net[k] += f[k];
@@ -85,11 +95,11 @@ fn joints_and_drivers_act_and_react_equally() {
                 JointKind::Translational | JointKind::Cylindrical | JointKind::Distance { .. }
             );
             let q = if points_meet { met } else { q };
-            assert_internal(&format!("{kind:?}"), &q, &reaction(&e, &q, &c));
+            assert_internal(&format!("{kind:?}"), &q, of_pair(&q, &reaction(&e, &q, &c)));
         }
         for kind in DRIVERS {
             let e = spatial::Constraint::driver(&driver(kind, frames), centers);
-            assert_internal(&format!("{kind:?}"), &q, &reaction(&e, &q, &c));
+            assert_internal(&format!("{kind:?}"), &q, of_pair(&q, &reaction(&e, &q, &c)));
         }
         let frames = [0, 1].map(|_| planar_frame(&mut random, 0.8));
         let q = planar_poses(&mut random);
@@ -126,8 +136,8 @@ fn internal_forces_act_and_react_equally() {
             let e = spatial::Force::new(&named(kind.clone()), [[0.1, 0.2, -0.1]; 2]);
             let at = spatial_state(&mut random, &kind, &frames);
             let mut out = ForceOutput::zero();
-            e.evaluate(&at.input(), &mut out);
-            assert_internal(&format!("{kind:?}"), &at.q, &out.q.concat());
+            e.evaluate(&at.input::<Spatial, 3>(), &mut out);
+            assert_internal(&format!("{kind:?}"), &at.q, out.wrenches.map(|w| parts(&w)));
         }
         let frames = [0, 1].map(|_| planar_frame(&mut random, 0.8));
         for kind in internal_kinds(&mut random, frames) {
@@ -135,11 +145,11 @@ fn internal_forces_act_and_react_equally() {
                 continue;
             }
             let e = plane::Force::new(&named(kind.clone()), [[0.1, 0.2, 0.0]; 2]);
-            let (q, v) = (planar_poses(&mut random), random_pair(&mut random, 1.0));
-            let at = At { t: 0.3, q, v, z: 0.2, winding: 0.0 };
+            let (q, y) = (planar_poses(&mut random), random_pair(&mut random, 1.0));
+            let at = At { t: 0.3, q, y, z: 0.2, winding: 0.0 };
             let mut out = ForceOutput::zero();
-            e.evaluate(&at.input(), &mut out);
-            assert_internal_plane(&format!("{kind:?}"), &at.q, &out.q.concat());
+            e.evaluate(&at.input::<Planar, 2>(), &mut out);
+            assert_internal_plane(&format!("{kind:?}"), &at.q, &out.wrenches.concat());
         }
     }
 }
@@ -159,29 +169,23 @@ fn torques_and_following_forces_do_their_work() {
             },
             &[frame, frame],
         );
-        // rates that keep |p| = 1
-        let mut v = at.v;
-        for side in 0..2 {
-            let (p, w) = (euler(&at.q[side]), euler(&v[side]));
-            let along: f64 = (0..4).map(|k| p[k] * w[k]).sum();
-            (0..4).for_each(|k| v[side][3 + k] -= along * p[k]);
-        }
-        let spin = [0, 1].map(|s| e_times(&euler(&at.q[s]), &euler(&v[s])).map(|x| 2.0 * x));
+        let spin = at.y.map(|y| parts(&y).1);
         let given: [f64; 3] = random.array(10.0);
         for axes in [ForceAxes::Ground, ForceAxes::Body] {
             let p = euler(&at.q[1]);
             let ground = if axes == ForceAxes::Ground { given } else { rotate(&p, &given) };
             let work = |e: &spatial::Force| {
                 let mut out = ForceOutput::zero();
-                e.evaluate(&At { v, ..at }.input(), &mut out);
+                let input = at.input::<Spatial, 3>();
+                e.evaluate(&input, &mut out);
                 let mut channel = [0.0; 3];
-                e.quantity(0, &at.input(), &mut channel);
+                e.quantity(0, &input, &mut channel);
                 for k in 0..3 {
                     assert!((channel[k] - ground[k]).abs() < 1e-13, "channel in ground axes");
                 }
                 (0..2)
-                    .flat_map(|s| (0..7).map(move |k| (s, k)))
-                    .fold(0.0, |sum, (s, k)| sum + out.q[s][k] * v[s][k])
+                    .flat_map(|s| (0..6).map(move |k| (s, k)))
+                    .fold(0.0, |sum, (s, k)| sum + out.wrenches[s][k] * at.y[s][k])
             };
             let components = given.map(TimeFunction::Constant);
             let torque = spatial::Force::new(
@@ -203,7 +207,7 @@ fn torques_and_following_forces_do_their_work() {
             );
             let arm = rotate(&p, &std::array::from_fn(|k| frame.point[k] - center[k]));
             let turning = cross(&spin[1], &arm);
-            let expected: f64 = (0..3).map(|k| ground[k] * (v[1][k] + turning[k])).sum();
+            let expected: f64 = (0..3).map(|k| ground[k] * (at.y[1][k] + turning[k])).sum();
             assert!((work(&force) - expected).abs() < 1e-12);
         }
     }
@@ -226,15 +230,16 @@ fn undamped_bushing_is_the_gradient_of_its_potential_to_3_rad() {
         let (e, frames, _) = bushing(&mut random, 0.0);
         let relative = turn(&random.unit(), random.range(2.0, 3.0));
         let q = poses(&mut random, &frames, &relative);
-        let at = At { t: 0.0, q, v: random_pair(&mut random, 1.0), z: 0.0, winding: 0.0 };
+        let at = At { t: 0.0, q, y: random_pair(&mut random, 1.0), z: 0.0, winding: 0.0 };
         let mut out = ForceOutput::zero();
-        e.evaluate(&at.input(), &mut out);
-        let size = out.q.as_flattened().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        for column in 0..14 {
+        e.evaluate(&at.input::<Spatial, 3>(), &mut out);
+        let size = out.wrenches.as_flattened().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        for column in 0..12 {
             let slope = richardson(1e-4, |s| {
-                vec![e.energy(&At { q: moved(&q, column, s), ..at }.input()).potential]
+                let by = moved(&[[0.0; 6]; 2], column, s);
+                vec![e.energy(&at.displaced::<Spatial, 3>(&by).input::<Spatial, 3>()).potential]
             })[0];
-            let found = out.q[column / 7][column % 7];
+            let found = out.wrenches[column / 6][column % 6];
             assert!((found + slope).abs() < 1e-8 * size, "{column}: {found} {slope}");
         }
     }
@@ -267,14 +272,20 @@ fn undamped_bushing_does_no_work_over_a_closed_cycle() {
         let phase = f64::from(k) / f64::from(n);
         let q = cycle(phase, &frames);
         let rate = richardson(1e-3, |s| cycle(phase + s, &frames).concat());
-        let at = At { t: 0.0, q, v: [[0.0; 7]; 2], z: 0.0, winding: 0.0 };
+        let at = At { t: 0.0, q, y: [[0.0; 6]; 2], z: 0.0, winding: 0.0 };
         let mut out = ForceOutput::zero();
-        e.evaluate(&at.input(), &mut out);
-        let power: f64 = out.q.as_flattened().iter().zip(&rate).map(|(a, b)| a * b).sum();
+        e.evaluate(&at.input::<Spatial, 3>(), &mut out);
+        let power: f64 = (0..2)
+            .map(|side| {
+                let v: [f64; 7] = std::array::from_fn(|k| rate[7 * side + k]);
+                let twist = Spatial::body(&q[side], &v).twist;
+                twist.iter().zip(&out.wrenches[side]).map(|(a, b)| a * b).sum::<f64>()
+            })
+            .sum();
         work += power / f64::from(n);
         turnover += power.abs() / f64::from(n);
         let mut u = [0.0; 6];
-        e.quantity(0, &at.input(), &mut u);
+        e.quantity(0, &at.input::<Spatial, 3>(), &mut u);
         let half_sine = 0.5 * (u[3] * u[3] + u[4] * u[4] + u[5] * u[5]).sqrt();
         largest = largest.max(2.0 * half_sine.min(1.0).asin());
     }
@@ -291,10 +302,10 @@ fn bushing_channels_are_its_wrench_on_the_second_body() {
         let (axis, angle) = (random.unit::<3>(), 1e-6);
         let mut q = poses(&mut random, &frames, &turn(&axis, angle));
         bring_together(&mut q, &frames, &[[0.05, 0.1, -0.1]; 2], &[0.0; 3]);
-        let at = At { t: 0.0, q, v: [[0.0; 7]; 2], z: 0.0, winding: 0.0 };
+        let at = At { t: 0.0, q, y: [[0.0; 6]; 2], z: 0.0, winding: 0.0 };
         let (mut force, mut torque) = ([0.0; 3], [0.0; 3]);
-        e.quantity(1, &at.input(), &mut force);
-        e.quantity(2, &at.input(), &mut torque);
+        e.quantity(1, &at.input::<Spatial, 3>(), &mut force);
+        e.quantity(2, &at.input::<Spatial, 3>(), &mut torque);
         for k in 0..3 {
             let expected = |row: usize| -> f64 {
                 (0..3).map(|j| -stiffness[row][3 + j] * angle * axis[j]).sum()
@@ -306,18 +317,12 @@ fn bushing_channels_are_its_wrench_on_the_second_body() {
         let (e, frames, _) = bushing(&mut random, 30.0);
         let relative = any_turn(&mut random);
         let q = poses(&mut random, &frames, &relative);
-        let mut v: Pair<f64, 7> = random_pair(&mut random, 1.0);
-        for side in 0..2 {
-            let spin: [f64; 3] = random.array(1.0);
-            let rate = e_transposed_times(&euler(&q[side]), &spin);
-            (0..4).for_each(|k| v[side][3 + k] = 0.5 * rate[k]);
-        }
-        let at = At { t: 0.0, q, v, z: 0.0, winding: 0.0 };
+        let at = At { t: 0.0, q, y: random_pair(&mut random, 1.0), z: 0.0, winding: 0.0 };
         let mut out = ForceOutput::zero();
-        e.evaluate(&at.input(), &mut out);
-        e.quantity(1, &at.input(), &mut force);
-        e.quantity(2, &at.input(), &mut torque);
-        let (f, n) = wrench(&q[1], &out.q[1]);
+        e.evaluate(&at.input::<Spatial, 3>(), &mut out);
+        e.quantity(1, &at.input::<Spatial, 3>(), &mut force);
+        e.quantity(2, &at.input::<Spatial, 3>(), &mut torque);
+        let (f, n) = parts(&out.wrenches[1]);
         let s: [f64; 3] = std::array::from_fn(|k| frames[1].point[k] - [0.05, 0.1, -0.1][k]);
         let about_point = cross(&rotate(&euler(&q[1]), &s), &f);
         let n = std::array::from_fn(|k| n[k] - about_point[k]);

@@ -5,8 +5,9 @@ use std::f64::consts::TAU;
 use super::constraints::{driver, joint};
 use super::forces::{At, named};
 use super::*;
+use crate::elements::space::{Planar, Spatial};
 use crate::elements::{
-    ConstraintElement, ForceBlocks, ForceElement, ForceOutput, planar as plane, spatial,
+    ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, planar as plane, spatial,
 };
 use crate::model::{DriverKind, ElasticLaw, ForceKind, JointKind, Road, Tyre};
 
@@ -16,14 +17,18 @@ fn origin() -> Frame {
     Frame { body: Some(0), point: [0.0; 3], axes: IDENTITY }
 }
 
-fn still<const N: usize>(q: Pair<f64, N>) -> At<f64, N> {
-    At { t: 0.0, q, v: [[0.0; N]; 2], z: 0.0, winding: 0.0 }
+fn still<const N: usize, const W: usize>(q: Pair<f64, N>) -> At<f64, N, W> {
+    At { t: 0.0, q, y: [[0.0; W]; 2], z: 0.0, winding: 0.0 }
 }
 
-fn evaluate<const N: usize>(e: &impl ForceElement<N>, at: &At<f64, N>) -> Pair<f64, N> {
+/// Wrenches.
+fn evaluate<const D: usize, const N: usize, const W: usize>(
+    e: &impl ForceElement<D, N, W>,
+    input: &ForceInput<f64, D, N, W>,
+) -> Pair<f64, W> {
     let mut out = ForceOutput::zero();
-    e.evaluate(&at.input(), &mut out);
-    out.q
+    e.evaluate(input, &mut out);
+    out.wrenches
 }
 
 #[test] // independent truth: the angle that was set, and the spring's torque −k θ
@@ -40,16 +45,14 @@ fn rotational_spring_keeps_its_winding_over_several_turns() {
             let angle = direction * 0.2 * f64::from(k);
             let p = turn(&[0.0, 0.0, 1.0], angle);
             let q = [spatial::GROUND, [0.0, 0.0, 0.0, p[0], p[1], p[2], p[3]]];
-            let at = At { winding, ..still(q) };
-            winding = e.angle(refs(&q), winding);
+            let input = At { winding, ..still(q) }.input::<Spatial, 3>();
+            winding = e.angle([&input.bodies[0], &input.bodies[1]], winding);
             assert!((winding - angle).abs() < 1e-12, "{winding} {angle}");
-            // torque about z from Q_p = 2 Eᵀ n
-            let force = evaluate(&e, &at)[1];
-            let n = crate::math::spatial::e_times(&p, &[force[3], force[4], force[5], force[6]]);
-            assert!((0.5 * n[2] + 3.0 * angle).abs() < 1e-11);
-            let plain = evaluate(&flat, &still([[0.0; 3], [0.0, 0.0, angle]]));
+            assert!((evaluate(&e, &input)[1][5] + 3.0 * angle).abs() < 1e-11);
+            let at = still([[0.0; 3], [0.0, 0.0, angle]]);
+            let plain = evaluate(&flat, &at.input::<Planar, 2>());
             assert!((plain[1][2] + 3.0 * angle).abs() < 1e-12);
-            let energy = e.energy(&at.input()).potential;
+            let energy = e.energy(&input).potential;
             assert!((energy - 1.5 * angle * angle).abs() < 1e-9);
         }
         assert!(winding.abs() > 6.0 * TAU);
@@ -68,7 +71,9 @@ fn planar_angles_are_differences_of_body_angles_over_any_turns() {
         let mut out = [0.0];
         pin.quantity(0, refs(&q), refs(&[[0.0; 3]; 2]), 0.0, &mut out);
         assert!((out[0] - 3.5 - angle).abs() < 1e-13);
-        assert!((evaluate(&spring, &still(q))[1][2] + 2.0 * angle).abs() < 1e-12);
+        assert!(
+            (evaluate(&spring, &still(q).input::<Planar, 2>())[1][2] + 2.0 * angle).abs() < 1e-12
+        );
     }
     // a fixed joint does not care about whole turns of its bodies
     let (s, c) = (-3.5_f64).sin_cos();
@@ -115,13 +120,13 @@ fn spring(free_length: f64) -> ForceKind {
 fn spring_without_free_length_is_linear_down_to_no_length() {
     let e = plane::Force::new(&named(spring(0.0)), [[0.0; 3]; 2]);
     for d in [[0.0, 0.0], [1e-14, 0.0], [1e-9, -2e-9], [0.3, -0.4]] {
-        let at = still([[0.0; 3], [d[0], d[1], 0.3]]);
-        let q = evaluate(&e, &at);
+        let at = still([[0.0; 3], [d[0], d[1], 0.3]]).input::<Planar, 2>();
+        let w = evaluate(&e, &at);
         for k in 0..2 {
-            assert!((q[1][k] + 1000.0 * d[k]).abs() <= 1e-12 * d[k].abs() * 1000.0);
+            assert!((w[1][k] + 1000.0 * d[k]).abs() <= 1e-12 * d[k].abs() * 1000.0);
         }
         let mut blocks = ForceBlocks::zero();
-        e.blocks(&at.input(), &mut blocks);
+        e.blocks(&at, &mut blocks);
         for i in 0..2 {
             for j in 0..2 {
                 let expected = if i == j { 1000.0 } else { 0.0 };
@@ -146,13 +151,14 @@ fn springs_stay_finite_where_their_points_meet() {
     for kind in kinds {
         let e = spatial::Force::new(&named(kind), [[0.0; 3]; 2]);
         let mut at = still([spatial::GROUND, spatial::GROUND]);
-        at.v[1][0] = 2.0;
-        assert_eq!(evaluate(&e, &at), [[0.0; 7]; 2]);
+        at.y[1][0] = 2.0;
+        let at = at.input::<Spatial, 3>();
+        assert_eq!(evaluate(&e, &at), [[0.0; 6]; 2]);
         let mut blocks = ForceBlocks::zero();
-        e.blocks(&at.input(), &mut blocks);
-        let all = blocks.k.0.as_flattened().as_flattened().as_flattened();
+        e.blocks(&at, &mut blocks);
+        let all = blocks.k.entries();
         assert!(all.iter().all(|x| x.is_finite()));
-        assert!(blocks.c.0.as_flattened().as_flattened().as_flattened().iter().all(|x| *x == 0.0));
+        assert!(blocks.c.entries().iter().all(|x| *x == 0.0));
     }
 }
 
@@ -168,7 +174,8 @@ fn tyre_carries_its_law_and_none_off_the_road() {
         lateral: None,
     };
     let e = spatial::Force::new(&named(ForceKind::Tyre(tyre)), [[0.0; 3]; 2]);
-    let at = |z: f64| still([spatial::GROUND, [1.0, 2.0, z, 1.0, 0.0, 0.0, 0.0]]);
+    let at =
+        |z: f64| still([spatial::GROUND, [1.0, 2.0, z, 1.0, 0.0, 0.0, 0.0]]).input::<Spatial, 3>();
     let on = evaluate(&e, &at(0.2 + 0.4699 - 0.02))[1];
     let s = 0.5 * (0.02 + (0.02_f64.powi(2) + 1e-6).sqrt());
     assert!((on[2] - 296325.0 * s).abs() < 1e-7);

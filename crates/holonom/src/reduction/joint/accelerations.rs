@@ -41,11 +41,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         branched.sizes()
     }
 
-    /// q̈ and the multipliers of closures and drivers for forces Q; `false` where no or too few digits are left.
-    pub(super) fn accelerations_of(&mut self, force: &[f64], state: &mut State) -> bool {
+    /// q̈, the multipliers of closures and drivers, and ż; `false` where no or too few digits are left.
+    pub(super) fn accelerations_of(&mut self, state: &mut State, z_rate: &mut [f64]) -> bool {
+        self.evaluate_forces(state, z_rate);
         let State { t, q, v, a, lambda, .. } = state;
         lambda.fill(0.0);
-        self.read_forces(force, q);
         self.evaluate_bias();
         if self.directions.is_some() {
             return self.follow_directions(*t, [q, v], a, lambda);

@@ -5,7 +5,7 @@
 //! thesis (3.133)).
 
 use super::inertia::{Inertia, PlanarInertia, SpatialInertia};
-use crate::math::spatial::{cross, e_times, e_transposed_times, g_times, g_transposed_times};
+use crate::math::spatial::{cross, e_times, e_transposed_times};
 use crate::math::vector::{difference, dot, sum};
 use crate::system::{Motion, Stance, Wrench};
 
@@ -62,8 +62,11 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// Change of [`Algebra::wrench`] of a generalized force that stays the same, with the pose.
     fn wrench_change(dq: &[f64; N], force: &[f64; N]) -> [f64; W];
 
-    /// What the turning of a body adds to the generalized forces, from its inertia in its own axes.
-    fn gyroscopic(inertia: &[[f64; 3]; 3], q: &[f64; N], v: &[f64; N]) -> [f64; N];
+    /// Change of a wrench about a fixed point as the place that it acts at is displaced.
+    fn shifted(by: &[f64; W], w: &[f64; W]) -> [f64; W];
+
+    /// What a row on velocities is on displacements −δx by which what moves with twist `y` gets other ones: ω × its part.
+    fn carried(y: &[f64; W], row: &[f64; W]) -> [f64; W];
 
     /// A wrench about another point.
     fn moved(w: &[f64; W], from: &[f64; 3], to: &[f64; 3]) -> [f64; W];
@@ -244,11 +247,14 @@ impl Algebra<7, 6> for Spatial {
         joined(&[0.0; 3], &sum(&turn, &cross(&place(dq), &place(force))))
     }
 
-    /// 8 Ġᵀ J Ġ p.
-    fn gyroscopic(inertia: &[[f64; 3]; 3], q: &[f64; 7], v: &[f64; 7]) -> [f64; 7] {
-        let (p, rate) = (euler(q), euler(v));
-        let turn = g_transposed_times(&rate, &times(inertia, &g_times(&rate, &p)));
-        pose(&[0.0; 3], &turn.map(|x| 8.0 * x))
+    #[inline(always)]
+    fn shifted(by: &[f64; 6], w: &[f64; 6]) -> [f64; 6] {
+        joined(&[0.0; 3], &cross(&parts(by).0, &parts(w).0))
+    }
+
+    #[inline(always)]
+    fn carried(y: &[f64; 6], row: &[f64; 6]) -> [f64; 6] {
+        joined(&cross(&parts(y).1, &parts(row).0), &[0.0; 3])
     }
 
     #[inline(always)]
@@ -445,8 +451,15 @@ impl Algebra<3, 3> for Planar {
         [0.0, 0.0, moment(&[dq[0], dq[1]], &[force[0], force[1]])]
     }
 
-    fn gyroscopic(_: &[[f64; 3]; 3], _: &[f64; 3], _: &[f64; 3]) -> [f64; 3] {
-        [0.0; 3]
+    #[inline(always)]
+    fn shifted(by: &[f64; 3], w: &[f64; 3]) -> [f64; 3] {
+        [0.0, 0.0, moment(&[by[0], by[1]], &[w[0], w[1]])]
+    }
+
+    #[inline(always)]
+    fn carried(y: &[f64; 3], row: &[f64; 3]) -> [f64; 3] {
+        let [u, v] = across(y[2], &[row[0], row[1]]);
+        [u, v, 0.0]
     }
 
     #[inline(always)]

@@ -4,14 +4,15 @@
 
 use super::ReducedDerivatives;
 use super::algebra::Algebra;
-use super::closures::{Closures, Origin};
-use super::engine::{BodyInertia, Edge, Engine, add, dot, pose, pose_mut};
+use super::closures::{Closure, Closures, Origin};
+use super::engine::{Edge, Engine, add, dot, pose, pose_mut};
 use super::interactions::{EndRow, Interaction, OwnWrench};
 use super::own_motion::OwnMotion;
 use super::varied::{Mover, Plan, Varied};
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::Source;
 use crate::system::{DerivativeBlocks, State, Structure};
+use std::collections::BTreeMap;
 
 /// Room for derivatives, and those of the motion of each part at the state at hand.
 #[derive(Debug, Clone)]
@@ -19,24 +20,26 @@ pub(super) struct Derivatives<const W: usize> {
     /// By independent variables; and what time moves by drivers.
     pub(super) movers: Vec<Mover>,
     pub(super) time: Mover,
-    /// Joints that close loops.
-    joints: Vec<usize>,
-    /// Where the blocks of each body begin among the values of K and C.
-    pub(super) diagonal: Vec<usize>,
     pub(super) own: Vec<OwnWrench<W>>,
     pub(super) interactions: Vec<Interaction<W>>,
     /// By the body that moves: places among the interactions.
     pub(super) by_moved: Vec<Vec<usize>>,
+    /// Of each force, and of each closure, between two bodies: the place of its pair among the interactions, first what
+    /// the body of lower number feels, then the other one.
+    pub(super) of_forces: Vec<Option<usize>>,
+    pub(super) of_closures: Vec<Option<usize>>,
+    /// What explicit time adds to the wrenches on bodies, about their places, with the sign of a resistance.
+    pub(super) time_wrench: Vec<[f64; W]>,
     /// Ends of each row of the closures, and the row on their motions.
     pub(super) ends: Vec<[Option<usize>; 2]>,
     pub(super) end_rows: Vec<[EndRow<W>; 2]>,
     pub(super) motions: Vec<OwnMotion<W>>,
     /// Accelerations of edges as their carriers see them, by bodies.
     pub(super) accelerations: Vec<[f64; W]>,
-    /// Of each extra state and end: its force, and the row of its rate on displacement and twist.
+    /// Of each extra state and end, about the reference point: its force, and the row of its rate on displacement and twist.
     pub(super) extra: Vec<[[[f64; W]; 3]; 2]>,
-    /// What acts on the poses beside inertia, with the sign of a resistance.
-    force: Vec<f64>,
+    /// What closures exert on poses.
+    pub(super) force: Vec<f64>,
     pub(super) varied: Varied<W>,
 }
 
@@ -50,27 +53,35 @@ impl<const W: usize> Derivatives<W> {
     ) -> Self {
         let (sizes, n) = (structure.sizes, sources.len());
         let bodies = sizes.bodies;
-        let (mut diagonal, mut interactions) = (vec![0; bodies], Vec::new());
-        let (mut by_moved, mut offset) = (vec![Vec::new(); bodies], 0);
-        for (row, column, rows, columns) in structure.stiffness_pattern.shapes() {
-            let pair = [row / sizes.per_body, column / sizes.per_body];
-            if pair[0] == pair[1] {
-                diagonal[pair[0]] = offset;
-            } else {
-                by_moved[pair[1]].push(interactions.len());
-                let by = [[[0.0; W]; W]; 2];
-                interactions.push(Interaction { bodies: pair, offset, acts: false, by });
-            }
-            offset += rows * columns;
-        }
-        let (mut joints, mut ends) = (Vec::new(), vec![[None; 2]; closures.rows()]);
+        let (mut interactions, mut by_moved) = (Vec::new(), vec![Vec::new(); bodies]);
+        let mut known = BTreeMap::new();
+        let mut place = |ends: [Option<usize>; 2]| {
+            let [Some(a), Some(b)] = ends else { return None };
+            let [inner, outer] = [a.min(b), a.max(b)];
+            let first = *known.entry([inner, outer]).or_insert_with(|| {
+                for pair in [[inner, outer], [outer, inner]] {
+                    by_moved[pair[1]].push(interactions.len());
+                    interactions.push(Interaction {
+                        bodies: pair,
+                        acts: false,
+                        by: [[[0.0; W]; W]; 2],
+                    });
+                }
+                interactions.len() - 2
+            });
+            Some(first)
+        };
+        let of_forces = structure.forces.iter().map(|ends| place(*ends)).collect();
+        let is_joint = |closure: &Closure| {
+            matches!(closure.origin, Origin::Joint(_)) && !closure.rows.is_empty()
+        };
+        let of_closures = closures.all.iter();
+        let of_closures =
+            of_closures.map(|c| if is_joint(c) { place(c.ends) } else { None }).collect();
+        let mut ends = vec![[None; 2]; closures.rows()];
         for closure in closures.all.iter().filter(|closure| !closure.rows.is_empty()) {
             ends[closure.first..][..closure.rows.len()].fill(closure.ends);
-            if let Origin::Joint(joint) = closure.origin {
-                joints.push(joint);
-            }
         }
-        joints.sort_unstable();
         let mut felt_by = vec![Vec::new(); bodies];
         for Interaction { bodies: [feels, moved], .. } in &interactions {
             felt_by[*moved].push(*feels);
@@ -79,11 +90,12 @@ impl<const W: usize> Derivatives<W> {
         Self {
             movers: (0..ndof).map(|p| Mover::of(p, &plan)).collect(),
             time: Mover::of_time(&plan),
-            joints,
-            diagonal,
             own: vec![OwnWrench::NONE; bodies],
             interactions,
             by_moved,
+            of_forces,
+            of_closures,
+            time_wrench: vec![[0.0; W]; bodies],
             end_rows: vec![[EndRow::NONE; 2]; ends.len()],
             ends,
             motions: vec![OwnMotion::NONE; n],
@@ -108,18 +120,17 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// All blocks at the state whose accelerations were the last to be evaluated, for forces Q.
+    /// All blocks at the state whose accelerations were the last to be evaluated.
     pub(super) fn linearize_motion(
         &mut self,
         parametrization: &Parametrization,
-        force: &[f64],
         state: &State,
         blocks: &mut DerivativeBlocks,
         out: &mut ReducedDerivatives<'_>,
     ) {
         self.make_room_for_derivatives();
         let Some(mut at) = self.derivatives.take() else { return };
-        self.evaluate_parts(parametrization, force, state, blocks, &mut at);
+        self.evaluate_parts(parametrization, state, blocks, &mut at);
         self.closures.evaluate_maps();
         out.clear();
         let (ndof, n) = (at.movers.len(), state.q.len());
@@ -191,9 +202,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.vary_accelerations(&mover, Some(state.t), &mut at);
         self.vary_wrenches(&mover, &mut at);
         for (b, felt) in at.varied.felt[2].iter_mut().enumerate() {
-            let own: [f64; W] =
-                A::wrench(pose(&state.q, b), &self.origin[b], pose(&blocks.force_time, b));
-            add(felt, 1.0, &own);
+            add(felt, 1.0, &A::moved(&at.time_wrench[b], &at.own[b].place, &self.origin[b]));
         }
         self.gather_changes(&mover, &mut at);
         force.fill(0.0);
@@ -216,37 +225,18 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     fn evaluate_parts(
         &mut self,
         parametrization: &Parametrization,
-        force: &[f64],
         state: &State,
         blocks: &mut DerivativeBlocks,
         at: &mut Derivatives<W>,
     ) {
         let State { q, v, lambda, .. } = state;
-        self.system.force_blocks(state, &at.joints, blocks);
-        for (b, BodyInertia { own, .. }) in self.inertias.iter().enumerate() {
-            let turning: [f64; N] = A::gyroscopic(own, pose(q, b), pose(v, b));
-            let acting: &[f64; N] = pose(force, b);
-            *pose_mut::<N>(&mut at.force, b) = std::array::from_fn(|i| turning[i] - acting[i]);
-        }
+        at.force.fill(0.0);
         self.evaluate_end_rows(parametrization, state, &mut at.end_rows, &mut at.force);
-        let acting = std::mem::take(&mut at.force);
-        self.evaluate_interactions(state, blocks, &acting, at);
-        at.force = acting;
+        self.evaluate_interactions(state, at, blocks);
         self.stand(q);
         self.evaluate_wrenches(q, v);
         self.add_closure_forces(q, lambda);
         self.gather();
         self.evaluate_own_motions(&mut at.motions, &mut at.accelerations);
-        let ends = self.system.structure().extra_bodies.iter().zip(&mut at.extra);
-        for (k, (ends, rows)) in ends.enumerate() {
-            for (side, (end, row)) in ends.iter().zip(rows).enumerate() {
-                let Some(b) = *end else { continue };
-                let own = |x: &[f64]| -> [f64; N] { *pose(x, 2 * k + side) };
-                let by = [own(&blocks.extra_position), own(&blocks.extra_velocity), [0.0; N]];
-                let [by_x, by_rate, _] = self.on_twists(b, [q, v], [&by[0], &by[1], &by[2]]);
-                let felt = A::wrench(pose(q, b), &self.origin[b], &own(&blocks.force_extra));
-                *row = [felt, by_x, by_rate];
-            }
-        }
     }
 }

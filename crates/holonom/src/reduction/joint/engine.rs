@@ -13,7 +13,7 @@ use crate::math::vector::difference;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::recent::RecentPoints;
 use crate::reduction::relatives::{Relatives, Source};
-use crate::system::{EdgeScrews, EdgeSource, Measure, Motion, Stance, System};
+use crate::system::{EdgeScrews, EdgeSource, Measure, Motion, Stance, State, System};
 use crate::threads::Threads;
 use std::collections::BTreeMap;
 use std::marker::PhantomData;
@@ -101,7 +101,7 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) twist_rate: Vec<[f64; W]>,
     /// Ḃ ẋ of each edge.
     pub(super) bias: Vec<[f64; W]>,
-    /// Wrenches of the forces on each body.
+    /// Wrenches of the forces on each body, with what its turning exerts.
     pub(super) applied: Vec<[f64; W]>,
     /// Of each body, or of all that hangs on it, and the sizes of what they are summed from.
     pub(super) wrench_size: Vec<[f64; 2]>,
@@ -378,10 +378,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// Wrenches of generalized forces.
-    pub(super) fn read_forces(&mut self, force: &[f64], q: &[f64]) {
+    /// Wrenches of gravity, forces and the turning of the bodies, and ż.
+    pub(super) fn evaluate_forces(&mut self, state: &State, z_rate: &mut [f64]) {
+        self.system.wrenches(state, self.applied.as_flattened_mut(), z_rate);
         for (b, applied) in self.applied.iter_mut().enumerate() {
-            *applied = A::wrench(pose(q, b), &self.origin[b], pose(force, b));
+            let (y, BodyInertia { turned, .. }) = (&self.twist[b], &self.inertias[b]);
+            add(applied, -1.0, &A::cross_dual(y, &A::inertia_about_center(0.0, turned, y)));
+            *applied = A::moved(applied, &A::center(pose(&state.q, b)), &self.origin[b]);
         }
     }
 

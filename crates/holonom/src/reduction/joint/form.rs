@@ -99,13 +99,13 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
     fn residual(
         &mut self,
         parametrization: &Parametrization,
-        force: &[f64],
         p_rate: &[f64],
         state: &mut State,
+        z_rate: &mut [f64],
         psi: &mut [f64],
     ) {
+        self.evaluate_forces(state, z_rate);
         let State { t, q, v, a, lambda, .. } = state;
-        self.read_forces(force, q);
         self.take_accelerations(parametrization, *t, p_rate, [q, v]);
         self.tell_second_rates(q, v, a);
         self.evaluate_wrenches(q, v);
@@ -141,8 +141,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         self.project(out);
     }
 
-    fn accelerate(&mut self, force: &[f64], state: &mut State) -> bool {
-        self.accelerations_of(force, state)
+    fn accelerate(&mut self, state: &mut State, z_rate: &mut [f64]) -> bool {
+        self.accelerations_of(state, z_rate)
     }
 
     fn independent_acceleration(
@@ -169,8 +169,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         }
     }
 
-    fn complete_multipliers(&mut self, force: &[f64], state: &mut State) -> bool {
-        self.tree_multipliers(force, state)
+    fn complete_multipliers(&mut self, state: &mut State) -> bool {
+        self.tree_multipliers(state)
     }
 
     fn displace(&mut self, dp: &[f64], q: &[f64], dq: &mut [f64]) {
@@ -203,12 +203,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
     fn linearize(
         &mut self,
         parametrization: &Parametrization,
-        force: &[f64],
         state: &State,
         blocks: &mut DerivativeBlocks,
         out: &mut ReducedDerivatives<'_>,
     ) {
-        self.linearize_motion(parametrization, force, state, blocks, out);
+        self.linearize_motion(parametrization, state, blocks, out);
     }
 
     fn time_derivative(

@@ -6,7 +6,7 @@ use super::derivatives::Derivatives;
 use super::engine::{BodyInertia, Engine, add, pose, pose_mut};
 use super::residuals::{MOST_ROWS, gradient_of};
 use crate::reduction::parametrization::Parametrization;
-use crate::system::{DerivativeBlocks, State};
+use crate::system::{DerivativeBlocks, ExtraBlocks, State, WrenchBlocks};
 
 /// A matrix by columns.
 pub(super) type Columns<const W: usize> = [[f64; W]; W];
@@ -40,11 +40,27 @@ impl<const W: usize> OwnWrench<W> {
 pub(super) struct Interaction<const W: usize> {
     /// The body that feels it, and the one that moves.
     pub(super) bodies: [usize; 2],
-    /// Where the block begins among the values of K and C.
-    pub(super) offset: usize,
     /// Whether there is any.
     pub(super) acts: bool,
     pub(super) by: [Columns<W>; 2],
+}
+
+impl<const W: usize> Derivatives<W> {
+    /// What body `a` feels by the displacement and by the twist of `b`, about their places.
+    fn between(&mut self, [a, b]: [usize; 2], pair: Option<usize>) -> [&mut Columns<W>; 2] {
+        match pair {
+            Some(first) if a != b => {
+                let Interaction { acts, by: [by_x, by_twist], .. } =
+                    &mut self.interactions[first + usize::from(a > b)];
+                *acts = true;
+                [by_x, by_twist]
+            }
+            _ => {
+                let OwnWrench { stiffness, damping, .. } = &mut self.own[a];
+                [stiffness, damping]
+            }
+        }
+    }
 }
 
 /// A row on how one end of a closure is displaced, on its twist, and on the rate of that, about the reference point.
@@ -123,36 +139,110 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// Wrenches of inertia and of the forces in `blocks`; `force` is what else acts on the poses than inertia does, with
-    /// the sign of a resistance.
+    /// What the wrenches of inertia, forces and closures change by with the motions of bodies; of extra states what concerns
+    /// themselves and time into `blocks`.
     pub(super) fn evaluate_interactions(
         &self,
         state: &State,
-        blocks: &DerivativeBlocks,
-        force: &[f64],
-        out: &mut Derivatives<W>,
+        at: &mut Derivatives<W>,
+        blocks: &mut DerivativeBlocks,
     ) {
-        let [k, c] = [blocks.stiffness.values(), blocks.damping.values()];
-        let own = out.own.iter_mut().zip(&out.diagonal).enumerate();
-        for (b, (own, &offset)) in own {
+        at.time_wrench.fill([0.0; W]);
+        for (b, own) in at.own.iter_mut().enumerate() {
             self.evaluate_inertia(b, state, own);
-            let q: &[f64; N] = pose(&state.q, b);
-            let acting = pose(force, b);
             for (column, unit) in own.stiffness.iter_mut().zip(units::<W>()) {
-                let dq = A::rates(q, &own.place, &unit);
-                add(column, 1.0, &A::wrench_change(&dq, acting));
+                add(column, -1.0, &A::shifted(&unit, &self.applied[b]));
             }
-            if let Some([by_x, by_rate]) = self.on_bodies([b, b], state, offset, [k, c]) {
-                for (out, x) in [(&mut own.stiffness, by_x), (&mut own.damping, by_rate)] {
-                    out.iter_mut().zip(&x).for_each(|(out, x)| add(out, 1.0, x));
+        }
+        for one in &mut at.interactions {
+            (one.acts, one.by) = (false, [[[0.0; W]; W]; 2]);
+        }
+        self.system.wrench_blocks(state, &mut |force, own| {
+            self.add_force_blocks(force, own, at);
+            let Some(extra) = &own.extra else { return };
+            self.tell_extra_state(extra, at);
+            blocks.extra_extra[extra.index] = extra.own;
+            blocks.extra_time[extra.index] = extra.time;
+        });
+        self.add_closure_blocks(state, at);
+    }
+
+    /// Derivatives of a force.
+    fn add_force_blocks(&self, force: usize, own: &WrenchBlocks<'_>, at: &mut Derivatives<W>) {
+        let bodies = self.system.structure().forces[force];
+        let (stiffness, _) = own.stiffness.as_chunks::<W>();
+        let damping = own.damping.map(|damping| damping.as_chunks::<W>().0);
+        for felt in 0..2 {
+            let Some(a) = bodies[felt] else { continue };
+            add(
+                &mut at.time_wrench[a],
+                1.0,
+                own.time[felt * W..].first_chunk().expect("W numbers"),
+            );
+            for moved in 0..2 {
+                let Some(b) = bodies[moved] else { continue };
+                let rows = (2 * felt + moved) * W..(2 * felt + moved + 1) * W;
+                let [by_x, by_twist] = at.between([a, b], at.of_forces[force]);
+                for (i, row) in stiffness[rows.clone()].iter().enumerate() {
+                    by_x.iter_mut().zip(row).for_each(|(column, x)| column[i] += x);
+                }
+                let Some(damping) = damping else { continue };
+                for (i, row) in damping[rows].iter().enumerate() {
+                    by_twist.iter_mut().zip(row).for_each(|(column, x)| column[i] += x);
+                    // The velocity of a place changes as it is displaced, the twist being that of a point at rest.
+                    let carried = A::carried(&self.twist[b], row);
+                    by_x.iter_mut().zip(&carried).for_each(|(column, x)| column[i] -= x);
                 }
             }
         }
-        for one in &mut out.interactions {
-            let by = self.on_bodies(one.bodies, state, one.offset, [k, c]);
-            one.acts = by.is_some();
-            if let Some(by) = by {
-                one.by = by;
+    }
+
+    /// Rows of an extra state about the reference points of its bodies.
+    fn tell_extra_state(&self, extra: &ExtraBlocks<'_>, at: &mut Derivatives<W>) {
+        let ends = &self.system.structure().extra_bodies[extra.index];
+        for (side, (end, out)) in ends.iter().zip(&mut at.extra[extra.index]).enumerate() {
+            let Some(b) = *end else { continue };
+            let own = |x: &[f64]| -> [f64; W] { *x[side * W..].first_chunk().expect("W numbers") };
+            let by_twist = own(extra.by_twist);
+            let mut by_x = own(extra.by_displacement);
+            add(&mut by_x, -1.0, &A::carried(&self.twist[b], &by_twist));
+            *out = [own(extra.force), by_x, by_twist]
+                .map(|w| A::moved(&w, &at.own[b].place, &self.origin[b]));
+        }
+    }
+
+    /// What the multipliers of the joints that close loops exert, as rows turn with the bodies.
+    fn add_closure_blocks(&self, state: &State, at: &mut Derivatives<W>) {
+        for &b in &self.ends {
+            let (q, acting): (&[f64; N], _) = (pose(&state.q, b), pose(&at.force, b));
+            let OwnWrench { place, stiffness, .. } = &mut at.own[b];
+            for (column, unit) in stiffness.iter_mut().zip(units::<W>()) {
+                add(column, 1.0, &A::wrench_change(&A::rates(q, place, &unit), acting));
+            }
+        }
+        let mut hessian = [0.0; 4 * 49];
+        let hessian = &mut hessian[..4 * N * N];
+        for (c, closure) in self.closures.all.iter().enumerate() {
+            let (Origin::Joint(joint), false) = (closure.origin, closure.rows.is_empty()) else {
+                continue;
+            };
+            self.system.joint_hessian(joint, state, hessian);
+            for (felt, a) in closure.ends.iter().enumerate() {
+                for (moved, b) in closure.ends.iter().enumerate() {
+                    let (Some(a), Some(b)) = (*a, *b) else { continue };
+                    let block = &hessian[(2 * felt + moved) * N * N..][..N * N];
+                    if block.iter().all(|x| *x == 0.0) {
+                        continue;
+                    }
+                    let (q, other): (&[f64; N], &[f64; N]) = (pose(&state.q, a), pose(&state.q, b));
+                    let rows: [[f64; W]; N] =
+                        std::array::from_fn(|i| A::wrench_about_center(other, pose(block, i)));
+                    let [by_x, _] = at.between([a, b], at.of_closures[c]);
+                    for (j, column) in by_x.iter_mut().enumerate() {
+                        let own = A::wrench_about_center(q, &rows.map(|row| row[j]));
+                        add(column, 1.0, &own);
+                    }
+                }
             }
         }
     }
@@ -177,38 +267,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             add(column, -1.0, &inertia(&A::cross(unit, &yd)));
             add(column, -1.0, &times(&out.damping, &A::cross(unit, &y)));
         }
-    }
-
-    /// Blocks of K and C on displacements and twists, about the places of the bodies; none where they vanish.
-    fn on_bodies(
-        &self,
-        [a, b]: [usize; 2],
-        state: &State,
-        offset: usize,
-        [k, c]: [&[f64]; 2],
-    ) -> Option<[Columns<W>; 2]> {
-        let [k, c] = [k, c].map(|values| &values[offset..offset + N * N]);
-        let [is_elastic, is_viscous] = [k, c].map(|block| block.iter().any(|x| *x != 0.0));
-        if !is_elastic && !is_viscous {
-            return None;
-        }
-        let (felt, moved): (&[f64; N], &[f64; N]) = (pose(&state.q, a), pose(&state.q, b));
-        let mut rows = [[[0.0; W]; N]; 2];
-        for i in 0..N {
-            let mut by_q: [f64; N] = *pose(k, i);
-            if is_viscous {
-                let by_v: &[f64; N] = pose(c, i);
-                // The change of T is a turn: no point matters.
-                add(&mut by_q, -1.0, &A::rates_change(by_v, &self.twist[b]));
-                rows[1][i] = A::wrench_about_center(moved, by_v);
-            }
-            rows[0][i] = A::wrench_about_center(moved, &by_q);
-        }
-        let on_felt = |rows: &[[f64; W]; N]| -> Columns<W> {
-            std::array::from_fn(|j| A::wrench_about_center(felt, &rows.map(|row| row[j])))
-        };
-        let by_twist = if is_viscous { on_felt(&rows[1]) } else { [[0.0; W]; W] };
-        Some([on_felt(&rows[0]), by_twist])
     }
 }
 

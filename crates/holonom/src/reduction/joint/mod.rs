@@ -133,20 +133,20 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
     /// q̇ for independent rates at the configuration last factored.
     fn recover_velocity(&mut self, t: f64, p_rate: &[f64], v: &mut [f64], q: &[f64]);
 
-    /// ψ = Dᵀ(M q̈ − Q) for independent accelerations; `force` is Q. q̈ and the multipliers of the closures into the
+    /// ψ = Dᵀ(M q̈ − Q) for independent accelerations, and ż. q̈ and the multipliers of the closures into the
     /// state, all others are zero.
     fn residual(
         &mut self,
         parametrization: &Parametrization,
-        force: &[f64],
         p_rate: &[f64],
         state: &mut State,
+        z_rate: &mut [f64],
         psi: &mut [f64],
     );
 
-    /// q̈ and the multipliers of what closes loops and of drivers on the tree, all others zero, for forces Q at a state whose
+    /// q̈ and the multipliers of what closes loops and of drivers on the tree, all others zero, and ż at a state whose
     /// velocities were just recovered; `false` where it cannot tell them.
-    fn accelerate(&mut self, force: &[f64], state: &mut State) -> bool;
+    fn accelerate(&mut self, state: &mut State, z_rate: &mut [f64]) -> bool;
 
     /// v̈ of the state whose accelerations were the last to be evaluated.
     fn independent_acceleration(
@@ -156,9 +156,9 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
         p_rate: &mut [f64],
     );
 
-    /// Multipliers of the joints of the tree and of normalizations, where those of the closures are known; `false` where
-    /// the rows of a joint do not tell them.
-    fn complete_multipliers(&mut self, force: &[f64], state: &mut State) -> bool;
+    /// Multipliers of the joints of the tree and of normalizations, where those of the closures are known, for the forces last
+    /// evaluated; `false` where the rows of a joint do not tell them.
+    fn complete_multipliers(&mut self, state: &mut State) -> bool;
 
     /// A change δp of independent variables on the coordinates of all bodies, δq.
     fn displace(&mut self, dp: &[f64], q: &[f64], dq: &mut [f64]);
@@ -196,12 +196,11 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
         v: &mut [f64],
     );
 
-    /// M̂, M̂₁, M̂₂ and what extra states add, for forces Q at the state whose accelerations and multipliers of closures were the
-    /// last to be told; those of the forces into `blocks`.
+    /// M̂, M̂₁, M̂₂ and what extra states add, at the state whose accelerations and multipliers of closures were the
+    /// last to be told; ż_z and ż_t into `blocks`.
     fn linearize(
         &mut self,
         parametrization: &Parametrization,
-        force: &[f64],
         state: &State,
         blocks: &mut DerivativeBlocks,
         out: &mut ReducedDerivatives<'_>,

@@ -3,7 +3,7 @@
 
 use super::algebra::Algebra;
 use super::closures::Origin;
-use super::engine::{Engine, add, dot, pose};
+use super::engine::{BodyInertia, Engine, add, dot, pose};
 use super::small::{factor, substitute};
 use crate::reduction::relatives::Source;
 use crate::system::State;
@@ -30,17 +30,16 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 
     /// Multipliers of the joints and drivers of the tree and of the normalizations, beside those of the closures, for the
     /// present rates of twists; `false` where the rows of a joint depend on each other.
-    pub(super) fn tree_multipliers(&mut self, force: &[f64], state: &mut State) -> bool {
+    pub(super) fn tree_multipliers(&mut self, state: &mut State) -> bool {
         let State { q, v, lambda, .. } = state;
-        self.read_forces(force, q);
         self.evaluate_wrenches(q, v);
         self.add_closure_forces(q, lambda);
         self.gather();
         let system = self.system.clone();
         let structure = system.structure();
-        // Generalized forces that the joints' own leave, for the normalizations.
+        // What joints exert along Euler parameters, which bodies do not feel, is up to the normalizations.
         let normalized = structure.normalization_start < structure.sizes.rows;
-        self.generalized.copy_from_slice(force);
+        self.generalized.fill(0.0);
         let mut gradients = [[0.0; 6 * 14]; 2];
         let mut places = [0; 2];
         for edge in &*self.edges {
@@ -122,7 +121,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for b in 0..structure.sizes.bodies {
             let (p, force) = (&q[b * N + first..(b + 1) * N], &self.generalized[b * N + first..]);
             let along = p.iter().zip(force).map(|(p, f)| p * f).sum::<f64>();
-            lambda[structure.normalization_start + b] = 0.5 * along;
+            // Twice the energy of the turning, for which p̈ has a part along p.
+            let (y, BodyInertia { turned, .. }) = (&self.twist[b], &self.inertias[b]);
+            let turning = dot(y, &A::inertia_about_center(0.0, turned, y));
+            lambda[structure.normalization_start + b] = 0.5 * along + turning;
         }
         true
     }

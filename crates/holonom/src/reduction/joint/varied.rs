@@ -4,7 +4,7 @@ use super::algebra::Algebra;
 use super::closures::{Closures, Origin};
 use super::derivatives::Derivatives;
 use super::engine::{BodyInertia, Edge, Engine, add, dot};
-use super::interactions::times;
+use super::interactions::{Interaction, times};
 use crate::reduction::relatives::Source;
 
 /// What a variable, or time, moves.
@@ -394,16 +394,16 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             add(&mut wrench, 1.0, &inertia(&yd));
             add(&mut felt[2][b], 1.0, &back(&wrench));
             for &i in &at.by_moved[b] {
-                let one = &at.interactions[i];
-                if one.acts {
-                    let a = one.bodies[0];
-                    let back = |w: &[f64; W]| A::moved(w, &at.own[a].place, &self.origin[a]);
-                    let [by_x, by_twist] = &one.by;
-                    add(&mut felt[1][a], 1.0, &back(&times(by_twist, &x)));
-                    let mut wrench = times(by_x, &x);
-                    add(&mut wrench, 1.0, &times(by_twist, &y));
-                    add(&mut felt[2][a], 1.0, &back(&wrench));
+                let Interaction { bodies: [a, _], acts, by: [by_x, by_twist] } =
+                    &at.interactions[i];
+                if !acts {
+                    continue;
                 }
+                let back = |w: &[f64; W]| A::moved(w, &at.own[*a].place, &self.origin[*a]);
+                add(&mut felt[1][*a], 1.0, &back(&times(by_twist, &x)));
+                let mut wrench = times(by_x, &x);
+                add(&mut wrench, 1.0, &times(by_twist, &y));
+                add(&mut felt[2][*a], 1.0, &back(&wrench));
             }
         }
     }

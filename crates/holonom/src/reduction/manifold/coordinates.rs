@@ -53,7 +53,7 @@ impl Manifold {
     }
 
     /// M̂, M̂₁, M̂₂ and what extra states add at the state whose accelerations were the last to be evaluated, in joint
-    /// coordinates; derivatives of the forces into `blocks`. Multipliers of closures are all that it asks the state for.
+    /// coordinates; of extra states what concerns themselves and time into `blocks`. Multipliers of closures are all that it asks the state for.
     pub fn linearize(
         &mut self,
         state: &State,
@@ -70,7 +70,7 @@ impl Manifold {
                 let motion = [&*self.independent, &*second];
                 joint.take_motion(parametrization, state, motion, &mut self.correction);
             }
-            joint.linearize(self.chart.parametrization(), &self.force, state, blocks, out);
+            joint.linearize(self.chart.parametrization(), state, blocks, out);
         }
     }
 

@@ -350,12 +350,9 @@ impl Manifold {
         z_rate: &mut [f64],
     ) -> Result<(), EvaluationFailure> {
         self.counters.accelerations += 1;
-        let system = self.system.as_ref();
-        system.forces(state, &mut self.force, &mut self.z_rate);
-        z_rate.copy_from_slice(&self.z_rate);
         self.multipliers_wait = false;
         if let Some(joint) = &mut self.joint {
-            self.multipliers_wait = joint.accelerate(&self.force, state);
+            self.multipliers_wait = joint.accelerate(state, z_rate);
             self.moves_along = self.multipliers_wait;
             if self.multipliers_wait {
                 return finite(state);
@@ -364,6 +361,7 @@ impl Manifold {
             self.catch_up()?;
         }
         let system = self.system.as_ref();
+        system.forces(state, &mut self.force, z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
         self.accelerator.evaluate_mass(system, &state.q);
         let State { q, a, lambda, .. } = state;
@@ -396,7 +394,7 @@ impl Manifold {
     pub fn multipliers(&mut self, state: &mut State) {
         if let (true, Some(joint)) = (self.multipliers_wait, &mut self.joint) {
             self.multipliers_wait = false;
-            if !joint.complete_multipliers(&self.force, state) {
+            if !joint.complete_multipliers(state) {
                 self.multipliers_of_all(state);
             }
             return;
@@ -420,12 +418,12 @@ impl Manifold {
         let system = self.system.as_ref();
         self.accelerator.forget_multipliers();
         self.multipliers_wait = false;
-        system.forces(state, &mut self.force, z_rate);
         if let Some(joint) = &mut self.joint {
-            joint.residual(self.chart.parametrization(), &self.force, p_rate, state, psi);
+            joint.residual(self.chart.parametrization(), p_rate, state, z_rate, psi);
             self.moves_along = true;
             return;
         }
+        system.forces(state, &mut self.force, z_rate);
         system.acceleration_rhs(state.t, &state.q, &state.v, &mut self.tau);
         let State { q, v, a, .. } = state;
         self.extend_acceleration(q, v, p_rate, a);
@@ -444,15 +442,16 @@ impl Manifold {
     /// coordinates finds those of the closures only.
     pub fn complete_residual(&mut self, state: &mut State) {
         if let Some(joint) = &mut self.joint
-            && !joint.complete_multipliers(&self.force, state)
+            && !joint.complete_multipliers(state)
         {
             self.multipliers_of_all(state);
         }
     }
 
-    /// λ = Sᵀ(Q − M q̈) for the forces of the last evaluation.
+    /// λ = Sᵀ(Q − M q̈) at the state of the last evaluation.
     fn multipliers_of_all(&mut self, state: &mut State) {
         let _ = self.catch_up();
+        self.system.forces(state, &mut self.force, &mut self.z_rate);
         self.correction.copy_from_slice(&self.force);
         self.accelerator.saddle().mass().multiply_add(-1.0, &state.a, &mut self.correction);
         self.chart.solve_transposed(&self.correction, &mut state.lambda, &mut self.independent);
