@@ -420,7 +420,7 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         let c = &self.constraints[joint];
         let mut rows = RowBlocks::zero();
         c.element.jacobian(Self::pair(q, c.bodies), &mut rows);
-        set(&rows, out, false);
+        set(&rows, out);
     }
 
     fn joint_curvature(&self, joint: usize, q: &[f64], v: &[f64], out: &mut [f64; 6]) {
@@ -436,13 +436,10 @@ impl<S: Space<D, N>, const D: usize, const N: usize> Equations for Cartesian<S, 
         let c = &self.constraints[joint];
         let q = Self::pair(&state.q, c.bodies);
         let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
-        let mut rows = RowBlocks::zero();
-        c.element.directional(q, v, &mut rows);
-        set(&rows, a0, false);
-        c.element.directional(q, a, &mut rows);
-        set(&rows, a1, false);
-        c.element.curvature_gradient(q, v, &mut rows);
-        set(&rows, a1, true);
+        let mut rows = [RowBlocks::zero(); 2];
+        c.element.rate_blocks(q, v, a, &mut rows);
+        set(&rows[0], a0);
+        set(&rows[1], a1);
     }
 
     fn gravity(&self) -> f64 {
