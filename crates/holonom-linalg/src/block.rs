@@ -355,6 +355,21 @@ impl BlocksMut<'_> {
     }
 }
 
+/// Rows of a matrix from `first` on; by a loop, as what makes arrays may be compiled for the plain processor.
+#[inline(always)]
+fn rows_of<const H: usize, const N: usize>(
+    x: &[f64],
+    k: usize,
+    first: usize,
+    at: [usize; 2],
+) -> [(&[Quad; H], &Quad); N] {
+    let mut rows = [quads(x, k, first, at); N];
+    for i in 1..N {
+        rows[i] = quads(x, k, first + i, at);
+    }
+    rows
+}
+
 struct Product<'a> {
     matrix: &'a BlockMatrix,
     alpha: f64,
@@ -380,18 +395,41 @@ impl QuadKernel for Product<'_> {
         }
     }
 
-    fn run_one(&mut self, column: usize) {
+    fn run_few<const W: usize>(&mut self) {
+        if W == 1 {
+            return self.of_vector();
+        }
+        let ((x, _), (y, _)) = (self.x.as_chunks::<W>(), self.y.as_chunks_mut::<W>());
+        for b in self.matrix.pattern.blocks.iter().filter(|b| b.columns > 0) {
+            let (first_row, first_column, rows, columns) = b.place();
+            let x = &x[first_column..first_column + columns];
+            let values = self.matrix.values[b.values()].chunks_exact(columns);
+            for (y, row) in y[first_row..first_row + rows].iter_mut().zip(values) {
+                let mut sum = [0.0; W];
+                for (a, x) in row.iter().zip(x) {
+                    sum.iter_mut().zip(x).for_each(|(sum, x)| *sum += a * x);
+                }
+                y.iter_mut().zip(&sum).for_each(|(y, sum)| *y += self.alpha * sum);
+            }
+        }
+    }
+}
+
+/// y += α A x for a block of N columns.
+#[inline(always)]
+fn add_rows<const N: usize>(alpha: f64, values: &[f64], x: &[f64], y: &mut [f64]) {
+    let (rows, _) = values.as_chunks::<N>();
+    for (y, row) in y.iter_mut().zip(rows) {
+        *y += alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
+    }
+}
+
+impl Product<'_> {
+    /// The product with X of one column.
+    fn of_vector(&mut self) {
         for b in self.matrix.pattern.blocks.iter().filter(|b| b.columns > 0) {
             let (first_row, first_column, rows, columns) = b.place();
             let values = &self.matrix.values[b.values()];
-            if self.k > 1 {
-                for (i, row) in values.chunks_exact(columns).enumerate() {
-                    let x = self.x[first_column * self.k + column..].iter().step_by(self.k);
-                    let sum = row.iter().zip(x).fold(0.0, |sum, (a, x)| sum + a * x);
-                    self.y[(first_row + i) * self.k + column] += self.alpha * sum;
-                }
-                continue;
-            }
             let x = &self.x[first_column..first_column + columns];
             let y = &mut self.y[first_row..first_row + rows];
             match columns {
@@ -408,25 +446,15 @@ impl QuadKernel for Product<'_> {
             }
         }
     }
-}
 
-/// y += α A x for a block of N columns.
-#[inline(always)]
-fn add_rows<const N: usize>(alpha: f64, values: &[f64], x: &[f64], y: &mut [f64]) {
-    let (rows, _) = values.as_chunks::<N>();
-    for (y, row) in y.iter_mut().zip(rows) {
-        *y += alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
-    }
-}
-
-impl Product<'_> {
     /// The product with a block of N columns.
     #[inline(always)]
     fn add_block<const H: usize, const N: usize>(&mut self, b: Block, at: [usize; 2]) {
         let (first_row, first_column, _, _) = b.place();
         let (rows, _) = self.matrix.values[b.values()].as_chunks::<N>();
-        let x: [(&[Quad; H], &Quad); N] =
-            std::array::from_fn(|j| quads(self.x, self.k, first_column + j, at));
+        // Numbers of its own, which are not read again after every store.
+        let Self { alpha, k, x, ref mut y, .. } = *self;
+        let x = rows_of::<H, N>(x, k, first_column, at);
         for (i, row) in rows.iter().enumerate() {
             let (mut sums, mut end) = ([[0.0; 4]; H], [0.0; 4]);
             for j in 0..N {
@@ -435,7 +463,7 @@ impl Product<'_> {
                 }
                 add_multiple(&mut end, row[j], x[j].1);
             }
-            add_quads(self.alpha, (&sums, &end), self.y, self.k, first_row + i, at);
+            add_quads(alpha, (&sums, &end), y, k, first_row + i, at);
         }
     }
 
@@ -482,11 +510,11 @@ impl QuadKernel for TransposedProduct<'_> {
         }
     }
 
-    fn run_one(&mut self, column: usize) {
+    fn run_few<const W: usize>(&mut self) {
         for b in self.matrix.pattern.blocks.iter().filter(|b| b.rows > 0 && b.columns > 0) {
             let (first_row, first_column, rows, columns) = b.place();
             let values = &self.matrix.values[b.values()];
-            if self.k == 1 && [3, 4, 7].contains(&columns) {
+            if W == 1 && [3, 4, 7].contains(&columns) {
                 let x = &self.x[first_row..first_row + rows];
                 let y = &mut self.y[first_column..first_column + columns];
                 match columns {
@@ -496,11 +524,14 @@ impl QuadKernel for TransposedProduct<'_> {
                 }
                 continue;
             }
-            for j in 0..columns {
-                let x = self.x[first_row * self.k + column..].iter().step_by(self.k);
-                let entries = values[j..].iter().step_by(columns);
-                let sum = entries.zip(x).fold(0.0, |sum, (a, x)| sum + a * x);
-                self.y[(first_column + j) * self.k + column] += self.alpha * sum;
+            let ((x, _), (y, _)) = (self.x.as_chunks::<W>(), self.y.as_chunks_mut::<W>());
+            let x = &x[first_row..first_row + rows];
+            for (j, y) in y[first_column..first_column + columns].iter_mut().enumerate() {
+                let mut sum = [0.0; W];
+                for (a, x) in values[j..].iter().step_by(columns).zip(x) {
+                    sum.iter_mut().zip(x).for_each(|(sum, x)| *sum += a * x);
+                }
+                y.iter_mut().zip(&sum).for_each(|(y, sum)| *y += self.alpha * sum);
             }
         }
     }
@@ -524,11 +555,17 @@ impl TransposedProduct<'_> {
     fn add_block<const H: usize, const N: usize>(&mut self, b: Block, at: [usize; 2]) {
         let (first_row, first_column, _, columns) = b.place();
         let mut rows = self.matrix.values[b.values()].chunks_exact(columns);
-        let a: [&[f64]; N] = std::array::from_fn(|_| rows.next().expect("a block of N rows"));
-        let x: [(&[Quad; H], &Quad); N] =
-            std::array::from_fn(|i| quads(self.x, self.k, first_row + i, at));
+        let mut a = [&[][..]; N];
+        for a in &mut a {
+            *a = rows.next().expect("a block of N rows");
+        }
+        let Self { alpha, k, x, ref mut y, .. } = *self;
+        let x = rows_of::<H, N>(x, k, first_row, at);
         for j in 0..columns {
-            let column: [f64; N] = std::array::from_fn(|i| a[i][j]);
+            let mut column = [0.0; N];
+            for i in 0..N {
+                column[i] = a[i][j];
+            }
             if column.iter().all(|a| *a == 0.0) {
                 continue;
             }
@@ -539,7 +576,7 @@ impl TransposedProduct<'_> {
                 }
                 add_multiple(&mut end, column[i], x[i].1);
             }
-            add_quads(self.alpha, (&sums, &end), self.y, self.k, first_column + j, at);
+            add_quads(alpha, (&sums, &end), y, k, first_column + j, at);
         }
     }
 

@@ -82,16 +82,18 @@ pub(crate) fn lanes_mut<T, const W: usize>(
 /// four, which may be some of these once more. What is written must therefore be read before.
 pub(crate) trait QuadKernel {
     fn run<const H: usize>(&mut self, from: usize, width: usize);
-    /// The same for one column, where there are fewer than four.
-    fn run_one(&mut self, column: usize);
+    /// The same for all W columns, where there are fewer than four.
+    fn run_few<const W: usize>(&mut self);
 }
 
 /// Runs the kernel over `k` columns in groups, with the widest vectors this processor has.
 pub(crate) fn run_quads(k: usize, kernel: &mut impl QuadKernel) {
-    if k < 4 {
-        (0..k).for_each(|column| kernel.run_one(column));
-    } else {
-        pulp::Arch::new().dispatch(Quads { k, kernel });
+    match k {
+        0 => {}
+        1 => kernel.run_few::<1>(),
+        2 => kernel.run_few::<2>(),
+        3 => kernel.run_few::<3>(),
+        _ => pulp::Arch::new().dispatch(Quads { k, kernel }),
     }
 }
 
@@ -196,9 +198,11 @@ impl QuadKernel for RowScaling<'_> {
         }
     }
 
-    fn run_one(&mut self, column: usize) {
-        let entries = self.x[column..].iter_mut().step_by(self.k);
-        entries.zip(self.scales).for_each(|(x, scale)| *x *= scale);
+    fn run_few<const W: usize>(&mut self) {
+        let (rows, _) = self.x.as_chunks_mut::<W>();
+        for (row, scale) in rows.iter_mut().zip(self.scales) {
+            row.iter_mut().for_each(|x| *x *= scale);
+        }
     }
 }
 
@@ -231,9 +235,10 @@ impl<E: Iterator<Item = (usize, usize, f64)> + Clone> QuadKernel for EntryProduc
         }
     }
 
-    fn run_one(&mut self, column: usize) {
+    fn run_few<const W: usize>(&mut self) {
+        let ((x, _), (y, _)) = (self.x.as_chunks::<W>(), self.y.as_chunks_mut::<W>());
         for (i, j, a) in self.entries.clone() {
-            self.y[i * self.k + column] += a * self.x[j * self.k + column];
+            y[i].iter_mut().zip(&x[j]).for_each(|(y, x)| *y += a * x);
         }
     }
 }

@@ -32,26 +32,26 @@ impl<T: Scalar> LaneKernel for Substitution<'_, T> {
             }
         }
         // Loops, as closures would be compiled for the plain processor.
-        if let Some(columns) = self.columns {
+        if !self.transposed {
+            for side in &f.plan.left {
+                subtract_row(f, side, x);
+            }
+            for side in f.plan.right.iter().rev() {
+                subtract_row(f, side, x);
+            }
+        } else if let Some(columns) = self.columns {
             for side in &columns.right {
                 subtract_listed(f, columns, side, x);
             }
             for side in columns.left.iter().rev() {
                 subtract_listed(f, columns, side, x);
             }
-        } else if self.transposed {
+        } else {
             for side in &f.plan.right {
                 subtract_column(f, side, x);
             }
             for side in f.plan.left.iter().rev() {
                 subtract_column(f, side, x);
-            }
-        } else {
-            for side in &f.plan.left {
-                subtract_row(f, side, x);
-            }
-            for side in f.plan.right.iter().rev() {
-                subtract_row(f, side, x);
             }
         }
         let places = self.target.0.iter().zip(self.target.1).zip(&f.inverse_pivot);
