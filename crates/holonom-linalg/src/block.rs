@@ -1,4 +1,4 @@
-use crate::lanes::{LaneKernel, lanes, lanes_mut, run_lanes};
+use crate::lanes::{Quad, QuadKernel, add_multiple, add_quads, quads, run_quads};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -292,12 +292,7 @@ impl BlockMatrix {
             (self.n_cols() * k, self.n_rows() * k),
             "entries of X and Y"
         );
-        let mut product = Product { matrix: self, alpha, x, k, y };
-        if k == 1 {
-            product.run::<1>(0);
-        } else {
-            run_lanes(k, &mut product);
-        }
+        run_quads(k, &mut Product { matrix: self, alpha, x, k, y });
     }
 
     /// Y += α Aᵀ X, with X of `n_rows`×k and Y of `n_cols`×k, both by rows.
@@ -310,12 +305,7 @@ impl BlockMatrix {
             (self.n_rows() * k, self.n_cols() * k),
             "entries of X and Y"
         );
-        let mut product = TransposedProduct { matrix: self, alpha, x, k, y };
-        if k == 1 {
-            product.run::<1>(0);
-        } else {
-            run_lanes(k, &mut product);
-        }
+        run_quads(k, &mut TransposedProduct { matrix: self, alpha, x, k, y });
     }
 
     /// The matrix with all its zeros, `n_rows`×`n_cols` by rows.
@@ -365,6 +355,21 @@ impl BlocksMut<'_> {
     }
 }
 
+/// Rows of a matrix from `first` on; by a loop, as what makes arrays may be compiled for the plain processor.
+#[inline(always)]
+fn rows_of<const H: usize, const N: usize>(
+    x: &[f64],
+    k: usize,
+    first: usize,
+    at: [usize; 2],
+) -> [(&[Quad; H], &Quad); N] {
+    let mut rows = [quads(x, k, first, at); N];
+    for i in 1..N {
+        rows[i] = quads(x, k, first + i, at);
+    }
+    rows
+}
+
 struct Product<'a> {
     matrix: &'a BlockMatrix,
     alpha: f64,
@@ -373,53 +378,109 @@ struct Product<'a> {
     y: &'a mut [f64],
 }
 
-impl LaneKernel for Product<'_> {
+// Loops of a known length cost a fraction of those over blocks of any size.
+impl QuadKernel for Product<'_> {
     #[inline(always)]
-    fn run<const W: usize>(&mut self, from: usize) {
+    fn run<const H: usize>(&mut self, from: usize, width: usize) {
+        for &b in self.matrix.pattern.blocks.iter() {
+            match b.columns {
+                0 => {}
+                1 => self.add_block::<H, 1>(b, [from, width]),
+                2 => self.add_block::<H, 2>(b, [from, width]),
+                3 => self.add_block::<H, 3>(b, [from, width]),
+                4 => self.add_block::<H, 4>(b, [from, width]),
+                7 => self.add_block::<H, 7>(b, [from, width]),
+                _ => self.add_any::<H>(b, [from, width]),
+            }
+        }
+    }
+
+    fn run_few<const W: usize>(&mut self) {
+        if W == 1 {
+            return self.of_vector();
+        }
+        let ((x, _), (y, _)) = (self.x.as_chunks::<W>(), self.y.as_chunks_mut::<W>());
         for b in self.matrix.pattern.blocks.iter().filter(|b| b.columns > 0) {
             let (first_row, first_column, rows, columns) = b.place();
-            let values = &self.matrix.values[b.values()];
-            if W == 1 && self.k == 1 {
-                let x = &self.x[first_column..first_column + columns];
-                let y = &mut self.y[first_row..first_row + rows];
-                // Loops of a known length cost a fraction of those over blocks of any size.
-                match columns {
-                    1 => add_block::<1>(self.alpha, values, x, y),
-                    2 => add_block::<2>(self.alpha, values, x, y),
-                    3 => add_block::<3>(self.alpha, values, x, y),
-                    4 => add_block::<4>(self.alpha, values, x, y),
-                    7 => add_block::<7>(self.alpha, values, x, y),
-                    _ => {
-                        for (y, row) in y.iter_mut().zip(values.chunks_exact(columns)) {
-                            *y += self.alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
-                        }
-                    }
-                }
-                continue;
-            }
-            for (i, row) in values.chunks_exact(columns).enumerate() {
+            let x = &x[first_column..first_column + columns];
+            let values = self.matrix.values[b.values()].chunks_exact(columns);
+            for (y, row) in y[first_row..first_row + rows].iter_mut().zip(values) {
                 let mut sum = [0.0; W];
-                for (j, a) in row.iter().enumerate() {
-                    let x: &[f64; W] = lanes(self.x, self.k, first_column + j, from);
-                    for w in 0..W {
-                        sum[w] += a * x[w];
-                    }
+                for (a, x) in row.iter().zip(x) {
+                    sum.iter_mut().zip(x).for_each(|(sum, x)| *sum += a * x);
                 }
-                let y: &mut [f64; W] = lanes_mut(self.y, self.k, first_row + i, from);
-                for w in 0..W {
-                    y[w] += self.alpha * sum[w];
-                }
+                y.iter_mut().zip(&sum).for_each(|(y, sum)| *y += self.alpha * sum);
             }
         }
     }
 }
 
-/// y += α A x for a square block.
+/// y += α A x for a block of N columns.
 #[inline(always)]
-fn add_block<const N: usize>(alpha: f64, values: &[f64], x: &[f64], y: &mut [f64]) {
+fn add_rows<const N: usize>(alpha: f64, values: &[f64], x: &[f64], y: &mut [f64]) {
     let (rows, _) = values.as_chunks::<N>();
     for (y, row) in y.iter_mut().zip(rows) {
         *y += alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
+    }
+}
+
+impl Product<'_> {
+    /// The product with X of one column.
+    fn of_vector(&mut self) {
+        for b in self.matrix.pattern.blocks.iter().filter(|b| b.columns > 0) {
+            let (first_row, first_column, rows, columns) = b.place();
+            let values = &self.matrix.values[b.values()];
+            let x = &self.x[first_column..first_column + columns];
+            let y = &mut self.y[first_row..first_row + rows];
+            match columns {
+                1 => add_rows::<1>(self.alpha, values, x, y),
+                2 => add_rows::<2>(self.alpha, values, x, y),
+                3 => add_rows::<3>(self.alpha, values, x, y),
+                4 => add_rows::<4>(self.alpha, values, x, y),
+                7 => add_rows::<7>(self.alpha, values, x, y),
+                _ => {
+                    for (y, row) in y.iter_mut().zip(values.chunks_exact(columns)) {
+                        *y += self.alpha * row.iter().zip(x).map(|(a, x)| a * x).sum::<f64>();
+                    }
+                }
+            }
+        }
+    }
+
+    /// The product with a block of N columns.
+    #[inline(always)]
+    fn add_block<const H: usize, const N: usize>(&mut self, b: Block, at: [usize; 2]) {
+        let (first_row, first_column, _, _) = b.place();
+        let (rows, _) = self.matrix.values[b.values()].as_chunks::<N>();
+        // Numbers of its own, which are not read again after every store.
+        let Self { alpha, k, x, ref mut y, .. } = *self;
+        let x = rows_of::<H, N>(x, k, first_column, at);
+        for (i, row) in rows.iter().enumerate() {
+            let (mut sums, mut end) = ([[0.0; 4]; H], [0.0; 4]);
+            for j in 0..N {
+                for h in 0..H {
+                    add_multiple(&mut sums[h], row[j], &x[j].0[h]);
+                }
+                add_multiple(&mut end, row[j], x[j].1);
+            }
+            add_quads(alpha, (&sums, &end), y, k, first_row + i, at);
+        }
+    }
+
+    #[inline(always)]
+    fn add_any<const H: usize>(&mut self, b: Block, at: [usize; 2]) {
+        let (first_row, first_column, _, columns) = b.place();
+        for (i, row) in self.matrix.values[b.values()].chunks_exact(columns).enumerate() {
+            let (mut sums, mut end) = ([[0.0; 4]; H], [0.0; 4]);
+            for (j, a) in row.iter().enumerate() {
+                let x = quads::<H>(self.x, self.k, first_column + j, at);
+                for h in 0..H {
+                    add_multiple(&mut sums[h], *a, &x.0[h]);
+                }
+                add_multiple(&mut end, *a, x.1);
+            }
+            add_quads(self.alpha, (&sums, &end), self.y, self.k, first_row + i, at);
+        }
     }
 }
 
@@ -431,26 +492,109 @@ struct TransposedProduct<'a> {
     y: &'a mut [f64],
 }
 
-impl LaneKernel for TransposedProduct<'_> {
+impl QuadKernel for TransposedProduct<'_> {
     #[inline(always)]
-    fn run<const W: usize>(&mut self, from: usize) {
-        for b in &*self.matrix.pattern.blocks {
+    fn run<const H: usize>(&mut self, from: usize, width: usize) {
+        for &b in self.matrix.pattern.blocks.iter().filter(|b| b.columns > 0) {
+            match b.rows {
+                0 => {}
+                1 => self.add_block::<H, 1>(b, [from, width]),
+                2 => self.add_block::<H, 2>(b, [from, width]),
+                3 => self.add_block::<H, 3>(b, [from, width]),
+                4 => self.add_block::<H, 4>(b, [from, width]),
+                5 => self.add_block::<H, 5>(b, [from, width]),
+                6 => self.add_block::<H, 6>(b, [from, width]),
+                7 => self.add_block::<H, 7>(b, [from, width]),
+                _ => self.add_any::<H>(b, [from, width]),
+            }
+        }
+    }
+
+    fn run_few<const W: usize>(&mut self) {
+        for b in self.matrix.pattern.blocks.iter().filter(|b| b.rows > 0 && b.columns > 0) {
             let (first_row, first_column, rows, columns) = b.place();
             let values = &self.matrix.values[b.values()];
-            for j in 0..columns {
-                let mut sum = [0.0; W];
-                for i in 0..rows {
-                    let a = values[i * columns + j];
-                    let x: &[f64; W] = lanes(self.x, self.k, first_row + i, from);
-                    for w in 0..W {
-                        sum[w] += a * x[w];
-                    }
+            if W == 1 && [3, 4, 7].contains(&columns) {
+                let x = &self.x[first_row..first_row + rows];
+                let y = &mut self.y[first_column..first_column + columns];
+                match columns {
+                    3 => add_columns::<3>(self.alpha, values, x, y),
+                    4 => add_columns::<4>(self.alpha, values, x, y),
+                    _ => add_columns::<7>(self.alpha, values, x, y),
                 }
-                let y: &mut [f64; W] = lanes_mut(self.y, self.k, first_column + j, from);
-                for w in 0..W {
-                    y[w] += self.alpha * sum[w];
-                }
+                continue;
             }
+            let ((x, _), (y, _)) = (self.x.as_chunks::<W>(), self.y.as_chunks_mut::<W>());
+            let x = &x[first_row..first_row + rows];
+            for (j, y) in y[first_column..first_column + columns].iter_mut().enumerate() {
+                let mut sum = [0.0; W];
+                for (a, x) in values[j..].iter().step_by(columns).zip(x) {
+                    sum.iter_mut().zip(x).for_each(|(sum, x)| *sum += a * x);
+                }
+                y.iter_mut().zip(&sum).for_each(|(y, sum)| *y += self.alpha * sum);
+            }
+        }
+    }
+}
+
+/// y += α Aᵀ x for a block of N columns.
+#[inline(always)]
+fn add_columns<const N: usize>(alpha: f64, values: &[f64], x: &[f64], y: &mut [f64]) {
+    let (rows, _) = values.as_chunks::<N>();
+    let mut sums = [0.0; N];
+    for (row, x) in rows.iter().zip(x) {
+        sums.iter_mut().zip(row).for_each(|(sum, a)| *sum += a * x);
+    }
+    y.iter_mut().zip(&sums).for_each(|(y, sum)| *y += alpha * sum);
+}
+
+impl TransposedProduct<'_> {
+    /// The product with a block of N rows. Columns of zeros, which joints and what acts on few bodies leave in great
+    /// number, are passed over.
+    #[inline(always)]
+    fn add_block<const H: usize, const N: usize>(&mut self, b: Block, at: [usize; 2]) {
+        let (first_row, first_column, _, columns) = b.place();
+        let mut rows = self.matrix.values[b.values()].chunks_exact(columns);
+        let mut a = [&[][..]; N];
+        for a in &mut a {
+            *a = rows.next().expect("a block of N rows");
+        }
+        let Self { alpha, k, x, ref mut y, .. } = *self;
+        let x = rows_of::<H, N>(x, k, first_row, at);
+        for j in 0..columns {
+            let mut column = [0.0; N];
+            for i in 0..N {
+                column[i] = a[i][j];
+            }
+            if column.iter().all(|a| *a == 0.0) {
+                continue;
+            }
+            let (mut sums, mut end) = ([[0.0; 4]; H], [0.0; 4]);
+            for i in 0..N {
+                for h in 0..H {
+                    add_multiple(&mut sums[h], column[i], &x[i].0[h]);
+                }
+                add_multiple(&mut end, column[i], x[i].1);
+            }
+            add_quads(alpha, (&sums, &end), y, k, first_column + j, at);
+        }
+    }
+
+    #[inline(always)]
+    fn add_any<const H: usize>(&mut self, b: Block, at: [usize; 2]) {
+        let (first_row, first_column, rows, columns) = b.place();
+        let values = &self.matrix.values[b.values()];
+        for j in 0..columns {
+            let (mut sums, mut end) = ([[0.0; 4]; H], [0.0; 4]);
+            for i in 0..rows {
+                let (a, x) =
+                    (values[i * columns + j], quads::<H>(self.x, self.k, first_row + i, at));
+                for h in 0..H {
+                    add_multiple(&mut sums[h], a, &x.0[h]);
+                }
+                add_multiple(&mut end, a, x.1);
+            }
+            add_quads(self.alpha, (&sums, &end), self.y, self.k, first_column + j, at);
         }
     }
 }

@@ -78,6 +78,171 @@ pub(crate) fn lanes_mut<T, const W: usize>(
     x[i * k + from..].first_chunk_mut().expect("the matrix has this row")
 }
 
+/// A kernel for `width` columns of its right-hand sides from `from` on, four by four: H times the first ones, and the last
+/// four, which may be some of these once more. What is written must therefore be read before.
+pub(crate) trait QuadKernel {
+    fn run<const H: usize>(&mut self, from: usize, width: usize);
+    /// The same for all W columns, where there are fewer than four.
+    fn run_few<const W: usize>(&mut self);
+}
+
+/// Runs the kernel over `k` columns in groups, with the widest vectors this processor has.
+pub(crate) fn run_quads(k: usize, kernel: &mut impl QuadKernel) {
+    match k {
+        0 => {}
+        1 => kernel.run_few::<1>(),
+        2 => kernel.run_few::<2>(),
+        3 => kernel.run_few::<3>(),
+        _ => pulp::Arch::new().dispatch(Quads { k, kernel }),
+    }
+}
+
+struct Quads<'a, K> {
+    k: usize,
+    kernel: &'a mut K,
+}
+
+impl<K: QuadKernel> pulp::WithSimd for Quads<'_, K> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        let mut from = 0;
+        while from < self.k {
+            let rest = self.k - from;
+            let width = rest.div_ceil(rest.div_ceil(MOST_LANES));
+            match width.div_ceil(4) {
+                1 => self.kernel.run::<0>(from, width),
+                2 => self.kernel.run::<1>(from, width),
+                3 => self.kernel.run::<2>(from, width),
+                4 => self.kernel.run::<3>(from, width),
+                5 => self.kernel.run::<4>(from, width),
+                _ => self.kernel.run::<5>(from, width),
+            }
+            from += width;
+        }
+    }
+}
+
+/// Numbers of a row side by side, as a [`QuadKernel`] takes them.
+pub(crate) type Quad = [f64; 4];
+
+/// What a [`QuadKernel`] takes of row `i` of a matrix with `k` columns.
+#[inline(always)]
+pub(crate) fn quads<const H: usize>(
+    x: &[f64],
+    k: usize,
+    i: usize,
+    [from, width]: [usize; 2],
+) -> (&[Quad; H], &Quad) {
+    let row = &x[i * k + from..][..width];
+    let heads = row.as_chunks().0.first_chunk();
+    (heads.expect("so many columns"), row.last_chunk().expect("four columns"))
+}
+
+/// Adds a multiple of sums to row `i` of a matrix with `k` columns.
+#[inline(always)]
+pub(crate) fn add_quads<const H: usize>(
+    alpha: f64,
+    (sums, end): (&[Quad; H], &Quad),
+    y: &mut [f64],
+    k: usize,
+    i: usize,
+    [from, width]: [usize; 2],
+) {
+    let row = &mut y[i * k + from..][..width];
+    let mut new = *row.last_chunk().expect("four columns");
+    add_multiple(&mut new, alpha, end);
+    let heads: Option<&mut [Quad; H]> = row.as_chunks_mut().0.first_chunk_mut();
+    for (head, sum) in heads.expect("so many columns").iter_mut().zip(sums) {
+        add_multiple(head, alpha, sum);
+    }
+    *row.last_chunk_mut().expect("four columns") = new;
+}
+
+/// out += a x.
+#[inline(always)]
+pub(crate) fn add_multiple(out: &mut Quad, a: f64, x: &Quad) {
+    for l in 0..4 {
+        out[l] += a * x[l];
+    }
+}
+
+/// Multiplies every row of X (by rows, k columns) by its number in `scales`.
+///
+/// # Panics
+/// If X has not a row for every number.
+pub fn scale_rows(scales: &[f64], k: usize, x: &mut [f64]) {
+    assert_eq!(x.len(), scales.len() * k, "a row for every number");
+    run_quads(k, &mut RowScaling { scales, k, x });
+}
+
+struct RowScaling<'a> {
+    scales: &'a [f64],
+    k: usize,
+    x: &'a mut [f64],
+}
+
+impl QuadKernel for RowScaling<'_> {
+    #[inline(always)]
+    fn run<const H: usize>(&mut self, from: usize, width: usize) {
+        for (row, scale) in self.x.chunks_exact_mut(self.k).zip(self.scales) {
+            let row = &mut row[from..][..width];
+            let mut end: Quad = *row.last_chunk().expect("four columns");
+            let heads: Option<&mut [Quad; H]> = row.as_chunks_mut().0.first_chunk_mut();
+            for head in heads.expect("so many columns") {
+                head.iter_mut().for_each(|x| *x *= scale);
+            }
+            end.iter_mut().for_each(|x| *x *= scale);
+            *row.last_chunk_mut().expect("four columns") = end;
+        }
+    }
+
+    fn run_few<const W: usize>(&mut self) {
+        let (rows, _) = self.x.as_chunks_mut::<W>();
+        for (row, scale) in rows.iter_mut().zip(self.scales) {
+            row.iter_mut().for_each(|x| *x *= scale);
+        }
+    }
+}
+
+/// Adds a·(row j of X) to row i of Y for every entry (i, j, a) of a matrix, in their order; X and Y by rows with k columns.
+///
+/// # Panics
+/// If there is no such row.
+pub fn add_entries(
+    entries: impl Iterator<Item = (usize, usize, f64)> + Clone,
+    x: &[f64],
+    k: usize,
+    y: &mut [f64],
+) {
+    run_quads(k, &mut EntryProduct { entries, x, k, y });
+}
+
+struct EntryProduct<'a, E> {
+    entries: E,
+    x: &'a [f64],
+    k: usize,
+    y: &'a mut [f64],
+}
+
+impl<E: Iterator<Item = (usize, usize, f64)> + Clone> QuadKernel for EntryProduct<'_, E> {
+    #[inline(always)]
+    fn run<const H: usize>(&mut self, from: usize, width: usize) {
+        let at = [from, width];
+        for (i, j, a) in self.entries.clone() {
+            add_quads::<H>(a, quads(self.x, self.k, j, at), self.y, self.k, i, at);
+        }
+    }
+
+    fn run_few<const W: usize>(&mut self) {
+        let ((x, _), (y, _)) = (self.x.as_chunks::<W>(), self.y.as_chunks_mut::<W>());
+        for (i, j, a) in self.entries.clone() {
+            y[i].iter_mut().zip(&x[j]).for_each(|(y, x)| *y += a * x);
+        }
+    }
+}
+
 /// Σ aᵢ bᵢ in eight interleaved sums, so that additions need not wait for each other.
 #[inline(always)]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -95,4 +260,33 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let rest: f64 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
     let [s0, s1, s2, s3, s4, s5, s6, s7] = sums;
     ((s0 + s1) + (s2 + s3)) + ((s4 + s5) + (s6 + s7)) + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn noise(n: usize) -> Vec<f64> {
+        (0..n).map(|i| ((i * i + 1) as f64).sin()).collect()
+    }
+
+    #[test] // truth: plain loops, with the same products and sums
+    fn rows_are_scaled_and_added_for_any_number_of_columns() {
+        let scales = noise(7);
+        let entries = [(0, 3, 0.5), (4, 3, -1.5), (0, 0, 2.0), (2, 6, 0.25), (0, 3, 1.0)];
+        for k in 0..60 {
+            let start = noise(7 * k);
+            let mut x = start.clone();
+            scale_rows(&scales, k, &mut x);
+            assert!((0..7 * k).all(|at| x[at] == start[at] * scales[at / k]), "{k} columns");
+
+            let mut y = noise(5 * k);
+            let mut truth = y.clone();
+            add_entries(entries.into_iter(), &x, k, &mut y);
+            for (i, j, a) in entries {
+                (0..k).for_each(|c| truth[i * k + c] += a * x[j * k + c]);
+            }
+            assert_eq!(y, truth, "{k} columns");
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use crate::scalar::Scalar;
 use crate::sparse::symbolic::FactorPattern;
 use crate::watch::checkpoint;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A pivot below this fraction of the largest number its row holds is cancellation noise.
 pub(super) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
@@ -71,6 +71,17 @@ pub(super) struct Plan {
     targets: Targets,
     /// Entries of the matrix and segments of each row.
     counts: Vec<(u32, u32)>,
+    by_columns: OnceLock<Columns>,
+}
+
+/// The factors column by column, for solves with the transpose: a column of U from its top, one of L from its end.
+#[derive(Debug)]
+pub(super) struct Columns {
+    /// Row and place of every number.
+    pub(super) entries: Vec<(u32, u32)>,
+    /// What stands in a column that has some, where its number is that of a row in [`Side`].
+    pub(super) left: Vec<Side>,
+    pub(super) right: Vec<Side>,
 }
 
 /// Places in rows. There are several to a number of the factors, and two bytes hold those of all but very long rows.
@@ -139,6 +150,7 @@ impl Plan {
             segments: Vec::new(),
             targets: Targets::Narrow(Vec::new()),
             counts: Vec::with_capacity(n),
+            by_columns: OnceLock::new(),
         };
         let mut targets = Vec::new();
         let mut place = vec![u32::MAX; n];
@@ -195,6 +207,40 @@ impl Plan {
         out.segments.shrink_to_fit();
         out.targets = Targets::new(targets);
         out
+    }
+
+    /// The factors by columns, listed when they are first asked for.
+    pub(super) fn by_columns(&self) -> &Columns {
+        self.by_columns.get_or_init(|| {
+            let n = self.rows.len();
+            let mut out = Columns { entries: Vec::new(), left: Vec::new(), right: Vec::new() };
+            for (from, sides) in [(&self.right, &mut out.right), (&self.left, &mut out.left)] {
+                let mut start = vec![0; n + 1];
+                for side in from {
+                    for &j in &self.columns[side.start as usize..side.end as usize] {
+                        start[j as usize + 1] += 1;
+                    }
+                }
+                let first = out.entries.len() as u32;
+                start[0] = first;
+                (0..n).for_each(|j| start[j + 1] += start[j]);
+                for (j, range) in start.windows(2).enumerate().filter(|(_, r)| r[0] < r[1]) {
+                    sides.push(Side { row: j as u32, start: range[0], end: range[1] });
+                }
+                out.entries.resize(start[n] as usize, (0, 0));
+                for side in from {
+                    for place in side.start..side.end {
+                        let at = &mut start[self.columns[place as usize] as usize];
+                        out.entries[*at as usize] = (side.row, place);
+                        *at += 1;
+                    }
+                }
+            }
+            for side in &out.left {
+                out.entries[side.start as usize..side.end as usize].reverse();
+            }
+            out
+        })
     }
 }
 

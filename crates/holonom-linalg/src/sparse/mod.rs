@@ -222,6 +222,7 @@ impl<T: Scalar> SparseLu<T> {
     /// Makes room for several right-hand sides at a time; else the first solve for several does.
     pub fn reserve_lanes(&mut self) {
         self.work.resize(self.n * MOST_LANES, T::ZERO);
+        self.factors.plan.by_columns();
     }
 
     /// Factors the matrix with new `values` by the pivots chosen in [`analyze`](Self::analyze).
@@ -281,7 +282,8 @@ impl<T: Scalar> SparseLu<T> {
         let columns = (&self.order.column_at[..], &self.order.column_scale[..]);
         let (source, target) = if transposed { (columns, rows) } else { (rows, columns) };
         let (factors, work) = (&self.factors, &mut self.work[..]);
-        let mut kernel = Substitution { factors, source, target, transposed, b, k, work };
+        let columns = (transposed && k > 1).then(|| factors.plan.by_columns());
+        let mut kernel = Substitution { factors, source, target, transposed, columns, b, k, work };
         if k == 1 {
             kernel.run::<1>(0);
         } else {

@@ -2,7 +2,7 @@
 
 use crate::lanes::{LaneKernel, lanes, lanes_mut};
 use crate::scalar::Scalar;
-use crate::sparse::elimination::{Factors, Side};
+use crate::sparse::elimination::{Columns, Factors, Side};
 
 /// Solution in place for the n×k right-hand sides `b`, with the factors or their transposes.
 pub(super) struct Substitution<'a, T> {
@@ -11,6 +11,8 @@ pub(super) struct Substitution<'a, T> {
     pub(super) source: (&'a [usize], &'a [f64]),
     pub(super) target: (&'a [usize], &'a [f64]),
     pub(super) transposed: bool,
+    /// Of several right-hand sides with the transpose.
+    pub(super) columns: Option<&'a Columns>,
     pub(super) b: &'a mut [T],
     pub(super) k: usize,
     pub(super) work: &'a mut [T],
@@ -29,12 +31,28 @@ impl<T: Scalar> LaneKernel for Substitution<'_, T> {
                 x[w] = b[w] * scale;
             }
         }
-        if self.transposed {
-            f.plan.right.iter().for_each(|side| subtract_column(f, side, x));
-            f.plan.left.iter().rev().for_each(|side| subtract_column(f, side, x));
+        // Loops, as closures would be compiled for the plain processor.
+        if !self.transposed {
+            for side in &f.plan.left {
+                subtract_row(f, side, x);
+            }
+            for side in f.plan.right.iter().rev() {
+                subtract_row(f, side, x);
+            }
+        } else if let Some(columns) = self.columns {
+            for side in &columns.right {
+                subtract_listed(f, columns, side, x);
+            }
+            for side in columns.left.iter().rev() {
+                subtract_listed(f, columns, side, x);
+            }
         } else {
-            f.plan.left.iter().for_each(|side| subtract_row(f, side, x));
-            f.plan.right.iter().rev().for_each(|side| subtract_row(f, side, x));
+            for side in &f.plan.right {
+                subtract_column(f, side, x);
+            }
+            for side in f.plan.left.iter().rev() {
+                subtract_column(f, side, x);
+            }
         }
         let places = self.target.0.iter().zip(self.target.1).zip(&f.inverse_pivot);
         for (x, ((&i, scale), inverse)) in x.iter().zip(places) {
@@ -94,4 +112,22 @@ fn subtract_column<T: Scalar, const W: usize>(f: &Factors<T>, side: &Side, x: &m
             other[w] = other[w] - *a * row[w];
         }
     }
+}
+
+/// The same for all rows i of one column j: several right-hand sides are not stored in between.
+#[inline(always)]
+fn subtract_listed<T: Scalar, const W: usize>(
+    f: &Factors<T>,
+    columns: &Columns,
+    side: &Side,
+    x: &mut [[T; W]],
+) {
+    let mut own = x[side.row as usize];
+    for &(i, place) in &columns.entries[side.start as usize..side.end as usize] {
+        let (a, other) = (f.numbers[place as usize], &x[i as usize]);
+        for w in 0..W {
+            own[w] = own[w] - a * other[w];
+        }
+    }
+    x[side.row as usize] = own;
 }

@@ -21,8 +21,13 @@ pub trait Angle<const N: usize>: Debug + Clone + PartialEq {
     fn directional<T: Real>(&self, q: [&[T; N]; 2], w: [&[T; N]; 2]) -> [[T; N]; 2];
     /// (θ_q v)_q v.
     fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2]) -> T;
-    /// ((θ_q v)_q v)_q.
-    fn curvature_gradient<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2]) -> [[T; N]; 2];
+    /// (θ_q v)_q, and (θ_q a)_q + ((θ_q v)_q v)_q.
+    fn rate_blocks<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
+    ) -> [[[T; N]; 2]; 2];
     /// out += c θ_qq.
     fn add_hessian<T: Real>(&self, q: [&[T; N]; 2], c: T, out: &mut PairBlocks<T, N>);
 
@@ -76,8 +81,13 @@ impl Angle<3> for PlanarAngle {
         T::zero()
     }
 
-    fn curvature_gradient<T: Real>(&self, _q: [&[T; 3]; 2], _v: [&[T; 3]; 2]) -> [[T; 3]; 2] {
-        [[T::zero(); 3]; 2]
+    fn rate_blocks<T: Real>(
+        &self,
+        _q: [&[T; 3]; 2],
+        _v: [&[T; 3]; 2],
+        _a: [&[T; 3]; 2],
+    ) -> [[[T; 3]; 2]; 2] {
+        [[[T::zero(); 3]; 2]; 2]
     }
 
     fn add_hessian<T: Real>(&self, _q: [&[T; 3]; 2], _c: T, _out: &mut PairBlocks<T, 3>) {}
@@ -244,22 +254,28 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
         Complex(second[0], second[1]).times(inverse).minus(ratio.times(ratio)).1
     }
 
-    fn curvature_gradient<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2]) -> [[T; N]; 2] {
+    fn rate_blocks<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
+    ) -> [[[T; N]; 2]; 2] {
         let inverse = self.z(q).inverse();
         let z_q = self.z_q(q);
-        let (mut change, mut gradient, mut second) =
-            (RowBlocks::zero(), RowBlocks::zero(), [T::zero(); 6]);
-        self.z.directional(q, v, &mut change);
-        self.z.curvature_gradient(q, v, &mut gradient);
-        self.z.curvature(q, v, &mut second);
+        let mut rows = [RowBlocks::zero(); 2];
+        self.z.rate_blocks(q, v, a, &mut rows);
+        let [change, bend] = rows.map(Rows);
         let first = z_q.times(v).times(inverse); // z₁ / z
-        let second = Complex(second[0], second[1]).times(inverse); // z₂ / z
-        let mut row = [[T::zero(); N]; 2];
-        Rows(gradient).add_imaginary(inverse, &mut row);
-        Rows(change).add_imaginary(first.times(inverse).scaled(-2.0), &mut row);
-        let factor = first.times(first).scaled(2.0).minus(second).times(inverse);
-        z_q.add_imaginary(factor, &mut row);
-        row
+        let second = change.times(v).times(inverse); // z₂ / z
+        let along = z_q.times(a).times(inverse);
+        let [mut of_v, mut of_a] = [[[T::zero(); N]; 2]; 2];
+        change.add_imaginary(inverse, &mut of_v);
+        z_q.add_imaginary(first.times(inverse).scaled(-1.0), &mut of_v);
+        bend.add_imaginary(inverse, &mut of_a);
+        change.add_imaginary(first.times(inverse).scaled(-2.0), &mut of_a);
+        let square = first.times(first).scaled(2.0);
+        z_q.add_imaginary(square.minus(second).minus(along).times(inverse), &mut of_a);
+        [of_v, of_a]
     }
 
     fn add_hessian<T: Real>(&self, q: [&[T; N]; 2], c: T, out: &mut PairBlocks<T, N>) {

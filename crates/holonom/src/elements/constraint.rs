@@ -5,7 +5,7 @@ use super::measure::Measure;
 use super::motion::MotionRows;
 use super::row::RowKind;
 use super::space::{Space, Triad};
-use super::{ConstraintElement, PairBlocks, Quantity, RowBlocks, product};
+use super::{ConstraintElement, PairBlocks, Quantity, RowBlocks, product, set_first};
 use crate::math::{Real, TimeFunction};
 
 /// A joint (u = 0) or driver (u = s(t)) between two bodies.
@@ -216,18 +216,16 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         }
     }
 
-    fn curvature_gradient<T: Real>(
+    fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
         v: [&[T; N]; 2],
-        out: &mut RowBlocks<T, N>,
+        a: [&[T; N]; 2],
+        out: &mut [RowBlocks<T, N>; 2],
     ) {
         match &self.rows {
-            Rows::Measure(measure) => measure.curvature_gradient(q, v, out),
-            Rows::Angle(angle) => {
-                *out = RowBlocks::zero();
-                out.set(0, &angle.curvature_gradient(q, v));
-            }
+            Rows::Measure(measure) => measure.rate_blocks(q, v, a, out),
+            Rows::Angle(angle) => set_first(&angle.rate_blocks(q, v, a), out),
         }
     }
 
@@ -236,6 +234,13 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         match &self.rows {
             Rows::Measure(measure) => measure.add_hessian(q, c, out),
             Rows::Angle(angle) => angle.add_hessian(q, c[0], out),
+        }
+    }
+
+    fn couples(&self) -> bool {
+        match &self.rows {
+            Rows::Measure(measure) => measure.couples(),
+            Rows::Angle(_) => true,
         }
     }
 

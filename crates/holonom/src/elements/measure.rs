@@ -201,40 +201,45 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
         }
     }
 
+    /// (G v)_q and (G a)_q + ((G v)_q v)_q.
     #[inline(always)]
-    pub(super) fn curvature_gradient<T: Real>(
+    pub(super) fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
         v: [&[T; N]; 2],
-        out: &mut RowBlocks<T, N>,
+        a: [&[T; N]; 2],
+        out: &mut [RowBlocks<T, N>; 2],
     ) {
-        *out = RowBlocks::zero();
-        let second = |x: &Vector<D>| x.second::<T, S, N, R>(&self.points, q, v);
-        let third = |x: &Vector<D>| x.third::<T, S, N, R>(&self.points, q, v);
+        *out = [RowBlocks::zero(); 2];
         if self.coincide {
-            let link = third(&Vector::Link);
+            let by_v = Vector::Link.second::<T, S, N, R>(&self.points, q, v);
+            let mut by_a = Vector::Link.second::<T, S, N, R>(&self.points, q, a);
+            by_a.add(&Vector::Link.third::<T, S, N, R>(&self.points, q, v));
             for d in 0..D {
-                out.set(d, &link.row(d));
+                out[0].set(d, &by_v.row(d));
+                out[1].set(d, &by_a.row(d));
             }
         }
-        if self.dots.is_empty() {
-            return;
-        }
-        let link = self.link(q);
         for (row, d) in (self.first_dot()..).zip(&self.dots) {
-            let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
-            let (xx, yy) = (second(&d.x), second(&d.y));
             let scale = T::from(d.scale);
-            let twice = scale * 2.0;
-            let mut values = [[T::zero(); N]; 2];
-            x.d.add_to(&scaled(&yy.times(v), scale), &mut values);
-            y.d.add_to(&scaled(&xx.times(v), scale), &mut values);
-            xx.add_to(&scaled(&y.d.times(v), twice), &mut values);
-            yy.add_to(&scaled(&x.d.times(v), twice), &mut values);
-            third(&d.y).add_to(&scaled(&x.x, scale), &mut values);
-            third(&d.x).add_to(&scaled(&y.x, scale), &mut values);
-            out.set(row, &values);
+            let mut values = [[[T::zero(); N]; 2]; 2];
+            let x = d.x.moved::<T, S, N, R>(&self.points, q, v, a);
+            if d.x == d.y {
+                x.add_to(&x.x, scale * 2.0, &mut values);
+            } else {
+                let y = d.y.moved::<T, S, N, R>(&self.points, q, v, a);
+                y.add_to(&x.x, scale, &mut values);
+                x.add_to(&y.x, scale, &mut values);
+            }
+            for (out, values) in out.iter_mut().zip(&values) {
+                out.set(row, values);
+            }
         }
+    }
+
+    /// Whether a Hessian couples the bodies: coinciding points bend with each for itself.
+    pub(super) fn couples(&self) -> bool {
+        !self.dots.is_empty()
     }
 
     /// out += Σ c_k H_k.
@@ -245,7 +250,6 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
         c: &[T; 6],
         out: &mut PairBlocks<T, N>,
     ) {
-        let link = self.link(q);
         let bend = |x: &Vector<D>, c: &[T; D], out: &mut PairBlocks<T, N>| {
             x.add_bend::<T, S, N, R>(&self.points, q, c, out);
         };
@@ -253,8 +257,14 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
             bend(&Vector::Link, &std::array::from_fn(|d| c[d]), out);
         }
         for (row, d) in (self.first_dot()..).zip(&self.dots) {
-            let (x, y) = (self.jet(&d.x, q, link.as_ref()), self.jet(&d.y, q, link.as_ref()));
             let factor = c[row] * d.scale;
+            let x = d.x.jet::<T, S, N, R>(&self.points, q);
+            if d.x == d.y {
+                bend(&d.x, &scaled(&x.x, factor * 2.0), out);
+                x.d.add_symmetric(factor, &x.d, out);
+                continue;
+            }
+            let y = d.y.jet::<T, S, N, R>(&self.points, q);
             bend(&d.x, &scaled(&y.x, factor), out);
             bend(&d.y, &scaled(&x.x, factor), out);
             x.d.add_symmetric(factor, &y.d, out);

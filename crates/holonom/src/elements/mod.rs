@@ -59,15 +59,18 @@ pub trait ConstraintElement<const N: usize> {
     fn directional<T: Real>(&self, q: [&[T; N]; 2], w: [&[T; N]; 2], out: &mut RowBlocks<T, N>);
     /// (G v)_q v.
     fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]);
-    /// ((G v)_q v)_q with v constant.
-    fn curvature_gradient<T: Real>(
+    /// (G v)_q, and (G a)_q + ((G v)_q v)_q with v and a constant: what velocities and accelerations make of the rows.
+    fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
         v: [&[T; N]; 2],
-        out: &mut RowBlocks<T, N>,
+        a: [&[T; N]; 2],
+        out: &mut [RowBlocks<T, N>; 2],
     );
     /// Σ c_k H_k, symmetric.
     fn hessian<T: Real>(&self, q: [&[T; N]; 2], c: &[T; 6], out: &mut PairBlocks<T, N>);
+    /// Whether that can differ from zero between the two bodies.
+    fn couples(&self) -> bool;
     /// s, ṡ, s̈, s⃛ of a driver at time t; `None` for a joint.
     fn drive(&self, t: f64) -> Option<[f64; 4]>;
     /// Whether that is more than a constant.
@@ -278,6 +281,14 @@ impl<T: Real, const W: usize> ForceBlocks<T, W> {
             rate_z: T::zero(),
             rate_t: T::zero(),
         }
+    }
+}
+
+/// The blocks of one row each.
+fn set_first<T: Real, const N: usize>(rows: &[[[T; N]; 2]; 2], out: &mut [RowBlocks<T, N>; 2]) {
+    for (out, row) in out.iter_mut().zip(rows) {
+        *out = RowBlocks::zero();
+        out.set(0, row);
     }
 }
 

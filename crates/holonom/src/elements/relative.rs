@@ -17,7 +17,7 @@ use super::motion::{Link, Motion, MotionRows, Stance, Varied, Wrench};
 use super::space::{Planar, Space, Spatial, Triad};
 pub use super::turning::Reference;
 use super::turning::Turning;
-use super::{RowBlocks, product};
+use super::{RowBlocks, product, set_first};
 use crate::math::Real;
 use crate::math::vector::{dot, scaled};
 
@@ -139,13 +139,14 @@ pub trait RelativeElement<const N: usize> {
         reference: &Reference,
         out: &mut [T; 6],
     );
-    /// ((G v)_q v)_q.
-    fn curvature_gradient<T: Real>(
+    /// (G v)_q, and (G a)_q + ((G v)_q v)_q.
+    fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
         v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
         reference: &Reference,
-        out: &mut RowBlocks<T, N>,
+        out: &mut [RowBlocks<T, N>; 2],
     );
     /// The reference that suits a pose: directions and rotations vanish there, angles are on the branch of
     /// the old one.
@@ -267,33 +268,31 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
         }
     }
 
-    fn curvature_gradient<T: Real>(
+    fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
         v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
         reference: &Reference,
-        out: &mut RowBlocks<T, N>,
+        out: &mut [RowBlocks<T, N>; 2],
     ) {
         match self {
-            Self::Displacement(measure) => measure.curvature_gradient(q, v, out),
+            Self::Displacement(measure) => measure.rate_blocks(q, v, a, out),
             Self::Length(Length(measure)) => {
                 let [first, second, third] = Self::root(measure, q);
                 let gradient = row_of(measure, q);
-                let rate = product(&gradient, v);
-                let (mut bend, mut change) = ([T::zero(); 6], RowBlocks::zero());
-                measure.curvature(q, v, &mut bend);
-                measure.directional(q, v, &mut change);
-                measure.curvature_gradient(q, v, out);
-                scale_row(out, first);
-                add_row(out, third * rate * rate + second * bend[0], &gradient);
-                add_row(out, second * rate * 2.0, &[change.0[0][0], change.0[1][0]]);
+                let (rate, along) = (product(&gradient, v), product(&gradient, a));
+                measure.rate_blocks(q, v, a, out);
+                let change = [out[0].0[0][0], out[0].0[1][0]];
+                let bend = product(&change, v) + along;
+                out.iter_mut().for_each(|rows| scale_row(rows, first));
+                add_row(&mut out[0], second * rate, &gradient);
+                add_row(&mut out[1], third * rate * rate + second * bend, &gradient);
+                add_row(&mut out[1], second * rate * 2.0, &change);
             }
-            Self::Angle(angle) => {
-                *out = RowBlocks::zero();
-                out.set(0, &angle.curvature_gradient(q, v));
-            }
-            Self::Direction(direction) => direction.curvature_gradient(q, v, reference, out),
-            Self::Rotation(rotation) => rotation.curvature_gradient(q, v, reference, out),
+            Self::Angle(angle) => set_first(&angle.rate_blocks(q, v, a), out),
+            Self::Direction(direction) => direction.rate_blocks(q, v, a, reference, out),
+            Self::Rotation(rotation) => rotation.rate_blocks(q, v, a, reference, out),
         }
     }
 

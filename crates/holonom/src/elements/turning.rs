@@ -4,10 +4,10 @@
 //! rotation vector of the second body from a reference orientation against the first. In the plane both are angles that
 //! count turns. Source: the kernel of `math::turn` and the chain rule.
 
-use super::RowBlocks;
 use super::angle::{Angle, LineAngle, PlanarAngle};
 use super::space::{Spatial, euler};
-use super::vector_function::{Columns, Vector};
+use super::vector_function::{Columns, Moved, Vector};
+use super::{RowBlocks, set_first};
 use crate::math::Real;
 use crate::math::spatial::{self, conjugate, cross};
 use crate::math::turn::Turn;
@@ -47,13 +47,14 @@ pub trait Turning<const N: usize>: std::fmt::Debug + Clone + PartialEq {
         reference: &Reference,
         out: &mut [T; 6],
     );
-    /// ((G v)_q v)_q.
-    fn curvature_gradient<T: Real>(
+    /// (G v)_q, and (G a)_q + ((G v)_q v)_q.
+    fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
         v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
         reference: &Reference,
-        out: &mut RowBlocks<T, N>,
+        out: &mut [RowBlocks<T, N>; 2],
     );
     /// The reference at which the coordinates vanish at q, as near as can be to the old one.
     fn reference(&self, q: [&[f64; N]; 2], old: &Reference) -> Reference;
@@ -103,15 +104,15 @@ macro_rules! counted {
                 out[0] = Angle::curvature(self, q, v);
             }
 
-            fn curvature_gradient<T: Real>(
+            fn rate_blocks<T: Real>(
                 &self,
                 q: [&[T; 3]; 2],
                 v: [&[T; 3]; 2],
+                a: [&[T; 3]; 2],
                 _reference: &Reference,
-                out: &mut RowBlocks<T, 3>,
+                out: &mut [RowBlocks<T, 3>; 2],
             ) {
-                *out = RowBlocks::zero();
-                out.set(0, &Angle::curvature_gradient(self, q, v));
+                set_first(&Angle::rate_blocks(self, q, v, a), out);
             }
 
             fn reference(&self, q: [&[f64; 3]; 2], old: &Reference) -> Reference {
@@ -137,23 +138,31 @@ impl SpatialRotation {
         spatial::product(&spatial::product(&conjugate(first), second), &conjugate(&r))
     }
 
-    /// out_k += cₖ · ∂(relative(p_i, p_j))/∂(p_i, p_j) for the rows cₖ.
+    /// ∂(relative(p_i, p_j))/∂(p_i, p_j), by bodies and their Euler parameters.
     #[inline(always)]
-    fn add_rows<T: Real>(
-        c: &[[T; 4]; 3],
-        first: &[T; 4],
-        second: &[T; 4],
-        reference: &Reference,
-        out: &mut RowBlocks<T, 7>,
-    ) {
-        for column in 0..4 {
-            let mut unit = [T::zero(); 4];
-            unit[column] = T::one();
-            let by_first = Self::relative(&unit, second, reference);
-            let by_second = Self::relative(first, &unit, reference);
-            for (k, c) in c.iter().enumerate() {
-                out.0[0][k][3 + column] += dot(c, &by_first);
-                out.0[1][k][3 + column] += dot(c, &by_second);
+    fn slopes<T: Real>(first: &[T; 4], second: &[T; 4], reference: &Reference) -> [[[T; 4]; 4]; 2] {
+        let back: [T; 4] = lift(&[reference[0], -reference[1], -reference[2], -reference[3]]);
+        // ū∘s and l∘u for the four units u.
+        let [s0, s1, s2, s3] = spatial::product(second, &back);
+        let by_first =
+            [[s0, s1, s2, s3], [s1, -s0, s3, -s2], [s2, -s3, -s0, s1], [s3, s2, -s1, -s0]];
+        let [l0, l1, l2, l3] = conjugate(first);
+        let turned = [[l0, l1, l2, l3], [-l1, l0, l3, -l2], [-l2, -l3, l0, l1], [-l3, l2, -l1, l0]];
+        let mut by_second = turned;
+        for (slope, turned) in by_second.iter_mut().zip(&turned) {
+            *slope = spatial::product(turned, &back);
+        }
+        [by_first, by_second]
+    }
+
+    /// out_k += cₖ · slopes for the rows cₖ.
+    #[inline(always)]
+    fn add_rows<T: Real>(c: &[[T; 4]; 3], slopes: &[[[T; 4]; 4]; 2], out: &mut RowBlocks<T, 7>) {
+        for (rows, slopes) in out.0.iter_mut().zip(slopes) {
+            for (row, c) in rows.iter_mut().zip(c) {
+                for (out, slope) in row[3..].iter_mut().zip(slopes) {
+                    *out += dot(c, slope);
+                }
             }
         }
     }
@@ -186,7 +195,8 @@ impl Turning<7> for SpatialRotation {
         *out = RowBlocks::zero();
         let turn = Self::turn(q, reference);
         let [pi, pj] = q.map(euler);
-        Self::add_rows(&Turn::matrix(|b| turn.first(b)), &pi, &pj, reference, out);
+        let slopes = Self::slopes(&pi, &pj, reference);
+        Self::add_rows(&Turn::matrix(|b| turn.first(b)), &slopes, out);
     }
 
     fn directional<T: Real>(
@@ -200,8 +210,10 @@ impl Turning<7> for SpatialRotation {
         let turn = Self::turn(q, reference);
         let rate = Self::rate(q, w, reference);
         let ([pi, pj], [wi, wj]) = (q.map(euler), w.map(euler));
-        Self::add_rows(&Turn::matrix(|b| turn.second(&rate, b)), &pi, &pj, reference, out);
-        Self::add_rows(&Turn::matrix(|b| turn.first(b)), &wi, &wj, reference, out);
+        let slopes = Self::slopes(&pi, &pj, reference);
+        Self::add_rows(&Turn::matrix(|b| turn.second(&rate, b)), &slopes, out);
+        let slopes = Self::slopes(&wi, &wj, reference);
+        Self::add_rows(&Turn::matrix(|b| turn.first(b)), &slopes, out);
     }
 
     fn curvature<T: Real>(
@@ -222,25 +234,35 @@ impl Turning<7> for SpatialRotation {
         }
     }
 
-    fn curvature_gradient<T: Real>(
+    fn rate_blocks<T: Real>(
         &self,
         q: [&[T; 7]; 2],
         v: [&[T; 7]; 2],
+        a: [&[T; 7]; 2],
         reference: &Reference,
-        out: &mut RowBlocks<T, 7>,
+        out: &mut [RowBlocks<T, 7>; 2],
     ) {
-        *out = RowBlocks::zero();
+        *out = [RowBlocks::zero(); 2];
+        let [of_v, of_a] = out;
         let turn = Self::turn(q, reference);
-        let rate = Self::rate(q, v, reference);
-        let ([pi, pj], [vi, vj]) = (q.map(euler), v.map(euler));
-        let second = Self::relative(&vi, &vj, reference).map(|x| x * 2.0);
+        let (rate, along) = (Self::rate(q, v, reference), Self::rate(q, a, reference));
+        let ([pi, pj], [vi, vj], [ai, aj]) = (q.map(euler), v.map(euler), a.map(euler));
+        let bent = Self::relative(&vi, &vj, reference);
+        let second: [T; 4] = std::array::from_fn(|k| bent[k] * 2.0 + along[k]);
         let bend = |b: &[T; 4]| {
             let (third, second) = (turn.third(&rate, b), turn.second(&second, b));
             std::array::from_fn(|k| third[k] + second[k])
         };
-        Self::add_rows(&Turn::matrix(bend), &pi, &pj, reference, out);
-        let twice = |b: &[T; 4]| turn.second(&rate, b).map(|x| x * 2.0);
-        Self::add_rows(&Turn::matrix(twice), &vi, &vj, reference, out);
+        let first = Turn::matrix(|b| turn.first(b));
+        let mut change = Turn::matrix(|b| turn.second(&rate, b));
+        let slopes = Self::slopes(&pi, &pj, reference);
+        Self::add_rows(&change, &slopes, of_v);
+        Self::add_rows(&Turn::matrix(bend), &slopes, of_a);
+        let slopes = Self::slopes(&vi, &vj, reference);
+        Self::add_rows(&first, &slopes, of_v);
+        change.as_flattened_mut().iter_mut().for_each(|x| *x *= 2.0);
+        Self::add_rows(&change, &slopes, of_a);
+        Self::add_rows(&first, &Self::slopes(&ai, &aj, reference), of_a);
     }
 
     fn reference(&self, q: [&[f64; 7]; 2], _old: &Reference) -> Reference {
@@ -362,31 +384,31 @@ impl Turning<7> for SpatialDirection {
         out[..2].copy_from_slice(&Self::components(&t, reference));
     }
 
-    fn curvature_gradient<T: Real>(
+    fn rate_blocks<T: Real>(
         &self,
         q: [&[T; 7]; 2],
         v: [&[T; 7]; 2],
+        a: [&[T; 7]; 2],
         reference: &Reference,
-        out: &mut RowBlocks<T, 7>,
+        out: &mut [RowBlocks<T, 7>; 2],
     ) {
-        *out = RowBlocks::zero();
-        let link = Vector::Link.jet::<T, Spatial, 7, 4>(&self.points, q);
-        let second = Vector::Link.second::<T, Spatial, 7, 4>(&self.points, q, v);
-        let third = Vector::Link.third::<T, Spatial, 7, 4>(&self.points, q, v);
-        let turn = Turn::new(&Self::lifted(&link.x, reference));
-        let rate = Self::lifted(&link.d.times(v), reference);
-        let acceleration = Self::lifted(&second.times(v), reference);
+        *out = [RowBlocks::zero(); 2];
+        let [of_v, of_a] = out;
+        let Moved { x: [x, x1, x2], d: [d, by_v, by_a] } =
+            Vector::Link.moved::<T, Spatial, 7, 4>(&self.points, q, v, a);
+        let turn = Turn::new(&Self::lifted(&x, reference));
+        let (rate, acceleration) = (Self::lifted(&x1, reference), Self::lifted(&x2, reference));
         let bend = |b: &[T; 4]| {
             let (third, second) = (turn.third(&rate, b), turn.second(&acceleration, b));
             std::array::from_fn(|k| third[k] + second[k])
         };
-        let c = Self::against_link(&Turn::matrix(bend), reference);
-        Self::add_rows(&c, &link.d, out);
-        let twice = |b: &[T; 4]| turn.second(&rate, b).map(|x| x * 2.0);
-        let c = Self::against_link(&Turn::matrix(twice), reference);
-        Self::add_rows(&c, &second, out);
-        let c = Self::against_link(&Turn::matrix(|b| turn.first(b)), reference);
-        Self::add_rows(&c, &third, out);
+        let first = Self::against_link(&Turn::matrix(|b| turn.first(b)), reference);
+        let change = Self::against_link(&Turn::matrix(|b| turn.second(&rate, b)), reference);
+        Self::add_rows(&change, &d, of_v);
+        Self::add_rows(&first, &by_v, of_v);
+        Self::add_rows(&Self::against_link(&Turn::matrix(bend), reference), &d, of_a);
+        Self::add_rows(&change.map(|row| row.map(|x| x * 2.0)), &by_v, of_a);
+        Self::add_rows(&first, &by_a, of_a);
     }
 
     /// The old normal is carried along the shortest turn, so that components keep their meaning.

@@ -4,7 +4,7 @@
 use super::PairBlocks;
 use super::space::Space;
 use crate::math::Real;
-use crate::math::vector::lift;
+use crate::math::vector::{lift, scaled};
 
 /// A vector function of two poses.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,6 +59,22 @@ impl<T: Real, const D: usize, const R: usize> Columns<T, D, R> {
                         row[side][D + k] += c[d] * turn[d][k];
                     }
                 }
+            }
+        }
+    }
+
+    /// Adds the rotational columns of another one.
+    #[inline(always)]
+    pub(super) fn add(&mut self, other: &Self) {
+        for (turn, other) in self.turn.iter_mut().zip(&other.turn) {
+            match (turn, other) {
+                (Some(turn), Some(other)) => {
+                    for (row, other) in turn.iter_mut().zip(other) {
+                        row.iter_mut().zip(other).for_each(|(x, y)| *x += *y);
+                    }
+                }
+                (turn, Some(_)) => *turn = *other,
+                (_, None) => {}
             }
         }
     }
@@ -135,6 +151,34 @@ impl<T: Real, const D: usize, const R: usize> Columns<T, D, R> {
 pub(super) struct Jet<T, const D: usize, const R: usize> {
     pub(super) x: [T; D],
     pub(super) d: Columns<T, D, R>,
+}
+
+/// What velocities and accelerations make of a vector function.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Moved<T, const D: usize, const R: usize> {
+    /// x, x₁ = D_x v, and x₂ = D²_x\[v] v + D_x a.
+    pub(super) x: [[T; D]; 3],
+    /// D_x, D²_x\[v], and D²_x\[a] + D³_x\[v].
+    pub(super) d: [Columns<T, D, R>; 3],
+}
+
+impl<T: Real, const D: usize, const R: usize> Moved<T, D, R> {
+    /// Adds what xᵀy, times a factor, has of the derivatives of y to (G v)_q and to (G a)_q + ((G v)_q v)_q.
+    #[inline(always)]
+    pub(super) fn add_to<const N: usize>(
+        &self,
+        x: &[[T; D]; 3],
+        factor: T,
+        out: &mut [[[T; N]; 2]; 2],
+    ) {
+        let ([x, x1, x2], [d, d1, d2]) = (x.map(|x| scaled(&x, factor)), &self.d);
+        let [of_v, of_a] = out;
+        d1.add_to(&x, of_v);
+        d.add_to(&x1, of_v);
+        d2.add_to(&x, of_a);
+        d1.add_to(&scaled(&x1, T::from(2.0)), of_a);
+        d.add_to(&x2, of_a);
+    }
 }
 
 /// `sign` times the derivative of A a of the given order.
@@ -227,6 +271,29 @@ impl<const D: usize> Vector<D> {
         S: Space<D, N, R>,
     {
         self.columns::<T, S, N, R, 3>(points, q, w)
+    }
+
+    /// All that (G v)_q and (G a)_q + ((G v)_q v)_q take of it.
+    #[inline(always)]
+    pub(super) fn moved<T: Real, S, const N: usize, const R: usize>(
+        &self,
+        points: &[[f64; D]; 2],
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
+    ) -> Moved<T, D, R>
+    where
+        S: Space<D, N, R>,
+    {
+        let Jet { x, d } = self.jet::<T, S, N, R>(points, q);
+        let by_v = self.second::<T, S, N, R>(points, q, v);
+        let mut by_a = self.second::<T, S, N, R>(points, q, a);
+        by_a.add(&self.third::<T, S, N, R>(points, q, v));
+        let (bent, along) = (by_v.times(v), d.times(a));
+        Moved {
+            x: [x, d.times(v), std::array::from_fn(|k| bent[k] + along[k])],
+            d: [d, by_v, by_a],
+        }
     }
 
     /// The derivative of the given order; no closures, which would be compiled by themselves and

@@ -4,6 +4,7 @@ use super::parametrization::Parametrization;
 use super::relatives::{Relatives, WIDEST};
 use crate::system::{State, System};
 use crate::threads::Threads;
+use holonom_linalg::add_entries;
 use std::sync::Arc;
 
 /// Rows of an n-column matrix with entries in the columns of two bodies each.
@@ -60,7 +61,7 @@ impl BodyRows {
     }
 
     /// All entries that can differ from zero: place in the values, row, column.
-    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, usize)> + Clone + '_ {
         self.entries.iter().map(|&(at, row, j)| (at as usize, row as usize, j as usize))
     }
 
@@ -111,24 +112,14 @@ impl BodyRows {
 
     /// Y += α A X, X with k columns, both by rows.
     pub fn multiply_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
-        for (at, row, column) in self.entries() {
-            let scale = alpha * self.values[at];
-            let source = &x[column * k..(column + 1) * k];
-            for (out, x) in y[row * k..(row + 1) * k].iter_mut().zip(source) {
-                *out += scale * x;
-            }
-        }
+        let entries = self.entries().map(|(at, row, j)| (row, j, alpha * self.values[at]));
+        add_entries(entries, x, k, y);
     }
 
     /// X += α Aᵀ Y, Y with k columns, both by rows.
     pub fn multiply_transposed_many_add(&self, alpha: f64, y: &[f64], k: usize, x: &mut [f64]) {
-        for (at, row, column) in self.entries() {
-            let scale = alpha * self.values[at];
-            let source = &y[row * k..(row + 1) * k];
-            for (out, y) in x[column * k..(column + 1) * k].iter_mut().zip(source) {
-                *out += scale * y;
-            }
-        }
+        let entries = self.entries().map(|(at, row, j)| (j, row, alpha * self.values[at]));
+        add_entries(entries, y, k, x);
     }
 }
 

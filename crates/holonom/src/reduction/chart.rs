@@ -7,7 +7,7 @@ use super::relatives::Relatives;
 use super::square::Square;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, System};
-use holonom_linalg::{Assembly, BlockForest, BlockMatrix, Terms};
+use holonom_linalg::{Assembly, BlockForest, BlockMatrix, Terms, scale_rows};
 use std::sync::Arc;
 
 /// Enough to tell the smallest singular value from the next where the matrix is nearly singular.
@@ -369,9 +369,7 @@ impl Chart {
             d[(rank + k) * ndof + k] = self.row_scale[rank + k];
         }
         self.matrix.solve_many(d, ndof);
-        for (row, scale) in d.chunks_exact_mut(ndof.max(1)).zip(&*self.column_scale) {
-            row.iter_mut().for_each(|x| *x *= scale);
-        }
+        scale_rows(&self.column_scale, ndof, d);
     }
 
     /// X = S R + D [0; Q] for R (m×k, by rows) and Q (moving rows×k) into `x` (n×k); dropped rows
@@ -398,9 +396,7 @@ impl Chart {
             }
         }
         self.matrix.solve_many(x, k);
-        for (row, scale) in x.chunks_exact_mut(k).zip(&*self.column_scale) {
-            row.iter_mut().for_each(|v| *v *= scale);
-        }
+        scale_rows(&self.column_scale, k, x);
     }
 
     /// rows = SᵀX (m×ndof) and p = DᵀX (ndof×ndof) for X (n×ndof), which is destroyed.
@@ -409,14 +405,12 @@ impl Chart {
         if ndof == 0 {
             return;
         }
-        for (row, scale) in x.chunks_exact_mut(ndof).zip(&*self.column_scale) {
-            row.iter_mut().for_each(|v| *v *= scale);
-        }
+        scale_rows(&self.column_scale, ndof, x);
         self.matrix.solve_transposed_many(x, ndof);
-        for (row, scale) in x.chunks_exact_mut(ndof).zip(&*self.row_scale) {
-            row.iter_mut().for_each(|v| *v *= scale);
+        scale_rows(&self.row_scale, ndof, x);
+        if rows.len() > rank * ndof {
+            rows.fill(0.0);
         }
-        rows.fill(0.0);
         for (k, &row) in self.parametrization.kept.iter().enumerate() {
             rows[row * ndof..(row + 1) * ndof].copy_from_slice(&x[k * ndof..(k + 1) * ndof]);
         }

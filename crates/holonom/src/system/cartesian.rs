@@ -491,7 +491,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Equation
         let c = &self.constraints[joint];
         let mut rows = RowBlocks::zero();
         c.element.jacobian(Self::pair(q, c.bodies), &mut rows);
-        set(&rows, out, false);
+        set(&rows, out);
     }
 
     fn joint_curvature(&self, joint: usize, q: &[f64], v: &[f64], out: &mut [f64; 6]) {
@@ -507,13 +507,10 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Equation
         let c = &self.constraints[joint];
         let q = Self::pair(&state.q, c.bodies);
         let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
-        let mut rows = RowBlocks::zero();
-        c.element.directional(q, v, &mut rows);
-        set(&rows, a0, false);
-        c.element.directional(q, a, &mut rows);
-        set(&rows, a1, false);
-        c.element.curvature_gradient(q, v, &mut rows);
-        set(&rows, a1, true);
+        let mut rows = [RowBlocks::zero(); 2];
+        c.element.rate_blocks(q, v, a, &mut rows);
+        set(&rows[0], a0);
+        set(&rows[1], a1);
     }
 
     fn joint_hessian(&self, joint: usize, state: &State, out: &mut [f64]) {

@@ -49,7 +49,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
     fn relative_gradient(&self, group: usize, reference: &Reference, q: &[f64], out: &mut [f64]) {
         let mut rows = RowBlocks::zero();
         self.relatives[group].element.jacobian(self.relative_pair(group, q), reference, &mut rows);
-        set(&rows, out, false);
+        set(&rows, out);
     }
 
     fn relative_curvature(
@@ -77,7 +77,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
         let mut rows = RowBlocks::zero();
         let (q, v) = (self.relative_pair(group, q), self.relative_rates(group, v));
         self.relatives[group].element.directional(q, v, reference, &mut rows);
-        set(&rows, out, false);
+        set(&rows, out);
     }
 
     fn relative_on_motions(&self, group: usize) -> Option<&dyn MotionRows> {
@@ -95,13 +95,10 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
         let element = &self.relatives[group].element;
         let q = self.relative_pair(group, &state.q);
         let (v, a) = (self.relative_rates(group, &state.v), self.relative_rates(group, &state.a));
-        let mut rows = RowBlocks::zero();
-        element.directional(q, v, reference, &mut rows);
-        set(&rows, a0, false);
-        element.directional(q, a, reference, &mut rows);
-        set(&rows, a1, false);
-        element.curvature_gradient(q, v, reference, &mut rows);
-        set(&rows, a1, true);
+        let mut rows = [RowBlocks::zero(); 2];
+        element.rate_blocks(q, v, a, reference, &mut rows);
+        set(&rows[0], a0);
+        set(&rows[1], a1);
     }
 
     fn moved_reference(&self, group: usize, q: &[f64], old: &Reference) -> Reference {
@@ -207,12 +204,10 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
 }
 
 /// Entries of rows over the coordinates of two bodies, row by row.
-pub(super) fn set<const N: usize>(rows: &RowBlocks<f64, N>, out: &mut [f64], add: bool) {
+pub(super) fn set<const N: usize>(rows: &RowBlocks<f64, N>, out: &mut [f64]) {
     for (k, out) in out.chunks_exact_mut(2 * N).enumerate() {
         for (side, out) in out.chunks_exact_mut(N).enumerate() {
-            for (out, x) in out.iter_mut().zip(&rows.0[side][k]) {
-                *out = if add { *out + x } else { *x };
-            }
+            out.copy_from_slice(&rows.0[side][k]);
         }
     }
 }

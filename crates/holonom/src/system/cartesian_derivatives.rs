@@ -137,19 +137,12 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             let q = Self::pair(&state.q, c.bodies);
             let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
             let (count, slots) = (c.element.rows(), &self.slots.jacobian[k]);
-            let [rows, more] = &mut rows;
-            c.element.directional(q, v, rows);
-            set_rows(&mut target.a0, slots, count, rows);
-            c.element.directional(q, a, rows);
-            c.element.curvature_gradient(q, v, more);
-            for (rows, more) in rows.0.iter_mut().zip(&more.0) {
-                for (row, more) in rows.iter_mut().zip(more) {
-                    row.iter_mut().zip(more).for_each(|(x, more)| *x += more);
-                }
-            }
-            set_rows(&mut target.a1, slots, count, rows);
+            c.element.rate_blocks(q, v, a, &mut rows);
+            set_rows(&mut target.a0, slots, count, &rows[0]);
+            set_rows(&mut target.a1, slots, count, &rows[1]);
             c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
-            add_pairs(&mut target.stiffness, &self.slots.constraint_pairs[k], &pairs);
+            let (stiffness, slots) = (&mut target.stiffness, &self.slots.constraint_pairs[k]);
+            add_pairs(stiffness, slots, &pairs, c.element.couples());
         }
         for &k in &elements.forces {
             let k = k as usize;
@@ -197,17 +190,20 @@ pub(super) fn set_rows<const N: usize>(
     }
 }
 
+/// Adds blocks, those between the two bodies only where these are coupled.
 fn add_pairs<const N: usize>(
     target: &mut BlocksMut<'_>,
     slots: &[[Option<BlockId>; 2]; 2],
     source: &PairBlocks<f64, N>,
+    coupled: bool,
 ) {
     for i in 0..2 {
         for j in 0..2 {
-            let Some(id) = slots[i][j] else { continue };
-            for (out, row) in target.block_mut(id).chunks_exact_mut(N).zip(&source.0[i][j]) {
-                for (o, r) in out.iter_mut().zip(row) {
-                    *o += r;
+            let Some(id) = slots[i][j].filter(|_| coupled || i == j) else { continue };
+            let (rows, _) = target.block_mut(id).as_chunks_mut::<N>();
+            for (out, row) in rows.iter_mut().zip(&source.0[i][j]) {
+                for k in 0..N {
+                    out[k] += row[k];
                 }
             }
         }

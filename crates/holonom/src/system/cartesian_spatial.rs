@@ -74,15 +74,28 @@ pub(super) fn rotate(p: V4, s: &V3) -> V3 {
     e_times(p, g_transposed(p, *s))
 }
 
+/// G(p) as rows.
+fn g_matrix(p: V4) -> [V4; 3] {
+    [[-p[1], p[0], p[3], -p[2]], [-p[2], -p[3], p[0], p[1]], [-p[3], p[2], -p[1], p[0]]]
+}
+
 /// 4 G(p)ᵀ J G(w) as rows.
-fn inertia_product(j: &[[f64; 3]; 3], p: V4, w: V4) -> [[f64; 4]; 4] {
+fn inertia_product(j: &[[f64; 3]; 3], p: V4, w: V4) -> [V4; 4] {
+    let (left, right) = (g_matrix(p.map(|x| 4.0 * x)), g_matrix(w));
+    let mut moved = [[0.0; 4]; 3];
+    for row in 0..3 {
+        for column in 0..4 {
+            moved[row][column] = j[row][0] * right[0][column]
+                + j[row][1] * right[1][column]
+                + j[row][2] * right[2][column];
+        }
+    }
     let mut out = [[0.0; 4]; 4];
-    for column in 0..4 {
-        let mut unit = [0.0; 4];
-        unit[column] = 1.0;
-        let y = g_transposed(p, times(j, g_times(w, unit)));
-        for row in 0..4 {
-            out[row][column] = 4.0 * y[row];
+    for row in 0..4 {
+        for column in 0..4 {
+            out[row][column] = left[0][row] * moved[0][column]
+                + left[1][row] * moved[1][column]
+                + left[2][row] * moved[2][column];
         }
     }
     out

@@ -118,23 +118,30 @@ fn check<const N: usize>(
         }
     }
 
-    e.curvature_gradient(refs(q), refs(&v), &mut rows);
+    let mut blocks = [RowBlocks::zero(); 2];
+    e.rate_blocks(refs(q), refs(&v), refs(&w), &mut blocks);
+    let plain = |q: &Pair<f64, N>| times(e, q, &v);
+    let dual = |q: &Pair<Dual64, N>| times(e, q, &v);
+    check_block(&label("of velocities"), q, h, rows_of(&blocks[0]), plain, dual);
     let plain = |q: &Pair<f64, N>| {
         let mut out = [0.0; 6];
         e.curvature(refs(q), refs(&v), &mut out);
-        out.to_vec()
+        out.iter().zip(times(e, q, &w)).map(|(bent, along)| bent + along).collect()
     };
     let lifted_v = lifted(&v);
     let dual = |q: &Pair<Dual64, N>| {
         let mut out = [Dual64::from(0.0); 6];
         e.curvature(refs(q), refs(&lifted_v), &mut out);
-        out.to_vec()
+        out.iter().zip(times(e, q, &w)).map(|(bent, along)| bent + along).collect()
     };
-    check_block(&label("curvature gradient"), q, h, rows_of(&rows), plain, dual);
+    check_block(&label("of accelerations"), q, h, rows_of(&blocks[1]), plain, dual);
 
     let mut hessian = PairBlocks::zero();
     e.hessian(refs(q), &c, &mut hessian);
     let full = pair_of(&hessian);
+    let between = [hessian.0[0][1], hessian.0[1][0]];
+    let coupled = between.as_flattened().as_flattened().iter().any(|x| *x != 0.0);
+    assert!(e.couples() || !coupled, "{}", label("couples"));
     for i in 0..2 * N {
         for j in 0..2 * N {
             assert!((full[i][j] - full[j][i]).abs() < 1e-13, "{name}: symmetric");

@@ -73,16 +73,20 @@ fn check_group<const N: usize>(
         let expected = rows_times(&[rows.0[0][k], rows.0[1][k]], refs(&v));
         assert!((found - expected).abs() <= 1e-11 * (1.0 + expected.abs()), "{name}: curvature");
     }
-    e.curvature_gradient(refs(q), refs(&v), reference, &mut rows);
-    let dual = |q: &Pair<Dual64, N>| curvature(group, q, &v);
-    check_block(
-        &label("curvature gradient"),
-        q,
-        h,
-        block(&rows),
-        |q| curvature(group, q, &v),
-        dual,
-    );
+    let mut blocks = [RowBlocks::zero(); 2];
+    e.rate_blocks(refs(q), refs(&v), refs(&w), reference, &mut blocks);
+    let plain = |q: &Pair<f64, N>| gradient_times(group, q, &v);
+    let dual = |q: &Pair<Dual64, N>| gradient_times(group, q, &v);
+    check_block(&label("of velocities"), q, h, block(&blocks[0]), plain, dual);
+    let plain = |q: &Pair<f64, N>| {
+        let along = gradient_times(group, q, &w);
+        curvature(group, q, &v).iter().zip(along).map(|(bent, along)| bent + along).collect()
+    };
+    let dual = |q: &Pair<Dual64, N>| {
+        let along = gradient_times(group, q, &w);
+        curvature(group, q, &v).iter().zip(along).map(|(bent, along)| bent + along).collect()
+    };
+    check_block(&label("of accelerations"), q, h, block(&blocks[1]), plain, dual);
 }
 
 /// Blocks of all coordinates of an edge at a pose away from its references, and its kinematics both ways.
