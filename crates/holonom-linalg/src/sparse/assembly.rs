@@ -8,7 +8,7 @@ use std::sync::Arc;
 const PER_ENTRY: usize = 4;
 
 /// What a matrix is assembled from, kind by kind, while it is listed. What a kind is, is the caller's: a source, a
-/// coefficient, a scale.
+/// coefficient, a scale. Kinds are few: each is looked for among all.
 #[derive(Debug)]
 pub struct Terms<K> {
     places: Vec<(usize, usize)>,

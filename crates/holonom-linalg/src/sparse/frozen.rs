@@ -142,5 +142,27 @@ mod tests {
         assert!(analysed && error < 1e-14);
         frozen.forget();
         assert!(frozen.factors().is_none());
+        // A pivot so small that refinement does not make up for it any more: others at the next matrix.
+        let mut frozen = FrozenLu::new(1e3, 1e-12);
+        solved(&mut frozen, [4.0, 1.0, 1.0, 3.0]);
+        let (analysed, error) = solved(&mut frozen, [3e-14, 1.0, 1.0, 1.0]);
+        assert!(!analysed && error > 1e-9 && !frozen.serves(), "{error}");
+        let (analysed, error) = solved(&mut frozen, [3e-14, 1.0, 1.0, 1.0]);
+        assert!(analysed && error < 1e-14 && frozen.serves(), "{error}");
+    }
+
+    #[test] // truth: a complex matrix without a pivot, and one that is the real one
+    fn a_complex_matrix_that_its_pivots_do_not_serve_brings_others() {
+        let (pattern, _) = SparsePattern::new(1, 1, &[(0, 0)]);
+        let mut frozen = FrozenLu::new(1e3, 1e-9);
+        assert!(frozen.factor(&pattern, &[2.0], || None).unwrap());
+        let mut complex = frozen.factors().unwrap().complex();
+        let of = |re, im| [Complex64::new(re, im)];
+        frozen.factor_complex(&mut complex, &of(0.0, 2.0)).unwrap();
+        let mut x = of(4.0, 0.0);
+        frozen.solve_complex(&mut complex, &pattern, &of(0.0, 2.0), &mut x);
+        assert_eq!(x, of(0.0, -2.0));
+        assert!(frozen.serves() && frozen.factor_complex(&mut complex, &of(0.0, 0.0)).is_err());
+        assert!(frozen.factor(&pattern, &[2.0], || None).unwrap());
     }
 }

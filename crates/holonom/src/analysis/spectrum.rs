@@ -14,11 +14,8 @@ const WANTED: usize = 12;
 const KRYLOV: [usize; 2] = [110, 90];
 /// Relative change between the two up to which an eigenvalue has settled.
 const SETTLED: f64 = 1e-6;
-/// Dimension of the spaces that tell how fast positions count, how many there are at most, and the factor by which the
-/// last one may still have found more.
-const BALANCING: usize = 10;
-const BALANCINGS: usize = 4;
-const BALANCED: f64 = 2.0;
+/// Dimension of the space that tells how stiff positions are.
+const BALANCING: usize = 20;
 
 /// Eigenvalues, fastest first.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,25 +46,24 @@ pub fn spectrum(assembled: &Assembled) -> Result<Spectrum, SpectrumError> {
 /// The eigenvalues of the largest magnitude, as far as they have settled. Source: W. E. Arnoldi, *The principle of minimized
 /// iterations in the solution of the matrix eigenvalue problem*, Quart. Appl. Math. 9 (1951).
 ///
-/// Positions count ω times, by the largest ω of a small space: beside [0 1; −ω² 0] in (q, q̇), whose parts are as far
-/// apart as ω² and 1, one cannot see the other.
+/// Positions count ω times, ω² the largest that stiffness alone makes of them, found in a small space: beside
+/// [0 1; −ω² 0] in (q, q̇), whose parts are as far apart as ω² and 1, one cannot see the other.
 ///
 /// # Errors
 /// [`SpectrumError`].
 pub fn fastest(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> {
     let mut point = Point::new(assembled.manifold(), &assembled.state);
     let mut tangent = Tangent::new(&mut point);
-    let mut frequency = 1.0;
-    for _ in 0..BALANCINGS {
-        let (size, space) = krylov(&mut point, &mut tangent, BALANCING, frequency)?;
-        let largest = part_of(&space, BALANCING, size)?.first().map_or(0.0, magnitude);
-        let change = largest / std::mem::replace(&mut frequency, largest.max(1.0));
-        if change < BALANCED {
-            break;
-        }
-    }
+    let frequency = stiffest(&mut point, &mut tangent)?.sqrt().max(1.0);
     let steps = KRYLOV[0].min(tangent.dimension());
-    let (size, space) = krylov(&mut point, &mut tangent, KRYLOV[0], frequency)?;
+    let ndof = point.manifold.chart().ndof();
+    let (size, space) = krylov(tangent.dimension(), KRYLOV[0], |direction, out| {
+        let mut scaled = direction.to_vec();
+        scaled[..ndof].iter_mut().for_each(|x| *x /= frequency);
+        tangent.multiply(&mut point, &scaled, out)?;
+        out[..ndof].iter_mut().for_each(|x| *x *= frequency);
+        Ok(())
+    })?;
     let mut values = part_of(&space, KRYLOV[0], size)?;
     if size == steps && size > KRYLOV[1] {
         let before = part_of(&space, KRYLOV[0], KRYLOV[1])?;
@@ -94,29 +90,35 @@ pub fn fastest(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> 
     Ok(values)
 }
 
-/// The Hessenberg matrix of a Krylov space of at most `most` directions of (ωq, q̇, z), by rows of that length, and its
-/// size.
+/// The largest eigenvalue, 1/s², of what positions make of accelerations, about.
+fn stiffest(point: &mut Point, tangent: &mut Tangent) -> Result<f64, SpectrumError> {
+    let (n, ndof) = (tangent.dimension(), point.manifold.chart().ndof());
+    let (mut displaced, mut rates) = (vec![0.0; n], vec![0.0; n]);
+    let (size, space) = krylov(ndof, BALANCING, |direction, out| {
+        displaced[..ndof].copy_from_slice(direction);
+        tangent.multiply(point, &displaced, &mut rates)?;
+        out.copy_from_slice(&rates[ndof..2 * ndof]);
+        Ok(())
+    })?;
+    Ok(part_of(&space, BALANCING, size)?.first().map_or(0.0, magnitude))
+}
+
+/// The Hessenberg matrix of a Krylov space of at most `most` of n dimensions, by rows of that length, and its size;
+/// `multiply` gives products.
 fn krylov(
-    point: &mut Point,
-    tangent: &mut Tangent,
+    n: usize,
     most: usize,
-    frequency: f64,
+    mut multiply: impl FnMut(&[f64], &mut [f64]) -> Result<(), SpectrumError>,
 ) -> Result<(usize, Vec<f64>), SpectrumError> {
-    let n = tangent.dimension();
-    let ndof = point.manifold.chart().ndof();
     let steps = most.min(n);
     let mut hessenberg = vec![0.0; most * most];
     // A fixed direction without symmetry.
     let start: Vec<f64> =
         (0..n).map(|i| 0.5 + (0.618_033_988_749_895 * (i + 1) as f64).fract()).collect();
     let mut basis = vec![normalized(start)];
-    let mut direction = vec![0.0; n];
     for k in 0..steps {
-        direction.copy_from_slice(&basis[k]);
-        direction[..ndof].iter_mut().for_each(|x| *x /= frequency);
         let mut next = vec![0.0; n];
-        tangent.multiply(point, &direction, &mut next)?;
-        next[..ndof].iter_mut().for_each(|x| *x *= frequency);
+        multiply(&basis[k], &mut next)?;
         let length = norm(&next);
         // Twice, as one pass leaves what cancellation makes of it.
         for _ in 0..2 {

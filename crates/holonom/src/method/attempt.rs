@@ -116,7 +116,9 @@ impl<S: Stages> ImplicitStepper<S> {
         while S::ITERATES && outcome.as_ref().is_err_and(repeats) {
             // A fixed step has no shorter one to try.
             let last_resort = self.options.fixed_step && self.predicts;
-            let remedy = self.matrices.remedy(ode, self.options.other_residuals);
+            let others =
+                self.options.other_residuals && outcome.as_ref().is_err_and(Failure::is_of_newton);
+            let remedy = self.matrices.remedy(ode, others);
             let Some(place) = remedy.or(last_resort.then_some(Place::Start)) else { break };
             let ahead = place == Place::Middle && self.predicts;
             let ahead = ahead.then_some((&mut self.ahead, &self.previous));

@@ -214,9 +214,7 @@ pub fn build_state_space(
         weights = weights.of_independent_coordinates();
     }
     match code {
-        Code::Deabm | Code::Dopri5 => {
-            Box::new(ExplicitForm::new(manifold, weights, state, code == Code::Deabm))
-        }
+        Code::Deabm | Code::Dopri5 => Box::new(ExplicitForm::new(manifold, weights, state)),
         Code::InflSdirk | Code::InflSdirk15 | Code::InflTrap => {
             let iterate = match profile {
                 Profile::Thesis => Iterate::Plain,

@@ -107,6 +107,8 @@ impl SecondOrder for Descriptor {
                 if base.by_accelerations {
                     manifold.multipliers(state);
                     manifold.extend_acceleration(&state.q, &state.v, rate, &mut state.a);
+                    // The accelerations are those of the iterate, no longer those of the equations.
+                    base.at_time = f64::NAN;
                 }
                 a.copy_from_slice(&state.a);
                 lambda.copy_from_slice(&state.lambda);

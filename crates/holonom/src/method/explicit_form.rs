@@ -31,12 +31,12 @@ pub struct ExplicitForm {
 const POWERS: usize = 2;
 
 impl ExplicitForm {
-    /// Starts at a consistent state whose factors the manifold holds, for a formula of several steps or of one.
-    pub fn new(manifold: Manifold, weights: Weights, state: &State, multistep: bool) -> Self {
+    /// Starts at a consistent state whose factors the manifold holds.
+    pub fn new(manifold: Manifold, weights: Weights, state: &State) -> Self {
         let dimension = 2 * manifold.chart().ndof() + state.z.len() + POWERS;
         let system = manifold.system();
         let has_knots = || system.law_arguments().iter().any(|law| !law.knots.is_empty());
-        let powers_apart = system.has_moving_drivers() && (multistep || has_knots());
+        let powers_apart = system.has_moving_drivers() && has_knots();
         Self {
             weights,
             dq: vec![0.0; state.q.len()],
@@ -114,9 +114,8 @@ impl ExplicitForm {
         }
     }
 
-    /// Whether the powers in w are the ledger: not where drivers may move something past a knot of a force law, nor by
-    /// formulas of several steps where they move at all. No error of the motion tells that power, and a polynomial of high
-    /// order through those of the steps before makes anything of it.
+    /// Whether the powers in w are the ledger: not where drivers may move something past a knot of a force law. No error of the
+    /// motion tells that power, and a formula of high order through those of the steps before makes anything of a sudden one.
     pub fn integrates_powers(&self) -> bool {
         !self.rates.is_empty() && !self.powers_apart
     }

@@ -20,7 +20,7 @@ pub struct FirstOrder<M = ReducedMatrix> {
     weights: Weights,
     /// (t, w) of the last full evaluation; NaN if none is current.
     at: Vec<f64>,
-    at_time: f64,
+    pub(super) at_time: f64,
     dq: Vec<f64>,
     dv: Vec<f64>,
     rows: Vec<f64>,

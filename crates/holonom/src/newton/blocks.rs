@@ -140,7 +140,8 @@ impl ReducedBlocks {
     }
 
     /// The reduced matrices along the tree at `state`, whose accelerations came in joint coordinates, and columns of q_v and q̇_v
-    /// for one variable after the other. D is not evaluated, nor are rows of constraints among the blocks.
+    /// for one variable after the other. D is not evaluated, nor are K, C and the rows of
+    /// constraints and extra states among the blocks.
     pub fn evaluate_along(&mut self, manifold: &mut Manifold, state: &State, columns: &mut [f64]) {
         let blocks = &mut self.blocks;
         let mut out = ReducedDerivatives {

@@ -51,6 +51,9 @@ pub(super) struct CarriedError {
     present: f64,
     largest: f64,
     pub(super) milestones: Milestones,
+    /// Whether the error stands on coordinates and velocities as it is.
+    #[serde(skip)]
+    spread: bool,
     /// Of runs that are not too large.
     #[serde(default)]
     pub(super) longest: Option<LongestStep>,
@@ -75,6 +78,7 @@ impl CarriedError {
             present: 0.0,
             largest: 0.0,
             milestones: Milestones::new(start),
+            spread: false,
             longest: LongestStep::new(dimension, start),
         }
     }
@@ -135,6 +139,7 @@ impl CarriedError {
         if self.is_suspicious() {
             return true;
         }
+        self.spread = false;
         // Explicit codes tell by the growth of what there is when a matrix is due.
         if !std::mem::replace(&mut self.seeded, true) && !stepper.explicit() {
             self.seed(form, power);
@@ -198,10 +203,10 @@ impl CarriedError {
         }
     }
 
-    /// Keeps it on coordinates and velocities, by which independent variables with another meaning are told; the form is at
-    /// the present state.
+    /// Keeps it on coordinates and velocities, by which independent variables with another meaning are told, if it is not
+    /// kept there already; the form is at the present state.
     pub(super) fn spread(&mut self, form: &mut dyn StateSpace) {
-        if self.is_suspicious() {
+        if self.is_suspicious() || std::mem::replace(&mut self.spread, true) {
             return;
         }
         for Carried { error, spread } in &mut self.sums {
@@ -222,6 +227,7 @@ impl CarriedError {
             return;
         }
         self.present = 0.0;
+        self.spread = moves;
         for Carried { error, spread } in &mut self.sums {
             if moves {
                 take(spread, form.spread(error));

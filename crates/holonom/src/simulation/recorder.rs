@@ -107,7 +107,7 @@ impl Recorder {
         let theta = ((time - t) / step).clamp(0.0, 1.0);
         // What drivers do in a part of the step the parabola does not tell: it is found as that in the whole step is.
         let system = self.point.manifold.system().clone();
-        let mut driven = !self.integrates_powers && system.drivers_move(time);
+        let mut driven = !self.integrates_powers && system.has_moving_drivers();
         if driven {
             let middle = self.state(inside.interpolate, t, step, 0.5 * theta, true);
             driven = middle.is_ok();

@@ -53,7 +53,7 @@ fn distance(a: [f64; 3], b: [f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
-#[test] // independent truth: DOPRI5 at 1e-10, which iterates nothing
+#[test] // truth: DOPRI5 at 1e-10, another formula for the same forces, which iterates nothing
 fn iterations_do_not_feel_the_ratio_of_masses() {
     for masses in [[100.0, 1.0], [1e4, 1.0], [1e4, 1e-2]] {
         let text = pair(masses, HELD);

@@ -80,3 +80,31 @@ fn fast_vibrations_are_found_beside_slow_ones() {
         assert!(off.abs() < 1e-6, "seed {seed}: {:?} {:?}", all[0], found[0]);
     }
 }
+
+#[test] // independent truth: all eigenvalues, of the dense matrix
+fn slow_vibrations_are_not_lost_beside_a_fast_decay() {
+    for damping in [1e2, 1e4, 1e5] {
+        let springs: String = [(3, 200.0), (11, 30.0), (17, 90.0), (29, 400.0)]
+            .map(|(i, stiffness)| {
+                format!(
+                    "[forces.spring_{i}]\ntype = \"rsda\"\nbetween = [\"link_{}\", \"link_{i}\"]\n\
+                     stiffness = {stiffness:?}\n",
+                    i - 1
+                )
+            })
+            .concat();
+        let damper = format!(
+            "[forces.damper]\ntype = \"rsda\"\nbetween = [\"link_39\", \"link_40\"]\ndamping = {damping:e}\n"
+        );
+        let problem = level_chain(60, &format!("{springs}{damper}"));
+        let assembled = problem.assemble().unwrap();
+        let (all, found) = (spectrum(assembled).unwrap().values, fastest(assembled).unwrap());
+        let size = |z: &(f64, f64)| z.0.hypot(z.1);
+        assert!((size(&all[0]) / size(&found[0]) - 1.0).abs() < 1e-6, "{damping:e}");
+        for z in &found {
+            let distances = all.iter().map(|y| size(&(z.0 - y.0, z.1 - y.1)));
+            let nearest = distances.fold(f64::INFINITY, f64::min);
+            assert!(nearest < 1e-4 * size(z).max(1.0), "{damping:e}: {z:?} is {nearest:.1e} off");
+        }
+    }
+}

@@ -313,7 +313,7 @@ fn bushing_channels_are_its_wrench_on_the_second_body() {
             assert!((force[k] - expected(k)).abs() < 1e-7);
             assert!((torque[k] - expected(3 + k)).abs() < 1e-7);
         }
-        // at any deformation: channels against the generalized force on the second body
+        // at any deformation: channels against the wrench on the second body
         let (e, frames, _) = bushing(&mut random, 30.0);
         let relative = any_turn(&mut random);
         let q = poses(&mut random, &frames, &relative);

@@ -247,11 +247,9 @@ impl Closures {
         }
     }
 
-    /// All clusters are to be corrected, from a movement of this size.
-    pub(super) fn open(&mut self, movement: f64) {
-        for cluster in &mut self.clusters {
-            (cluster.is_open, cluster.before) = (true, movement);
-        }
+    /// All clusters are to be corrected.
+    pub(super) fn open(&mut self) {
+        self.clusters.iter_mut().for_each(|cluster| cluster.is_open = true);
     }
 
     /// Whether the positions of a closure are still corrected.

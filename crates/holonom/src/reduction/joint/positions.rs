@@ -48,7 +48,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         // What deformations and drivers have moved by since.
         self.stand(q);
-        self.closures.open(0.0);
+        self.closures.open();
         self.evaluate_residual(parametrization, t, p, q);
         // Residuals are differences of places in the ground.
         let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
@@ -63,11 +63,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         self.change = change;
         let predicted = self.distance(x);
+        self.keep_movements(x);
         self.before.fill(0.0);
         let noise = 8.0 * f64::EPSILON * self.distance(x).max(1.0);
         self.keep_coordinates(x);
         self.place_all(relatives, x, q);
-        self.closures.open(predicted);
+        self.closures.open();
         let (mut fresh, mut first, mut last) = (false, (0.0, 0.0), noise);
         for count in 1..=MAX_CORRECTIONS {
             self.evaluate_residual(parametrization, t, p, q);
@@ -90,7 +91,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             for cluster in self.closures.clusters.iter_mut().filter(|cluster| cluster.is_open) {
                 let (size, before) = (cluster.size, cluster.before);
                 let rate = size / before;
-                // Or the next one would be. The first rate is that of a correction to what was predicted: less is known of it.
+                // Or the next one would be. The first rate is that of a correction to the movement predicted, which is of second
+                // order in it: less is known of it.
                 let caution = if count > 1 { 4.0 } else { FIRST_CAUTION };
                 let ends = size <= noise || caution * rate * size <= noise;
                 let stalls = count > 1 && rate > CONTRACTION_LIMIT;
@@ -207,6 +209,19 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
         }
         largest
+    }
+
+    /// How far the prediction moves the dependent coordinates of each cluster, in place of a correction before the first.
+    fn keep_movements(&mut self, x: &[[f64; 6]]) {
+        let closures = &mut self.closures;
+        for cluster in &mut closures.clusters {
+            cluster.before = 0.0;
+            for (&at, scale) in cluster.dependent.iter().zip(&cluster.column_scale) {
+                let (edge, place) = self.places[at];
+                let change = (x[edge][place] - self.before[closures.dependent[at]]) / scale;
+                cluster.before = keep_larger(cluster.before, change.abs());
+            }
+        }
     }
 
     fn keep_coordinates(&mut self, x: &[[f64; 6]]) {

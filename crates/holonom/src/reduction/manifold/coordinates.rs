@@ -53,7 +53,8 @@ impl Manifold {
     }
 
     /// M̂, M̂₁, M̂₂ and what extra states add at the state whose accelerations were the last to be evaluated, in joint
-    /// coordinates; of extra states what concerns themselves and time into `blocks`. Multipliers of closures are all that it asks the state for.
+    /// coordinates; of extra states what concerns themselves and time into `blocks`. Multipliers of closures are all that it
+    /// asks the state for.
     pub fn linearize(
         &mut self,
         state: &State,

@@ -355,6 +355,7 @@ impl Manifold {
             self.multipliers_wait = joint.accelerate(state, z_rate);
             self.moves_along = self.multipliers_wait;
             if self.multipliers_wait {
+                self.accelerator.forget_multipliers();
                 return finite(state);
             }
             self.counters.left_to_cartesian += 1;
