@@ -142,13 +142,21 @@ mod tests {
         assert!(analysed && error < 1e-14);
         frozen.forget();
         assert!(frozen.factors().is_none());
-        // A pivot so small that refinement does not make up for it any more: others at the next matrix.
-        let mut frozen = FrozenLu::new(1e3, 1e-12);
-        solved(&mut frozen, [4.0, 1.0, 1.0, 3.0]);
-        let (analysed, error) = solved(&mut frozen, [3e-14, 1.0, 1.0, 1.0]);
-        assert!(!analysed && error > 1e-9 && !frozen.serves(), "{error}");
-        let (analysed, error) = solved(&mut frozen, [3e-14, 1.0, 1.0, 1.0]);
-        assert!(analysed && error < 1e-14 && frozen.serves(), "{error}");
+        // What refinement has left counts, against what is wanted and what fresh pivots have left.
+        for (left, fresh, serves) in [
+            (1e-10, f64::NAN, true),
+            (1e-8, f64::NAN, false),
+            (1e-8, 1e-9, true),
+            (1e-6, 1e-9, false),
+        ] {
+            let mut frozen = FrozenLu::new(1e3, 1e-9);
+            solved(&mut frozen, [4.0, 1.0, 1.0, 3.0]);
+            (frozen.left, frozen.fresh) = (left, fresh);
+            assert_eq!(frozen.serves(), serves);
+            let (analysed, _) = solved(&mut frozen, [4.0, 1.0, 1.0, 3.0]);
+            assert_eq!(analysed, !serves);
+            assert_eq!(frozen.left, if serves { left } else { 0.0 });
+        }
     }
 
     #[test] // truth: a complex matrix without a pivot, and one that is the real one

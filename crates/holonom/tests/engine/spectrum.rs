@@ -63,7 +63,7 @@ fn fast_vibrations_are_found_beside_slow_ones() {
         let spring = |i: u32| {
             let part = f64::from((i * i * 7 + seed * 131) % 97) / 97.0;
             let stiffness = 10f64.powf(2.0 + 10.0 * part);
-            let damping = if damped && i % 3 == 0 { 1e-8 * stiffness } else { 0.0 };
+            let damping = if damped && i.is_multiple_of(3) { 1e-8 * stiffness } else { 0.0 };
             let before = if i == 1 { "ground".to_owned() } else { format!("link_{}", i - 1) };
             format!(
                 "[forces.spring_{i}]\ntype = \"rsda\"\nbetween = [\"{before}\", \"link_{i}\"]\n\
