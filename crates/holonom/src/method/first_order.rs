@@ -337,8 +337,8 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
     }
 
     /// Velocity entries are forces, −ψ with the slope's accelerations: written as M̂ (v̈ − f) the change of M̂
-    /// within the step would multiply stiff forces. By accelerations they are that: forces would be multiplied by the
-    /// change of M̂⁻¹.
+    /// within the step would multiply stiff forces. By accelerations they are M̂₀ (f − v̈), M̂₀ of the linearization, which
+    /// does not feel how M̂ changes.
     fn defect(
         &mut self,
         stage: usize,

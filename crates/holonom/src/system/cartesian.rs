@@ -118,7 +118,11 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         let ground = Self::moving(&state.q, &state.v, None);
         let mut input = ForceInput { t: state.t, bodies: [ground; 2], z: 0.0, winding: 0.0 };
         for f in &self.forces {
-            // Neighbours in the model often share a body.
+            // Neighbours in the model often share a body: along a chain the second of one is the first of the next.
+            if bodies[0] != f.bodies[0] && bodies[1] == f.bodies[0] {
+                bodies.swap(0, 1);
+                input.bodies.swap(0, 1);
+            }
             for side in 0..2 {
                 if bodies[side] != f.bodies[side] {
                     bodies[side] = f.bodies[side];

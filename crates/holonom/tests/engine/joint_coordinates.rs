@@ -551,3 +551,34 @@ fn trees_with_drivers_are_eliminated_body_by_body() {
         assert_eq!(points[1].manifold.counters.left_to_cartesian, 0, "{links}");
     }
 }
+
+#[test] // independent truth: the joints' own equations in Cartesian coordinates
+fn a_slow_loop_is_closed_beside_what_turns_fast() {
+    for spin in [0.0, 3.0, 800.0] {
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+crank = {{ mass = 1.0, inertia = 0.1, position = [0.0, 0.5] }}
+coupler = {{ mass = 1.0, inertia = 0.8, position = [1.5, 1.5] }}
+rocker = {{ mass = 1.0, inertia = 0.4, position = [3.5, 1.0] }}
+wheel = {{ mass = 1.0, inertia = 0.1, position = [9.0, 0.0] }}
+[joints]
+a = {{ type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }}
+b = {{ type = "revolute", between = ["crank", "coupler"], point = [0.0, 1.0] }}
+c = {{ type = "revolute", between = ["coupler", "rocker"], point = [3.0, 2.0] }}
+d = {{ type = "revolute", between = ["ground", "rocker"], point = [4.0, 0.0] }}
+w = {{ type = "revolute", between = ["ground", "wheel"], point = [9.0, 0.0] }}
+[initial.joints]
+w = {{ angular_velocity = {spin:?} }}
+"#
+        ));
+        for info in CODES {
+            let options = with(Coordinates::Joint, info.code, 1e-4, 1.0);
+            let residual = end(&model, &options, None).statistics.position_residual;
+            assert!(residual < 1e-13, "{} {spin}: {residual:.1e}", info.name);
+        }
+    }
+}

@@ -26,6 +26,8 @@ pub(super) struct Cluster {
     pub(super) size: f64,
     pub(super) before: f64,
     pub(super) residual: f64,
+    /// A correction that is round-off of its coordinates.
+    pub(super) noise: f64,
     /// Independent variables that move its dependent coordinates: as coordinates, or as deformations of a row.
     pub(super) free: Vec<(usize, Free)>,
     pub(super) square: Vec<f64>,
@@ -107,6 +109,7 @@ pub(super) fn clusters(
             size: 0.0,
             before: 0.0,
             residual: 0.0,
+            noise: 0.0,
             rows,
             dependent: columns,
             free,

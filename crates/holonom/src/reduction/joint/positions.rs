@@ -3,7 +3,7 @@
 use super::JointForm;
 use super::algebra::Algebra;
 use super::closures::Origin;
-use super::clusters::keep_larger;
+use super::clusters::{Free, keep_larger};
 use super::engine::Engine;
 use super::residuals::counts_turns;
 use crate::error::EvaluationFailure;
@@ -67,6 +67,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.before.fill(0.0);
         let noise = 8.0 * f64::EPSILON * self.distance(x).max(1.0);
         self.keep_coordinates(x);
+        self.keep_noise();
         self.place_all(relatives, x, q);
         self.closures.open();
         let (mut fresh, mut first, mut last) = (false, (0.0, 0.0), noise);
@@ -94,7 +95,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 // Or the next one would be. The first rate is that of a correction to the movement predicted, which is of second
                 // order in it: less is known of it.
                 let caution = if count > 1 { 4.0 } else { FIRST_CAUTION };
-                let ends = size <= noise || caution * rate * size <= noise;
+                let ends = size.min(caution * rate * size) <= cluster.noise;
                 let stalls = count > 1 && rate > CONTRACTION_LIMIT;
                 let is_noise = before <= 1e3 * noise
                     || (size <= NOISY_CORRECTION && is_round_off(cluster.residual));
@@ -221,6 +222,21 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 let change = (x[edge][place] - self.before[closures.dependent[at]]) / scale;
                 cluster.before = keep_larger(cluster.before, change.abs());
             }
+        }
+    }
+
+    /// What is round-off of the coordinates in `before` of each cluster: what has turned far elsewhere makes none of it.
+    fn keep_noise(&mut self) {
+        let closures = &mut self.closures;
+        for cluster in &mut closures.clusters {
+            let dependent = cluster.dependent.iter().map(|&at| closures.dependent[at]);
+            let free = cluster.free.iter().filter_map(|(_, free)| match free {
+                Free::Coordinate(k) => Some(*k),
+                Free::Row(_) => None,
+            });
+            let size = |k: usize| (self.before[k] / closures.column_scale[k]).abs();
+            let largest = dependent.chain(free).map(size).fold(1.0, f64::max);
+            cluster.noise = 8.0 * f64::EPSILON * largest;
         }
     }
 
