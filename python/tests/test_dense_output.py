@@ -235,8 +235,9 @@ def test_a_killed_run_knows_every_state_that_it_stored(pendulum: Path, tmp_path:
         times = np.linspace(first, last, 50)
         there = result.model.simulate(end_time=last, output_times=times)
         found = result.sample(times, ["rod.position"])["rod.position"]
-        # The last step of the other run is shorter, so that rows in it are not the same.
-        np.testing.assert_allclose(found[:-2], there["rod.position"][:-2], rtol=0, atol=1e-11)
+        # The last step of the other run is shorter, so that rows in it are not the same; the others
+        # are as long but for what times up to either end can tell, 1.5e-11 s of those up to 1e5 s.
+        np.testing.assert_allclose(found[:-2], there["rod.position"][:-2], rtol=0, atol=1e-9)
 
 
 def test_a_model_with_other_values_is_read_back_along_its_forest(tmp_path: Path) -> None:
