@@ -105,10 +105,11 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
     }
     long_springs(&mut warn, model);
     prescribed(&mut warn, model);
+    let start = model.simulation.start_time.unwrap_or(0.0);
     for table in motion_tables(model) {
-        let start = model.simulation.start_time.unwrap_or(0.0);
-        let end = model.simulation.end_time.unwrap_or(start);
-        if !table.covers(start, end) {
+        if let Some(end) = model.simulation.end_time
+            && !table.covers(start, end)
+        {
             let MotionTable { path, first, last, .. } = table;
             let message = format!(
                 "the table of `{path}` reaches from {first} s to {last} s; the run from {start} s to {end} s"

@@ -6,7 +6,7 @@ use crate::random::{Mechanism, numbers::Random};
 use holonom::method::{CODES, Code};
 use holonom::model::Model;
 use holonom::newton::Representation;
-use holonom::reduction::{Coordinates, Manifold, Point};
+use holonom::reduction::{Choice, Coordinates, Manifold, Point};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, Status, Summary, run};
 use holonom::system::State;
 use std::fmt::Write;
@@ -579,6 +579,48 @@ w = {{ angular_velocity = {spin:?} }}
             let options = with(Coordinates::Joint, info.code, 1e-4, 1.0);
             let residual = end(&model, &options, None).statistics.position_residual;
             assert!(residual < 1e-13, "{} {spin}: {residual:.1e}", info.name);
+        }
+    }
+}
+
+/// Two bodies that fly on a ball joint, turned by a spring across it; the spring's length is one of their coordinates.
+const ACROSS_A_BALL: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.8]
+[bodies]
+base = { mass = 6.8, inertia = [[0.46, 0.043, 0.05], [0.043, 0.57, 0.092], [0.05, 0.092, 0.45]], position = [-1.3, 1.3, -0.24], center_of_mass = [0.37, -0.095, 0.13] }
+arm = { mass = 0.49, inertia = [[0.059, 0.0072, 0.0039], [0.0072, 0.071, 0.012], [0.0039, 0.012, 0.067]], position = [-0.74, 2.7, 0.066], center_of_mass = [-0.21, 0.099, -0.13] }
+[joints]
+ball = { type = "spherical", between = ["base", "arm"], point = [-1.2, 2.2, 0.7] }
+[forces.spring]
+type = "tsda"
+between = ["base", "arm"]
+points = [[-0.88, -1.2, 0.24], [-0.25, -0.56, -0.32]]
+free_length = 1.6
+force = { x = [-1.0, -0.1, 0.0, 0.1, 1.0], y = [-420.0, -280.0, 0.0, 280.0, 420.0] }
+damping = 1.6
+[initial.bodies]
+base = { velocity = [1.3, 4.9, -1.9], angular_velocity = [4.2, -0.89, -0.78] }
+arm = { angular_velocity = [-3.6, -0.83, 3.0] }
+"#;
+
+#[test] // independent truth: coordinates of the ground in Cartesian form, which know no references
+fn references_of_a_multistep_formula_move_where_the_same_coordinates_serve_better_from_there() {
+    let model = model_of(ACROSS_A_BALL);
+    let ground = Options {
+        parametrization: Choice::Partitioning,
+        ..with(Coordinates::Cartesian, Code::Dopri5, 1e-10, 0.6)
+    };
+    let truth = end(&model, &ground, None).end;
+    for form in [Coordinates::Cartesian, Coordinates::Joint] {
+        for tolerance in [1e-4, 1e-6] {
+            let found = end(&model, &with(form, Code::Deabm, tolerance, 0.6), None).end;
+            let [q, v, _] = apart(&truth, &found);
+            assert!(
+                q < 20.0 * tolerance && v < 40.0 * tolerance,
+                "{tolerance:e}: {q:.1e}, {v:.1e}"
+            );
         }
     }
 }

@@ -26,8 +26,12 @@ impl Run<'_> {
     /// Measures relative orientations and directions from the new state, whose independent variables and
     /// slope are read anew.
     pub(super) fn move_references(&mut self) -> Result<(), EvaluationFailure> {
+        self.move_references_beyond(self.longest_turn())
+    }
+
+    /// Moves them if a direction or rotation is farther than `turn`, rad, from its reference; all where it is 0.
+    fn move_references_beyond(&mut self, turn: f64) -> Result<(), EvaluationFailure> {
         let ndof = self.form.second_order_split();
-        let turn = self.longest_turn();
         let point = self.form.point_mut();
         if !point.move_references(&self.w[..ndof], turn)? {
             return Ok(());
@@ -105,6 +109,12 @@ impl Run<'_> {
             Some(chart) => self.set_chart(chart),
             None => {
                 self.condition_reference = condition;
+                // The same variables are better where they are measured from here.
+                if self.stepper.multistep() {
+                    self.spread_error();
+                    self.move_references_beyond(0.0)?;
+                    self.condition_reference = self.form.point_mut().manifold.condition();
+                }
                 Ok(())
             }
         }
