@@ -2,6 +2,7 @@
 
 mod adams;
 mod dopri5;
+mod kinks;
 mod nystrom;
 mod radau;
 mod rosenbrock;
@@ -11,6 +12,7 @@ pub use adams::{
     ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients, adams_interpolation, adams_polynomials,
 };
 pub use dopri5::{DOPRI5, ExplicitRungeKutta};
+pub use kinks::error_at_kinks;
 pub use nystrom::{Continuation, Nystrom};
 pub use radau::{RADAU_IIA_5, Radau};
 pub use rosenbrock::{ROSENBROCK_NYSTROM_4, Rosenbrock};

@@ -32,6 +32,7 @@ pub struct ImplicitStepper<S> {
     predicts: bool,
     /// Weighted norm of round-off in w₀.
     floor: f64,
+    error_at_kinks: f64,
     ahead: Ahead,
     /// The last correction of an iteration, or the estimated error.
     change: Vec<f64>,
@@ -58,6 +59,7 @@ impl<S: Stages> ImplicitStepper<S> {
             matrices: Matrices::NONE,
             predicts: false,
             floor: 0.0,
+            error_at_kinks: stages.error_at_kinks().max(1.0),
             ahead: Ahead::new(dimension),
             change: vec![0.0; dimension],
             own: vec![0.0; dimension],
@@ -223,6 +225,10 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
 
     fn starting_order(&self) -> u32 {
         self.stages.embedded_order()
+    }
+
+    fn error_at_kinks(&self) -> f64 {
+        self.error_at_kinks
     }
 
     fn explicit(&self) -> bool {

@@ -1,7 +1,7 @@
 //! Stepper of explicit Runge-Kutta pairs: DOPRI5.
 
 use crate::control::{StepControl, StepHistory, StepVerdict};
-use crate::formula::ExplicitRungeKutta;
+use crate::formula::{ExplicitRungeKutta, error_at_kinks};
 use crate::method::ode::LinearizedOde;
 use crate::method::stepper::{
     Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
@@ -43,6 +43,7 @@ pub struct ExplicitRungeKuttaStepper {
     k: [Vec<f64>; STAGES],
     state: Vec<f64>,
     work: Vec<f64>,
+    error_at_kinks: f64,
     current: Segment,
     previous: Segment,
     statistics: StepperStatistics,
@@ -66,6 +67,7 @@ impl ExplicitRungeKuttaStepper {
             k: std::array::from_fn(|_| vector()),
             state: vector(),
             work: vector(),
+            error_at_kinks: error_at_kinks(&formula.c, &formula.a[STAGES - 1], &formula.e),
             current: Segment::new(dimension),
             previous: Segment::new(dimension),
             statistics: StepperStatistics::default(),
@@ -248,6 +250,10 @@ impl Stepper for ExplicitRungeKuttaStepper {
             }
         }
         4
+    }
+
+    fn error_at_kinks(&self) -> f64 {
+        self.error_at_kinks
     }
 
     fn last_change(&self) -> &[f64] {

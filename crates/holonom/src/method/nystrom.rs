@@ -11,7 +11,7 @@ use super::segment::Segment;
 use super::stage_errors::StageErrors;
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
-use crate::formula::{Continuation, Nystrom};
+use crate::formula::{Continuation, Nystrom, error_at_kinks};
 
 /// Stepper of a diagonally implicit formula in second-order form, for systems with
 /// [`crate::method::ode::LinearizedOde::second_order`].
@@ -248,6 +248,11 @@ impl Stages for NystromStages {
             add_scaled(rates, h * f.velocity_error[i], slope);
         }
         Ok(())
+    }
+
+    fn error_at_kinks(&self) -> f64 {
+        let Nystrom { a, c, stages, velocity_error, .. } = &self.formula;
+        error_at_kinks(&c[..*stages], &a[stages - 1][..*stages], &velocity_error[..*stages])
     }
 
     fn filter(&mut self, ode: &mut Counted<'_>, error: &mut [f64]) {

@@ -14,7 +14,7 @@ use super::segment::Segment;
 use super::stage_errors::{STAGES, StageErrors};
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
-use crate::formula::Sdirk;
+use crate::formula::{Sdirk, error_at_kinks};
 
 /// Stepper of an SDIRK formula.
 pub type SdirkStepper = ImplicitStepper<SdirkStages>;
@@ -107,6 +107,13 @@ impl Stages for SdirkStages {
 
     fn order(&self) -> u32 {
         self.formula.order
+    }
+
+    fn error_at_kinks(&self) -> f64 {
+        let Sdirk { a, b_hat, c, .. } = self.formula;
+        let b = &a[STAGES - 1];
+        let error: [f64; STAGES] = std::array::from_fn(|i| b[i] - b_hat[i]);
+        error_at_kinks(c, b, &error)
     }
 
     fn gamma(&self) -> f64 {

@@ -80,6 +80,11 @@ pub trait Stages: Debug + Send {
         error: &mut [f64],
     ) -> Result<(), EvaluationFailure>;
 
+    /// Error against estimate where a law passes a knot within the step.
+    fn error_at_kinks(&self) -> f64 {
+        1.0
+    }
+
     /// γ of the matrix.
     fn gamma(&self) -> f64;
 

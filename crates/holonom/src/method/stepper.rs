@@ -252,6 +252,11 @@ pub trait Stepper: Send {
         [self.order(), self.starting_order()]
     }
 
+    /// Error against estimate where a law passes a knot within the step, at least 1.
+    fn error_at_kinks(&self) -> f64 {
+        1.0
+    }
+
     /// Whether the formula never linearizes.
     fn explicit(&self) -> bool;
 

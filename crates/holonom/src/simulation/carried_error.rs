@@ -7,6 +7,7 @@ use crate::method::StateSpace;
 use crate::method::stepper::Stepper;
 use crate::system::State;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::FRAC_PI_2;
 
 /// Tolerances from which a second run is asked: a fifth of what is warned of, since the carried error is up to a few times
 /// too small.
@@ -164,8 +165,11 @@ impl CarriedError {
         self.rates = self.rates.max(form.norm(power));
         let share = (estimate / self.rates).min(1.0);
         // At the knot of a law, or beside the other end of a line, no formula has its order.
-        let part =
-            if passes_knot { 1.0 } else { true_part(stepper.orders_of_error(), share, turn) };
+        let part = if passes_knot {
+            stepper.error_at_kinks()
+        } else {
+            true_part(stepper.orders_of_error(), share, turn)
+        };
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, part, stepper.last_change());
         // By rates: errors of places last, those of rates become more.
@@ -250,13 +254,13 @@ impl CarriedError {
 impl CarriedError {
     /// A run starts from values that are known to no more than a part of the tolerance, whatever they are.
     fn seed(&mut self, form: &mut dyn StateSpace, change: &mut [f64]) {
-        // No direction is left out; which one it is does not matter.
-        for (k, x) in change.iter_mut().enumerate() {
-            *x = (1.0 + k as f64).sin();
-        }
-        let size = form.norm(change);
-        if size > 0.0 && size.is_finite() {
-            for Carried { error, .. } in &mut self.sums {
+        // What grows may hide from one direction, hardly from two.
+        for (Carried { error, .. }, phase) in self.sums.iter_mut().zip([0.0, FRAC_PI_2]) {
+            for (k, x) in change.iter_mut().enumerate() {
+                *x = (1.0 + k as f64 + phase).sin();
+            }
+            let size = form.norm(change);
+            if size > 0.0 && size.is_finite() {
                 add(error, SEED / size, change);
             }
         }
