@@ -1,4 +1,4 @@
-use crate::lanes::{Quad, QuadKernel, add_multiple, add_quads, quads, run_quads};
+use crate::lanes::{QuadKernel, add_column, add_multiple, add_quads, quads, rows_of, run_quads};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -8,6 +8,7 @@ pub struct BlockId(u32);
 
 impl BlockId {
     /// Number of the block in its matrix.
+    #[inline]
     pub fn index(self) -> usize {
         self.0 as usize
     }
@@ -344,6 +345,7 @@ impl BlocksMut<'_> {
     ///
     /// # Panics
     /// If it is none of them.
+    #[inline]
     pub fn block_mut(&mut self, id: BlockId) -> &mut [f64] {
         let Range { start, end } = self.blocks[id.index()].values();
         &mut self.values[start - self.first..end - self.first]
@@ -353,21 +355,6 @@ impl BlocksMut<'_> {
     pub fn clear(&mut self) {
         self.values.fill(0.0);
     }
-}
-
-/// Rows of a matrix from `first` on; by a loop, as what makes arrays may be compiled for the plain processor.
-#[inline(always)]
-fn rows_of<const H: usize, const N: usize>(
-    x: &[f64],
-    k: usize,
-    first: usize,
-    at: [usize; 2],
-) -> [(&[Quad; H], &Quad); N] {
-    let mut rows = [quads(x, k, first, at); N];
-    for i in 1..N {
-        rows[i] = quads(x, k, first + i, at);
-    }
-    rows
 }
 
 struct Product<'a> {
@@ -495,17 +482,21 @@ struct TransposedProduct<'a> {
 impl QuadKernel for TransposedProduct<'_> {
     #[inline(always)]
     fn run<const H: usize>(&mut self, from: usize, width: usize) {
-        for &b in self.matrix.pattern.blocks.iter().filter(|b| b.columns > 0) {
-            match b.rows {
-                0 => {}
-                1 => self.add_block::<H, 1>(b, [from, width]),
-                2 => self.add_block::<H, 2>(b, [from, width]),
-                3 => self.add_block::<H, 3>(b, [from, width]),
-                4 => self.add_block::<H, 4>(b, [from, width]),
-                5 => self.add_block::<H, 5>(b, [from, width]),
-                6 => self.add_block::<H, 6>(b, [from, width]),
-                7 => self.add_block::<H, 7>(b, [from, width]),
-                _ => self.add_any::<H>(b, [from, width]),
+        let at = [from, width];
+        for &b in self.matrix.pattern.blocks.iter().filter(|b| b.rows > 0 && b.columns > 0) {
+            match (b.rows, b.columns) {
+                (1, 3) => self.add_block::<H, 1, 3>(b, at),
+                (2, 3) => self.add_block::<H, 2, 3>(b, at),
+                (3, 3) => self.add_block::<H, 3, 3>(b, at),
+                (1, 4) => self.add_block::<H, 1, 4>(b, at),
+                (1, 7) => self.add_block::<H, 1, 7>(b, at),
+                (2, 7) => self.add_block::<H, 2, 7>(b, at),
+                (3, 7) => self.add_block::<H, 3, 7>(b, at),
+                (4, 7) => self.add_block::<H, 4, 7>(b, at),
+                (5, 7) => self.add_block::<H, 5, 7>(b, at),
+                (6, 7) => self.add_block::<H, 6, 7>(b, at),
+                (7, 7) => self.add_block::<H, 7, 7>(b, at),
+                _ => self.add_any::<H>(b, at),
             }
         }
     }
@@ -527,11 +518,11 @@ impl QuadKernel for TransposedProduct<'_> {
             let ((x, _), (y, _)) = (self.x.as_chunks::<W>(), self.y.as_chunks_mut::<W>());
             let x = &x[first_row..first_row + rows];
             for (j, y) in y[first_column..first_column + columns].iter_mut().enumerate() {
-                let mut sum = [0.0; W];
+                let mut sum = *y;
                 for (a, x) in values[j..].iter().step_by(columns).zip(x) {
-                    sum.iter_mut().zip(x).for_each(|(sum, x)| *sum += a * x);
+                    sum.iter_mut().zip(x).for_each(|(sum, x)| *sum += self.alpha * a * x);
                 }
-                y.iter_mut().zip(&sum).for_each(|(y, sum)| *y += self.alpha * sum);
+                *y = sum;
             }
         }
     }
@@ -541,60 +532,45 @@ impl QuadKernel for TransposedProduct<'_> {
 #[inline(always)]
 fn add_columns<const N: usize>(alpha: f64, values: &[f64], x: &[f64], y: &mut [f64]) {
     let (rows, _) = values.as_chunks::<N>();
-    let mut sums = [0.0; N];
+    let y: &mut [f64; N] = y.first_chunk_mut().expect("N columns");
+    let mut sums = *y;
     for (row, x) in rows.iter().zip(x) {
-        sums.iter_mut().zip(row).for_each(|(sum, a)| *sum += a * x);
+        sums.iter_mut().zip(row).for_each(|(sum, a)| *sum += alpha * a * x);
     }
-    y.iter_mut().zip(&sums).for_each(|(y, sum)| *y += alpha * sum);
+    *y = sums;
 }
 
 impl TransposedProduct<'_> {
-    /// The product with a block of N rows. Columns of zeros, which joints and what acts on few bodies leave in great
-    /// number, are passed over.
+    /// The product with a block of N rows and M columns.
     #[inline(always)]
-    fn add_block<const H: usize, const N: usize>(&mut self, b: Block, at: [usize; 2]) {
-        let (first_row, first_column, _, columns) = b.place();
-        let mut rows = self.matrix.values[b.values()].chunks_exact(columns);
-        let mut a = [&[][..]; N];
-        for a in &mut a {
-            *a = rows.next().expect("a block of N rows");
-        }
+    fn add_block<const H: usize, const N: usize, const M: usize>(
+        &mut self,
+        b: Block,
+        at: [usize; 2],
+    ) {
+        let (first_row, first_column, _, _) = b.place();
+        let values = self.matrix.values[b.values()].as_chunks::<M>().0.first_chunk::<N>();
+        let values = values.expect("a block of N rows");
         let Self { alpha, k, x, ref mut y, .. } = *self;
         let x = rows_of::<H, N>(x, k, first_row, at);
-        for j in 0..columns {
+        for j in 0..M {
             let mut column = [0.0; N];
             for i in 0..N {
-                column[i] = a[i][j];
+                column[i] = alpha * values[i][j];
             }
-            if column.iter().all(|a| *a == 0.0) {
-                continue;
-            }
-            let (mut sums, mut end) = ([[0.0; 4]; H], [0.0; 4]);
-            for i in 0..N {
-                for h in 0..H {
-                    add_multiple(&mut sums[h], column[i], &x[i].0[h]);
-                }
-                add_multiple(&mut end, column[i], x[i].1);
-            }
-            add_quads(alpha, (&sums, &end), y, k, first_column + j, at);
+            add_column(&column, &x, y, k, first_column + j, at);
         }
     }
 
     #[inline(always)]
     fn add_any<const H: usize>(&mut self, b: Block, at: [usize; 2]) {
-        let (first_row, first_column, rows, columns) = b.place();
-        let values = &self.matrix.values[b.values()];
-        for j in 0..columns {
-            let (mut sums, mut end) = ([[0.0; 4]; H], [0.0; 4]);
-            for i in 0..rows {
-                let (a, x) =
-                    (values[i * columns + j], quads::<H>(self.x, self.k, first_row + i, at));
-                for h in 0..H {
-                    add_multiple(&mut sums[h], a, &x.0[h]);
-                }
-                add_multiple(&mut end, a, x.1);
+        let (first_row, first_column, _, columns) = b.place();
+        let Self { alpha, k, x, ref mut y, .. } = *self;
+        for (i, row) in self.matrix.values[b.values()].chunks_exact(columns).enumerate() {
+            let x = rows_of::<H, 1>(x, k, first_row + i, at);
+            for (j, a) in row.iter().enumerate() {
+                add_column(&[alpha * a], &x, y, k, first_column + j, at);
             }
-            add_quads(self.alpha, (&sums, &end), self.y, self.k, first_column + j, at);
         }
     }
 }

@@ -9,7 +9,7 @@ use faer::{Accum, MatMut, MatRef, Par, Spec};
 
 use crate::error::{NotPositiveDefinite, SingularMatrix};
 use crate::few_rows;
-use crate::lanes::dot;
+use crate::lanes::{MOST_LANES, QuadKernel, add_column, dot, rows_of, run_quads};
 
 /// A pivot below this fraction of the numbers it is made of is cancellation noise.
 pub(crate) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
@@ -413,6 +413,56 @@ impl Cholesky {
     }
 }
 
+/// C += AᵀB for few columns: less work than the way into the library, and what a variable does not move costs nothing.
+struct GramProduct<'a> {
+    k: usize,
+    a: &'a [f64],
+    b: &'a [f64],
+    c: &'a mut [f64],
+}
+
+impl GramProduct<'_> {
+    /// What N rows from the given one on add.
+    #[inline(always)]
+    fn add_rows<const H: usize, const N: usize>(&mut self, first: usize, at: [usize; 2]) {
+        let Self { k, a, b, ref mut c } = *self;
+        let rows = rows_of::<H, N>(b, k, first, at);
+        let a = &a[first * k..(first + N) * k];
+        for j in 0..k {
+            let mut column = [0.0; N];
+            for i in 0..N {
+                column[i] = a[i * k + j];
+            }
+            add_column(&column, &rows, c, k, j, at);
+        }
+    }
+}
+
+impl QuadKernel for GramProduct<'_> {
+    #[inline(always)]
+    fn run<const H: usize>(&mut self, from: usize, width: usize) {
+        // As many at a time as a body in space has, whose zeros are in the same columns.
+        const TOGETHER: usize = 7;
+        let count = self.a.len() / self.k;
+        let whole = count - count % TOGETHER;
+        for first in (0..whole).step_by(TOGETHER) {
+            self.add_rows::<H, TOGETHER>(first, [from, width]);
+        }
+        for first in whole..count {
+            self.add_rows::<H, 1>(first, [from, width]);
+        }
+    }
+
+    fn run_few<const W: usize>(&mut self) {
+        let ((a, _), (b, _)) = (self.a.as_chunks::<W>(), self.b.as_chunks::<W>());
+        for (a, b) in a.iter().zip(b) {
+            for (c, a) in self.c.chunks_exact_mut(W).zip(a) {
+                c.iter_mut().zip(b).for_each(|(c, b)| *c += a * b);
+            }
+        }
+    }
+}
+
 /// Scratch memory of that size.
 fn room(need: StackReq) -> Vec<MaybeUninit<u8>> {
     vec![MaybeUninit::uninit(); need.unaligned_bytes_required()]
@@ -431,6 +481,14 @@ fn make_product_buffer() {
 /// # Panics
 /// If a matrix has not that many entries.
 pub fn gram_add(n_rows: usize, k: usize, a: &[f64], b: &[f64], c: &mut [f64]) {
+    assert_eq!(
+        (a.len(), b.len(), c.len()),
+        (n_rows * k, n_rows * k, k * k),
+        "entries of A, B and C"
+    );
+    if k <= MOST_LANES {
+        return run_quads(k, &mut GramProduct { k, a, b, c });
+    }
     let a = MatRef::from_row_major_slice(a, n_rows, k);
     let b = MatRef::from_row_major_slice(b, n_rows, k);
     let c = MatMut::from_row_major_slice_mut(c, k, k);

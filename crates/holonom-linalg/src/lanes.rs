@@ -140,6 +140,65 @@ pub(crate) fn quads<const H: usize>(
     (heads.expect("so many columns"), row.last_chunk().expect("four columns"))
 }
 
+/// Rows of a matrix from `first` on; by a loop, as what makes arrays may be compiled for the plain processor.
+#[inline(always)]
+pub(crate) fn rows_of<const H: usize, const N: usize>(
+    x: &[f64],
+    k: usize,
+    first: usize,
+    at: [usize; 2],
+) -> [(&[Quad; H], &Quad); N] {
+    let mut rows = [quads(x, k, first, at); N];
+    for i in 1..N {
+        rows[i] = quads(x, k, first + i, at);
+    }
+    rows
+}
+
+/// Adds to row `i` of Y the rows `x`, each times its number in `column`. Columns of zeros, which joints and what acts on or
+/// moves few bodies leave in great number, are passed over.
+#[inline(always)]
+pub(crate) fn add_column<const H: usize, const N: usize>(
+    column: &[f64; N],
+    x: &[(&[Quad; H], &Quad); N],
+    y: &mut [f64],
+    k: usize,
+    i: usize,
+    at: [usize; 2],
+) {
+    let mut bits = 0;
+    for j in 0..N {
+        bits |= column[j].to_bits();
+    }
+    // Whatever the signs.
+    if bits << 1 == 0 {
+        return;
+    }
+    let (heads, end) = quads::<H>(y, k, i, at);
+    let (mut heads, mut end) = (*heads, *end);
+    for j in 0..N {
+        for h in 0..H {
+            add_multiple(&mut heads[h], column[j], &x[j].0[h]);
+        }
+        add_multiple(&mut end, column[j], x[j].1);
+    }
+    set_quads((&heads, &end), y, k, i, at);
+}
+
+/// Makes these the numbers of row `i` of a matrix with `k` columns.
+#[inline(always)]
+pub(crate) fn set_quads<const H: usize>(
+    (heads, end): (&[Quad; H], &Quad),
+    y: &mut [f64],
+    k: usize,
+    i: usize,
+    [from, width]: [usize; 2],
+) {
+    let row = &mut y[i * k + from..][..width];
+    *row.as_chunks_mut().0.first_chunk_mut().expect("so many columns") = *heads;
+    *row.last_chunk_mut().expect("four columns") = *end;
+}
+
 /// Adds a multiple of sums to row `i` of a matrix with `k` columns.
 #[inline(always)]
 pub(crate) fn add_quads<const H: usize>(
@@ -150,14 +209,14 @@ pub(crate) fn add_quads<const H: usize>(
     i: usize,
     [from, width]: [usize; 2],
 ) {
-    let row = &mut y[i * k + from..][..width];
-    let mut new = *row.last_chunk().expect("four columns");
-    add_multiple(&mut new, alpha, end);
-    let heads: Option<&mut [Quad; H]> = row.as_chunks_mut().0.first_chunk_mut();
-    for (head, sum) in heads.expect("so many columns").iter_mut().zip(sums) {
-        add_multiple(head, alpha, sum);
+    let (new_heads, new_end) = quads::<H>(y, k, i, [from, width]);
+    // Copies, of which it is known that they do not overlap.
+    let (mut new_heads, mut new_end, sums) = (*new_heads, *new_end, *sums);
+    for h in 0..H {
+        add_multiple(&mut new_heads[h], alpha, &sums[h]);
     }
-    *row.last_chunk_mut().expect("four columns") = new;
+    add_multiple(&mut new_end, alpha, end);
+    set_quads((&new_heads, &new_end), y, k, i, [from, width]);
 }
 
 /// out += a x.

@@ -27,9 +27,7 @@ impl<T: Scalar> LaneKernel for Substitution<'_, T> {
         for (x, ((&i, scale), inverse)) in x.iter_mut().zip(places) {
             let b: &[T; W] = lanes(self.b, self.k, i, from);
             let scale = if self.transposed { T::from(*scale) } else { inverse.scaled(*scale) };
-            for w in 0..W {
-                x[w] = b[w] * scale;
-            }
+            *x = multiple(b, scale);
         }
         // Loops, as closures would be compiled for the plain processor.
         if !self.transposed {
@@ -58,11 +56,19 @@ impl<T: Scalar> LaneKernel for Substitution<'_, T> {
         for (x, ((&i, scale), inverse)) in x.iter().zip(places) {
             let b: &mut [T; W] = lanes_mut(self.b, self.k, i, from);
             let scale = if self.transposed { inverse.scaled(*scale) } else { T::from(*scale) };
-            for w in 0..W {
-                b[w] = x[w] * scale;
-            }
+            *b = multiple(x, scale);
         }
     }
+}
+
+/// a x, from numbers of its own: of slices the processor is not told that they do not overlap.
+#[inline(always)]
+fn multiple<T: Scalar, const W: usize>(x: &[T; W], a: T) -> [T; W] {
+    let mut out = *x;
+    for w in 0..W {
+        out[w] = out[w] * a;
+    }
+    out
 }
 
 #[inline(always)]

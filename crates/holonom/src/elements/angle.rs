@@ -155,10 +155,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Argument
     }
 
     #[inline(always)]
-    fn z_q<T: Real>(&self, q: [&[T; N]; 2]) -> Rows<T, N> {
+    fn z_q<T: Real>(&self, q: [&[T; N]; 2]) -> RowBlocks<T, N> {
         let mut rows = RowBlocks::zero();
         self.z.jacobian(q, &mut rows);
-        Rows(rows)
+        rows
     }
 }
 
@@ -190,9 +190,9 @@ impl<T: Real> Complex<T> {
 }
 
 /// A complex row over both poses.
-struct Rows<T, const N: usize>(RowBlocks<T, N>);
+struct Rows<'a, T, const N: usize>(&'a RowBlocks<T, N>);
 
-impl<T: Real, const N: usize> Rows<T, N> {
+impl<T: Real, const N: usize> Rows<'_, T, N> {
     #[inline(always)]
     fn times(&self, w: [&[T; N]; 2]) -> Complex<T> {
         let part = |row: usize| {
@@ -230,17 +230,18 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
 
     fn gradient<T: Real>(&self, q: [&[T; N]; 2]) -> [[T; N]; 2] {
         let mut row = [[T::zero(); N]; 2];
-        self.z_q(q).add_imaginary(self.z(q).inverse(), &mut row);
+        Rows(&self.z_q(q)).add_imaginary(self.z(q).inverse(), &mut row);
         row
     }
 
     fn directional<T: Real>(&self, q: [&[T; N]; 2], w: [&[T; N]; 2]) -> [[T; N]; 2] {
         let inverse = self.z(q).inverse();
         let z_q = self.z_q(q);
+        let z_q = Rows(&z_q);
         let mut second = RowBlocks::zero();
         self.z.directional(q, w, &mut second);
         let mut row = [[T::zero(); N]; 2];
-        Rows(second).add_imaginary(inverse, &mut row);
+        Rows(&second).add_imaginary(inverse, &mut row);
         let factor = z_q.times(w).times(inverse).times(inverse).scaled(-1.0);
         z_q.add_imaginary(factor, &mut row);
         row
@@ -250,7 +251,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
         let inverse = self.z(q).inverse();
         let mut second = [T::zero(); 6];
         self.z.curvature(q, v, &mut second);
-        let ratio = self.z_q(q).times(v).times(inverse);
+        let ratio = Rows(&self.z_q(q)).times(v).times(inverse);
         Complex(second[0], second[1]).times(inverse).minus(ratio.times(ratio)).1
     }
 
@@ -264,7 +265,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
         let z_q = self.z_q(q);
         let mut rows = [RowBlocks::zero(); 2];
         self.z.rate_blocks(q, v, a, &mut rows);
-        let [change, bend] = rows.map(Rows);
+        let [z_q, change, bend] = [Rows(&z_q), Rows(&rows[0]), Rows(&rows[1])];
         let first = z_q.times(v).times(inverse); // z₁ / z
         let second = change.times(v).times(inverse); // z₂ / z
         let along = z_q.times(a).times(inverse);
@@ -280,7 +281,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
 
     fn add_hessian<T: Real>(&self, q: [&[T; N]; 2], c: T, out: &mut PairBlocks<T, N>) {
         let inverse = self.z(q).inverse();
-        let RowBlocks(z_q) = self.z_q(q).0;
+        let RowBlocks(z_q) = self.z_q(q);
         let o = T::zero();
         // Im(z_qq / z): the imaginary part of 1/z weighs row c, the real part row s
         self.z.add_hessian(q, &[inverse.1 * c, inverse.0 * c, o, o, o, o], out);

@@ -242,6 +242,10 @@ impl<T: Real, const N: usize> PairBlocks<T, N> {
         self.0.as_flattened().as_flattened().as_flattened()
     }
 
+    fn entries_mut(&mut self) -> &mut [T] {
+        self.0.as_flattened_mut().as_flattened_mut().as_flattened_mut()
+    }
+
     /// Adds factor · a bᵀ.
     #[inline(always)]
     fn add_outer(&mut self, factor: T, a: &[[T; N]; 2], b: &[[T; N]; 2]) {
@@ -280,6 +284,20 @@ impl<T: Real, const W: usize> ForceBlocks<T, W> {
             rate_y: o,
             rate_z: T::zero(),
             rate_t: T::zero(),
+        }
+    }
+
+    /// Adds the blocks of another force between the same bodies, both without an extra state.
+    pub fn add(&mut self, other: &Self) {
+        fn add_up<T: Real>(to: &mut [T], from: &[T]) {
+            to.iter_mut().zip(from).for_each(|(to, from)| *to += *from);
+        }
+        add_up(self.wrenches.as_flattened_mut(), other.wrenches.as_flattened());
+        add_up(self.k.entries_mut(), other.k.entries());
+        add_up(self.t.as_flattened_mut(), other.t.as_flattened());
+        if other.damped {
+            self.damped = true;
+            add_up(self.c.entries_mut(), other.c.entries());
         }
     }
 }

@@ -109,12 +109,11 @@ impl ReducedBlocks {
         if ndof == 0 {
             return;
         }
-        // X = MᵀD (M is symmetric): Y = SᵀX, M̂ᵀ = DᵀX.
+        // X = MD: Y = SᵀX, M̂ = DᵀX (M and M̂ are symmetric).
         self.x.fill(0.0);
         manifold.mass().multiply_many_add(1.0, &self.d, ndof, &mut self.x);
         let chart = manifold.chart_mut();
-        chart.solve_transposed_many(&mut self.x, &mut self.y, &mut self.transposed);
-        transpose(ndof, &self.transposed, &mut self.mass);
+        chart.solve_transposed_many(&mut self.x, &mut self.y, &mut self.mass);
         // X = CᵀD − 2A₀ᵀY: W = SᵀX, M̂₁ᵀ = DᵀX.
         self.x.fill(0.0);
         self.blocks.damping.multiply_transposed_many_add(1.0, &self.d, ndof, &mut self.x);

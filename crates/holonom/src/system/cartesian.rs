@@ -94,7 +94,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
 
     /// What a force has for itself.
     #[inline(always)]
-    fn tell_own(
+    pub(super) fn tell_own(
         force: &PlacedForce<S::Force>,
         state: &State,
         input: &mut ForceInput<f64, D, N, W>,
@@ -231,10 +231,9 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         constraint: &PlacedConstraint<S::Constraint>,
         lambda: &[f64],
     ) -> [f64; 6] {
-        let mut out = [0.0; 6];
         let rows = constraint.element.rows();
-        out[..rows].copy_from_slice(&lambda[constraint.row..constraint.row + rows]);
-        out
+        // One by one: what is copied as a whole is waited for when it is read at once.
+        std::array::from_fn(|k| if k < rows { lambda[constraint.row + k] } else { 0.0 })
     }
 
     /// Force and torque on the second body by the first, at the joint's point, ground axes: −Gᵀλ.

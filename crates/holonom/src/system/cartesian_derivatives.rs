@@ -128,7 +128,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         target: &mut Target<'_>,
         mut look: impl FnMut(&PlacedForce<S::Force>, &[S::Passage; 2], &ForceBlocks<f64, W>),
     ) {
-        let mut blocks = ForceBlocks::zero();
+        let (mut blocks, mut others) = (ForceBlocks::zero(), ForceBlocks::zero());
         let mut rows = [RowBlocks::zero(); 2];
         let mut pairs = PairBlocks::zero();
         for &k in &elements.constraints {
@@ -142,12 +142,23 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             set_rows(&mut target.a1, slots, count, &rows[1]);
             c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
             let (stiffness, slots) = (&mut target.stiffness, &self.slots.constraint_pairs[k]);
-            add_pairs(stiffness, slots, &pairs, c.element.couples());
+            add_pairs::<D, N>(stiffness, slots, &pairs, c.element.couples());
         }
-        for &k in &elements.forces {
-            let k = k as usize;
+        let mut forces = elements.forces.iter().map(|&k| k as usize).peekable();
+        while let Some(k) = forces.next() {
             let (f, slots) = (&self.forces[k], &self.slots.force_pairs[k]);
-            f.element.blocks(&Self::input(f, state), &mut blocks);
+            let mut input = Self::input(f, state);
+            f.element.blocks(&input, &mut blocks);
+            // Those next to each other between the same bodies go on to the coordinates as one.
+            let along = |k: &usize| {
+                let other = &self.forces[*k];
+                other.bodies == f.bodies && other.extra.is_none() && f.extra.is_none()
+            };
+            while let Some(k) = forces.next_if(along) {
+                Self::tell_own(&self.forces[k], state, &mut input);
+                self.forces[k].element.blocks(&input, &mut others);
+                blocks.add(&others);
+            }
             let passages = Self::passages(state, f.bodies);
             look(f, &passages, &blocks);
             for felt in 0..2 {
@@ -190,8 +201,8 @@ pub(super) fn set_rows<const N: usize>(
     }
 }
 
-/// Adds blocks, those between the two bodies only where these are coupled.
-fn add_pairs<const N: usize>(
+/// Adds blocks; where the two bodies are not coupled, how each bends for itself, with its rotation alone.
+fn add_pairs<const D: usize, const N: usize>(
     target: &mut BlocksMut<'_>,
     slots: &[[Option<BlockId>; 2]; 2],
     source: &PairBlocks<f64, N>,
@@ -201,9 +212,18 @@ fn add_pairs<const N: usize>(
         for j in 0..2 {
             let Some(id) = slots[i][j].filter(|_| coupled || i == j) else { continue };
             let (rows, _) = target.block_mut(id).as_chunks_mut::<N>();
-            for (out, row) in rows.iter_mut().zip(&source.0[i][j]) {
-                for k in 0..N {
-                    out[k] += row[k];
+            let rows = rows.iter_mut().zip(&source.0[i][j]);
+            if coupled {
+                for (out, row) in rows {
+                    for k in 0..N {
+                        out[k] += row[k];
+                    }
+                }
+            } else {
+                for (out, row) in rows.skip(D) {
+                    for k in D..N {
+                        out[k] += row[k];
+                    }
                 }
             }
         }

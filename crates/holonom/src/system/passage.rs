@@ -102,22 +102,29 @@ impl<T: Real> ByEuler<T> {
 
     #[inline(always)]
     fn generalized(&self, w: &[T; 6]) -> [T; 7] {
+        let o = T::zero();
+        let mut out = [w[0], w[1], w[2], o, o, o, o];
         let [a, b, c] = &self.turn;
-        let turn: [T; 4] = std::array::from_fn(|k| a[k] * w[3] + b[k] * w[4] + c[k] * w[5]);
-        [w[0], w[1], w[2], turn[0], turn[1], turn[2], turn[3]]
+        for k in 0..4 {
+            out[3 + k] = a[k] * w[3] + b[k] * w[4] + c[k] * w[5];
+        }
+        out
     }
 }
 
 /// out += t_feltᵀ of rows over poses.
 #[inline(always)]
 fn add_rows(turn: &[[f64; 4]; 3], rows: &[[f64; 7]; 6], out: &mut [f64]) {
-    let (forces, moments) = out.split_at_mut(21);
-    forces.iter_mut().zip(rows[..3].as_flattened()).for_each(|(out, x)| *out += x);
-    let [a, b, c] = [&rows[3], &rows[4], &rows[5]];
-    for (k, out) in moments.chunks_exact_mut(7).enumerate() {
-        let [x, y, z] = turn.map(|row| row[k]);
-        for (l, out) in out.iter_mut().enumerate() {
-            *out += x * a[l] + y * b[l] + z * c[l];
+    let out = out.as_chunks_mut::<7>().0.first_chunk_mut::<7>().expect("a block of two bodies");
+    for k in 0..3 {
+        for l in 0..7 {
+            out[k][l] += rows[k][l];
+        }
+    }
+    for k in 0..4 {
+        for l in 0..7 {
+            out[3 + k][l] +=
+                turn[0][k] * rows[3][l] + turn[1][k] * rows[4][l] + turn[2][k] * rows[5][l];
         }
     }
 }
@@ -150,15 +157,23 @@ impl Passage<7, 6> for ByEuler<f64> {
         c: Option<&[[f64; 6]; 6]>,
         stiffness: &mut [f64],
     ) {
-        let rows = match c {
-            Some(c) => std::array::from_fn(|row| moved.position_row(&k[row], &c[row])),
-            None => k.map(|row| moved.generalized(&row)),
-        };
+        // Loops: what makes arrays by closures calls these.
+        let mut rows = [[0.0; 7]; 6];
+        for row in 0..6 {
+            rows[row] = match c {
+                Some(c) => moved.position_row(&k[row], &c[row]),
+                None => moved.generalized(&k[row]),
+            };
+        }
         add_rows(&self.turn, &rows, stiffness);
     }
 
     fn add_damping(&self, moved: &Self, c: &[[f64; 6]; 6], damping: &mut [f64]) {
-        add_rows(&self.turn, &c.map(|row| moved.generalized(&row)), damping);
+        let mut rows = [[0.0; 7]; 6];
+        for row in 0..6 {
+            rows[row] = moved.generalized(&c[row]);
+        }
+        add_rows(&self.turn, &rows, damping);
     }
 
     fn add_bend(&self, w: &[f64; 6], stiffness: &mut [f64]) {
