@@ -153,6 +153,9 @@ impl DenseLu {
             return self.solve(b);
         }
         let n = self.n;
+        if few_rows::solve_many(&self.factors, &self.inverses, &self.exchanges, b).is_some() {
+            return;
+        }
         if n <= SMALL && k > 0 {
             for i in 0..n {
                 let (known, rest) = b.split_at_mut(i * k);
@@ -245,7 +248,10 @@ fn eliminate(a: &mut [f64], permutation: &mut [usize]) {
         lower[1..].iter_mut().for_each(|x| *x *= inverse);
         for column in rest.chunks_exact_mut(n) {
             let factor = column[p];
-            subtract(&mut column[p + 1..], factor, &lower[1..]);
+            // Branches of a tree have nothing to do with each other.
+            if factor != 0.0 {
+                subtract(&mut column[p + 1..], factor, &lower[1..]);
+            }
         }
     }
 }

@@ -2,6 +2,7 @@
 //! and is closed several times in each evaluation.
 
 use crate::dense::NEGLIGIBLE;
+use crate::lanes::{lanes, lanes_mut};
 
 /// What a kernel for the size `$n` returns; none where there is none of it.
 macro_rules! by_size {
@@ -40,6 +41,16 @@ pub(crate) fn solve(
     b: &mut [f64],
 ) -> Option<()> {
     by_size!(b.len(), solve_of(factors, inverses, exchanges, b))
+}
+
+/// The same for all columns of `b`, by rows.
+pub(crate) fn solve_many(
+    factors: &[f64],
+    inverses: &[f64],
+    exchanges: &[usize],
+    b: &mut [f64],
+) -> Option<()> {
+    by_size!(inverses.len(), solve_many_of(factors, inverses, exchanges, b))
 }
 
 /// Exchanges and solves with L and U.
@@ -124,6 +135,59 @@ fn solve_of<const N: usize>(factors: &[f64], inverses: &[f64], exchanges: &[usiz
         x.swap(p, exchanges[p]);
     }
     *b = x;
+}
+
+fn solve_many_of<const N: usize>(
+    factors: &[f64],
+    inverses: &[f64],
+    exchanges: &[usize],
+    b: &mut [f64],
+) {
+    let k = b.len() / N;
+    for from in (0..k & !1).step_by(2) {
+        solve_columns::<N, 2>(factors, inverses, exchanges, b, k, from);
+    }
+    if k % 2 == 1 {
+        solve_columns::<N, 1>(factors, inverses, exchanges, b, k, k - 1);
+    }
+}
+
+/// L columns of k from this one on.
+#[inline(always)]
+fn solve_columns<const N: usize, const L: usize>(
+    factors: &[f64],
+    inverses: &[f64],
+    exchanges: &[usize],
+    b: &mut [f64],
+    k: usize,
+    from: usize,
+) {
+    let (columns, _) = factors.as_chunks::<N>();
+    let columns: &[[f64; N]; N] = columns.try_into().expect("a square matrix");
+    let inverses: &[f64; N] = inverses.try_into().expect("as many pivots");
+    let exchanges: &[usize; N] = exchanges.try_into().expect("as many rows");
+    let mut x: [[f64; L]; N] = std::array::from_fn(|i| *lanes(b, k, i, from));
+    for i in 0..N {
+        for j in 0..i {
+            for l in 0..L {
+                x[i][l] -= columns[i][j] * x[j][l];
+            }
+        }
+        x[i] = x[i].map(|x| x * inverses[i]);
+    }
+    for i in (0..N).rev() {
+        for j in i + 1..N {
+            for l in 0..L {
+                x[i][l] -= columns[i][j] * x[j][l];
+            }
+        }
+    }
+    for p in (0..N).rev() {
+        x.swap(p, exchanges[p]);
+    }
+    for (i, x) in x.iter().enumerate() {
+        *lanes_mut(b, k, i, from) = *x;
+    }
 }
 
 fn solve_transposed_of<const N: usize>(

@@ -302,9 +302,11 @@ impl<E: Iterator<Item = (usize, usize, f64)> + Clone> QuadKernel for EntryProduc
     }
 }
 
-/// Σ aᵢ bᵢ in eight interleaved sums, so that additions need not wait for each other.
+/// Σ aᵢ bᵢ over as many entries as both have, in eight interleaved sums, so that additions need not wait for each other.
 #[inline(always)]
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len().min(b.len());
+    let (a, b) = (&a[..n], &b[..n]);
     if a.len() < 8 {
         return a.iter().zip(b).map(|(a, b)| a * b).sum();
     }

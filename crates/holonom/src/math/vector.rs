@@ -43,3 +43,10 @@ pub fn add_scaled<T: Real, const D: usize>(a: &mut [T; D], factor: T, b: &[T; D]
         a[k] += factor * b[k];
     }
 }
+
+/// Whether two vectors of one length are the same numbers. Where they are as a rule: several are compared at once, with no way
+/// out in between.
+pub fn same_bits(a: &[f64], b: &[f64]) -> bool {
+    let differs = |(a, b): (&f64, &f64)| a.to_bits() ^ b.to_bits();
+    a.iter().zip(b).map(differs).fold(0, |all, bits| all | bits) == 0
+}

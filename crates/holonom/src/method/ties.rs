@@ -1,7 +1,7 @@
 //! Error weights on what tied bodies do against each other.
 
 use crate::math::spatial::{conjugate, cross, e_times, product, rotate_back};
-use crate::math::vector::{difference, dot, sum};
+use crate::math::vector::{difference, dot, same_bits, sum};
 use crate::model::Tolerance;
 use crate::system::{State, Structure};
 use std::f64::consts::TAU;
@@ -15,8 +15,9 @@ const OF_TWO: f64 = 2.0;
 pub(super) struct Ties {
     planar: bool,
     pairs: Vec<Tie>,
-    /// Of the bodies of a model in space.
+    /// Of the bodies of a model in space, and the coordinates and velocities that they are at.
     motions: Vec<Motion>,
+    at: [Vec<f64>; 2],
     changes: Vec<Change>,
 }
 
@@ -29,6 +30,16 @@ struct Tie {
     start: ([f64; 3], [f64; 4]),
     /// Inverse squares of the tolerances of place, orientation, velocity and angular velocity.
     weights: [f64; 4],
+    /// How the second body is and moves against the first, in space.
+    against: Against,
+}
+
+/// Place, velocity and angular velocity of the second of two bodies against the first, components in ground axes.
+#[derive(Debug, Clone, Copy, Default)]
+struct Against {
+    link: [f64; 3],
+    velocity: [f64; 3],
+    angular_velocity: [f64; 3],
 }
 
 /// Where a body in space is and how it moves, ground axes.
@@ -73,6 +84,7 @@ impl Ties {
             planar,
             pairs: pairs.into_iter().map(|bodies| Tie { bodies, ..Tie::default() }).collect(),
             motions: vec![Motion::default(); bodies],
+            at: [vec![f64::NAN; 7 * bodies], vec![f64::NAN; 7 * bodies]],
             changes: vec![Change::default(); bodies],
         };
         out.move_to([&start.q, &start.v]);
@@ -106,12 +118,11 @@ impl Ties {
             } else {
                 let bodies = tie.bodies.map(|body| &self.motions[body]);
                 let (now, turn) = seen(bodies);
-                let (_, velocity, angular_velocity) = against(bodies);
                 [
                     size(&difference(&now, &place)),
                     2.0 * dot(&turn, &orientation).abs().min(1.0).acos(),
-                    size(&velocity),
-                    size(&angular_velocity),
+                    size(&tie.against.velocity),
+                    size(&tie.against.angular_velocity),
                 ]
             };
             tie.weights = [
@@ -134,8 +145,8 @@ impl Ties {
             let squares = if self.planar {
                 flat_changes(tie.bodies, at, change)
             } else {
-                let motions = tie.bodies.map(|body| &self.motions[body]);
-                changes(motions, tie.bodies.map(|body| &self.changes[body]))
+                let turning = &self.motions[tie.bodies[0]].angular_velocity;
+                changes(turning, &tie.against, tie.bodies.map(|body| &self.changes[body]))
             };
             let square = dot(&squares, &tie.weights);
             if square.is_nan() || square > largest {
@@ -146,6 +157,13 @@ impl Ties {
     }
 
     fn move_to(&mut self, [q, v]: [&[f64]; 2]) {
+        // The same as a rule: the iterations of a step, and its stages, ask at one place.
+        let [known_q, known_v] = &mut self.at;
+        if self.motions.is_empty() || (same_bits(known_q, q) && same_bits(known_v, v)) {
+            return;
+        }
+        known_q.copy_from_slice(q);
+        known_v.copy_from_slice(v);
         for (motion, (q, v)) in
             self.motions.iter_mut().zip(q.as_chunks::<7>().0.iter().zip(v.as_chunks::<7>().0))
         {
@@ -157,6 +175,9 @@ impl Ties {
                 p,
                 p_rate,
             };
+        }
+        for tie in &mut self.pairs {
+            tie.against = against(tie.bodies.map(|body| &self.motions[body]));
         }
     }
 
@@ -188,29 +209,35 @@ fn seen([first, second]: [&Motion; 2]) -> ([f64; 3], [f64; 4]) {
     (rotate_back(&first.p, &link), product(&conjugate(&first.p), &second.p))
 }
 
-/// Place, velocity and angular velocity of the second body against the first, components in ground axes.
-fn against([first, second]: [&Motion; 2]) -> ([f64; 3], [f64; 3], [f64; 3]) {
+/// The second body against the first.
+fn against([first, second]: [&Motion; 2]) -> Against {
     let link = difference(&second.place, &first.place);
     let carried = cross(&first.angular_velocity, &link);
-    let velocity = difference(&difference(&second.velocity, &first.velocity), &carried);
-    (link, velocity, difference(&second.angular_velocity, &first.angular_velocity))
+    Against {
+        link,
+        velocity: difference(&difference(&second.velocity, &first.velocity), &carried),
+        angular_velocity: difference(&second.angular_velocity, &first.angular_velocity),
+    }
 }
 
-/// Squares of the changes of place, orientation, velocity and angular velocity that the first body sees.
-fn changes(motions: [&Motion; 2], [first, second]: [&Change; 2]) -> [f64; 4] {
-    let (link, velocity, angular_velocity) = against(motions);
+/// Squares of the changes of place, orientation, velocity and angular velocity that the first body sees, which turns with this
+/// angular velocity.
+fn changes(
+    turning: &[f64; 3],
+    Against { link, velocity, angular_velocity }: &Against,
+    [first, second]: [&Change; 2],
+) -> [f64; 4] {
     // What is seen from axes that turn with the first body changes by their turn as well.
     let seen = |change: &[f64; 3], of: &[f64; 3]| difference(change, &cross(&first.turn, of));
     let moved = difference(&second.place, &first.place);
-    let carried =
-        sum(&cross(&first.angular_velocity, &link), &cross(&motions[0].angular_velocity, &moved));
+    let carried = sum(&cross(&first.angular_velocity, link), &cross(turning, &moved));
     let faster = difference(&difference(&second.velocity, &first.velocity), &carried);
     let spun = difference(&second.angular_velocity, &first.angular_velocity);
     [
-        seen(&moved, &link),
+        seen(&moved, link),
         difference(&second.turn, &first.turn),
-        seen(&faster, &velocity),
-        seen(&spun, &angular_velocity),
+        seen(&faster, velocity),
+        seen(&spun, angular_velocity),
     ]
     .map(|x| dot(&x, &x))
 }

@@ -358,13 +358,14 @@ fn transpose(n: usize, a: &[f64], out: &mut [f64]) {
     }
 }
 
-pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
-}
-
 pub(super) fn singular_mass(e: &SingularMatrix) -> EvaluationFailure {
     EvaluationFailure::new(
         "simulation/singular-mass",
         format!("the reduced mass matrix is singular: {e}"),
     )
+}
+
+/// The same of a matrix of order n whose last variable comes first.
+pub(super) fn reversed(e: &SingularMatrix, n: usize) -> SingularMatrix {
+    SingularMatrix { row: n - 1 - e.row, column: n - 1 - e.column, pivot: e.pivot }
 }

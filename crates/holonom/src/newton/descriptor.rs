@@ -1,6 +1,6 @@
 //! The matrix of the descriptor form: sparse, with a pattern analysed once.
 
-use super::blocks::{ReducedBlocks, dot};
+use super::blocks::ReducedBlocks;
 use super::descriptor_pattern::DescriptorPattern;
 use super::differences::JacobianSource;
 use super::linearization::Linearization;
@@ -8,7 +8,7 @@ use super::matrix::{DescriptorForm, Matrix, MatrixOptions};
 use super::units::Units;
 use crate::reduction::{BodyRows, Manifold, Point, Projection};
 use crate::system::{DerivativeBlocks, Structure, System};
-use holonom_linalg::{BlockMatrix, FrozenLu, SingularMatrix};
+use holonom_linalg::{BlockMatrix, FrozenLu, SingularMatrix, dot};
 
 /// Ψ = Ψ₀ + γh Ψ₁ + βh² Ψ₂ of the unknowns (q̈, λ), with D the null space of G, δv̈ = P δq̈:
 ///

@@ -1,12 +1,12 @@
 //! What every representation starts from: blocks of the point, extra states, and the measure of changes.
 
-use super::blocks::{ReducedBlocks, dot};
+use super::blocks::ReducedBlocks;
 use super::differences::Differences;
 use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, Manifold, Point};
 use crate::system::System;
 use crate::threads::Threads;
-use std::ops::Range;
+use holonom_linalg::dot;
 use std::sync::Arc;
 
 /// The blocks of the last linearization with the coefficients of the last factor.
@@ -28,9 +28,9 @@ pub struct Linearization {
     rate_map: Vec<f64>,
     /// Columns of D and of q̇_v at fixed v̇, for one variable after the other.
     columns: Vec<f64>,
-    /// Coordinates of bodies that each variable moves, and where those of the next one begin.
-    moved: Vec<Range<usize>>,
-    moved_ends: Vec<usize>,
+    /// Variables that move each body, and where those of the next one begin.
+    movers: Vec<usize>,
+    mover_ends: Vec<usize>,
     pub(super) gamma_h: f64,
     pub(super) beta_h2: f64,
     /// E⁻¹ = (1 − γh ż_z)⁻¹, E being diagonal.
@@ -65,8 +65,8 @@ impl Linearization {
             maps: false,
             rate_map: vec![0.0; if reduced { s.coordinates * ndof } else { 0 }],
             columns: vec![0.0; if reduced { 2 * s.coordinates * ndof } else { 0 }],
-            moved: Vec::with_capacity(if reduced { s.bodies.div_ceil(2) * ndof } else { 0 }),
-            moved_ends: Vec::with_capacity(if reduced { ndof } else { 0 }),
+            movers: Vec::with_capacity(if reduced { s.bodies * ndof } else { 0 }),
+            mover_ends: Vec::with_capacity(if reduced { s.bodies } else { 0 }),
             gamma_h: 0.0,
             beta_h2: 0.0,
             inverse_e: vec![0.0; s.extra_states],
@@ -117,7 +117,7 @@ impl Linearization {
         }
         self.blocks.evaluate_along(&mut point.manifold, &point.state, &mut self.columns);
         (self.maps, self.along) = (true, true);
-        self.find_moved();
+        self.find_movers();
     }
 
     fn keep_maps(&mut self) {
@@ -130,28 +130,41 @@ impl Linearization {
                 to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
             }
         }
-        self.find_moved();
+        self.find_movers();
     }
 
-    fn find_moved(&mut self) {
-        let size = (2 * self.q.len()).max(1);
-        let per_body = self.system.structure().sizes.per_body;
-        self.moved.clear();
-        self.moved_ends.clear();
-        for column in self.columns.chunks_exact(size) {
-            let [d, rates] = [0, 1].map(|half| column[half * size / 2..].chunks_exact(per_body));
-            let first = self.moved.len();
-            for (b, (d, rates)) in d.take(size / 2 / per_body).zip(rates).enumerate() {
-                if d.iter().chain(rates).all(|x| *x == 0.0) {
-                    continue;
-                }
-                let own = b * per_body..(b + 1) * per_body;
-                match self.moved[first..].last_mut() {
-                    Some(last) if last.end == own.start => last.end = own.end,
-                    _ => self.moved.push(own),
+    fn find_movers(&mut self) {
+        let (n, sizes) = (self.q.len(), self.system.structure().sizes);
+        self.movers.clear();
+        self.mover_ends.clear();
+        for b in 0..sizes.bodies {
+            let own = b * sizes.per_body..(b + 1) * sizes.per_body;
+            for (k, column) in self.columns.chunks_exact(2 * n).enumerate() {
+                let (d, rates) = column.split_at(n);
+                if d[own.clone()].iter().chain(&rates[own.clone()]).any(|x| *x != 0.0) {
+                    self.movers.push(k);
                 }
             }
-            self.moved_ends.push(self.moved.len());
+            self.mover_ends.push(self.movers.len());
+        }
+    }
+
+    /// Changes of N coordinates of each body and of their rates, by the columns of what moves it.
+    fn add_up<const N: usize>(&self, p: &[f64], v: &[f64], dq: &mut [f64], dv: &mut [f64]) {
+        let (n, mut first) = (dq.len(), 0);
+        let bodies = dq.as_chunks_mut::<N>().0.iter_mut().zip(dv.as_chunks_mut::<N>().0);
+        for ((b, (dq, dv)), &end) in bodies.enumerate().zip(&self.mover_ends) {
+            let (mut change, mut rate_change) = ([0.0; N], [0.0; N]);
+            for &k in &self.movers[first..end] {
+                let (d, rates) = self.columns[2 * k * n..2 * (k + 1) * n].split_at(n);
+                let (d, rates) = (&d.as_chunks::<N>().0[b], &rates.as_chunks::<N>().0[b]);
+                let (p, v) = (p[k], v[k]);
+                for i in 0..N {
+                    change[i] += p * d[i];
+                    rate_change[i] += v * d[i] + p * rates[i];
+                }
+            }
+            (*dq, *dv, first) = (change, rate_change, end);
         }
     }
 
@@ -218,22 +231,9 @@ impl Linearization {
     /// Changes of v and v̇ on all coordinates.
     pub(super) fn spread(&mut self, p: &[f64], v: &[f64], dq: &mut [f64], dv: &mut [f64]) {
         if self.made && self.maps {
-            dq.fill(0.0);
-            dv.fill(0.0);
-            let columns = self.columns.chunks_exact((2 * dq.len()).max(1));
-            let mut first = 0;
-            for (((column, p), v), &end) in columns.zip(p).zip(v).zip(&self.moved_ends) {
-                let (d, rates) = column.split_at(dq.len());
-                for own in &self.moved[first..end] {
-                    let out = dq[own.clone()].iter_mut().zip(&mut dv[own.clone()]);
-                    for ((dq, dv), (d, rate)) in
-                        out.zip(d[own.clone()].iter().zip(&rates[own.clone()]))
-                    {
-                        *dq += p * d;
-                        *dv += v * d + p * rate;
-                    }
-                }
-                first = end;
+            match self.system.structure().sizes.per_body {
+                7 => self.add_up::<7>(p, v, dq, dv),
+                _ => self.add_up::<3>(p, v, dq, dv),
             }
             return;
         }

@@ -1,23 +1,25 @@
 //! The dense matrix of order ndof.
 
-use super::blocks::{dot, singular_mass};
+use super::blocks::{reversed, singular_mass};
 use super::complex::ComplexSolver;
 use super::linearization::Linearization;
 use super::matrix::{FirstOrderMatrix, Matrix, MatrixOptions};
 use crate::error::EvaluationFailure;
 use crate::reduction::{Manifold, Point};
-use holonom_linalg::{Complex64, DenseLu, SingularMatrix};
+use holonom_linalg::{Complex64, DenseLu, SingularMatrix, dot};
 
 /// Π = M̂ + γh M̂₁' + βh² M̂₂' of the reduced equations, dense.
 ///
 /// ```text
 /// M̂₁' = M̂₁ + γh Ẑ E⁻¹ ż_v̇   M̂₂' = M̂₂ + γh Ẑ E⁻¹ ż_v   E = I − γh ż_z   b = M̂ r_v − γh Ẑ E⁻¹ r_z
-/// Π δp = M̂ r_p + γh (M̂₁' r_p + b)   Π δv = b − γh M̂₂' r_p   δz = E⁻¹(r_z + γh (ż_v δp + ż_v̇ δv))
+/// Π δv = b − γh M̂₂' r_p   δp = r_p + γh δv   δz = E⁻¹(r_z + γh (ż_v δp + ż_v̇ δv))
 /// ```
 ///
 /// Source: `docs/theory/newton.md` (1)-(6); thesis (3.103)-(3.105), with the extra states eliminated first.
 #[derive(Debug, Clone)]
 pub struct ReducedMatrix {
+    /// Of Π with the last variable first: what is far from the root is eliminated before what it hangs on, so that branches
+    /// do not fill each other's places.
     lu: DenseLu,
     mass_lu: DenseLu,
     /// Allocated at the first complex factorization: most formulas need none.
@@ -25,8 +27,18 @@ pub struct ReducedMatrix {
     pi: Vec<f64>,
     m1: Vec<f64>,
     m2: Vec<f64>,
-    b1: Vec<f64>,
-    b2: Vec<f64>,
+    felt: Vec<f64>,
+}
+
+impl ReducedMatrix {
+    /// x ← Π⁻¹ x.
+    fn solve_last_first(&self, x: &mut [f64]) {
+        if !x.is_empty() {
+            x.reverse();
+            self.lu.solve(x);
+            x.reverse();
+        }
+    }
 }
 
 impl Matrix for ReducedMatrix {
@@ -39,8 +51,7 @@ impl Matrix for ReducedMatrix {
             pi: vec![0.0; ndof * ndof],
             m1: vec![0.0; ndof * ndof],
             m2: vec![0.0; ndof * ndof],
-            b1: vec![0.0; ndof],
-            b2: vec![0.0; ndof],
+            felt: vec![0.0; ndof],
         }
     }
 
@@ -61,7 +72,7 @@ impl Matrix for ReducedMatrix {
     fn take_blocks(&mut self, _parts: &Linearization, _manifold: &Manifold) {} // it has no others
 
     fn factor(&mut self, parts: &Linearization) -> Result<u64, SingularMatrix> {
-        let (ndof, b) = (self.b1.len(), &parts.blocks);
+        let (ndof, b) = (self.felt.len(), &parts.blocks);
         let (gamma_h, beta_h2) = (parts.gamma_h, parts.beta_h2);
         self.m1.copy_from_slice(&b.damping);
         self.m2.copy_from_slice(&b.stiffness);
@@ -80,11 +91,12 @@ impl Matrix for ReducedMatrix {
                 }
             }
         }
-        for (((pi, m), m1), m2) in self.pi.iter_mut().zip(&b.mass).zip(&self.m1).zip(&self.m2) {
+        let pi = self.pi.iter_mut().rev();
+        for (((pi, m), m1), m2) in pi.zip(&b.mass).zip(&self.m1).zip(&self.m2) {
             *pi = m + gamma_h * m1 + beta_h2 * m2;
         }
         if ndof > 0 {
-            self.lu.factor(&self.pi)?;
+            self.lu.factor(&self.pi).map_err(|e| reversed(&e, ndof))?;
         }
         Ok(0)
     }
@@ -105,15 +117,13 @@ impl Matrix for ReducedMatrix {
                 *a -= zeta * *z;
             }
         }
-        if !rate.is_empty() {
-            self.lu.solve(rate);
-        }
+        self.solve_last_first(rate);
     }
 
     fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
-        self.b2.fill(0.0);
-        multiply_add(&parts.blocks.mass, 1.0, v, &mut self.b2);
-        v.copy_from_slice(&self.b2);
+        self.felt.fill(0.0);
+        multiply_add(&parts.blocks.mass, 1.0, v, &mut self.felt);
+        v.copy_from_slice(&self.felt);
     }
 }
 
@@ -126,34 +136,23 @@ impl FirstOrderMatrix for ReducedMatrix {
                 *r -= zeta * *z;
             }
         }
-        if ndof > 0 {
-            self.lu.solve(rate);
-        }
+        self.solve_last_first(rate);
     }
 
     fn solve(&mut self, parts: &mut Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]) {
         let (ndof, gh, b) = (p.len(), parts.gamma_h, &parts.blocks);
-        // b₂ = M̂ r_v − γh Ẑ E⁻¹ r_z
-        self.b2.copy_from_slice(v);
+        // v ← b − γh M̂₂' r_p
         for (k, z) in z.iter().enumerate() {
             let scale = -gh * parts.inverse_e[k] * z;
-            for (out, zeta) in self.b2.iter_mut().zip(&b.force_extra[k * ndof..]) {
+            for (out, zeta) in v.iter_mut().zip(&b.force_extra[k * ndof..]) {
                 *out += scale * zeta;
             }
         }
-        // Π δp = M̂ r_p + γh (M̂₁' r_p + b₂)        Π δv = b₂ − γh M̂₂' r_p
-        for (out, b2) in self.b1.iter_mut().zip(&self.b2) {
-            *out = gh * b2;
+        multiply_add(&self.m2, -gh, p, v);
+        self.solve_last_first(v);
+        for (p, v) in p.iter_mut().zip(v) {
+            *p += gh * *v;
         }
-        multiply_add(&b.mass, 1.0, p, &mut self.b1);
-        multiply_add(&self.m1, gh, p, &mut self.b1);
-        multiply_add(&self.m2, -gh, p, &mut self.b2);
-        if ndof > 0 {
-            self.lu.solve(&mut self.b1);
-            self.lu.solve(&mut self.b2);
-        }
-        p.copy_from_slice(&self.b1);
-        v.copy_from_slice(&self.b2);
     }
 
     fn factor_complex(
@@ -161,7 +160,7 @@ impl FirstOrderMatrix for ReducedMatrix {
         parts: &Linearization,
         gamma_h: Complex64,
     ) -> Result<(), SingularMatrix> {
-        let (ndof, extra) = (self.b1.len(), parts.inverse_e.len());
+        let (ndof, extra) = (self.felt.len(), parts.inverse_e.len());
         let solver = self.complex.get_or_insert_with(|| Box::new(ComplexSolver::new(ndof, extra)));
         solver.factor(&parts.blocks, gamma_h)
     }

@@ -4,7 +4,7 @@ use super::algebra::Algebra;
 use super::branched::Branched;
 use super::closures::Origin;
 use super::directions::Directions;
-use super::engine::{Engine, add, dot};
+use super::engine::{Engine, add, dot, pose};
 use crate::reduction::relatives::Source;
 use crate::system::State;
 
@@ -63,7 +63,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         self.evaluate_twist_rates();
         self.tell_second_rates(q, v, a);
-        self.balance(q, v);
+        self.balance(q, a);
         if self.is_plain_tree {
             self.tell_multipliers(lambda);
         }
@@ -106,12 +106,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
             self.evaluate_twist_rates();
         }
-        self.evaluate_wrenches(q, v);
+        self.evaluate_wrenches_anew(q, v);
         self.gather();
         self.accelerate_along();
         self.evaluate_twist_rates();
         self.tell_second_rates(q, v, a);
-        self.balance(q, v);
+        self.balance(q, a);
         let mut left = std::mem::take(&mut self.zero_rates);
         self.gathered.copy_from_slice(&self.along);
         self.project(&mut left);
@@ -121,14 +121,14 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.is_balanced(lambda)
     }
 
-    /// Forces `along` the coordinates for the present rates of twists, and in `change` the sizes of what they are summed
+    /// Forces `along` the coordinates for the present rates of twists and q̈ = a, and in `change` the sizes of what they are summed
     /// from.
-    fn balance(&mut self, q: &[f64], v: &[f64]) {
+    fn balance(&mut self, q: &[f64], a: &[f64]) {
         self.wrench.fill([0.0; W]);
         self.wrench_size.fill([0.0; 2]);
         for edge in self.edges.iter().rev() {
             let b = edge.body;
-            let (own, applied) = (self.inertia_force(b, q, v), &self.applied[b]);
+            let (own, applied) = (self.inertia_force(b, q, pose(a, b)), &self.applied[b]);
             let terms = A::sizes(&std::array::from_fn(|i| own[i].abs() + applied[i].abs()));
             // Of the body and of all that hangs on it.
             let (mut wrench, mut size) = (self.wrench[b], self.wrench_size[b]);

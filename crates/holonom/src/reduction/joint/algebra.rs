@@ -106,13 +106,12 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     fn wrench_about_center(q: &[f64; N], force: &[f64; N]) -> [f64; W];
 
     /// The wrench that accelerates a body: rate of momentum without the gyroscopic part, which counts among the
-    /// forces, for q and q̇, its twist and its rate.
+    /// forces, for q and q̈ and the rate of its twist.
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],
         motion: [&[f64; N]; 2],
         o: &[f64; 3],
-        y: &[f64; W],
         yd: &[f64; W],
     ) -> [f64; W];
 }
@@ -332,16 +331,13 @@ impl Algebra<7, 6> for Spatial {
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],
-        [q, v]: [&[f64; 7]; 2],
+        [q, a]: [&[f64; 7]; 2],
         o: &[f64; 3],
-        y: &[f64; 6],
         yd: &[f64; 6],
     ) -> [f64; 6] {
-        let ((_, w), (a, alpha)) = (parts(y), parts(yd));
+        let f = place(a).map(|x| mass * x);
         let arm = difference(&place(q), o);
-        let a = sum(&sum(&a, &cross(&alpha, &arm)), &cross(&w, &place(v)));
-        let f = a.map(|x| mass * x);
-        joined(&f, &sum(&times(inertia, &alpha), &cross(&arm, &f)))
+        joined(&f, &sum(&times(inertia, &parts(yd).1), &cross(&arm, &f)))
     }
 }
 
@@ -523,14 +519,11 @@ impl Algebra<3, 3> for Planar {
     fn inertia_force(
         mass: f64,
         inertia: &[[f64; 3]; 3],
-        [q, v]: [&[f64; 3]; 2],
+        [q, a]: [&[f64; 3]; 2],
         o: &[f64; 3],
-        y: &[f64; 3],
         yd: &[f64; 3],
     ) -> [f64; 3] {
-        let arm = arm(q, o);
-        let ([a, b], [c, d]) = (across(yd[2], &arm), across(y[2], &[v[0], v[1]]));
-        let f = [mass * (yd[0] + a + c), mass * (yd[1] + b + d)];
-        [f[0], f[1], inertia[2][2] * yd[2] + moment(&arm, &f)]
+        let f = [mass * a[0], mass * a[1]];
+        [f[0], f[1], inertia[2][2] * yd[2] + moment(&arm(q, o), &f)]
     }
 }

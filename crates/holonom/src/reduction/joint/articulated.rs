@@ -347,7 +347,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     fn set(&self, piece: &mut Piece<'_, A::Inertia, W>, at: usize, [q, v]: [&[f64]; 2]) {
         let b = self.edges[at].body;
         let BodyInertia { mass, turned, .. } = &self.inertias[b];
-        let (center, wrench) = (&self.center[b], self.inertia_force(b, q, v));
+        let (center, wrench) = (&self.center[b], self.inertia_force_anew(b, q, v));
         let wrench = std::array::from_fn(|i| wrench[i] - self.applied[b][i]);
         let own = &mut piece.bodies[at - piece.first];
         own.wrench = A::moved(&wrench, &self.origin[b], center);

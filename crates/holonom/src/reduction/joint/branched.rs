@@ -91,7 +91,7 @@ impl Branched {
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Accelerations and multipliers by Algorithm 4; the wrenches are those at zero accelerations.
     pub(super) fn branch(&mut self, t: f64, q: &[f64], v: &[f64], lambda: &mut [f64]) -> bool {
-        self.evaluate_wrenches(q, v);
+        self.evaluate_wrenches_anew(q, v);
         self.gather();
         self.gather_inertias(q);
         self.evaluate_second_residual(None, t, &[], [q, v]);

@@ -51,8 +51,10 @@ pub(super) struct Closures {
     /// Columns of the dependent coordinates.
     pub(super) dependent: Vec<usize>,
     pub(super) clusters: Vec<Cluster>,
-    /// Entries of all rows along the paths of their closures; see [`Closure::entries`].
+    /// Entries of all rows along the paths of their closures, see [`Closure::entries`], their columns, and where each row ends.
     pub(super) matrix: Vec<f64>,
+    columns: Vec<usize>,
+    row_ends: Vec<usize>,
     pub(super) column_scale: Vec<f64>,
     work: Vec<f64>,
     right: Vec<f64>,
@@ -144,7 +146,14 @@ impl Closures {
             closure.cluster =
                 clusters.iter().position(|cluster| cluster.rows.contains(&closure.first));
         }
+        let of_rows = all.iter().flat_map(|c| c.rows.iter().map(|_| &c.path));
+        let row_ends = of_rows.clone().scan(0, |end, path| {
+            *end += path.len();
+            Some(*end)
+        });
         Some(Self {
+            columns: of_rows.clone().flatten().map(|(k, _)| *k).collect(),
+            row_ends: row_ends.collect(),
             clusters,
             all,
             dependent,
@@ -217,33 +226,32 @@ impl Closures {
         norms[0] * norms[1]
     }
 
+    /// Entries of each row with their columns.
+    fn lines(&self) -> impl Iterator<Item = impl Iterator<Item = (&f64, &usize)>> {
+        self.row_ends.iter().scan(0, |first, &end| {
+            let range = std::mem::replace(first, end)..end;
+            Some(self.matrix[range.clone()].iter().zip(&self.columns[range]))
+        })
+    }
+
     /// r += N x.
     pub(super) fn multiply_add(&self, x: &[f64], r: &mut [f64]) {
-        for closure in &self.all {
-            for (at, out) in r[closure.first..][..closure.rows.len()].iter_mut().enumerate() {
-                let line = &self.matrix[closure.entries(at)];
-                *out += closure.path.iter().zip(line).map(|(&(k, _), a)| a * x[k]).sum::<f64>();
-            }
+        for (out, line) in r.iter_mut().zip(self.lines()) {
+            *out += line.map(|(a, &k)| a * x[k]).sum::<f64>();
         }
     }
 
     /// x −= Nᵀ y.
     pub(super) fn subtract_transposed(&self, y: &[f64], x: &mut [f64]) {
-        for closure in &self.all {
-            for (at, y) in y[closure.first..][..closure.rows.len()].iter().enumerate() {
-                let line = &self.matrix[closure.entries(at)];
-                closure.path.iter().zip(line).for_each(|(&(k, _), a)| x[k] -= a * y);
-            }
+        for (y, line) in y.iter().zip(self.lines()) {
+            line.for_each(|(a, &k)| x[k] -= a * y);
         }
     }
 
     /// x += |N|ᵀ |y|.
     pub(super) fn add_sizes(&self, y: &[f64], x: &mut [f64]) {
-        for closure in &self.all {
-            for (at, y) in y[closure.first..][..closure.rows.len()].iter().enumerate() {
-                let line = &self.matrix[closure.entries(at)];
-                closure.path.iter().zip(line).for_each(|(&(k, _), a)| x[k] += (a * y).abs());
-            }
+        for (y, line) in y.iter().zip(self.lines()) {
+            line.for_each(|(a, &k)| x[k] += (a * y).abs());
         }
     }
 

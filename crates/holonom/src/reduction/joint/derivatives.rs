@@ -229,12 +229,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         blocks: &mut DerivativeBlocks,
         at: &mut Derivatives<W>,
     ) {
-        let State { q, v, lambda, .. } = state;
+        let State { q, a, lambda, .. } = state;
         at.force.fill(0.0);
         self.evaluate_end_rows(parametrization, state, &mut at.end_rows, &mut at.force);
         self.evaluate_interactions(state, at, blocks);
         self.stand(q);
-        self.evaluate_wrenches(q, v);
+        self.evaluate_wrenches(q, a);
         self.add_closure_forces(q, lambda);
         self.gather();
         self.evaluate_own_motions(&mut at.motions, &mut at.accelerations);

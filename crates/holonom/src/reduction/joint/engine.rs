@@ -388,18 +388,32 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// The wrench that accelerates a body.
+    /// The wrench that accelerates a body with q̈ = a.
     #[inline(always)]
-    pub(super) fn inertia_force(&self, b: usize, q: &[f64], v: &[f64]) -> [f64; W] {
+    pub(super) fn inertia_force(&self, b: usize, q: &[f64], a: &[f64; N]) -> [f64; W] {
         let BodyInertia { mass, turned, .. } = &self.inertias[b];
-        let (y, yd) = (&self.twist[b], &self.twist_rate[b]);
-        A::inertia_force(*mass, turned, [pose(q, b), pose(v, b)], &self.origin[b], y, yd)
+        A::inertia_force(*mass, turned, [pose(q, b), a], &self.origin[b], &self.twist_rate[b])
     }
 
-    /// Wrenches of inertia and forces of every body for the present rates of twists.
-    pub(super) fn evaluate_wrenches(&mut self, q: &[f64], v: &[f64]) {
+    /// The same where q̈ has not been told.
+    #[inline(always)]
+    pub(super) fn inertia_force_anew(&self, b: usize, q: &[f64], v: &[f64]) -> [f64; W] {
+        let (y, yd, o) = (&self.twist[b], &self.twist_rate[b], &self.origin[b]);
+        self.inertia_force(b, q, &A::second_rates(pose(q, b), pose(v, b), o, y, yd))
+    }
+
+    /// Wrenches of inertia and forces of every body for the present rates of twists, which belong to q̈ = a.
+    pub(super) fn evaluate_wrenches(&mut self, q: &[f64], a: &[f64]) {
         for b in 0..self.inertias.len() {
-            let own = self.inertia_force(b, q, v);
+            let own = self.inertia_force(b, q, pose(a, b));
+            self.wrench[b] = std::array::from_fn(|i| own[i] - self.applied[b][i]);
+        }
+    }
+
+    /// The same where q̈ has not been told.
+    pub(super) fn evaluate_wrenches_anew(&mut self, q: &[f64], v: &[f64]) {
+        for b in 0..self.inertias.len() {
+            let own = self.inertia_force_anew(b, q, v);
             self.wrench[b] = std::array::from_fn(|i| own[i] - self.applied[b][i]);
         }
     }

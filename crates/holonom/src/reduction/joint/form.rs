@@ -108,7 +108,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         let State { t, q, v, a, lambda, .. } = state;
         self.take_accelerations(parametrization, *t, p_rate, [q, v]);
         self.tell_second_rates(q, v, a);
-        self.evaluate_wrenches(q, v);
+        self.evaluate_wrenches(q, a);
         self.gather();
         self.project(psi);
         lambda.fill(0.0);

@@ -31,8 +31,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Multipliers of the joints and drivers of the tree and of the normalizations, beside those of the closures, for the
     /// present rates of twists; `false` where the rows of a joint depend on each other.
     pub(super) fn tree_multipliers(&mut self, state: &mut State) -> bool {
-        let State { q, v, lambda, .. } = state;
-        self.evaluate_wrenches(q, v);
+        let State { q, a, lambda, .. } = state;
+        self.evaluate_wrenches(q, a);
         self.add_closure_forces(q, lambda);
         self.gather();
         let system = self.system.clone();

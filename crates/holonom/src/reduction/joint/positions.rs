@@ -51,7 +51,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.closures.open();
         self.evaluate_residual(parametrization, t, p, q);
         // Residuals are differences of places in the ground.
-        let place = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
+        let place = q.iter().fold(1.0f64, |m, x| if x.abs() > m { x.abs() } else { m });
         let is_round_off = |residual: f64| residual <= 64.0 * f64::EPSILON * place;
         if is_round_off(self.closures.keep_residuals(&self.rows)) {
             // Next to a dead point it would move the mechanism by far more than round-off.
@@ -61,12 +61,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for (&k, &(edge, place)) in self.closures.dependent.iter().zip(&self.places) {
             x[edge][place] += change[k];
         }
+        let predicted = self.size_of(&change);
+        self.keep_movements(&change);
         self.change = change;
-        let predicted = self.distance(x);
-        self.keep_movements(x);
-        self.before.fill(0.0);
-        let noise = 8.0 * f64::EPSILON * self.distance(x).max(1.0);
         self.keep_coordinates(x);
+        let noise = 8.0 * f64::EPSILON * self.size_of(&self.before).max(1.0);
         self.keep_noise();
         self.place_all(relatives, x, q);
         self.closures.open();
@@ -110,7 +109,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 (is_open, cluster.before) = (true, size);
             }
             if !is_open {
-                let moved = self.distance(x);
+                let moved = self.corrections(x).fold(0.0, keep_larger);
                 let near = 0.5 * predicted + 1e3 * last;
                 // Next to a dead point round-off of the residuals alone moves by more than a short step.
                 if moved <= near || (is_round_off(first.0) && moved <= near + first.1) {
@@ -198,28 +197,28 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         if largest.is_finite() { largest } else { f64::INFINITY }
     }
 
-    /// Largest difference of the coordinates to those in `before`, lengths over the characteristic length.
-    fn distance(&self, x: &[[f64; 6]]) -> f64 {
-        let mut largest = 0.0f64;
-        for edge in &*self.edges {
-            let before = &self.before[edge.range.clone()];
-            let scales = &self.closures.column_scale[edge.range.clone()];
-            for ((x, before), scale) in x[edge.at].iter().zip(before).zip(scales) {
-                let change = (x - before) / scale;
-                largest = keep_larger(largest, change.abs());
-            }
-        }
-        largest
+    /// Largest of changes of all coordinates, lengths over the characteristic length.
+    fn size_of(&self, change: &[f64]) -> f64 {
+        // On bits, so that NaN is larger than every number.
+        let bits = |(x, scale): (&f64, &f64)| (x / scale).abs().to_bits();
+        let scaled = change.iter().zip(&self.closures.column_scale).map(bits);
+        f64::from_bits(scaled.fold(0, u64::max))
+    }
+
+    /// How far dependent coordinates are from those in `before`.
+    fn corrections<'a>(&'a self, x: &'a [[f64; 6]]) -> impl Iterator<Item = f64> + 'a {
+        self.places.iter().zip(&self.closures.dependent).map(|(&(edge, place), &k)| {
+            ((x[edge][place] - self.before[k]) / self.closures.column_scale[k]).abs()
+        })
     }
 
     /// How far the prediction moves the dependent coordinates of each cluster, in place of a correction before the first.
-    fn keep_movements(&mut self, x: &[[f64; 6]]) {
+    fn keep_movements(&mut self, change: &[f64]) {
         let closures = &mut self.closures;
         for cluster in &mut closures.clusters {
             cluster.before = 0.0;
             for (&at, scale) in cluster.dependent.iter().zip(&cluster.column_scale) {
-                let (edge, place) = self.places[at];
-                let change = (x[edge][place] - self.before[closures.dependent[at]]) / scale;
+                let change = change[closures.dependent[at]] / scale;
                 cluster.before = keep_larger(cluster.before, change.abs());
             }
         }
@@ -250,11 +249,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 
     /// The corrections left the neighbourhood of what was predicted.
     fn another_branch(&self, x: &[[f64; 6]]) -> EvaluationFailure {
-        let moved = |(at, &(edge, place)): (usize, &(usize, usize))| {
-            let k = self.closures.dependent[at];
-            (at, ((x[edge][place] - self.before[k]) / self.closures.column_scale[k]).abs())
-        };
-        let (name, coordinate) = self.largest(self.places.iter().enumerate().map(moved));
+        let (name, coordinate) = self.largest(self.corrections(x).enumerate());
         let message =
             format!("`{name}` would leave the branch of the mechanism that was followed so far");
         EvaluationFailure::new("simulation/branch", message).of_coordinate(coordinate)

@@ -3,7 +3,7 @@
 use super::algebra::Algebra;
 use super::closures::Closure;
 use super::engine::{Engine, pose};
-use crate::math::vector::difference;
+use crate::math::vector::{difference, same_bits};
 use crate::system::{Motion, Stance};
 
 /// What varies how bodies move.
@@ -18,9 +18,7 @@ pub(super) enum Variation {
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// How all bodies stand at q.
     pub(super) fn stand(&mut self, q: &[f64]) {
-        // The same as a rule: several numbers are compared at once, with no way out in between.
-        let differs = |(a, b): (&f64, &f64)| a.to_bits() ^ b.to_bits();
-        if self.stood.iter().zip(q).map(differs).fold(0, |all, bits| all | bits) == 0 {
+        if same_bits(&self.stood, q) {
             return;
         }
         self.stood.copy_from_slice(q);

@@ -71,6 +71,8 @@ pub struct Manifold {
     stale: bool,
     /// Whether the next recovery starts from another configuration than the last one left.
     returned: bool,
+    /// Where all edges stood when their references were last moved; no number where some were left behind.
+    anchored: Vec<f64>,
     /// Whether accelerations came from joint coordinates, and multipliers of the tree's joints have not been asked for.
     multipliers_wait: bool,
     /// Whether the accelerations last evaluated are those of joint coordinates.
@@ -118,6 +120,7 @@ impl Manifold {
             at: Vec::new(),
             stale: false,
             returned: false,
+            anchored: vec![f64::NAN; sizes.coordinates],
             multipliers_wait: false,
             moves_along: false,
             references_moved: false,
@@ -263,6 +266,7 @@ impl Manifold {
         self.redundant = Redundant::new(&chart, &self.g).map(Box::new);
         self.g.restore();
         self.edges = anchored(&chart);
+        self.anchored.fill(f64::NAN);
         self.chart = chart;
         self.make_room();
         if self.joint.is_some() {

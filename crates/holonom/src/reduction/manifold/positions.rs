@@ -2,6 +2,7 @@
 
 use super::Manifold;
 use crate::error::EvaluationFailure;
+use crate::math::vector::same_bits;
 use crate::reduction::parametrization::largest_index;
 
 /// Corrections that contract more slowly than this are refused as a way to another branch.
@@ -55,7 +56,10 @@ impl Manifold {
         if let Some(joint) = &mut self.joint {
             let parametrization = self.chart.parametrization();
             if std::mem::take(&mut self.returned) {
-                joint.read(parametrization, q, &mut self.edges);
+                // Where references stand, the coordinates are theirs.
+                if !same_bits(&self.anchored, q) {
+                    joint.read(parametrization, q, &mut self.edges);
+                }
                 // What is predicted along the closures belongs to where they were factored last.
                 if self.at != *q && joint.largest_closure() > 0 {
                     self.at.copy_from_slice(q);

@@ -51,6 +51,11 @@ impl Manifold {
         }
         let turning = turn == 0.0 || relatives.turning(system, p) > turn;
         relatives.move_references(system, q, Some(p), &mut self.edges, turning);
+        if turning {
+            self.anchored.copy_from_slice(q);
+        } else {
+            self.anchored.fill(f64::NAN);
+        }
         let changed = relatives.moves && turning;
         self.references_moved |= changed;
         if self.joint.is_some() && (changed || self.at != q) {
@@ -74,6 +79,7 @@ impl Manifold {
         if let Some(to) = self.chart.relatives_mut() {
             to.references.copy_from_slice(&from.references);
             to.anchors.copy_from_slice(&from.anchors);
+            self.anchored.copy_from_slice(&other.anchored);
         }
         self.orientation = if other.joint.is_some() { 0.0 } else { other.orientation };
         self.return_to_anchor();
@@ -95,6 +101,7 @@ impl Manifold {
         normals: impl Iterator<Item = (usize, [f64; 3])>,
     ) -> Result<(), EvaluationFailure> {
         let system = self.system.as_ref();
+        self.anchored.fill(f64::NAN);
         if let Some(relatives) = self.chart.relatives_mut() {
             relatives.tell_branches(system, t, p, winding, &mut self.edges)?;
             relatives.move_references(system, q, Some(p), &mut self.edges, turning);

@@ -67,13 +67,15 @@ impl Run<'_> {
     /// of the attempt that it may be next to its other end within.
     pub(super) fn may_pass_over(&self, t: f64, step: f64, t_end: f64) -> bool {
         let system = self.system.as_ref();
+        let arguments = system.law_arguments();
         let ends = [(t, &self.state), (t_end, &self.form.point().state)];
+        let is_near_cusp = |argument: &LawArgument| {
+            let near = |(time, state)| Place::of(system, argument, time, state).is_near_cusp(step);
+            ends.into_iter().any(near)
+        };
         self.inspector.is_some()
-            && system.law_arguments().iter().any(|argument| {
-                let near =
-                    |(time, state)| Place::of(system, argument, time, state).is_near_cusp(step);
-                !argument.knots.is_empty() || ends.into_iter().any(near)
-            })
+            && (arguments.iter().any(|argument| !argument.knots.is_empty())
+                || arguments.iter().any(is_near_cusp))
     }
 
     /// Follows the argument of a law through the attempt.
