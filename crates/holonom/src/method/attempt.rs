@@ -15,6 +15,10 @@ use crate::control::{StepControl, StepLaw, StepVerdict};
 /// An estimate is to be at least 0.3 τ^(−1/4) times the error of a formula itself. With estimates of order 3 a motion of a
 /// few turns takes about 10 τ^(−1/4) steps, whose errors then add up to 30 tolerances, if they persist.
 const OWN_ERROR: f64 = 0.3;
+/// Part of those steps that a linearization serves at most, and the least of that, however small corrections are: carried
+/// errors grow as it says, and what makes them grow may turn and vibrate while iterations hardly see it.
+const SERVICE: f64 = 0.02;
+const LEAST_SERVICE: f64 = 5.0;
 
 /// Stepper of an implicit formula with the stages `S`.
 #[derive(Debug, Clone)]
@@ -28,6 +32,8 @@ pub struct ImplicitStepper<S> {
     /// The last attempt was accepted and nothing has been built on it yet.
     pending: bool,
     matrices: Matrices,
+    /// Steps that a linearization serves at most.
+    most_served: f64,
     /// The step before may predict this one.
     predicts: bool,
     /// Weighted norm of round-off in w₀.
@@ -57,6 +63,10 @@ impl<S: Stages> ImplicitStepper<S> {
             before: Memory::default(),
             pending: false,
             matrices: Matrices::NONE,
+            most_served: options.own_error.map_or(f64::INFINITY, |tolerance| {
+                let of_turns = 10.0 * tolerance.powf(-1.0 / f64::from(below + 1));
+                (SERVICE * of_turns).max(LEAST_SERVICE)
+            }),
             predicts: false,
             floor: 0.0,
             error_at_kinks: stages.error_at_kinks().max(1.0),
@@ -107,7 +117,8 @@ impl<S: Stages> ImplicitStepper<S> {
         step: &Step<'_>,
         report: &mut StepReport,
     ) -> Result<u32, Failure> {
-        let reuse = self.memory.reuses(&self.options);
+        let reuse =
+            self.memory.reuses(&self.options) && f64::from(self.matrices.served) < self.most_served;
         let ahead = S::ITERATES && self.options.linearize_ahead && self.predicts;
         let ahead = ahead.then_some((&mut self.ahead, &self.previous));
         self.matrices.begin(ode);

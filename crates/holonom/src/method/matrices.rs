@@ -34,9 +34,6 @@ pub(super) enum Place {
 /// accelerations of a transient make it large; kept when they are gone, it would leave corrections so small that nothing
 /// seems to be left to correct.
 const MOST_GROWTH: f64 = 10.0;
-/// Steps that a linearization serves at most, however small corrections are: carried errors grow as it says, and what makes
-/// them grow may turn and vibrate while iterations hardly see it.
-const MOST_STEPS: u32 = 5;
 
 /// Linearization and factors that a stepper has.
 #[derive(Debug, Clone, Copy)]
@@ -45,7 +42,7 @@ pub(super) struct Matrices {
     /// Step that it was made for.
     reach: f64,
     /// Steps that it has served.
-    served: u32,
+    pub(super) served: u32,
     /// Step of the last factorization.
     factored: Option<f64>,
     simplification: Simplification,
@@ -163,7 +160,7 @@ impl Matrices {
         reuse: bool,
         ahead: Option<(&mut Ahead, &Segment)>,
     ) -> Result<(), Failure> {
-        let reuse = reuse && self.served < MOST_STEPS && step.h <= MOST_GROWTH * self.reach;
+        let reuse = reuse && step.h <= MOST_GROWTH * self.reach;
         let fresh = match self.linearization {
             Linearization::Current => true,
             // Of a rejected attempt, whose middle is not far from the one of this.

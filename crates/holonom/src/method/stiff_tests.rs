@@ -164,14 +164,15 @@ fn contraction_is_told() {
 
 #[test]
 fn a_fast_iteration_keeps_linearization_and_factors() {
-    // Linear with constant J: one linearization serves until steps are ten times as long.
+    // Linear with constant J: one linearization serves until steps are ten times as long, or for 0.2 · 1e-6^(−1/4) of them.
     let mut ode = prothero_robinson(-1e3);
     let mut stepper = SDIRK(1, StepperOptions::improved(1e-6));
     let run = run(&mut *stepper, &mut ode, 0.0, &[0.0], 10.0, None);
     assert!(run.accepted > 20);
     let (first, longest) = (run.steps[0], run.steps.iter().fold(0.0f64, |m, h| m.max(*h)));
     let decades = (longest / first).log10().ceil() as u64;
-    assert!(ode.linearizations <= decades.max(1), "{} in {decades}", ode.linearizations);
+    let most = decades.max(1) + run.accepted / 6;
+    assert!(ode.linearizations <= most, "{} of {most}", ode.linearizations);
     assert!(ode.factorizations < run.accepted, "{} of {}", ode.factorizations, run.accepted);
 }
 
