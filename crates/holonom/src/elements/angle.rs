@@ -261,11 +261,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
         v: [&[T; N]; 2],
         a: [&[T; N]; 2],
     ) -> [[[T; N]; 2]; 2] {
-        let inverse = self.z(q).inverse();
-        let z_q = self.z_q(q);
-        let mut rows = [RowBlocks::zero(); 2];
-        self.z.rate_blocks(q, v, a, &mut rows);
-        let [z_q, change, bend] = [Rows(&z_q), Rows(&rows[0]), Rows(&rows[1])];
+        let mut rows = [RowBlocks::zero(); 3];
+        let z = self.z.rate_blocks(q, v, a, &mut rows);
+        let inverse = Complex(z[0], z[1]).inverse();
+        let [change, bend, z_q] = [Rows(&rows[0]), Rows(&rows[1]), Rows(&rows[2])];
         let first = z_q.times(v).times(inverse); // z₁ / z
         let second = change.times(v).times(inverse); // z₂ / z
         let along = z_q.times(a).times(inverse);

@@ -224,7 +224,9 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         out: &mut [RowBlocks<T, N>; 2],
     ) {
         match &self.rows {
-            Rows::Measure(measure) => measure.rate_blocks(q, v, a, out),
+            Rows::Measure(measure) => {
+                measure.rate_blocks(q, v, a, out);
+            }
             Rows::Angle(angle) => set_first(&angle.rate_blocks(q, v, a), out),
         }
     }

@@ -201,40 +201,45 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
         }
     }
 
-    /// (G v)_q and (G a)_q + ((G v)_q v)_q.
+    /// (G v)_q and (G a)_q + ((G v)_q v)_q, and G where a third is asked for, from the same vectors; returns u.
     #[inline(always)]
-    pub(super) fn rate_blocks<T: Real>(
+    pub(super) fn rate_blocks<T: Real, const K: usize>(
         &self,
         q: [&[T; N]; 2],
         v: [&[T; N]; 2],
         a: [&[T; N]; 2],
-        out: &mut [RowBlocks<T, N>; 2],
-    ) {
-        *out = [RowBlocks::zero(); 2];
+        out: &mut [RowBlocks<T, N>; K],
+    ) -> [T; 6] {
+        *out = [RowBlocks::zero(); K];
+        let mut u = [T::zero(); 6];
         if self.coincide {
-            let by_v = Vector::Link.second::<T, S, N, R>(&self.points, q, v);
-            let mut by_a = Vector::Link.second::<T, S, N, R>(&self.points, q, a);
-            by_a.add(&Vector::Link.third::<T, S, N, R>(&self.points, q, v));
-            for d in 0..D {
-                out[0].set(d, &by_v.row(d));
-                out[1].set(d, &by_a.row(d));
+            let link = Vector::Link.moved::<T, S, N, R>(&self.points, q, v, a);
+            u[..D].copy_from_slice(&link.x[0]);
+            for (out, order) in out.iter_mut().zip([1, 2, 0]) {
+                for d in 0..D {
+                    out.set(d, &link.d[order].row(d));
+                }
             }
         }
         for (row, d) in (self.first_dot()..).zip(&self.dots) {
             let scale = T::from(d.scale);
-            let mut values = [[[T::zero(); N]; 2]; 2];
+            let mut values = [[[T::zero(); N]; 2]; K];
             let x = d.x.moved::<T, S, N, R>(&self.points, q, v, a);
-            if d.x == d.y {
+            let product = if d.x == d.y {
                 x.add_to(&x.x, scale * 2.0, &mut values);
+                dot(&x.x[0], &x.x[0])
             } else {
                 let y = d.y.moved::<T, S, N, R>(&self.points, q, v, a);
                 y.add_to(&x.x, scale, &mut values);
                 x.add_to(&y.x, scale, &mut values);
-            }
+                dot(&x.x[0], &y.x[0])
+            };
+            u[row] = (product - d.offset) * d.scale;
             for (out, values) in out.iter_mut().zip(&values) {
                 out.set(row, values);
             }
         }
+        u
     }
 
     /// Whether a Hessian couples the bodies: coinciding points bend with each for itself.

@@ -103,10 +103,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
     fn root<T: Real>(measure: &Measure<S, D, N, R>, q: [&[T; N]; 2]) -> [T; 3] {
         let mut u = [T::zero(); 6];
         measure.value(q, &mut u);
-        let over = u[0].recip();
-        let first = u[0].sqrt().recip() * 0.5;
-        let second = first * over * -0.5;
-        [first, second, second * over * -1.5]
+        root_derivatives(u[0])
     }
 }
 
@@ -277,12 +274,16 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
         out: &mut [RowBlocks<T, N>; 2],
     ) {
         match self {
-            Self::Displacement(measure) => measure.rate_blocks(q, v, a, out),
-            Self::Length(Length(measure)) => {
-                let [first, second, third] = Self::root(measure, q);
-                let gradient = row_of(measure, q);
-                let (rate, along) = (product(&gradient, v), product(&gradient, a));
+            Self::Displacement(measure) => {
                 measure.rate_blocks(q, v, a, out);
+            }
+            Self::Length(Length(measure)) => {
+                let mut rows = [RowBlocks::zero(); 3];
+                let u = measure.rate_blocks(q, v, a, &mut rows);
+                let [first, second, third] = root_derivatives(u[0]);
+                let gradient = rows[2].0.map(|rows| rows[0]);
+                *out = [rows[0], rows[1]];
+                let (rate, along) = (product(&gradient, v), product(&gradient, a));
                 let change = [out[0].0[0][0], out[0].0[1][0]];
                 let bend = product(&change, v) + along;
                 out.iter_mut().for_each(|rows| scale_row(rows, first));
@@ -316,6 +317,14 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
             _ => None,
         }
     }
+}
+
+/// First three derivatives of √s.
+fn root_derivatives<T: Real>(s: T) -> [T; 3] {
+    let over = s.recip();
+    let first = s.sqrt().recip() * 0.5;
+    let second = first * over * -0.5;
+    [first, second, second * over * -1.5]
 }
 
 fn row_of<T: Real, S: Space<D, N, R>, const D: usize, const N: usize, const R: usize>(

@@ -163,21 +163,23 @@ pub(super) struct Moved<T, const D: usize, const R: usize> {
 }
 
 impl<T: Real, const D: usize, const R: usize> Moved<T, D, R> {
-    /// Adds what xᵀy, times a factor, has of the derivatives of y to (G v)_q and to (G a)_q + ((G v)_q v)_q.
+    /// Adds what xᵀy, times a factor, has of the derivatives of y to (G v)_q, to (G a)_q + ((G v)_q v)_q, and to a third, G.
     #[inline(always)]
-    pub(super) fn add_to<const N: usize>(
+    pub(super) fn add_to<const N: usize, const K: usize>(
         &self,
         x: &[[T; D]; 3],
         factor: T,
-        out: &mut [[[T; N]; 2]; 2],
+        out: &mut [[[T; N]; 2]; K],
     ) {
         let ([x, x1, x2], [d, d1, d2]) = (x.map(|x| scaled(&x, factor)), &self.d);
-        let [of_v, of_a] = out;
-        d1.add_to(&x, of_v);
-        d.add_to(&x1, of_v);
-        d2.add_to(&x, of_a);
-        d1.add_to(&scaled(&x1, T::from(2.0)), of_a);
-        d.add_to(&x2, of_a);
+        d1.add_to(&x, &mut out[0]);
+        d.add_to(&x1, &mut out[0]);
+        d2.add_to(&x, &mut out[1]);
+        d1.add_to(&scaled(&x1, T::from(2.0)), &mut out[1]);
+        d.add_to(&x2, &mut out[1]);
+        for gradient in &mut out[2..] {
+            d.add_to(&x, gradient);
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use super::relatives::Relatives;
 use super::square::Square;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, System};
-use holonom_linalg::{Assembly, BlockForest, BlockMatrix, Terms, scale_rows};
+use holonom_linalg::{Assembly, BlockForest, BlockMatrix, Terms, scale_rows, scale_rows_into};
 use std::sync::Arc;
 
 /// Enough to tell the smallest singular value from the next where the matrix is nearly singular.
@@ -407,14 +407,14 @@ impl Chart {
         }
         scale_rows(&self.column_scale, ndof, x);
         self.matrix.solve_transposed_many(x, ndof);
-        scale_rows(&self.row_scale, ndof, x);
         if rows.len() > rank * ndof {
             rows.fill(0.0);
         }
-        for (k, &row) in self.parametrization.kept.iter().enumerate() {
-            rows[row * ndof..(row + 1) * ndof].copy_from_slice(&x[k * ndof..(k + 1) * ndof]);
-        }
-        p.copy_from_slice(&x[rank * ndof..]);
+        let (of_rows, of_p) = x.split_at(rank * ndof);
+        let (scales, scales_of_p) = self.row_scale.split_at(rank);
+        let kept = self.parametrization.kept.iter().copied();
+        scale_rows_into(scales, ndof, of_rows, kept, rows);
+        scale_rows_into(scales_of_p, ndof, of_p, 0..ndof, p);
     }
 
     /// Estimate of the condition number of the scaled matrix, 1-norm.
