@@ -153,6 +153,7 @@ impl DenseLu {
             return self.solve(b);
         }
         let n = self.n;
+        assert_eq!(b.len(), n * k, "right-hand sides have as many rows as the matrix");
         if few_rows::solve_many(&self.factors, &self.inverses, &self.exchanges, b).is_some() {
             return;
         }

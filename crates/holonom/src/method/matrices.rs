@@ -194,7 +194,7 @@ impl Matrices {
                     self.simplification.serve();
                 }
                 stages.linearize(ode, step)?;
-                self.linearization = Linearization::Current;
+                (self.linearization, self.served) = (Linearization::Current, 0);
                 factored = stages.factor(ode, step.h);
             }
             factored.map_err(Failure::singular)?;

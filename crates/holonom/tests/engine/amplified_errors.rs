@@ -5,6 +5,7 @@ use crate::common::integrate::{dop853, tight};
 use crate::common::{model_of, options, run_model};
 use holonom::method::{CODES, Code, DEFAULT_CODE};
 use holonom::model::Model;
+use holonom::reduction::Choice;
 use holonom::simulation::{
     Checkpoint, Chunk, Flow, Memory, Options, OutputTimes, Problem, RunWarning, Sink, Summary,
     resume, run,
@@ -287,4 +288,50 @@ racket = { angular_velocity = [0.02, 7.0, 0.01] }
         }
     }
     assert!(warnings > 10, "{warnings} warnings");
+}
+
+/// A body on a ball joint and a spring, whose motion makes 5e4 m of 1 rad/s within 3 s.
+const ON_A_BALL: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+body = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.15, 0.0], [0.0, 0.0, 0.12]], position = [0.5, 0.0, 0.0] }
+[joints]
+ball = { type = "spherical", between = ["ground", "body"], point = [0.0, 0.0, 0.0] }
+[forces]
+spring = { type = "tsda", between = ["ground", "body"], points = [[-0.2, -0.7, -0.6], [-0.7, -0.6, -1.7]], stiffness = 726.2610075488693, free_length = 1.2124355652982142 }
+[initial]
+assembly = "adjust"
+[initial.bodies]
+body = { angular_velocity = [-5.6, 5.8, -7.9] }
+"#;
+
+#[test] // truth: the run at 1e-12, in coordinates that know no references
+fn growth_is_seen_where_iterations_hardly_see_the_matrix_change() {
+    let model = model_of(ON_A_BALL);
+    let asked = |code, tolerance| Options {
+        channels: vec!["body.position".to_owned()],
+        output: OutputTimes::Interval(0.1),
+        ..options(code, tolerance, 3.0)
+    };
+    let tight = Options { parametrization: Choice::Partitioning, ..asked(Code::Dopri5, 1e-12) };
+    let truth = run_model(&model, &tight);
+    let mut unseen = 0;
+    for code in [DEFAULT_CODE, Code::ForSdirk, Code::SspSdirk16, Code::Dopri5, Code::Deabm] {
+        for tolerance in [1e-4, 1e-5, 7e-6, 2e-6, 1e-6, 5e-7] {
+            let outcome = run_model(&model, &asked(code, tolerance));
+            let off = |k| {
+                let (found, truth) =
+                    (outcome.series("body.position", k), truth.series("body.position", k));
+                found.iter().zip(&truth).fold(0.0f64, |most, (x, y)| most.max((x - y).abs()))
+            };
+            let most = (0..3).map(off).fold(0.0, f64::max) / tolerance;
+            assert!(most > RIGHT, "{code:?} {tolerance:e}: {most}, too little to be warned of");
+            let silent = !warned(&outcome.summary);
+            assert!(!silent || most <= WRONG, "{code:?} {tolerance:e}: {most} without a warning");
+            unseen += u32::from(silent);
+        }
+    }
+    assert!(unseen < 3, "{unseen}");
 }

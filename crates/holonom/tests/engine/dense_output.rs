@@ -229,7 +229,7 @@ fn states_between_steps_are_as_accurate_as_at_steps() {
         let ends = errors(&at_steps, &truth(&at_steps));
         for ((name, inside), ends) in names.iter().zip(&inside).zip(&ends) {
             assert!(
-                *inside < ends + 4.0 * tolerance,
+                *inside < ends + 5.0 * tolerance, // of order 3 for SDIRK formulas
                 "{code:?}, {name}: {inside:.1e} between steps, {ends:.1e} at steps"
             );
         }

@@ -624,3 +624,21 @@ fn references_of_a_multistep_formula_move_where_the_same_coordinates_serve_bette
         }
     }
 }
+
+#[test] // truth: the run with fewer rows, bit for bit, and its dense states
+fn rows_are_told_by_the_references_that_moved_last() {
+    let text = ACROSS_A_BALL.replace(
+        "force = { x = [-1.0, -0.1, 0.0, 0.1, 1.0], y = [-420.0, -280.0, 0.0, 280.0, 420.0] }",
+        "stiffness = 2800.0",
+    );
+    let model = model_of(&text);
+    for form in [Coordinates::Cartesian, Coordinates::Joint] {
+        let run = |interval: f64| {
+            let output = OutputTimes::Interval(interval);
+            end(&model, &Options { output, ..with(form, Code::Deabm, 1e-4, 0.6) }, None)
+        };
+        let (few, many) = (run(0.06), run(3e-5));
+        assert_eq!(few.statistics.steps, many.statistics.steps);
+        assert_eq!(few.end.q, many.end.q);
+    }
+}

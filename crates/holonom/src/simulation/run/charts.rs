@@ -17,7 +17,7 @@ const TREE_GROWTH: f64 = 2.5;
 /// it turns, which no error shows before it has grown.
 pub(super) const LONGEST_TURN: f64 = 0.9;
 /// References of directions and rotations move at every step; those of a multistep formula, whose history
-/// would have to move along, when they are this far, rad.
+/// would have to move along, when they are this far, rad, or where variables would be chosen anew and the same come out.
 const MULTISTEP_TURN: f64 = 1.5;
 /// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
 const TANGENT_GROWTH: f64 = 2.0;
@@ -113,6 +113,8 @@ impl Run<'_> {
                 if self.stepper.multistep() {
                     self.spread_error();
                     self.move_references_beyond(0.0)?;
+                    self.form.begin_step(&self.state);
+                    self.recorder.begin_step(self.form.point(), &self.state);
                     self.condition_reference = self.form.point_mut().manifold.condition();
                 }
                 Ok(())
