@@ -4,7 +4,7 @@
 //! formulation without structure needs for the dependent coordinates alone.
 //!
 //! `cargo bench -p holonom --bench vehicle` times both and prints the ratio of their medians, taken in
-//! turn. Bound: 8. Measured: 1.4, 49 µs against 35 µs, on a shared x86-64 machine.
+//! turn. Bound: 8; see `benchmarks/accelerations` for what is measured.
 
 #![allow(missing_docs)] // of the functions that criterion's macros make
 #![allow(clippy::print_stdout, reason = "the ratio is for the reader")]
