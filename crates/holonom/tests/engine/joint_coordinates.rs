@@ -625,7 +625,7 @@ fn references_of_a_multistep_formula_move_where_the_same_coordinates_serve_bette
     }
 }
 
-#[test] // truth: the run with fewer rows, bit for bit, and its dense states
+#[test] // truth: the run with fewer rows, bit for bit
 fn rows_are_told_by_the_references_that_moved_last() {
     let text = ACROSS_A_BALL.replace(
         "force = { x = [-1.0, -0.1, 0.0, 0.1, 1.0], y = [-420.0, -280.0, 0.0, 280.0, 420.0] }",
