@@ -84,6 +84,8 @@ impl Run<'_> {
         if let Some(last) = self.output.chunk.steps.last_mut() {
             last.condition = condition;
         }
+        // What was the best of bad variables may have become good: it is not kept until it is as bad again.
+        self.condition_reference = self.condition_reference.min(condition);
         let factor = self.options.repartition_factor;
         let limit = match self.options.parametrization {
             Choice::Tree => {
