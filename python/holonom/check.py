@@ -161,11 +161,18 @@ def _spectrum_lines(spectrum: list[complex], complete: bool) -> list[str]:
         f"{'real part 1/s':>14} {'frequency Hz':>14} {'damping ratio':>14}",
     ]
     for z in modes[:MODES_SHOWN]:
-        ratio = f"{-z.real / abs(z) + 0.0:.3f}" if z else "–"
-        lines.append(f"{z.real + 0.0:14.4g} {z.imag / (2.0 * math.pi):14.4g} {ratio:>14}")
+        # What is round-off beside the magnitude is zero.
+        real = z.real if abs(z.real) > 1e-9 * abs(z) else 0.0
+        ratio = f"{-real / abs(z) + 0.0:.3f}" if z else "–"
+        lines.append(f"{real + 0.0:14.4g} {z.imag / (2.0 * math.pi):14.4g} {ratio:>14}")
     if len(modes) > MODES_SHOWN:
         lines.append(f"{'…':>14} {len(modes) - MODES_SHOWN} slower modes, with --json")
     moving = [abs(z) for z in modes if abs(z) > 1e-6 * abs(modes[0])]
+    if any(z.real > 1e-6 * abs(modes[0]) for z in modes):
+        lines.append(
+            "real parts above 0: deviations grow at this instant; only of an equilibrium does that make\n"
+            "the motion unstable, not where bodies turn or accelerate"
+        )
     if complete and len(moving) > 1:
         lines.append(f"fastest to slowest: {moving[0] / moving[-1]:.3g}")
     return lines

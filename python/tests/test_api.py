@@ -85,6 +85,22 @@ def test_a_run_continues_from_a_stored_state(model: holonom.Model) -> None:
     np.testing.assert_allclose(rest["rod.position"], whole["rod.position"][40:], atol=1e-7)
 
 
+def test_a_changed_model_that_goes_on_is_no_imbalance(model: holonom.Model) -> None:
+    # Independent truth: no force but gravity, so that the energy of the heavier rod is constant.
+    first = model.simulate(end_time=0.4)
+    heavier = model.with_values({"bodies.rod.mass": 3.0})
+    second = heavier.simulate(start=first.state(), end_time=1.0)
+    assert not second.warnings
+    energy = second.energy
+    left = energy["total"] - energy["initial"] + energy["dissipated"] - energy["driver_work"]
+    assert energy["imbalance"] == pytest.approx(left, abs=1e-12)
+    assert abs(energy["imbalance"]) < 1e-3 * second["energy.kinetic"].max()
+    # The channel goes on from the lighter rod.
+    assert second["energy.imbalance"][0] == pytest.approx(
+        second["energy.total"][0] - first.energy["initial"], rel=1e-9
+    )
+
+
 @pytest.mark.parametrize(
     ("start", "named"),
     [
@@ -306,6 +322,10 @@ def test_check_counts_and_shows_the_linearized_motion(model: holonom.Model) -> N
     text = str(report)
     assert "1 body, 1 joint" in text
     assert "degrees of freedom    1" in text
+    assert "real parts above 0" not in text
+    # Upside down it falls; that is said not to be the case of whatever turns.
+    falling = model.with_values({"bodies.rod.position": [0.0, 0.8]})
+    assert "real parts above 0: deviations grow at this instant" in str(falling.check())
 
 
 def test_threads_change_no_bit(model: holonom.Model) -> None:

@@ -238,7 +238,7 @@ pub(crate) fn summary(summary: &Summary, system: &dyn System, code: Code, simula
             "largest_over_bound": s.residual_ratio,
         },
         "energy": {
-            "initial": e.start.kinetic + e.start.potential,
+            "initial": summary.end.ledger.initial + e.missing,
             "kinetic": e.end.kinetic,
             "potential": e.end.potential,
             "total": e.end.kinetic + e.end.potential,

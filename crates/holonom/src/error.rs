@@ -348,6 +348,12 @@ pub(crate) fn shown(x: f64) -> String {
     if x == 0.0 || (1e-4..1e7).contains(&size) { format!("{x}") } else { format!("{x:e}") }
 }
 
+/// A number of four digits: what a computation has left.
+pub(crate) fn rounded(x: f64) -> String {
+    let written = format!("{x:.3e}");
+    shown(written.parse().unwrap_or(x))
+}
+
 impl From<Diagnostic> for ModelErrors {
     fn from(error: Diagnostic) -> Self {
         Self { errors: vec![error], omitted: 0 }

@@ -128,12 +128,13 @@ def merged(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]
             total = before[key] * counts[0] + after[key] * counts[1]
             whole["statistics"][key] = total / max(sum(counts), 1)
     whole["residuals"] = _largest(older.get("residuals"), newer.get("residuals"))
-    energy = dict(newer.get("energy") or {})
+    energy, former = dict(newer.get("energy") or {}), older.get("energy") or {}
     for key in ("largest_imbalance", "range", "moved"):
-        energy |= _largest({key: (older.get("energy") or {}).get(key, 0.0)}, energy, (key,))
-    whole["energy"] = energy | {
-        key: value for key, value in (older.get("energy") or {}).items() if key == "initial"
-    }
+        energy |= _largest({key: former.get(key, 0.0)}, energy, (key,))
+    if energy and former:
+        energy["initial"] = former["initial"]
+        energy["imbalance"] += former["imbalance"]
+    whole["energy"] = energy
     if older.get("cpu_seconds") is not None and newer.get("cpu_seconds") is not None:
         whole["cpu_seconds"] = older["cpu_seconds"] + newer["cpu_seconds"]
     seen = list(older.get("warnings") or [])

@@ -190,7 +190,9 @@ impl Document {
             let message = format!("the file does not fit the format: {error}");
             ModelErrors::from(Diagnostic::new(Code::WrongType, "", message))
         })?;
-        let (model, mut errors) = resolve::model(&file);
+        let (model, found) = resolve::model(&file);
+        let (found, mut errors): (Vec<_>, Vec<_>) =
+            found.into_iter().partition(|finding| finding.code.severity() == Severity::Warning);
         // What could be resolved is looked at in any case, so that all errors come at once.
         errors.extend(crate::model::validate(&model));
         if !errors.is_empty() {
@@ -202,6 +204,7 @@ impl Document {
             let help = "write `gravity` to say so, or to have it";
             warnings.push(Diagnostic::new(Code::NotStated, "gravity", message).help(help));
         }
+        warnings.extend(found);
         warnings.extend(crate::model::implausible(&model));
         let mut warnings = self.once(warnings, &expanded);
         if !warnings.is_empty() {

@@ -349,6 +349,15 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         self.statistics = ode.statistics;
     }
 
+    fn linearize_at_end(&mut self, ode: &mut dyn LinearizedOde, t_end: f64, h: f64) -> bool {
+        self.matrices.forget();
+        let mut ode = Counted::new(ode, self.statistics);
+        let made = ode.linearize(t_end, self.stages.end().w).is_ok()
+            && self.stages.factor(&mut ode, h).is_ok();
+        self.statistics = ode.statistics;
+        made
+    }
+
     fn last_change(&self) -> &[f64] {
         &self.change
     }

@@ -311,6 +311,12 @@ pub trait Stepper: Send {
     /// estimate of the error; explicit formulas leave it as it is.
     fn filter(&mut self, _ode: &mut dyn LinearizedOde, _change: &mut [f64]) {}
 
+    /// Makes J of [`Stepper::filter`] that of `t_end`, the end of the last accepted step, of length h, until the next attempt;
+    /// false where there is none.
+    fn linearize_at_end(&mut self, _ode: &mut dyn LinearizedOde, _t_end: f64, _h: f64) -> bool {
+        false
+    }
+
     /// What a formula that keeps slopes of earlier steps has kept, as numbers; empty for others.
     fn history(&self) -> Vec<f64> {
         Vec::new()

@@ -382,13 +382,20 @@ fn prescribed(warn: &mut impl FnMut(String, String, &str), model: &Model) {
     }
 }
 
-/// 90 is 14.3 turns: whole multiples of 5 beyond one turn are degrees more often than radians.
 fn angle(warn: &mut impl FnMut(String, String, &str), path: String, orientation: Orientation) {
-    let Orientation::Angle(angle) = orientation else { return };
-    let turns = angle.abs() / std::f64::consts::TAU;
-    if turns > TURNS || (turns > 1.0 && angle % 5.0 == 0.0) {
-        let message = format!("`{path}` is {angle} rad, {turns:.1} turns");
-        let help = format!("angles are in radians: {angle} degrees are {} rad", angle.to_radians());
+    if let Orientation::Angle(angle) = orientation
+        && let Some((message, help)) = implausible_angle(&path, angle)
+    {
         warn(path, message, &help);
     }
+}
+
+/// What is said of an angle that looks like degrees, rad, and what to try. 90 is 14.3 turns: whole multiples of 5 beyond one turn
+/// are degrees more often than radians.
+pub fn implausible_angle(path: &str, angle: f64) -> Option<(String, String)> {
+    let turns = angle.abs() / std::f64::consts::TAU;
+    (turns > TURNS || (turns > 1.0 && angle % 5.0 == 0.0)).then(|| {
+        let message = format!("`{path}` is {angle} rad, {turns:.1} turns");
+        (message, format!("angles are in radians: {angle} degrees are {} rad", angle.to_radians()))
+    })
 }

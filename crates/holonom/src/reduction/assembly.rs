@@ -13,7 +13,7 @@ use super::saddle::Saddle;
 use super::stated_joints::{Level, carry, moved, place, wind};
 use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
-use crate::error::EvaluationFailure;
+use crate::error::{EvaluationFailure, rounded};
 use crate::model::{Body, ElasticLaw, ForceKind, InitialBody, Model, Orientation};
 use crate::system::{BodyPose, Measure, Sample, State, System};
 use holonom_linalg::{BlockMatrix, Cholesky};
@@ -32,7 +32,8 @@ const COINCIDENT: f64 = 1e-8;
 pub enum AssemblyError {
     /// Stated values contradict a joint.
     #[error(
-        "the stated initial {level} contradict {row}: {residual:.3e} {unit} are left, {allowed:.0e} allowed"
+        "the stated initial {level} contradict {row}: {} {unit} are left, {allowed:.0e} allowed",
+        rounded(*.residual)
     )]
     Inconsistent {
         /// `positions` or `velocities`.
@@ -50,8 +51,9 @@ pub enum AssemblyError {
     },
     /// A stated coordinate of a joint contradicts the joints or other stated values.
     #[error(
-        "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: {residual:.3e} {row_unit} are left, \
+        "the stated {field} of joint `{item}`, {value} {unit}, contradicts {row}: {} {row_unit} are left, \
          {allowed:.0e} allowed",
+        rounded(*.residual),
         allowed = PROJECTED
     )]
     StatedJoint {
@@ -72,7 +74,8 @@ pub enum AssemblyError {
     },
     /// The joints cannot be closed.
     #[error(
-        "the model cannot be assembled: {row} stays open by {residual:.3e} {unit}; it cannot be met together with {others}"
+        "the model cannot be assembled: {row} stays open by {} {unit}; it cannot be met together with {others}",
+        rounded(*.residual)
     )]
     Unreachable {
         /// Joint and row.
@@ -89,7 +92,10 @@ pub enum AssemblyError {
         axes: FrameAxes,
     },
     /// Redundant constraints contradict each other.
-    #[error("{row} contradicts {others}: at {level} level they differ by {residual:.3e} {unit}")]
+    #[error(
+        "{row} contradicts {others}: at {level} level they differ by {} {unit}",
+        rounded(*.residual)
+    )]
     Contradiction {
         /// `position`, `velocity` or `acceleration`.
         level: &'static str,
@@ -114,7 +120,8 @@ pub enum AssemblyError {
     },
     /// The ends of a spring are at one place, where its force has no direction.
     #[error(
-        "the ends of spring `{item}` coincide at the start, where its force of {force:.3e} N has no direction"
+        "the ends of spring `{item}` coincide at the start, where its force of {} N has no direction",
+        rounded(*.force)
     )]
     CoincidentEnds {
         /// Name of the spring.
@@ -182,21 +189,25 @@ impl AssemblyError {
             Self::Unreachable { axes, .. } => match axes {
                 FrameAxes::None => {
                     "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or \
-                     start nearer to an assembled configuration"
+                     start nearer to an assembled configuration, and beside a dead point"
                 }
                 FrameAxes::Planar => {
                     "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or \
-                     start nearer to an assembled configuration. f and g are axes on the joint's first body, f its own \
+                     start nearer to an assembled configuration, and beside a dead point. f and g are axes on the joint's first body, f its own \
                      axis"
                 }
                 FrameAxes::Spatial => {
                     "check lengths, points and axes of what is named, and drivers that prescribe the same motion; or \
-                     start nearer to an assembled configuration. f, g and h are axes of the joint's frame on its first \
+                     start nearer to an assembled configuration, and beside a dead point. f, g and h are axes of the joint's frame on its first \
                      body, h its own axis"
                 }
             },
-            Self::Contradiction { .. } => {
+            Self::Contradiction { level: "position", .. } => {
                 "these joints or drivers prescribe the same motion differently; remove or change one of them"
+            }
+            Self::Contradiction { .. } => {
+                "these joints or drivers prescribe the same motion differently: remove or change one of them; or the \
+                 mechanism is stretched or flat there (a dead point): start it beside that"
             }
             Self::SingularMass { .. } => {
                 "give the body a mass and an inertia about every axis, or hold it by a joint"

@@ -131,9 +131,12 @@ pub struct EnergySummary {
     pub dissipated: f64,
     /// Work of drivers and applied forces, J.
     pub supplied: f64,
-    /// Total − start + dissipated − supplied, J.
+    /// Imbalance at the start, J: of the run that this one continues, or what a change of the model has brought.
+    #[serde(default)]
+    pub missing: f64,
+    /// What the run has added to it, J.
     pub imbalance: f64,
-    /// Largest |imbalance| at accepted steps, J.
+    /// Largest magnitude of that at accepted steps, J.
     pub largest_imbalance: f64,
     /// Largest minus smallest kinetic energy seen, J.
     pub range: f64,

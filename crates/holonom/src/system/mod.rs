@@ -66,6 +66,13 @@ pub struct Ledger {
     pub supplied: f64,
 }
 
+impl Ledger {
+    /// Total − initial + dissipated − supplied, J: zero for an exact solution.
+    pub fn imbalance(&self, energy: &EnergyBalance) -> f64 {
+        energy.kinetic + energy.potential - self.initial + self.dissipated - self.supplied
+    }
+}
+
 impl State {
     /// A state of zeros for a system of the given sizes.
     pub fn zeros(sizes: &Sizes) -> Self {

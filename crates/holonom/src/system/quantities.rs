@@ -317,9 +317,7 @@ pub(super) fn evaluate_channel<
                 EnergyQuantity::Dissipated => ledger.dissipated,
                 EnergyQuantity::DriverWork => ledger.supplied,
                 EnergyQuantity::Total => total(),
-                EnergyQuantity::Imbalance => {
-                    total() - ledger.initial + ledger.dissipated - ledger.supplied
-                }
+                EnergyQuantity::Imbalance => ledger.imbalance(balance()),
             };
         }
         ChannelSource::Residual(level) => {

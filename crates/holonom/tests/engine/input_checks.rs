@@ -1,6 +1,7 @@
 //! What a run refuses before it starts, and what it keeps when it ends early.
 
 use crate::common::{model, model_of, options, run_model};
+use holonom::io::{Document, Syntax};
 use holonom::method::Code;
 use holonom::model::{Model, Tolerance};
 use holonom::simulation::{
@@ -281,4 +282,46 @@ fn vectors_of_planar_models_have_two_components_and_angular_ones_one() {
     };
     assert_eq!(value("pull.force"), [2.0 * 0.5f64.sin(), -4.0]);
     assert_eq!(value("twist.torque"), [5.0]);
+}
+
+#[test] // independent truth: 90 rad are 14.3 turns, 1.57 a quarter
+fn angles_in_degrees_are_noticed_wherever_bodies_are_turned() {
+    let warnings = |stated: &str, initial: &str| {
+        let text = format!(
+            r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies.body]
+mass = 1.0
+inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
+{stated}
+[initial.bodies.body]
+angular_velocity = [0.0, 0.0, 1.0]
+{initial}
+"#
+        );
+        let mut none = |_: &str| Err("no other file".to_owned());
+        let document = Document::parse(&text, Syntax::Toml, "model.toml", &mut none);
+        let (_, warnings) =
+            document.and_then(|d| d.build()).unwrap_or_else(|e| panic!("{}", e.render()));
+        warnings.into_iter().map(|w| w.path).collect::<Vec<_>>()
+    };
+    for (angle, seen) in [("90.0", true), ("1.57", false)] {
+        for (field, path) in [
+            (format!("yaw_pitch_roll = [0.0, {angle}, 0.0]"), "yaw_pitch_roll[1]"),
+            (
+                format!("axis_angle = {{ axis = [0.0, 0.0, 1.0], angle = {angle} }}"),
+                "axis_angle.angle",
+            ),
+            (
+                format!(r#"euler_angles = {{ sequence = "zxz", angles = [0.0, 0.0, {angle}] }}"#),
+                "euler_angles.angles[2]",
+            ),
+        ] {
+            let expected = |item: &str| if seen { vec![format!("{item}.{path}")] } else { vec![] };
+            assert_eq!(warnings(&field, ""), expected("bodies.body"));
+            assert_eq!(warnings("", &field), expected("initial.bodies.body"));
+        }
+    }
 }

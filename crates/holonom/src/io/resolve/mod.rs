@@ -21,7 +21,7 @@ use crate::error::{Code, Diagnostic};
 use crate::model;
 use crate::watch::{NAMED, checkpoint};
 
-/// Builds the model, without what has errors, and lists the errors with their paths.
+/// Builds the model, without what has errors, and lists the errors and warnings with their paths.
 pub(super) fn model(file: &ModelFile) -> (model::Model, Vec<Diagnostic>) {
     let mut errors = Vec::new();
     let mut bodies = Vec::with_capacity(file.bodies.len());

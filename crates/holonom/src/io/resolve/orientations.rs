@@ -4,6 +4,7 @@ use super::geometry::{Vec3, unit};
 use crate::error::{Code, Diagnostic};
 use crate::io::schema::{AxisAngle, Body, EulerAngles, InitialBody, Placing};
 use crate::math::spatial::product;
+use crate::model::implausible_angle;
 
 const UNTURNED: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 
@@ -43,7 +44,7 @@ impl Turned {
         }
     }
 
-    /// Euler parameters of unit length; none where nothing is stated.
+    /// Euler parameters of unit length; none where nothing is stated. Angles that look like degrees are among the findings.
     pub(super) fn euler_parameters(
         &self,
         item: &str,
@@ -75,12 +76,27 @@ impl Turned {
                 errors.push(error.help("give a vector along the axis, of any length"));
                 return None;
             };
+            look(format!("{item}.axis_angle.angle"), angle, errors);
             return Some(turn(axis, angle));
         }
+        let mut look_at = |field: &str, angles: [f64; 3]| {
+            for (k, angle) in angles.into_iter().enumerate() {
+                look(format!("{item}.{field}[{k}]"), angle, errors);
+            }
+        };
         if let Some(angles) = self.yaw_pitch_roll {
+            look_at("yaw_pitch_roll", angles);
             return Some(turns([2, 1, 0], angles));
         }
-        self.euler_angles.map(|EulerAngles { sequence, angles }| turns(sequence.axes(), angles))
+        let EulerAngles { sequence, angles } = self.euler_angles?;
+        look_at("euler_angles.angles", angles);
+        Some(turns(sequence.axes(), angles))
+    }
+}
+
+fn look(path: String, angle: f64, findings: &mut Vec<Diagnostic>) {
+    if let Some((message, help)) = implausible_angle(&path, angle) {
+        findings.push(Diagnostic::new(Code::Implausible, path, message).help(help));
     }
 }
 

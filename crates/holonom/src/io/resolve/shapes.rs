@@ -6,7 +6,7 @@ use super::geometry::{
     IDENTITY, Mat3, Vec3, distance, planar_rotation, spatial_rotation, triad, unit,
 };
 use super::orientations::Turned;
-use crate::error::{Code, Diagnostic, shown};
+use crate::error::{Code, Diagnostic, Severity, shown};
 use crate::io::limits;
 use crate::io::schema::{self, Dimension, Inertia, Placing, Vector};
 use crate::math::Solid;
@@ -181,7 +181,8 @@ impl Reader<'_> {
         }
         let before = self.errors.len();
         let p = Turned::of_shape(placing).euler_parameters(self.item, self.errors);
-        if self.errors.len() > before {
+        let is_error = |found: &Diagnostic| found.code.severity() == Severity::Error;
+        if self.errors[before..].iter().any(is_error) {
             return None;
         }
         Some((position, p.map_or(IDENTITY, spatial_rotation)))

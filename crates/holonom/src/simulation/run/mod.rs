@@ -247,6 +247,8 @@ struct Run<'a> {
     complete: bool,
     /// Whether a law has passed a knot in the step just accepted, or a line its other end.
     passes_knot: bool,
+    /// Something that it passes over is small only because the matrix of the step damps it.
+    is_damped: bool,
     /// Powers in the middle of the step just accepted, if they are known.
     middle: Option<[f64; 2]>,
     quadrature: Quadrature,
@@ -681,10 +683,8 @@ impl Run<'_> {
         let s = &mut self.statistics;
         s.smallest_step = s.smallest_step.min(step);
         s.largest_step = s.largest_step.max(step);
-        let ledger = &self.state.ledger;
-        let imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
-            - ledger.supplied;
         let e = &mut self.energy;
+        let imbalance = self.state.ledger.imbalance(energy) - e.missing;
         e.largest_imbalance = e.largest_imbalance.max(imbalance.abs());
         let (low, high) = self.kinetic_range;
         self.kinetic_range = (low.min(energy.kinetic), high.max(energy.kinetic));

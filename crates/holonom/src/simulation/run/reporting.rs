@@ -123,8 +123,7 @@ impl Run<'_> {
         e.end = energy;
         e.dissipated = ledger.dissipated;
         e.supplied = ledger.supplied;
-        e.imbalance = energy.kinetic + energy.potential - ledger.initial + ledger.dissipated
-            - ledger.supplied;
+        e.imbalance = ledger.imbalance(&energy) - e.missing;
         e.range = self.kinetic_range.1 - self.kinetic_range.0;
         e.moved = self.energy_scale.moved();
         let chart = self.form.point().manifold.chart();

@@ -162,7 +162,11 @@ pub(super) fn set_up<'a>(
         model: problem.model(),
         condition_reference: 0.0,
         start_residuals: (0.0, 0.0),
-        energy: EnergySummary { start: energy, ..EnergySummary::default() },
+        energy: EnergySummary {
+            start: energy,
+            missing: state.ledger.imbalance(&energy),
+            ..EnergySummary::default()
+        },
         kinetic_range: (energy.kinetic, energy.kinetic),
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         drift: Drift::new(system.structure().sizes.bodies),
@@ -170,6 +174,7 @@ pub(super) fn set_up<'a>(
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
         complete: true,
         passes_knot: false,
+        is_damped: false,
         middle: None,
         quadrature: Quadrature::default(),
         stall: Stall::default(),
