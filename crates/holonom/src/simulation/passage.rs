@@ -91,7 +91,11 @@ impl Course {
     fn pieces(&self) -> [f64; 4] {
         let [_, b, c, d] = self.0;
         // b + 2 c θ + 3 d θ² = 0, without cancellation
-        let root = (c * c - 3.0 * b * d).max(0.0).sqrt();
+        let square = c * c - 3.0 * b * d;
+        if square <= 0.0 {
+            return [0.0, 0.0, 0.0, 1.0];
+        }
+        let root = square.sqrt();
         let sum = -(c + root.copysign(c));
         let inside = |x: f64| if x > 0.0 && x < 1.0 { x } else { 0.0 };
         let [x, y] = [b / sum, sum / (3.0 * d)].map(inside);
@@ -344,6 +348,7 @@ mod tests {
             (0.5, [[0.0, 2.0], [1.0, 2.0]], &[0.25, 0.5], &[0.25, 0.5]),
             (0.5, [[1.0, -2.0], [0.0, -2.0]], &[0.25, 0.5], &[0.5, 0.75]),
             (0.5, [[1.0, 0.0], [1.0, 0.0]], &[0.25, 0.5, 1.0], &[]),
+            (1.0, [[0.0, 1.0 + 1e-15], [1.0, 1.0]], &[0.25], &[0.25]),
             (1.0, wave, &[-0.024], &[0.6, 0.942_442_89]),
         ] {
             let found = crossings(length, ends, knots);
@@ -352,6 +357,8 @@ mod tests {
                 assert!((found - truth).abs() < 1e-7, "{found} {truth}");
             }
         }
+        // θ + (θ − 1/2)³ rises all the way, though its curvature changes sign inside.
+        assert_eq!(Course([-0.125, 1.75, -1.5, 1.0]).pieces(), [0.0, 0.0, 0.0, 1.0]);
     }
 
     #[test] // truth: |t − 1/3| passes 0.1 at 7/30 and 13/30, and the ends do not know

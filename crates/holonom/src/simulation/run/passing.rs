@@ -141,7 +141,9 @@ impl Run<'_> {
                 looked += 1.0;
                 shares += share;
             }
-            let duration = if few { passage.duration } else { shares / passage.deviation };
+            // Before the first knot formulas without a stage at the start of a step know nothing.
+            let whole = few || passage.time - 0.5 * passage.duration <= t;
+            let duration = if whole { passage.duration } else { shares / passage.deviation };
             if duration > 0.0 {
                 self.miss(inspector, [t, step], passage.time, duration)?;
             }
