@@ -21,6 +21,12 @@ from holonom.base.text import is_unicode, quoted
 MOST = 2.0**53
 
 
+#: Choices that contradict each other.
+_EITHER = (
+    ("interval", "output_times"),
+    ("fixed_step", "max_step"),
+    ("fixed_step", "initial_step"),
+)
 #: Parts of a tolerance.
 PARTS = ("relative", "translation", "rotation")
 
@@ -187,10 +193,11 @@ class Options:
         # Each by itself was checked before: see `_checked`.
         if self.method is not None:
             require_method(self.method, self.formula)
-        if self.output_times is not None and self.interval is not None:
-            raise UsageError(
-                "both `interval` and `output_times` are given", help="leave one of them out"
-            )
+        for one, other in _EITHER:
+            if getattr(self, one) is not None and getattr(self, other) is not None:
+                raise UsageError(
+                    f"both `{one}` and `{other}` are given", help="leave one of them out"
+                )
         if (
             self.start_time is not None
             and self.end_time is not None
