@@ -12,7 +12,7 @@ from holonom.base.names import did_you_mean, nearest_channels
 from holonom.base.plain import frozen
 from holonom.base.record import Record
 from holonom.base.text import is_unicode, quoted
-from holonom.channels import expand, is_pattern, require_name, split_component, unknown
+from holonom.channels import LISTED, expand, is_pattern, require_name, split_component, unknown
 from holonom.store.layout import Quantity
 
 if TYPE_CHECKING:
@@ -238,9 +238,7 @@ class Compiled:
         names = [require_name(name) for name in names]
         for name in names:
             if name not in self.channels:
-                tip = did_you_mean(
-                    nearest_channels(name, self.channels), "`Model.channels` lists them"
-                )
+                tip = did_you_mean(nearest_channels(name, self.channels), LISTED)
                 if split_component(name)[1] is not None:
                     tip = "name the whole channel; components are columns of what is returned"
                 elif is_pattern(name):

@@ -13,6 +13,7 @@ from holonom.base.names import did_you_mean, nearest_channels
 from holonom.base.text import quoted
 from holonom.channels import (
     FROM_ZERO,
+    LISTED,
     expand,
     is_from_end,
     is_pattern,
@@ -297,7 +298,7 @@ class Arrays(Facts):
         quantity = stored.get(whole) or self.model.channels.get(whole)
         if quantity is None:
             known = [*stored, *self.model.channels]
-            tip = did_you_mean(nearest_channels(whole, known), "`Result.model.channels` lists them")
+            tip = did_you_mean(nearest_channels(whole, known), LISTED)
             if is_from_end(whole):
                 tip = FROM_ZERO
             elif is_pattern(whole):
