@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pathlib import Path
+    from typing import Unpack
 
     from holonom.base.errors import (
         FileError,
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     )
     from holonom.certificate import Certification, ChannelError
     from holonom.check import CheckReport
-    from holonom.model import Model
+    from holonom.model import Arguments, Model
     from holonom.options import Options, Tolerance, methods
     from holonom.result import Result
     from holonom.study.compare import compare
@@ -109,8 +110,8 @@ def load(path: "str | Path") -> "Result":
     return Result.load(path)
 
 
-def simulate(path: "str | Path", **choices: Any) -> "Result":
-    """Run a model file; the same as ``Model.load(path).simulate(...)``."""
+def simulate(path: "str | Path", **choices: "Unpack[Arguments]") -> "Result":
+    """Run a model file; the same as ``Model.load(path).simulate(...)``, which lists them."""
     from holonom.model import Model
 
     return Model.load(path).simulate(**choices)
