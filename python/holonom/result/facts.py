@@ -9,11 +9,20 @@ from typing import Any
 from numpy.typing import NDArray
 
 from holonom.base.errors import FileError
+from holonom.base.names import listed
 from holonom.base.record import Record
+from holonom.base.text import quoted
 from holonom.certificate import Certification
 from holonom.model import Model
 from holonom.store.memory import Stored
 from holonom.store.reader import Reader
+
+
+class _Columns(dict[str, NDArray[Any]]):
+    """Columns of a log; a name that is none is refused with those that there are."""
+
+    def __missing__(self, name: object) -> NDArray[Any]:
+        raise KeyError(f"there is no column {quoted(str(name))}; there are {listed(self)}")
 
 
 class Facts:
@@ -132,7 +141,7 @@ class Facts:
         ``t``, ``h`` (s): start and size; ``error``: 1 is on tolerance; ``accepted``: 1 or 0;
         ``cause``: of a rejection; ``iterations``: of Newton's method.
         """
-        return self._reader.steps()
+        return _Columns(self._reader.steps())
 
     @property
     def step_totals(self) -> list[tuple[bool, str, int, float, float, float]]:
