@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Unpack
 
+    from holonom import signals as signals
     from holonom.base.errors import (
         FileError,
         HolonomError,
@@ -85,10 +86,15 @@ _HOMES = {
     "study.differences": ("ChannelDifference", "Differences", "diff"),
 }
 
+#: Modules that are public as a whole.
+_MODULES = ("signals",)
+
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         value: Any = import_module("holonom._core").version()
+    elif name in _MODULES:
+        value = import_module(f"holonom.{name}")
     else:
         home = next((home for home, names in _HOMES.items() if name in names), None)
         if home is None:
@@ -100,7 +106,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*__all__, "__version__"])
+    return sorted([*__all__, *_MODULES, "__version__"])
 
 
 def load(path: "str | Path") -> "Result":

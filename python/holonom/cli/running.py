@@ -170,7 +170,7 @@ def _of_another_model(
     name, why = str(ran.get("name", "")), str(error).partition(" [simulation/")[0]
     whose = f"another model ({name})" if name != model.name else f"another version of {name}"
     return UsageError(
-        f"{start} is a run of {whose}: {why}",
+        f"{start} is a run of {whose}: {why} [{error.code}]",
         error.code,
         f"start from a run of {model.name} with the same items",
     )

@@ -47,6 +47,7 @@ def facts(result: Result) -> dict[str, Any]:
     """Return what is known about a result, without the model's text."""
     known = {key: value for key, value in result.meta.items() if key != "model"}
     known |= {
+        **({"options": result.options} if "options" in known else {}),
         "result": str(result.path),
         "n_times": result.time.size,
         "stored_until": float(result.time[-1]) if result.time.size else None,

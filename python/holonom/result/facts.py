@@ -119,6 +119,14 @@ class Facts:
         return Record(self.meta.get("energy") or {})
 
     @property
+    def limited_by(self) -> Record:
+        """What limited the steps: ``coordinate``, ``steps``, ``of``, ``rejected``; perhaps empty.
+
+        ``docs/conventions.md`` says what each of them counts.
+        """
+        return Record(self.meta.get("limited_by") or {})
+
+    @property
     def warnings(self) -> list[dict[str, str]]:
         """Warnings of the model and of the run."""
         return list(self.meta.get("warnings") or [])
@@ -131,8 +139,14 @@ class Facts:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What the run used: the choices stated, the rest from the model or by default."""
-        return dict(self.meta.get("options") or {})
+        """What the run used: the choices stated, the rest from the model or by default.
+
+        ``repartition_factor`` is left out of runs on the tree, which has a factor of its own, 2.5.
+        """
+        used = dict(self.meta.get("options") or {})
+        if used.get("parametrization") == "tree":
+            used.pop("repartition_factor", None)
+        return used
 
     @property
     def steps(self) -> dict[str, NDArray[Any]]:
