@@ -213,7 +213,8 @@ class Model(Compiled):
         ----------
         values : mapping of str to value
             By path: ``forces.front_bushing.stiffness[2]``, ``parameters.speed.value``.
-            Numbers are in the units of the file; a text ``"=2*name"`` is an expression of
+            Numbers are in the units of the file, not in SI as those of `bodies` are, where it
+            states ``units``; a text ``"=2*name"`` is an expression of
             parameters. A repeated item goes by its own name, ``bodies.link_7.mass``, or by
             that in its pattern, ``patterns.chain.bodies."link_{i}".mass``.
 

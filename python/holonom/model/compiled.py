@@ -106,7 +106,10 @@ class Compiled:
 
     @property
     def bodies(self) -> Mapping[str, Any]:
-        """Bodies by name as the file states them, in SI and patterns written out; read-only."""
+        """Bodies by name as the file states them, in SI and patterns written out; read-only.
+
+        A value read here is in SI, one given to `with_values` in the units of the file.
+        """
         return self._items("bodies")
 
     @property
