@@ -63,7 +63,7 @@ def info(
     result: ResultFile,
     channels: Annotated[
         bool,
-        typer.Option("--channels", help="List also the channels that are not stored, but known."),
+        typer.Option("--channels", help="List also the channels that can be computed."),
     ] = False,
     recover: Recover = False,
     json_: Json = False,
