@@ -97,8 +97,8 @@ def test_keywords_are_typed_and_told_as_the_options_are() -> None:
     assert {name: kind.__forward_arg__ for name, kind in Choices.__annotations__.items()} == types
     simulate = inspect.signature(holonom.Model.simulate)
     assert Arguments.__annotations__.keys() == simulate.parameters.keys() - {"self"}
-    told = str(holonom.Model.simulate.__doc__)
-    assert all(f"        {name} : " in told for name in types)
+    told = str(inspect.getdoc(holonom.Model.simulate))
+    assert all(f"\n{name} : " in told for name in types)
     assert "CHOICES" not in told + str(holonom.compare.__doc__)
     assert "max_seconds" in inspect.signature(holonom.compare).parameters
 
