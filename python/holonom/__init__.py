@@ -15,7 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from pathlib import Path
+    from typing import Unpack
 
+    from holonom import signals as signals
     from holonom.base.errors import (
         FileError,
         HolonomError,
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
     )
     from holonom.certificate import Certification, ChannelError
     from holonom.check import CheckReport
-    from holonom.model import Model
+    from holonom.model import Arguments, Model
     from holonom.options import Options, Tolerance, methods
     from holonom.result import Result
     from holonom.study.compare import compare
@@ -84,10 +86,15 @@ _HOMES = {
     "study.differences": ("ChannelDifference", "Differences", "diff"),
 }
 
+#: Modules that are public as a whole.
+_MODULES = ("signals",)
+
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         value: Any = import_module("holonom._core").version()
+    elif name in _MODULES:
+        value = import_module(f"holonom.{name}")
     else:
         home = next((home for home, names in _HOMES.items() if name in names), None)
         if home is None:
@@ -99,7 +106,7 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*__all__, "__version__"])
+    return sorted([*__all__, *_MODULES, "__version__"])
 
 
 def load(path: "str | Path") -> "Result":
@@ -109,8 +116,8 @@ def load(path: "str | Path") -> "Result":
     return Result.load(path)
 
 
-def simulate(path: "str | Path", **choices: Any) -> "Result":
-    """Run a model file; the same as ``Model.load(path).simulate(...)``."""
+def simulate(path: "str | Path", **choices: "Unpack[Arguments]") -> "Result":
+    """Run a model file; the same as ``Model.load(path).simulate(...)``, which lists them."""
     from holonom.model import Model
 
     return Model.load(path).simulate(**choices)

@@ -86,6 +86,18 @@ class Certification:
         """The channel that is furthest off, in tolerances."""
         return max(self.channels, key=lambda c: c.tolerances, default=None)
 
+    def __repr__(self) -> str:
+        said = "certified" if self.certified else "not certified"
+        worst = f", {w.name} off by {w.tolerances:.3g} tolerances" if (w := self.worst) else ""
+        return f"<holonom.Certification: {said}, {len(self.channels)} channels{worst}>"
+
+    def __str__(self) -> str:
+        if not self.certified:
+            return self._said()
+        lines = [f"certified: all channels are within {self.bound:g} tolerances"]
+        lines += [f"{c.tolerances:10.3g} tolerances  {c.name}" for c in self.ranked]
+        return "\n".join(lines)
+
     def to_json(self) -> dict[str, Any]:
         """Return plain data, as a result file stores it."""
         channels = [{f: getattr(c, f) for f in ChannelError.__slots__} for c in self.channels]

@@ -14,6 +14,11 @@ from holonom.base.text import quoted
 if TYPE_CHECKING:
     from holonom.store.layout import Quantity
 
+#: Where the channels that there are can be looked up.
+LISTED = (
+    "`holonom check MODEL --channels`, `holonom info RESULT --channels` and `Model.channels` list "
+    "them"
+)
 #: What to try where a component is counted from the end.
 FROM_ZERO = "components count from 0: `chassis.position[2]` is the last of three"
 
@@ -72,10 +77,15 @@ def is_from_end(name: str) -> bool:
     return re.search(r"\[-\d+\]$", name) is not None
 
 
+def _has(quantity: Quantity, index: int) -> bool:
+    return len(quantity.shape) == 1 and index < quantity.size
+
+
 def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
     """Return the names that names and patterns mean, each once, in their order.
 
-    A name may end in the index of a component, ``chassis.position[2]``.
+    A name may end in the index of a component, ``chassis.position[2]``, and a pattern, too:
+    ``*.force[2]`` means that component of all vectors that fit and have it.
 
     Raises
     ------
@@ -90,9 +100,12 @@ def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
         elif index is None:
             fits = re.compile(fnmatch.translate(name)).match
             hits = [n for n in known if fits(n)]
+        elif name not in known:
+            fits = re.compile(fnmatch.translate(name)).match
+            hits = [f"{n}[{index}]" for n in known if fits(n) and _has(known[n], index)]
         else:
-            hits = [pattern] if name in known else []
-            if hits and not (len(known[name].shape) == 1 and index < known[name].size):
+            hits = [pattern]
+            if not _has(known[name], index):
                 shape = known[name].shape
                 raise UsageError(
                     f"{quoted(name)} has no component {index}; its shape is {list(shape)}",
@@ -100,9 +113,7 @@ def expand(patterns: Iterable[str], known: Mapping[str, Quantity]) -> list[str]:
                     f"take one from 0 to {shape[0] - 1}" if shape else "leave the index out",
                 )
         if not hits:
-            tip = did_you_mean(
-                nearest_channels(pattern, known), "`Model.channels` and `holonom info` list them"
-            )
+            tip = did_you_mean(nearest_channels(pattern, known), LISTED)
             raise unknown(pattern, FROM_ZERO if is_from_end(pattern) else tip)
         found |= dict.fromkeys(hits)
     return list(found)

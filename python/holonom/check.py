@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from holonom.base.text import preformatted
+
 #: Modes shown in the text; the data holds all of them.
 MODES_SHOWN = 12
 
@@ -53,6 +55,14 @@ class CheckReport:
     def to_json(self) -> dict[str, Any]:
         """Return everything as plain data."""
         return {"name": self.name, **self.data, "warnings": self.warnings}
+
+    def __repr__(self) -> str:
+        counts = f"{self.dof} degree{'' if self.dof == 1 else 's'} of freedom"
+        found = f"{len(self.redundant)} redundant, {len(self.warnings)} warnings"
+        return f"<holonom.CheckReport {self.name!r}: {counts}, {found}>"
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
 
     def __str__(self) -> str:
         lines = [f"{label:<22}{value}" for label, value in self._facts()]

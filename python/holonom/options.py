@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import functools
+import inspect
 import itertools
 import json
 import math
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import Field, dataclass, field, fields
+from typing import Any, TypedDict, TypeVar
 
 from holonom import _core
 from holonom.base.errors import UsageError
@@ -21,6 +22,12 @@ from holonom.base.text import is_unicode, quoted
 MOST = 2.0**53
 
 
+#: Choices that contradict each other.
+_EITHER = (
+    ("interval", "output_times"),
+    ("fixed_step", "max_step"),
+    ("fixed_step", "initial_step"),
+)
 #: Parts of a tolerance.
 PARTS = ("relative", "translation", "rotation")
 
@@ -44,11 +51,17 @@ class Tolerance:
         If a part is not a positive finite number.
     """
 
-    relative: float
+    relative: float = None  # type: ignore[assignment] # refused below, in words
     translation: float | None = None
     rotation: float | None = None
 
     def __post_init__(self) -> None:
+        if self.relative is None:
+            raise UsageError(
+                "a `Tolerance` has no part `relative`",
+                help="state it, or pass a mapping, {'translation': 1e-6}: what it leaves out is "
+                "that of the model",
+            )
         for name in PARTS:
             value = getattr(self, name)
             value = self.relative if value is None else value
@@ -187,10 +200,11 @@ class Options:
         # Each by itself was checked before: see `_checked`.
         if self.method is not None:
             require_method(self.method, self.formula)
-        if self.output_times is not None and self.interval is not None:
-            raise UsageError(
-                "both `interval` and `output_times` are given", help="leave one of them out"
-            )
+        for one, other in _EITHER:
+            if getattr(self, one) is not None and getattr(self, other) is not None:
+                raise UsageError(
+                    f"both `{one}` and `{other}` are given", help="leave one of them out"
+                )
         if (
             self.start_time is not None
             and self.end_time is not None
@@ -221,17 +235,52 @@ class Options:
                 raise _unknown_option(name, beside)
         return cls(**choices)
 
+    def stated(self) -> dict[str, Any]:
+        """Return the choices that are not None, by name."""
+        return {name: value for name in _KINDS if (value := getattr(self, name)) is not None}
+
     def to_dict(self) -> dict[str, Any]:
         """Return the stated choices as plain data."""
         data: dict[str, Any] = {}
-        for name in _KINDS:
-            value = getattr(self, name)
-            if value is None:
-                continue
+        for name, value in self.stated().items():
             if isinstance(value, Tolerance):
                 value = {part: getattr(value, part) for part in PARTS}
             data[name] = list(value) if isinstance(value, tuple) else value
         return data
+
+
+class Further(TypedDict, total=False):
+    """Choices of a run but for its code, tolerance, end and outputs; see `Options`."""
+
+    start_time: float | None
+    fixed_step: float | None
+    max_step: float | None
+    initial_step: float | None
+    max_steps: int | None
+    max_seconds: float | None
+    parametrization: str | None
+    jacobian: str | None
+    newton: str | None
+    accelerations: str | None
+    coordinates: str | None
+    threads: int | None
+    repartition_factor: float | None
+    dense_output: bool | None
+    profile: str | None
+    newmark_gamma: float | None
+    newmark_beta: float | None
+
+
+class Choices(Further, total=False):
+    """Choices of a run as keywords, for checkers and editors; see `Options`."""
+
+    end_time: float | None
+    tolerance: float | Mapping[str, float] | Tolerance | None
+    method: str | None
+    formula: str | None
+    interval: float | None
+    output_times: Sequence[float] | None
+    channels: Sequence[str] | None
 
 
 def _checked(made: Callable[..., None]) -> Callable[..., None]:
@@ -258,8 +307,9 @@ def _unknown_option(name: str, beside: Iterable[str] = ()) -> UsageError:
     return UsageError(f"there is no option {quoted(name)}", help=near)
 
 
+_FIELDS: dict[str, Field[Any]] = {about.name: about for about in fields(Options)}
 #: Options with the kind of each: `fields` is slow, and every call of a run asks.
-_KINDS: dict[str, str] = {about.name: about.metadata["kind"] for about in fields(Options)}
+_KINDS: dict[str, str] = {name: about.metadata["kind"] for name, about in _FIELDS.items()}
 #: Options that are one word out of few, with their words.
 WORDS: dict[str, tuple[str, ...]] = {
     about.name: about.metadata["words"]
@@ -271,14 +321,51 @@ WORDS: dict[str, tuple[str, ...]] = {
 def _described() -> str:
     """Return the docstring of `Options`, with a paragraph for each of its fields."""
     lines = [str(Options.__doc__), "", "    Parameters", "    ----------"]
-    for about in fields(Options):
+    lines += _paragraphs([about.name for about in fields(Options)], " " * 4)
+    lines += ["", "    Raises", "    ------", "    UsageError"]
+    return "\n".join([*lines, "        If a value is of the wrong kind, or out of range.", "    "])
+
+
+def _paragraphs(names: Sequence[str], indent: str) -> list[str]:
+    lines = []
+    for about in (_FIELDS[name] for name in names):
         unit = f" In {about.metadata['unit']}." if about.metadata["unit"] else ""
         words = f" One of {', '.join(about.metadata['words'])}." if about.metadata["words"] else ""
         text = about.metadata["text"] + unit + words
-        lines += [f"    {about.name} : {str(about.type).removesuffix(' | None')}, optional"]
-        lines += textwrap.wrap(text, 96, initial_indent=" " * 8, subsequent_indent=" " * 8)
-    lines += ["", "    Raises", "    ------", "    UsageError"]
-    return "\n".join([*lines, "        If a value is of the wrong kind, or out of range.", "    "])
+        lines += [f"{indent}{about.name} : {str(about.type).removesuffix(' | None')}, optional"]
+        deeper = indent + " " * 4
+        lines += textwrap.wrap(text, 96, initial_indent=deeper, subsequent_indent=deeper)
+    return lines
+
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def shows_choices(function: _Function) -> _Function:
+    """List the choices that a function takes as keywords in its docstring and its signature.
+
+    So `help` and completion at run time know them; checkers read the annotation of ``**choices``.
+    """
+    known = inspect.signature(function)
+    *own, rest = known.parameters.values()
+    kind = Further if "Further" in str(rest.annotation) else Choices
+    names = [name for name in _FIELDS if name in kind.__annotations__]
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    shown = [
+        inspect.Parameter(name, keyword, default=None, annotation=str(_FIELDS[name].type))
+        for name in names
+    ]
+    function.__signature__ = known.replace(parameters=[*own, *shown])  # type: ignore[attr-defined]
+    before, mark, after = (function.__doc__ or "").partition(f"{_MARK}\n")
+    if mark:  # no docstrings with `python -OO`
+        indent = before.rpartition("\n")[2]
+        told = "\n".join(_paragraphs(names, indent))
+        function.__doc__ = before.removesuffix(indent) + told + "\n" + after
+    return function
+
+
+#: Stands in a docstring where the choices go.
+_MARK = "CHOICES"
 
 
 def methods() -> list[dict[str, str]]:

@@ -253,7 +253,6 @@ def test_a_result_says_what_the_run_used_stated_or_not(
             "accelerations": "auto",
             "coordinates": "auto",
             "threads": 1,
-            "repartition_factor": 1.25,
             "dense_output": True,
             "profile": "improved",
         }
@@ -549,3 +548,15 @@ def test_the_models_of_the_library_load_and_assemble() -> None:
         report = model.check(spectrum=False)
         assert report.dof >= 0, path
         assert model.defaults["end_time"] > 0.0, path
+
+
+def test_what_the_pages_name_is_there() -> None:
+    assert holonom.signals.spectrum.__module__ == "holonom.signals"
+    assert "signals" in dir(holonom)
+    result = holonom.Model.library("double_pendulum").simulate(end_time=0.5)
+    assert result.limited_by == result.meta["limited_by"]
+    assert result.limited_by.steps <= result.limited_by.of
+    # The tree has a factor of its own, which no choice changes.
+    assert "repartition_factor" not in result.options
+    other = result.model.simulate(end_time=0.5, parametrization="partitioning")
+    assert other.options["repartition_factor"] == 1.25

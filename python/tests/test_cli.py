@@ -21,7 +21,9 @@ from conftest import PENDULUM, write_result
 
 from holonom.base.errors import UsageError
 from holonom.cli.commands import invoke
+from holonom.model import Model
 from holonom.result import Result
+from holonom.store.layout import Quantity
 
 HOLONOM = [sys.executable, "-m", "holonom"]
 
@@ -144,6 +146,83 @@ def test_check_prints_counts_or_json(pendulum: Path, capsys: pytest.CaptureFixtu
     assert output_json(capsys)["dof"] == 1
 
 
+def test_check_and_info_list_the_channels(
+    pendulum: Path, result_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    known = Model.load(pendulum).channels
+    capsys.readouterr()
+    assert invoke(["check", str(pendulum), "--channels"]) == 0
+    listed = capsys.readouterr().out.partition("\nchannels: ")[2].splitlines()[1:]
+    assert [line.split()[0] for line in listed] == list(known)
+    assert "  rod.position [2] m ground" in listed
+    assert invoke(["check", str(pendulum), "--json"]) == 0
+    found = output_json(capsys)["channels"]
+    assert [Quantity(**{**q, "shape": tuple(q["shape"])}) for q in found] == list(known.values())
+
+    assert invoke(["info", str(result_file)]) == 0
+    said = capsys.readouterr().out
+    assert "rod.acceleration" not in said
+    assert "--channels" in said
+    assert invoke(["info", str(result_file), "--channels"]) == 0
+    assert "  rod.acceleration [2] m/s^2 ground" in capsys.readouterr().out
+    assert invoke(["info", str(result_file), "--channels", "--json"]) == 0
+    data = output_json(capsys)
+    stored, others = ({q["name"] for q in data[key]} for key in ("channels", "computable"))
+    assert stored | others == set(known)
+    assert not stored & others
+    assert invoke(["plot", str(result_file), "xyz"]) == 1
+    assert "`holonom info RESULT --channels`" in capsys.readouterr().err
+
+
+def test_a_pattern_takes_a_component(result_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    capsys.readouterr()
+    assert invoke(["export", str(result_file), "*.*c*[1]", "-o", "-"]) == 0
+    heading = capsys.readouterr().out.splitlines()[0]
+    vectors = ("rod.velocity[1] (m/s)", "rod.acceleration[1] (m/s^2)", "pin.force[1] (N)")
+    assert heading == ",".join(["time (s)", *vectors])  # by hand: scalars have no component
+    assert invoke(["export", str(result_file), "*.angle[1]", "-o", "-"]) == 1
+    assert "there is no channel" in capsys.readouterr().err
+
+
+def test_json_is_never_something_else(
+    result_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    capsys.readouterr()
+    for line in (["--json"], ["export", str(result_file), "-o", "-", "--json"]):
+        assert invoke(line) == 1
+        assert "--json" in output_json(capsys)["error"]["message"]
+
+
+def test_a_result_given_for_a_model_is_known(
+    result_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for command in ("check", "run"):
+        assert invoke([command, str(result_file)]) == 2
+        assert f"`holonom info {result_file}`" in capsys.readouterr().err
+
+
+def test_recover_is_not_advised_where_nothing_is_left(
+    result_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    result_file.write_bytes(result_file.read_bytes()[:4096])
+    for flags in ([], ["--recover"]):
+        assert invoke(["info", str(result_file), *flags]) == 5
+        said = capsys.readouterr().err
+        assert "nothing of it can be read" in said
+        assert "--recover" not in said
+
+
+def test_a_start_that_does_not_fit_is_told_in_words_of_the_command_line(
+    pendulum: Path, result_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rest = ["--start", str(result_file), "-o", str(tmp_path / "rest.holonom"), "-q"]
+    assert invoke(["run", "library:slider_crank", "--end-time", "2", *rest]) == 1
+    assert f"{result_file} is a run of another model (rod)" in capsys.readouterr().err
+    for flags in (["--start-time", "5"], ["--end-time", "0.5"]):
+        assert invoke(["run", str(pendulum), *flags, *rest]) == 1
+        assert "`--at SECONDS`" in capsys.readouterr().err
+
+
 def test_check_explains_the_spanning_tree(capsys: pytest.CaptureFixture[str]) -> None:
     # By hand: crank and slider are tied to the ground by one coordinate each, the rod to either;
     # one joint closes the loop, and one coordinate is free.
@@ -236,6 +315,9 @@ USAGE, MODEL, SOLVER, FILES, INTERRUPTED = 1, 2, 3, 5, 130
         (["run", "MODEL", "--at", "1"], USAGE, "--start"),
         (["run", "MODEL", "--fixed-step", "0"], USAGE, "fixed_step"),
         (["run", "MODEL", "--set", "bodies.rad.mass=1"], MODEL, "bodies.rad"),
+        (["run", "MODEL", "--set", "gravity[1]=0", "--set", "gravity[1]=1"], USAGE, "twice"),
+        (["run", "MODEL", "--fixed-step", "0.1", "--max-step", "0.01"], USAGE, "`max_step`"),
+        (["run", "MODEL", "-o", "-"], USAGE, "standard output"),
         (["check", "BROKEN"], MODEL, "bodies"),
         (["run", "MODEL", "--max-steps", "2"], SOLVER, "simulation/max-steps"),
         (["run", "absent.toml"], FILES, "absent.toml"),
@@ -364,6 +446,7 @@ def test_ctrl_c_keeps_and_marks_what_was_computed(pendulum: Path, tmp_path: Path
     assert time.monotonic() - asked < 3.0  # 0.2 s for the core; the rest is the summary
     assert process.returncode == INTERRUPTED
     assert "simulation/interrupted" in err
+    assert f"`holonom run {pendulum} --start {path} -o {path}`" in err
     assert "Traceback" not in err
     assert "interrupted at" in out
     with Result.load(path) as result:

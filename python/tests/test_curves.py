@@ -400,3 +400,39 @@ def test_the_command_draws_runs_and_parts(stored: Path, tmp_path: Path) -> None:
     assert invoke(["plot", str(stored), "energy.kinetic", "--window", "hann"]) == 1
     assert invoke(["plot", str(stored), str(other), "-o", str(other), "--force"]) == 1
     assert invoke(["plot", str(stored), str(tmp_path / "none.holonom")]) == 5
+
+
+def test_the_range_of_an_angle_that_jumps_has_no_mean() -> None:
+    # 12,000 rad are 1,910 turns, more than a picture has pixels: what it draws is the range.
+    t = np.linspace(0.0, 10.0, 60_001)
+    angle = (1200.0 * t + np.pi) % (2.0 * np.pi) - np.pi
+    line = trace(t, angle, wraps=True)
+    assert line.band is not None
+    assert not np.isfinite(line.y).any()
+    np.testing.assert_allclose(line.band[2], np.pi, rtol=0.05)
+    # What stands still afterwards is a line there, and no jump is joined.
+    angle[t > 5.0] = 1.0
+    line = trace(t, angle, wraps=True)
+    assert line.band is not None
+    there = np.isfinite(line.y) & (line.x > 5.02)  # behind the pixels that hold both
+    assert (line.y[there] == 1.0).all()
+    assert line.x[there].min() < 5.1
+    assert all(part.size == line.x.size for part in line.band)
+
+
+def test_what_turns_often_is_not_dashed() -> None:
+    for periods, dash in ((5.0, "7 3"), (40.0, "")):
+        t, y = oscillation(periods, 10_001)
+        assert trace(t, y, dash="7 3").dash == dash
+
+
+def test_zero_is_told_as_zero() -> None:
+    # By hand: a wheel that turns about z alone has neither pitch nor roll nor a reaction sideways.
+    result = holonom.Model.from_text(TURNING).simulate(
+        end_time=1.0, interval=0.01, channels=["wheel.yaw_pitch_roll", "wheel.position"]
+    )
+    angles, place = result.plot().panels
+    assert angles.note.startswith("pitch, roll zero")
+    assert place.note.startswith("zero")
+    (one,) = result.plot("wheel.position[2]", others=[result]).panels
+    assert one.note.startswith("zero")

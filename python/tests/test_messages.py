@@ -220,3 +220,46 @@ def test_text_is_safe_and_short_wherever_it_comes_from() -> None:
     for name in ("caf\udce9", "\udc80\udcff", "plain"):
         assert as_name(as_text(name)) == name
         as_text(name).encode()
+
+
+def test_what_is_shown_of_an_object_is_short() -> None:
+    model = holonom.Model.library("double_pendulum")
+    certified = model.simulate(end_time=0.1, certify=True)
+    other = model.simulate(end_time=0.1, tolerance=1e-2)
+    compared = holonom.compare(model, methods=["ForRadau"], end_time=0.1, repeat=0)
+    differences = holonom.diff(certified, other)
+    objects = [model.check(), certified.certification, differences, compared, compared.rows[0]]
+    objects += [certified.sketch(), model, certified, model.channels]
+    for one in objects:
+        assert len(repr(one)) < 200, repr(one)
+    assert "2 degrees of freedom" in repr(objects[0])
+    assert "ForRadau at 1e-02: completed" in repr(objects[4])
+    assert str(objects[1]).splitlines()[1].split()[2] == certified.certification.ranked[0].name
+    for one in (objects[0], differences, compared):
+        assert one._repr_html_().startswith("<pre>")
+        assert "<" not in one._repr_html_()[5:-6]
+
+
+def test_calls_that_are_nearly_right_say_what_was_meant() -> None:
+    with pytest.raises(holonom.UsageError, match=r"`Model\.load\(path\)`"):
+        holonom.Model("x.toml")  # type: ignore[arg-type]
+    with pytest.raises(holonom.UsageError, match="that of the model"):
+        holonom.Tolerance(translation=1e-6)
+    model = holonom.Model.from_text(PENDULUM)
+    result = model.simulate(end_time=0.1)
+    with pytest.raises(KeyError, match=r"rod\.angular_velocity"):
+        model.channels["rod.omega"]
+    with pytest.raises(KeyError, match="`error`, `accepted`"):
+        result.steps["x"]
+    assert model.channels.get("rod.omega") is None
+    for first, count in ((-1, 5), (0, -1), (0.5, 1)):
+        with pytest.raises(holonom.UsageError, match="counted from 0"):
+            result.rows(first, count, ["rod.position"])  # type: ignore[arg-type]
+
+
+def test_models_of_one_text_are_equal() -> None:
+    model = holonom.Model.from_text(PENDULUM)
+    again = pickle.loads(pickle.dumps(model))
+    assert model == again
+    assert len({model, again, model.with_values({"bodies.rod.mass": 3.0})}) == 2
+    assert model != PENDULUM

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,8 @@ from conftest import PENDULUM
 
 import holonom
 from holonom import Options, Tolerance, UsageError
+from holonom.model import Arguments
+from holonom.options import Choices
 
 
 def test_stated_choices_are_plain_data() -> None:
@@ -86,3 +90,31 @@ def test_choices_that_a_model_keeps_are_those_of_the_call() -> None:
     first.meta["options"]["channels"].clear()
     assert second.options == expected[0].options
     assert second.meta["model"] == shared.to_dict() == expected[0].meta["model"]
+
+
+def test_keywords_are_typed_and_told_as_the_options_are() -> None:
+    types = {about.name: about.type for about in fields(holonom.Options)}
+    assert {name: kind.__forward_arg__ for name, kind in Choices.__annotations__.items()} == types
+    simulate = inspect.signature(holonom.Model.simulate)
+    assert Arguments.__annotations__.keys() == simulate.parameters.keys() - {"self"}
+    told = str(inspect.getdoc(holonom.Model.simulate))
+    assert all(f"\n{name} : " in told for name in types)
+    assert "CHOICES" not in told + str(holonom.compare.__doc__)
+    assert "max_seconds" in inspect.signature(holonom.compare).parameters
+
+
+def test_options_are_shared_by_runs() -> None:
+    model = holonom.Model.from_text(PENDULUM)
+    shared = holonom.Options(end_time=0.5, tolerance=1e-3, method="ForSDIRK")
+    used = model.simulate(options=shared, end_time=0.25).options
+    assert (used["end_time"], used["method"]) == (0.25, "ForSDIRK")
+    assert used["tolerance"]["relative"] == 1e-3
+    with pytest.raises(holonom.UsageError, match="`options` is"):
+        model.simulate(options={"end_time": 0.5})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("other", ["max_step", "initial_step"])
+def test_a_fixed_step_has_no_other_sizes_beside_it(other: str) -> None:
+    model = holonom.Model.from_text(PENDULUM)
+    with pytest.raises(holonom.UsageError, match=f"both `fixed_step` and `{other}`"):
+        model.simulate(**{"fixed_step": 0.01, other: 0.001})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 import xml.etree.ElementTree as ET
@@ -15,6 +16,7 @@ from hypothesis import strategies as st
 import holonom
 from holonom.pictures import svg
 from holonom.pictures.picture import MARKERS, Line, Panel, Picture, thinned
+from holonom.pictures.runs import residuals
 from holonom.pictures.ticks import limits, linear, logarithmic
 from holonom.result import Result
 
@@ -181,3 +183,37 @@ def test_a_picture_is_one_line_where_no_notebook_shows_it() -> None:
     line = Line(np.arange(3.0), np.arange(3.0))
     assert repr(Picture("angle", [Panel([line], "rad")])) == "<picture 'angle': 1 panel>"
     assert repr(Picture("a\x1b[31m", [])) == r"<picture 'a\\x1b[31m': 0 panels>"
+
+
+def test_residuals_that_are_zero_are_said_to_be(stored: Path) -> None:
+    pytest.importorskip("matplotlib")
+    with Result.load(stored) as result:
+        result._kept["constraint.position"] = np.zeros(result.time.size)
+        picture = residuals(result, ["constraint.position"])
+    said = "all are exactly zero in every row"
+    assert said in svg.element(picture)
+    assert said in [text.get_text() for text in picture.figure().axes[0].texts]
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(2e-4, 9e-3), (6e-4, 1.4e-3), (3e-4, 3.8e-4), (1e-9, 1e5)]
+)
+def test_logarithmic_labels_of_matplotlib_do_not_overlap(low: float, high: float) -> None:
+    pytest.importorskip("matplotlib")
+    x = np.geomspace(low, high, 9)
+    picture = Picture("", [Panel([Line(x, x)], "s", logarithmic=True)], "s", logarithmic=True)
+    figure = picture.figure()
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    for axis, first, second in ((axes.xaxis, "x0", "x1"), (axes.yaxis, "y0", "y1")):
+        ends = axis.get_view_interval()
+        ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+        shown = [
+            t.label1 for t in ticks if ends[0] <= t.get_loc() <= ends[1] and t.label1.get_text()
+        ]
+        assert 2 <= len(shown) <= 10
+        boxes = sorted(
+            (label.get_window_extent() for label in shown), key=lambda b: getattr(b, first)
+        )
+        for one, other in itertools.pairwise(boxes):
+            assert getattr(one, second) < getattr(other, first)

@@ -456,3 +456,12 @@ def test_many_channels_are_told_in_numbers() -> None:
     assert text.count('<figure class="plot"') == CHANNELS_DRAWN + 3
     assert f"The first {CHANNELS_DRAWN} of {len(result.requested)} channels" in text
     assert all(name.partition("[")[0] in text for name in result.requested)
+
+
+def test_residuals_that_are_exactly_zero_are_told(tmp_path: Path) -> None:
+    # A block at rest along an axis of the ground: every row of the guide is zero as it is computed.
+    text = oscillator_text(mass=1.0, x=0.0, stiffness=100.0, free_length=1.0)
+    result = holonom.Model.from_text(text).simulate(end_time=0.1)
+    assert not any(result[name].any() for name in result.channels if "constraint" in name)
+    page = result.report(tmp_path / "rest.html").read_text(encoding="utf-8")
+    assert "All are exactly zero at every output time." in page

@@ -143,6 +143,11 @@ def require_target(
     """
     if not isinstance(force, bool):
         raise UsageError(f"`force` is {quoted(repr(force))}", help="it is True or False")
+    if str(path) == "-":
+        raise UsageError(
+            f"`-`, standard output, takes no {KINDS[kind].title}",
+            help="name a file; `holonom export -o -` prints channels as CSV",
+        )
     real = Path(os.path.realpath(path))
     try:
         there = real.lstat()

@@ -28,6 +28,11 @@ def shown(text: str) -> str:
     return text
 
 
+def preformatted(text: str) -> str:
+    """Return text of some lines as a notebook shows it."""
+    return f"<pre>{html.escape(shown(text))}</pre>"
+
+
 def quoted(name: object) -> str:
     """Return a name that a user gave, in backticks: one line and short, whatever it holds."""
     text = _escaped(str(name)).replace("\n", "\\n").replace("\t", "\\t")

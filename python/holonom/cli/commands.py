@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from holonom.base import files
-from holonom.base.errors import Exit, FileError, HolonomError
+from holonom.base.errors import Exit, FileError, HolonomError, UsageError
 from holonom.base.names import COMMANDS, OPTIONS, did_you_mean, nearest
 from holonom.base.text import shown
 from holonom.cli.arguments import Json
@@ -46,8 +46,15 @@ def command(
     if version:
         print_version(json_)
         raise typer.Exit(Exit.OK)
-    if context.invoked_subcommand is None:
-        typer.echo(context.get_help())
+    if context.invoked_subcommand is not None:
+        return
+    if json_:
+        raise UsageError(
+            "`--json` is given without a command",
+            help="write it behind the command, `holonom check MODEL --json`; alone it goes with "
+            "`--version`",
+        )
+    typer.echo(context.get_help())
 
 
 for _one in (
@@ -115,7 +122,7 @@ def _run(line: list[str]) -> int:
     if "_HOLONOM_COMPLETE" in os.environ:  # a shell asks what could come next
         group.main(line, prog_name="holonom")
     try:
-        with group.make_context("holonom", line) as context:
+        with group.make_context("holonom", [*line]) as context:
             return int(group.invoke(context) or Exit.OK)
     except typer.Exit as done:  # `--help`
         return int(done.exit_code)

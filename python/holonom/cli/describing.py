@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from holonom import library
 from holonom.base.errors import Exit, FileError, UsageError, describe
-from holonom.base.text import one_line
 from holonom.cli.arguments import (
     Json,
     ModelFile,
@@ -20,7 +19,20 @@ from holonom.cli.arguments import (
     lost,
     output_to,
 )
-from holonom.cli.terminal import complain, done, facts, print_json, print_summary, say
+from holonom.cli.terminal import (
+    as_data,
+    complain,
+    done,
+    facts,
+    print_json,
+    print_summary,
+    say,
+    say_channels,
+)
+
+if TYPE_CHECKING:
+    from holonom.result import Result
+    from holonom.store.layout import Quantity
 
 
 def check(
@@ -29,18 +41,33 @@ def check(
     verbose: Annotated[
         bool, typer.Option("--verbose", help="A line per edge of the spanning tree.")
     ] = False,
+    channels: Annotated[
+        bool, typer.Option("--channels", help="A line per channel: name, shape, unit and frame.")
+    ] = False,
     json_: Json = False,
 ) -> int:
     """Validate and assemble a model; print counts, redundancy and stiffness."""
-    report = load_model(model, values).check()
+    loaded = load_model(model, values)
+    report = loaded.check()
     if json_:
-        print_json(report.to_json())
-    else:
-        say("\n".join([str(report), *(report.tree_lines() if verbose else [])]))
+        print_json(report.to_json() | {"channels": as_data(loaded.channels.values())})
+        return Exit.OK
+    say("\n".join([str(report), *(report.tree_lines() if verbose else [])]))
+    if channels:
+        say("\nchannels: stored where a run asks for them, else computed from its states")
+        say_channels(loaded.channels.values())
     return Exit.OK
 
 
-def info(result: ResultFile, recover: Recover = False, json_: Json = False) -> int:
+def info(
+    result: ResultFile,
+    channels: Annotated[
+        bool,
+        typer.Option("--channels", help="List also the channels that can be computed."),
+    ] = False,
+    recover: Recover = False,
+    json_: Json = False,
+) -> int:
     """Say what a result file holds, up to which time, and whether all of it is whole."""
     from holonom.result import Result
 
@@ -53,20 +80,30 @@ def info(result: ResultFile, recover: Recover = False, json_: Json = False) -> i
             if failure is not None:
                 error = failure.to_json() | {"damage": damage}
                 failed = {"error": error, "exit_status": int(failure.exit_code)}
-            print_json(facts(loaded) | failed)
+            known = {"computable": as_data(_computable(loaded))} if channels else {}
+            print_json(facts(loaded) | known | failed)
             return Exit.OK if failure is None else failure.exit_code
         print_summary(loaded)
         if loaded.status != "completed" and loaded.stop_reason:
             say(describe(loaded.stop_reason))
-        for name in loaded.channels:
-            quantity = loaded.quantities[name]
-            shape = f" {list(quantity.shape)}" if quantity.shape else ""
-            say(one_line(f"  {name}{shape} {quantity.unit} {quantity.frame}").rstrip())
+        say_channels(loaded.quantities[name] for name in loaded.channels)
+        if channels:
+            say("not stored, and computed from the states when asked for:")
+            say_channels(_computable(loaded))
+        elif "q" in loaded.quantities and "model" in loaded.meta:
+            say("others are computed from the states; `--channels` lists them")
     if failure is not None:
         raise failure
     if damage:
         complain(f"{lost(result, damage)} [result/damaged]", "warning")
     return Exit.OK
+
+
+def _computable(result: Result) -> list[Quantity]:
+    """Return the channels that are not stored and follow from the stored states."""
+    if "q" not in result.quantities:
+        return []
+    return [q for name, q in result.model.channels.items() if name not in result.quantities]
 
 
 def _refused(path: Path) -> str:

@@ -56,6 +56,9 @@ def export(
     """Write channels as CSV, Parquet, NetCDF or for MATLAB; without names those stored."""
     from holonom.export import FORMATS, format_of, write_csv
 
+    if json_ and str(output) == "-":
+        tip = "leave one of them out, or name a file with `-o FILE`"
+        raise UsageError("`-o -` prints CSV and `--json` prints JSON", help=tip)
     format_ = format_of(output, format_)
     ending, write = FORMATS[format_]
     target = output or result.with_suffix(ending)

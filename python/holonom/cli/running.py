@@ -6,14 +6,15 @@ import contextlib
 import datetime as dt
 import math
 import os
-from collections.abc import Iterator
+import shlex
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from holonom.base import files
-from holonom.base.errors import Exit, SimulationError, UsageError
+from holonom.base.errors import Exit, Interrupted, SimulationError, UsageError
 from holonom.cli.arguments import (
     Force,
     Json,
@@ -88,9 +89,11 @@ def run(
     if at is not None and not math.isfinite(at):
         raise UsageError(f"`--at` is {at}", help="give a finite time, s")
     state = None
+    ran: Mapping[str, Any] = {}
     if start is not None:
         with opened(start, recover=recover) as older:
-            state = older.state(at)
+            state, ran = older.state(at), older.meta
+        _require_later(choices, loaded, float(state["time"][0]), start)
     sources = [*loaded.sources, None if files.same_file(start, target) else start]
     if not keep:
         files.require_targets([(target, "result")], inputs=sources, force=force)
@@ -118,7 +121,11 @@ def run(
         except SimulationError as error:
             if error.result is None:
                 raise
-            result, failure = error.result, error
+            result, failure = error.result, _advised(error, model, output)
+        except UsageError as error:
+            if start is not None and error.code == "simulation/start-state":
+                raise _of_another_model(start, ran, loaded, error) from None
+            raise
         if live:
             live.finish(result.status)
     with result:
@@ -134,6 +141,51 @@ def run(
             complain(str(failure))
         return failure.exit_code
     return Exit.OK
+
+
+def _require_later(choices: Mapping[str, Any], model: Model, time: float, start: Path) -> None:
+    """Refuse times of a run that do not go with the state (s) of a result that it starts from."""
+    stated = choices.get("start_time")
+    if stated is not None and stated != time:
+        raise UsageError(
+            f"`--start-time` is {stated:g} s, and the run starts from the state of {start} at "
+            f"{time:g} s",
+            help="leave it out; `--at SECONDS` names the state to start from",
+        )
+    end = choices.get("end_time", model.defaults.get("end_time"))
+    if end is not None and end < time:
+        raise UsageError(
+            f"the run ends at {end:g} s, before the state of {start} at {time:g} s that it starts "
+            "from",
+            help="take a later `--end-time`, or an earlier state: `--at SECONDS`",
+        )
+
+
+def _of_another_model(
+    start: Path, ran: Mapping[str, Any], model: Model, error: UsageError
+) -> UsageError:
+    """Say whose state it is that a model cannot start from, if it is another's."""
+    if ran.get("model_hash") == model.hash:
+        return error
+    name, why = str(ran.get("name", "")), str(error).partition(" [simulation/")[0]
+    whose = f"another model ({name})" if name != model.name else f"another version of {name}"
+    return UsageError(
+        f"{start} is a run of {whose}: {why} [{error.code}]",
+        error.code,
+        f"start from a run of {model.name} with the same items",
+    )
+
+
+def _advised(error: SimulationError, model: Path, output: Path | None) -> SimulationError:
+    """Say by which command a run that Ctrl-C ended goes on."""
+    result = error.result
+    if result is None or result.path is None or result.status != "interrupted":
+        return error
+    path = result.path
+    target = "" if output is None else f" -o {shlex.quote(str(path))}"
+    line = f"holonom run {shlex.quote(str(model))} --start {shlex.quote(str(path))}{target}"
+    tip = f"`{line}`, with the other options as they were, goes on from it"
+    return Interrupted(error.reason | {"help": f"what was computed is kept; {tip}"}, result)
 
 
 @contextlib.contextmanager

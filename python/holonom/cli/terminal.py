@@ -6,7 +6,7 @@ import contextlib
 import json
 import platform
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from holonom.base.text import as_json, one_line, shown
 
 if TYPE_CHECKING:
     from holonom.result import Result
+    from holonom.store.layout import Quantity
     from holonom.study.comparison import Comparison
 
 #: Lines of an error analysis that are printed; a longer one goes to a file.
@@ -46,15 +47,28 @@ def facts(result: Result) -> dict[str, Any]:
     """Return what is known about a result, without the model's text."""
     known = {key: value for key, value in result.meta.items() if key != "model"}
     known |= {
+        **({"options": result.options} if "options" in known else {}),
         "result": str(result.path),
         "n_times": result.time.size,
         "stored_until": float(result.time[-1]) if result.time.size else None,
-        "channels": [
-            {"name": q.name, "unit": q.unit, "frame": q.frame, "shape": list(q.shape)}
-            for q in (result.quantities[name] for name in result.channels)
-        ],
+        "channels": as_data(result.quantities[name] for name in result.channels),
     }
     return known
+
+
+def as_data(quantities: Iterable[Quantity]) -> list[dict[str, Any]]:
+    """Return channels as plain data: name, unit, frame and shape of each."""
+    return [
+        {"name": q.name, "unit": q.unit, "frame": q.frame, "shape": list(q.shape)}
+        for q in quantities
+    ]
+
+
+def say_channels(quantities: Iterable[Quantity]) -> None:
+    """Print a line for each channel: name, shape, unit and frame."""
+    for q in quantities:
+        shape = f" {list(q.shape)}" if q.shape else ""
+        say(one_line(f"  {q.name}{shape} {q.unit} {q.frame}").rstrip())
 
 
 def print_summary(result: Result) -> None:

@@ -150,7 +150,12 @@ def read_changes(texts: list[str]) -> dict[str, Any]:
             raise UsageError(
                 f"`--set {quoted(text)[1:]} is not PATH=VALUE", help="as in gravity[1]=-1.62"
             )
-        changes[name.strip()] = read_value(value)
+        name = name.strip()
+        if name in changes:
+            raise UsageError(
+                f"`--set {quoted(name)[1:]} is given twice", help="leave one of the two out"
+            )
+        changes[name] = read_value(value)
     return changes
 
 

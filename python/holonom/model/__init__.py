@@ -12,7 +12,7 @@ import html
 import json
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from holonom import _core, library
 from holonom.base import files, toml
@@ -22,7 +22,7 @@ from holonom.base.text import quoted, shown
 from holonom.check import CheckReport
 from holonom.model import reading
 from holonom.model.compiled import KINDS, Compiled
-from holonom.options import Options, require_known_code
+from holonom.options import Choices, Options, require_known_code, shows_choices
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,10 +38,27 @@ Watch = Callable[[str], None]
 Rows = Callable[[Mapping[str, Any]], None]
 
 
+class Arguments(Choices, total=False):
+    """Keywords of `Model.simulate`, for checkers and editors."""
+
+    start: Mapping[str, NDArray[np.float64]] | None
+    output: str | Path | None
+    on_failure: Literal["raise", "return"]
+    progress: Progress | None
+    watch: Watch | None
+    rows: Rows | None
+    certify: bool
+    keep: bool
+    force: bool
+    source: str | Path | None
+    options: Options | None
+
+
 class Model(Compiled):
     """A validated model: bodies, joints, forces, drivers and their initial state.
 
-    Make one with `Model.load`, `Model.from_text` or `Model.library`. A model never changes.
+    Make one with `Model.load`, `Model.from_text` or `Model.library`. A model never changes;
+    two are equal if their merged texts are, whatever they are called.
 
     Examples
     --------
@@ -52,7 +69,16 @@ class Model(Compiled):
         result = model.simulate(end_time=2.0, tolerance=1e-6)
     """
 
-    def __init__(self, core: _core.CoreModel, name: str, sources: Iterable[Path] = ()) -> None:
+    def __init__(
+        self, core: _core.CoreModel, name: str = "model", sources: Iterable[Path] = ()
+    ) -> None:
+        given: object = core
+        if not isinstance(given, _core.CoreModel):
+            raise UsageError(
+                f"a model is not made of {quoted(repr(given))}",
+                help="`Model.load(path)` reads a file, `Model.from_text` and `from_dict` what "
+                "stands in one, `Model.library(name)` one that comes with Holonom",
+            )
         super().__init__(core, name)
         self._sources = tuple(sources)
         #: Kept by a run for the next one, which often asks for the same: what it asked for, what
@@ -187,7 +213,8 @@ class Model(Compiled):
         ----------
         values : mapping of str to value
             By path: ``forces.front_bushing.stiffness[2]``, ``parameters.speed.value``.
-            Numbers are in the units of the file; a text ``"=2*name"`` is an expression of
+            Numbers are in the units of the file, not in SI as those of `bodies` are, where it
+            states ``units``; a text ``"=2*name"`` is an expression of
             parameters. A repeated item goes by its own name, ``bodies.link_7.mass``, or by
             that in its pattern, ``patterns.chain.bodies."link_{i}".mass``.
 
@@ -241,6 +268,7 @@ class Model(Compiled):
         warnings = [*self.warnings, *data.pop("warnings")]
         return CheckReport(name=self.name, data=data, warnings=warnings)
 
+    @shows_choices
     def simulate(
         self,
         *,
@@ -254,7 +282,8 @@ class Model(Compiled):
         keep: bool = False,
         force: bool = False,
         source: str | Path | None = None,
-        **choices: Any,
+        options: Options | None = None,
+        **choices: Unpack[Choices],
     ) -> Result:
         """Run the model.
 
@@ -289,9 +318,10 @@ class Model(Compiled):
             Whether `output` may also replace a file that is no result.
         source : path, optional
             The result file that `start` was read from, where no row of it is `start`.
-        **choices
-            Those of `Options`: ``end_time``, ``tolerance``, ``method``, ``interval``,
-            ``channels``, …; what is not stated comes from the model.
+        options : Options, optional
+            Choices that several runs share; those of the call come before them. What neither
+            states comes from the model.
+        CHOICES
 
         Raises
         ------
@@ -319,13 +349,18 @@ class Model(Compiled):
         for name, flag in (("certify", certify), ("keep", keep), ("force", force)):
             if not isinstance(flag, bool):
                 raise UsageError(f"`{name}` is {quoted(repr(flag))}", help="it is True or False")
-        if choices.get("method") is None:
+        shared: object = options
+        if not isinstance(shared, Options | None):
+            text = f"`options` is {quoted(repr(shared))}"
+            raise UsageError(text, help="pass `holonom.Options(…)`, or choices as keywords")
+        stated = {**(shared.stated() if shared else {}), **choices}
+        if stated.get("method") is None:
             require_known_code(self.defaults)
-        options = Options.of(choices, beside=Model.simulate.__kwdefaults__ or ())
+        chosen = Options.of(stated, beside=Model.simulate.__kwdefaults__ or ())
         target = None if output is None else as_path(output)
         return run(
             self,
-            options,
+            chosen,
             start,
             target,
             on_failure == "raise",
@@ -341,6 +376,12 @@ class Model(Compiled):
     def __reduce__(self) -> tuple[Any, ...]:
         sources = [source.absolute() for source in self._sources]
         return _restored, (self.to_json(), self.name, sources)
+
+    def __eq__(self, other: object) -> bool:
+        return self.hash == other.hash if isinstance(other, Model) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self.hash)
 
     def __copy__(self) -> Model:
         return self  # a model never changes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import reprlib
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from holonom.base.names import did_you_mean, nearest_channels
 from holonom.base.plain import frozen
 from holonom.base.record import Record
 from holonom.base.text import is_unicode, quoted
-from holonom.channels import expand, is_pattern, require_name, split_component, unknown
+from holonom.channels import LISTED, expand, is_pattern, require_name, split_component, unknown
 from holonom.store.layout import Quantity
 
 if TYPE_CHECKING:
@@ -46,14 +47,26 @@ class Channels(Mapping[str, Quantity]):
         return self._all
 
     def __getitem__(self, name: str) -> Quantity:
+        if (found := self._found(name)) is None:
+            near = nearest_channels(name, self) if isinstance(name, str) else []
+            raise KeyError(f"there is no channel {quoted(str(name))}; {did_you_mean(near, LISTED)}")
+        return found
+
+    def __contains__(self, name: object) -> bool:
+        return self._found(name) is not None
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return a channel by name, or `default` where there is none."""
+        found = self._found(name)
+        return default if found is None else found
+
+    def _found(self, name: object) -> Quantity | None:
+        if not isinstance(name, str) or not is_unicode(name):
+            return None
         if self._all is not None:
-            return self._all[name]
-        known = isinstance(name, str) and is_unicode(name)
-        found = self._core.channel(name) if known else None
-        if found is None:
-            raise KeyError(name)
-        unit, frame, shape = found
-        return Quantity(name, unit, frame, tuple(shape))
+            return self._all.get(name)
+        found = self._core.channel(name)
+        return None if found is None else Quantity(name, *found[:2], tuple(found[2]))
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._listed())
@@ -65,7 +78,7 @@ class Channels(Mapping[str, Quantity]):
         return reversed(self._listed())
 
     def __repr__(self) -> str:
-        return repr(self._listed())
+        return f"<{len(self)} channels: {reprlib.repr(list(self))[1:-1]}>"
 
     def __reduce__(self) -> tuple[type[dict[str, Quantity]], tuple[dict[str, Quantity]]]:
         return dict, (self._listed(),)
@@ -93,7 +106,10 @@ class Compiled:
 
     @property
     def bodies(self) -> Mapping[str, Any]:
-        """Bodies by name as the file states them, in SI and patterns written out; read-only."""
+        """Bodies by name as the file states them, in SI and patterns written out; read-only.
+
+        A value read here is in SI, one given to `with_values` in the units of the file.
+        """
         return self._items("bodies")
 
     @property
@@ -238,9 +254,7 @@ class Compiled:
         names = [require_name(name) for name in names]
         for name in names:
             if name not in self.channels:
-                tip = did_you_mean(
-                    nearest_channels(name, self.channels), "`Model.channels` lists them"
-                )
+                tip = did_you_mean(nearest_channels(name, self.channels), LISTED)
                 if split_component(name)[1] is not None:
                     tip = "name the whole channel; components are columns of what is returned"
                 elif is_pattern(name):

@@ -105,6 +105,18 @@ def _read(path: Path) -> str:
                     help="repeat items by [patterns], or look whether this is a model at all",
                 )
             )
+        with path.open("rb") as file:
+            if files.is_result(file.read(100)):
+                raise ModelError(
+                    Problem(
+                        code="model/syntax",
+                        message="the file is a result, not a model",
+                        file=str(path),
+                        expected="a model file, TOML or JSON",
+                        help=f"`holonom info {path}` says what it holds; `Result.load(path).model` "
+                        "is the model that was run",
+                    )
+                )
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise ModelError(
@@ -113,7 +125,7 @@ def _read(path: Path) -> str:
                 message=f"byte {error.start} of the file is not UTF-8",
                 file=str(path),
                 expected="a text file in UTF-8",
-                help="save it as UTF-8; a result file is opened by `Result.load`",
+                help="save it as UTF-8",
             )
         ) from None
     except OSError as error:

@@ -51,6 +51,8 @@ class Line:
         Lengths of strokes and gaps; empty for an unbroken line.
     band : tuple of ndarray, or None
         Places, lower and upper ends of a range that is filled; interrupted where not finite.
+    wraps : bool
+        Whether it is an angle that jumps by whole turns, for those who draw ranges of it.
     """
 
     x: Series
@@ -61,6 +63,7 @@ class Line:
     drawn: bool = True
     dash: str = ""
     band: tuple[Series, Series, Series] | None = None
+    wraps: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,6 +83,8 @@ class Panel:
         A dotted horizontal line with its name.
     least : float
         The vertical axis shows at least such a range, so that noise is not shown large.
+    empty : str
+        What stands in it where no line has a point.
     """
 
     lines: list[Line]
@@ -89,6 +94,7 @@ class Panel:
     logarithmic: bool = False
     level: tuple[float, str] | None = None
     least: float = 0.0
+    empty: str = "no rows"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

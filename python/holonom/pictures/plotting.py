@@ -8,11 +8,13 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from holonom.base import files
 from holonom.base.errors import UsageError
 from holonom.base.names import listed
 from holonom.base.text import quoted
-from holonom.pictures import svg
+from holonom.pictures import svg, ticks
 from holonom.pictures.picture import COLORS, Line, Panel, Picture
 
 if TYPE_CHECKING:
@@ -24,8 +26,10 @@ FORMATS = ("svg", "pdf", "png")
 
 _INK = "#1f2326"
 _FONT, _SMALL = 9.0, 8.0  # pt
-_SAMPLE = 34.0  # pt, of a line in the legend with the gaps beside it
+_SAMPLE = 52.0  # pt, of a line in the legend with the gaps beside it
 _ROW = 12.0  # pt, of the legend
+_MOST_LABELS = 7  # of a logarithmic axis
+_NARROW = 3.0  # end of such an axis over its beginning, up to which it is labelled evenly
 _STYLE: dict[Any, Any] = {
     "axes.axisbelow": True,
     "axes.edgecolor": _INK,
@@ -131,17 +135,39 @@ def draw(picture: Picture, axes: Axes | Sequence[Axes]) -> None:
                 one.fill_between(*line.band, color=line.color or COLORS[0], alpha=0.25, linewidth=0)
             one.plot(line.x, line.y, **_style(line))
         _widen(one, panel)
+        if not any(np.isfinite(line.y).any() for line in panel.lines):
+            middle = {"ha": "center", "va": "center", "transform": one.transAxes}
+            one.text(0.5, 0.5, panel.empty, alpha=0.65, **middle)
         if panel.level is not None:
             value, label = panel.level
             one.axhline(value, color=_INK, linewidth=0.8, linestyle=":", label=label)
         one.set_xscale("log" if picture.logarithmic else "linear")
         one.set_yscale("log" if panel.logarithmic else "linear")
+        for axis, logarithmic in ((one.xaxis, picture.logarithmic), (one.yaxis, panel.logarithmic)):
+            if logarithmic:
+                _few_labels(axis)
         rows = _legend(one)
         title = ", ".join(filter(None, (panel.title, panel.note)))
         one.set_title(title, loc="left", fontsize=_FONT, pad=4.0 + _ROW * rows)
         one.set_ylabel(panel.label)
     if several:
         several[-1].set_xlabel(picture.label)
+
+
+def _few_labels(axis: Any) -> None:
+    """Label powers of ten, or in a narrow range round numbers, and so few that none overlap."""
+    from matplotlib import ticker
+
+    low, high = sorted(axis.get_view_interval())
+    if high > _NARROW * low:
+        between = ticks.between(low, high)
+        axis.set_major_locator(ticker.LogLocator(subs=between, numticks=_MOST_LABELS))
+        axis.set_major_formatter(ticker.LogFormatterSciNotation(minor_thresholds=(np.inf, np.inf)))
+    else:
+        axis.set_major_locator(ticker.MaxNLocator(_MOST_LABELS - 2))
+        axis.set_major_formatter(ticker.ScalarFormatter())
+        axis.set_minor_locator(ticker.NullLocator())
+    axis.set_minor_formatter(ticker.NullFormatter())
 
 
 def _legend(axes: Axes) -> int:
@@ -165,7 +191,7 @@ def _legend(axes: Axes) -> int:
         borderaxespad=0.1,
         borderpad=0.1,
         columnspacing=1.2,
-        handlelength=1.8,
+        handlelength=4.0,
         labelspacing=0.25,
     )
     return -(-len(entries) // columns)

@@ -28,7 +28,7 @@ from holonom.pictures.picture import (
     Series,
     thinned,
 )
-from holonom.pictures.traces import broken, envelope, trace, walked
+from holonom.pictures.traces import broken, dash_of, envelope, trace, walked
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -185,7 +185,9 @@ def _panels(
             still = all(one.still[i] for one in rows)
             least = STILL * max(float(one.tolerances[i]) for one in rows)
             unit = unit_of(first.unit, i, len(first.labels))
-            text = ", ".join(filter(None, (_stillness(least, unit) if still else "", notes)))
+            said = _stillness(least, unit) if still else ""
+            said = _ZERO if all(_is_zero(one, i) for one in rows) else said
+            text = ", ".join(filter(None, (said, notes)))
             yield Panel(lines, unit, heading, text, least=least if still else 0.0)
         return
     draw = partial(_whole if whole else trace, wraps=first.wraps)
@@ -203,16 +205,17 @@ def _panels(
             )
             for i in together
         ]
-        said = ""
-        if resting:
-            unit = unit_of(first.unit, together[0], len(first.labels))
-            said = _stillness(max(float(bounds[i]) for i in resting), unit)
-            if len(resting) < len(together):
-                said = f"{', '.join(first.labels[i] for i in resting)} {said}"
         heading = "" if number else first.title
-        text = ", ".join(filter(None, (said, "" if number else notes)))
         least = max((float(bounds[i]) for i in resting), default=0.0)
         unit = unit_of(first.unit, together[0], len(first.labels))
+        zero = [i for i in together if _is_zero(first, i)]
+        moving = [i for i in resting if i not in zero]
+        parts = [
+            text if len(these) == len(together) else f"{_words(first, these)} {text}"
+            for these, text in ((zero, _ZERO), (moving, _stillness(least, unit)))
+            if these
+        ]
+        text = ", ".join(filter(None, (*parts, "" if number else notes)))
         yield Panel(lines, unit, heading, text, least=least)
 
 
@@ -220,7 +223,7 @@ def _whole(t: Series, y: Series, *, label: str, color: str, marker: str, wraps: 
     """Return a line with every row, interrupted as `trace` does it."""
     if wraps and envelope(t, y) is None:
         t, y = broken(t, y)
-    return Line(t, y, label, color, marker)
+    return Line(t, y, label, color, marker, wraps=wraps)
 
 
 def _together(one: Curves, bounds: Series) -> list[list[int]]:
@@ -232,6 +235,18 @@ def _together(one: Curves, bounds: Series) -> list[list[int]]:
         found = grouped(one.values[:, columns], bounds[columns])
         groups += [[columns[k] for k in group] for group in found]
     return groups
+
+
+#: Said of what is exactly that in every row.
+_ZERO = "zero"
+
+
+def _is_zero(one: Curves, component: int) -> bool:
+    return one.time.size > 0 and not one.values[:, component].any()
+
+
+def _words(one: Curves, these: Sequence[int]) -> str:
+    return ", ".join(one.labels[i] for i in these)
 
 
 def _stillness(bound: float, unit: str) -> str:
@@ -268,7 +283,7 @@ def _phases(
                 if run.wraps:
                     x, y = broken(x, y, x)
                 x, y = walked(x, y)
-                color, dash = COLORS[k % len(COLORS)], DASHES[k % len(DASHES)]
+                color, dash = COLORS[k % len(COLORS)], dash_of(y, DASHES[k % len(DASHES)])
                 lines.append(Line(x, y, labels[k] if several else "", color, dash=dash))
             whole = f"{first.title}, {word}" if word else first.title
             unit = unit_of(first.unit, i, len(first.labels))
@@ -303,14 +318,9 @@ def _spectra(
                 for k, (one, label) in enumerate(zip(spectra, labels, strict=True)):
                     at = k if several else i
                     seen = slice(1, np.searchsorted(one.frequency, last, side="right"))
-                    lines.append(
-                        Line(
-                            *_highest(one.frequency[seen], one.amplitude[seen, i], _DEPTH * top),
-                            label if several else first.labels[i],
-                            COLORS[at % len(COLORS)],
-                            dash=DASHES[k % len(DASHES)],
-                        )
-                    )
+                    x, y = _highest(one.frequency[seen], one.amplitude[seen, i], _DEPTH * top)
+                    called, dash = label if several else first.labels[i], DASHES[k % len(DASHES)]
+                    lines.append(Line(x, y, called, COLORS[at % len(COLORS)], dash=dash))
             lowest = min(float(first.tolerances[i]) for i in together)
             level = (lowest, "one tolerance") if _DEPTH * top < lowest else None
             word = first.labels[together[0]] if several else ""
@@ -389,7 +399,8 @@ def residuals(result: Result, names: Sequence[str]) -> Picture:
         label = f"{name.partition('.')[2]}, {unit_text(result.unit(name))}"
         color = COLORS[number % len(COLORS)]
         lines.append(Line(*thinned(result.time, shown), label=label, color=color))
-    panel = Panel(lines, "largest residual", logarithmic=True)
+    empty = "all are exactly zero in every row" if result.time.size else "no rows"
+    panel = Panel(lines, "largest residual", logarithmic=True, empty=empty)
     return Picture("constraint residuals", [panel], height=0.3)
 
 

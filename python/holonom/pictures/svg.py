@@ -19,7 +19,7 @@ _FONT = 12.5
 _SMALL = 11.5
 _FAMILY = "system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', Helvetica, Arial, sans-serif"
 _ROW = 16.0  # a row of text
-_SAMPLE = 18.0  # length of a line in the legend
+_SAMPLE = 32.0  # length of a line in the legend
 _GAP = 14.0  # between panels, and between entries of a legend
 _RIGHT = 14.0
 #: Characters that XML does not know.
@@ -237,7 +237,7 @@ def _panel(
         yield _dotted(left, right, y)
     if not any(np.isfinite(line.y).any() for line in panel.lines):
         middle = 0.5 * (left + right), 0.5 * (top + bottom) + 4.0
-        yield _text("no rows", *middle, anchor="middle", opacity=0.65)
+        yield _text(panel.empty, *middle, anchor="middle", opacity=0.65)
     for line in panel.lines:
         xs, ys = across(line.x), axis(line.y)
         if line.band is not None:

@@ -87,7 +87,7 @@ def logarithmic(low: float, high: float, most: int) -> Ticks:
         marks = [
             (digit, power)
             for power in range(first - 1, last + 1)
-            for digit in ((1, 2, 5) if math.log10(high / low) > 0.5 else range(1, 10))
+            for digit in between(low, high)
             if low <= digit * 10.0**power <= high
         ]
     else:
@@ -100,6 +100,14 @@ def logarithmic(low: float, high: float, most: int) -> Ticks:
         for digit, power in marks
     ]
     return Ticks(tuple(digit * 10.0**power for digit, power in marks), tuple(labels))
+
+
+def between(low: float, high: float) -> tuple[int, ...]:
+    """Return the multiples of powers of ten that are labelled in a range."""
+    decades = math.log10(high / low)
+    if math.floor(math.log10(high) + 1e-9) - math.ceil(math.log10(low) - 1e-9) >= 2:
+        return (1,)
+    return (1, 2, 5) if decades > 0.5 else tuple(range(1, 10))
 
 
 def power_of_ten(exponent: int) -> str:

@@ -9,6 +9,8 @@ from holonom.pictures.picture import COLORS, POINTS, Line, Series, thinned
 #: Parts of a picture's width, two pixels each, in which a curve turns back so often or more that
 #: it would be a bar of ink: there its range is shown.
 COLUMNS, TURNS = 280, 2
+#: A line that turns back more often is not dashed.
+MOST_DASHED = 20
 #: Neighbours of such a part over which the mean is taken.
 _AROUND = 3
 
@@ -25,16 +27,26 @@ def trace(
 ) -> Line:
     """Return a signal as a line, with its range and its mean where it turns back too often.
 
-    Where `wraps`, the line is interrupted at jumps by a whole turn.
+    Where `wraps`, the line is interrupted at jumps by a whole turn, and a range that has some
+    stands without a mean, which would say nothing. What turns often is not dashed.
     """
     color = color or COLORS[0]
-    found = envelope(t, y)
+    found = envelope(t, y, wraps=wraps)
     if found is None:
         if wraps:
             t, y = broken(t, y)
-        return Line(*thinned(t, y), label=label, color=color, marker=marker, dash=dash)
+        x, line = thinned(t, y)
+        return Line(x, line, label, color, marker, dash=dash_of(line, dash))
     x, low, high, mean = found
     return Line(x, mean, label, color, marker, dash=dash, band=(x, low, high))
+
+
+def dash_of(y: Series, dash: str) -> str:
+    """Return how a line is broken: not at all where gaps would cut its swings to pieces."""
+    steps = np.diff(y[np.isfinite(y)])
+    moves = steps[np.abs(steps) > 1e-3 * (np.ptp(y[np.isfinite(y)]) if steps.size else 0.0)]
+    turns = int((np.sign(moves[1:]) != np.sign(moves[:-1])).sum())
+    return "" if turns > MOST_DASHED else dash
 
 
 def broken(x: Series, y: Series, angle: Series | None = None) -> tuple[Series, Series]:
@@ -44,14 +56,17 @@ def broken(x: Series, y: Series, angle: Series | None = None) -> tuple[Series, S
     return np.insert(x, jumps, middle), np.insert(y, jumps, np.nan)
 
 
-def envelope(t: Series, y: Series) -> tuple[Series, Series, Series, Series] | None:
+def envelope(
+    t: Series, y: Series, *, wraps: bool = False
+) -> tuple[Series, Series, Series, Series] | None:
     """Return a signal by its range where it would be a bar of ink, or None where it is nowhere.
 
     Returns
     -------
     tuple of ndarray, shape (n,)
         Places, low and high ends (NaN where the signal is a line), and the line: the signal's own
-        points there, elsewhere its mean over some pixels.
+        points there, elsewhere its mean over some pixels; where it `wraps`, NaN at jumps and in
+        place of means over some.
     """
     if t.size < 3 * TURNS or not np.isfinite(y).all() or not t[-1] > t[0]:
         return None
@@ -78,6 +93,9 @@ def envelope(t: Series, y: Series) -> tuple[Series, Series, Series, Series] | No
     first = edges[np.maximum(np.arange(COLUMNS) - _AROUND, 0)]
     last = edges[np.minimum(np.arange(COLUMNS) + _AROUND + 1, COLUMNS)]
     mean = (sums[last] - sums[first]) / np.maximum(last - first, 1)
+    if wraps:
+        leaps = np.concatenate([[0], np.cumsum(np.abs(np.diff(y)) > np.pi), [0]])
+        mean[leaps[np.maximum(last - 1, first)] > leaps[first]] = np.nan
     middle = t[0] + (np.arange(COLUMNS) + 0.5) * (t[-1] - t[0]) / COLUMNS
     calm = ~dense[column]
     calm_t, calm_y = thinned(t[calm], y[calm]) if calm.any() else (t[:0], y[:0])
@@ -87,7 +105,11 @@ def envelope(t: Series, y: Series) -> tuple[Series, Series, Series, Series] | No
     bottom = np.concatenate([np.full(calm_t.size, np.nan), low[number]])
     top = np.concatenate([np.full(calm_t.size, np.nan), high[number]])
     order = np.argsort(x, kind="stable")
-    return x[order], bottom[order], top[order], line[order]
+    x, bottom, top, line = x[order], bottom[order], top[order], line[order]
+    if wraps:
+        bottom, top = (broken(x, part, line)[1] for part in (bottom, top))
+        x, line = broken(x, line)
+    return x, bottom, top, line
 
 
 def walked(x: Series, y: Series) -> tuple[Series, Series]:

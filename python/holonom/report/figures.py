@@ -51,6 +51,7 @@ class Figures:
                         "label": panel.label,
                         "log": panel.logarithmic,
                         "least": panel.least,
+                        "empty": panel.empty,
                         "lines": [
                             {
                                 "label": line.label,
@@ -58,6 +59,7 @@ class Figures:
                                 "marker": line.marker,
                                 "drawn": line.drawn,
                                 "dash": line.dash,
+                                "wraps": line.wraps,
                                 **self._numbers(line.x, line.y),
                             }
                             for line in panel.lines

@@ -82,6 +82,7 @@
     const k = place(line.x, x), n = line.x.length;
     if (!n || x < line.x[0] || x > line.x[n - 1]) return NaN;
     if (k === 0) return line.base + line.y[0];
+    if (leaps(line, k)) return line.base + line.y[k];
     const part = (x - line.x[k - 1]) / (line.x[k] - line.x[k - 1] || 1);
     return line.base + line.y[k - 1] + part * (line.y[k] - line.y[k - 1]);
   }
@@ -90,13 +91,18 @@
     return [Math.max(0, place(line.x, from) - 1), Math.min(line.x.length - 1, place(line.x, to))];
   }
 
+  /** Whether an angle jumps by a whole turn before a point. */
+  function leaps(line, k) {
+    return line.wraps && k > 0 && Math.abs(line.y[k] - line.y[k - 1]) > Math.PI;
+  }
+
   function polyline(line, first, last, px, py) {
     let path = "", joined = false;
     for (let k = first; k <= last; k++) {
       const y = py(line.base + line.y[k]);
       if (!Number.isFinite(y)) joined = false;
       else {
-        path += `${joined ? "L" : "M"}${px(line.x[k]).toFixed(1)} ${y.toFixed(1)}`;
+        path += `${joined && !leaps(line, k) ? "L" : "M"}${px(line.x[k]).toFixed(1)} ${y.toFixed(1)}`;
         joined = true;
       }
     }
@@ -106,7 +112,7 @@
   /** A line of more points than pixels: extremes of each column, or its range where it is dense. */
   function reduced(line, first, last, px, py, left, width) {
     const count = Math.max(1, Math.floor(width / COLUMN));
-    const columns = Array.from({ length: count }, () => ({ low: NaN, high: NaN, turns: 0, sum: 0, n: 0, points: [] }));
+    const columns = Array.from({ length: count }, () => ({ low: NaN, high: NaN, turns: 0, leaps: 0, sum: 0, n: 0, points: [] }));
     let before = NaN, way = 0, top = Infinity, bottom = -Infinity;
     for (let k = first; k <= last; k++) {
       const y = py(line.base + line.y[k]);
@@ -123,6 +129,7 @@
         way = rise;
       }
       before = y;
+      column.leaps += k > first && leaps(line, k) ? 1 : 0;
       column.n++;
       column.sum += y;
       const points = column.points;
@@ -138,7 +145,7 @@
     dense = dense.map((d, k) => d || Boolean(dense[k - 1] && dense[k + 1] && columns[k].n));
     dense = dense.map((d, k) => d && Boolean(dense[k - 1] || dense[k + 1]));
     if (dense.filter(Boolean).length < 4) dense.fill(false);
-    let path = "", band = "", run = [];
+    let path = "", band = "", run = [], joined = false;
     const close = () => {
       if (run.length) {
         const upper = run.map(([x, c]) => `${x.toFixed(1)} ${c.points[1][1].toFixed(1)}`);
@@ -151,17 +158,23 @@
       if (!column.n) return;
       if (dense[k]) {
         const x = left + (k + 0.5) * COLUMN;
-        let sum = 0, n = 0;
+        let sum = 0, n = 0, jumps = 0;
         for (let i = Math.max(0, k - AROUND); i <= Math.min(count - 1, k + AROUND); i++) {
           sum += columns[i].sum;
           n += columns[i].n;
+          jumps += columns[i].leaps;
         }
-        path += `${path ? "L" : "M"}${x.toFixed(1)} ${(sum / n).toFixed(1)}`;
+        if (!jumps) path += `${joined ? "L" : "M"}${x.toFixed(1)} ${(sum / n).toFixed(1)}`;
+        joined = !jumps; // a mean over jumps of an angle says nothing
         run.push([x, column]);
       } else {
         close();
         const [a, b, c, d] = column.points;
-        for (const [x, y] of [a, ...(b[0] < c[0] ? [b, c] : [c, b]), d]) path += `${path ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`;
+        if (column.leaps) joined = false;
+        for (const [x, y] of [a, ...(b[0] < c[0] ? [b, c] : [c, b]), d]) {
+          path += `${joined ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`;
+          joined = !column.leaps;
+        }
       }
     });
     close();
@@ -234,6 +247,9 @@
         const clip = `clip-${this.number}-${k}`;
         body += `<clipPath id="${clip}"><rect x="${left}" y="${TOP - 3}" width="${this.inner}" height="${height + 6}"/></clipPath><g clip-path="url(#${clip})">`;
         for (const line of panel.lines) body += this.line(line, [from, to], px, py);
+        if (!panel.lines.some((line) => line.y.some(Number.isFinite))) {
+          body += `<text x="${left + this.inner / 2}" y="${TOP + height / 2}" text-anchor="middle" fill-opacity=".65">${safe(panel.empty)}</text>`;
+        }
         const whole = last ? floor + BOTTOM : floor + 6;
         one.picture.innerHTML = `<svg viewBox="0 0 ${width} ${whole}" width="100%" font-size="11.5" fill="currentColor" role="img" aria-label="${safe(panel.title || panel.label)}">${body}</g></svg>`;
         one.axes.style.setProperty("--floor", `${floor}px`);

@@ -258,8 +258,11 @@ def _steps(result: Result, figures: Figures) -> str:
 
 def _residuals(result: Result, figures: Figures) -> str:
     names = [name for name in result.channels if name.startswith("constraint.")]
-    if not any(np.any(result[name]) for name in names):
+    if not names:
         return ""
+    if not any(np.any(result[name]) for name in names):
+        said = '<p class="note">All are exactly zero at every output time.</p>'
+        return f"<h3>Constraint residuals</h3>{said}"
     caption = "Largest residual of all constraints at each output time; exact zeros are not drawn."
     return "<h3>Constraint residuals</h3>" + figures.add(pictures.residuals(result, names), caption)
 

@@ -13,6 +13,7 @@ from holonom.base.names import did_you_mean, nearest_channels
 from holonom.base.text import quoted
 from holonom.channels import (
     FROM_ZERO,
+    LISTED,
     expand,
     is_from_end,
     is_pattern,
@@ -225,7 +226,8 @@ class Arrays(Facts):
         Parameters
         ----------
         first, count : int
-            The first output time, and how many; what lies beyond the last is left out.
+            The first output time, counted from 0, and how many; what lies beyond the last is left
+            out.
         channels : sequence of str
             Names, without components.
 
@@ -236,8 +238,12 @@ class Arrays(Facts):
         Raises
         ------
         UsageError
-            If a channel is unknown.
+            If a channel is unknown, or a number is negative.
         """
+        for name, number in (("first", first), ("count", count)):
+            if not isinstance(number, int | np.integer) or number < 0:
+                text = f"`{name}` is {quoted(repr(number))}"
+                raise UsageError(text, help="rows are counted from 0: pass a whole number")
         stored = self._reader.quantities
         found = {name: self._reader.rows(name, first, count) for name in channels if name in stored}
         others = [name for name in channels if name not in stored]
@@ -297,7 +303,7 @@ class Arrays(Facts):
         quantity = stored.get(whole) or self.model.channels.get(whole)
         if quantity is None:
             known = [*stored, *self.model.channels]
-            tip = did_you_mean(nearest_channels(whole, known), "`Result.model.channels` lists them")
+            tip = did_you_mean(nearest_channels(whole, known), LISTED)
             if is_from_end(whole):
                 tip = FROM_ZERO
             elif is_pattern(whole):

@@ -9,11 +9,20 @@ from typing import Any
 from numpy.typing import NDArray
 
 from holonom.base.errors import FileError
+from holonom.base.names import listed
 from holonom.base.record import Record
+from holonom.base.text import quoted
 from holonom.certificate import Certification
 from holonom.model import Model
 from holonom.store.memory import Stored
 from holonom.store.reader import Reader
+
+
+class _Columns(dict[str, NDArray[Any]]):
+    """Columns of a log; a name that is none is refused with those that there are."""
+
+    def __missing__(self, name: object) -> NDArray[Any]:
+        raise KeyError(f"there is no column {quoted(str(name))}; there are {listed(self)}")
 
 
 class Facts:
@@ -110,6 +119,14 @@ class Facts:
         return Record(self.meta.get("energy") or {})
 
     @property
+    def limited_by(self) -> Record:
+        """What limited the steps: ``coordinate``, ``steps``, ``of``, ``rejected``; perhaps empty.
+
+        ``docs/conventions.md`` says what each of them counts.
+        """
+        return Record(self.meta.get("limited_by") or {})
+
+    @property
     def warnings(self) -> list[dict[str, str]]:
         """Warnings of the model and of the run."""
         return list(self.meta.get("warnings") or [])
@@ -122,8 +139,14 @@ class Facts:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What the run used: the choices stated, the rest from the model or by default."""
-        return dict(self.meta.get("options") or {})
+        """What the run used: the choices stated, the rest from the model or by default.
+
+        ``repartition_factor`` is left out of runs on the tree, which has a factor of its own, 2.5.
+        """
+        used = dict(self.meta.get("options") or {})
+        if used.get("parametrization") == "tree":
+            used.pop("repartition_factor", None)
+        return used
 
     @property
     def steps(self) -> dict[str, NDArray[Any]]:
@@ -132,7 +155,7 @@ class Facts:
         ``t``, ``h`` (s): start and size; ``error``: 1 is on tolerance; ``accepted``: 1 or 0;
         ``cause``: of a rejection; ``iterations``: of Newton's method.
         """
-        return self._reader.steps()
+        return _Columns(self._reader.steps())
 
     @property
     def step_totals(self) -> list[tuple[bool, str, int, float, float, float]]:

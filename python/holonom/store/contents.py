@@ -99,7 +99,7 @@ class Contents:
         return dict(found[0])
 
     def _damaged(self, part: str) -> FileError:
-        return damaged(self.path, part)
+        return damaged(self.path, part, recover=self._recover)
 
     def _note(self, part: str) -> None:
         """Go on without a part, or refuse to."""

@@ -54,11 +54,24 @@ def verified_row(db: sqlite3.Connection, table: str, key: int | str) -> dict[str
     return dict(zip(TABLES[table], values, strict=True))
 
 
-def damaged(path: Path | None, part: str) -> FileError:
-    """Return the error about a part of a result that is not what was written."""
+def unreadable(path: Path, why: str) -> FileError:
+    """Return the error about a result of which nothing can be read, not even with `recover`."""
     return FileError(
-        f"{path or 'the result'} is damaged: {part}\n  help: `--recover`, or "
-        "`Result.load(path, recover=True)`, reads the rest; a copy or a new run has all",
+        f"{path} is damaged: {why}; nothing of it can be read",
+        "take a copy of it, or run the model again",
+        code="result/damaged",
+    )
+
+
+def damaged(path: Path | None, part: str, *, recover: bool = False) -> FileError:
+    """Return the error about a part of a result that is not what was written.
+
+    What `recover` would read is advised unless it was asked for.
+    """
+    rest = "" if recover else "`--recover`, or `Result.load(path, recover=True)`, reads the rest; "
+    return FileError(
+        f"{path or 'the result'} is damaged: {part}",
+        f"{rest}a copy or a new run has all",
         code="result/damaged",
     )
 
@@ -118,7 +131,7 @@ def checked_schema(
         found = db.execute("SELECT type, name, tbl_name, sql FROM sqlite_master LIMIT 100")
         return found.fetchall()
     except BROKEN:
-        raise damaged(path, "its tables cannot be read") from None
+        raise unreadable(path, "its tables cannot be read") from None
 
 
 def require_schema(schema: list[tuple[str, str, str, str | None]], path: Path) -> None:
@@ -131,7 +144,7 @@ def require_schema(schema: list[tuple[str, str, str, str | None]], path: Path) -
     """
     expected = [("table", name, name, sql) for name, sql in SCHEMA.items()]
     if sorted(schema, key=str) != sorted(expected, key=str):
-        raise damaged(path, "its tables are not those of a result")
+        raise unreadable(path, "its tables are not those of a result")
 
 
 def may_write(real: Path) -> bool:

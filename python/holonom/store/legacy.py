@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from holonom.base.errors import FileError
-from holonom.store.integrity import BROKEN, damaged
+from holonom.store.integrity import BROKEN, unreadable
 from holonom.store.layout import DENSE, STATE, Quantity
 from holonom.store.writer import Writer
 
@@ -75,7 +75,7 @@ def converted(
     try:
         _convert(db, writer, version, size)
     except (*BROKEN, ArithmeticError, LookupError, TypeError, AttributeError, FileError) as error:
-        raise damaged(path, f"what it holds does not fit together ({error})") from None
+        raise unreadable(path, f"what it holds does not fit together ({error})") from None
     db.close()
     converted_db = writer.hand_over()
     assert converted_db is not None  # it has no file
@@ -97,7 +97,7 @@ def _require_schema(
     )
     expected |= {("table", "step", "step", sql) for sql in steps[:1]}
     if columns is None or found != expected or len(schema) != len(expected):
-        raise damaged(path, "its tables are not those of a result")
+        raise unreadable(path, "its tables are not those of a result")
 
 
 def _convert(db: sqlite3.Connection, writer: Writer, version: int, size: int) -> None:

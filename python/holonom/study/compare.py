@@ -7,7 +7,7 @@ import reprlib
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from holonom.base.plain import as_path, require_callable
 from holonom.base.text import quoted
 from holonom.channels import split_component
 from holonom.model import Model
-from holonom.options import Options, Tolerance
+from holonom.options import Further, Options, Tolerance, shows_choices
 from holonom.result import Result
 from holonom.states import start_state
 from holonom.study import plan
@@ -38,6 +38,7 @@ DOUBTFUL = 10.0
 Progress = Callable[[float, int, str], None]
 
 
+@shows_choices
 def compare(
     model: Model | str | Path,
     *,
@@ -55,7 +56,7 @@ def compare(
     repeat: int = 3,
     processes: int | None = None,
     progress: Progress | None = None,
-    **choices: Any,
+    **choices: Unpack[Further],
 ) -> Comparison:
     """Run a model by several methods at several tolerances and compare them with a reference.
 
@@ -94,8 +95,7 @@ def compare(
         them, alone. A script that asks for more than one needs ``if __name__ == "__main__":``.
     progress : callable, optional
         Called with the number of runs done, their total and what is being done.
-    **choices
-        Further `Options` of all the runs compared: ``max_seconds``, ``parametrization``, ….
+    CHOICES
 
     Returns
     -------
@@ -179,7 +179,7 @@ def compare(
     if given is None:
         begin = {"start_time": choices["start_time"]} if "start_time" in choices else {}
         tolerance = plan.reference_tolerance(limits, reference_tolerance)
-        ahead = {**begin, "end_time": end, "output_times": times, "channels": []}
+        ahead: dict[str, Any] = {**begin, "end_time": end, "output_times": times, "channels": []}
         output = None if save_reference is None else as_path(save_reference)
         work.candidates = [
             Task(name, {**ahead, "method": name, "tolerance": tolerance}, path, force)

@@ -13,7 +13,7 @@ from holonom.base import files
 from holonom.base.errors import Interrupted, UsageError
 from holonom.base.names import did_you_mean, listed, nearest
 from holonom.base.plain import as_path
-from holonom.base.text import quoted
+from holonom.base.text import preformatted, quoted
 from holonom.options import Tolerance
 from holonom.study.accuracy import ComponentError, Kind
 
@@ -86,6 +86,12 @@ class Row:
         """The scalar that is farthest from the reference by `measure`."""
         return max(self.errors, key=lambda error: error.scaled, default=None)
 
+    def __repr__(self) -> str:
+        facts = [self.status]
+        facts += [f"{self.counts['steps']} steps"] if "steps" in self.counts else []
+        facts += [] if self.measure is None else [f"{self.measure:.3g} tolerances off"]
+        return f"<{self.method} at {_limit(self.tolerance)}: {', '.join(facts)}>"
+
     def measure_of(self, kind: Kind) -> float | None:
         """Return `measure` over positions, velocities or other scalars; None without any."""
         return max((e.scaled for e in self.errors if e.kind == kind), default=None)
@@ -150,7 +156,7 @@ class Reference:
     path: str = ""
     steps: int | None = None
     check_method: str = ""
-    check_errors: tuple[ComponentError, ...] = ()
+    check_errors: tuple[ComponentError, ...] = field(default=(), repr=False)
 
     @property
     def difference(self) -> float | None:
@@ -441,8 +447,17 @@ class Comparison:
         for warning in self.warnings:
             yield f"warning: {warning}"
 
+    def __repr__(self) -> str:
+        return (
+            f"<holonom.Comparison of {self.model!r}: {len(self.methods)} methods, "
+            f"{len(self.rows)} rows, {len(self.channels)} scalars>"
+        )
+
     def __str__(self) -> str:
         return as_text(self)
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
 
     def _heading(self) -> str:
         count = f"{len(self.channels)} scalar{'' if len(self.channels) == 1 else 's'}"

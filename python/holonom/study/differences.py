@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from holonom.base.errors import UsageError
-from holonom.base.text import quoted
+from holonom.base.text import preformatted, quoted
 from holonom.certification import certified_channels
 from holonom.channels import expand, split_component
 from holonom.gauge import KINDS, RESIDUALS, largest_tolerance, length, parts_of, peak
@@ -127,6 +127,14 @@ class Differences:
             channels.append(finite | {"differs": one.since is not None})
         data = {key: getattr(self, key) for key in Differences.__slots__}
         return {"equal": self.equal, **data, "channels": channels}
+
+    def __repr__(self) -> str:
+        said = "equal" if self.equal else "not equal"
+        counts = f"{len(self.differing)} of {len(self.channels)} channels differ"
+        return f"<holonom.Differences: {said}, {counts}>"
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
 
     def __str__(self) -> str:
         parts = ", ".join(

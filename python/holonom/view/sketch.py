@@ -111,6 +111,9 @@ class Sketch:
             "font-family=\"system-ui,'Segoe UI',Roboto,'DejaVu Sans',sans-serif\""
         )
 
+    def __repr__(self) -> str:
+        return f"<holonom.Sketch {self.title!r}: {len(self.body) / 1e3:.0f} kB of SVG>"
+
     def _repr_svg_(self) -> str:
         return self.document()
 
