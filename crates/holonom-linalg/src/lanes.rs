@@ -148,15 +148,57 @@ pub(crate) fn rows_of<const H: usize, const N: usize>(
     first: usize,
     at: [usize; 2],
 ) -> [(&[Quad; H], &Quad); N] {
-    let mut rows = [quads(x, k, first, at); N];
+    // Taken off the rest one after the other: that takes less than to look where each begins.
+    let (row, mut rest) = x[first * k..].split_at(k);
+    let mut rows = [quads(row, k, 0, at); N];
     for i in 1..N {
-        rows[i] = quads(x, k, first + i, at);
+        let (row, after) = rest.split_at(k);
+        rows[i] = quads(row, k, 0, at);
+        rest = after;
     }
     rows
 }
 
-/// Adds to row `i` of Y the rows `x`, each times its number in `column`. Columns of zeros, which joints and what acts on or
-/// moves few bodies leave in great number, are passed over.
+/// For every column what tells whether it has numbers but zeros, of either sign.
+#[inline(always)]
+pub(crate) fn marks<const N: usize, const M: usize>(a: &[[f64; M]; N]) -> [u64; M] {
+    let mut bits = [0; M];
+    for row in a {
+        for j in 0..M {
+            bits[j] |= row[j].to_bits();
+        }
+    }
+    for j in 0..M {
+        bits[j] <<= 1;
+    }
+    bits
+}
+
+/// Y += AᵀX for M rows of Y, with which `y` begins. Columns of zeros, which joints and what acts on or moves few bodies leave
+/// in great number, are passed over.
+#[inline(always)]
+pub(crate) fn add_transposed<const H: usize, const N: usize, const M: usize>(
+    (a, marks): (&[[f64; M]; N], &[u64; M]),
+    x: &[(&[Quad; H], &Quad); N],
+    y: &mut [f64],
+    k: usize,
+    at: [usize; 2],
+) {
+    let mut rest = y;
+    for j in 0..M {
+        let (row, after) = std::mem::take(&mut rest).split_at_mut(k);
+        rest = after;
+        if marks[j] != 0 {
+            let mut column = [0.0; N];
+            for i in 0..N {
+                column[i] = a[i][j];
+            }
+            add_column(&column, x, row, k, 0, at);
+        }
+    }
+}
+
+/// Adds to row `i` of Y the rows `x`, each times its number in `column`.
 #[inline(always)]
 pub(crate) fn add_column<const H: usize, const N: usize>(
     column: &[f64; N],
@@ -166,14 +208,6 @@ pub(crate) fn add_column<const H: usize, const N: usize>(
     i: usize,
     at: [usize; 2],
 ) {
-    let mut bits = 0;
-    for j in 0..N {
-        bits |= column[j].to_bits();
-    }
-    // Whatever the signs.
-    if bits << 1 == 0 {
-        return;
-    }
     let (heads, end) = quads::<H>(y, k, i, at);
     let (mut heads, mut end) = (*heads, *end);
     for j in 0..N {
