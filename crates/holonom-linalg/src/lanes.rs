@@ -299,56 +299,6 @@ impl QuadKernel for RowScaling<'_> {
     }
 }
 
-/// Makes every row of X (by rows, k columns), times its number in `scales`, the row of Y that `rows` tells.
-///
-/// # Panics
-/// If X has not a row for every number, or Y not that row.
-pub fn scale_rows_into(
-    scales: &[f64],
-    k: usize,
-    x: &[f64],
-    rows: impl Iterator<Item = usize> + Clone,
-    y: &mut [f64],
-) {
-    assert_eq!(x.len(), scales.len() * k, "a row for every number");
-    run_quads(k, &mut RowPlacing { scales, k, x, rows, y });
-}
-
-struct RowPlacing<'a, I> {
-    scales: &'a [f64],
-    k: usize,
-    x: &'a [f64],
-    rows: I,
-    y: &'a mut [f64],
-}
-
-impl<I: Iterator<Item = usize> + Clone> QuadKernel for RowPlacing<'_, I> {
-    #[inline(always)]
-    fn run<const H: usize>(&mut self, from: usize, width: usize) {
-        let at = [from, width];
-        for (i, (scale, row)) in self.scales.iter().zip(self.rows.clone()).enumerate() {
-            let (heads, end) = quads::<H>(self.x, self.k, i, at);
-            let (mut heads, mut end) = (*heads, *end);
-            for head in &mut heads {
-                for l in 0..4 {
-                    head[l] *= scale;
-                }
-            }
-            for l in 0..4 {
-                end[l] *= scale;
-            }
-            set_quads((&heads, &end), self.y, self.k, row, at);
-        }
-    }
-
-    fn run_few<const W: usize>(&mut self) {
-        let ((x, _), (y, _)) = (self.x.as_chunks::<W>(), self.y.as_chunks_mut::<W>());
-        for ((x, scale), row) in x.iter().zip(self.scales).zip(self.rows.clone()) {
-            y[row] = x.map(|x| x * scale);
-        }
-    }
-}
-
 /// Adds a·(row j of X) to row i of Y for every entry (i, j, a) of a matrix, in their order; X and Y by rows with k columns.
 ///
 /// # Panics
@@ -424,13 +374,6 @@ mod tests {
             let mut x = start.clone();
             scale_rows(&scales, k, &mut x);
             assert!((0..7 * k).all(|at| x[at] == start[at] * scales[at / k]), "{k} columns");
-            let (places, mut placed) = ([8, 0, 3, 5, 1, 2, 6], vec![0.5; 9 * k]);
-            scale_rows_into(&scales, k, &start, places.into_iter(), &mut placed);
-            for (row, place) in places.into_iter().enumerate() {
-                assert_eq!(placed[place * k..][..k], x[row * k..][..k], "{k} columns");
-            }
-            assert!(placed[4 * k..5 * k].iter().all(|x| *x == 0.5), "{k} columns");
-
             let mut y = noise(5 * k);
             let mut truth = y.clone();
             add_entries(entries.into_iter(), &x, k, &mut y);
