@@ -261,6 +261,28 @@ pub(crate) fn add_multiple(out: &mut Quad, a: f64, x: &Quad) {
     }
 }
 
+/// Work with a few numbers at a time, like those of two bodies.
+pub trait Wide {
+    /// To be compiled into its place, as all that it calls.
+    fn run(self);
+}
+
+/// Does the work with the widest vectors this processor has.
+pub fn run_wide(work: impl Wide) {
+    pulp::Arch::new().dispatch(Dispatched(work));
+}
+
+struct Dispatched<W>(W);
+
+impl<W: Wide> pulp::WithSimd for Dispatched<W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        self.0.run();
+    }
+}
+
 /// Multiplies every row of X (by rows, k columns) by its number in `scales`.
 ///
 /// # Panics
