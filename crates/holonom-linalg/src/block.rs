@@ -1,4 +1,7 @@
-use crate::lanes::{QuadKernel, add_column, add_multiple, add_quads, quads, rows_of, run_quads};
+use crate::lanes::{
+    QuadKernel, add_column, add_multiple, add_quads, add_transposed, marks, quads, rows_of,
+    run_quads,
+};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -551,15 +554,24 @@ impl TransposedProduct<'_> {
         let (first_row, first_column, _, _) = b.place();
         let values = self.matrix.values[b.values()].as_chunks::<M>().0.first_chunk::<N>();
         let values = values.expect("a block of N rows");
+        let marks = marks(values);
+        let mut any = 0;
+        for j in 0..M {
+            any |= marks[j];
+        }
+        // Of bodies that are not coupled here.
+        if any == 0 {
+            return;
+        }
         let Self { alpha, k, x, ref mut y, .. } = *self;
         let x = rows_of::<H, N>(x, k, first_row, at);
-        for j in 0..M {
-            let mut column = [0.0; N];
-            for i in 0..N {
-                column[i] = alpha * values[i][j];
+        let mut scaled = [[0.0; M]; N];
+        for i in 0..N {
+            for j in 0..M {
+                scaled[i][j] = alpha * values[i][j];
             }
-            add_column(&column, &x, y, k, first_column + j, at);
         }
+        add_transposed((&scaled, &marks), &x, &mut y[first_column * k..], k, at);
     }
 
     #[inline(always)]
@@ -568,7 +580,7 @@ impl TransposedProduct<'_> {
         let Self { alpha, k, x, ref mut y, .. } = *self;
         for (i, row) in self.matrix.values[b.values()].chunks_exact(columns).enumerate() {
             let x = rows_of::<H, 1>(x, k, first_row + i, at);
-            for (j, a) in row.iter().enumerate() {
+            for (j, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
                 add_column(&[alpha * a], &x, y, k, first_column + j, at);
             }
         }

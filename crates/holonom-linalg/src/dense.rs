@@ -9,7 +9,7 @@ use faer::{Accum, MatMut, MatRef, Par, Spec};
 
 use crate::error::{NotPositiveDefinite, SingularMatrix};
 use crate::few_rows;
-use crate::lanes::{MOST_LANES, QuadKernel, add_column, dot, rows_of, run_quads};
+use crate::lanes::{MOST_LANES, QuadKernel, add_transposed, dot, marks, rows_of, run_quads};
 
 /// A pivot below this fraction of the numbers it is made of is cancellation noise.
 pub(crate) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
@@ -91,9 +91,10 @@ impl DenseLu {
         for p in 0..n {
             // Column p of U: what is left of row p of A.
             let column = &self.factors[p * n..=p * n + p];
-            let peak = column.iter().fold(0.0, |m: f64, u| m.max(u.abs()));
-            let good = column[p].abs() > NEGLIGIBLE * peak && column.iter().all(|u| u.is_finite());
-            if !good {
+            // Sizes are in the order of their bits, and above all is what is no number.
+            let peak = column.iter().fold(0, |m: u64, u| m.max(u.abs().to_bits()));
+            let peak = f64::from_bits(peak);
+            if !(column[p].abs() > NEGLIGIBLE * peak && peak.is_finite()) {
                 let column_of_a = self.permutation[p];
                 return Err(SingularMatrix { row: p, column: column_of_a, pivot: column[p] });
             }
@@ -237,8 +238,12 @@ fn eliminate(a: &mut [f64], permutation: &mut [usize]) {
     (0..n).for_each(|p| permutation[p] = p);
     for p in 0..n {
         let column = &a[p * n..(p + 1) * n];
-        let at =
-            (p + 1..n).fold(p, |at, i| if column[i].abs() > column[at].abs() { i } else { at });
+        let (mut at, mut largest) = (p, column[p].abs());
+        for i in p + 1..n {
+            if column[i].abs() > largest {
+                (at, largest) = (i, column[i].abs());
+            }
+        }
         if at != p {
             permutation.swap(p, at);
             a.chunks_exact_mut(n).for_each(|column| column.swap(p, at));
@@ -420,7 +425,8 @@ impl Cholesky {
     }
 }
 
-/// C += AᵀB for few columns: less work than the way into the library, and what a variable does not move costs nothing.
+/// C += AᵀB for so few columns that they are one group: less work than the way into the library, and what a variable does
+/// not move costs nothing.
 struct GramProduct<'a> {
     k: usize,
     a: &'a [f64],
@@ -433,15 +439,22 @@ impl GramProduct<'_> {
     #[inline(always)]
     fn add_rows<const H: usize, const N: usize>(&mut self, first: usize, at: [usize; 2]) {
         let Self { k, a, b, ref mut c } = *self;
-        let rows = rows_of::<H, N>(b, k, first, at);
-        let a = &a[first * k..(first + N) * k];
-        for j in 0..k {
-            let mut column = [0.0; N];
+        let (a, b) = (rows_of::<H, N>(a, k, first, at), rows_of::<H, N>(b, k, first, at));
+        let mut four = [[0.0; 4]; N];
+        for h in 0..H {
             for i in 0..N {
-                column[i] = a[i * k + j];
+                four[i] = a[i].0[h];
             }
-            add_column(&column, &rows, c, k, j, at);
+            add_transposed((&four, &marks(&four)), &b, &mut c[4 * h * k..], k, at);
         }
+        for i in 0..N {
+            four[i] = *a[i].1;
+            // Some of the last four were among the others.
+            for j in 0..4 * (H + 1) - k {
+                four[i][j] = 0.0;
+            }
+        }
+        add_transposed((&four, &marks(&four)), &b, &mut c[(k - 4) * k..], k, at);
     }
 }
 

@@ -148,15 +148,57 @@ pub(crate) fn rows_of<const H: usize, const N: usize>(
     first: usize,
     at: [usize; 2],
 ) -> [(&[Quad; H], &Quad); N] {
-    let mut rows = [quads(x, k, first, at); N];
+    // Taken off the rest one after the other: that takes less than to look where each begins.
+    let (row, mut rest) = x[first * k..].split_at(k);
+    let mut rows = [quads(row, k, 0, at); N];
     for i in 1..N {
-        rows[i] = quads(x, k, first + i, at);
+        let (row, after) = rest.split_at(k);
+        rows[i] = quads(row, k, 0, at);
+        rest = after;
     }
     rows
 }
 
-/// Adds to row `i` of Y the rows `x`, each times its number in `column`. Columns of zeros, which joints and what acts on or
-/// moves few bodies leave in great number, are passed over.
+/// For every column what tells whether it has numbers but zeros, of either sign.
+#[inline(always)]
+pub(crate) fn marks<const N: usize, const M: usize>(a: &[[f64; M]; N]) -> [u64; M] {
+    let mut bits = [0; M];
+    for row in a {
+        for j in 0..M {
+            bits[j] |= row[j].to_bits();
+        }
+    }
+    for j in 0..M {
+        bits[j] <<= 1;
+    }
+    bits
+}
+
+/// Y += AᵀX for M rows of Y, with which `y` begins. Columns of zeros, which joints and what acts on or moves few bodies leave
+/// in great number, are passed over.
+#[inline(always)]
+pub(crate) fn add_transposed<const H: usize, const N: usize, const M: usize>(
+    (a, marks): (&[[f64; M]; N], &[u64; M]),
+    x: &[(&[Quad; H], &Quad); N],
+    y: &mut [f64],
+    k: usize,
+    at: [usize; 2],
+) {
+    let mut rest = y;
+    for j in 0..M {
+        let (row, after) = std::mem::take(&mut rest).split_at_mut(k);
+        rest = after;
+        if marks[j] != 0 {
+            let mut column = [0.0; N];
+            for i in 0..N {
+                column[i] = a[i][j];
+            }
+            add_column(&column, x, row, k, 0, at);
+        }
+    }
+}
+
+/// Adds to row `i` of Y the rows `x`, each times its number in `column`.
 #[inline(always)]
 pub(crate) fn add_column<const H: usize, const N: usize>(
     column: &[f64; N],
@@ -166,14 +208,6 @@ pub(crate) fn add_column<const H: usize, const N: usize>(
     i: usize,
     at: [usize; 2],
 ) {
-    let mut bits = 0;
-    for j in 0..N {
-        bits |= column[j].to_bits();
-    }
-    // Whatever the signs.
-    if bits << 1 == 0 {
-        return;
-    }
     let (heads, end) = quads::<H>(y, k, i, at);
     let (mut heads, mut end) = (*heads, *end);
     for j in 0..N {
@@ -227,6 +261,28 @@ pub(crate) fn add_multiple(out: &mut Quad, a: f64, x: &Quad) {
     }
 }
 
+/// Work with a few numbers at a time, like those of two bodies.
+pub trait Wide {
+    /// To be compiled into its place, as all that it calls.
+    fn run(self);
+}
+
+/// Does the work with the widest vectors this processor has.
+pub fn run_wide(work: impl Wide) {
+    pulp::Arch::new().dispatch(Dispatched(work));
+}
+
+struct Dispatched<W>(W);
+
+impl<W: Wide> pulp::WithSimd for Dispatched<W> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        self.0.run();
+    }
+}
+
 /// Multiplies every row of X (by rows, k columns) by its number in `scales`.
 ///
 /// # Panics
@@ -261,56 +317,6 @@ impl QuadKernel for RowScaling<'_> {
         let (rows, _) = self.x.as_chunks_mut::<W>();
         for (row, scale) in rows.iter_mut().zip(self.scales) {
             row.iter_mut().for_each(|x| *x *= scale);
-        }
-    }
-}
-
-/// Makes every row of X (by rows, k columns), times its number in `scales`, the row of Y that `rows` tells.
-///
-/// # Panics
-/// If X has not a row for every number, or Y not that row.
-pub fn scale_rows_into(
-    scales: &[f64],
-    k: usize,
-    x: &[f64],
-    rows: impl Iterator<Item = usize> + Clone,
-    y: &mut [f64],
-) {
-    assert_eq!(x.len(), scales.len() * k, "a row for every number");
-    run_quads(k, &mut RowPlacing { scales, k, x, rows, y });
-}
-
-struct RowPlacing<'a, I> {
-    scales: &'a [f64],
-    k: usize,
-    x: &'a [f64],
-    rows: I,
-    y: &'a mut [f64],
-}
-
-impl<I: Iterator<Item = usize> + Clone> QuadKernel for RowPlacing<'_, I> {
-    #[inline(always)]
-    fn run<const H: usize>(&mut self, from: usize, width: usize) {
-        let at = [from, width];
-        for (i, (scale, row)) in self.scales.iter().zip(self.rows.clone()).enumerate() {
-            let (heads, end) = quads::<H>(self.x, self.k, i, at);
-            let (mut heads, mut end) = (*heads, *end);
-            for head in &mut heads {
-                for l in 0..4 {
-                    head[l] *= scale;
-                }
-            }
-            for l in 0..4 {
-                end[l] *= scale;
-            }
-            set_quads((&heads, &end), self.y, self.k, row, at);
-        }
-    }
-
-    fn run_few<const W: usize>(&mut self) {
-        let ((x, _), (y, _)) = (self.x.as_chunks::<W>(), self.y.as_chunks_mut::<W>());
-        for ((x, scale), row) in x.iter().zip(self.scales).zip(self.rows.clone()) {
-            y[row] = x.map(|x| x * scale);
         }
     }
 }
@@ -390,13 +396,6 @@ mod tests {
             let mut x = start.clone();
             scale_rows(&scales, k, &mut x);
             assert!((0..7 * k).all(|at| x[at] == start[at] * scales[at / k]), "{k} columns");
-            let (places, mut placed) = ([8, 0, 3, 5, 1, 2, 6], vec![0.5; 9 * k]);
-            scale_rows_into(&scales, k, &start, places.into_iter(), &mut placed);
-            for (row, place) in places.into_iter().enumerate() {
-                assert_eq!(placed[place * k..][..k], x[row * k..][..k], "{k} columns");
-            }
-            assert!(placed[4 * k..5 * k].iter().all(|x| *x == 0.5), "{k} columns");
-
             let mut y = noise(5 * k);
             let mut truth = y.clone();
             add_entries(entries.into_iter(), &x, k, &mut y);

@@ -52,7 +52,7 @@ pub use full_pivot::{FullPivot, full_pivot_elimination};
 #[cfg(feature = "general-sparse")]
 pub use general::GeneralSparseLu;
 pub use independent_rows::{Claim, IndependentRows, OfferedRow, independent_rows};
-pub use lanes::{add_entries, dot, scale_rows, scale_rows_into};
+pub use lanes::{Wide, add_entries, dot, run_wide, scale_rows};
 pub use rank::{
     LeastNorm, ThinSvd, eigenvalues, least_norm, orthonormal_null_space, orthonormal_null_space_qr,
     singular_values, thin_svd,

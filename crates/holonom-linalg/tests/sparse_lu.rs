@@ -3,7 +3,7 @@
 mod common;
 
 use common::{cases, dense_solve, largest_difference, noise, transpose};
-use holonom_linalg::{SparseLu, SparsePattern};
+use holonom_linalg::{SparseLu, SparsePattern, scale_rows};
 use proptest::prelude::*;
 
 /// A sparse square matrix: entries (equal ones add up) with their numbers.
@@ -78,6 +78,22 @@ fn check(sample: &Sample, lu: &mut SparseLu, k: usize, accuracy: f64) -> Result<
     let mut x = b.clone();
     lu.solve_transposed_many(&mut x, k);
     prop_assert!(largest_difference(&x, &transposed.x) < allowed);
+    // Of right-hand sides scaled beforehand and solutions scaled afterwards.
+    let scales = [noise(3, n), noise(4, n)];
+    let mut scaled = b.clone();
+    scale_rows(&scales[0], k, &mut scaled);
+    for backward in [false, true] {
+        let mut x = scaled.clone();
+        if backward {
+            lu.solve_transposed_many(&mut x, k);
+        } else {
+            lu.solve_many(&mut x, k);
+        }
+        scale_rows(&scales[1], k, &mut x);
+        let mut y = b.clone();
+        lu.solve_scaled_many(&mut y, k, backward, [&scales[0], &scales[1]]);
+        prop_assert!(largest_difference(&x, &y) < allowed);
+    }
     let column = |m: &[f64]| (0..n).map(|i| m[i * k + k - 1]).collect::<Vec<f64>>();
     let mut x = column(&b);
     lu.solve(&mut x);

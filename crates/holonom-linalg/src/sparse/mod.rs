@@ -260,7 +260,7 @@ impl<T: Scalar> SparseLu<T> {
     /// # Panics
     /// If `b` has not n·k entries.
     pub fn solve_many(&mut self, b: &mut [T], k: usize) {
-        self.substitute(b, k, false);
+        self.substitute(b, k, false, None);
     }
 
     /// Solves Aᵀ X = B in place; `b` is n×k by rows.
@@ -268,10 +268,24 @@ impl<T: Scalar> SparseLu<T> {
     /// # Panics
     /// If `b` has not n·k entries.
     pub fn solve_transposed_many(&mut self, b: &mut [T], k: usize) {
-        self.substitute(b, k, true);
+        self.substitute(b, k, true, None);
     }
 
-    fn substitute(&mut self, b: &mut [T], k: usize, transposed: bool) {
+    /// The same two for right-hand sides whose rows count times the first `scales`; rows of solutions come times the second.
+    ///
+    /// # Panics
+    /// If `b` has not n·k entries, or there is not a number for every row.
+    pub fn solve_scaled_many(
+        &mut self,
+        b: &mut [T],
+        k: usize,
+        transposed: bool,
+        scales: [&[f64]; 2],
+    ) {
+        self.substitute(b, k, transposed, Some(scales));
+    }
+
+    fn substitute(&mut self, b: &mut [T], k: usize, transposed: bool, scales: Option<[&[f64]; 2]>) {
         assert_eq!(b.len(), self.n * k, "right-hand sides of a matrix of {} rows", self.n);
         checkpoint(self.fill() * k);
         let room = self.n * k.min(MOST_LANES);
@@ -283,7 +297,8 @@ impl<T: Scalar> SparseLu<T> {
         let (source, target) = if transposed { (columns, rows) } else { (rows, columns) };
         let (factors, work) = (&self.factors, &mut self.work[..]);
         let columns = (transposed && k > 1).then(|| factors.plan.by_columns());
-        let mut kernel = Substitution { factors, source, target, transposed, columns, b, k, work };
+        let mut kernel =
+            Substitution { factors, source, target, scales, transposed, columns, b, k, work };
         if k == 1 {
             kernel.run::<1>(0);
         } else {

@@ -10,6 +10,8 @@ pub(super) struct Substitution<'a, T> {
     /// Row of `b` and its scale at each position, for right-hand sides and for solutions.
     pub(super) source: (&'a [usize], &'a [f64]),
     pub(super) target: (&'a [usize], &'a [f64]),
+    /// More scales, of the rows of `b` before and after.
+    pub(super) scales: Option<[&'a [f64]; 2]>,
     pub(super) transposed: bool,
     /// Of several right-hand sides with the transpose.
     pub(super) columns: Option<&'a Columns>,
@@ -24,9 +26,11 @@ impl<T: Scalar> LaneKernel for Substitution<'_, T> {
         let f = self.factors;
         let (x, _) = self.work[..f.inverse_pivot.len() * W].as_chunks_mut::<W>();
         let places = self.source.0.iter().zip(self.source.1).zip(&f.inverse_pivot);
+        let (before, after) = (self.scales.map(|of| of[0]), self.scales.map(|of| of[1]));
         for (x, ((&i, scale), inverse)) in x.iter_mut().zip(places) {
             let b: &[T; W] = lanes(self.b, self.k, i, from);
-            let scale = if self.transposed { T::from(*scale) } else { inverse.scaled(*scale) };
+            let scale = scale * before.map_or(1.0, |before| before[i]);
+            let scale = if self.transposed { T::from(scale) } else { inverse.scaled(scale) };
             *x = multiple(b, scale);
         }
         // Loops, as closures would be compiled for the plain processor.
@@ -55,7 +59,8 @@ impl<T: Scalar> LaneKernel for Substitution<'_, T> {
         let places = self.target.0.iter().zip(self.target.1).zip(&f.inverse_pivot);
         for (x, ((&i, scale), inverse)) in x.iter().zip(places) {
             let b: &mut [T; W] = lanes_mut(self.b, self.k, i, from);
-            let scale = if self.transposed { inverse.scaled(*scale) } else { T::from(*scale) };
+            let scale = scale * after.map_or(1.0, |after| after[i]);
+            let scale = if self.transposed { inverse.scaled(scale) } else { T::from(scale) };
             *b = multiple(x, scale);
         }
     }

@@ -7,7 +7,7 @@ use super::relatives::Relatives;
 use super::square::Square;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, System};
-use holonom_linalg::{Assembly, BlockForest, BlockMatrix, Terms, scale_rows, scale_rows_into};
+use holonom_linalg::{Assembly, BlockForest, BlockMatrix, Terms};
 use std::sync::Arc;
 
 /// Enough to tell the smallest singular value from the next where the matrix is nearly singular.
@@ -338,7 +338,7 @@ impl Chart {
         for ((y, x), scale) in self.work.iter_mut().zip(x).zip(&*self.column_scale) {
             *y = x * scale;
         }
-        self.matrix.solve_transposed_many(&mut self.work, 1);
+        self.matrix.solve_transposed(&mut self.work);
         rows.fill(0.0);
         for (k, &row) in self.parametrization.kept.iter().enumerate() {
             rows[row] = self.work[k] * self.row_scale[k];
@@ -366,10 +366,9 @@ impl Chart {
         }
         d.fill(0.0);
         for k in 0..ndof {
-            d[(rank + k) * ndof + k] = self.row_scale[rank + k];
+            d[(rank + k) * ndof + k] = 1.0;
         }
-        self.matrix.solve_many(d, ndof);
-        scale_rows(&self.column_scale, ndof, d);
+        self.matrix.solve_scaled_many(d, ndof, false, [&self.row_scale, &self.column_scale]);
     }
 
     /// X = S R + D [0; Q] for R (m×k, by rows) and Q (moving rows×k) into `x` (n×k); dropped rows
@@ -379,24 +378,11 @@ impl Chart {
             return;
         }
         x.fill(0.0);
-        for ((out, &row), scale) in
-            x.chunks_exact_mut(k).zip(&*self.parametrization.kept).zip(&*self.row_scale)
-        {
-            for (out, r) in out.iter_mut().zip(&rows[row * k..(row + 1) * k]) {
-                *out = r * scale;
-            }
+        for (out, &row) in x.chunks_exact_mut(k).zip(&*self.parametrization.kept) {
+            out.copy_from_slice(&rows[row * k..(row + 1) * k]);
         }
-        let first = self.row_scale.len() - self.moving.len();
-        let scales = &self.row_scale[first..];
-        for ((out, row), scale) in
-            x[first * k..].chunks_exact_mut(k).zip(moving.chunks_exact(k)).zip(scales)
-        {
-            for (out, r) in out.iter_mut().zip(row) {
-                *out = r * scale;
-            }
-        }
-        self.matrix.solve_many(x, k);
-        scale_rows(&self.column_scale, k, x);
+        x[(self.row_scale.len() - self.moving.len()) * k..].copy_from_slice(moving);
+        self.matrix.solve_scaled_many(x, k, false, [&self.row_scale, &self.column_scale]);
     }
 
     /// rows = SᵀX (m×ndof) and p = DᵀX (ndof×ndof) for X (n×ndof), which is destroyed.
@@ -405,16 +391,17 @@ impl Chart {
         if ndof == 0 {
             return;
         }
-        scale_rows(&self.column_scale, ndof, x);
-        self.matrix.solve_transposed_many(x, ndof);
-        if rows.len() > rank * ndof {
-            rows.fill(0.0);
-        }
+        self.matrix.solve_scaled_many(x, ndof, true, [&self.column_scale, &self.row_scale]);
         let (of_rows, of_p) = x.split_at(rank * ndof);
-        let (scales, scales_of_p) = self.row_scale.split_at(rank);
-        let kept = self.parametrization.kept.iter().copied();
-        scale_rows_into(scales, ndof, of_rows, kept, rows);
-        scale_rows_into(scales_of_p, ndof, of_p, 0..ndof, p);
+        if rows.len() == of_rows.len() {
+            rows.copy_from_slice(of_rows);
+        } else {
+            rows.fill(0.0);
+            for (row, of_row) in self.parametrization.kept.iter().zip(of_rows.chunks_exact(ndof)) {
+                rows[row * ndof..][..ndof].copy_from_slice(of_row);
+            }
+        }
+        p.copy_from_slice(of_p);
     }
 
     /// Estimate of the condition number of the scaled matrix, 1-norm.
@@ -428,7 +415,7 @@ impl Chart {
         let mut row = None;
         self.work.fill(1.0);
         for _ in 0..INVERSE_ITERATIONS {
-            self.matrix.solve_transposed_many(&mut self.work, 1);
+            self.matrix.solve_transposed(&mut self.work);
             row = Some(largest_index(&self.work[..self.parametrization.kept.len()]));
             normalize(&mut self.work);
             self.matrix.solve(&mut self.work);

@@ -2,7 +2,7 @@
 //! bodies where it has the shape of the forest, else by a sparse LU.
 
 use crate::system::System;
-use holonom_linalg::{BlockForest, ForestLu, SingularMatrix, SparseLu, SparsePattern};
+use holonom_linalg::{BlockForest, ForestLu, SingularMatrix, SparseLu, SparsePattern, scale_rows};
 use std::sync::Arc;
 
 /// Growth of numbers in the elimination that costs no digit worth a look.
@@ -131,19 +131,36 @@ impl Square {
         }
     }
 
-    /// Solves in place for k right-hand sides, by rows.
-    pub(super) fn solve_many(&mut self, b: &mut [f64], k: usize) {
+    /// Solves in place, or with the transpose, for k right-hand sides, by rows, which count times the first scales; those of
+    /// solutions come times the second.
+    pub(super) fn solve_scaled_many(
+        &mut self,
+        b: &mut [f64],
+        k: usize,
+        transposed: bool,
+        scales: [&[f64]; 2],
+    ) {
         match &mut self.factors {
-            Factors::Forest(lu) => lu.solve_many(&self.values, b, k),
-            Factors::Sparse(sparse) => factored(&mut sparse.lu).solve_many(b, k),
+            Factors::Forest(lu) => {
+                scale_rows(scales[0], k, b);
+                if transposed {
+                    lu.solve_transposed_many(&self.values, b, k);
+                } else {
+                    lu.solve_many(&self.values, b, k);
+                }
+                scale_rows(scales[1], k, b);
+            }
+            Factors::Sparse(sparse) => {
+                factored(&mut sparse.lu).solve_scaled_many(b, k, transposed, scales);
+            }
         }
     }
 
-    /// Solves with the transpose in place for k right-hand sides, by rows.
-    pub(super) fn solve_transposed_many(&mut self, b: &mut [f64], k: usize) {
+    /// Solves with the transpose in place.
+    pub(super) fn solve_transposed(&mut self, b: &mut [f64]) {
         match &mut self.factors {
-            Factors::Forest(lu) => lu.solve_transposed_many(&self.values, b, k),
-            Factors::Sparse(sparse) => factored(&mut sparse.lu).solve_transposed_many(b, k),
+            Factors::Forest(lu) => lu.solve_transposed_many(&self.values, b, 1),
+            Factors::Sparse(sparse) => factored(&mut sparse.lu).solve_transposed(b),
         }
     }
 

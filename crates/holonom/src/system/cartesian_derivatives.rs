@@ -5,9 +5,12 @@ use super::passage::Passage;
 use super::placed::{Elements, Part, PlacedForce};
 use super::space::Space;
 use super::{DerivativeBlocks, State};
-use crate::elements::{ConstraintElement, ForceBlocks, ForceElement, PairBlocks, RowBlocks};
+use crate::elements::{
+    ConstraintElement, ForceBlocks, ForceElement, ForceInput, PairBlocks, RowBlocks,
+};
 use crate::threads::Threads;
-use holonom_linalg::{BlockId, BlocksMut};
+use holonom_linalg::{BlockId, BlocksMut, Wide, run_wide};
+use std::marker::PhantomData;
 
 /// The blocks of consecutive parts.
 struct Target<'a> {
@@ -105,7 +108,9 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             let (v, a) = (Self::rate(&state.v, Some(b)), Self::rate(&state.a, Some(b)));
             let (k, c) = (slots.diagonal[b], slots.diagonal[b]);
             let (k, c) = (target.stiffness.block_mut(k), target.damping.block_mut(c));
-            S::inertia_blocks(&self.bodies[b].inertia, Self::pose(&state.q, Some(b)), v, a, k, c);
+            let (inertia, q) = (&self.bodies[b].inertia, Self::pose(&state.q, Some(b)));
+            let space = PhantomData::<S>;
+            run_wide(OfInertia::<S, D, N, W> { space, inertia, at: [q, v, a], k, c });
             let Some(id) = slots.normalization.get(b) else { continue };
             let l = 2.0 * state.lambda[self.structure.normalization_start + b];
             let (a0, a1) = (target.a0.block_mut(*id), target.a1.block_mut(*id));
@@ -137,18 +142,23 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             let q = Self::pair(&state.q, c.bodies);
             let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
             let (count, slots) = (c.element.rows(), &self.slots.jacobian[k]);
-            c.element.rate_blocks(q, v, a, &mut rows);
+            run_wide(OfConstraint::<_, D, N> {
+                element: &c.element,
+                at: [q, v, a],
+                multipliers: Self::multipliers(c, &state.lambda),
+                rows: &mut rows,
+                pairs: &mut pairs,
+                stiffness: &mut target.stiffness,
+                slots: &self.slots.constraint_pairs[k],
+            });
             set_rows(&mut target.a0, slots, count, &rows[0]);
             set_rows(&mut target.a1, slots, count, &rows[1]);
-            c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
-            let (stiffness, slots) = (&mut target.stiffness, &self.slots.constraint_pairs[k]);
-            add_pairs::<D, N>(stiffness, slots, &pairs, c.element.couples());
         }
         let mut forces = elements.forces.iter().map(|&k| k as usize).peekable();
         while let Some(k) = forces.next() {
             let (f, slots) = (&self.forces[k], &self.slots.force_pairs[k]);
             let mut input = Self::input(f, state);
-            f.element.blocks(&input, &mut blocks);
+            run_wide(OfForce { element: &f.element, input: &input, out: &mut blocks });
             // Those next to each other between the same bodies go on to the coordinates as one.
             let along = |k: &usize| {
                 let other = &self.forces[*k];
@@ -156,30 +166,116 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             };
             while let Some(k) = forces.next_if(along) {
                 Self::tell_own(&self.forces[k], state, &mut input);
-                self.forces[k].element.blocks(&input, &mut others);
+                let element = &self.forces[k].element;
+                run_wide(OfForce { element, input: &input, out: &mut others });
                 blocks.add(&others);
             }
             let passages = Self::passages(state, f.bodies);
             look(f, &passages, &blocks);
+            run_wide(OnCoordinates::<_, N, W> {
+                blocks: &blocks,
+                passages: &passages,
+                slots,
+                stiffness: &mut target.stiffness,
+                damping: &mut target.damping,
+            });
             for felt in 0..2 {
                 let Some(b) = f.bodies[felt] else { continue };
-                let own = &passages[felt];
-                for (moved, other) in passages.iter().enumerate() {
-                    let Some(id) = slots[felt][moved] else { continue };
-                    let (k, c) = (&blocks.k.0[felt][moved], &blocks.c.0[felt][moved]);
-                    let c = blocks.damped.then_some(c);
-                    let stiffness = target.stiffness.block_mut(id);
-                    own.add_stiffness(other, k, c, stiffness);
-                    if felt == moved {
-                        own.add_bend(&blocks.wrenches[felt], stiffness);
-                    }
-                    if let Some(c) = c {
-                        own.add_damping(other, c, target.damping.block_mut(id));
-                    }
-                }
                 let at = (self.slots.position[b] as usize - target.first) * N;
-                let time = own.force(&blocks.t[felt]);
+                let time = passages[felt].force(&blocks.t[felt]);
                 target.time[at..at + N].iter_mut().zip(&time).for_each(|(out, x)| *out += x);
+            }
+        }
+    }
+}
+
+/// What a body's inertia adds to its own blocks.
+struct OfInertia<'a, S, const D: usize, const N: usize, const W: usize> {
+    space: PhantomData<S>,
+    inertia: &'a [[f64; 3]; 3],
+    /// q, q̇ and q̈.
+    at: [&'a [f64; N]; 3],
+    k: &'a mut [f64],
+    c: &'a mut [f64],
+}
+
+impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Wide
+    for OfInertia<'_, S, D, N, W>
+{
+    #[inline(always)]
+    fn run(self) {
+        let [q, v, a] = self.at;
+        S::inertia_blocks(self.inertia, q, v, a, self.k, self.c);
+    }
+}
+
+/// The blocks of a constraint, of which those with its multipliers are added up at once.
+struct OfConstraint<'a, 'b, C, const D: usize, const N: usize> {
+    element: &'a C,
+    /// q, q̇ and q̈.
+    at: [[&'a [f64; N]; 2]; 3],
+    multipliers: [f64; 6],
+    rows: &'a mut [RowBlocks<f64, N>; 2],
+    pairs: &'a mut PairBlocks<f64, N>,
+    stiffness: &'a mut BlocksMut<'b>,
+    slots: &'a [[Option<BlockId>; 2]; 2],
+}
+
+impl<C: ConstraintElement<N>, const D: usize, const N: usize> Wide
+    for OfConstraint<'_, '_, C, D, N>
+{
+    #[inline(always)]
+    fn run(self) {
+        let [q, v, a] = self.at;
+        self.element.rate_blocks(q, v, a, self.rows);
+        self.element.hessian(q, &self.multipliers, self.pairs);
+        add_pairs::<D, N>(self.stiffness, self.slots, self.pairs, self.element.couples());
+    }
+}
+
+/// The blocks of a force on motions.
+struct OfForce<'a, F, const D: usize, const N: usize, const W: usize> {
+    element: &'a F,
+    input: &'a ForceInput<f64, D, N, W>,
+    out: &'a mut ForceBlocks<f64, W>,
+}
+
+impl<F: ForceElement<D, N, W>, const D: usize, const N: usize, const W: usize> Wide
+    for OfForce<'_, F, D, N, W>
+{
+    #[inline(always)]
+    fn run(self) {
+        self.element.blocks(self.input, self.out);
+    }
+}
+
+/// These on coordinates, added up.
+struct OnCoordinates<'a, 'b, P, const N: usize, const W: usize> {
+    blocks: &'a ForceBlocks<f64, W>,
+    passages: &'a [P; 2],
+    slots: &'a [[Option<BlockId>; 2]; 2],
+    stiffness: &'a mut BlocksMut<'b>,
+    damping: &'a mut BlocksMut<'b>,
+}
+
+impl<P: Passage<N, W>, const N: usize, const W: usize> Wide for OnCoordinates<'_, '_, P, N, W> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { blocks, passages, slots, .. } = self;
+        for felt in 0..2 {
+            let own = &passages[felt];
+            for (moved, other) in passages.iter().enumerate() {
+                let Some(id) = slots[felt][moved] else { continue };
+                let (k, c) = (&blocks.k.0[felt][moved], &blocks.c.0[felt][moved]);
+                let c = blocks.damped.then_some(c);
+                let stiffness = self.stiffness.block_mut(id);
+                own.add_stiffness(other, k, c, stiffness);
+                if felt == moved {
+                    own.add_bend(&blocks.wrenches[felt], stiffness);
+                }
+                if let Some(c) = c {
+                    own.add_damping(other, c, self.damping.block_mut(id));
+                }
             }
         }
     }
@@ -202,6 +298,7 @@ pub(super) fn set_rows<const N: usize>(
 }
 
 /// Adds blocks; where the two bodies are not coupled, how each bends for itself, with its rotation alone.
+#[inline(always)]
 fn add_pairs<const D: usize, const N: usize>(
     target: &mut BlocksMut<'_>,
     slots: &[[Option<BlockId>; 2]; 2],

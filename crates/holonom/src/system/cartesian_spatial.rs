@@ -80,6 +80,7 @@ fn g_matrix(p: V4) -> [V4; 3] {
 }
 
 /// 4 G(p)ᵀ J G(w) as rows.
+#[inline(always)]
 fn inertia_product(j: &[[f64; 3]; 3], p: V4, w: V4) -> [V4; 4] {
     let (left, right) = (g_matrix(p.map(|x| 4.0 * x)), g_matrix(w));
     let mut moved = [[0.0; 4]; 3];
@@ -199,6 +200,7 @@ impl Space<3, 7, 6> for Spatial {
     }
 
     /// (4GᵀJG a)_p = 4T(JGa) − 4GᵀJG(a); (8ĠᵀJĠp)_p = 8ĠᵀJĠ; (8ĠᵀJĠp)_ṗ = 8T(JĠp) − 8ĠᵀJG.
+    #[inline(always)]
     fn inertia_blocks(
         inertia: &[[f64; 3]; 3],
         q: &[f64; 7],

@@ -112,19 +112,38 @@ impl<T: Real> ByEuler<T> {
     }
 }
 
-/// out += t_feltᵀ of rows over poses.
+/// Σ factorₖ rowₖ.
 #[inline(always)]
-fn add_rows(turn: &[[f64; 4]; 3], rows: &[[f64; 7]; 6], out: &mut [f64]) {
+fn combined(factors: [f64; 3], rows: &[[f64; 4]; 3]) -> [f64; 4] {
+    let ([a, b, c], mut out) = (factors, [0.0; 4]);
+    for l in 0..4 {
+        out[l] = a * rows[0][l] + b * rows[1][l] + c * rows[2][l];
+    }
+    out
+}
+
+/// out += t_feltᵀ of rows over displacements, of which the first three numbers count, and over Euler parameters: by fours,
+/// which are added side by side.
+#[inline(always)]
+fn add_rows(turn: &[[f64; 4]; 3], rows: &[[f64; 6]; 6], turns: &[[f64; 4]; 6], out: &mut [f64]) {
     let out = out.as_chunks_mut::<7>().0.first_chunk_mut::<7>().expect("a block of two bodies");
     for k in 0..3 {
-        for l in 0..7 {
+        for l in 0..3 {
             out[k][l] += rows[k][l];
         }
+        for l in 0..4 {
+            out[k][3 + l] += turns[k][l];
+        }
     }
+    let torques = [turns[3], turns[4], turns[5]];
     for k in 0..4 {
-        for l in 0..7 {
-            out[3 + k][l] +=
-                turn[0][k] * rows[3][l] + turn[1][k] * rows[4][l] + turn[2][k] * rows[5][l];
+        let [a, b, c] = [turn[0][k], turn[1][k], turn[2][k]];
+        for l in 0..3 {
+            out[3 + k][l] += a * rows[3][l] + b * rows[4][l] + c * rows[5][l];
+        }
+        let sums = combined([a, b, c], &torques);
+        for l in 0..4 {
+            out[3 + k][3 + l] += sums[l];
         }
     }
 }
@@ -150,6 +169,7 @@ impl Passage<7, 6> for ByEuler<f64> {
         out
     }
 
+    #[inline(always)]
     fn add_stiffness(
         &self,
         moved: &Self,
@@ -158,24 +178,31 @@ impl Passage<7, 6> for ByEuler<f64> {
         stiffness: &mut [f64],
     ) {
         // Loops: what makes arrays by closures calls these.
-        let mut rows = [[0.0; 7]; 6];
+        let mut turns = [[0.0; 4]; 6];
         for row in 0..6 {
-            rows[row] = match c {
-                Some(c) => moved.position_row(&k[row], &c[row]),
-                None => moved.generalized(&k[row]),
-            };
+            turns[row] = combined([k[row][3], k[row][4], k[row][5]], &moved.turn);
         }
-        add_rows(&self.turn, &rows, stiffness);
+        if let Some(c) = c {
+            for row in 0..6 {
+                let bent = combined([c[row][3], c[row][4], c[row][5]], &moved.bend);
+                for l in 0..4 {
+                    turns[row][l] += bent[l];
+                }
+            }
+        }
+        add_rows(&self.turn, k, &turns, stiffness);
     }
 
+    #[inline(always)]
     fn add_damping(&self, moved: &Self, c: &[[f64; 6]; 6], damping: &mut [f64]) {
-        let mut rows = [[0.0; 7]; 6];
+        let mut turns = [[0.0; 4]; 6];
         for row in 0..6 {
-            rows[row] = moved.generalized(&c[row]);
+            turns[row] = combined([c[row][3], c[row][4], c[row][5]], &moved.turn);
         }
-        add_rows(&self.turn, &rows, damping);
+        add_rows(&self.turn, c, &turns, damping);
     }
 
+    #[inline(always)]
     fn add_bend(&self, w: &[f64; 6], stiffness: &mut [f64]) {
         let force = self.generalized(w);
         let slope = e_transposed_slope(&[w[3], w[4], w[5]]);

@@ -75,6 +75,7 @@ macro_rules! by_variant {
             ) {
                 match self { $(Self::$variant(e) => e.evaluate(input, out),)+ }
             }
+            #[inline(always)]
             fn blocks<T: Real>(
                 &self,
                 input: &ForceInput<T, $d, $n, $w>,

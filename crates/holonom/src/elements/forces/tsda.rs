@@ -57,6 +57,7 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceEle
         out.z_rate = T::zero();
     }
 
+    #[inline(always)]
     fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>) {
         *out = ForceBlocks::zero();
         let span = self.line.span(input.pair());
