@@ -216,7 +216,6 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         }
     }
 
-    #[inline(always)]
     fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
@@ -232,7 +231,6 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         }
     }
 
-    #[inline(always)]
     fn hessian<T: Real>(&self, q: [&[T; N]; 2], c: &[T; 6], out: &mut PairBlocks<T, N>) {
         *out = PairBlocks::zero();
         match &self.rows {

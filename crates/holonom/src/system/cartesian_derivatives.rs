@@ -142,15 +142,10 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             let q = Self::pair(&state.q, c.bodies);
             let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
             let (count, slots) = (c.element.rows(), &self.slots.jacobian[k]);
-            run_wide(OfConstraint::<_, D, N> {
-                element: &c.element,
-                at: [q, v, a],
-                multipliers: Self::multipliers(c, &state.lambda),
-                rows: &mut rows,
-                pairs: &mut pairs,
-                stiffness: &mut target.stiffness,
-                slots: &self.slots.constraint_pairs[k],
-            });
+            c.element.rate_blocks(q, v, a, &mut rows);
+            c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
+            let (into, places) = (&mut target.stiffness, &self.slots.constraint_pairs[k]);
+            add_pairs::<D, N>(into, places, &pairs, c.element.couples());
             set_rows(&mut target.a0, slots, count, &rows[0]);
             set_rows(&mut target.a1, slots, count, &rows[1]);
         }
@@ -206,30 +201,6 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Wide
     fn run(self) {
         let [q, v, a] = self.at;
         S::inertia_blocks(self.inertia, q, v, a, self.k, self.c);
-    }
-}
-
-/// The blocks of a constraint, of which those with its multipliers are added up at once.
-struct OfConstraint<'a, 'b, C, const D: usize, const N: usize> {
-    element: &'a C,
-    /// q, q̇ and q̈.
-    at: [[&'a [f64; N]; 2]; 3],
-    multipliers: [f64; 6],
-    rows: &'a mut [RowBlocks<f64, N>; 2],
-    pairs: &'a mut PairBlocks<f64, N>,
-    stiffness: &'a mut BlocksMut<'b>,
-    slots: &'a [[Option<BlockId>; 2]; 2],
-}
-
-impl<C: ConstraintElement<N>, const D: usize, const N: usize> Wide
-    for OfConstraint<'_, '_, C, D, N>
-{
-    #[inline(always)]
-    fn run(self) {
-        let [q, v, a] = self.at;
-        self.element.rate_blocks(q, v, a, self.rows);
-        self.element.hessian(q, &self.multipliers, self.pairs);
-        add_pairs::<D, N>(self.stiffness, self.slots, self.pairs, self.element.couples());
     }
 }
 
