@@ -115,6 +115,18 @@ impl DenseLu {
         Ok(())
     }
 
+    /// Takes over the factors of another matrix of as many rows.
+    ///
+    /// # Panics
+    /// If it has not as many.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.factors.copy_from_slice(&other.factors);
+        self.inverses.copy_from_slice(&other.inverses);
+        self.permutation.copy_from_slice(&other.permutation);
+        self.inverse_permutation.copy_from_slice(&other.inverse_permutation);
+        self.exchanges.copy_from_slice(&other.exchanges);
+    }
+
     /// Sign of det A of the matrix last factored.
     pub fn determinant_sign(&self) -> f64 {
         let exchanged = self.exchanges.iter().enumerate().filter(|(p, from)| p != *from).count();

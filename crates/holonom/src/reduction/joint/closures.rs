@@ -187,6 +187,15 @@ impl Closures {
         }
     }
 
+    /// Takes over the numbers at hand of the same closures elsewhere.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.matrix.copy_from_slice(&other.matrix);
+        for (own, other) in self.clusters.iter_mut().zip(&other.clusters) {
+            own.square.copy_from_slice(&other.square);
+            own.lu.copy_from(&other.lu);
+        }
+    }
+
     /// Factors the dependent columns.
     ///
     /// # Errors

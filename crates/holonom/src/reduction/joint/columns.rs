@@ -3,6 +3,7 @@
 use super::algebra::Algebra;
 use super::engine::{Engine, add, pose};
 use crate::math::turn::TurnRate;
+use crate::math::vector::sum;
 use crate::system::EdgeScrews;
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
@@ -47,6 +48,24 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
+    /// Those of another engine of the same parametrization.
+    pub(super) fn copy_columns(&mut self, other: &Self) {
+        self.stood.copy_from_slice(&other.stood);
+        self.stances.copy_from_slice(&other.stances);
+        self.inertias.copy_from_slice(&other.inertias);
+        self.turning.copy_from_slice(&other.turning);
+        for (own, other) in [(&mut self.origin, &other.origin), (&mut self.center, &other.center)] {
+            own.copy_from_slice(other);
+        }
+        for (own, other) in [
+            (&mut self.screws, &other.screws),
+            (&mut self.own_columns, &other.own_columns),
+            (&mut self.columns, &other.columns),
+        ] {
+            own.copy_from_slice(other);
+        }
+    }
+
     /// Rates as the screws have them: of a rotation vector the angular velocity.
     pub(super) fn screw_rates(&self, at: usize, x_rate: &[f64]) -> [f64; 6] {
         let edge = &self.edges[at];
@@ -57,6 +76,23 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             out[start..start + 3].copy_from_slice(&turned);
         }
         out
+    }
+
+    /// Rotations are about to be measured from the present configuration, where their rates are angular velocities and what
+    /// these change with is zero: rates and accelerations become those. Whether there are any.
+    pub(super) fn turn_rates(&mut self) -> bool {
+        let mut turns = false;
+        for (edge, turning) in self.edges.iter().zip(&self.turning) {
+            let (Some(start), Some(turning)) = (edge.rotation, turning) else { continue };
+            let range = edge.range.start + start..edge.range.start + start + 3;
+            let [rates, second] = [&self.rates, &self.accelerations]
+                .map(|x| std::array::from_fn(|i| x[range.start + i]));
+            let (turned, bend) = (turning.times(&second), turning.first(&rates, &rates));
+            self.rates[range.clone()].copy_from_slice(&turning.times(&rates));
+            self.accelerations[range].copy_from_slice(&sum(&turned, &bend));
+            turns = true;
+        }
+        turns
     }
 
     /// δ(B ẋ) of an edge at fixed ẋ, where bodies move by the twists `motion` and coordinates by `change`.

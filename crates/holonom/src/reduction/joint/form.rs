@@ -9,6 +9,7 @@ use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
 use crate::system::{DerivativeBlocks, State};
 use crate::threads::Threads;
+use std::any::Any;
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N, W> {
     fn boxed(&self) -> Box<dyn JointForm> {
@@ -52,6 +53,15 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
                 format!("the joints leave `{name}` undetermined here (pivot {:.1e})", e.pivot);
             EvaluationFailure::new("simulation/singular-configuration", message).of_group(group)
         })
+    }
+
+    fn take_factors(&mut self, other: &dyn JointForm) -> bool {
+        let other: &dyn Any = other;
+        let Some(other) = other.downcast_ref::<Self>() else { return false };
+        self.copy_columns(other);
+        self.closures.copy_from(&other.closures);
+        self.gradients.copy_from_slice(&other.gradients);
+        true
     }
 
     fn determinant_sign(&self) -> f64 {
@@ -115,17 +125,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         self.tell_multipliers(lambda);
     }
 
-    fn take_motion(
-        &mut self,
-        parametrization: &Parametrization,
-        state: &State,
-        [p_rate, p_second]: [&[f64]; 2],
-        v: &mut [f64],
-    ) {
-        self.recover_velocity(state.t, p_rate, v, &state.q);
-        self.take_accelerations(parametrization, state.t, p_second, [&state.q, &state.v]);
-    }
-
     fn mass_times(&mut self, p: &[f64], q: &[f64], out: &mut [f64]) {
         let mut change = std::mem::take(&mut self.change);
         self.multiply_null_space(p, &mut change);
@@ -166,6 +165,31 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
                     p_rate[*k] = *x;
                 }
             }
+        }
+    }
+
+    fn turn_rates(&mut self) -> bool {
+        Self::turn_rates(self)
+    }
+
+    fn independent_motion(
+        &self,
+        parametrization: &Parametrization,
+        State { q, v, a, .. }: &State,
+        [p_rate, p_second]: [&mut [f64]; 2],
+    ) {
+        for (k, source) in self.sources.iter().enumerate() {
+            if let Source::Independent(at) = source {
+                (p_rate[*at], p_second[*at]) = (self.rates[k], self.accelerations[k]);
+            }
+        }
+        let (system, relatives) = (self.system.as_ref(), Self::relatives(parametrization));
+        for closure in &self.closures.all {
+            let Origin::Deformations(group) = closure.origin else { continue };
+            let rows = || closure.rows.iter().copied();
+            relatives.group_rates(system, group, rows(), [q, v], p_rate);
+            relatives.group_rates(system, group, rows(), [q, a], p_second);
+            relatives.add_group_curvature(system, group, rows(), [q, v], p_second);
         }
     }
 
