@@ -267,19 +267,27 @@ impl Relatives {
                     }
                 }
                 at += info.rows;
-                if info.reach.is_finite() {
-                    let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
-                    if size.is_nan() || size > REACH * info.reach {
-                        return Err(EvaluationFailure::new(
-                            "simulation/chart-reach",
-                            format!("`{}` would turn by {size:.2} rad within one step", info.name),
-                        )
-                        .of_group(group));
-                    }
-                }
+                Self::reaches(info, group, values)?;
             }
         }
         Ok(())
+    }
+
+    /// Whether a direction or rotation is near enough to its reference.
+    ///
+    /// # Errors
+    /// `simulation/chart-reach`.
+    pub(super) fn reaches(
+        info: &RelativeGroup,
+        group: usize,
+        values: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if info.reach.is_infinite() || size <= REACH * info.reach {
+            return Ok(());
+        }
+        let message = format!("`{}` would turn by {size:.2} rad within one step", info.name);
+        Err(EvaluationFailure::new("simulation/chart-reach", message).of_group(group))
     }
 
     /// Present values of the dependent coordinates plus their predicted changes −s_q δq, into `x`.

@@ -252,7 +252,7 @@ impl Closures {
 
     /// x −= Nᵀ y.
     pub(super) fn subtract_transposed(&self, y: &[f64], x: &mut [f64]) {
-        for (y, line) in y.iter().zip(self.lines()) {
+        for (y, line) in y.iter().zip(self.lines()).filter(|(y, _)| **y != 0.0) {
             line.for_each(|(a, &k)| x[k] -= a * y);
         }
     }

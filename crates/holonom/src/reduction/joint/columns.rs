@@ -22,7 +22,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 continue;
             }
             let sign = if edge.outward { 1.0 } else { -1.0 };
-            self.center[edge.body] = screws.center;
+            let (center, o) = (screws.center, self.origin[edge.body]);
+            self.center[edge.body] = center;
             let own = &mut self.screws[edge.range.clone()];
             let columns = &mut self.own_columns[edge.range.clone()];
             let both = own.iter_mut().zip(&mut *columns);
@@ -41,9 +42,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     *column = A::screw(&[0.0; 3], &angular);
                 }
             }
-            let o = &self.origin[edge.body];
             for (out, own) in self.columns[edge.range.clone()].iter_mut().zip(columns) {
-                *out = A::moved_twist(own, &screws.center, o);
+                *out = A::moved_twist(own, &center, &o);
             }
         }
     }
@@ -102,34 +102,38 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             Some(carrier) => A::cross(&motion[carrier], &self.relative[edge.body]),
             None => [0.0; W],
         };
-        if !edge.bends() {
-            return out;
-        }
         let screws = &self.screws[edge.range.clone()];
-        let mut own = [0.0; W];
+        let (center, origin) = (&self.center[edge.body], &self.origin[edge.body]);
         if edge.nested {
             let [rates, moved] = [&self.rates[..], change].map(|x| self.screw_rates(at, x));
             let sign = if edge.outward { 1.0 } else { -1.0 };
-            for (k, (screw, rate)) in screws.iter().zip(rates).enumerate() {
-                for (j, inner) in screws.iter().enumerate().take(k) {
-                    if edge.stage[j] < edge.stage[k] {
-                        add(&mut own, sign * rate * moved[j], &A::cross(inner, screw));
-                    }
+            // What lower stages move by carries the next one.
+            let (mut own, mut lower, mut k) = ([0.0; W], [0.0; W], 0);
+            for stage in edge.stage[..screws.len()].chunk_by(|a, b| a == b) {
+                let [mut turned, mut carried] = [[0.0; W]; 2];
+                for screw in &screws[k..k + stage.len()] {
+                    add(&mut turned, sign * rates[k], screw);
+                    add(&mut carried, moved[k], screw);
+                    k += 1;
                 }
+                add(&mut own, 1.0, &A::cross(&lower, &turned));
+                add(&mut lower, 1.0, &carried);
             }
+            add(&mut out, 1.0, &A::moved_twist(&own, center, origin));
         }
         if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
-            let three = |x: &[f64]| {
-                let first = edge.range.start + start;
-                [x[first], x[first + 1], x[first + 2]]
-            };
-            let bend = turning.first(&three(change), &three(&self.rates));
-            for (x, screw) in bend.iter().zip(&screws[start..]) {
-                add(&mut own, *x, screw);
-            }
+            let [change, rates] = [change, &self.rates]
+                .map(|x| x[edge.range.start + start..].first_chunk().expect("three angles"));
+            let own = combined(&turning.first(change, rates), &screws[start..]);
+            add(&mut out, 1.0, &A::moved_twist(&own, center, origin));
         }
-        let own = A::moved_twist(&own, &self.center[edge.body], &self.origin[edge.body]);
-        add(&mut out, 1.0, &own);
         out
     }
+}
+
+/// The sum of three twists, times these factors.
+#[inline(always)]
+fn combined<const W: usize>([x, y, z]: &[f64; 3], twists: &[[f64; W]]) -> [f64; W] {
+    let [a, b, c]: &[[f64; W]; 3] = twists.first_chunk().expect("three twists");
+    std::array::from_fn(|i| x * a[i] + y * b[i] + z * c[i])
 }

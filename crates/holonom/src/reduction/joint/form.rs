@@ -6,7 +6,7 @@ use super::engine::{BodyInertia, Engine, add, pose, pose_mut};
 use super::{JointForm, ReducedDerivatives};
 use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
-use crate::reduction::relatives::{Relatives, Source};
+use crate::reduction::relatives::Relatives;
 use crate::system::{DerivativeBlocks, State};
 use crate::threads::Threads;
 use std::any::Any;
@@ -80,9 +80,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
             let rows = self.rows[closure.first..].iter_mut().zip(&closure.rows);
             match closure.origin {
                 Origin::Joint(joint) => {
-                    let first = self.system.structure().joints[joint].row;
-                    for (out, (row, _)) in rows.filter(|(_, (row, _))| *row == 0) {
-                        *out = -self.system.drive(first + row, t)[1];
+                    let Some(drive) = self.system.joint_drive(joint, t) else { continue };
+                    for (out, _) in rows.filter(|(_, (row, _))| *row == 0) {
+                        *out = -drive[1];
                     }
                 }
                 Origin::Deformations(_) => rows.for_each(|(out, (_, k))| *out = -p_rate[*k]),
@@ -154,11 +154,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         let State { t, q, v, .. } = state;
         self.evaluate_second_residual(Some(parametrization), *t, &still, [q, v]);
         self.zero_rates = still;
-        for (k, source) in self.sources.iter().enumerate() {
-            if let Source::Independent(at) = source {
-                p_rate[*at] = self.accelerations[k];
-            }
-        }
+        self.independent.iter().for_each(|&(k, at)| p_rate[at] = self.accelerations[k]);
         for closure in &self.closures.all {
             if let Origin::Deformations(_) = closure.origin {
                 for (x, (_, k)) in self.rows[closure.first..].iter().zip(&closure.rows) {
@@ -178,10 +174,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         State { q, v, a, .. }: &State,
         [p_rate, p_second]: [&mut [f64]; 2],
     ) {
-        for (k, source) in self.sources.iter().enumerate() {
-            if let Source::Independent(at) = source {
-                (p_rate[*at], p_second[*at]) = (self.rates[k], self.accelerations[k]);
-            }
+        for &(k, at) in &*self.independent {
+            (p_rate[at], p_second[at]) = (self.rates[k], self.accelerations[k]);
         }
         let (system, relatives) = (self.system.as_ref(), Self::relatives(parametrization));
         for closure in &self.closures.all {
