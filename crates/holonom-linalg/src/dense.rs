@@ -116,6 +116,18 @@ impl DenseLu {
         Ok(())
     }
 
+    /// Takes over the factors of another matrix of as many rows.
+    ///
+    /// # Panics
+    /// If it has not as many.
+    pub fn copy_from(&mut self, other: &Self) {
+        self.factors.copy_from_slice(&other.factors);
+        self.inverses.copy_from_slice(&other.inverses);
+        self.permutation.copy_from_slice(&other.permutation);
+        self.inverse_permutation.copy_from_slice(&other.inverse_permutation);
+        self.exchanges.copy_from_slice(&other.exchanges);
+    }
+
     /// Sign of det A of the matrix last factored.
     pub fn determinant_sign(&self) -> f64 {
         let exchanged = self.exchanges.iter().enumerate().filter(|(p, from)| p != *from).count();
@@ -262,23 +274,30 @@ fn eliminate(a: &mut [f64], permutation: &mut [usize]) {
     }
 }
 
-/// Factor of a symmetric matrix whose lower triangle is given by columns; returns how many pivots are positive.
+/// Factor of a symmetric matrix whose lower triangle is given by columns; returns how many pivots are positive. Each column
+/// takes what those before it leave of it, by fours: columns are short.
 fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
     for p in 0..n {
-        let (known, rest) = a.split_at_mut((p + 1) * n);
-        let own = &mut known[p * n + p..];
+        let (known, rest) = a.split_at_mut(p * n);
+        let own = &mut rest[p..n];
+        for column in known.chunks_exact(n) {
+            let factor = column[p];
+            // What hangs on other branches of a tree is zero.
+            if factor != 0.0 {
+                let (fours, last) = column[p..].as_chunks::<4>();
+                let (own_fours, own_last) = own.as_chunks_mut::<4>();
+                for (out, x) in own_fours.iter_mut().zip(fours) {
+                    (0..4).for_each(|l| out[l] -= factor * x[l]);
+                }
+                subtract(own_last, factor, last);
+            }
+        }
         if own[0].is_nan() || own[0] <= 0.0 {
             return p;
         }
         own[0] = own[0].sqrt();
         let inverse = own[0].recip();
         own[1..].iter_mut().for_each(|x| *x *= inverse);
-        for (j, column) in rest.chunks_exact_mut(n).enumerate() {
-            // What hangs on other branches of a tree is zero.
-            if own[1 + j] != 0.0 {
-                subtract(&mut column[p + 1 + j..], own[1 + j], &own[1 + j..]);
-            }
-        }
     }
     n
 }

@@ -187,12 +187,8 @@ where
             }
             Turns::Any | Turns::Free => {
                 let start = D;
-                for k in 0..2 * D - 3 {
-                    let unit = std::array::from_fn(|i| f64::from(u8::from(i == k)));
-                    let axis =
-                        if free { S::fixed_axis(&unit) } else { S::turning_axis(first, &unit) };
-                    push(rest, axis, 1);
-                }
+                let carrier = if free { const { &Stance::GROUND } } else { first };
+                (0..2 * D - 3).for_each(|k| push(rest, S::own_axis(carrier, k), 1));
                 let start = if matches!(self.link, Link::Components(_)) { start } else { 0 };
                 out.rotation = (D == 3).then_some(start);
             }
@@ -311,8 +307,8 @@ pub trait Orientation<const D: usize, const N: usize, const R: usize>: Space<D, 
     fn turned(body: &Stance, vector: &[f64; D]) -> [f64; 3];
     /// A rotation axis of a body in ground axes; in the plane the normal of the plane.
     fn turning_axis(body: &Stance, axis: &[f64; D]) -> [f64; 3];
-    /// The same of the ground.
-    fn fixed_axis(axis: &[f64; D]) -> [f64; 3];
+    /// The same, one of its own axes.
+    fn own_axis(body: &Stance, k: usize) -> [f64; 3];
     /// The coordinates of a joint as an edge.
     fn joint_form(kind: &JointKind, frames: &[Triad<D>; 2]) -> Form<Self, D, N, R>;
     /// The direction of the line between two points.
@@ -373,7 +369,7 @@ impl Orientation<2, 3, 1> for Planar {
         [0.0, 0.0, 1.0]
     }
 
-    fn fixed_axis(_axis: &[f64; 2]) -> [f64; 3] {
+    fn own_axis(_body: &Stance, _k: usize) -> [f64; 3] {
         [0.0, 0.0, 1.0]
     }
 
@@ -457,8 +453,8 @@ impl Orientation<3, 7, 4> for Spatial {
         body.turn(axis)
     }
 
-    fn fixed_axis(axis: &[f64; 3]) -> [f64; 3] {
-        *axis
+    fn own_axis(body: &Stance, k: usize) -> [f64; 3] {
+        body.axes.map(|row| row[k])
     }
 
     fn joint_form(kind: &JointKind, frames: &[Triad<3>; 2]) -> Form<Self, 3, 7, 4> {

@@ -177,6 +177,8 @@ pub struct TurnRate {
 
 /// Terms of the series of c₆ and c₇: up to a whole turn what is left is below round-off.
 const RATE_TERMS: usize = 17;
+/// The same up to 1 rad.
+const RATE_TERMS_NEAR: usize = 8;
 /// 1/(6+2j)! and 1/(7+2j)!.
 const RATE_SERIES: [[f64; 2]; RATE_TERMS] = {
     let mut out = [[1.0 / 720.0, 1.0 / 5040.0]; RATE_TERMS];
@@ -196,7 +198,8 @@ impl TurnRate {
         let s = dot(theta, theta);
         // Σⱼ (−s)ʲ/(k+2j)! by Horner's scheme, for both at once.
         let (mut c6, mut c7) = (0.0, 0.0);
-        for [a, b] in RATE_SERIES.iter().rev() {
+        let terms = if s < 1.0 { RATE_TERMS_NEAR } else { RATE_TERMS };
+        for [a, b] in RATE_SERIES[..terms].iter().rev() {
             (c6, c7) = (a - s * c6, b - s * c7);
         }
         let (c4, c5) = (1.0 / 24.0 - s * c6, 1.0 / 120.0 - s * c7);

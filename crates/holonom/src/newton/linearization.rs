@@ -31,6 +31,8 @@ pub struct Linearization {
     /// Variables that move each body, and where those of the next one begin.
     movers: Vec<usize>,
     mover_ends: Vec<usize>,
+    /// In their order, what the columns of each are on the coordinates of the body.
+    moved: Vec<f64>,
     pub(super) gamma_h: f64,
     pub(super) beta_h2: f64,
     /// E⁻¹ = (1 − γh ż_z)⁻¹, E being diagonal.
@@ -67,6 +69,7 @@ impl Linearization {
             columns: vec![0.0; if reduced { 2 * s.coordinates * ndof } else { 0 }],
             movers: Vec::with_capacity(if reduced { s.bodies * ndof } else { 0 }),
             mover_ends: Vec::with_capacity(if reduced { s.bodies } else { 0 }),
+            moved: Vec::with_capacity(if reduced { 2 * s.coordinates * ndof } else { 0 }),
             gamma_h: 0.0,
             beta_h2: 0.0,
             inverse_e: vec![0.0; s.extra_states],
@@ -137,12 +140,15 @@ impl Linearization {
         let (n, sizes) = (self.q.len(), self.system.structure().sizes);
         self.movers.clear();
         self.mover_ends.clear();
+        self.moved.clear();
         for b in 0..sizes.bodies {
             let own = b * sizes.per_body..(b + 1) * sizes.per_body;
             for (k, column) in self.columns.chunks_exact(2 * n).enumerate() {
-                let (d, rates) = column.split_at(n);
-                if d[own.clone()].iter().chain(&rates[own.clone()]).any(|x| *x != 0.0) {
+                let (d, rates) = (&column[own.clone()], &column[n..][own.clone()]);
+                if d.iter().chain(rates).any(|x| *x != 0.0) {
                     self.movers.push(k);
+                    self.moved.extend_from_slice(d);
+                    self.moved.extend_from_slice(rates);
                 }
             }
             self.mover_ends.push(self.movers.len());
@@ -151,13 +157,13 @@ impl Linearization {
 
     /// Changes of N coordinates of each body and of their rates, by the columns of what moves it.
     fn add_up<const N: usize>(&self, p: &[f64], v: &[f64], dq: &mut [f64], dv: &mut [f64]) {
-        let (n, mut first) = (dq.len(), 0);
+        let (columns, _) = self.moved.as_chunks::<N>();
+        let mut movers = columns.as_chunks::<2>().0.iter().zip(&self.movers);
+        let mut first = 0;
         let bodies = dq.as_chunks_mut::<N>().0.iter_mut().zip(dv.as_chunks_mut::<N>().0);
-        for ((b, (dq, dv)), &end) in bodies.enumerate().zip(&self.mover_ends) {
+        for ((dq, dv), &end) in bodies.zip(&self.mover_ends) {
             let (mut change, mut rate_change) = ([0.0; N], [0.0; N]);
-            for &k in &self.movers[first..end] {
-                let (d, rates) = self.columns[2 * k * n..2 * (k + 1) * n].split_at(n);
-                let (d, rates) = (&d.as_chunks::<N>().0[b], &rates.as_chunks::<N>().0[b]);
+            for ([d, rates], &k) in movers.by_ref().take(end - first) {
                 let (p, v) = (p[k], v[k]);
                 for i in 0..N {
                     change[i] += p * d[i];

@@ -130,16 +130,26 @@ impl Relatives {
 
     /// Their rates P q̇.
     pub fn rates(&self, system: &dyn System, q: &[f64], v: &[f64], rates: &mut [f64]) {
-        let n = system.structure().sizes.per_body;
-        let mut gradient = [0.0; WIDEST];
         for (group, range) in self.runs() {
-            let info = &system.relative_groups()[group];
-            let gradient = &mut gradient[..info.rows * 2 * n];
-            system.relative_gradient(group, &self.references[group], q, gradient);
-            for k in range {
-                let row = &gradient[self.rows[k].1 * 2 * n..][..2 * n];
-                rates[k] = times(row, info.bodies, v);
-            }
+            self.group_rates(system, group, range.map(|k| (self.rows[k].1, k)), [q, v], rates);
+        }
+    }
+
+    /// Those of one group, for `rows` of it that are independent variables, each with the place among all.
+    pub(super) fn group_rates(
+        &self,
+        system: &dyn System,
+        group: usize,
+        rows: impl Iterator<Item = (usize, usize)>,
+        [q, v]: [&[f64]; 2],
+        rates: &mut [f64],
+    ) {
+        let n = system.structure().sizes.per_body;
+        let info = &system.relative_groups()[group];
+        let gradient = &mut [0.0; WIDEST][..info.rows * 2 * n];
+        system.relative_gradient(group, &self.references[group], q, gradient);
+        for (row, k) in rows {
+            rates[k] = times(&gradient[row * 2 * n..][..2 * n], info.bodies, v);
         }
     }
 
@@ -151,14 +161,25 @@ impl Relatives {
 
     /// out += (P q̇)_q q̇.
     pub fn add_curvature(&self, system: &dyn System, q: &[f64], v: &[f64], out: &mut [f64]) {
-        let mut values = [0.0; 3];
         for (group, range) in self.runs() {
-            let rows = system.relative_groups()[group].rows;
-            let values = &mut values[..rows];
-            system.relative_curvature(group, &self.references[group], q, v, values);
-            for k in range {
-                out[k] += values[self.rows[k].1];
-            }
+            let rows = range.map(|k| (self.rows[k].1, k));
+            self.add_group_curvature(system, group, rows, [q, v], out);
+        }
+    }
+
+    /// That of one group, as [`Relatives::group_rates`].
+    pub(super) fn add_group_curvature(
+        &self,
+        system: &dyn System,
+        group: usize,
+        rows: impl Iterator<Item = (usize, usize)>,
+        [q, v]: [&[f64]; 2],
+        out: &mut [f64],
+    ) {
+        let values = &mut [0.0; 3][..system.relative_groups()[group].rows];
+        system.relative_curvature(group, &self.references[group], q, v, values);
+        for (row, k) in rows {
+            out[k] += values[row];
         }
     }
 
@@ -246,19 +267,27 @@ impl Relatives {
                     }
                 }
                 at += info.rows;
-                if info.reach.is_finite() {
-                    let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
-                    if size.is_nan() || size > REACH * info.reach {
-                        return Err(EvaluationFailure::new(
-                            "simulation/chart-reach",
-                            format!("`{}` would turn by {size:.2} rad within one step", info.name),
-                        )
-                        .of_group(group));
-                    }
-                }
+                Self::reaches(info, group, values)?;
             }
         }
         Ok(())
+    }
+
+    /// Whether a direction or rotation is near enough to its reference.
+    ///
+    /// # Errors
+    /// `simulation/chart-reach`.
+    pub(super) fn reaches(
+        info: &RelativeGroup,
+        group: usize,
+        values: &[f64],
+    ) -> Result<(), EvaluationFailure> {
+        let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if info.reach.is_infinite() || size <= REACH * info.reach {
+            return Ok(());
+        }
+        let message = format!("`{}` would turn by {size:.2} rad within one step", info.name);
+        Err(EvaluationFailure::new("simulation/chart-reach", message).of_group(group))
     }
 
     /// Present values of the dependent coordinates plus their predicted changes −s_q δq, into `x`.

@@ -44,6 +44,11 @@ impl Recorder {
         self.point.begin_step(state);
     }
 
+    /// The same step once more.
+    pub(super) fn begin_again(&mut self, state: &State) {
+        self.point.begin_step(state);
+    }
+
     /// Makes what is made at a first evaluation: none of the steps is the place for it.
     pub(super) fn prepare(&mut self, w: &[f64], state: &State) {
         // Where this fails the run does, too.

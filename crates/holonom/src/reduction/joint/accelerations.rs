@@ -5,7 +5,6 @@ use super::branched::Branched;
 use super::closures::Origin;
 use super::directions::Directions;
 use super::engine::{Engine, add, dot, pose};
-use crate::reduction::relatives::Source;
 use crate::system::State;
 
 /// What a solution may leave of the forces on a coordinate, against the sizes of what they are summed from, before other
@@ -67,6 +66,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         if self.is_plain_tree {
             self.tell_multipliers(lambda);
         }
+        self.keep_closure_forces(lambda);
+        self.closures.subtract_transposed(&self.rows, &mut self.along);
         self.is_balanced(lambda)
     }
 
@@ -113,12 +114,28 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.tell_second_rates(q, v, a);
         self.balance(q, a);
         let mut left = std::mem::take(&mut self.zero_rates);
-        self.gathered.copy_from_slice(&self.along);
         self.project(&mut left);
         self.tell_multipliers(lambda);
         self.zero_rates = left;
-        self.along.copy_from_slice(&self.gathered);
+        // Deformations bear no force.
+        for closure in &self.closures.all {
+            let bears = matches!(closure.origin, Origin::Joint(_));
+            let rows = &mut self.rows[closure.first..][..closure.rows.len()];
+            rows.iter_mut().for_each(|y| *y = if bears { 0.0 } else { -*y });
+        }
+        self.closures.subtract_transposed(&self.rows, &mut self.along);
+        self.keep_closure_forces(lambda);
         self.is_balanced(lambda)
+    }
+
+    /// Into `rows` the forces of what closes loops.
+    fn keep_closure_forces(&mut self, lambda: &[f64]) {
+        for closure in &self.closures.all {
+            for (y, (_, row)) in self.rows[closure.first..].iter_mut().zip(&closure.rows) {
+                let is_joint = matches!(closure.origin, Origin::Joint(_));
+                *y = if is_joint { -lambda[*row] } else { 0.0 };
+            }
+        }
     }
 
     /// Forces `along` the coordinates for the present rates of twists and q̈ = a, and in `change` the sizes of what they are summed
@@ -136,10 +153,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 wrench[i] += own[i] - applied[i];
             }
             add(&mut size, 1.0, &terms);
-            for k in edge.range.clone() {
-                let column = &self.columns[k];
-                self.along[k] = dot(column, &wrench);
-                self.change[k] = A::size_along(column, &size);
+            let columns = self.columns[edge.range.clone()].iter();
+            let forces = columns.zip(&mut self.along[edge.range.clone()]);
+            for ((column, along), change) in forces.zip(&mut self.change[edge.range.clone()]) {
+                *along = dot(column, &wrench);
+                *change = A::size_along(column, &size);
             }
             if let Some(base) = edge.base {
                 add(&mut self.wrench[base], 1.0, &wrench);
@@ -148,27 +166,15 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// Whether what is left of the forces `along` the coordinates, with those of closures and drivers, is round-off of what it
-    /// is summed from: a light body is asked for its own digits, not for those of a heavy one elsewhere.
+    /// Whether what closures, whose forces are `rows`, leave of the forces `along` the coordinates is with those of drivers
+    /// round-off of what it is summed from: a light body is asked for its own digits, not for those of a heavy one elsewhere.
     fn is_balanced(&mut self, lambda: &[f64]) -> bool {
-        for closure in &self.closures.all {
-            for (y, (_, row)) in self.rows[closure.first..].iter_mut().zip(&closure.rows) {
-                let is_joint = matches!(closure.origin, Origin::Joint(_));
-                *y = if is_joint { -lambda[*row] } else { 0.0 };
-            }
+        let sizes = &mut self.change;
+        self.closures.add_sizes(&self.rows, sizes);
+        for &(k, row, sign, _) in &*self.driven {
+            self.along[k] += sign * lambda[row];
+            sizes[k] += lambda[row].abs();
         }
-        let mut sizes = std::mem::take(&mut self.change);
-        self.closures.subtract_transposed(&self.rows, &mut self.along);
-        self.closures.add_sizes(&self.rows, &mut sizes);
-        for ((along, size), source) in self.along.iter_mut().zip(&mut sizes).zip(&*self.sources) {
-            if let Source::Driven(row, sign, _) = source {
-                *along += sign * lambda[*row];
-                *size += lambda[*row].abs();
-            }
-        }
-        let served =
-            self.along.iter().zip(&sizes).all(|(left, size)| left.abs() <= ACCURACY * size);
-        self.change = sizes;
-        served
+        self.along.iter().zip(&*sizes).all(|(left, size)| left.abs() <= ACCURACY * size)
     }
 }

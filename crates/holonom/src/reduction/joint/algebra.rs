@@ -102,6 +102,9 @@ pub(super) trait Algebra<const N: usize, const W: usize>:
     /// The same about the centre of mass.
     fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; W]) -> [f64; W];
 
+    /// What the turning of a body exerts, −ω × J ω, about its centre of mass.
+    fn turning(inertia: &[[f64; 3]; 3], y: &[f64; W]) -> [f64; W];
+
     /// Wrench about the centre of mass, as [`Algebra::wrench`].
     fn wrench_about_center(q: &[f64; N], force: &[f64; N]) -> [f64; W];
 
@@ -323,6 +326,12 @@ impl Algebra<7, 6> for Spatial {
     }
 
     #[inline(always)]
+    fn turning(inertia: &[[f64; 3]; 3], y: &[f64; 6]) -> [f64; 6] {
+        let (_, w) = parts(y);
+        joined(&[0.0; 3], &cross(&times(inertia, &w), &w))
+    }
+
+    #[inline(always)]
     fn wrench_about_center(q: &[f64; 7], force: &[f64; 7]) -> [f64; 6] {
         joined(&place(force), &e_times(&euler(q), &euler(force)).map(|x| 0.5 * x))
     }
@@ -508,6 +517,11 @@ impl Algebra<3, 3> for Planar {
     #[inline(always)]
     fn inertia_about_center(mass: f64, inertia: &[[f64; 3]; 3], yd: &[f64; 3]) -> [f64; 3] {
         [mass * yd[0], mass * yd[1], inertia[2][2] * yd[2]]
+    }
+
+    #[inline(always)]
+    fn turning(_: &[[f64; 3]; 3], _: &[f64; 3]) -> [f64; 3] {
+        [0.0; 3]
     }
 
     #[inline(always)]

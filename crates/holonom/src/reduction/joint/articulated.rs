@@ -42,7 +42,8 @@ impl Pivot {
         motion: &[f64; W],
     ) -> [f64; M] {
         let pivots: &[Self; M] = pivots.first_chunk().expect("M coordinates");
-        let factor = pivots.map(|pivot| *pivot.factor.first_chunk().expect("six at most"));
+        let row = |i: usize| *pivots[i].factor.first_chunk().expect("six at most");
+        let factor: [[f64; M]; M] = std::array::from_fn(row);
         let mut rate = [0.0; M];
         for ((rate, pivot), felt) in rate.iter_mut().zip(pivots).zip(felt) {
             *rate = pivot.force - dot(felt, motion);
@@ -379,7 +380,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let (Some(base), Some(carrier)) = (edge.base, edge.carrier) else { return };
         let (from, to) = (&self.center[edge.body], &self.center[base]);
         let own = &piece.bodies[at - piece.first];
-        let inertia = own.inertia.moved(&difference(from, to));
+        let arm = difference(from, to);
+        let inertia = if edge.turns_freely() {
+            own.inertia.released_moved(&arm)
+        } else {
+            own.inertia.moved(&arm)
+        };
         let wrench = A::moved(&own.wrench, from, to);
         let size = A::moved_sizes(&own.size, from, to);
         let carrier = &mut piece.bodies[carrier - piece.first];

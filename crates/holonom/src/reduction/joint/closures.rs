@@ -187,6 +187,15 @@ impl Closures {
         }
     }
 
+    /// Takes over the numbers at hand of the same closures elsewhere.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        self.matrix.copy_from_slice(&other.matrix);
+        for (own, other) in self.clusters.iter_mut().zip(&other.clusters) {
+            own.square.copy_from_slice(&other.square);
+            own.lu.copy_from(&other.lu);
+        }
+    }
+
     /// Factors the dependent columns.
     ///
     /// # Errors
@@ -243,7 +252,7 @@ impl Closures {
 
     /// x −= Nᵀ y.
     pub(super) fn subtract_transposed(&self, y: &[f64], x: &mut [f64]) {
-        for (y, line) in y.iter().zip(self.lines()) {
+        for (y, line) in y.iter().zip(self.lines()).filter(|(y, _)| **y != 0.0) {
             line.for_each(|(a, &k)| x[k] -= a * y);
         }
     }

@@ -3,6 +3,7 @@
 use super::algebra::Algebra;
 use super::engine::{Engine, add, pose};
 use crate::math::turn::TurnRate;
+use crate::math::vector::sum;
 use crate::system::EdgeScrews;
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
@@ -21,7 +22,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 continue;
             }
             let sign = if edge.outward { 1.0 } else { -1.0 };
-            self.center[edge.body] = screws.center;
+            let (center, o) = (screws.center, self.origin[edge.body]);
+            self.center[edge.body] = center;
             let own = &mut self.screws[edge.range.clone()];
             let columns = &mut self.own_columns[edge.range.clone()];
             let both = own.iter_mut().zip(&mut *columns);
@@ -40,10 +42,27 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     *column = A::screw(&[0.0; 3], &angular);
                 }
             }
-            let o = &self.origin[edge.body];
             for (out, own) in self.columns[edge.range.clone()].iter_mut().zip(columns) {
-                *out = A::moved_twist(own, &screws.center, o);
+                *out = A::moved_twist(own, &center, &o);
             }
+        }
+    }
+
+    /// Those of another engine of the same parametrization.
+    pub(super) fn copy_columns(&mut self, other: &Self) {
+        self.stood.copy_from_slice(&other.stood);
+        self.stances.copy_from_slice(&other.stances);
+        self.inertias.copy_from_slice(&other.inertias);
+        self.turning.copy_from_slice(&other.turning);
+        for (own, other) in [(&mut self.origin, &other.origin), (&mut self.center, &other.center)] {
+            own.copy_from_slice(other);
+        }
+        for (own, other) in [
+            (&mut self.screws, &other.screws),
+            (&mut self.own_columns, &other.own_columns),
+            (&mut self.columns, &other.columns),
+        ] {
+            own.copy_from_slice(other);
         }
     }
 
@@ -59,6 +78,23 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         out
     }
 
+    /// Rotations are about to be measured from the present configuration, where their rates are angular velocities and what
+    /// these change with is zero: rates and accelerations become those. Whether there are any.
+    pub(super) fn turn_rates(&mut self) -> bool {
+        let mut turns = false;
+        for (edge, turning) in self.edges.iter().zip(&self.turning) {
+            let (Some(start), Some(turning)) = (edge.rotation, turning) else { continue };
+            let range = edge.range.start + start..edge.range.start + start + 3;
+            let [rates, second] = [&self.rates, &self.accelerations]
+                .map(|x| std::array::from_fn(|i| x[range.start + i]));
+            let (turned, bend) = (turning.times(&second), turning.first(&rates, &rates));
+            self.rates[range.clone()].copy_from_slice(&turning.times(&rates));
+            self.accelerations[range].copy_from_slice(&sum(&turned, &bend));
+            turns = true;
+        }
+        turns
+    }
+
     /// δ(B ẋ) of an edge at fixed ẋ, where bodies move by the twists `motion` and coordinates by `change`.
     pub(super) fn column_change(&self, at: usize, motion: &[[f64; W]], change: &[f64]) -> [f64; W] {
         let edge = &self.edges[at];
@@ -66,34 +102,38 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             Some(carrier) => A::cross(&motion[carrier], &self.relative[edge.body]),
             None => [0.0; W],
         };
-        if !edge.bends() {
-            return out;
-        }
         let screws = &self.screws[edge.range.clone()];
-        let mut own = [0.0; W];
+        let (center, origin) = (&self.center[edge.body], &self.origin[edge.body]);
         if edge.nested {
             let [rates, moved] = [&self.rates[..], change].map(|x| self.screw_rates(at, x));
             let sign = if edge.outward { 1.0 } else { -1.0 };
-            for (k, (screw, rate)) in screws.iter().zip(rates).enumerate() {
-                for (j, inner) in screws.iter().enumerate().take(k) {
-                    if edge.stage[j] < edge.stage[k] {
-                        add(&mut own, sign * rate * moved[j], &A::cross(inner, screw));
-                    }
+            // What lower stages move by carries the next one.
+            let (mut own, mut lower, mut k) = ([0.0; W], [0.0; W], 0);
+            for stage in edge.stage[..screws.len()].chunk_by(|a, b| a == b) {
+                let [mut turned, mut carried] = [[0.0; W]; 2];
+                for screw in &screws[k..k + stage.len()] {
+                    add(&mut turned, sign * rates[k], screw);
+                    add(&mut carried, moved[k], screw);
+                    k += 1;
                 }
+                add(&mut own, 1.0, &A::cross(&lower, &turned));
+                add(&mut lower, 1.0, &carried);
             }
+            add(&mut out, 1.0, &A::moved_twist(&own, center, origin));
         }
         if let (Some(start), Some(turning)) = (edge.rotation, &self.turning[at]) {
-            let three = |x: &[f64]| {
-                let first = edge.range.start + start;
-                [x[first], x[first + 1], x[first + 2]]
-            };
-            let bend = turning.first(&three(change), &three(&self.rates));
-            for (x, screw) in bend.iter().zip(&screws[start..]) {
-                add(&mut own, *x, screw);
-            }
+            let [change, rates] = [change, &self.rates]
+                .map(|x| x[edge.range.start + start..].first_chunk().expect("three angles"));
+            let own = combined(&turning.first(change, rates), &screws[start..]);
+            add(&mut out, 1.0, &A::moved_twist(&own, center, origin));
         }
-        let own = A::moved_twist(&own, &self.center[edge.body], &self.origin[edge.body]);
-        add(&mut out, 1.0, &own);
         out
     }
+}
+
+/// The sum of three twists, times these factors.
+#[inline(always)]
+fn combined<const W: usize>([x, y, z]: &[f64; 3], twists: &[[f64; W]]) -> [f64; W] {
+    let [a, b, c]: &[[f64; W]; 3] = twists.first_chunk().expect("three twists");
+    std::array::from_fn(|i| x * a[i] + y * b[i] + z * c[i])
 }

@@ -23,6 +23,8 @@ struct Moved {
     /// Column of each of the base's directions.
     from_base: Vec<usize>,
     parts: Vec<Part>,
+    /// Places in M̂ of each variable with itself and those after it.
+    entries: Vec<usize>,
     /// Its first direction among all.
     first: usize,
 }
@@ -30,16 +32,16 @@ struct Moved {
 /// A variable of no loop: it moves a body with all that hangs on it as one.
 #[derive(Debug, Clone)]
 struct Alone {
-    variable: usize,
     coordinate: usize,
     /// Place of its edge.
     edge: usize,
     body: usize,
     base: Option<usize>,
-    /// Variables of no loop, itself among them, that move the body, with their coordinates.
+    /// Places in M̂ with variables of no loop, itself among them, that move the body, and their coordinates; with those of
+    /// loops that move the base; with those of loops among what hangs on the body, and these.
     above: Vec<(usize, usize)>,
-    /// Variables of loops among what hangs on the body.
-    below: Vec<usize>,
+    with_base: Vec<usize>,
+    below: Vec<(usize, usize)>,
 }
 
 /// Twists of the bodies for unit rates of the independent variables, where these are not zero, and M̂ made of them.
@@ -60,15 +62,14 @@ pub(super) struct Directions<const W: usize> {
 /// not fill each other's places.
 #[derive(Debug, Clone)]
 struct ReducedMass {
-    n: usize,
     entries: Vec<f64>,
     factors: Cholesky,
 }
 
 impl ReducedMass {
-    fn add(&mut self, i: usize, j: usize, x: f64) {
-        let (row, column) = (self.n - 1 - i.max(j), self.n - 1 - i.min(j));
-        self.entries[row * self.n + column] += x;
+    /// Place of the entry of two of n variables.
+    fn place(n: usize, i: usize, j: usize) -> usize {
+        (n - 1 - i.max(j)) * n + n - 1 - i.min(j)
     }
 
     fn solve(&self, x: &mut [f64]) {
@@ -106,8 +107,12 @@ impl<const W: usize> Directions<W> {
                     (Source::Independent(p), _) if is_looped[p] => variables.push(p),
                     (Source::Independent(variable), _) => {
                         own.push((variable, coordinate));
-                        let (edge, above, below) = (at, own.clone(), Vec::new());
-                        alone.push(Alone { variable, coordinate, edge, body, base, above, below });
+                        let place = |p: usize| ReducedMass::place(ndof, variable, p);
+                        let above = own.iter().map(|&(p, k)| (place(p), k)).collect();
+                        let with_base = from_base.iter().map(|&p| place(p)).collect();
+                        let (edge, below) = (at, Vec::new());
+                        let one = Alone { coordinate, edge, body, base, above, with_base, below };
+                        alone.push((variable, one));
                     }
                     (Source::Dependent, Some((cluster, _))) => {
                         variables.extend(free(cluster).iter().map(|(p, _)| *p));
@@ -138,7 +143,10 @@ impl<const W: usize> Directions<W> {
             let from_base = from_base.iter().map(|&p| column(p)).collect();
             let first = count;
             count += variables.len();
-            moved[body] = Moved { variables, from_base, parts, first };
+            let pairs = variables.iter().enumerate();
+            let pairs = pairs.flat_map(|(at, &p)| variables[at..].iter().map(move |&q| (p, q)));
+            let entries = pairs.map(|(p, q)| ReducedMass::place(ndof, p, q)).collect();
+            moved[body] = Moved { variables, from_base, parts, entries, first };
         }
         // Variables of loops that move a body or something that hangs on it.
         let mut below: Vec<Vec<usize>> = moved.iter().map(|own| own.variables.clone()).collect();
@@ -150,22 +158,18 @@ impl<const W: usize> Directions<W> {
                 below[base].extend(own);
             }
         }
-        for one in &mut alone {
+        for (variable, one) in &mut alone {
             let known = one.base.map_or(&[][..], |base| &moved[base].variables);
             let new = below[one.body].iter().filter(|p| known.binary_search(p).is_err());
-            one.below = new.copied().collect();
+            one.below = new.map(|&p| (ReducedMass::place(ndof, *variable, p), p)).collect();
         }
         Self {
             moved,
-            alone,
+            alone: alone.into_iter().map(|(_, one)| one).collect(),
             columns: vec![[0.0; W]; count],
             own: vec![[0.0; W]; ndof],
             felt: vec![[0.0; W]; ndof],
-            mass: ReducedMass {
-                n: ndof,
-                entries: vec![0.0; ndof * ndof],
-                factors: Cholesky::new(ndof),
-            },
+            mass: ReducedMass { entries: vec![0.0; ndof * ndof], factors: Cholesky::new(ndof) },
             rate: vec![0.0; ndof],
         }
     }
@@ -178,8 +182,7 @@ impl<const W: usize> Directions<W> {
             (s + 1.0) * square + 0.5 * s * s * w
         };
         let of_alone = |one: &Alone| {
-            let known = one.base.map_or(0, |base| self.moved[base].variables.len());
-            square + (known + one.above.len() + one.below.len()) as f64 * w
+            square + (one.with_base.len() + one.above.len() + one.below.len()) as f64 * w
         };
         let bodies = self.moved.iter().map(of_body).sum::<f64>();
         bodies + self.alone.iter().map(of_alone).sum::<f64>() + n * n * n / 6.0
@@ -224,11 +227,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 *about = A::moved_twist(column, &self.origin[b], &place);
             }
             let BodyInertia { mass: m, turned, .. } = &self.inertias[b];
+            let mut entries = own.entries.iter();
             for (i, (&p, column)) in own.variables.iter().zip(&*columns).enumerate() {
-                let own_felt = A::inertia_times(*m, turned, pose(q, b), &place, column);
+                let own_felt = A::inertia_about_center(*m, turned, column);
                 add(&mut felt[p], 1.0, &A::moved(&own_felt, &place, &self.origin[b]));
-                for (other, column) in own.variables[i..].iter().zip(&columns[i..]) {
-                    mass.add(p, *other, dot(&own_felt, column));
+                for (column, &at) in columns[i..].iter().zip(&mut entries) {
+                    mass.entries[at] += dot(&own_felt, column);
                 }
             }
         }
@@ -240,17 +244,16 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let b = one.body;
             let own = self.articulated[one.edge].inertia.times(&self.own_columns[one.coordinate]);
             let own = A::moved(&own, &self.center[b], &self.origin[b]);
-            for (other, coordinate) in &one.above {
-                mass.add(one.variable, *other, dot(&own, &self.columns[*coordinate]));
+            for &(at, coordinate) in &one.above {
+                mass.entries[at] += dot(&own, &self.columns[coordinate]);
             }
             if let Some(base) = one.base {
-                let base = &moved[base];
-                for (other, column) in base.variables.iter().zip(&all[base.first..]) {
-                    mass.add(one.variable, *other, dot(&own, column));
+                for (&at, column) in one.with_base.iter().zip(&all[moved[base].first..]) {
+                    mass.entries[at] += dot(&own, column);
                 }
             }
-            for &other in &one.below {
-                mass.add(one.variable, other, dot(column, &felt[other]));
+            for &(at, variable) in &one.below {
+                mass.entries[at] += dot(column, &felt[variable]);
             }
         }
         let served = mass.factors.factor(&mass.entries).is_ok();

@@ -72,6 +72,13 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     pub(super) subtrees: Option<(Threads, Arc<Subtrees>)>,
     /// Per coordinate: where it comes from, and the row of the driver that tells it.
     pub(super) sources: Arc<[Source]>,
+    /// Of these the independent ones, each with its variable, and those of drivers on the tree with row, sign and constant.
+    pub(super) independent: Arc<[(usize, usize)]>,
+    pub(super) driven: Arc<[(usize, usize, f64, f64)]>,
+    /// Edge of the forest of each coordinate, and place among its own.
+    pub(super) at: Arc<[(usize, usize)]>,
+    /// Groups that reach no farther than so far from their references, with their edges and first places.
+    pub(super) reaching: Arc<[(usize, usize, usize)]>,
     /// Group of each coordinate, and place in it.
     pub(super) names: Arc<[(usize, usize)]>,
     pub(super) closures: Closures,
@@ -129,7 +136,6 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     /// Scratch: rows of the closures, coordinates, motions of bodies.
     pub(super) rows: Vec<f64>,
     pub(super) along: Vec<f64>,
-    pub(super) gathered: Vec<f64>,
     pub(super) generalized: Vec<f64>,
     pub(super) zero_rates: Vec<f64>,
     pub(super) before: Vec<f64>,
@@ -257,12 +263,30 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let of_edges = edges.iter().flat_map(|edge| {
             edge.range.clone().enumerate().map(|(place, k)| (k, ((edge.at, place), edge.body)))
         });
+        let at: Arc<[_]> = of_edges.clone().map(|(_, (place, _))| place).collect();
+        let first = |(k, (group, row)): (usize, &(usize, usize))| {
+            let reaches = *row == 0 && groups[*group].reach.is_finite();
+            reaches.then(|| (*group, at[k].0, at[k].1))
+        };
+        let reaching = names.iter().enumerate().filter_map(first).collect();
         let dependent = of_edges.filter(|(k, _)| coordinates[*k].0 == Source::Dependent);
         let (places, moves) = dependent.map(|(_, place)| place).unzip();
+        let (mut independent, mut driven) = (Vec::new(), Vec::new());
+        for (k, (source, _)) in coordinates.iter().enumerate() {
+            match *source {
+                Source::Independent(variable) => independent.push((k, variable)),
+                Source::Driven(row, sign, constant) => driven.push((k, row, sign, constant)),
+                Source::Dependent => {}
+            }
+        }
         let zeros = || vec![[0.0; W]; bodies];
         let mut out = Self {
             system: system.clone(),
             sources: coordinates.iter().map(|c| c.0).collect(),
+            independent: independent.into(),
+            driven: driven.into(),
+            reaching,
+            at,
             names: names.into(),
             root,
             origin: vec![[0.0; 3]; bodies],
@@ -294,7 +318,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             gradients: vec![0.0; closures.all.iter().map(|c| c.count * 2 * N).sum()],
             rows: vec![0.0; rows],
             along: vec![0.0; n],
-            gathered: vec![0.0; n],
             generalized: vec![0.0; system.structure().sizes.coordinates],
             zero_rates: vec![0.0; parametrization.ndof],
             subtrees: None,
@@ -383,7 +406,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.system.wrenches(state, self.applied.as_flattened_mut(), z_rate);
         for (b, applied) in self.applied.iter_mut().enumerate() {
             let (y, BodyInertia { turned, .. }) = (&self.twist[b], &self.inertias[b]);
-            add(applied, -1.0, &A::cross_dual(y, &A::inertia_about_center(0.0, turned, y)));
+            add(applied, 1.0, &A::turning(turned, y));
             *applied = A::moved(applied, &A::center(pose(&state.q, b)), &self.origin[b]);
         }
     }
@@ -455,11 +478,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         self.closures.solve_transposed(&mut self.rows);
         self.closures.subtract_transposed(&self.rows, &mut self.along);
-        for (k, source) in self.sources.iter().enumerate() {
-            if let Source::Independent(at) = source {
-                out[*at] = self.along[k];
-            }
-        }
+        self.independent.iter().for_each(|&(k, at)| out[at] = self.along[k]);
         for closure in &self.closures.all {
             if let Origin::Deformations(_) = closure.origin {
                 for (y, (_, k)) in self.rows[closure.first..].iter().zip(&closure.rows) {
@@ -481,14 +500,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// Entries of x that are independent variables, or told by drivers: `level` 1 for rates, 2 for accelerations, none
     /// for changes at a fixed time.
     pub(super) fn tell(&self, t: f64, level: Option<usize>, p: &[f64], x: &mut [f64]) {
-        for (x, source) in x.iter_mut().zip(&*self.sources) {
-            *x = match (*source, level) {
-                (Source::Independent(k), _) => p[k],
-                (Source::Driven(row, sign, _), Some(level)) => {
-                    sign * self.system.drive(row, t)[level]
-                }
-                _ => 0.0,
-            };
+        x.fill(0.0);
+        self.independent.iter().for_each(|&(k, at)| x[k] = p[at]);
+        if let Some(level) = level {
+            for &(k, row, sign, _) in &*self.driven {
+                x[k] = sign * self.system.drive(row, t)[level];
+            }
         }
     }
 

@@ -6,9 +6,10 @@ use super::engine::{BodyInertia, Engine, add, pose, pose_mut};
 use super::{JointForm, ReducedDerivatives};
 use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
-use crate::reduction::relatives::{Relatives, Source};
+use crate::reduction::relatives::Relatives;
 use crate::system::{DerivativeBlocks, State};
 use crate::threads::Threads;
+use std::any::Any;
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N, W> {
     fn boxed(&self) -> Box<dyn JointForm> {
@@ -54,6 +55,15 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         })
     }
 
+    fn take_factors(&mut self, other: &dyn JointForm) -> bool {
+        let other: &dyn Any = other;
+        let Some(other) = other.downcast_ref::<Self>() else { return false };
+        self.copy_columns(other);
+        self.closures.copy_from(&other.closures);
+        self.gradients.copy_from_slice(&other.gradients);
+        true
+    }
+
     fn determinant_sign(&self) -> f64 {
         self.closures.determinant_sign()
     }
@@ -70,9 +80,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
             let rows = self.rows[closure.first..].iter_mut().zip(&closure.rows);
             match closure.origin {
                 Origin::Joint(joint) => {
-                    let first = self.system.structure().joints[joint].row;
-                    for (out, (row, _)) in rows.filter(|(_, (row, _))| *row == 0) {
-                        *out = -self.system.drive(first + row, t)[1];
+                    let Some(drive) = self.system.joint_drive(joint, t) else { continue };
+                    for (out, _) in rows.filter(|(_, (row, _))| *row == 0) {
+                        *out = -drive[1];
                     }
                 }
                 Origin::Deformations(_) => rows.for_each(|(out, (_, k))| *out = -p_rate[*k]),
@@ -115,17 +125,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         self.tell_multipliers(lambda);
     }
 
-    fn take_motion(
-        &mut self,
-        parametrization: &Parametrization,
-        state: &State,
-        [p_rate, p_second]: [&[f64]; 2],
-        v: &mut [f64],
-    ) {
-        self.recover_velocity(state.t, p_rate, v, &state.q);
-        self.take_accelerations(parametrization, state.t, p_second, [&state.q, &state.v]);
-    }
-
     fn mass_times(&mut self, p: &[f64], q: &[f64], out: &mut [f64]) {
         let mut change = std::mem::take(&mut self.change);
         self.multiply_null_space(p, &mut change);
@@ -155,17 +154,36 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         let State { t, q, v, .. } = state;
         self.evaluate_second_residual(Some(parametrization), *t, &still, [q, v]);
         self.zero_rates = still;
-        for (k, source) in self.sources.iter().enumerate() {
-            if let Source::Independent(at) = source {
-                p_rate[*at] = self.accelerations[k];
-            }
-        }
+        self.independent.iter().for_each(|&(k, at)| p_rate[at] = self.accelerations[k]);
         for closure in &self.closures.all {
             if let Origin::Deformations(_) = closure.origin {
                 for (x, (_, k)) in self.rows[closure.first..].iter().zip(&closure.rows) {
                     p_rate[*k] = *x;
                 }
             }
+        }
+    }
+
+    fn turn_rates(&mut self) -> bool {
+        Self::turn_rates(self)
+    }
+
+    fn independent_motion(
+        &self,
+        parametrization: &Parametrization,
+        State { q, v, a, .. }: &State,
+        [p_rate, p_second]: [&mut [f64]; 2],
+    ) {
+        for &(k, at) in &*self.independent {
+            (p_rate[at], p_second[at]) = (self.rates[k], self.accelerations[k]);
+        }
+        let (system, relatives) = (self.system.as_ref(), Self::relatives(parametrization));
+        for closure in &self.closures.all {
+            let Origin::Deformations(group) = closure.origin else { continue };
+            let rows = || closure.rows.iter().copied();
+            relatives.group_rates(system, group, rows(), [q, v], p_rate);
+            relatives.group_rates(system, group, rows(), [q, a], p_second);
+            relatives.add_group_curvature(system, group, rows(), [q, v], p_second);
         }
     }
 

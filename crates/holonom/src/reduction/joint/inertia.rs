@@ -16,6 +16,11 @@ pub(super) trait Inertia<const W: usize>:
     /// About another point, from which this one is at `arm`.
     fn moved(&self, arm: &[f64; 3]) -> Self;
 
+    /// The same where no rotation about the point feels anything.
+    fn released_moved(&self, arm: &[f64; 3]) -> Self {
+        self.moved(arm)
+    }
+
     /// K += another one about the same point.
     fn add(&mut self, other: &Self);
 
@@ -99,6 +104,13 @@ impl Inertia<6> for SpatialInertia {
         let by = |i: usize, k: usize| a[i][k] + b[k][i];
         add_up(&mut j, &[by(0, 0), by(1, 0), by(2, 0), by(1, 1), by(2, 1), by(2, 2)]);
         Self { m: self.m, h, j }
+    }
+
+    #[inline(always)]
+    fn released_moved(&self, arm: &[f64; 3]) -> Self {
+        let h = rows(&self.m).map(|row| cross(arm, &row));
+        let [x, y, z] = std::array::from_fn(|k| cross(arm, &[h[0][k], h[1][k], h[2][k]]));
+        Self { m: self.m, h, j: [x[0], x[1], x[2], y[1], y[2], z[2]] }
     }
 
     #[inline(always)]

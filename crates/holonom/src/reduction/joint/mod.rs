@@ -34,6 +34,7 @@ use crate::error::EvaluationFailure;
 use crate::system::{DerivativeBlocks, State, System};
 use crate::threads::Threads;
 use engine::Engine;
+use std::any::Any;
 use std::sync::Arc;
 
 /// Which coordinates recoveries and derivatives go through.
@@ -89,7 +90,7 @@ impl ReducedDerivatives<'_> {
 }
 
 /// Joint coordinates of one parametrization.
-pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
+pub(super) trait JointForm: std::fmt::Debug + Send + Sync + Any {
     /// A copy.
     fn boxed(&self) -> Box<dyn JointForm>;
 
@@ -124,6 +125,9 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
         q: &[f64],
     ) -> Result<(), EvaluationFailure>;
 
+    /// Takes over what another form of the same parametrization has factored; `false` where it is not of the same kind.
+    fn take_factors(&mut self, other: &dyn JointForm) -> bool;
+
     /// Sign of the determinant of the closures.
     fn determinant_sign(&self) -> f64;
 
@@ -156,6 +160,18 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
         p_rate: &mut [f64],
     );
 
+    /// Rotations are about to be measured from the configuration last factored: rates and accelerations of the state last
+    /// evaluated there become those of the new coordinates. Returns whether there are any rotations.
+    fn turn_rates(&mut self) -> bool;
+
+    /// Rates and accelerations of the independent variables in the state whose accelerations were the last to be evaluated.
+    fn independent_motion(
+        &self,
+        parametrization: &Parametrization,
+        state: &State,
+        motion: [&mut [f64]; 2],
+    );
+
     /// Multipliers of the joints of the tree and of normalizations, where those of the closures are known, for the forces last
     /// evaluated; `false` where the rows of a joint do not tell them.
     fn complete_multipliers(&mut self, state: &mut State) -> bool;
@@ -185,16 +201,6 @@ pub(super) trait JointForm: std::fmt::Debug + Send + Sync {
 
     /// Makes room for [`JointForm::linearize`], or gives it up.
     fn keep_room_for_derivatives(&mut self, keep: bool);
-
-    /// Takes the motion of a state at the configuration last factored, for its independent rates and accelerations: where
-    /// references have moved since, coordinates have other ones than they had. `v` is overwritten with q̇.
-    fn take_motion(
-        &mut self,
-        parametrization: &Parametrization,
-        state: &State,
-        rates: [&[f64]; 2],
-        v: &mut [f64],
-    );
 
     /// M̂, M̂₁, M̂₂ and what extra states add, at the state whose accelerations and multipliers of closures were the
     /// last to be told; ż_z and ż_t into `blocks`.

@@ -5,7 +5,6 @@ use super::algebra::Algebra;
 use super::closures::Origin;
 use super::engine::{BodyInertia, Engine, add, dot, pose};
 use super::small::{factor, substitute};
-use crate::reduction::relatives::Source;
 use crate::system::State;
 
 /// Most rows of joint and driver of an edge.
@@ -21,11 +20,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
             }
         }
-        for (along, source) in self.along.iter().zip(&*self.sources) {
-            if let Source::Driven(row, sign, _) = source {
-                lambda[*row] = -sign * along;
-            }
-        }
+        self.driven.iter().for_each(|&(k, row, sign, _)| lambda[row] = -sign * self.along[k]);
     }
 
     /// Multipliers of the joints and drivers of the tree and of the normalizations, beside those of the closures, for the

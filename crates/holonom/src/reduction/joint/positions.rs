@@ -30,20 +30,23 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         x: &mut [[f64; 6]],
         q: &mut [f64],
     ) -> Result<u64, EvaluationFailure> {
-        let system = self.system.clone();
         let relatives = Self::relatives(parametrization);
-        self.keep_coordinates(x);
-        relatives.coordinates(system.as_ref(), t, p, x)?;
         if self.closures.rows() == 0 {
+            self.tell_coordinates(t, p, x)?;
             self.place_all(relatives, x, q);
             self.stood.copy_from_slice(q);
             return Ok(0);
         }
+        self.keep_coordinates(x);
+        self.tell_coordinates(t, p, x)?;
         // The tangent at the configuration last factored.
         let mut change = std::mem::take(&mut self.change);
         for edge in &*self.edges {
-            for (x, k) in x[edge.at].iter().zip(edge.range.clone()) {
-                change[k] = x - self.before[k];
+            let of_edge = change[edge.range.clone()].iter_mut();
+            let both = of_edge.zip(&mut self.before[edge.range.clone()]);
+            for ((change, before), x) in both.zip(&x[edge.at]) {
+                *change = x - *before;
+                *before = *x;
             }
         }
         // What deformations and drivers have moved by since.
@@ -60,11 +63,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.complete(&mut change);
         for (&k, &(edge, place)) in self.closures.dependent.iter().zip(&self.places) {
             x[edge][place] += change[k];
+            self.before[k] = x[edge][place];
         }
         let predicted = self.size_of(&change);
         self.keep_movements(&change);
         self.change = change;
-        self.keep_coordinates(x);
         let noise = 8.0 * f64::EPSILON * self.size_of(&self.before).max(1.0);
         self.keep_noise();
         self.place_all(relatives, x, q);
@@ -127,6 +130,33 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let sizes = self.closures.clusters.iter().filter(|cluster| cluster.is_open);
         let size = sizes.map(|cluster| cluster.size).fold(0.0, keep_larger);
         Err(self.failure(t, q, size))
+    }
+
+    /// Coordinates of the edges that are independent variables, or told by drivers.
+    ///
+    /// # Errors
+    /// `simulation/chart-reach`.
+    fn tell_coordinates(
+        &self,
+        t: f64,
+        p: &[f64],
+        x: &mut [[f64; 6]],
+    ) -> Result<(), EvaluationFailure> {
+        for &(k, variable) in &*self.independent {
+            let (edge, place) = self.at[k];
+            x[edge][place] = p[variable];
+        }
+        let system = self.system.as_ref();
+        for &(k, row, sign, constant) in &*self.driven {
+            let (edge, place) = self.at[k];
+            x[edge][place] = sign * system.prescribed(row, t) + constant;
+        }
+        let groups = system.relative_groups();
+        for &(group, edge, first) in &*self.reaching {
+            let info = &groups[group];
+            Relatives::reaches(info, group, &x[edge][first..first + info.rows])?;
+        }
+        Ok(())
     }
 
     /// How bodies stand is not known.
@@ -241,9 +271,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
 
     fn keep_coordinates(&mut self, x: &[[f64; 6]]) {
         for edge in &*self.edges {
-            for (x, k) in x[edge.at].iter().zip(edge.range.clone()) {
-                self.before[k] = *x;
-            }
+            let own = &mut self.before[edge.range.clone()];
+            own.copy_from_slice(&x[edge.at][..own.len()]);
         }
     }
 

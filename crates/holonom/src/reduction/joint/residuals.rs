@@ -20,11 +20,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let (gradient, later) = rest.split_at_mut(closure.count * 2 * N);
             rest = later;
             self.evaluate_rows(Some(parametrization), closure, q, gradient, &mut felt);
-            let lines = &mut matrix[closure.start..];
-            for (at, &(k, side)) in closure.path.iter().enumerate() {
-                let column = &self.columns[k];
-                for (r, (row, _)) in closure.rows.iter().enumerate() {
-                    lines[r * closure.path.len() + at] = dot(&felt[*row][side], column);
+            for (at, (row, _)) in closure.rows.iter().enumerate() {
+                let line = &mut matrix[closure.entries(at)];
+                for (out, &(k, side)) in line.iter_mut().zip(&closure.path) {
+                    *out = dot(&felt[*row][side], &self.columns[k]);
                 }
             }
         }

@@ -36,31 +36,38 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for at in 0..self.edges.len() {
             self.bias_change[at] = self.column_change(at, &self.motion, &self.change);
         }
-        self.twists_change(&rates, &state.q, dq, dv);
+        self.change_twists(&rates);
         if self.closures.rows() > 0 {
-            self.evaluate_rate_change(parametrization, state, dp_rate, dq, dv);
+            self.evaluate_rate_change(parametrization, state, dp_rate, dq);
             self.closures.solve(&mut self.rows);
             for (x, &k) in self.rows.iter().zip(&self.closures.dependent) {
                 rates[k] = *x;
             }
-            self.twists_change(&rates, &state.q, dq, dv);
+            self.change_twists(&rates);
         }
         self.rate_change = rates;
+        for b in 0..self.twist_change.len() {
+            *pose_mut(dv, b) = self.changed_rates(b, &state.q, dq);
+        }
     }
 
-    fn twists_change(&mut self, rates: &[f64], q: &[f64], dq: &[f64], dv: &mut [f64]) {
+    /// Changes of twists for those of the coordinates' rates.
+    fn change_twists(&mut self, rates: &[f64]) {
         for (edge, bias) in self.edges.iter().zip(&self.bias_change) {
             let mut change = edge.base.map_or([0.0; W], |base| self.twist_change[base]);
             add(&mut change, 1.0, bias);
             for k in edge.range.clone() {
                 add(&mut change, rates[k], &self.columns[k]);
             }
-            let b = edge.body;
-            self.twist_change[b] = change;
-            let own = A::rates(pose(q, b), &self.origin[b], &change);
-            let moved = A::rates_change(pose(dq, b), &self.twist[b]);
-            *pose_mut::<N>(dv, b) = std::array::from_fn(|i| own[i] + moved[i]);
+            self.twist_change[edge.body] = change;
         }
+    }
+
+    /// δq̇ of a body.
+    fn changed_rates(&self, b: usize, q: &[f64], dq: &[f64]) -> [f64; N] {
+        let own = A::rates(pose(q, b), &self.origin[b], &self.twist_change[b]);
+        let moved = A::rates_change(pose(dq, b), &self.twist[b]);
+        std::array::from_fn(|i| own[i] + moved[i])
     }
 
     /// Changes of the closures' rates with δq and δq̇, less what those of deformations should be.
@@ -70,7 +77,6 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         state: &State,
         dp_rate: &[f64],
         dq: &[f64],
-        dv: &[f64],
     ) {
         let Some(relatives) = parametrization.relatives() else { return };
         self.evaluate_motions(Variation::OfVariables);
@@ -99,9 +105,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                     for (side, end) in closure.ends.iter().enumerate() {
                         let Some(b) = *end else { continue };
                         let range = row * 2 * N + side * N..row * 2 * N + (side + 1) * N;
-                        let (dq, dv): (&[f64; N], &[f64; N]) = (pose(dq, b), pose(dv, b));
+                        let dv = self.changed_rates(b, q, dq);
+                        let dq: &[f64; N] = pose(dq, b);
                         let bent = bend[range.clone()].iter().zip(dq).map(|(a, x)| a * x);
-                        let along = gradient[range].iter().zip(dv).map(|(a, x)| a * x);
+                        let along = gradient[range].iter().zip(&dv).map(|(a, x)| a * x);
                         value[*row] += bent.sum::<f64>() + along.sum::<f64>();
                     }
                 }

@@ -61,16 +61,7 @@ impl Manifold {
         blocks: &mut DerivativeBlocks,
         out: &mut ReducedDerivatives<'_>,
     ) {
-        let (system, parametrization) = (self.system.as_ref(), self.chart.parametrization());
         if let Some(joint) = &mut self.joint {
-            if std::mem::take(&mut self.references_moved) {
-                let State { q, v, a, .. } = state;
-                let second = &mut self.predictor[..parametrization.ndof];
-                parametrization.rates(system, q, v, &mut self.independent);
-                parametrization.accelerations(system, q, v, a, second);
-                let motion = [&*self.independent, &*second];
-                joint.take_motion(parametrization, state, motion, &mut self.correction);
-            }
             joint.linearize(self.chart.parametrization(), state, blocks, out);
         }
     }

@@ -77,8 +77,6 @@ pub struct Manifold {
     multipliers_wait: bool,
     /// Whether the accelerations last evaluated are those of joint coordinates.
     moves_along: bool,
-    /// Whether references have moved since.
-    references_moved: bool,
     /// Counters.
     pub counters: RecoveryCounters,
 }
@@ -123,7 +121,6 @@ impl Manifold {
             anchored: vec![f64::NAN; sizes.coordinates],
             multipliers_wait: false,
             moves_along: false,
-            references_moved: false,
             counters: RecoveryCounters::default(),
         };
         out.make_room();
@@ -310,7 +307,7 @@ impl Manifold {
         v: &mut [f64],
         full: bool,
     ) -> Result<(), EvaluationFailure> {
-        (self.moves_along, self.references_moved) = (false, false);
+        self.moves_along = false;
         self.factor_at(q)?;
         let sign = match &self.joint {
             Some(joint) => joint.determinant_sign(),
@@ -530,6 +527,18 @@ impl Manifold {
         let (system, parametrization) = (self.system.as_ref(), self.chart.parametrization());
         parametrization.positions(system, &state.q, positions);
         parametrization.rates(system, &state.q, &state.v, rates);
+    }
+
+    /// (v, v̇, v̈) of the state whose accelerations were the last to be evaluated; references may have moved to it since.
+    pub fn independent_motion(&self, state: &State, [p, p_rate, p_second]: [&mut [f64]; 3]) {
+        let (system, parametrization) = (self.system.as_ref(), self.chart.parametrization());
+        if let (true, Some(joint)) = (self.moves_along, &self.joint) {
+            parametrization.positions(system, &state.q, p);
+            joint.independent_motion(parametrization, state, [p_rate, p_second]);
+        } else {
+            self.independent_state(state, p, p_rate);
+            self.independent_acceleration(state, p_second);
+        }
     }
 
     /// v̈ of the state whose accelerations were the last to be evaluated.

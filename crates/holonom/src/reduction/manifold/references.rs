@@ -57,14 +57,15 @@ impl Manifold {
             self.anchored.fill(f64::NAN);
         }
         let changed = relatives.moves && turning;
-        self.references_moved |= changed;
-        if self.joint.is_some() && (changed || self.at != q) {
-            self.at.copy_from_slice(q);
-            self.stale = true;
-            self.refactor_joint()?;
+        if let Some(joint) = &mut self.joint {
+            if (turning && joint.turn_rates()) || changed || self.at != q {
+                self.at.copy_from_slice(q);
+                self.stale = true;
+                self.refactor_joint()?;
+            }
             return Ok(changed);
         }
-        if self.joint.is_some() || !changed {
+        if !changed {
             return Ok(false);
         }
         self.accelerator.forget();
@@ -73,7 +74,8 @@ impl Manifold {
         Ok(true)
     }
 
-    /// Takes over the references of another manifold in the same parametrization.
+    /// Takes over the references of another manifold in the same parametrization, and what it has factored in joint
+    /// coordinates.
     pub fn follow(&mut self, other: &Self) {
         let Some(from) = other.chart.parametrization().relatives() else { return };
         if let Some(to) = self.chart.relatives_mut() {
@@ -82,6 +84,13 @@ impl Manifold {
             self.anchored.copy_from_slice(&other.anchored);
         }
         self.orientation = if other.joint.is_some() { 0.0 } else { other.orientation };
+        if let (Some(own), Some(joint)) = (&mut self.joint, &other.joint)
+            && own.take_factors(joint.as_ref())
+        {
+            self.at.copy_from_slice(&other.at);
+            self.stale = true;
+            self.orientation = own.determinant_sign();
+        }
         self.return_to_anchor();
     }
 

@@ -40,10 +40,11 @@ impl Run<'_> {
             self.stepper.restart();
             self.record_chart();
         }
-        self.form.pack(&self.state, &mut self.w);
-        let (rates, rest) = self.g.split_at_mut(ndof);
-        rates.copy_from_slice(&self.w[ndof..2 * ndof]);
-        self.form.point().manifold.independent_acceleration(&self.state, &mut rest[..ndof]);
+        let (positions, rest) = self.w.split_at_mut(ndof);
+        let (slope, second) = self.g.split_at_mut(ndof);
+        let motion = [positions, &mut rest[..ndof], &mut second[..ndof]];
+        self.form.point().manifold.independent_motion(&self.state, motion);
+        slope.copy_from_slice(&rest[..ndof]);
         self.form.references_moved(&self.w);
         // Those of a multistep formula move rarely and far.
         let far = self.stepper.multistep();
@@ -115,8 +116,7 @@ impl Run<'_> {
                 if self.stepper.multistep() {
                     self.spread_error();
                     self.move_references_beyond(0.0)?;
-                    self.form.begin_step(&self.state);
-                    self.recorder.begin_step(self.form.point(), &self.state);
+                    self.begin_step();
                     self.condition_reference = self.form.point_mut().manifold.condition();
                 }
                 Ok(())
@@ -144,8 +144,7 @@ impl Run<'_> {
             self.stepper.restart();
         }
         self.stepper.invalidate(false);
-        self.form.begin_step(&self.state);
-        self.recorder.begin_step(self.form.point(), &self.state);
+        self.begin_step();
         self.form.pack(&self.state, &mut self.w);
         self.carried.iter_mut().for_each(CarriedError::forget_matrix);
         self.express_error();

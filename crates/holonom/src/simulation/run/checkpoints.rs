@@ -104,7 +104,7 @@ impl Run<'_> {
         self.carried.iter_mut().for_each(CarriedError::forget_matrix);
         self.w.copy_from_slice(&checkpoint.w);
         self.work_before = checkpoint.work;
-        self.recorder.begin_step(self.form.point(), &self.state);
+        self.begin_beside();
         self.powers.at[2] = powers(&self.system.energy(&self.state));
         self.stall = Stall::default();
         let chart = self.form.point().manifold.chart().parametrization();

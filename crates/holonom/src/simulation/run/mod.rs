@@ -452,8 +452,8 @@ impl Run<'_> {
         let chart = self.form.point().manifold.chart().parametrization();
         self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);
         self.evaluate_slope().map_err(|f| failed(f, 0.0))?;
+        self.begin_beside();
         if let Some(inspector) = &mut self.inspector {
-            inspector.begin_step(self.form.point(), &self.state);
             inspector.prepare(&self.w, &self.state);
         }
         self.condition_reference = self.form.point_mut().manifold.condition();
@@ -519,7 +519,7 @@ impl Run<'_> {
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         let recorder = match &mut self.inspector {
             Some(inspector) if looks => {
-                inspector.begin_step(self.form.point(), &self.state);
+                inspector.begin_again(&self.state);
                 inspector
             }
             _ => &mut self.recorder,
@@ -531,7 +531,7 @@ impl Run<'_> {
             let arguments = system.law_arguments().iter().filter(|_| looks);
             self.halfway.extend(arguments.map(|a| Place::of(system, a, t + 0.5 * step, middle)));
         }
-        self.recorder.begin_step(self.form.point(), &self.state);
+        self.recorder.begin_again(&self.state);
     }
 
     /// Powers along the accepted step of a run of `span` seconds, and how many tolerances of its
@@ -650,10 +650,22 @@ impl Run<'_> {
             self.output.push(self.system.as_ref(), &self.state);
         }
         self.move_references().map_err(|f| failed(f, step))?;
-        self.form.begin_step(&self.state);
-        self.recorder.begin_step(self.form.point(), &self.state);
+        self.begin_step();
         self.statistics.output_seconds += begun.elapsed().as_secs_f64();
         Ok(energy)
+    }
+
+    /// The next step starts at the present state: the form stands there, and what it has factored serves those beside it.
+    fn begin_step(&mut self) {
+        self.form.begin_step(&self.state);
+        self.begin_beside();
+    }
+
+    /// The same for what evaluates states inside steps.
+    fn begin_beside(&mut self) {
+        for recorder in std::iter::once(&mut self.recorder).chain(&mut self.inspector) {
+            recorder.begin_step(self.form.point(), &self.state);
+        }
     }
 
     /// Multipliers of the end of the step just accepted, where the form of the equations still stands.
