@@ -294,6 +294,7 @@ dimension = "spatial"
 gravity = [0.0, 0.0, 0.0]
 [bodies.body]
 mass = 1.0
+position = [0.0, 0.0, 0.0]
 inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
 {stated}
 [initial.bodies.body]
