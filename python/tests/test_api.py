@@ -91,14 +91,15 @@ def test_a_changed_model_that_goes_on_is_no_imbalance(model: holonom.Model) -> N
     heavier = model.with_values({"bodies.rod.mass": 3.0})
     second = heavier.simulate(start=first.state(), end_time=1.0)
     assert not second.warnings
-    energy = second.energy
-    left = energy["total"] - energy["initial"] + energy["dissipated"] - energy["driver_work"]
-    assert energy["imbalance"] == pytest.approx(left, abs=1e-12)
-    assert abs(energy["imbalance"]) < 1e-3 * second["energy.kinetic"].max()
-    # The channel goes on from the lighter rod.
-    assert second["energy.imbalance"][0] == pytest.approx(
-        second["energy.total"][0] - first.energy["initial"], rel=1e-9
-    )
+    energy, scale = second.energy, float(second["energy.kinetic"].max())
+    assert energy["initial"] == pytest.approx(second["energy.total"][0], rel=1e-9)
+    assert abs(energy["imbalance"]) <= energy["largest_imbalance"] < 1e-3 * scale
+    # The channel goes on from the lighter rod; what is told of the run is not that.
+    jump = second["energy.imbalance"][0]
+    assert jump == pytest.approx(second["energy.total"][0] - first.energy["initial"], rel=1e-9)
+    assert abs(jump) > 0.01 * scale
+    told = next(line for line in str(second).splitlines() if "energy imbalance" in line)
+    assert float(told.split()[2]) < 1e-3 * scale
 
 
 @pytest.mark.parametrize(

@@ -319,8 +319,8 @@ class Model(Compiled):
         source : path, optional
             The result file that `start` was read from, where no row of it is `start`.
         options : Options, optional
-            Choices that several runs share; those of the call come before them. What neither
-            states comes from the model.
+            Choices that several runs share; those of the call come before them, and one that
+            excludes another of these is refused. What neither states comes from the model.
         CHOICES
 
         Raises

@@ -349,13 +349,18 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         self.statistics = ode.statistics;
     }
 
-    fn linearize_at_end(&mut self, ode: &mut dyn LinearizedOde, t_end: f64, h: f64) -> bool {
+    fn linearize_at_end(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t_end: f64,
+        h: f64,
+    ) -> Result<bool, EvaluationFailure> {
         self.matrices.forget();
         let mut ode = Counted::new(ode, self.statistics);
-        let made = ode.linearize(t_end, self.stages.end().w).is_ok()
-            && self.stages.factor(&mut ode, h).is_ok();
+        let linearized = ode.linearize(t_end, self.stages.end().w);
+        let factored = linearized.and_then(|()| self.stages.factor(&mut ode, h));
         self.statistics = ode.statistics;
-        made
+        factored.map(|()| true)
     }
 
     fn last_change(&self) -> &[f64] {

@@ -312,9 +312,17 @@ pub trait Stepper: Send {
     fn filter(&mut self, _ode: &mut dyn LinearizedOde, _change: &mut [f64]) {}
 
     /// Makes J of [`Stepper::filter`] that of `t_end`, the end of the last accepted step, of length h, until the next attempt;
-    /// false where there is none.
-    fn linearize_at_end(&mut self, _ode: &mut dyn LinearizedOde, _t_end: f64, _h: f64) -> bool {
-        false
+    /// false where there is no J.
+    ///
+    /// # Errors
+    /// When the system cannot be linearized there, or its matrix is singular; then the step cannot be accepted any more.
+    fn linearize_at_end(
+        &mut self,
+        _ode: &mut dyn LinearizedOde,
+        _t_end: f64,
+        _h: f64,
+    ) -> Result<bool, EvaluationFailure> {
+        Ok(false)
     }
 
     /// What a formula that keeps slopes of earlier steps has kept, as numbers; empty for others.

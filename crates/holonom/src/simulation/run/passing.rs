@@ -9,6 +9,8 @@ use crate::system::{LawArgument, Measure};
 /// Moments at which accelerations are compared: in all parts of a step, or, where these are more, each for an equal
 /// share of what the law deviates.
 const LOOKED_AT: usize = 3;
+/// Part of a step after which nothing begins with it: rounding.
+const FIRST: f64 = 1e-9;
 
 /// A part of a force law that a step has not seen, and that counts.
 pub(super) struct PassedOver {
@@ -43,9 +45,12 @@ impl Run<'_> {
         self.is_damped = false;
         let mut found = look(self);
         // What a matrix from inside a contact damps does not decay where the contact is left.
-        let form = self.form.as_mut();
-        if found.is_none() && self.is_damped && self.stepper.linearize_at_end(form, t_end, step) {
-            found = look(self);
+        if found.is_none() && self.is_damped {
+            found = match self.stepper.linearize_at_end(self.form.as_mut(), t_end, step) {
+                Ok(true) => look(self),
+                Ok(false) => None,
+                Err(_) => Some(PassedOver { ..unknown }),
+            };
         }
         (self.way, self.inspector) = (way, Some(inspector));
         found
@@ -142,8 +147,13 @@ impl Run<'_> {
                 shares += share;
             }
             // Before the first knot formulas without a stage at the start of a step know nothing.
-            let whole = few || passage.time - 0.5 * passage.duration <= t;
-            let duration = if whole { passage.duration } else { shares / passage.deviation };
+            let is_first = passage.time - 0.5 * passage.duration <= t + FIRST * step;
+            let duration = if few {
+                passage.duration
+            } else {
+                let share = shares / passage.deviation;
+                if is_first { share.max(passage.duration) } else { share }
+            };
             if duration > 0.0 {
                 self.miss(inspector, [t, step], passage.time, duration)?;
             }
