@@ -32,6 +32,8 @@ pub struct ImplicitStepper<S> {
     /// The last attempt was accepted and nothing has been built on it yet.
     pending: bool,
     matrices: Matrices,
+    /// They are of the end of the last attempt.
+    are_of_end: bool,
     /// Steps that a linearization serves at most.
     most_served: f64,
     /// The step before may predict this one.
@@ -63,6 +65,7 @@ impl<S: Stages> ImplicitStepper<S> {
             before: Memory::default(),
             pending: false,
             matrices: Matrices::NONE,
+            are_of_end: false,
             most_served: options.own_error.map_or(f64::INFINITY, |tolerance| {
                 let of_turns = 10.0 * tolerance.powf(-1.0 / f64::from(below + 1));
                 (SERVICE * of_turns).max(LEAST_SERVICE)
@@ -89,6 +92,7 @@ impl<S: Stages> ImplicitStepper<S> {
             self.stages.commit();
             self.matrices.grow_old();
         }
+        self.are_of_end = false;
     }
 
     /// One try of all stages with the matrices at hand.
@@ -268,6 +272,9 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         if std::mem::take(&mut self.pending) {
             self.memory = self.before;
         }
+        if std::mem::take(&mut self.are_of_end) {
+            self.matrices.forget();
+        }
     }
 
     fn attempt(
@@ -360,7 +367,11 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         let linearized = ode.linearize(t_end, self.stages.end().w);
         let factored = linearized.and_then(|()| self.stages.factor(&mut ode, h));
         self.statistics = ode.statistics;
-        factored.map(|()| true)
+        factored?;
+        // The start of the next step, if this one counts.
+        self.matrices.take(h);
+        self.are_of_end = true;
+        Ok(true)
     }
 
     fn last_change(&self) -> &[f64] {

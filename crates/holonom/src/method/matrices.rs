@@ -87,6 +87,12 @@ impl Matrices {
         *self = Self { simplification, residuals, ..Self::NONE };
     }
 
+    /// There are now those of another moment, factored for steps of length h.
+    pub(super) fn take(&mut self, h: f64) {
+        (self.linearization, self.served) = (Linearization::Old, 0);
+        (self.reach, self.factored) = (h, Some(h));
+    }
+
     /// An attempt begins.
     pub(super) fn begin(&mut self, ode: &mut Counted<'_>) {
         if ode.has_accelerations() {
