@@ -180,8 +180,8 @@ def _spectrum_lines(spectrum: list[complex], complete: bool) -> list[str]:
     moving = [abs(z) for z in modes if abs(z) > 1e-6 * abs(modes[0])]
     if any(z.real > 1e-6 * abs(modes[0]) for z in modes):
         lines.append(
-            "real parts above 0: deviations grow at this instant; only of an equilibrium does that make\n"
-            "the motion unstable, not where bodies turn or accelerate"
+            "real parts above 0: deviations grow at this instant; only of an equilibrium does\n"
+            "that make the motion unstable, not where bodies turn or accelerate"
         )
     if complete and len(moving) > 1:
         lines.append(f"fastest to slowest: {moving[0] / moving[-1]:.3g}")
