@@ -246,11 +246,14 @@ fn renumbered(model: &Model) -> Model {
 
 #[test]
 fn numbering_of_bodies_does_not_matter() {
+    let mut vehicle = model("hmmwv14");
+    // As above: its first step would be found from round-off.
+    vehicle.simulation.initial_step = Some(0.02);
     let models = [
         ("andrews", model("andrews"), 1e-5, 0.03),
         ("double pendulum", model("double_pendulum"), 1e-5, 2.0),
         ("slider-crank in space", model_of(SPATIAL_SLIDER_CRANK), 1e-6, 1.0),
-        ("vehicle", model("hmmwv14"), 1e-3, 5.0),
+        ("vehicle", vehicle, 1e-3, 5.0),
     ];
     for (name, model, tolerance, end) in models {
         let (mut here, steps) = positions(&model, Code::ForSdirk, tolerance, end);
