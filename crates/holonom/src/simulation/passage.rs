@@ -56,6 +56,8 @@ pub(super) struct Passage {
     pub(super) duration: f64,
     /// How far the law is from the line between both ends of the step there, in its unit.
     pub(super) deviation: f64,
+    /// Whether the step begins with it.
+    pub(super) is_first: bool,
 }
 
 /// The cubic through two places, in 0 ≤ θ ≤ 1: s(θ) = Σ cₖ θᵏ.
@@ -244,6 +246,7 @@ impl Way {
                 time: three[1].time,
                 duration,
                 deviation: 1.0,
+                is_first: false,
             })
         }));
     }
@@ -307,11 +310,16 @@ impl Way {
         let profile = |time: f64| system.law_profile(argument, self.value(time));
         let [from, to] = [self.places[0].time, self.places[self.places.len() - 1].time];
         let [start, end] = [from, to].map(profile);
-        passages.extend(self.marks.windows(2).filter_map(|between| {
+        passages.extend(self.marks.windows(2).enumerate().filter_map(|(k, between)| {
             let (time, duration) = (0.5 * (between[0] + between[1]), between[1] - between[0]);
             let expected = start + (time - from) / (to - from) * (end - start);
             let deviation = (profile(time) - expected).abs();
-            (duration * deviation > 0.0).then_some(Passage { time, duration, deviation })
+            (duration * deviation > 0.0).then_some(Passage {
+                time,
+                duration,
+                deviation,
+                is_first: k == 0,
+            })
         }));
         self.passages = passages;
         &self.passages

@@ -9,8 +9,6 @@ use crate::system::{LawArgument, Measure};
 /// Moments at which accelerations are compared: in all parts of a step, or, where these are more, each for an equal
 /// share of what the law deviates.
 const LOOKED_AT: usize = 3;
-/// Part of a step after which nothing begins with it: rounding.
-const FIRST: f64 = 1e-9;
 
 /// A part of a force law that a step has not seen, and that counts.
 pub(super) struct PassedOver {
@@ -147,12 +145,11 @@ impl Run<'_> {
                 shares += share;
             }
             // Before the first knot formulas without a stage at the start of a step know nothing.
-            let is_first = passage.time - 0.5 * passage.duration <= t + FIRST * step;
             let duration = if few {
                 passage.duration
             } else {
                 let share = shares / passage.deviation;
-                if is_first { share.max(passage.duration) } else { share }
+                if passage.is_first { share.max(passage.duration) } else { share }
             };
             if duration > 0.0 {
                 self.miss(inspector, [t, step], passage.time, duration)?;
