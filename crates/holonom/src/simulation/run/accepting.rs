@@ -1,0 +1,229 @@
+//! What an attempt that its formula has accepted becomes: looked at where nothing else tells, rows, ledger, the present state.
+
+use super::{Run, failed};
+use crate::error::EvaluationFailure;
+use crate::reduction::assembly::PROJECTED;
+use crate::simulation::diagnosis::Stop;
+use crate::simulation::ledger::powers;
+use crate::simulation::passage::Place;
+use crate::simulation::recorder::Inside;
+use crate::simulation::reparametrization::no_longer_redundant;
+use crate::simulation::step_length;
+use crate::system::EnergyBalance;
+use crate::watch::unwatched;
+use std::time::Instant;
+
+/// A position residual may reach this times max(1, L).
+const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
+/// A velocity residual may reach this times max(1, ‖q̇‖∞).
+const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
+/// The shortest step that powers make, as a part of the longest that such a run takes.
+const SHORTEST_OF_USUAL: f64 = 1e-3;
+
+impl Run<'_> {
+    /// Takes over the end of an accepted attempt from `t` over `step`: state with accelerations at `t_end`.
+    pub(super) fn accept(
+        &mut self,
+        t: f64,
+        step: f64,
+        t_end: f64,
+    ) -> Result<(), EvaluationFailure> {
+        self.w_end.copy_from_slice(self.stepper.end().w);
+        if let Err(failure) = self.form.derivative(t_end, &self.w_end, &mut self.g_end) {
+            self.stepper.discard();
+            return Err(failure);
+        }
+        self.check_residuals().inspect_err(|_| self.stepper.discard())?;
+        self.find_middle(t, step, t_end);
+        Ok(())
+    }
+
+    /// Powers in the middle of the accepted step, where the ledger needs them, and arguments of force laws.
+    fn find_middle(&mut self, t: f64, step: f64, t_end: f64) {
+        self.middle = None;
+        self.halfway.clear();
+        let powered = !self.form.integrates_powers();
+        let looks = self.may_pass_over(t, step, t_end);
+        if !powered && !looks {
+            return;
+        }
+        // Driver power needs multipliers; without drivers the recovery is enough.
+        let full = powered && self.system.drivers_move(t + 0.5 * step);
+        let stepper = &mut self.stepper;
+        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+        let recorder = match &mut self.inspector {
+            Some(inspector) if looks => {
+                inspector.begin_again(&self.state);
+                inspector
+            }
+            _ => &mut self.recorder,
+        };
+        // The middle of an accepted step failing is rare; the trapezoid serves.
+        if let Ok(middle) = recorder.state(interpolate, t, step, 0.5, full) {
+            let system = self.system.as_ref();
+            self.middle = powered.then(|| powers(&system.energy(middle)));
+            let arguments = system.law_arguments().iter().filter(|_| looks);
+            self.halfway.extend(arguments.map(|a| Place::of(system, a, t + 0.5 * step, middle)));
+        }
+        self.recorder.begin_again(&self.state);
+    }
+
+    /// Powers along the accepted step of a run of `span` seconds, and how many tolerances of its
+    /// energies a step of this length misses. Nothing where one cannot look into it.
+    pub(super) fn follow_powers(&mut self, t: f64, step: f64, span: f64) -> f64 {
+        // Where a power jumps, nothing else ends the refinement.
+        if step < SHORTEST_OF_USUAL * span / step_length::KINEMATIC_STEPS {
+            return 0.0;
+        }
+        let stepper = &mut self.stepper;
+        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+        let mut at = [self.powers.at[2]; 5];
+        for (theta, at) in [0.25, 0.5, 0.75, 1.0].into_iter().zip(&mut at[1..]) {
+            let Ok(state) = self.recorder.state(interpolate, t, step, theta, true) else {
+                return 0.0;
+            };
+            *at = powers(&self.system.energy(state));
+        }
+        // Powers are those of joints that are met to so much.
+        let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
+        // What turns steadily has powers of round-off only, and what is heavy large ones.
+        let negligible =
+            self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
+        let rate = (tolerance * self.energy_scale.moved()).max(negligible) / span;
+        let (middle, missed) = self.quadrature.middle(&at, step, rate, tolerance);
+        self.middle = Some(middle);
+        missed
+    }
+
+    /// Residuals of the state just evaluated, whose Jacobian is at hand.
+    ///
+    /// Redundant rows are left out of all solves: a row that is no longer redundant, as when a linkage
+    /// leaves a flat position, shows by its residual only.
+    fn check_residuals(&mut self) -> Result<(), EvaluationFailure> {
+        self.row.copy_from(&self.form.point().state);
+        let (position, velocity) = self.form.point_mut().manifold.residuals(&self.row);
+        let speed = self.row.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+        let length = self.system.characteristic_length().max(1.0);
+        let allowed = [
+            10.0 * self.start_residuals.0 + PROJECTED * length,
+            10.0 * self.start_residuals.1 + PROJECTED * speed,
+        ];
+        if position > allowed[0] || velocity > allowed[1] {
+            let dropped = &self.form.point().manifold.chart().parametrization().dropped;
+            if let Some(failure) = no_longer_redundant(self.system.as_ref(), dropped, &self.row) {
+                return Err(failure);
+            }
+        }
+        let s = &mut self.statistics;
+        s.position_residual = s.position_residual.max(position);
+        s.velocity_residual = s.velocity_residual.max(velocity);
+        s.residual_ratio = s
+            .residual_ratio
+            .max(position / (POSITION_RESIDUAL_BOUND * length))
+            .max(velocity / (VELOCITY_RESIDUAL_BOUND * speed));
+        Ok(())
+    }
+
+    /// Output rows inside the step, then the new state. Returns the energy at its end.
+    pub(super) fn emit(&mut self, t: f64, step: f64) -> Result<EnergyBalance, Stop> {
+        let begun = Instant::now();
+        // Here a step counts, in whole: nothing is given up before it is among the steps that are stored.
+        self.row.copy_from(&self.form.point().state);
+        std::mem::swap(&mut self.row, &mut self.state);
+        self.complete = false;
+        // Powers of drivers are those of their multipliers.
+        let t_end = self.state.t;
+        if self.system.drivers_move(t_end) || t_end >= self.options.end_time {
+            self.take_multipliers();
+        }
+        self.w.copy_from_slice(&self.w_end);
+        self.g.copy_from_slice(&self.g_end);
+        // `self.row` is now the state at the start, `self.state` the one at the end.
+        self.system.update_windings(t_end, &self.state.q, &mut self.state.winding);
+        if let Some(longest) = self.carried.as_mut().and_then(|carried| carried.longest.as_mut()) {
+            longest.take(self.options.end_time - self.started, &self.row, &self.state);
+        }
+        self.powers.at[0] = self.powers.at[2];
+        let energy = self.system.energy(&self.state);
+        self.powers.at[2] = powers(&energy);
+        let ledger = self.row.ledger;
+        if !self.form.integrates_powers() {
+            let [start, _, end] = self.powers.at;
+            let trapezoid = || std::array::from_fn(|k| 0.5 * (start[k] + end[k]));
+            self.powers.at[1] = self.middle.unwrap_or_else(trapezoid);
+            self.state.ledger = self.powers.advance(&ledger, step, 1.0);
+        }
+        self.state.ledger.initial = ledger.initial;
+        if self.options.stores_dense_output() {
+            let powers = (!self.form.integrates_powers()).then_some(&self.powers);
+            let dense = &mut self.output.chunk.dense;
+            let chart = self.form.point().manifold.chart();
+            dense.push(&self.row, chart, step, t_end, powers, self.stepper.as_ref());
+        }
+        while self.output.time() < t_end {
+            let time = self.output.time();
+            let powers = self.powers;
+            let stepper = &mut self.stepper;
+            let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+            let mut inside = Inside { t, step, interpolate, ledger, powers };
+            let found = self.recorder.row(&mut inside, time, &mut self.row);
+            found.map_err(|f| failed(f, step))?;
+            self.output.push(self.system.as_ref(), &self.row);
+            // A step may hold any number of rows: they go out in chunks, and the run can be stopped.
+            if self.output.is_full() {
+                // Its record is not complete before the end of the step.
+                let record = self.output.chunk.steps.pop();
+                let flushed = self.flush();
+                self.output.chunk.steps.extend(record);
+                flushed?;
+                self.poll(step)?;
+            }
+        }
+        while self.output.time() <= t_end {
+            self.take_multipliers();
+            self.output.push(self.system.as_ref(), &self.state);
+        }
+        self.move_references().map_err(|f| failed(f, step))?;
+        self.begin_step();
+        self.statistics.output_seconds += begun.elapsed().as_secs_f64();
+        Ok(energy)
+    }
+
+    /// Multipliers of the end of the step just accepted, where the form of the equations still stands.
+    fn take_multipliers(&mut self) {
+        if self.complete {
+            return;
+        }
+        let (point, state) = (self.form.point_mut(), &mut self.state);
+        // The step counts by now: a state in part must not be its end.
+        unwatched(|| {
+            point.complete();
+            state.lambda.copy_from_slice(&point.state.lambda);
+            point.manifold.minimum_norm_multipliers(&mut state.lambda);
+        });
+        self.complete = true;
+    }
+
+    /// Multipliers of the present state, wherever the form stands; also where the run is given up.
+    pub(super) fn complete_state(&mut self) {
+        if !std::mem::replace(&mut self.complete, true) {
+            unwatched(|| self.recorder.complete(&self.w, &mut self.state));
+        }
+    }
+
+    /// Step sizes and energy of the new state.
+    pub(super) fn account(&mut self, step: f64, energy: &EnergyBalance) {
+        let s = &mut self.statistics;
+        s.smallest_step = s.smallest_step.min(step);
+        s.largest_step = s.largest_step.max(step);
+        let e = &mut self.energy;
+        let imbalance = self.state.ledger.imbalance(energy) - e.missing;
+        e.largest_imbalance = e.largest_imbalance.max(imbalance.abs());
+        let (low, high) = self.kinetic_range;
+        self.kinetic_range = (low.min(energy.kinetic), high.max(energy.kinetic));
+        let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
+        self.energy_scale.take(system, &self.state, energy);
+        let part = self.energy_scale.part_of_velocities(imbalance);
+        self.drift.follow(system, &self.state, step, part, tolerance);
+    }
+}
