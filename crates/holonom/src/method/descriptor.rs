@@ -276,8 +276,8 @@ impl StateSpace for Descriptor {
         self.base.displace(change)
     }
 
-    fn displacement(&self, dq: &[f64]) -> f64 {
-        self.base.displacement(dq)
+    fn weights(&self) -> &Weights {
+        self.base.weights()
     }
 
     fn set_matrix(&mut self, options: MatrixOptions) {

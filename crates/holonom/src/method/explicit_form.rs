@@ -83,9 +83,9 @@ impl ExplicitForm {
         dq
     }
 
-    /// The largest of the changes of bodies' places, in their tolerances at the start of the step.
-    pub fn displacement(&self, dq: &[f64]) -> f64 {
-        self.weights.displacement(dq)
+    /// Error weights at the start of the step.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
     }
 
     /// The state that the next step starts from.

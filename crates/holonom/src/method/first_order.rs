@@ -121,9 +121,9 @@ impl<M: Matrix> FirstOrder<M> {
         dq
     }
 
-    /// The largest of the changes of bodies' places, in their tolerances at the start of the step.
-    pub fn displacement(&self, dq: &[f64]) -> f64 {
-        self.weights.displacement(dq)
+    /// Error weights at the start of the step.
+    pub fn weights(&self) -> &Weights {
+        &self.weights
     }
 
     /// The state that the next step starts from: weights and windings follow it.

@@ -1,7 +1,7 @@
 //! What the run loop asks of a form of the equations, beyond what a formula asks.
 
 use super::ode::{EvaluationFailure, LinearizedOde};
-use super::{ExplicitForm, FirstOrder};
+use super::{ExplicitForm, FirstOrder, Weights};
 use crate::newton::{FirstOrderMatrix, MatrixOptions};
 use crate::reduction::Point;
 use crate::system::State;
@@ -38,8 +38,8 @@ pub trait StateSpace: LinearizedOde + Send {
     /// The part of it on coordinates.
     fn displace(&mut self, change: &[f64]) -> &[f64];
 
-    /// The largest of the changes of bodies' places, in their tolerances at the start of the step.
-    fn displacement(&self, dq: &[f64]) -> f64;
+    /// Error weights at the start of the step.
+    fn weights(&self) -> &Weights;
 
     /// Where the integration Jacobian comes from.
     fn set_matrix(&mut self, options: MatrixOptions);
@@ -83,8 +83,8 @@ macro_rules! state_space {
             fn displace(&mut self, change: &[f64]) -> &[f64] {
                 Self::displace(self, change)
             }
-            fn displacement(&self, dq: &[f64]) -> f64 {
-                Self::displacement(self, dq)
+            fn weights(&self) -> &Weights {
+                Self::weights(self)
             }
             fn set_matrix(&mut self, options: MatrixOptions) {
                 Self::set_matrix(self, options);

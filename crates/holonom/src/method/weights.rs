@@ -178,6 +178,22 @@ impl Weights {
     pub fn displacement(&self, dq: &[f64]) -> f64 {
         self.displacements(dq).fold(0.0, keep_larger)
     }
+
+    /// Speed, m/s, and rate of turning, rad/s, of each body.
+    pub fn speeds(&self, v: &[f64]) -> impl Iterator<Item = [f64; 2]> {
+        let (d, turns) = (self.translations, self.angle_factor);
+        v.chunks_exact(self.per_body).map(move |v| [length(&v[..d]), turns * length(&v[d..])])
+    }
+
+    /// A change of velocities, body by body, against absolute + relative × its largest speed: the larger of translation and
+    /// rotation.
+    pub fn velocity_changes(&self, dv: &[f64], largest: &[[f64; 2]]) -> impl Iterator<Item = f64> {
+        let Tolerance { relative, translation, rotation } = self.tolerance;
+        self.speeds(dv).zip(largest).map(move |([moved, turned], [speed, rate])| {
+            let turned = turned / (rotation + relative * rate);
+            keep_larger(moved / (translation + relative * speed), turned)
+        })
+    }
 }
 
 /// Largest sum over the bodies of four weighted squares.

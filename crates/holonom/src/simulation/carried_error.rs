@@ -12,6 +12,8 @@ use std::f64::consts::FRAC_PI_2;
 /// Tolerances from which a second run is asked: a fifth of what is warned of, since the carried error is up to a few times
 /// too small.
 const SUSPICIOUS: f64 = 10.0;
+/// Velocities may be this many times as many tolerances off as places.
+pub(super) const VELOCITIES: f64 = 2.0;
 /// Of what is as fast as one radian to a step, the error of Radau's formula is this to the second of its estimate.
 const TURNED: f64 = 0.17;
 /// Error of the start, in tolerances: what grows to be suspicious from there grows some thousandfold. Three times as much would
@@ -48,10 +50,12 @@ pub(super) struct CarriedError {
     /// The largest rates so far, in tolerances.
     #[serde(default)]
     rates: f64,
-    /// Of the place of a body, in its tolerances: there, and the largest of all.
+    /// Of the place of a body, in its tolerances, or of its velocity, in its wider ones: there, and the largest of all.
     present: f64,
     largest: f64,
     pub(super) milestones: Milestones,
+    /// Largest speed, m/s, and rate of turning, rad/s, of each body so far.
+    pub(super) speeds: Vec<[f64; 2]>,
     /// Whether the error stands on coordinates and velocities as it is.
     #[serde(skip)]
     spread: bool,
@@ -66,8 +70,8 @@ fn of_before() -> bool {
 }
 
 impl CarriedError {
-    /// Of a run with `dimension` unknowns that begins at `start`, without an error.
-    pub(super) fn new(dimension: usize, start: &State) -> Self {
+    /// Of a run of so many `bodies` with `dimension` unknowns that begins at `start`, without an error.
+    pub(super) fn new(dimension: usize, bodies: usize, start: &State) -> Self {
         let n = start.q.len();
         let none = || Carried { error: vec![0.0; dimension], spread: [vec![0.0; n], vec![0.0; n]] };
         Self {
@@ -79,15 +83,17 @@ impl CarriedError {
             present: 0.0,
             largest: 0.0,
             milestones: Milestones::new(start),
+            speeds: vec![[0.0; 2]; bodies],
             spread: false,
             longest: LongestStep::new(dimension, start),
         }
     }
 
-    /// Whether it can be one of a run with `dimension` unknowns whose states have as many numbers as `state`.
-    pub(super) fn fits(&self, dimension: usize, state: &State) -> bool {
-        let Self { sums, milestones, .. } = self;
-        let Milestones { start, times, places, .. } = milestones;
+    /// Whether it can be one of a run of so many `bodies` with `dimension` unknowns whose states have as many numbers as
+    /// `state`.
+    pub(super) fn fits(&self, dimension: usize, bodies: usize, state: &State) -> bool {
+        let Self { sums, milestones, speeds, .. } = self;
+        let Milestones { start, times, places, velocities, .. } = milestones;
         let n = state.q.len();
         let fits = |Carried { error, spread: [dq, dv] }: &Carried| {
             error.len() == dimension && dq.len() == n && dv.len() == n
@@ -96,9 +102,10 @@ impl CarriedError {
             && [start.q.len(), start.v.len()] == [n; 2]
             && start.z.len() == state.z.len()
             && start.winding.len() == state.winding.len()
-            && places.len() == n * times.len()
+            && [places.len(), velocities.len()] == [n * times.len(); 2]
             && times.len() <= MILESTONES
             && milestones.every > 0
+            && speeds.len() == bodies
             && self.serving.steps <= MOST_STEPS[1]
             && self.longest.as_ref().is_none_or(|step| step.fits(state))
     }
@@ -232,13 +239,25 @@ impl CarriedError {
         }
         self.present = 0.0;
         self.spread = moves;
+        let present = form.weights().speeds(&form.point().state.v);
+        for (largest, present) in self.speeds.iter_mut().zip(present) {
+            *largest = std::array::from_fn(|k| largest[k].max(present[k]));
+        }
         for Carried { error, spread } in &mut self.sums {
             if moves {
                 take(spread, form.spread(error));
             } else {
+                // What the change of places does to velocities is little beside them.
+                let rates = &error[form.second_order_split()..];
+                spread[1].copy_from_slice(form.displace(rates));
                 spread[0].copy_from_slice(form.displace(error));
             }
-            let size = form.displacement(&spread[0]);
+            let weights = form.weights();
+            let changes = weights.velocity_changes(&spread[1], &self.speeds);
+            // What is not a number stays.
+            let larger = |a: f64, b: f64| if a >= b || a.is_nan() { a } else { b };
+            let size =
+                changes.map(|c| c / VELOCITIES).fold(weights.displacement(&spread[0]), larger);
             if size.is_finite() && error.iter().sum::<f64>().is_finite() {
                 self.present = self.present.max(size);
             } else {
@@ -336,7 +355,7 @@ impl CarriedError {
         let mut of = |part: &[f64]| {
             room[..ndof].copy_from_slice(part);
             places.copy_from_slice(form.displace(room));
-            form.displacement(places)
+            form.weights().displacement(places)
         };
         of(&error[..ndof]) + span * of(&error[ndof..2 * ndof])
     }
@@ -394,6 +413,8 @@ pub(super) struct Milestones {
     pub(super) times: Vec<f64>,
     /// Rows of coordinates.
     pub(super) places: Vec<f64>,
+    /// Rows of velocities.
+    pub(super) velocities: Vec<f64>,
     /// Steps from one to the next.
     every: u64,
 }
@@ -404,6 +425,7 @@ impl Milestones {
             start: start.clone(),
             times: Vec::with_capacity(MILESTONES + 1),
             places: Vec::with_capacity((MILESTONES + 1) * start.q.len()),
+            velocities: Vec::with_capacity((MILESTONES + 1) * start.v.len()),
             every: 1,
         }
     }
@@ -420,10 +442,14 @@ impl Milestones {
             for kept in 0..MILESTONES / 2 {
                 let from = 2 * kept + 1;
                 self.times[kept] = self.times[from];
-                self.places.copy_within(from * n..(from + 1) * n, kept * n);
+                for rows in [&mut self.places, &mut self.velocities] {
+                    rows.copy_within(from * n..(from + 1) * n, kept * n);
+                }
             }
             self.times.truncate(MILESTONES / 2);
-            self.places.truncate(MILESTONES / 2 * n);
+            for rows in [&mut self.places, &mut self.velocities] {
+                rows.truncate(MILESTONES / 2 * n);
+            }
             if !step.is_multiple_of(self.every) {
                 return;
             }
@@ -441,6 +467,7 @@ impl Milestones {
     fn push(&mut self, state: &State) {
         self.times.push(state.t);
         self.places.extend_from_slice(&state.q);
+        self.velocities.extend_from_slice(&state.v);
     }
 }
 
@@ -471,7 +498,12 @@ mod tests {
 
     #[test] // independent truth: the definition
     fn milestones_spread_over_the_run() {
-        let state = |t: u64| State { t: t as f64, q: vec![t as f64, -1.0], ..State::default() };
+        let state = |t: u64| State {
+            t: t as f64,
+            q: vec![t as f64, -1.0],
+            v: vec![-(t as f64), 1.0],
+            ..State::default()
+        };
         let mut milestones = Milestones::new(&state(0));
         for step in 1..=1000 {
             milestones.pass(step, &state(step));
@@ -481,5 +513,9 @@ mod tests {
         let known: Vec<f64> = (1..=15).map(|k| 64.0 * f64::from(k)).chain([1000.0]).collect();
         assert_eq!(milestones.times, known);
         assert_eq!(milestones.places, known.iter().flat_map(|&t| [t, -1.0]).collect::<Vec<_>>());
+        assert_eq!(
+            milestones.velocities,
+            known.iter().flat_map(|&t| [-t, 1.0]).collect::<Vec<_>>()
+        );
     }
 }

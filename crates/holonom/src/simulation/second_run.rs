@@ -1,6 +1,6 @@
 //! A second run that tells how far a suspicious one is off.
 
-use super::carried_error::{CarriedError, Milestones};
+use super::carried_error::{CarriedError, Milestones, VELOCITIES};
 use super::checks::{RunError, SMALLEST_TOLERANCE};
 use super::options::{Options, OutputTimes};
 use super::problem::Problem;
@@ -12,7 +12,7 @@ use crate::model::Tolerance;
 use crate::system::{State, System};
 use std::time::Duration;
 
-/// Tolerances by which places may differ from those of the second run.
+/// Tolerances by which places may differ from those of the second run; velocities by more of them.
 const FAR: f64 = 50.0;
 /// Tolerances within which a run may be called right.
 const MET: f64 = 20.0;
@@ -23,13 +23,13 @@ const PART: f64 = 0.1;
 /// Steps up to which it is computed whether something grows that longer ones do not show.
 const MOST_STEPS: f64 = 200_000.0;
 
-/// A warning where a run by `options` that was at the `milestones` and is suspicious is far from a run by the default
+/// A warning where a run by `options` that is `suspicious` is far from a run by the default
 /// code at a tenth of its tolerance with steps of `max_step` at most, or where such a run does not come to its end within
 /// what is `left` of the time.
 pub(super) fn compare(
     problem: &Problem,
     options: &Options,
-    milestones: &Milestones,
+    CarriedError { milestones, speeds, .. }: &CarriedError,
     max_step: f64,
     left: Option<Duration>,
     sink: &mut dyn Sink,
@@ -62,9 +62,10 @@ pub(super) fn compare(
         sink,
         system,
         milestones,
+        speeds,
         weights: Weights::new(options.tolerance, system, &milestones.start),
         place: milestones.start.clone(),
-        difference: vec![0.0; milestones.start.q.len()],
+        differences: [(); 2].map(|()| vec![0.0; milestones.start.q.len()]),
         compared: 0,
         before: None,
         worst: None,
@@ -81,7 +82,7 @@ pub(super) fn compare(
         outcome => return Some(warning(unfinished(outcome))),
     };
     let allowed = if doubtful { UNCERTAIN } else { FAR };
-    let far = comparison.worst.filter(|worst| worst.tolerances > allowed)?;
+    let far = comparison.worst.filter(|worst| worst.share > allowed)?;
     let doubt = if doubtful { ", which may be off itself" } else { "" };
     let shorter = if shows {
         format!(", or set `max_step` to {max_step:.1e} s, as longer steps do not show what grows")
@@ -89,11 +90,18 @@ pub(super) fn compare(
         String::new()
     };
     let advice = far.advice(options, &milestones.start, system.characteristic_length(), &shorter);
-    let Far { item, tolerances, by, t, .. } = far;
+    let Far { item, share, of_velocity, by, t, .. } = far;
+    let away = if of_velocity {
+        let tolerances = VELOCITIES * share;
+        format!("the velocity of `{item}` is {tolerances:.0} tolerances ({by}) away from what")
+    } else {
+        format!(
+            "`{item}` is {share:.0} tolerances of its position and orientation ({by}) away from where"
+        )
+    };
     Some(warning(format!(
-        "small errors add up or grow in this motion: `{item}` is {tolerances:.0} tolerances of its position and \
-         orientation ({by}) away from where a second run, at a tenth of the tolerance{doubt}, has it at t = {t:.4} s, and \
-         what comes later may be further off; {advice}"
+        "small errors add up or grow in this motion: {away} a second run, at a tenth of the tolerance{doubt}, has it \
+         at t = {t:.4} s, and what comes later may be further off; {advice}"
     )))
 }
 
@@ -116,12 +124,14 @@ fn unfinished(outcome: Result<(Summary, Option<CarriedError>), RunError>) -> Str
 /// Where a run is far from the second one.
 struct Far {
     item: String,
-    tolerances: f64,
-    /// The same in m and rad.
+    /// In tolerances of a place, velocities in their wider ones.
+    share: f64,
+    of_velocity: bool,
+    /// The same in m and rad, m/s and rad/s.
     by: String,
     /// s
     t: f64,
-    /// Time, s, of the comparison before, and the difference there in tolerances.
+    /// Time, s, of the comparison before, and its share.
     before: Option<(f64, f64)>,
 }
 
@@ -133,7 +143,7 @@ impl Far {
     /// What to do about it; `shorter` is said beside a tighter tolerance.
     fn advice(&self, options: &Options, start: &State, length: f64, shorter: &str) -> String {
         let most = largest_fold(options.tolerance, length);
-        let fold = 10f64.powf((self.tolerances / MET).log10().ceil());
+        let fold = 10f64.powf((self.share / MET).log10().ceil());
         let least = SMALLEST_TOLERANCE;
         if fold > most {
             return format!(
@@ -158,7 +168,7 @@ impl Far {
     /// comparison before: what grows exponentially grows more. One where nothing is known of it.
     fn growth_to(&self, end: f64, start: f64) -> f64 {
         let Some((before, difference)) = self.before else { return 1.0 };
-        let grown = self.tolerances / difference.max(1.0); // less than one is no growth to go by
+        let grown = self.share / difference.max(1.0); // less than one is no growth to go by
         let power = grown.ln() / ((self.t - start) / (before - start)).ln();
         let growth = ((end - start) / (self.t - start)).powf(power.max(0.0));
         if growth.is_nan() { 1.0 } else { growth }
@@ -172,16 +182,18 @@ fn largest_fold(tolerance: Tolerance, length: f64) -> f64 {
     relative.min(translation).min(rotation) / SMALLEST_TOLERANCE
 }
 
-/// Compares the places of the second run with those of the first as they come.
+/// Compares the places and velocities of the second run with those of the first as they come.
 struct Comparison<'a> {
     sink: &'a mut dyn Sink,
     system: &'a dyn System,
     milestones: &'a Milestones,
+    speeds: &'a [[f64; 2]],
     weights: Weights,
     place: State,
-    difference: Vec<f64>,
+    /// Of coordinates and velocities.
+    differences: [Vec<f64>; 2],
     compared: usize,
-    /// Time, s, and difference in tolerances of the last row.
+    /// Time, s, and share of the last row.
     before: Option<(f64, f64)>,
     /// The largest difference, up to the first that is far.
     worst: Option<Far>,
@@ -191,57 +203,65 @@ impl Comparison<'_> {
     /// Whether there is something to warn of. What comes until the run heeds that does not count: when it does is a
     /// matter of time.
     fn is_far(&self) -> bool {
-        self.worst.as_ref().is_some_and(|worst| worst.tolerances > FAR)
+        self.worst.as_ref().is_some_and(|worst| worst.share > FAR)
     }
 
     /// Compares one row.
-    fn take(&mut self, t: f64, q: &[f64]) {
+    fn take(&mut self, t: f64, [q, v]: [&[f64]; 2]) {
         if self.is_far() {
             return;
         }
         let n = q.len();
-        let first = &self.milestones.places[self.compared * n..][..n];
+        let at = self.compared * n;
+        let first = [&self.milestones.places, &self.milestones.velocities].map(|x| &x[at..][..n]);
         self.compared += 1;
         self.place.q.copy_from_slice(q);
+        self.place.v.copy_from_slice(v);
         self.weights.set(&self.place);
         let sizes = self.system.structure().sizes;
-        let bodies = self.difference.chunks_exact_mut(sizes.per_body);
-        let rows = q.chunks_exact(sizes.per_body).zip(first.chunks_exact(sizes.per_body));
-        for (out, (q, first)) in bodies.zip(rows) {
+        for own in (0..n).step_by(sizes.per_body).map(|own| own..own + sizes.per_body) {
             // Both signs of Euler parameters are one orientation.
-            let turns = &q[sizes.translations..];
-            let dot: f64 = turns.iter().zip(&first[sizes.translations..]).map(|(x, y)| x * y).sum();
-            let flipped = turns.len() == 4 && dot < 0.0;
-            for (k, (out, (x, y))) in out.iter_mut().zip(q.iter().zip(first)).enumerate() {
-                let sign = if flipped && k >= sizes.translations { -1.0 } else { 1.0 };
-                *out = sign * x - y;
+            let turns = own.start + sizes.translations..own.end;
+            let dot: f64 = turns.clone().map(|k| q[k] * first[0][k]).sum();
+            let sign = if turns.len() == 4 && dot < 0.0 { -1.0 } else { 1.0 };
+            for ((out, x), first) in self.differences.iter_mut().zip([q, v]).zip(first) {
+                for k in own.clone() {
+                    let sign = if turns.contains(&k) { sign } else { 1.0 };
+                    out[k] = sign * x[k] - first[k];
+                }
             }
         }
-        let displacements = self.weights.displacements(&self.difference).enumerate();
-        let (body, tolerances) =
-            displacements.reduce(|a, b| if b.1 > a.1 { b } else { a }).unwrap_or((0, 0.0));
-        if self.worst.as_ref().is_none_or(|worst| tolerances > worst.tolerances) {
+        let [dq, dv] = &self.differences;
+        let displacements = self.weights.displacements(dq).map(|size| (size, false));
+        let changes = self.weights.velocity_changes(dv, self.speeds);
+        let changes = changes.map(|size| (size / VELOCITIES, true));
+        let shares = displacements.enumerate().chain(changes.enumerate());
+        let largest = shares.reduce(|a, b| if b.1.0 > a.1.0 { b } else { a });
+        let (body, (share, of_velocity)) = largest.unwrap_or_default();
+        if self.worst.as_ref().is_none_or(|worst| share > worst.share) {
             let first = body * sizes.per_body;
             let item = self.system.coordinate_item(first).to_owned();
-            let own = &self.difference[first..first + sizes.per_body];
+            let own = &self.differences[usize::from(of_velocity)][first..first + sizes.per_body];
             let [moved, turned] = <[&[f64]; 2]>::from(own.split_at(sizes.translations))
                 .map(|x| x.iter().map(|x| x * x).sum::<f64>().sqrt());
             // Euler parameters turn by half the angle.
             let turned = if own.len() == 7 { 2.0 * turned } else { turned };
-            let by = format!("{moved:.1e} m, {turned:.1e} rad");
-            self.worst = Some(Far { item, tolerances, by, t, before: self.before });
+            let per = if of_velocity { "/s" } else { "" };
+            let by = format!("{moved:.1e} m{per}, {turned:.1e} rad{per}");
+            self.worst = Some(Far { item, share, of_velocity, by, t, before: self.before });
         }
-        self.before = Some((t, tolerances));
+        self.before = Some((t, share));
     }
 }
 
 impl Sink for Comparison<'_> {
     fn chunk(&mut self, chunk: &Chunk) -> Result<(), String> {
-        let n = self.difference.len();
-        for (&t, q) in chunk.time.iter().zip(chunk.q.chunks_exact(n.max(1))) {
+        let n = self.milestones.start.q.len().max(1);
+        let rows = chunk.q.chunks_exact(n).zip(chunk.v.chunks_exact(n));
+        for (&t, (q, v)) in chunk.time.iter().zip(rows) {
             // A run that is given up hands out its last state, too.
             if self.milestones.times.get(self.compared) == Some(&t) {
-                self.take(t, q);
+                self.take(t, [q, v]);
             }
         }
         Ok(())
@@ -261,8 +281,8 @@ impl Sink for Comparison<'_> {
 mod tests {
     use super::*;
 
-    fn far(tolerances: f64, t: f64, before: Option<(f64, f64)>) -> Far {
-        Far { item: "bob".into(), tolerances, by: String::new(), t, before }
+    fn far(share: f64, t: f64, before: Option<(f64, f64)>) -> Far {
+        Far { item: "bob".into(), share, of_velocity: false, by: String::new(), t, before }
     }
 
     #[test] // independent truth: tolerances down to 1e-13 can be kept, as docs/conventions.md says

@@ -85,6 +85,64 @@ fn a_bar_that_falls_from_upright_is_right_or_warned_of() {
     assert!(50 * in_vain <= found[0] + found[1], "{in_vain} warnings in vain");
 }
 
+/// A mass on a spring, 1 m/s from rest length, that vibrates at `rate`, rad/s.
+fn vibrating(rate: f64) -> Model {
+    model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+mass = {{ mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }}
+[joints]
+slide = {{ type = "translational", between = ["ground", "mass"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+[forces]
+spring = {{ type = "tsda", between = ["ground", "mass"], points = [[-1.0, 0.0], [0.0, 0.0]], stiffness = {:e}, damping = 0.0, free_length = 1.0 }}
+[initial.bodies]
+mass = {{ velocity = [1.0, 0.0] }}
+"#,
+        rate * rate
+    ))
+}
+
+#[test] // independent truth: v = cos ωt
+fn velocities_of_a_vibration_are_right_or_warned_of() {
+    let (mut found, mut in_vain) = ([0; 2], 0);
+    // The places of the fast one are all within the tolerance: 1e-4 m about the middle.
+    for (rate, end) in [(1e4, 0.1), (5.0, 4.0)] {
+        let model = vibrating(rate);
+        for code in CODES.iter().map(|info| info.code) {
+            let options = Options {
+                channels: vec!["mass.velocity".to_owned()],
+                output: OutputTimes::Interval(end / 50.0),
+                ..options(code, TOLERANCE, end)
+            };
+            let outcome = run_model(&model, &options);
+            let velocities = outcome.series("mass.velocity", 0);
+            let errors = outcome.times().iter().zip(&velocities).map(|(t, v)| {
+                let truth = (rate * t).cos();
+                (v - truth).abs() / (TOLERANCE * (1.0 + truth.abs()))
+            });
+            let (error, warned) = (errors.fold(0.0, f64::max), warned(&outcome.summary));
+            // Velocities may be twice as many tolerances off as places.
+            let limit = 2.0 * WRONG;
+            assert!(error <= limit || warned, "{rate:e} {code:?}: {error} without a warning");
+            if warned {
+                let told = |w: &RunWarning| w.message.contains("the velocity of `mass` is");
+                assert!(
+                    outcome.summary.warnings.iter().any(told),
+                    "{:?}",
+                    outcome.summary.warnings
+                );
+            }
+            in_vain += usize::from(warned && error <= 2.0 * RIGHT);
+            found[usize::from(warned)] += 1;
+        }
+    }
+    assert!(found.iter().all(|&n| n > 3), "{found:?} runs without and with a warning");
+    assert_eq!(in_vain, 0, "warnings in vain");
+}
+
 #[test] // independent truth: the run as a whole
 fn a_run_that_is_taken_up_knows_of_the_errors_before() {
     let problem = Problem::new(standing(1e-3));

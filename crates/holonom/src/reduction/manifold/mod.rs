@@ -577,15 +577,6 @@ impl Manifold {
         self.g.multiply_add(1.0, &state.a, rows);
     }
 
-    /// ‖Φ‖∞ and ‖G q̇ − ν‖∞ over all rows (redundant ones too) at a state.
-    pub fn residuals(&mut self, state: &State) -> (f64, f64) {
-        let State { t, q, v, .. } = state;
-        let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        self.system.position_constraints(*t, q, &mut self.phi);
-        self.system.velocity_constraints(*t, q, v, &mut self.rows);
-        (largest(&self.phi), largest(&self.rows))
-    }
-
     /// Replaces the multipliers of a redundant set, where dropped rows have none, by those of
     /// minimum norm with the same generalized forces. G must belong to the state. Without redundant
     /// rows nothing changes.

@@ -9,7 +9,7 @@ use crate::simulation::passage::Place;
 use crate::simulation::recorder::Inside;
 use crate::simulation::reparametrization::no_longer_redundant;
 use crate::simulation::step_length;
-use crate::system::EnergyBalance;
+use crate::system::{EnergyBalance, State, System};
 use crate::watch::unwatched;
 use std::time::Instant;
 
@@ -101,7 +101,8 @@ impl Run<'_> {
     /// leaves a flat position, shows by its residual only.
     fn check_residuals(&mut self) -> Result<(), EvaluationFailure> {
         self.row.copy_from(&self.form.point().state);
-        let (position, velocity) = self.form.point_mut().manifold.residuals(&self.row);
+        let (position, velocity) =
+            residuals(self.system.as_ref(), &self.row, &mut self.residual_rows);
         let speed = self.row.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
         let length = self.system.characteristic_length().max(1.0);
         let allowed = [
@@ -226,4 +227,14 @@ impl Run<'_> {
         let part = self.energy_scale.part_of_velocities(imbalance);
         self.drift.follow(system, &self.state, step, part, tolerance);
     }
+}
+
+/// ‖Φ‖∞ and ‖G q̇ − ν‖∞ over all rows (redundant ones too) at a state; `rows` is room for them.
+pub(super) fn residuals(system: &dyn System, state: &State, rows: &mut [f64]) -> (f64, f64) {
+    let State { t, q, v, .. } = state;
+    let largest = |x: &[f64]| x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    system.position_constraints(*t, q, rows);
+    let position = largest(rows);
+    system.velocity_constraints(*t, q, v, rows);
+    (position, largest(rows))
 }

@@ -121,7 +121,9 @@ impl Run<'_> {
     pub(super) fn go_on_counting(&mut self, checkpoint: &Checkpoint) -> Result<(), RunError> {
         let here = self.statistics;
         let Checkpoint { statistics, energy_scale, drift, carried, w, state, .. } = checkpoint;
-        let carried_fits = carried.as_ref().is_none_or(|carried| carried.fits(w.len(), state));
+        let bodies = self.system.structure().sizes.bodies;
+        let carried_fits =
+            carried.as_ref().is_none_or(|carried| carried.fits(w.len(), bodies, state));
         if !(energy_scale.is_like(&self.energy_scale) && drift.is_like(&self.drift) && carried_fits)
         {
             return Err(foreign());

@@ -36,6 +36,7 @@ use crate::simulation::trajectory::{EventKind, Memory, Sink};
 use crate::simulation::warnings::chosen;
 use crate::system::{State, System};
 use crate::watch::{stage, within};
+use accepting::residuals;
 use charts::LONGEST_TURN;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -132,8 +133,7 @@ fn begin(
         // Where this is given up, the run is whole all the same.
         let look = || stage("checking", || carried.longest_step_to_tell(problem, options));
         if let Ok(Some(most)) = within(left(), look) {
-            let found =
-                second_run::compare(problem, options, &carried.milestones, most, left(), sink);
+            let found = second_run::compare(problem, options, &carried, most, left(), sink);
             summary.warnings.extend(found);
         }
         let took = checked.elapsed();
@@ -227,6 +227,7 @@ struct Run<'a> {
     condition_reference: f64,
     /// Residuals at the start, position and velocity: redundant rows may contradict each other a little.
     start_residuals: (f64, f64),
+    residual_rows: Vec<f64>,
     statistics: Statistics,
     slowness: Slowness,
     energy: EnergySummary,
@@ -450,7 +451,8 @@ impl Run<'_> {
             inspector.prepare(&self.w, &self.state);
         }
         self.condition_reference = self.form.point_mut().manifold.condition();
-        self.start_residuals = self.form.point_mut().manifold.residuals(&self.state);
+        self.start_residuals =
+            residuals(self.system.as_ref(), &self.state, &mut self.residual_rows);
         self.form.point_mut().manifold.minimum_norm_multipliers(&mut self.state.lambda);
         while self.output.time() <= self.state.t {
             self.output.push(self.system.as_ref(), &self.state);

@@ -162,6 +162,7 @@ pub(super) fn set_up<'a>(
         model: problem.model(),
         condition_reference: 0.0,
         start_residuals: (0.0, 0.0),
+        residual_rows: vec![0.0; state.lambda.len()],
         energy: EnergySummary {
             start: energy,
             missing: state.ledger.imbalance(&energy),
@@ -170,7 +171,8 @@ pub(super) fn set_up<'a>(
         kinetic_range: (energy.kinetic, energy.kinetic),
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         drift: Drift::new(system.structure().sizes.bodies),
-        carried: follows.then(|| CarriedError::new(dimension, &state)),
+        carried: follows
+            .then(|| CarriedError::new(dimension, system.structure().sizes.bodies, &state)),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
         complete: true,
         passes_knot: false,
