@@ -60,13 +60,13 @@ const SEEDS_WITH_STOPS: u64 = 60;
 /// The mechanism of a seed and a change of its speeds.
 type Draw = fn(u64, f64) -> Mechanism;
 
-/// Coordinates of all bodies over the output times.
-type Rows = Vec<f64>;
+/// Coordinates and velocities of all bodies over the output times.
+type Rows = [Vec<f64>; 2];
 
 /// How a run came out.
 #[derive(Debug, Clone)]
 enum Ending {
-    /// Coordinates, the codes of warnings about accuracy, steps, and the largest rate of turning, rad/s.
+    /// Rows, the codes of warnings about accuracy, steps, and the largest rate of turning, rad/s.
     Completed(Rows, Vec<&'static str>, u64, f64),
     Ended(String),
     Panicked,
@@ -140,42 +140,73 @@ fn attempt(problem: &Problem, options: &Options, planar: bool) -> Result<Ending,
         |code: &&str| !matches!(*code, "simulation/redundant" | "simulation/stiff");
     let steps = summary.statistics.steps;
     let warnings = summary.warnings.iter().map(|w| w.code).filter(about_accuracy).collect();
-    Ok(Ending::Completed(rows.all.q, warnings, steps, fastest(&rows.all.v, planar)))
+    let fastest = fastest(&rows.all.v, planar);
+    Ok(Ending::Completed([rows.all.q, rows.all.v], warnings, steps, fastest))
 }
 
 /// Largest rate of turning among all bodies and rows, rad/s.
 fn fastest(v: &[f64], planar: bool) -> f64 {
-    let (size, d) = if planar { (3, 2) } else { (7, 3) };
-    let rate = |body: &[f64]| {
-        let length = body[d..].iter().map(|x| x * x).sum::<f64>().sqrt();
-        if planar { length } else { 2.0 * length }
-    };
-    v.chunks_exact(size).map(rate).fold(0.0, f64::max)
+    v.chunks_exact(size(planar)).map(|v| speeds(v, planar)[1]).fold(0.0, f64::max)
+}
+
+/// Numbers per body.
+fn size(planar: bool) -> usize {
+    if planar { 3 } else { 7 }
+}
+
+fn length(x: impl Iterator<Item = f64>) -> f64 {
+    x.map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// Speed, m/s, and rate of turning, rad/s, of a body.
+fn speeds(v: &[f64], planar: bool) -> [f64; 2] {
+    let (linear, turning) = v.split_at(if planar { 2 } else { 3 });
+    let turns = if planar { 1.0 } else { 2.0 };
+    [length(linear.iter().copied()), turns * length(turning.iter().copied())]
 }
 
 /// Largest distance of two runs in tolerances: per body |δr| over tol (1 + movement) and the angle
-/// over tol (1 + turning), movement and turning those of the truth since the start.
+/// over tol (1 + turning), movement and turning those of the truth since the start; half as many of velocities over
+/// tol (1 + the largest that the body has).
 fn distance(rows: &Rows, truth: &Rows, bodies: usize, planar: bool) -> f64 {
-    let (size, d) = if planar { (3, 2) } else { (7, 3) };
-    if rows.len() != truth.len() {
+    let (size, d) = (size(planar), if planar { 2 } else { 3 });
+    if rows[0].len() != truth[0].len() {
         return f64::INFINITY;
     }
-    let length =
-        |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
+    let apart = |a: &[f64], b: &[f64]| length(a.iter().zip(b).map(|(x, y)| x - y));
+    let minus = |b: &[f64]| b.iter().map(|x| -x).collect::<Vec<_>>();
+    let flipped = |a: &[f64], b: &[f64]| !planar && apart(a, &minus(b)) < apart(a, b);
     let turn = |a: &[f64], b: &[f64]| {
         if planar {
             return (a[0] - b[0]).abs();
         }
-        let minus: Vec<f64> = b.iter().map(|x| -x).collect();
-        2.0 * length(a, b).min(length(a, &minus))
+        2.0 * apart(a, b).min(apart(a, &minus(b)))
     };
+    let mut largest = vec![[0.0f64; 2]; bodies];
+    for (place, v) in truth[1].chunks_exact(size).enumerate() {
+        let (largest, now) = (&mut largest[place % bodies], speeds(v, planar));
+        *largest = [0, 1].map(|k| largest[k].max(now[k]));
+    }
     let mut worst = 0.0f64;
-    for (place, (x, y)) in rows.chunks_exact(size).zip(truth.chunks_exact(size)).enumerate() {
-        let start = &truth[(place % bodies) * size..][..size];
-        let moved = length(&y[..d], &start[..d]);
+    let of = |rows: &Rows, place: usize| -> [Vec<f64>; 2] {
+        [0, 1].map(|level| rows[level][place * size..][..size].to_vec())
+    };
+    for place in 0..truth[0].len() / size {
+        let ([x, mut u], [y, v]) = (of(rows, place), of(truth, place));
+        if flipped(&x[d..], &y[d..]) {
+            u[d..].iter_mut().for_each(|u| *u = -*u);
+        }
+        let start = &truth[0][(place % bodies) * size..][..size];
+        let moved = apart(&y[..d], &start[..d]);
         let turned = turn(&y[d..], &start[d..]).min(std::f64::consts::PI);
-        let errors =
-            [length(&x[..d], &y[..d]) / (1.0 + moved), turn(&x[d..], &y[d..]) / (1.0 + turned)];
+        let change: Vec<f64> = u.iter().zip(&v).map(|(u, v)| u - v).collect();
+        let (change, largest) = (speeds(&change, planar), largest[place % bodies]);
+        let errors = [
+            apart(&x[..d], &y[..d]) / (1.0 + moved),
+            turn(&x[d..], &y[d..]) / (1.0 + turned),
+            0.5 * change[0] / (1.0 + largest[0]),
+            0.5 * change[1] / (1.0 + largest[1]),
+        ];
         for error in errors {
             worst = if error.is_nan() { f64::INFINITY } else { worst.max(error) };
         }

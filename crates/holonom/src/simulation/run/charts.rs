@@ -50,7 +50,7 @@ impl Run<'_> {
         let far = self.stepper.multistep();
         if let Some(carried) = self.carried.as_mut() {
             if far {
-                carried.forget_matrix();
+                carried.forget_variables();
             }
             self.express_error();
         }
@@ -146,7 +146,7 @@ impl Run<'_> {
         self.stepper.invalidate(false);
         self.begin_step();
         self.form.pack(&self.state, &mut self.w);
-        self.carried.iter_mut().for_each(CarriedError::forget_matrix);
+        self.carried.iter_mut().for_each(CarriedError::forget_variables);
         self.express_error();
         self.record_chart();
         self.evaluate_slope()?;

@@ -392,16 +392,8 @@ impl Run<'_> {
                 let power = &mut self.scratch[0];
                 let ended = (t_end, step, &self.w_end[..]);
                 let passes_knot = self.passes_knot;
-                let known = carried.follow(
-                    stepper,
-                    form,
-                    report.error,
-                    power,
-                    iterated,
-                    passes_knot,
-                    turn,
-                    ended,
-                );
+                let known =
+                    carried.follow(stepper, form, power, iterated, passes_knot, turn, ended);
                 if known {
                     carried.look(form, moves);
                 } else {
