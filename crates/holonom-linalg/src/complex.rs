@@ -1,4 +1,5 @@
 use crate::error::SingularMatrix;
+use crate::lanes::{Wide, run_wide};
 use crate::scalar::Scalar;
 use std::ops::Range;
 
@@ -75,12 +76,7 @@ impl DenseComplexLu {
             let inverse = Complex64::new(pivots_re[0], pivots_im[0]).reciprocal();
             self.inverse_pivot[p] = inverse;
             let pivots = [&pivots_re[1..], &pivots_im[1..]];
-            let rows = lower_re.chunks_exact_mut(n).zip(lower_im.chunks_exact_mut(n));
-            for (re, im) in rows.filter(|(re, im)| re[p] != 0.0 || im[p] != 0.0) {
-                let l = Complex64::new(re[p], im[p]) * inverse;
-                (re[p], im[p]) = (l.re, l.im);
-                subtract(&mut re[p + 1..], &mut im[p + 1..], l, pivots);
-            }
+            run_wide(Elimination { rows: [lower_re, lower_im], n, p, inverse, pivots });
         }
         Ok(())
     }
@@ -111,7 +107,31 @@ impl DenseComplexLu {
     }
 }
 
+/// Elimination with the entries `pivots` behind a pivot at p, in rows of n entries.
+struct Elimination<'a> {
+    rows: [&'a mut [f64]; 2],
+    n: usize,
+    p: usize,
+    inverse: Complex64,
+    pivots: [&'a [f64]; 2],
+}
+
+impl Wide for Elimination<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { rows: [re, im], n, p, inverse, pivots } = self;
+        for (re, im) in re.chunks_exact_mut(n).zip(im.chunks_exact_mut(n)) {
+            if re[p] != 0.0 || im[p] != 0.0 {
+                let l = Complex64::new(re[p], im[p]) * inverse;
+                (re[p], im[p]) = (l.re, l.im);
+                subtract(&mut re[p + 1..], &mut im[p + 1..], l, pivots);
+            }
+        }
+    }
+}
+
 /// x −= l y, real and imaginary parts apart.
+#[inline(always)]
 fn subtract(re: &mut [f64], im: &mut [f64], l: Complex64, [y_re, y_im]: [&[f64]; 2]) {
     for ((re, im), (y_re, y_im)) in re.iter_mut().zip(im).zip(y_re.iter().zip(y_im)) {
         *re -= l.re * y_re - l.im * y_im;

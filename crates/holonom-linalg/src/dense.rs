@@ -9,7 +9,9 @@ use faer::{Accum, MatMut, MatRef, Par, Spec};
 
 use crate::error::{NotPositiveDefinite, SingularMatrix};
 use crate::few_rows;
-use crate::lanes::{MOST_LANES, QuadKernel, add_transposed, dot, marks, rows_of, run_quads};
+use crate::lanes::{
+    MOST_LANES, QuadKernel, Wide, add_transposed, dot, marks, rows_of, run_quads, run_wide,
+};
 
 /// A pivot below this fraction of the numbers it is made of is cancellation noise.
 pub(crate) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
@@ -145,13 +147,7 @@ impl DenseLu {
         if few_rows::solve(&self.factors, &self.inverses, &self.exchanges, b).is_some() {
             return;
         }
-        for i in 0..n {
-            let known = dot(&self.factors[i * n..i * n + i], &b[..i]);
-            b[i] = (b[i] - known) * self.inverses[i];
-        }
-        for i in (0..n).rev() {
-            b[i] -= dot(&self.factors[i * n + i + 1..(i + 1) * n], &b[i + 1..]);
-        }
+        run_wide(Substitution { factors: &self.factors, inverses: &self.inverses, b: &mut *b });
         for p in (0..n).rev() {
             b.swap(p, self.exchanges[p]);
         }
@@ -276,6 +272,7 @@ fn eliminate(a: &mut [f64], permutation: &mut [usize]) {
 
 /// Factor of a symmetric matrix whose lower triangle is given by columns; returns how many pivots are positive. Each column
 /// takes what those before it leave of it, by fours: columns are short.
+#[inline(always)]
 fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
     for p in 0..n {
         let (known, rest) = a.split_at_mut(p * n);
@@ -287,9 +284,13 @@ fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
                 let (fours, last) = column[p..].as_chunks::<4>();
                 let (own_fours, own_last) = own.as_chunks_mut::<4>();
                 for (out, x) in own_fours.iter_mut().zip(fours) {
-                    (0..4).for_each(|l| out[l] -= factor * x[l]);
+                    for l in 0..4 {
+                        out[l] -= factor * x[l];
+                    }
                 }
-                subtract(own_last, factor, last);
+                for (out, x) in own_last.iter_mut().zip(last) {
+                    *out -= factor * x;
+                }
             }
         }
         if own[0].is_nan() || own[0] <= 0.0 {
@@ -297,9 +298,69 @@ fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
         }
         own[0] = own[0].sqrt();
         let inverse = own[0].recip();
-        own[1..].iter_mut().for_each(|x| *x *= inverse);
+        for x in &mut own[1..] {
+            *x *= inverse;
+        }
     }
     n
+}
+
+/// [`eliminate_symmetric`] with the widest vectors there are, and how many pivots it has `done`.
+struct Elimination<'a> {
+    a: &'a mut [f64],
+    n: usize,
+    done: &'a mut usize,
+}
+
+impl Wide for Elimination<'_> {
+    #[inline(always)]
+    fn run(self) {
+        *self.done = eliminate_symmetric(self.a, self.n);
+    }
+}
+
+/// Solution with both factors of a matrix by rows.
+struct Substitution<'a> {
+    factors: &'a [f64],
+    inverses: &'a [f64],
+    b: &'a mut [f64],
+}
+
+impl Wide for Substitution<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { factors, inverses, b } = self;
+        let n = b.len();
+        for i in 0..n {
+            let known = dot(&factors[i * n..i * n + i], &b[..i]);
+            b[i] = (b[i] - known) * inverses[i];
+        }
+        for i in (0..n).rev() {
+            b[i] -= dot(&factors[i * n + i + 1..(i + 1) * n], &b[i + 1..]);
+        }
+    }
+}
+
+/// y += α A x for a matrix by rows.
+pub fn add_product(a: &[f64], alpha: f64, x: &[f64], y: &mut [f64]) {
+    run_wide(Product { a, alpha, x, y });
+}
+
+struct Product<'a> {
+    a: &'a [f64],
+    alpha: f64,
+    x: &'a [f64],
+    y: &'a mut [f64],
+}
+
+impl Wide for Product<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { a, alpha, x, y } = self;
+        for (row, y) in a.chunks_exact(x.len().max(1)).zip(y) {
+            *y += alpha * dot(row, x);
+        }
+    }
 }
 
 fn subtract(out: &mut [f64], factor: f64, x: &[f64]) {
@@ -348,7 +409,9 @@ impl Cholesky {
         let n = self.n;
         self.factor.copy_from_slice(a);
         let done = if n <= SMALL {
-            eliminate_symmetric(&mut self.factor, n)
+            let mut done = 0;
+            run_wide(Elimination { a: &mut self.factor, n, done: &mut done });
+            done
         } else {
             let outcome = llt::cholesky_in_place(
                 MatMut::from_column_major_slice_mut(&mut self.factor, n, n),

@@ -41,7 +41,7 @@ pub mod watch;
 pub use block::{BlockId, BlockMatrix, BlockPattern, BlocksMut};
 pub use branched::{BranchedCholesky, BranchedPlan, CutRows, DenseAugmented, Operations, Stages};
 pub use complex::{Complex64, DenseComplexLu};
-pub use dense::{Cholesky, DenseLu, gram_add};
+pub use dense::{Cholesky, DenseLu, add_product, gram_add};
 pub use envelope::{
     BlockGraph, EnvelopeCholesky, EnvelopePlan, LARGEST_BLOCK, gibbs_king, least_degree,
     least_envelope, reverse_cuthill_mckee,

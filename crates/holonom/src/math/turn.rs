@@ -18,6 +18,22 @@ use super::vector::dot;
 const SERIES_BELOW: f64 = 0.3;
 /// Terms of the series: 0.09¹⁸ is far below round-off.
 const TERMS: usize = 18;
+/// aⱼ j(j−1)…(j−k+1), aⱼ = (−1)ʲ/(2j+1), of the k-th derivative.
+const SERIES: [[f64; TERMS]; 4] = {
+    let mut out = [[0.0; TERMS]; 4];
+    let mut j = 0;
+    while j < TERMS {
+        let mut falling = if j % 2 == 0 { 1.0 } else { -1.0 };
+        let mut k = 0;
+        while k < 4 {
+            out[k][j] = falling / (2 * j + 1) as f64;
+            falling *= j as f64 - k as f64;
+            k += 1;
+        }
+        j += 1;
+    }
+    out
+};
 
 /// t and its partial derivatives at one point (c, n). Directions are (change of c, change of n).
 #[derive(Debug, Clone, Copy)]
@@ -55,12 +71,10 @@ impl<T: Real> Turn<T> {
             let (mut scale, step) = (c.recip() * 2.0, (c * c).recip() * 2.0);
             let mut out = [T::zero(); 4];
             for (k, out) in out.iter_mut().enumerate() {
-                // Horner's scheme of Σⱼ aⱼ j(j−1)…(j−k+1) yʲ⁻ᵏ, aⱼ = (−1)ʲ/(2j+1).
+                // Horner's scheme of Σⱼ aⱼ j(j−1)…(j−k+1) yʲ⁻ᵏ.
                 let mut sum = T::zero();
-                for j in (k..TERMS).rev() {
-                    let falling: f64 = (0..k).map(|i| (j - i) as f64).product();
-                    let sign = if j % 2 == 0 { 1.0 } else { -1.0 };
-                    sum = sum * y + sign * falling / (2 * j + 1) as f64;
+                for a in SERIES[k][k..].iter().rev() {
+                    sum = sum * y + *a;
                 }
                 *out = sum * scale;
                 scale *= step;

@@ -21,6 +21,8 @@ pub struct FirstOrder<M = ReducedMatrix> {
     /// (t, w) of the last full evaluation; NaN if none is current.
     at: Vec<f64>,
     pub(super) at_time: f64,
+    /// Whether the matrix has been turned halfway through the step to the state last evaluated.
+    halfway: bool,
     dq: Vec<f64>,
     dv: Vec<f64>,
     rows: Vec<f64>,
@@ -66,6 +68,7 @@ impl<M: Matrix> FirstOrder<M> {
             weights,
             at: vec![f64::NAN; 2 * ndof + s.extra_states],
             at_time: f64::NAN,
+            halfway: false,
             dq: vec![0.0; s.coordinates],
             dv: vec![0.0; s.coordinates],
             rows: vec![0.0; s.rows],
@@ -79,6 +82,7 @@ impl<M: Matrix> FirstOrder<M> {
     /// Which matrix is used; the default one unless said otherwise.
     pub fn set_matrix(&mut self, options: MatrixOptions) {
         self.newton = new_matrix(&mut self.point.manifold, &self.point.anchor, options);
+        self.halfway = false;
     }
 
     /// The integration Jacobian.
@@ -93,6 +97,7 @@ impl<M: Matrix> FirstOrder<M> {
 
     /// The same, for changes of the parametrization.
     pub fn point_mut(&mut self) -> &mut Point {
+        self.halfway = false;
         &mut self.point
     }
 
@@ -130,6 +135,7 @@ impl<M: Matrix> FirstOrder<M> {
     pub fn begin_step(&mut self, state: &State) {
         // Recoveries go on from here, not from a stage of the step before.
         self.point.begin_step(state);
+        self.halfway = false;
         self.weights.set(state);
         if self.weights.are_independent() {
             self.set_independent_weights(state);
@@ -167,7 +173,7 @@ impl<M: Matrix> FirstOrder<M> {
         let ndof = self.point.manifold.chart().ndof();
         let (positions, rest) = w.split_at(ndof);
         let (rates, z) = rest.split_at(ndof);
-        self.at_time = f64::NAN;
+        (self.at_time, self.halfway) = (f64::NAN, false);
         self.point.evaluate(t, positions, rates, z, full)?;
         if full {
             self.at_time = t;
@@ -387,12 +393,14 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
 
     /// Halfway through the step: there the matrix is right to the second order of the turn.
     fn turn_back(&mut self, change: &mut [f64]) {
-        let Point { manifold, state, anchor, .. } = &self.point;
-        let per_body = manifold.system().structure().sizes.per_body;
-        let between = self.dq.chunks_exact_mut(per_body);
-        let ends = anchor.chunks_exact(per_body).zip(state.q.chunks_exact(per_body));
-        between.zip(ends).for_each(|(out, (a, b))| halfway(a, b, out));
-        self.newton.align(0, manifold, &self.dq);
+        if !std::mem::replace(&mut self.halfway, true) {
+            let Point { manifold, state, anchor, .. } = &self.point;
+            let per_body = manifold.system().structure().sizes.per_body;
+            let between = self.dq.chunks_exact_mut(per_body);
+            let ends = anchor.chunks_exact(per_body).zip(state.q.chunks_exact(per_body));
+            between.zip(ends).for_each(|(out, (a, b))| halfway(a, b, out));
+            self.newton.align(0, manifold, &self.dq);
+        }
         let (positions, rest) = change.split_at_mut(self.rates.len());
         self.newton.turn_back(0, positions);
         self.newton.turn_back(0, rest);

@@ -6,7 +6,7 @@ use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, Manifold, Point};
 use crate::system::System;
 use crate::threads::Threads;
-use holonom_linalg::dot;
+use holonom_linalg::{Wide, dot, run_wide};
 use std::sync::Arc;
 
 /// The blocks of the last linearization with the coefficients of the last factor.
@@ -31,7 +31,7 @@ pub struct Linearization {
     /// Variables that move each body, and where those of the next one begin.
     movers: Vec<usize>,
     mover_ends: Vec<usize>,
-    /// In their order, what the columns of each are on the coordinates of the body.
+    /// In their order, what the columns of each are on the coordinates of the body, filled up to fours.
     moved: Vec<f64>,
     pub(super) gamma_h: f64,
     pub(super) beta_h2: f64,
@@ -69,7 +69,11 @@ impl Linearization {
             columns: vec![0.0; if reduced { 2 * s.coordinates * ndof } else { 0 }],
             movers: Vec::with_capacity(if reduced { s.bodies * ndof } else { 0 }),
             mover_ends: Vec::with_capacity(if reduced { s.bodies } else { 0 }),
-            moved: Vec::with_capacity(if reduced { 2 * s.coordinates * ndof } else { 0 }),
+            moved: Vec::with_capacity(if reduced {
+                2 * s.bodies * s.per_body.next_multiple_of(4) * ndof
+            } else {
+                0
+            }),
             gamma_h: 0.0,
             beta_h2: 0.0,
             inverse_e: vec![0.0; s.extra_states],
@@ -147,30 +151,13 @@ impl Linearization {
                 let (d, rates) = (&column[own.clone()], &column[n..][own.clone()]);
                 if d.iter().chain(rates).any(|x| *x != 0.0) {
                     self.movers.push(k);
-                    self.moved.extend_from_slice(d);
-                    self.moved.extend_from_slice(rates);
+                    for own in [d, rates] {
+                        self.moved.extend_from_slice(own);
+                        self.moved.resize(self.moved.len().next_multiple_of(4), 0.0);
+                    }
                 }
             }
             self.mover_ends.push(self.movers.len());
-        }
-    }
-
-    /// Changes of N coordinates of each body and of their rates, by the columns of what moves it.
-    fn add_up<const N: usize>(&self, p: &[f64], v: &[f64], dq: &mut [f64], dv: &mut [f64]) {
-        let (columns, _) = self.moved.as_chunks::<N>();
-        let mut movers = columns.as_chunks::<2>().0.iter().zip(&self.movers);
-        let mut first = 0;
-        let bodies = dq.as_chunks_mut::<N>().0.iter_mut().zip(dv.as_chunks_mut::<N>().0);
-        for ((dq, dv), &end) in bodies.zip(&self.mover_ends) {
-            let (mut change, mut rate_change) = ([0.0; N], [0.0; N]);
-            for ([d, rates], &k) in movers.by_ref().take(end - first) {
-                let (p, v) = (p[k], v[k]);
-                for i in 0..N {
-                    change[i] += p * d[i];
-                    rate_change[i] += v * d[i] + p * rates[i];
-                }
-            }
-            (*dq, *dv, first) = (change, rate_change, end);
         }
     }
 
@@ -238,8 +225,8 @@ impl Linearization {
     pub(super) fn spread(&mut self, p: &[f64], v: &[f64], dq: &mut [f64], dv: &mut [f64]) {
         if self.made && self.maps {
             match self.system.structure().sizes.per_body {
-                7 => self.add_up::<7>(p, v, dq, dv),
-                _ => self.add_up::<3>(p, v, dq, dv),
+                7 => run_wide(Spread::<7, 8> { by: self, change: [p, v], to: [dq, dv] }),
+                _ => run_wide(Spread::<3, 4> { by: self, change: [p, v], to: [dq, dv] }),
             }
             return;
         }
@@ -252,5 +239,36 @@ impl Linearization {
             self.blocks.turning.multiply_many_add(-1.0, dq, 1, moving);
         }
         self.chart.solve(&self.rows, &self.rates, dv);
+    }
+}
+
+/// Changes of N coordinates of each body and of their rates, by the columns of M numbers of what moves it.
+struct Spread<'a, const N: usize, const M: usize> {
+    by: &'a Linearization,
+    change: [&'a [f64]; 2],
+    to: [&'a mut [f64]; 2],
+}
+
+impl<const N: usize, const M: usize> Wide for Spread<'_, N, M> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { by, change: [p, v], to: [dq, dv] } = self;
+        let (columns, _) = by.moved.as_chunks::<M>();
+        let (columns, _) = columns.as_chunks::<2>();
+        let mut first = 0;
+        let bodies = dq.as_chunks_mut::<N>().0.iter_mut().zip(dv.as_chunks_mut::<N>().0);
+        for ((dq, dv), &end) in bodies.zip(&by.mover_ends) {
+            let (mut change, mut rate_change) = ([0.0; M], [0.0; M]);
+            for ([d, rates], &k) in columns[first..end].iter().zip(&by.movers[first..end]) {
+                let (p, v) = (p[k], v[k]);
+                for i in 0..M {
+                    change[i] += p * d[i];
+                    rate_change[i] += v * d[i] + p * rates[i];
+                }
+            }
+            dq.copy_from_slice(&change[..N]);
+            dv.copy_from_slice(&rate_change[..N]);
+            first = end;
+        }
     }
 }

@@ -6,7 +6,7 @@ use super::linearization::Linearization;
 use super::matrix::{FirstOrderMatrix, Matrix, MatrixOptions};
 use crate::error::EvaluationFailure;
 use crate::reduction::{Manifold, Point};
-use holonom_linalg::{Complex64, DenseLu, SingularMatrix, dot};
+use holonom_linalg::{Complex64, DenseLu, SingularMatrix, add_product};
 
 /// Π = M̂ + γh M̂₁' + βh² M̂₂' of the reduced equations, dense.
 ///
@@ -110,8 +110,8 @@ impl Matrix for ReducedMatrix {
         rate: &mut [f64],
     ) {
         rate.fill(0.0);
-        multiply_add(&self.m1, -1.0, v, rate);
-        multiply_add(&self.m2, -1.0, p, rate);
+        add_product(&self.m1, -1.0, v, rate);
+        add_product(&self.m2, -1.0, p, rate);
         for (k, z) in z.iter().enumerate() {
             for (a, zeta) in rate.iter_mut().zip(&parts.blocks.force_extra[k * p.len()..]) {
                 *a -= zeta * *z;
@@ -122,7 +122,7 @@ impl Matrix for ReducedMatrix {
 
     fn weigh(&mut self, parts: &mut Linearization, v: &mut [f64]) {
         self.felt.fill(0.0);
-        multiply_add(&parts.blocks.mass, 1.0, v, &mut self.felt);
+        add_product(&parts.blocks.mass, 1.0, v, &mut self.felt);
         v.copy_from_slice(&self.felt);
     }
 }
@@ -148,7 +148,7 @@ impl FirstOrderMatrix for ReducedMatrix {
                 *out += scale * zeta;
             }
         }
-        multiply_add(&self.m2, -gh, p, v);
+        add_product(&self.m2, -gh, p, v);
         self.solve_last_first(v);
         for (p, v) in p.iter_mut().zip(v) {
             *p += gh * *v;
@@ -188,15 +188,5 @@ impl FirstOrderMatrix for ReducedMatrix {
             self.mass_lu.solve(v_rate);
         }
         Ok(())
-    }
-}
-
-/// y += α A x for a square A by rows.
-fn multiply_add(a: &[f64], alpha: f64, x: &[f64], y: &mut [f64]) {
-    if x.is_empty() {
-        return;
-    }
-    for (row, y) in a.chunks_exact(x.len()).zip(y) {
-        *y += alpha * dot(row, x);
     }
 }

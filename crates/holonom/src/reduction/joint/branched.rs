@@ -116,9 +116,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for (closure, first) in self.closures.all.iter().zip(&branched.cuts) {
             let Some(first) = first else { continue };
             for r in 0..closure.rows.len() {
-                let line = &self.closures.matrix[closure.entries(r)];
-                for (&(k, _), x) in closure.path.iter().zip(line) {
-                    branched.rows[branched.place[k] * width + first + r][0] = *x;
+                for (&(k, _), entry) in closure.path.iter().zip(closure.entries(r)) {
+                    let x = self.closures.matrix[entry];
+                    branched.rows[branched.place[k] * width + first + r][0] = x;
                 }
                 branched.tau[first + r][0] = -self.rows[closure.first + r];
             }

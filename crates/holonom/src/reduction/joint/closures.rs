@@ -31,16 +31,62 @@ pub(super) struct Closure {
     pub(super) path: Vec<(usize, usize)>,
     /// Its cluster; none where no row is in use.
     pub(super) cluster: Option<usize>,
-    /// Where the entries of its rows begin in [`Closures::matrix`], in the order of the path, row by row.
+    /// Where the entries of its rows begin in [`Closures::matrix`]: a column for each coordinate of the path.
     pub(super) start: usize,
 }
 
 impl Closure {
     /// Entries of its row `at` along the path.
-    pub(super) fn entries(&self, at: usize) -> Range<usize> {
-        let first = self.start + at * self.path.len();
-        first..first + self.path.len()
+    pub(super) fn entries(&self, at: usize) -> impl Iterator<Item = usize> {
+        (self.start + at..).step_by(self.rows.len()).take(self.path.len())
     }
+
+    /// r += N x for its R rows.
+    fn multiply_add<const R: usize>(&self, matrix: &[f64], x: &[f64], r: &mut [f64]) {
+        let mut sums = [0.0; R];
+        for (column, &(k, _)) in matrix.as_chunks::<R>().0.iter().zip(&self.path) {
+            let x = x[k];
+            for i in 0..R {
+                sums[i] += column[i] * x;
+            }
+        }
+        r.iter_mut().zip(sums).for_each(|(r, sum)| *r += sum);
+    }
+
+    /// x −= Nᵀ y.
+    fn subtract_transposed<const R: usize>(&self, matrix: &[f64], y: &[f64], x: &mut [f64]) {
+        let y: &[f64; R] = y.first_chunk().expect("R rows");
+        for (column, &(k, _)) in matrix.as_chunks::<R>().0.iter().zip(&self.path) {
+            for i in 0..R {
+                x[k] -= column[i] * y[i];
+            }
+        }
+    }
+
+    /// x += |N|ᵀ |y|.
+    fn add_sizes<const R: usize>(&self, matrix: &[f64], y: &[f64], x: &mut [f64]) {
+        let y: &[f64; R] = y.first_chunk().expect("R rows");
+        for (column, &(k, _)) in matrix.as_chunks::<R>().0.iter().zip(&self.path) {
+            for i in 0..R {
+                x[k] += (column[i] * y[i]).abs();
+            }
+        }
+    }
+}
+
+/// Calls what is made for the number of rows of a closure.
+macro_rules! by_rows {
+    ($closure:expr, $kernel:ident, $($argument:expr),*) => {
+        match $closure.rows.len() {
+            1 => $closure.$kernel::<1>($($argument),*),
+            2 => $closure.$kernel::<2>($($argument),*),
+            3 => $closure.$kernel::<3>($($argument),*),
+            4 => $closure.$kernel::<4>($($argument),*),
+            5 => $closure.$kernel::<5>($($argument),*),
+            6 => $closure.$kernel::<6>($($argument),*),
+            _ => {}
+        }
+    };
 }
 
 /// All of them, with the matrix N of their rows over the coordinates and the factors of its dependent columns, scaled to
@@ -51,10 +97,8 @@ pub(super) struct Closures {
     /// Columns of the dependent coordinates.
     pub(super) dependent: Vec<usize>,
     pub(super) clusters: Vec<Cluster>,
-    /// Entries of all rows along the paths of their closures, see [`Closure::entries`], their columns, and where each row ends.
+    /// Entries of all rows along the paths of their closures, see [`Closure::entries`].
     pub(super) matrix: Vec<f64>,
-    columns: Vec<usize>,
-    row_ends: Vec<usize>,
     pub(super) column_scale: Vec<f64>,
     work: Vec<f64>,
     right: Vec<f64>,
@@ -146,14 +190,7 @@ impl Closures {
             closure.cluster =
                 clusters.iter().position(|cluster| cluster.rows.contains(&closure.first));
         }
-        let of_rows = all.iter().flat_map(|c| c.rows.iter().map(|_| &c.path));
-        let row_ends = of_rows.clone().scan(0, |end, path| {
-            *end += path.len();
-            Some(*end)
-        });
         Some(Self {
-            columns: of_rows.clone().flatten().map(|(k, _)| *k).collect(),
-            row_ends: row_ends.collect(),
             clusters,
             all,
             dependent,
@@ -235,32 +272,50 @@ impl Closures {
         norms[0] * norms[1]
     }
 
-    /// Entries of each row with their columns.
-    fn lines(&self) -> impl Iterator<Item = impl Iterator<Item = (&f64, &usize)>> {
-        self.row_ends.iter().scan(0, |first, &end| {
-            let range = std::mem::replace(first, end)..end;
-            Some(self.matrix[range.clone()].iter().zip(&self.columns[range]))
-        })
-    }
-
     /// r += N x.
     pub(super) fn multiply_add(&self, x: &[f64], r: &mut [f64]) {
-        for (out, line) in r.iter_mut().zip(self.lines()) {
-            *out += line.map(|(a, &k)| a * x[k]).sum::<f64>();
+        for closure in &self.all {
+            let (matrix, r) = (&self.matrix[closure.start..], &mut r[closure.first..]);
+            by_rows!(closure, multiply_add, matrix, x, r);
         }
     }
 
     /// x −= Nᵀ y.
     pub(super) fn subtract_transposed(&self, y: &[f64], x: &mut [f64]) {
-        for (y, line) in y.iter().zip(self.lines()).filter(|(y, _)| **y != 0.0) {
-            line.for_each(|(a, &k)| x[k] -= a * y);
+        for closure in &self.all {
+            let (matrix, y) = (&self.matrix[closure.start..], &y[closure.first..]);
+            by_rows!(closure, subtract_transposed, matrix, y, x);
         }
     }
 
     /// x += |N|ᵀ |y|.
     pub(super) fn add_sizes(&self, y: &[f64], x: &mut [f64]) {
-        for (y, line) in y.iter().zip(self.lines()) {
-            line.for_each(|(a, &k)| x[k] += (a * y).abs());
+        for closure in &self.all {
+            let (matrix, y) = (&self.matrix[closure.start..], &y[closure.first..]);
+            by_rows!(closure, add_sizes, matrix, y, x);
+        }
+    }
+
+    /// Changes `x` of the dependent coordinates for those of the independent variables, by the maps.
+    pub(super) fn follow(&self, p: &[f64], x: &mut [f64]) {
+        for cluster in &self.clusters {
+            for (&at, row) in cluster.dependent.iter().zip(cluster.map_rows()) {
+                let changes =
+                    row.iter().zip(&cluster.free).map(|(by, (variable, _))| by * p[*variable]);
+                x[self.dependent[at]] = changes.sum();
+            }
+        }
+    }
+
+    /// Adds to forces on the independent variables those along the dependent coordinates, by the maps.
+    pub(super) fn follow_transposed(&self, along: &[f64], out: &mut [f64]) {
+        for cluster in &self.clusters {
+            for (&at, row) in cluster.dependent.iter().zip(cluster.map_rows()) {
+                let force = along[self.dependent[at]];
+                for (by, (variable, _)) in row.iter().zip(&cluster.free) {
+                    out[*variable] += by * force;
+                }
+            }
         }
     }
 

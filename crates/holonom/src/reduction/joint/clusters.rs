@@ -139,6 +139,11 @@ impl Cluster {
         self.dependent.iter().map(|&at| (at, r[at]))
     }
 
+    /// Derivatives of each dependent coordinate by the independent variables.
+    pub(super) fn map_rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.map.chunks_exact(self.free.len().max(1))
+    }
+
     /// Where its own numbers come from, and their scales.
     pub(super) fn find_entries(
         &mut self,

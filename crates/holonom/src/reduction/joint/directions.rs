@@ -264,16 +264,19 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// v̈ = −M̂⁻¹ψ, ψ in `psi`; the accelerations of the coordinates grow by D v̈.
     pub(super) fn accelerate_along(&mut self) {
         let Some(mut at) = self.directions.take() else { return };
-        let mut rate = std::mem::take(&mut at.rate);
-        self.project(&mut rate);
+        let Directions { rate, mass, .. } = &mut *at;
+        rate.fill(0.0);
+        self.independent.iter().for_each(|&(k, p)| rate[p] = self.along[k]);
+        self.closures.follow_transposed(&self.along, rate);
         rate.iter_mut().for_each(|x| *x = -*x);
-        at.mass.solve(&mut rate);
+        mass.solve(rate);
         let mut change = std::mem::take(&mut self.change);
-        self.multiply_null_space(&rate, &mut change);
+        self.tell(0.0, None, rate, &mut change);
+        self.closures.follow(rate, &mut change);
         for (out, x) in self.accelerations.iter_mut().zip(&change) {
             *out += x;
         }
-        (self.change, at.rate) = (change, rate);
+        self.change = change;
         self.directions = Some(at);
     }
 }

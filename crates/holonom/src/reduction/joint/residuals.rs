@@ -20,10 +20,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let (gradient, later) = rest.split_at_mut(closure.count * 2 * N);
             rest = later;
             self.evaluate_rows(Some(parametrization), closure, q, gradient, &mut felt);
-            for (at, (row, _)) in closure.rows.iter().enumerate() {
-                let line = &mut matrix[closure.entries(at)];
-                for (out, &(k, side)) in line.iter_mut().zip(&closure.path) {
-                    *out = dot(&felt[*row][side], &self.columns[k]);
+            let columns = matrix[closure.start..].chunks_exact_mut(closure.rows.len().max(1));
+            for (out, &(k, side)) in columns.zip(&closure.path) {
+                let column = &self.columns[k];
+                for (out, (row, _)) in out.iter_mut().zip(&closure.rows) {
+                    *out = dot(&felt[*row][side], column);
                 }
             }
         }

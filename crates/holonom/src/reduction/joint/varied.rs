@@ -208,8 +208,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         for &(c, place) in &mover.clusters {
             let cluster = &self.closures.clusters[c];
-            let columns = cluster.map.chunks_exact(cluster.free.len());
-            for (&dependent, row) in cluster.dependent.iter().zip(columns) {
+            for (&dependent, row) in cluster.dependent.iter().zip(cluster.map_rows()) {
                 x[self.closures.dependent[dependent]] = row[place];
             }
         }
@@ -453,8 +452,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         for &c in &mover.reads_clusters {
             let cluster = &self.closures.clusters[c];
-            let rows = cluster.map.chunks_exact(cluster.free.len().max(1));
-            for (&at, row) in cluster.dependent.iter().zip(rows) {
+            for (&at, row) in cluster.dependent.iter().zip(cluster.map_rows()) {
                 let force = along[self.closures.dependent[at]];
                 for (map, (p, _)) in row.iter().zip(&cluster.free) {
                     out(*p, map * force);
