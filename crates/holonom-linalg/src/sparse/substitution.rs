@@ -23,18 +23,18 @@ pub(super) struct Substitution<'a, T> {
 impl<T: Scalar> LaneKernel for Substitution<'_, T> {
     #[inline(always)]
     fn run<const W: usize>(&mut self, from: usize) {
-        let f = self.factors;
+        let (f, transposed) = (self.factors, self.transposed);
         let (x, _) = self.work[..f.inverse_pivot.len() * W].as_chunks_mut::<W>();
+        let [before, after] = self.scales.unwrap_or_default();
         let places = self.source.0.iter().zip(self.source.1).zip(&f.inverse_pivot);
-        let (before, after) = (self.scales.map(|of| of[0]), self.scales.map(|of| of[1]));
         for (x, ((&i, scale), inverse)) in x.iter_mut().zip(places) {
             let b: &[T; W] = lanes(self.b, self.k, i, from);
-            let scale = scale * before.map_or(1.0, |before| before[i]);
-            let scale = if self.transposed { T::from(scale) } else { inverse.scaled(scale) };
+            let scale = before.get(i).map_or(*scale, |before| scale * before);
+            let scale = if transposed { T::from(scale) } else { inverse.scaled(scale) };
             *x = multiple(b, scale);
         }
         // Loops, as closures would be compiled for the plain processor.
-        if !self.transposed {
+        if !transposed {
             for side in &f.plan.left {
                 subtract_row(f, side, x);
             }
@@ -42,11 +42,12 @@ impl<T: Scalar> LaneKernel for Substitution<'_, T> {
                 subtract_row(f, side, x);
             }
         } else if let Some(columns) = self.columns {
+            let (numbers, entries) = (&f.numbers[..], &columns.entries[..]);
             for side in &columns.right {
-                subtract_listed(f, columns, side, x);
+                subtract_listed(numbers, entries, side, x);
             }
             for side in columns.left.iter().rev() {
-                subtract_listed(f, columns, side, x);
+                subtract_listed(numbers, entries, side, x);
             }
         } else {
             for side in &f.plan.right {
@@ -59,8 +60,8 @@ impl<T: Scalar> LaneKernel for Substitution<'_, T> {
         let places = self.target.0.iter().zip(self.target.1).zip(&f.inverse_pivot);
         for (x, ((&i, scale), inverse)) in x.iter().zip(places) {
             let b: &mut [T; W] = lanes_mut(self.b, self.k, i, from);
-            let scale = scale * after.map_or(1.0, |after| after[i]);
-            let scale = if self.transposed { inverse.scaled(scale) } else { T::from(scale) };
+            let scale = after.get(i).map_or(*scale, |after| scale * after);
+            let scale = if transposed { inverse.scaled(scale) } else { T::from(scale) };
             *b = multiple(x, scale);
         }
     }
@@ -128,14 +129,14 @@ fn subtract_column<T: Scalar, const W: usize>(f: &Factors<T>, side: &Side, x: &m
 /// The same for all rows i of one column j: several right-hand sides are not stored in between.
 #[inline(always)]
 fn subtract_listed<T: Scalar, const W: usize>(
-    f: &Factors<T>,
-    columns: &Columns,
+    numbers: &[T],
+    entries: &[(u32, u32)],
     side: &Side,
     x: &mut [[T; W]],
 ) {
     let mut own = x[side.row as usize];
-    for &(i, place) in &columns.entries[side.start as usize..side.end as usize] {
-        let (a, other) = (f.numbers[place as usize], &x[i as usize]);
+    for &(i, place) in &entries[side.start as usize..side.end as usize] {
+        let (a, other) = (numbers[place as usize], &x[i as usize]);
         for w in 0..W {
             own[w] = own[w] - a * other[w];
         }

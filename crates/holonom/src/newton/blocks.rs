@@ -47,6 +47,7 @@ pub struct ReducedBlocks {
     /// (v̈)_q of them at fixed q̈.
     pub turning_rate: BodyRows,
     x: Vec<f64>,
+    /// Y and W, with room for the right-hand sides that they come from.
     y: Vec<f64>,
     w: Vec<f64>,
     transposed: Vec<f64>,
@@ -89,8 +90,8 @@ impl ReducedBlocks {
             turning_rate: turning.clone(),
             turning,
             x: vec![0.0; s.coordinates * ndof],
-            y: vec![0.0; s.rows * ndof],
-            w: vec![0.0; s.rows * ndof],
+            y: vec![0.0; s.rows.max(s.coordinates) * ndof],
+            w: vec![0.0; s.rows.max(s.coordinates) * ndof],
             transposed: vec![0.0; ndof * ndof],
             coordinates: vec![0.0; s.coordinates],
             rows: vec![0.0; s.rows],
@@ -110,31 +111,34 @@ impl ReducedBlocks {
             return;
         }
         // X = MD: Y = SᵀX, M̂ = DᵀX (M and M̂ are symmetric).
-        self.x.fill(0.0);
-        manifold.mass().multiply_many_add(1.0, &self.d, ndof, &mut self.x);
+        let (n, m) = (self.d.len(), self.blocks.a0.n_rows());
+        let x = &mut self.y[..n];
+        x.fill(0.0);
+        manifold.mass().multiply_many_add(1.0, &self.d, ndof, x);
         let chart = manifold.chart_mut();
-        chart.solve_transposed_many(&mut self.x, &mut self.y, &mut self.mass);
+        chart.solve_transposed_many(m, &mut self.y, &mut self.mass);
+        let y = &self.y[..m * ndof];
         // X = CᵀD − 2A₀ᵀY: W = SᵀX, M̂₁ᵀ = DᵀX.
-        self.x.fill(0.0);
-        self.blocks.damping.multiply_transposed_many_add(1.0, &self.d, ndof, &mut self.x);
-        self.blocks.a0.multiply_transposed_many_add(-2.0, &self.y, ndof, &mut self.x);
+        let x = &mut self.w[..n];
+        x.fill(0.0);
+        self.blocks.damping.multiply_transposed_many_add(1.0, &self.d, ndof, x);
+        self.blocks.a0.multiply_transposed_many_add(-2.0, y, ndof, x);
         let moving = chart.parametrization().linear() * ndof..;
         // M̂ is symmetric: its last rows are those below Y.
         let mass = &self.mass[moving.clone()];
-        self.turning.multiply_transposed_many_add(-2.0, mass, ndof, &mut self.x);
-        chart.solve_transposed_many(&mut self.x, &mut self.w, &mut self.transposed);
+        self.turning.multiply_transposed_many_add(-2.0, mass, ndof, x);
+        chart.solve_transposed_many(m, &mut self.w, &mut self.transposed);
         transpose(ndof, &self.transposed, &mut self.damping);
         // M̂₂ᵀ = Dᵀ(KᵀD − A₁ᵀY − A₀ᵀW).
         self.x.fill(0.0);
         self.blocks.stiffness.multiply_transposed_many_add(1.0, &self.d, ndof, &mut self.x);
-        self.blocks.a1.multiply_transposed_many_add(-1.0, &self.y, ndof, &mut self.x);
-        self.blocks.a0.multiply_transposed_many_add(-1.0, &self.w, ndof, &mut self.x);
+        self.blocks.a1.multiply_transposed_many_add(-1.0, y, ndof, &mut self.x);
+        self.blocks.a0.multiply_transposed_many_add(-1.0, &self.w[..m * ndof], ndof, &mut self.x);
         self.turning_rate.multiply_transposed_many_add(-1.0, mass, ndof, &mut self.x);
         let w = &self.transposed[moving];
         self.turning.multiply_transposed_many_add(-1.0, w, ndof, &mut self.x);
         self.stiffness.fill(0.0);
-        let n = self.d.len() / ndof;
-        gram_add(n, ndof, &self.x, &self.d, &mut self.stiffness);
+        gram_add(n / ndof, ndof, &self.x, &self.d, &mut self.stiffness);
         self.evaluate_extra_states(manifold);
     }
 
@@ -184,12 +188,13 @@ impl ReducedBlocks {
     /// [`ReducedBlocks::evaluate`].
     pub fn rate_map(&mut self, chart: &mut Chart, out: &mut [f64]) {
         let ndof = chart.ndof();
-        self.w.fill(0.0);
-        self.blocks.a0.multiply_many_add(-1.0, &self.d, ndof, &mut self.w);
+        let rows = &mut self.w[..self.blocks.a0.n_rows() * ndof];
+        rows.fill(0.0);
+        self.blocks.a0.multiply_many_add(-1.0, &self.d, ndof, rows);
         let moving = &mut self.transposed[..self.turning.len() * ndof];
         moving.fill(0.0);
         self.turning.multiply_many_add(-1.0, &self.d, ndof, moving);
-        chart.solve_rows_many(&self.w, moving, ndof, out);
+        chart.solve_rows_many(rows, moving, ndof, out);
     }
 
     /// D and M̂ alone at `state`; the caller fills in the other reduced matrices.

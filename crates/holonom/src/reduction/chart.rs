@@ -385,23 +385,26 @@ impl Chart {
         self.matrix.solve_scaled_many(x, k, false, [&self.row_scale, &self.column_scale]);
     }
 
-    /// rows = SᵀX (m×ndof) and p = DᵀX (ndof×ndof) for X (n×ndof), which is destroyed.
-    pub fn solve_transposed_many(&mut self, x: &mut [f64], rows: &mut [f64], p: &mut [f64]) {
+    /// p = DᵀX (ndof×ndof), and SᵀX (m×ndof) in place of X (n×ndof): `x`, which has room for both, begins with them.
+    pub fn solve_transposed_many(&mut self, m: usize, x: &mut [f64], p: &mut [f64]) {
         let (rank, ndof) = (self.parametrization.kept.len(), self.ndof());
         if ndof == 0 {
             return;
         }
-        self.matrix.solve_scaled_many(x, ndof, true, [&self.column_scale, &self.row_scale]);
-        let (of_rows, of_p) = x.split_at(rank * ndof);
-        if rows.len() == of_rows.len() {
-            rows.copy_from_slice(of_rows);
-        } else {
-            rows.fill(0.0);
-            for (row, of_row) in self.parametrization.kept.iter().zip(of_rows.chunks_exact(ndof)) {
-                rows[row * ndof..][..ndof].copy_from_slice(of_row);
+        let own = &mut x[..self.row_scale.len() * ndof];
+        self.matrix.solve_scaled_many(own, ndof, true, [&self.column_scale, &self.row_scale]);
+        p.copy_from_slice(&own[rank * ndof..]);
+        // Kept rows are in their order: none is overwritten before it has been moved.
+        let mut end = m * ndof;
+        for (k, &row) in self.parametrization.kept.iter().enumerate().rev() {
+            let at = row * ndof;
+            if k < row {
+                x.copy_within(k * ndof..(k + 1) * ndof, at);
             }
+            x[at + ndof..end].fill(0.0);
+            end = at;
         }
-        p.copy_from_slice(of_p);
+        x[..end].fill(0.0);
     }
 
     /// Estimate of the condition number of the scaled matrix, 1-norm.
