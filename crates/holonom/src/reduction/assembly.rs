@@ -10,7 +10,7 @@ use super::closing::{closed, contradiction, scale};
 use super::manifold::Manifold;
 use super::parametrization::Parametrization;
 use super::saddle::Saddle;
-use super::stated_joints::{Level, carry, moved, place, wind};
+use super::stated_joints::{Level, carry, moved, place, turn, wind};
 use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
 use crate::error::{EvaluationFailure, rounded};
@@ -298,6 +298,8 @@ pub fn assemble(
     let wanted = state.clone();
     place(system.as_ref(), model, &design, &mut state);
     let (mut state, worst) = closed(system, model, Level::Position, &state)?;
+
+    turn(system.as_ref(), model, &mut state);
 
     // The Euler-parameter rates follow the projected parameters.
     let mut q = state.q.clone();

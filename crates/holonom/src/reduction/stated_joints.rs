@@ -12,6 +12,7 @@ use crate::model::{
     Driver, DriverKind, Frame, InitialBody, InitialCoordinate, Model, TimeFunction,
 };
 use crate::system::{Anchor, BodyPose, EdgeSource, RelativeKind, State, System, TreeEdge, compile};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Which of the stated values.
@@ -110,6 +111,46 @@ pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &
         let anchor = Anchor { orientation: system.anchor_orientation(at, 0, design), x };
         system.place(at, 0, &wanted[..first], &references, &anchor, &mut state.q, None);
     }
+}
+
+/// Gives planar bodies the whole turns that drivers begin with, and those beyond them in the forest likewise: a pose does not
+/// tell them, springs do.
+pub(super) fn turn(system: &dyn System, model: &Model, state: &mut State) {
+    let structure = system.structure();
+    let sizes = &structure.sizes;
+    if sizes.translations != 2 {
+        return;
+    }
+    let angle = |q: &[f64], body: usize| q[body * sizes.per_body + sizes.translations];
+    for driver in model.drivers.iter().filter(|driver| driver.kind == DriverKind::Rotation) {
+        let turned = driver.frames.map(|f| f.body.map_or(0.0, |body| angle(&state.q, body)));
+        let axes = driver.frames.map(|f| f.axes[1][0].atan2(f.axes[0][0]));
+        let within = (axes[1] - axes[0]).sin().atan2((axes[1] - axes[0]).cos());
+        let (wanted, _) = driver.motion.value_and_slope(state.t);
+        let turns = ((wanted - (turned[1] - turned[0] + within)) / TAU).round();
+        let [first, second] = driver.frames.map(|frame| frame.body);
+        // The second one turns, unless the first one is beyond it.
+        let of =
+            |body: Option<usize>| body.map(|body| beyond(&system.tree().edges, body, sizes.bodies));
+        let apart = |turning: &Vec<bool>| first.is_none_or(|first| !turning[first]);
+        let (turning, turns) = match of(second).filter(apart) {
+            Some(turning) => (turning, turns),
+            None => (of(first).unwrap_or_default(), -turns),
+        };
+        for (body, _) in turning.iter().enumerate().filter(|(_, turns)| **turns) {
+            state.q[body * sizes.per_body + sizes.translations] += turns * TAU;
+        }
+    }
+}
+
+/// Whether bodies move with one of them, it included.
+fn beyond(edges: &[TreeEdge], body: usize, bodies: usize) -> Vec<bool> {
+    let mut out = vec![false; bodies];
+    out[body] = true;
+    for edge in edges {
+        out[edge.body] |= carries(edge) && edge.parent.is_some_and(|parent| out[parent]);
+    }
+    out
 }
 
 /// Lets angles of the joints count the turns that are stated.

@@ -67,6 +67,7 @@ pub(super) fn compare(
         place: milestones.start.clone(),
         differences: [(); 2].map(|()| vec![0.0; milestones.start.q.len()]),
         compared: 0,
+        velocities: 0.0,
         before: None,
         worst: None,
     };
@@ -193,6 +194,8 @@ struct Comparison<'a> {
     /// Of coordinates and velocities.
     differences: [Vec<f64>; 2],
     compared: usize,
+    /// Largest change of a velocity so far, in tolerances: that of a single time may be a small delay of something sudden.
+    velocities: f64,
     /// Time, s, and share of the last row.
     before: Option<(f64, f64)>,
     /// The largest difference, up to the first that is far.
@@ -233,8 +236,11 @@ impl Comparison<'_> {
         }
         let [dq, dv] = &self.differences;
         let displacements = self.weights.displacements(dq).map(|size| (size, false));
-        let changes = self.weights.velocity_changes(dv, self.speeds);
-        let changes = changes.map(|size| (size / VELOCITIES, true));
+        let changes: Vec<_> = self.weights.velocity_changes(dv, self.speeds).collect();
+        let most = changes.iter().fold(0.0, |most: f64, &size| most.max(size));
+        let often = self.velocities;
+        self.velocities = often.max(most);
+        let changes = changes.into_iter().map(|size| (size.min(often) / VELOCITIES, true));
         let shares = displacements.enumerate().chain(changes.enumerate());
         let largest = shares.reduce(|a, b| if b.1.0 > a.1.0 { b } else { a });
         let (body, (share, of_velocity)) = largest.unwrap_or_default();

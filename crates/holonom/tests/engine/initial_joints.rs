@@ -235,3 +235,40 @@ fn orientations_are_stated_by_axis_and_angle_and_by_euler_angles() {
         }
     }
 }
+
+#[test] // independent truth: angles by hand; a spring turns with each of them
+fn drivers_begin_with_the_turns_that_they_prescribe() {
+    // Of the upper body against the ground, of the lower one against the upper one.
+    for (a, b) in [(5.0, 0.5), (-20.0, 0.5), (5.0, -8.0), (1.0, 40.0)] {
+        for spatial in [false, true] {
+            let axis = if spatial { ", axis = [0.0, 0.0, 1.0]" } else { "" };
+            let rest = format!(
+                r#"
+[drivers]
+turn = {{ joint = "top", coordinate = "rotation", motion = {a} }}
+bend = {{ joint = "middle", coordinate = "rotation", motion = {b} }}
+[forces]
+upper_spring = {{ type = "rsda", between = ["ground", "upper"], stiffness = 2.0{axis} }}
+lower_spring = {{ type = "rsda", between = ["upper", "lower"], stiffness = 2.0{axis} }}
+"#
+            );
+            let problem = pendulum(spatial, &rest);
+            near(&read(&problem, "top.angle"), &[a]);
+            near(&read(&problem, "middle.angle"), &[b]);
+            near(&read(&problem, "upper_spring.torque"), &[2.0 * a]);
+            near(&read(&problem, "lower_spring.torque"), &[2.0 * b]);
+            if !spatial {
+                near(&read(&problem, "lower.angle"), &[a + b]);
+            }
+        }
+        // What hangs on a driven body keeps its angle against it.
+        let rest = format!(
+            "[drivers]\nturn = {{ on = \"upper\", coordinate = \"rotation\", motion = {a} }}\n\
+             [initial.joints]\nmiddle = {{ angle = 0.25 }}\n"
+        );
+        let problem = pendulum(false, &rest);
+        near(&read(&problem, "upper.angle"), &[a]);
+        near(&read(&problem, "middle.angle"), &[0.25]);
+        near(&read(&problem, "lower.angle"), &[a + 0.25]);
+    }
+}
