@@ -9,7 +9,7 @@ use crate::math::planar;
 use crate::math::spatial::{cross, rotate};
 use crate::math::vector::{difference, scaled, sum};
 use crate::model::{
-    Driver, DriverKind, Frame, InitialBody, InitialCoordinate, Model, TimeFunction,
+    Driver, DriverKind, Frame, InitialBody, InitialCoordinate, JointKind, Model, TimeFunction,
 };
 use crate::system::{Anchor, BodyPose, EdgeSource, RelativeKind, State, System, TreeEdge, compile};
 use std::f64::consts::TAU;
@@ -113,44 +113,103 @@ pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &
     }
 }
 
-/// Gives planar bodies the whole turns that drivers begin with, and those beyond them in the forest likewise: a pose does not
-/// tell them, springs do.
+/// Gives planar bodies the whole turns that drivers begin with: a pose does not tell them, springs do. What is fixed to a
+/// driven body, or only hangs on it, turns along; what is in a loop keeps its angle, as it does where the driver has come there.
 pub(super) fn turn(system: &dyn System, model: &Model, state: &mut State) {
-    let structure = system.structure();
-    let sizes = &structure.sizes;
-    if sizes.translations != 2 {
+    let (sizes, tree) = (system.structure().sizes, system.tree());
+    let at = |body: usize| body * sizes.per_body + sizes.translations;
+    let rotations = model.drivers.iter().filter(|driver| driver.kind == DriverKind::Rotation);
+    let mut turns = Turns::new(sizes.bodies);
+    let mut any = false;
+    for driver in rotations.filter(|_| sizes.translations == 2) {
+        let [first, second] = driver.frames.map(|frame| {
+            let turned = frame.body.map_or(0.0, |body| state.q[at(body)]);
+            turned + frame.axes[1][0].atan2(frame.axes[0][0])
+        });
+        let (wanted, _) = driver.motion.value_and_slope(state.t);
+        let whole = ((wanted - (second - first)) / TAU).round();
+        any |= whole != 0.0;
+        turns.tie(driver.frames.map(|frame| frame.body), whole);
+    }
+    if !any {
         return;
     }
-    let angle = |q: &[f64], body: usize| q[body * sizes.per_body + sizes.translations];
-    for driver in model.drivers.iter().filter(|driver| driver.kind == DriverKind::Rotation) {
-        let turned = driver.frames.map(|f| f.body.map_or(0.0, |body| angle(&state.q, body)));
-        let axes = driver.frames.map(|f| f.axes[1][0].atan2(f.axes[0][0]));
-        let within = (axes[1] - axes[0]).sin().atan2((axes[1] - axes[0]).cos());
-        let (wanted, _) = driver.motion.value_and_slope(state.t);
-        let turns = ((wanted - (turned[1] - turned[0] + within)) / TAU).round();
-        let [first, second] = driver.frames.map(|frame| frame.body);
-        // The second one turns, unless the first one is beyond it.
-        let of =
-            |body: Option<usize>| body.map(|body| beyond(&system.tree().edges, body, sizes.bodies));
-        let apart = |turning: &Vec<bool>| first.is_none_or(|first| !turning[first]);
-        let (turning, turns) = match of(second).filter(apart) {
-            Some(turning) => (turning, turns),
-            None => (of(first).unwrap_or_default(), -turns),
-        };
-        for (body, _) in turning.iter().enumerate().filter(|(_, turns)| **turns) {
-            state.q[body * sizes.per_body + sizes.translations] += turns * TAU;
+    // What is stated or cannot turn goes before what only hangs there.
+    for joint in &model.joints {
+        if matches!(joint.kind, JointKind::Fixed | JointKind::Translational) {
+            turns.tie(joint.frames.map(|frame| frame.body), 0.0);
         }
+    }
+    for c in stated(model, Level::Position).into_iter().filter(|c| c.kind == DriverKind::Rotation) {
+        turns.tie(c.frames.map(|frame| frame.body), 0.0);
+    }
+    for (body, stated) in model.initial.bodies.iter().enumerate() {
+        if stated.orientation.is_some() {
+            turns.tie([None, Some(body)], 0.0);
+        }
+    }
+    let loops = loops(model, &tree.edges, &tree.forest.depth);
+    for edge in tree.edges.iter().filter(|edge| carries(edge) && !loops[edge.body]) {
+        turns.tie([edge.parent, Some(edge.body)], 0.0);
+    }
+    for body in 0..sizes.bodies {
+        turns.tie([None, Some(body)], 0.0);
+        state.q[at(body)] += TAU * turns.of(Some(body)).1;
     }
 }
 
-/// Whether bodies move with one of them, it included.
-fn beyond(edges: &[TreeEdge], body: usize, bodies: usize) -> Vec<bool> {
-    let mut out = vec![false; bodies];
-    out[body] = true;
+/// Whether the edge of the forest that carries a body is part of a loop of joints.
+fn loops(model: &Model, edges: &[TreeEdge], depth: &[usize]) -> Vec<bool> {
+    let mut parents = vec![None; depth.len()];
+    let mut closes = vec![true; model.joints.len()];
     for edge in edges {
-        out[edge.body] |= carries(edge) && edge.parent.is_some_and(|parent| out[parent]);
+        parents[edge.body] = edge.parent;
+        if let EdgeSource::Joint(joint) = edge.source {
+            closes[joint] = false;
+        }
+    }
+    let mut out = vec![false; depth.len()];
+    for (joint, _) in model.joints.iter().zip(closes).filter(|(_, closes)| *closes) {
+        let [mut a, mut b] = joint.frames.map(|frame| frame.body);
+        let height = |body: Option<usize>| body.map_or(0, |body| depth[body]);
+        while a != b {
+            let outer = if height(a) >= height(b) { &mut a } else { &mut b };
+            let Some(body) = *outer else { break };
+            out[body] = true;
+            *outer = parents[body];
+        }
     }
     out
+}
+
+/// Turns of bodies against each other, and the ground, as far as they are tied: the body that one hangs on, and its turns
+/// more than that one's.
+struct Turns(Vec<Option<(Option<usize>, f64)>>);
+
+impl Turns {
+    fn new(bodies: usize) -> Self {
+        Self(vec![None; bodies])
+    }
+
+    /// What a body hangs on in the end, and its turns against that.
+    fn of(&self, mut body: Option<usize>) -> (Option<usize>, f64) {
+        let mut turns = 0.0;
+        while let Some((next, more)) = body.and_then(|body| self.0[body]) {
+            (body, turns) = (next, turns + more);
+        }
+        (body, turns)
+    }
+
+    /// The second body has so many turns more than the first one, unless they are tied already.
+    fn tie(&mut self, [first, second]: [Option<usize>; 2], turns: f64) {
+        let ((a, of_first), (b, of_second)) = (self.of(first), self.of(second));
+        let more = of_first + turns - of_second;
+        match (a, b) {
+            (a, Some(b)) if a != Some(b) => self.0[b] = Some((a, more)),
+            (Some(a), None) => self.0[a] = Some((None, -more)),
+            _ => {}
+        }
+    }
 }
 
 /// Lets angles of the joints count the turns that are stated.

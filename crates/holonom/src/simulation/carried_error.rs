@@ -3,8 +3,8 @@
 use super::options::Options;
 use super::problem::Problem;
 use super::unseen_growth::LongestStep;
-use crate::method::StateSpace;
 use crate::method::stepper::Stepper;
+use crate::method::{StateSpace, Weights};
 use crate::system::State;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
@@ -72,8 +72,8 @@ fn of_before() -> bool {
 }
 
 impl CarriedError {
-    /// Of a run of so many `bodies` with `dimension` unknowns that begins at `start`, without an error.
-    pub(super) fn new(dimension: usize, bodies: usize, start: &State) -> Self {
+    /// Of a run with `dimension` unknowns that begins at `start`, without an error.
+    pub(super) fn new(dimension: usize, weights: &Weights, start: &State) -> Self {
         let n = start.q.len();
         let none = || Carried { error: vec![0.0; dimension], spread: [vec![0.0; n], vec![0.0; n]] };
         Self {
@@ -85,7 +85,7 @@ impl CarriedError {
             present: 0.0,
             largest: 0.0,
             milestones: Milestones::new(start),
-            speeds: vec![[0.0; 2]; bodies],
+            speeds: weights.speeds(&start.v).collect(),
             room: vec![0.0; dimension],
             spread: false,
             longest: LongestStep::new(dimension, start),
@@ -131,6 +131,14 @@ impl CarriedError {
     /// The equations are set up anew: there is no matrix of theirs.
     pub(super) fn forget_matrix(&mut self) {
         self.serving.known = false;
+    }
+
+    /// The run has come to `state` by its step of this number, counted from 1.
+    pub(super) fn pass(&mut self, step: u64, state: &State, weights: &Weights) {
+        for (largest, present) in self.speeds.iter_mut().zip(weights.speeds(&state.v)) {
+            *largest = std::array::from_fn(|k| largest[k].max(present[k]));
+        }
+        self.milestones.pass(step, state);
     }
 
     /// Independent variables have got another meaning: nothing is known of their rates.
@@ -183,20 +191,26 @@ impl CarriedError {
         self.rates.resize(ndof, 0.0);
         power.copy_from_slice(stepper.last_change());
         let orders = stepper.orders_of_error();
-        let mut most = 0.0f64;
+        let [mut whole, mut left] = [0.0; 2];
         for (k, largest) in self.rates.iter_mut().enumerate() {
             *largest = largest.max(w[ndof + k].abs());
+            let estimate = power[ndof + k].abs();
             // At the knot of a law, or beside the other end of a line, no formula has its order.
             let part = if passes_knot {
                 stepper.error_at_kinks()
+            } else if estimate > 0.0 {
+                true_part(orders, (estimate / *largest).min(1.0), turn)
             } else {
-                true_part(orders, (power[ndof + k].abs() / *largest).min(1.0), turn)
+                1.0
             };
             power[k] *= part;
             power[ndof + k] *= part;
-            most = most.max(part);
+            whole += estimate;
+            left += part * estimate;
         }
-        power[2 * ndof..].iter_mut().for_each(|x| *x *= most);
+        // What follows the motion, as extra states do, has its part of it.
+        let part = if whole > 0.0 { left / whole } else { 1.0 };
+        power[2 * ndof..].iter_mut().for_each(|x| *x *= part);
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, 1.0, power);
         // By rates: errors of places last, those of rates become more.
@@ -259,10 +273,6 @@ impl CarriedError {
         }
         self.present = 0.0;
         self.spread = moves;
-        let present = form.weights().speeds(&form.point().state.v);
-        for (largest, present) in self.speeds.iter_mut().zip(present) {
-            *largest = std::array::from_fn(|k| largest[k].max(present[k]));
-        }
         for Carried { error, spread } in &mut self.sums {
             if moves {
                 take(spread, form.spread(error));

@@ -67,7 +67,7 @@ pub(super) fn compare(
         place: milestones.start.clone(),
         differences: [(); 2].map(|()| vec![0.0; milestones.start.q.len()]),
         compared: 0,
-        velocities: 0.0,
+        before_of_bodies: vec![0.0; speeds.len()],
         before: None,
         worst: None,
     };
@@ -83,7 +83,7 @@ pub(super) fn compare(
         outcome => return Some(warning(unfinished(outcome))),
     };
     let allowed = if doubtful { UNCERTAIN } else { FAR };
-    let far = comparison.worst.filter(|worst| worst.share > allowed)?;
+    let far = comparison.worst.filter(|worst| worst.counted > allowed)?;
     let doubt = if doubtful { ", which may be off itself" } else { "" };
     let shorter = if shows {
         format!(", or set `max_step` to {max_step:.1e} s, as longer steps do not show what grows")
@@ -127,6 +127,8 @@ struct Far {
     item: String,
     /// In tolerances of a place, velocities in their wider ones.
     share: f64,
+    /// The same as it counts: of velocities the less of it and what was before.
+    counted: f64,
     of_velocity: bool,
     /// The same in m and rad, m/s and rad/s.
     by: String,
@@ -194,8 +196,8 @@ struct Comparison<'a> {
     /// Of coordinates and velocities.
     differences: [Vec<f64>; 2],
     compared: usize,
-    /// Largest change of a velocity so far, in tolerances: that of a single time may be a small delay of something sudden.
-    velocities: f64,
+    /// Largest share of the velocity of each body so far: that of a single time may be a small delay of something sudden.
+    before_of_bodies: Vec<f64>,
     /// Time, s, and share of the last row.
     before: Option<(f64, f64)>,
     /// The largest difference, up to the first that is far.
@@ -206,7 +208,7 @@ impl Comparison<'_> {
     /// Whether there is something to warn of. What comes until the run heeds that does not count: when it does is a
     /// matter of time.
     fn is_far(&self) -> bool {
-        self.worst.as_ref().is_some_and(|worst| worst.share > FAR)
+        self.worst.as_ref().is_some_and(|worst| worst.counted > FAR)
     }
 
     /// Compares one row.
@@ -235,16 +237,17 @@ impl Comparison<'_> {
             }
         }
         let [dq, dv] = &self.differences;
-        let displacements = self.weights.displacements(dq).map(|size| (size, false));
-        let changes: Vec<_> = self.weights.velocity_changes(dv, self.speeds).collect();
-        let most = changes.iter().fold(0.0, |most: f64, &size| most.max(size));
-        let often = self.velocities;
-        self.velocities = often.max(most);
-        let changes = changes.into_iter().map(|size| (size.min(often) / VELOCITIES, true));
+        let displacements = self.weights.displacements(dq).map(|share| (share, share, false));
+        let changes = self.weights.velocity_changes(dv, self.speeds).map(|size| size / VELOCITIES);
+        let changes = changes.zip(&mut self.before_of_bodies).map(|(share, before)| {
+            let counted = share.min(*before);
+            *before = before.max(share);
+            (counted, share, true)
+        });
         let shares = displacements.enumerate().chain(changes.enumerate());
         let largest = shares.reduce(|a, b| if b.1.0 > a.1.0 { b } else { a });
-        let (body, (share, of_velocity)) = largest.unwrap_or_default();
-        if self.worst.as_ref().is_none_or(|worst| share > worst.share) {
+        let (body, (counted, share, of_velocity)) = largest.unwrap_or_default();
+        if self.worst.as_ref().is_none_or(|worst| counted > worst.counted) {
             let first = body * sizes.per_body;
             let item = self.system.coordinate_item(first).to_owned();
             let own = &self.differences[usize::from(of_velocity)][first..first + sizes.per_body];
@@ -254,9 +257,10 @@ impl Comparison<'_> {
             let turned = if own.len() == 7 { 2.0 * turned } else { turned };
             let per = if of_velocity { "/s" } else { "" };
             let by = format!("{moved:.1e} m{per}, {turned:.1e} rad{per}");
-            self.worst = Some(Far { item, share, of_velocity, by, t, before: self.before });
+            let before = self.before;
+            self.worst = Some(Far { item, share, counted, of_velocity, by, t, before });
         }
-        self.before = Some((t, share));
+        self.before = Some((t, counted));
     }
 }
 
@@ -288,7 +292,8 @@ mod tests {
     use super::*;
 
     fn far(share: f64, t: f64, before: Option<(f64, f64)>) -> Far {
-        Far { item: "bob".into(), share, of_velocity: false, by: String::new(), t, before }
+        let counted = share;
+        Far { item: "bob".into(), share, counted, of_velocity: false, by: String::new(), t, before }
     }
 
     #[test] // independent truth: tolerances down to 1e-13 can be kept, as docs/conventions.md says

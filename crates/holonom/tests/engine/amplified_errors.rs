@@ -143,6 +143,46 @@ fn velocities_of_a_vibration_are_right_or_warned_of() {
     assert_eq!(in_vain, 0, "warnings in vain");
 }
 
+#[test] // independent truth: the same run by a tolerance of 1e-9
+fn what_is_fast_after_the_run_has_become_suspicious_is_held_against_its_own_speed() {
+    // A bar that swings far asks for the second run, long before a torque sets the rotor on its spring in motion.
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+bar = { mass = 1.0, inertia = 0.1, position = [0.0, -0.5] }
+rotor = { mass = 1.0, inertia = 1.0, position = [3.0, 0.0] }
+[joints]
+hinge = { type = "revolute", between = ["ground", "bar"], point = [0.0, 0.0] }
+shaft = { type = "revolute", between = ["ground", "rotor"], point = [3.0, 0.0] }
+[initial.joints]
+hinge = { angle = 2.5 }
+[forces]
+spring = { type = "rsda", between = ["ground", "rotor"], stiffness = 1e4 }
+shock = { type = "torque", on = "rotor", torque = { type = "smooth_step", from = 0.0, to = 2e5, start = 18.0, end = 18.02 } }
+"#,
+    );
+    let asked = |code: Code, tolerance: f64| Options {
+        channels: vec!["rotor.angular_velocity".to_owned()],
+        output: OutputTimes::Interval(0.02),
+        ..options(code, tolerance, 20.0)
+    };
+    let truth = run_model(&model, &asked(DEFAULT_CODE, 1e-9));
+    let truth = truth.series("rotor.angular_velocity", 0);
+    let fastest = truth.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+    for (code, tolerance) in [(Code::ForSdirk, 1e-5), (DEFAULT_CODE, 1e-3)] {
+        let outcome = run_model(&model, &asked(code, tolerance));
+        let velocities = outcome.series("rotor.angular_velocity", 0);
+        let off = velocities.iter().zip(&truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let error = off / (tolerance * (1.0 + fastest));
+        assert!(error < RIGHT, "{code:?}: {error} tolerances");
+        let vain = |w: &RunWarning| w.message.contains("the velocity of `rotor`");
+        assert!(!outcome.summary.warnings.iter().any(vain), "{:?}", outcome.summary.warnings);
+    }
+}
+
 #[test] // independent truth: the run as a whole
 fn a_run_that_is_taken_up_knows_of_the_errors_before() {
     let problem = Problem::new(standing(1e-3));

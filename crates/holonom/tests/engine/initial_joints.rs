@@ -1,9 +1,10 @@
 //! Initial states stated by coordinates of joints, and orientations stated by angles.
 
-use crate::common::model_of;
+use crate::common::{model_of, options, run_model};
 use holonom::io::{Document, Syntax};
+use holonom::method::DEFAULT_CODE;
 use holonom::reduction::assembly::AssemblyError;
-use holonom::simulation::Problem;
+use holonom::simulation::{Options, OutputTimes, Problem};
 use holonom::system::Sample;
 
 const PENDULUM: &str = r#"
@@ -270,5 +271,76 @@ lower_spring = {{ type = "rsda", between = ["upper", "lower"], stiffness = 2.0{a
         near(&read(&problem, "upper.angle"), &[a]);
         near(&read(&problem, "middle.angle"), &[0.25]);
         near(&read(&problem, "lower.angle"), &[a + 0.25]);
+    }
+}
+
+#[test] // independent truth: angles by hand
+fn turns_of_drivers_do_not_depend_on_their_order() {
+    let line = |name: &str, of: &str, motion: f64| {
+        format!("{name} = {{ {of}, coordinate = \"rotation\", motion = {motion} }}\n")
+    };
+    let low = line("low", "on = \"lower\"", 0.5);
+    let up = line("up", "on = \"upper\"", 5.0);
+    // The lower body is the first one of this driver.
+    let bend = line("bend", "between = [\"lower\", \"upper\"]", 12.0);
+    for [one, other] in [[&low, &up], [&up, &low], [&bend, &low], [&low, &bend], [&up, &bend]] {
+        let problem = pendulum(false, &format!("[drivers]\n{one}{other}"));
+        let names = [one, other].map(|line| line.split(' ').next().unwrap_or_default());
+        let angles = match names {
+            ["low", "up"] | ["up", "low"] => [5.0, 0.5],
+            ["up", "bend"] => [5.0, -7.0],
+            _ => [12.5, 0.5],
+        };
+        near(&read(&problem, "upper.angle"), &angles[..1]);
+        near(&read(&problem, "lower.angle"), &angles[1..]);
+    }
+    // A stated angle is kept, beside a driven body that it hangs on.
+    let rest = format!("[drivers]\n{up}[initial.bodies]\nlower = {{ angle = 0.3 }}\n");
+    let problem = pendulum(false, &rest);
+    near(&read(&problem, "upper.angle"), &[5.0]);
+    near(&read(&problem, "lower.angle"), &[0.3]);
+}
+
+#[test] // independent truth: a run from where the driver begins within half a turn
+fn a_loop_begins_as_if_its_driver_had_come_there() {
+    let model = |start: f64| {
+        model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+crank = {{ mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }}
+hand = {{ mass = 1.0, inertia = 1.0, position = [0.5, 0.0] }}
+rod = {{ mass = 1.0, inertia = 1.0, position = [2.0, 0.0] }}
+slider = {{ mass = 1.0, inertia = 1.0, position = [4.0, 0.0] }}
+[joints]
+shaft = {{ type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }}
+pin = {{ type = "revolute", between = ["crank", "rod"], point = [1.0, 0.0] }}
+head = {{ type = "revolute", between = ["rod", "slider"], point = [4.0, 0.0] }}
+guide = {{ type = "translational", between = ["ground", "slider"], point = [4.0, 0.0], axis = [1.0, 0.0] }}
+grip = {{ type = "fixed", between = ["crank", "hand"], point = [0.5, 0.0] }}
+[drivers]
+turn = {{ joint = "shaft", coordinate = "rotation", motion = {{ type = "polynomial", coefficients = [0.0, 1.0] }} }}
+[forces]
+spring = {{ type = "rsda", between = ["rod", "slider"], stiffness = 2.0 }}
+[simulation]
+start_time = {start}
+"#
+        ))
+    };
+    let names = ["crank.angle", "hand.angle", "rod.angle", "slider.angle", "spring.torque"];
+    let options = Options {
+        channels: names.map(str::to_owned).to_vec(),
+        output: OutputTimes::Listed(vec![0.0, 4.0, 9.0]),
+        ..options(DEFAULT_CODE, 1e-8, 9.0)
+    };
+    let whole = run_model(&model(0.0), &options);
+    for (row, start) in [(1, 4.0), (2, 9.0)] {
+        let problem = Problem::new(model(start));
+        for name in names {
+            let (found, truth) = (read(&problem, name)[0], whole.series(name, 0)[row]);
+            assert!((found - truth).abs() < 1e-6, "{name} at {start} s: {found}, not {truth}");
+        }
     }
 }

@@ -404,7 +404,7 @@ impl Run<'_> {
             }
             let energy = self.emit(t, step)?;
             if let Some(carried) = &mut self.carried {
-                carried.milestones.pass(self.statistics.steps, &self.state);
+                carried.pass(self.statistics.steps, &self.state, self.form.weights());
             }
             self.account(step, &energy);
             if self.stall.step(t_end, self.statistics.largest_step) {

@@ -171,8 +171,7 @@ pub(super) fn set_up<'a>(
         kinetic_range: (energy.kinetic, energy.kinetic),
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         drift: Drift::new(system.structure().sizes.bodies),
-        carried: follows
-            .then(|| CarriedError::new(dimension, system.structure().sizes.bodies, &state)),
+        carried: follows.then(|| CarriedError::new(dimension, form.weights(), &state)),
         powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
         complete: true,
         passes_knot: false,
