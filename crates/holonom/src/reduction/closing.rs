@@ -1,6 +1,7 @@
 //! Closing the joints with least change of what is free.
 
 use super::assembly::{AssemblyError, PROJECTED, unit_of_row};
+use super::long_steps;
 use super::parametrization::largest_index;
 use super::stated_joints::{Level, conditions, stated};
 use crate::model::{Assembly, DriverKind, InitialBody, InitialCoordinate, Model};
@@ -120,7 +121,7 @@ pub(super) fn contradiction(
     residual: &[f64],
 ) -> Vec<f64> {
     let mut left = residual.to_vec();
-    if let Some(x) = least_change(system, g, residual, &everything(system), q) {
+    if let Some(x) = least_change(system, g, residual, &everything(system), q, 1.0) {
         g.multiply_add(-1.0, &x, &mut left);
     }
     // That Euler parameters have unit length is no constraint of the user.
@@ -347,6 +348,7 @@ impl Solver<'_> {
         let mut phi = vec![0.0; rows];
         let mut best = f64::INFINITY;
         let mut stalled = 0;
+        let mut open = 0.0f64;
         for _ in 0..MAX_ITERATIONS {
             self.system.position_constraints(state.t, &state.q, &mut phi);
             let size = phi.iter().fold(0.0f64, |m, x| m.max(x.abs()));
@@ -359,19 +361,12 @@ impl Solver<'_> {
                 break;
             }
             self.system.constraint_jacobian(&state.q, g);
-            let Some(mut step) = least_change(self.system, g, &phi, unknowns, &state.q) else {
+            open = long_steps::most_open(self.system, &phi).max(open);
+            let (at, q) = (&*g, &state.q);
+            let solve = |lengths| least_change(self.system, at, &phi, unknowns, q, lengths);
+            let Some(step) = long_steps::step(self.system, q, at, open, solve) else {
                 break;
             };
-            // Long steps are shortened: the joints' equations are nonlinear in angles, not in how far bodies slide.
-            let largest = |all: &dyn Fn(usize) -> bool| {
-                let sizes = (0..step.len()).filter(|&i| all(i));
-                sizes.fold(0.0f64, |m, i| m.max((step[i] * scale(self.system, i)).abs()))
-            };
-            let turns = |i| self.system.structure().coordinate_measure(i) == Measure::Angle;
-            let longest = largest(&|_| true);
-            if longest > 0.5 && largest(&turns) > 1e-9 * longest {
-                step.iter_mut().for_each(|x| *x *= 0.5 / longest);
-            }
             for (q, x) in state.q.iter_mut().zip(&step) {
                 *q -= x;
             }
@@ -423,7 +418,8 @@ impl Solver<'_> {
             if unknowns.free.is_empty() || residual.iter().all(|x| x.abs() < 1e-14) {
                 break;
             }
-            let Some(step) = least_change(self.system, g, &residual, unknowns, &state.q) else {
+            let Some(step) = least_change(self.system, g, &residual, unknowns, &state.q, 1.0)
+            else {
                 break;
             };
             for (v, x) in state.v.iter_mut().zip(&step) {
@@ -448,14 +444,15 @@ impl Solver<'_> {
     }
 }
 
-/// Minimum-norm x over the free unknowns with G x = r, lengths measured against the
-/// characteristic length; coupled translations follow their orientations.
+/// Minimum-norm x over the free unknowns with G x = r, lengths measured in so many characteristic
+/// lengths; coupled translations follow their orientations.
 fn least_change(
     system: &dyn System,
     g: &BlockMatrix,
     r: &[f64],
     unknowns: &Unknowns,
     q: &[f64],
+    lengths: f64,
 ) -> Option<Vec<f64>> {
     let sizes = system.structure().sizes;
     let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
@@ -466,7 +463,11 @@ fn least_change(
     for (at, &i) in unknowns.free.iter().enumerate() {
         column[i] = Some(at);
     }
-    let weights: Vec<f64> = unknowns.free.iter().map(|&i| 1.0 / scale(system, i)).collect();
+    let weight = |i: usize| match system.structure().coordinate_measure(i) {
+        Measure::Length => lengths / scale(system, i),
+        Measure::Angle => 1.0 / scale(system, i),
+    };
+    let weights: Vec<f64> = unknowns.free.iter().map(|&i| weight(i)).collect();
     let mut coupled = vec![None; sizes.bodies];
     for (b, w) in &couplings {
         coupled[*b] = Some(w);

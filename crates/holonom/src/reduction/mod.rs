@@ -8,6 +8,7 @@ mod chart;
 mod chosen;
 mod closing;
 mod joint;
+mod long_steps;
 mod loops;
 mod manifold;
 mod null_space;

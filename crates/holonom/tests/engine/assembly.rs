@@ -335,3 +335,198 @@ fn a_driver_far_from_the_design_is_met() {
         assert!((height - far).abs() < 1e-9 * far, "{height} m");
     }
 }
+
+/// Drivers of x and y of a point of `on` to `shift` from its place in the design, and of its angle.
+fn carried(on: &str, point: [f64; 2], shift: [f64; 2], angle: f64) -> String {
+    let slide = |name: &str, axis: &str, by: f64| {
+        format!(
+            "{name} = {{ on = \"{on}\", coordinate = \"translation\", point = {point:?}, axis = {axis}, motion = \
+             {by:?} }}\n"
+        )
+    };
+    format!(
+        "[drivers]\n{}{}angle = {{ on = \"{on}\", coordinate = \"rotation\", motion = {angle:?} }}\n",
+        slide("x", "[1.0, 0.0]", shift[0]),
+        slide("y", "[0.0, 1.0]", shift[1])
+    )
+}
+
+/// v turned by an angle.
+fn turned(angle: f64, [x, y]: [f64; 2]) -> [f64; 2] {
+    let (sin, cos) = angle.sin_cos();
+    [cos * x - sin * y, sin * x + cos * y]
+}
+
+/// Where an origin is that stands at zero in the design and whose body is [`carried`].
+fn origin(point: [f64; 2], shift: [f64; 2], angle: f64) -> [f64; 2] {
+    let arm = turned(angle, point);
+    [0, 1].map(|k| point[k] + shift[k] - arm[k])
+}
+
+/// Angles up to some ten turns on either side.
+fn angles() -> impl Iterator<Item = f64> {
+    (-20..=20).map(|k| 3.0 * f64::from(k))
+}
+
+#[track_caller]
+fn assert_near(found: [f64; 3], wanted: [f64; 3], allowed: f64, what: &str) {
+    let off = found.iter().zip(wanted).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs()));
+    assert!(off <= allowed, "{what}: {found:?} for {wanted:?}");
+}
+
+#[test] // truth: x, y and the angle of a body are independent, its pose is a formula
+fn a_body_is_carried_to_any_pose() {
+    for unit in [1e-3, 1.0, 1e3] {
+        for point in [[0.5, 0.0], [-3.0, 40.0]] {
+            for far in [0.0, 1.0, 10.0, 100.0, 1e3, 1e6] {
+                for angle in angles() {
+                    let point = point.map(|x| unit * x);
+                    let shift = [unit * far, -0.3 * unit * far];
+                    let drivers = carried("b", point, shift, angle);
+                    let text = format!(
+                        "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, 0.0]\n[bodies]\nb = {{ mass = 1.0, \
+                         inertia = {:?}, position = [0.0, 0.0] }}\n{drivers}",
+                        unit * unit
+                    );
+                    let what = format!("{point:?} by {shift:?} and {angle}");
+                    let problem = Problem::new(model_of(&text));
+                    let assembled = problem.assemble().unwrap_or_else(|e| panic!("{what}: {e}"));
+                    let q = &assembled.state.q;
+                    let [x, y] = origin(point, shift, angle);
+                    let size = unit * (far + 50.0);
+                    assert_near([q[0], q[1], 0.0], [x, y, 0.0], 1e-12 * size, &what);
+                    assert!((q[2].sin() - angle.sin()).abs() < 1e-11, "{what}");
+                    assert!((q[2].cos() - angle.cos()).abs() < 1e-11, "{what}");
+                }
+            }
+        }
+    }
+}
+
+#[test] // truth: a parallelogram on a frame that is carried; what is pinned at its coupler keeps its distance
+fn a_loop_and_a_chain_are_carried_along() {
+    let rest = r#"
+[bodies]
+frame = { mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }
+crank = { mass = 1.0, inertia = 0.1, position = [0.0, 0.5] }
+coupler = { mass = 1.0, inertia = 0.1, position = [1.0, 1.0] }
+rocker = { mass = 1.0, inertia = 0.1, position = [2.0, 0.5] }
+bob = { mass = 1.0, inertia = 0.1, position = [1.0, 0.6] }
+last = { mass = 1.0, inertia = 0.1, position = [1.0, 0.1] }
+[joints]
+a = { type = "revolute", between = ["frame", "crank"], point = [0.0, 0.0] }
+b = { type = "revolute", between = ["crank", "coupler"], point = [0.0, 1.0] }
+c = { type = "revolute", between = ["coupler", "rocker"], point = [2.0, 1.0] }
+d = { type = "revolute", between = ["frame", "rocker"], point = [2.0, 0.0] }
+e = { type = "revolute", between = ["coupler", "bob"], point = [1.0, 1.0] }
+f = { type = "revolute", between = ["bob", "last"], point = [1.0, 0.2] }
+"#;
+    let (point, crank) = ([0.5, 0.2], 0.4);
+    for far in [0.0, 10.0, 1e3] {
+        for angle in angles() {
+            let shift = [far, 0.7 * far];
+            let text = format!(
+                "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, 0.0]\n{rest}{}turn = {{ joint = \"a\", \
+                 coordinate = \"rotation\", motion = {crank:?} }}\n",
+                carried("frame", point, shift, angle)
+            );
+            let problem = Problem::new(model_of(&text));
+            let what = format!("{shift:?} and {angle}");
+            let assembled = problem.assemble().unwrap_or_else(|e| panic!("{what}: {e}"));
+            let at = |b: usize| problem.system().body(b, &assembled.state.q, &assembled.state.v);
+            let start = origin(point, shift, angle);
+            let pin = turned(angle + crank, [0.0, 1.0]);
+            let middle = turned(angle, [1.0, 0.0]);
+            let coupler = [0, 1].map(|k| start[k] + pin[k] + middle[k]);
+            let allowed = 1e-12 * (far + 50.0);
+            assert_near(at(0).position, [start[0], start[1], 0.0], allowed, &what);
+            assert_near(at(2).position, [coupler[0], coupler[1], 0.0], allowed, &what);
+            let bob = at(4).position;
+            let length = (bob[0] - coupler[0]).hypot(bob[1] - coupler[1]);
+            assert!((length - 0.4).abs() < allowed, "{what}: {length} m");
+            let last = at(5).position;
+            let hinge = [0, 1].map(|k| coupler[k] + 2.0 * (bob[k] - coupler[k]));
+            let length = (last[0] - hinge[0]).hypot(last[1] - hinge[1]);
+            assert!((length - 0.1).abs() < allowed, "{what}: {length} m");
+        }
+    }
+}
+
+#[test] // truth: a screw-like motion along and about z, with an arm welded on that turns another one about its own axis
+fn bodies_in_space_are_carried_to_any_pose() {
+    let inertia = "mass = 1.0\ninertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]";
+    for far in [0.0, 1.0, 10.0, 100.0, 1e3, 1e5] {
+        for angle in angles() {
+            let own = 0.5 * angle;
+            let text = format!(
+                r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies.lift]
+{inertia}
+position = [0.5, 0.0, 0.0]
+[bodies.arm]
+{inertia}
+position = [1.0, 0.0, 0.0]
+[bodies.hand]
+{inertia}
+position = [2.0, 0.0, 0.3]
+[bodies.ball]
+{inertia}
+position = [2.0, 0.5, 0.3]
+[joints]
+screw = {{ type = "cylindrical", between = ["ground", "lift"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }}
+weld = {{ type = "fixed", between = ["lift", "arm"], point = [0.7, 0.0, 0.0] }}
+wrist = {{ type = "revolute", between = ["arm", "hand"], point = [2.0, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }}
+hang = {{ type = "spherical", between = ["hand", "ball"], point = [2.0, 0.0, 0.3] }}
+[drivers]
+up = {{ joint = "screw", coordinate = "translation", motion = {far:?} }}
+around = {{ joint = "screw", coordinate = "rotation", motion = {angle:?} }}
+own = {{ joint = "wrist", coordinate = "rotation", motion = {own:?} }}
+"#
+            );
+            let problem = Problem::new(model_of(&text));
+            let what = format!("{far} m, {angle} rad");
+            let assembled = problem.assemble().unwrap_or_else(|e| panic!("{what}: {e}"));
+            let at = |b: usize| {
+                problem.system().body(b, &assembled.state.q, &assembled.state.v).position
+            };
+            let allowed = 1e-12 * (far + 50.0);
+            let [x, y] = turned(angle, [1.0, 0.0]);
+            assert_near(at(0), [0.5 * x, 0.5 * y, far], allowed, &what);
+            assert_near(at(1), [x, y, far], allowed, &what);
+            let [side, up] = turned(own, [0.0, 0.3]);
+            let [x, y] = turned(angle, [2.0, side]);
+            let hand = [x, y, far + up];
+            assert_near(at(2), hand, allowed, &what);
+            let arm = at(3).iter().zip(hand).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            assert!((arm - 0.5).abs() < allowed, "{what}: {arm} m");
+        }
+    }
+}
+
+#[test] // truth: a point at two rods stands where two circles meet, from wherever it starts
+fn rods_are_met_from_far_and_near() {
+    for place in [[300.0, 200.0], [-5000.0, 10.0], [0.3, 1e-3], [1e-6, -1e-6], [0.5, 0.5]] {
+        let [x, y] = place;
+        let rod = |name: &str, ground: &str, length: f64| {
+            format!(
+                "{name} = {{ type = \"distance\", between = [\"ground\", \"b\"], points = [{ground}, {place:?}], length \
+                 = {length:?} }}\n"
+            )
+        };
+        let text = format!(
+            "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, 0.0]\n[bodies]\nb = {{ mass = 1.0, inertia = 0.1, \
+             position = [{x:?}, {y:?}] }}\n[joints]\n{}{}",
+            rod("one", "[0.0, 0.0]", 0.8),
+            rod("two", "[1.0, 0.0]", 0.6)
+        );
+        let problem = Problem::new(model_of(&text));
+        let assembled = problem.assemble().unwrap_or_else(|e| panic!("{place:?}: {e}"));
+        let q = &assembled.state.q;
+        assert_near([q[0], q[1].abs(), 0.0], [0.64, 0.48, 0.0], 1e-12, &format!("{place:?}"));
+        // The nearer one.
+        assert!(q[1] * y > 0.0, "{q:?} from {place:?}");
+    }
+}
