@@ -299,7 +299,7 @@ pub fn assemble(
     place(system.as_ref(), model, &design, &mut state);
     let (mut state, worst) = closed(system, model, Level::Position, &state)?;
 
-    turn(system.as_ref(), model, &mut state);
+    turn(system.as_ref(), model, &design, &mut state);
 
     // The Euler-parameter rates follow the projected parameters.
     let mut q = state.q.clone();

@@ -15,6 +15,8 @@ const RANK: f64 = 1e-10;
 /// depends on other rows.
 const DENSE_OPERATIONS: f64 = 1e8;
 const MAX_ITERATIONS: usize = 60;
+/// Residual from which on an iteration has come near.
+const NEAR: f64 = 1e-9;
 
 /// The state with its positions or velocities closed: first what is not stated, with the stated
 /// coordinates of joints as conditions, then all to remove what is left. With the largest residual of the
@@ -344,33 +346,12 @@ impl Solver<'_> {
     /// Gauss-Newton with minimum-norm corrections on Φ(q) = 0; returns the largest residual and its
     /// row. Without progress it stops; the residual then tells.
     fn close(&self, state: &mut State, unknowns: &Unknowns, g: &mut BlockMatrix) -> (f64, usize) {
-        let rows = self.system.structure().sizes.rows;
-        let mut phi = vec![0.0; rows];
-        let mut best = f64::INFINITY;
-        let mut stalled = 0;
-        let mut open = 0.0f64;
-        for _ in 0..MAX_ITERATIONS {
-            self.system.position_constraints(state.t, &state.q, &mut phi);
-            let size = phi.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-            if size < 1e-14 || unknowns.free.is_empty() || !size.is_finite() {
-                break;
-            }
-            stalled = if size < 0.9 * best { 0 } else { stalled + 1 };
-            best = best.min(size);
-            if stalled > if best < 1e-9 { 1 } else { 12 } {
-                break;
-            }
-            self.system.constraint_jacobian(&state.q, g);
-            open = long_steps::most_open(self.system, &phi).max(open);
-            let (at, q) = (&*g, &state.q);
-            let solve = |lengths| least_change(self.system, at, &phi, unknowns, q, lengths);
-            let Some(step) = long_steps::step(self.system, q, at, open, solve) else {
-                break;
-            };
-            for (q, x) in state.q.iter_mut().zip(&step) {
-                *q -= x;
-            }
-            self.restore_origins(state, unknowns);
+        let mut phi = vec![0.0; self.system.structure().sizes.rows];
+        let start = state.q.clone();
+        // Short steps find what is near, long ones what is far.
+        if !self.approach(state, unknowns, g, &mut phi, false) {
+            state.q.copy_from_slice(&start);
+            self.approach(state, unknowns, g, &mut phi, true);
         }
         self.system.position_constraints(state.t, &state.q, &mut phi);
         let mut worst = largest_index(&phi);
@@ -382,6 +363,52 @@ impl Solver<'_> {
             worst = largest_index(&phi);
         }
         if phi.is_empty() { (0.0, 0) } else { (phi[worst].abs(), worst) }
+    }
+
+    /// The iteration, by long steps or by short ones; whether it has come near. `phi` is room for Φ.
+    fn approach(
+        &self,
+        state: &mut State,
+        unknowns: &Unknowns,
+        g: &mut BlockMatrix,
+        phi: &mut [f64],
+        long: bool,
+    ) -> bool {
+        let mut best = f64::INFINITY;
+        let mut stalled = 0;
+        let mut open = 0.0f64;
+        for _ in 0..MAX_ITERATIONS {
+            self.system.position_constraints(state.t, &state.q, phi);
+            let size = phi.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+            if size < 1e-14 || unknowns.free.is_empty() {
+                return true;
+            }
+            if !size.is_finite() {
+                return false;
+            }
+            stalled = if size < 0.9 * best { 0 } else { stalled + 1 };
+            best = best.min(size);
+            if stalled > if best < NEAR { 1 } else { 12 } {
+                break;
+            }
+            self.system.constraint_jacobian(&state.q, g);
+            let (at, q) = (&*g, &state.q);
+            let solve = |lengths| least_change(self.system, at, phi, unknowns, q, lengths);
+            let step = if long {
+                open = long_steps::most_open(self.system, phi).max(open);
+                long_steps::step(self.system, q, at, open, solve)
+            } else {
+                solve(1.0).map(|step| long_steps::short(self.system, step))
+            };
+            let Some(step) = step else {
+                break;
+            };
+            for (q, x) in state.q.iter_mut().zip(&step) {
+                *q -= x;
+            }
+            self.restore_origins(state, unknowns);
+        }
+        best < NEAR
     }
 
     /// Gives free Euler parameters unit length.

@@ -29,6 +29,16 @@ fn largest(system: &dyn System, step: &[f64]) -> [f64; 2] {
     })
 }
 
+/// A step shortened until it slides and turns no body by more than [`FURTHEST`]; what only slides is as long as it is.
+pub(super) fn short(system: &dyn System, mut step: Vec<f64>) -> Vec<f64> {
+    let [slid, turned] = largest(system, &step);
+    let longest = slid.max(turned);
+    if longest > FURTHEST && turned > NO_TURN * slid {
+        step.iter_mut().for_each(|x| *x *= FURTHEST / longest);
+    }
+    step
+}
+
 /// The step from `q` that goes for all of the residual where it can without turning anything by more than [`FURTHEST`],
 /// and for part of it elsewhere. `solve` gives the shortest step with lengths measured in so many characteristic
 /// lengths, `g` is G(q), `open` by how much joints are open, m.

@@ -115,7 +115,7 @@ pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &
 
 /// Gives planar bodies the whole turns that drivers begin with: a pose does not tell them, springs do. What is fixed to a
 /// driven body, or only hangs on it, turns along; what is in a loop keeps its angle, as it does where the driver has come there.
-pub(super) fn turn(system: &dyn System, model: &Model, state: &mut State) {
+pub(super) fn turn(system: &dyn System, model: &Model, design: &[f64], state: &mut State) {
     let (sizes, tree) = (system.structure().sizes, system.tree());
     let at = |body: usize| body * sizes.per_body + sizes.translations;
     let rotations = model.drivers.iter().filter(|driver| driver.kind == DriverKind::Rotation);
@@ -134,17 +134,24 @@ pub(super) fn turn(system: &dyn System, model: &Model, state: &mut State) {
     if !any {
         return;
     }
-    // What is stated or cannot turn goes before what only hangs there.
+    // What cannot turn or is stated goes before what only hangs there.
+    let between = |q: &[f64], [first, second]: [Option<usize>; 2]| {
+        let angle = |body: Option<usize>| body.map_or(0.0, |body| q[at(body)]);
+        angle(second) - angle(first)
+    };
+    let whole = |wanted: f64, bodies| ((wanted - between(&state.q, bodies)) / TAU).round();
     for joint in &model.joints {
         if matches!(joint.kind, JointKind::Fixed | JointKind::Translational) {
-            turns.tie(joint.frames.map(|frame| frame.body), 0.0);
+            let bodies = joint.frames.map(|frame| frame.body);
+            turns.tie(bodies, whole(between(design, bodies), bodies));
         }
     }
     for c in stated(model, Level::Position).into_iter().filter(|c| c.kind == DriverKind::Rotation) {
-        turns.tie(c.frames.map(|frame| frame.body), 0.0);
+        let bodies = c.frames.map(|frame| frame.body);
+        turns.tie(bodies, whole(c.value, bodies));
     }
-    for (body, stated) in model.initial.bodies.iter().enumerate() {
-        if stated.orientation.is_some() {
+    for (body, own) in model.initial.bodies.iter().enumerate() {
+        if own.orientation.is_some() {
             turns.tie([None, Some(body)], 0.0);
         }
     }

@@ -189,34 +189,28 @@ impl CarriedError {
         }
         let ndof = form.second_order_split();
         self.rates.resize(ndof, 0.0);
-        power.copy_from_slice(stepper.last_change());
-        let orders = stepper.orders_of_error();
-        let [mut whole, mut left] = [0.0; 2];
+        let change = stepper.last_change();
+        let [mut errors, mut rates] = [0.0; 2];
         for (k, largest) in self.rates.iter_mut().enumerate() {
             *largest = largest.max(w[ndof + k].abs());
-            let estimate = power[ndof + k].abs();
-            // At the knot of a law, or beside the other end of a line, no formula has its order.
-            let part = if passes_knot {
-                stepper.error_at_kinks()
-            } else if estimate > 0.0 {
-                true_part(orders, (estimate / *largest).min(1.0), turn)
-            } else {
-                1.0
-            };
-            power[k] *= part;
-            power[ndof + k] *= part;
-            whole += estimate;
-            left += part * estimate;
+            let error = change[ndof + k].abs();
+            errors += error * error;
+            rates += error * *largest;
         }
-        // What follows the motion, as extra states do, has its part of it.
-        let part = if whole > 0.0 { left / whole } else { 1.0 };
-        power[2 * ndof..].iter_mut().for_each(|x| *x *= part);
+        // At the knot of a law, or beside the other end of a line, no formula has its order.
+        let part = if passes_knot {
+            stepper.error_at_kinks()
+        } else {
+            // Zero where there is no error.
+            let share = errors / rates.max(errors).max(f64::MIN_POSITIVE);
+            true_part(stepper.orders_of_error(), share, turn)
+        };
         let [sum, other] = &mut self.sums;
-        add(&mut sum.error, 1.0, power);
+        add(&mut sum.error, part, change);
         // By rates: errors of places last, those of rates become more.
-        let rates = other.error.iter().zip(&*power).skip(ndof).take(ndof);
+        let rates = other.error.iter().zip(change).skip(ndof).take(ndof);
         let product = rates.map(|(e, d)| e * d).sum();
-        add(&mut other.error, 1f64.copysign(product), power);
+        add(&mut other.error, part.copysign(product), change);
         if let Some((step, slope)) = iterated {
             let part = stepper.filter_part() * step;
             for (x, (g, s)) in power.iter_mut().zip(slope.iter().zip(stepper.end().slope)) {
@@ -430,8 +424,8 @@ fn transfer(gamma: f64) -> [f64; 6] {
     [l0, -l1, l2, -l3, l4, laguerre.iter().sum()]
 }
 
-/// Part of an estimate that is the error of a formula of order p whose estimate is that of order p̂, where the estimate of a
-/// variable's rate is `share` of the largest rate that it had. What swings about a steady turn is as fast as that, however
+/// Part of an estimate that is the error of a formula of order p whose estimate is that of order p̂, where the estimates of
+/// rates are `share` of the largest that their variables had. What swings about a steady turn is as fast as that, however
 /// little is seen of it: bodies turn by `turn` rad in the step. Source: `docs/theory/simulation.md` (11).
 fn true_part([order, estimated]: [u32; 2], share: f64, turn: f64) -> f64 {
     let orders = order.saturating_sub(estimated);
