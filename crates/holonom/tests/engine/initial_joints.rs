@@ -294,6 +294,16 @@ fn turns_of_drivers_do_not_depend_on_their_order() {
         near(&read(&problem, "upper.angle"), &angles[..1]);
         near(&read(&problem, "lower.angle"), &angles[1..]);
     }
+    // Stated angles that agree with a driven body that they are fixed to are not turned again.
+    let fixed = PENDULUM.replace("DIMENSION", "planar").replace("GRAVITY", "[0.0, 0.0]");
+    let fixed = fixed.replace("INERTIA", "0.1").replace("AXIS", "").replace("POINT(", "[");
+    let fixed = fixed
+        .replace(')', "]")
+        .replace("middle = { type = \"revolute\"", "middle = { type = \"fixed\"");
+    let rest = format!("[drivers]\n{up}[initial.bodies]\nlower = {{ angle = 5.0 }}\n");
+    let problem = Problem::new(model_of(&format!("{fixed}{rest}")));
+    near(&read(&problem, "upper.angle"), &[5.0]);
+    near(&read(&problem, "lower.angle"), &[5.0]);
     // A stated angle is kept, beside a driven body that it hangs on.
     let rest = format!("[drivers]\n{up}[initial.bodies]\nlower = {{ angle = 0.3 }}\n");
     let problem = pendulum(false, &rest);
