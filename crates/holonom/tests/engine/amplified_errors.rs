@@ -143,6 +143,53 @@ fn velocities_of_a_vibration_are_right_or_warned_of() {
     assert_eq!(in_vain, 0, "warnings in vain");
 }
 
+#[test] // independent truth: ẋ = a ω cos ωt, on a sled at 1 m/s, which the energy ledger does not tell
+fn a_vibration_on_what_travels_is_right_or_warned_of() {
+    let mut warnings = 0;
+    for (rate, periods, amplitude) in [(12.0, 640.0, 80.0), (12.0, 2.0, 80.0)] {
+        let amplitude = amplitude * TOLERANCE;
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+sled = {{ mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }}
+mass = {{ mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }}
+[joints]
+track = {{ type = "translational", between = ["ground", "sled"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+slide = {{ type = "translational", between = ["sled", "mass"], point = [0.0, 0.0], axis = [0.0, 1.0] }}
+[drivers]
+tow = {{ joint = "track", coordinate = "translation", motion = {{ type = "polynomial", coefficients = [0.0, 1.0] }} }}
+[forces]
+spring = {{ type = "tsda", between = ["sled", "mass"], points = [[0.0, -1.0], [0.0, 0.0]], stiffness = {}, free_length = 1.0 }}
+[initial.joints]
+slide = {{ displacement = 0.0, velocity = {} }}
+"#,
+            rate * rate,
+            amplitude * rate
+        ));
+        let end = periods * std::f64::consts::TAU / rate;
+        let options = Options {
+            channels: vec!["slide.rate".to_owned()],
+            output: OutputTimes::Interval(end / 1000.0),
+            ..options(DEFAULT_CODE, TOLERANCE, end)
+        };
+        let outcome = run_model(&model, &options);
+        let rates = outcome.series("slide.rate", 0);
+        let largest = amplitude * rate;
+        let errors =
+            outcome.times().iter().zip(&rates).map(|(t, v)| {
+                (v - largest * (rate * t).cos()).abs() / (TOLERANCE * (1.0 + largest))
+            });
+        let (error, warned) = (errors.fold(0.0, f64::max), warned(&outcome.summary));
+        assert!(error <= 2.0 * WRONG || warned, "{periods} periods: {error} without a warning");
+        assert!(error > 2.0 * RIGHT || !warned, "{periods} periods: {error}, warned of in vain");
+        warnings += usize::from(warned);
+    }
+    assert_eq!(warnings, 1, "the long one is warned of, the short one is not");
+}
+
 #[test] // independent truth: the same run by a tolerance of 1e-9
 fn what_is_fast_after_the_run_has_become_suspicious_is_held_against_its_own_speed() {
     // A bar that swings far asks for the second run, long before a torque sets the rotor on its spring in motion.
