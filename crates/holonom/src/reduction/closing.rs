@@ -1,22 +1,45 @@
 //! Closing the joints with least change of what is free.
 
 use super::assembly::{AssemblyError, PROJECTED, unit_of_row};
-use super::long_steps;
 use super::parametrization::largest_index;
 use super::stated_joints::{Level, conditions, stated};
 use crate::model::{Assembly, DriverKind, InitialBody, InitialCoordinate, Model};
 use crate::system::{Measure, State, System};
+use crate::watch::checkpoint;
 use holonom_linalg::{BlockMatrix, least_norm, sparse_least_norm};
+use std::cmp::Ordering::{Equal, Less};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Relative rank tolerance of the least-change solves.
 const RANK: f64 = 1e-10;
+/// That for steps that make a residual smaller where it cannot vanish.
+const PLAIN_RANK: f64 = 1e-2;
 /// Beyond about as many operations corrections come from a sparse matrix, which knows no rank but damps what
 /// depends on other rows.
 const DENSE_OPERATIONS: f64 = 1e8;
 const MAX_ITERATIONS: usize = 60;
 /// Residual from which on an iteration has come near.
 const NEAR: f64 = 1e-9;
+/// By how much a step may turn a body, rad (|δp|), or slide it, characteristic lengths, where it turns it, too.
+const FURTHEST: f64 = 0.5;
+/// Turning by less, against how far bodies slide, is round-off.
+const NO_TURN: f64 = 1e-9;
+/// Corrections back to a path are at most so large against the one before, the first against the way that was gone.
+const CONTRACTION: f64 = 0.3;
+/// Corrections by less, against the way that was gone, end them.
+const NEAR_PATH: f64 = 1e-2;
+/// Halvings of a step that makes a residual no smaller, and what is smaller.
+const HALVINGS: i32 = 12;
+const LESS: f64 = 1.0 - 1e-6;
+/// Over a long way lengths are measured in no more characteristic ones: beyond, the rank of rows that only turn bodies would
+/// be lost.
+const MOST_LENGTHS: f64 = 1e5;
+/// Part of a path that is too short to go on, against the longest one; the first may be shorter by that once more.
+const SHORTEST: f64 = 1e-3;
+/// Paths that are tried one after the other, and parts of all of them.
+const MOST_PATHS: usize = 12;
+const MOST_TRIES: usize = 500;
 
 /// The state with its positions or velocities closed: first what is not stated, with the stated
 /// coordinates of joints as conditions, then all to remove what is left. With the largest residual of the
@@ -79,13 +102,21 @@ pub(super) fn closed(
             allowed: PROJECTED,
         });
     }
-    let open = open(system.as_ref(), level, &state);
-    let most = largest_index(&open);
-    // Where small changes would close everything, the iteration has lost its way.
-    let (worst, residual) = match open.get(most).map(|x| x.abs()) {
-        Some(residual) if residual > PROJECTED => (most, residual),
-        _ => (worst, left),
+    let open = open(system.as_ref(), model, level, &state);
+    let found = match level {
+        // The row that is open most where the iteration has stopped, of those that contradict each other.
+        Level::Position => {
+            let mut phi = vec![0.0; system.structure().sizes.rows];
+            system.position_constraints(state.t, &state.q, &mut phi);
+            let rows = Conflict::taking_part(&open);
+            rows.max_by(|a, b| phi[*a].abs().total_cmp(&phi[*b].abs())).map(|row| (row, phi[row]))
+        }
+        Level::Velocity => {
+            open.iter().copied().enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))
+        }
     };
+    let found = found.map(|(row, residual)| (row, residual.abs()));
+    let (worst, residual) = found.filter(|found| found.1 > PROJECTED).unwrap_or((worst, left));
     let rows = Conflict::rows(system.as_ref(), &open, worst);
     let axes = FrameAxes::of(system.as_ref(), rows.iter().take(SHOWN).chain([&worst]));
     let others = Conflict::named(system.as_ref(), &rows);
@@ -100,17 +131,22 @@ pub(super) fn closed(
     })
 }
 
-/// What stays open of joints and drivers at a state; see [`contradiction`].
-fn open(system: &dyn System, level: Level, state: &State) -> Vec<f64> {
+/// What stays open of joints and drivers, whatever small change is made: beside a state, or of its velocities.
+fn open(system: &dyn System, model: &Model, level: Level, state: &State) -> Vec<f64> {
     let mut residual = vec![0.0; system.structure().sizes.rows];
     let mut g = system.structure().constraint_pattern.zeros();
-    system.constraint_jacobian(&state.q, &mut g);
     if level == Level::Position {
-        system.position_constraints(state.t, &state.q, &mut residual);
-    } else {
-        system.velocity_rhs(state.t, &mut residual);
-        g.multiply_add(-1.0, &state.v, &mut residual);
+        let mut beside = state.clone();
+        let solver = Solver { system, model };
+        solver.settle(&mut beside, &everything(system), &mut g, &mut residual);
+        system.position_constraints(state.t, &beside.q, &mut residual);
+        // That Euler parameters have unit length is no constraint of the user.
+        residual.truncate(system.structure().sizes.joint_rows);
+        return residual;
     }
+    system.constraint_jacobian(&state.q, &mut g);
+    system.velocity_rhs(state.t, &mut residual);
+    g.multiply_add(-1.0, &state.v, &mut residual);
     contradiction(system, &state.q, &g, &residual)
 }
 
@@ -123,7 +159,7 @@ pub(super) fn contradiction(
     residual: &[f64],
 ) -> Vec<f64> {
     let mut left = residual.to_vec();
-    if let Some(x) = least_change(system, g, residual, &everything(system), q, 1.0) {
+    if let Some(x) = least_change(system, g, residual, &everything(system), q, (1.0, RANK)) {
         g.multiply_add(-1.0, &x, &mut left);
     }
     // That Euler parameters have unit length is no constraint of the user.
@@ -154,15 +190,20 @@ impl Conflict {
         Self(rows.iter().map(|&k| system.row_name(k)).collect())
     }
 
+    /// The rows of a contradiction.
+    fn taking_part(left: &[f64]) -> impl Iterator<Item = usize> {
+        let most = left.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        left.iter().enumerate().filter(move |(_, x)| x.abs() > PART * most).map(|(k, _)| k)
+    }
+
     /// One row of each.
     fn rows(system: &dyn System, left: &[f64], row: usize) -> Vec<usize> {
-        let most = left.iter().fold(0.0f64, |m, x| m.max(x.abs()));
         let mut largest: Vec<(&str, usize)> = Vec::new();
-        for (k, x) in left.iter().enumerate().filter(|(_, x)| x.abs() > PART * most) {
+        for k in Self::taking_part(left) {
             let item = system.row_item(k).0;
             match largest.last_mut() {
                 Some((last, at)) if *last == item => {
-                    if x.abs() > left[*at].abs() {
+                    if left[k].abs() > left[*at].abs() {
                         *at = k;
                     }
                 }
@@ -347,11 +388,16 @@ impl Solver<'_> {
     /// row. Without progress it stops; the residual then tells.
     fn close(&self, state: &mut State, unknowns: &Unknowns, g: &mut BlockMatrix) -> (f64, usize) {
         let mut phi = vec![0.0; self.system.structure().sizes.rows];
+        // Corrections find what is near; to what is far leads a path.
         let start = state.q.clone();
-        // Short steps find what is near, long ones what is far.
-        if !self.approach(state, unknowns, g, &mut phi, false) {
-            state.q.copy_from_slice(&start);
-            self.approach(state, unknowns, g, &mut phi, true);
+        if !self.approach(state, unknowns, g, &mut phi) {
+            let left = self.left(state, &mut phi);
+            let stuck = std::mem::replace(&mut state.q, start);
+            self.follow(state, unknowns, g, &mut phi);
+            self.approach(state, unknowns, g, &mut phi);
+            if !matches!(self.left(state, &mut phi).partial_cmp(&left), Some(Less)) {
+                state.q = stuck;
+            }
         }
         self.system.position_constraints(state.t, &state.q, &mut phi);
         let mut worst = largest_index(&phi);
@@ -365,18 +411,28 @@ impl Solver<'_> {
         if phi.is_empty() { (0.0, 0) } else { (phi[worst].abs(), worst) }
     }
 
-    /// The iteration, by long steps or by short ones; whether it has come near. `phi` is room for Φ.
+    /// Size of what is left, lengths against the characteristic one; `phi` is room for all rows.
+    fn left(&self, state: &State, phi: &mut [f64]) -> f64 {
+        self.system.position_constraints(state.t, &state.q, phi);
+        let scale = scale(self.system, 0);
+        let rows = phi.iter().zip(&self.system.structure().row_measure);
+        let squares = rows.map(|(x, measure)| match measure {
+            Measure::Length => (scale * x).powi(2),
+            Measure::Angle => x * x,
+        });
+        squares.sum::<f64>().sqrt()
+    }
+
+    /// The iteration; whether it has come near. `phi` is room for Φ.
     fn approach(
         &self,
         state: &mut State,
         unknowns: &Unknowns,
         g: &mut BlockMatrix,
         phi: &mut [f64],
-        long: bool,
     ) -> bool {
         let mut best = f64::INFINITY;
         let mut stalled = 0;
-        let mut open = 0.0f64;
         for _ in 0..MAX_ITERATIONS {
             self.system.position_constraints(state.t, &state.q, phi);
             let size = phi.iter().fold(0.0f64, |m, x| m.max(x.abs()));
@@ -391,24 +447,154 @@ impl Solver<'_> {
             if stalled > if best < NEAR { 1 } else { 12 } {
                 break;
             }
-            self.system.constraint_jacobian(&state.q, g);
-            let (at, q) = (&*g, &state.q);
-            let solve = |lengths| least_change(self.system, at, phi, unknowns, q, lengths);
-            let step = if long {
-                open = long_steps::most_open(self.system, phi).max(open);
-                long_steps::step(self.system, q, at, open, solve)
-            } else {
-                solve(1.0).map(|step| long_steps::short(self.system, step))
-            };
-            let Some(step) = step else {
-                break;
-            };
-            for (q, x) in state.q.iter_mut().zip(&step) {
-                *q -= x;
+            let step = self.least_change(&state.q, unknowns, g, phi, (1.0, RANK));
+            let Some(mut step) = step else { break };
+            let [slid, turned] = largest(self.system, &step, 1.0);
+            // What only slides is linear.
+            if turned > NO_TURN * slid {
+                step = limited(self.system, step, 1.0);
             }
-            self.restore_origins(state, unknowns);
+            self.subtract(state, unknowns, &step);
         }
         best < NEAR
+    }
+
+    /// Goes to where no small change makes what is left smaller, if anything is: which rows contradict each other shows there.
+    fn settle(&self, state: &mut State, unknowns: &Unknowns, g: &mut BlockMatrix, phi: &mut [f64]) {
+        let mut left = self.left(state, phi);
+        for _ in 0..MAX_ITERATIONS {
+            if !(NEAR..f64::INFINITY).contains(&left) {
+                return;
+            }
+            let step = self.least_change(&state.q, unknowns, g, phi, (1.0, PLAIN_RANK));
+            let Some(mut step) = step.map(|step| limited(self.system, step, 1.0)) else { return };
+            let from = state.q.clone();
+            let mut least = f64::INFINITY;
+            for _ in 0..HALVINGS {
+                self.subtract(state, unknowns, &step);
+                least = self.left(state, phi);
+                if least < LESS * left {
+                    break;
+                }
+                state.q.copy_from_slice(&from);
+                step.iter_mut().for_each(|x| *x *= 0.5);
+            }
+            if least >= LESS * left {
+                return;
+            }
+            left = least;
+        }
+    }
+
+    /// Goes along the path on which Φ(q) is a smaller and smaller part of what it is at first, least change all the way
+    /// (D. F. Davidenko, Dokl. Akad. Nauk SSSR 88 (1953) 601): each part is closed before the next. Where the path turns
+    /// back, as at a dead point, another one begins beyond.
+    fn follow(&self, state: &mut State, unknowns: &Unknowns, g: &mut BlockMatrix, phi: &mut [f64]) {
+        let mut first = vec![0.0; phi.len()];
+        let mut tries = 0;
+        for _ in 0..MOST_PATHS {
+            self.system.position_constraints(state.t, &state.q, &mut first);
+            // Over a long way least change would turn bodies where sliding them will do.
+            let step = self.least_change(&state.q, unknowns, g, &first, (1.0, RANK));
+            let Some(step) = step else { return };
+            let lengths = (largest(self.system, &step, 1.0)[0] / FURTHEST).clamp(1.0, MOST_LENGTHS);
+            let (mut left, mut longest, mut usual) = (1.0, 1.0f64, 0.0f64);
+            while left > 0.0 {
+                let from = state.q.clone();
+                let tangent = self.least_change(&from, unknowns, g, &first, (lengths, RANK));
+                let Some(tangent) = tangent else { return };
+                let [_, turned] = largest(self.system, &tangent, lengths);
+                if !turned.is_finite() {
+                    return;
+                }
+                // Equal parts of what is left, so that no remainder is too short.
+                let mut part = left / (left / longest.min(FURTHEST / turned)).ceil().max(1.0);
+                let shortest = SHORTEST * if usual > 0.0 { usual } else { SHORTEST }.min(part);
+                loop {
+                    tries += 1;
+                    if tries > MOST_TRIES {
+                        return;
+                    }
+                    let step: Vec<f64> = tangent.iter().map(|x| part * x).collect();
+                    self.subtract(state, unknowns, &step);
+                    let there = (left - part, lengths);
+                    if self.return_to_path(state, unknowns, g, [phi, &mut first], there, &step) {
+                        break;
+                    }
+                    state.q.copy_from_slice(&from);
+                    part *= 0.5;
+                    if part <= shortest {
+                        break;
+                    }
+                }
+                if part <= shortest {
+                    self.subtract(state, unknowns, &limited(self.system, tangent, lengths));
+                    break;
+                }
+                usual = usual.max(part);
+                longest = 2.0 * part;
+                left = if part < left { left - part } else { 0.0 };
+            }
+            if left == 0.0 {
+                return;
+            }
+        }
+    }
+
+    /// Corrects a state that has gone a step along a path until it is on it again, where only the part `left` of `first` is;
+    /// whether corrections are small, against that step, and become so.
+    fn return_to_path(
+        &self,
+        state: &mut State,
+        unknowns: &Unknowns,
+        g: &mut BlockMatrix,
+        [phi, first]: [&mut [f64]; 2],
+        (left, lengths): (f64, f64),
+        step: &[f64],
+    ) -> bool {
+        let way = size(self.system, step, lengths);
+        let mut before = way;
+        loop {
+            self.system.position_constraints(state.t, &state.q, phi);
+            for (row, (x, first)) in phi.iter_mut().zip(first.iter()).enumerate() {
+                *x -= left * first;
+                if self.system.structure().row_measure[row] == Measure::Angle {
+                    *x -= TAU * (*x / TAU).round();
+                }
+            }
+            let step = self.least_change(&state.q, unknowns, g, phi, (lengths, RANK));
+            let Some(step) = step else { return false };
+            let length = size(self.system, &step, lengths);
+            // No comparison holds for what is not a number.
+            if !matches!(length.partial_cmp(&(CONTRACTION * before)), Some(Less | Equal)) {
+                return false;
+            }
+            self.subtract(state, unknowns, &step);
+            if length <= NEAR_PATH * way {
+                return true;
+            }
+            before = length;
+        }
+    }
+
+    /// The shortest step at a configuration that would take a residual away, lengths measured as for [`least_change`].
+    fn least_change(
+        &self,
+        q: &[f64],
+        unknowns: &Unknowns,
+        g: &mut BlockMatrix,
+        residual: &[f64],
+        measures: (f64, f64),
+    ) -> Option<Vec<f64>> {
+        self.system.constraint_jacobian(q, g);
+        least_change(self.system, g, residual, unknowns, q, measures)
+    }
+
+    fn subtract(&self, state: &mut State, unknowns: &Unknowns, step: &[f64]) {
+        for (q, x) in state.q.iter_mut().zip(step) {
+            *q -= x;
+        }
+        self.restore_origins(state, unknowns);
     }
 
     /// Gives free Euler parameters unit length.
@@ -445,7 +631,8 @@ impl Solver<'_> {
             if unknowns.free.is_empty() || residual.iter().all(|x| x.abs() < 1e-14) {
                 break;
             }
-            let Some(step) = least_change(self.system, g, &residual, unknowns, &state.q, 1.0)
+            let Some(step) =
+                least_change(self.system, g, &residual, unknowns, &state.q, (1.0, RANK))
             else {
                 break;
             };
@@ -472,17 +659,18 @@ impl Solver<'_> {
 }
 
 /// Minimum-norm x over the free unknowns with G x = r, lengths measured in so many characteristic
-/// lengths; coupled translations follow their orientations.
+/// lengths and up to a relative rank tolerance; coupled translations follow their orientations.
 fn least_change(
     system: &dyn System,
     g: &BlockMatrix,
     r: &[f64],
     unknowns: &Unknowns,
     q: &[f64],
-    lengths: f64,
+    (lengths, rank): (f64, f64),
 ) -> Option<Vec<f64>> {
     let sizes = system.structure().sizes;
     let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
+    checkpoint(m * k);
     let (per_body, d) = (sizes.per_body, sizes.translations);
     let couplings: Vec<(usize, Vec<f64>)> =
         unknowns.coupled.iter().map(|&b| (b, coupling(system, b, q))).collect();
@@ -490,11 +678,8 @@ fn least_change(
     for (at, &i) in unknowns.free.iter().enumerate() {
         column[i] = Some(at);
     }
-    let weight = |i: usize| match system.structure().coordinate_measure(i) {
-        Measure::Length => lengths / scale(system, i),
-        Measure::Angle => 1.0 / scale(system, i),
-    };
-    let weights: Vec<f64> = unknowns.free.iter().map(|&i| weight(i)).collect();
+    let weights: Vec<f64> =
+        unknowns.free.iter().map(|&i| 1.0 / weight(system, i, lengths)).collect();
     let mut coupled = vec![None; sizes.bodies];
     for (b, w) in &couplings {
         coupled[*b] = Some(w);
@@ -519,7 +704,7 @@ fn least_change(
         for (row, at, x) in entries {
             a[row * k + at] += x;
         }
-        least_norm(m, k, &a, r, RANK).ok()?.x
+        least_norm(m, k, &a, r, rank).ok()?.x
     } else {
         sparse_least_norm(m, k, &entries, r).ok()?
     };
@@ -571,4 +756,42 @@ pub(super) fn scale(system: &dyn System, coordinate: usize) -> f64 {
         Measure::Length => 1.0 / system.characteristic_length(),
         Measure::Angle => 1.0,
     }
+}
+
+fn norm(x: &[f64]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// What makes changes of a coordinate comparable, lengths measured in so many characteristic ones.
+fn weight(system: &dyn System, coordinate: usize, lengths: f64) -> f64 {
+    match system.structure().coordinate_measure(coordinate) {
+        Measure::Length => scale(system, coordinate) / lengths,
+        Measure::Angle => scale(system, coordinate),
+    }
+}
+
+/// Size of a step.
+fn size(system: &dyn System, step: &[f64], lengths: f64) -> f64 {
+    let entries = step.iter().enumerate().map(|(i, x)| (weight(system, i, lengths) * x).powi(2));
+    entries.sum::<f64>().sqrt()
+}
+
+/// A step shortened until it slides and turns no body by more than [`FURTHEST`].
+fn limited(system: &dyn System, mut step: Vec<f64>, lengths: f64) -> Vec<f64> {
+    let [slid, turned] = largest(system, &step, lengths);
+    let longest = slid.max(turned);
+    if longest > FURTHEST {
+        step.iter_mut().for_each(|x| *x *= FURTHEST / longest);
+    }
+    step
+}
+
+/// How far a step slides and turns the body that it slides and turns most, lengths measured in so many characteristic ones:
+/// sizes of vectors, which a common rotation of the model does not change.
+fn largest(system: &dyn System, step: &[f64], lengths: f64) -> [f64; 2] {
+    let sizes = system.structure().sizes;
+    step.chunks_exact(sizes.per_body).fold([0.0, 0.0], |[slid, turned]: [f64; 2], x| {
+        let (r, p) = x.split_at(sizes.translations);
+        [slid.max(scale(system, 0) / lengths * norm(r)), turned.max(norm(p))]
+    })
 }

@@ -8,7 +8,6 @@ mod chart;
 mod chosen;
 mod closing;
 mod joint;
-mod long_steps;
 mod loops;
 mod manifold;
 mod null_space;

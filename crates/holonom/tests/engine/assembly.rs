@@ -530,3 +530,54 @@ fn rods_are_met_from_far_and_near() {
         assert!(q[1] * y > 0.0, "{q:?} from {place:?}");
     }
 }
+
+#[test] // truth: the links of a chain, placed one after the other by the angles of their drivers
+fn a_chain_with_every_joint_driven_is_met_at_any_angles() {
+    // Multiples of the golden section: as good as random, and the same everywhere.
+    let angle =
+        |k: usize, most: f64| most * (2.0 * (0.618_033_988_749_894_9 * k as f64).fract() - 1.0);
+    for of_joints in [true, false] {
+        for (links, most) in [(3_usize, 3.0), (6, 1.5), (6, 10.0), (12, 3.0), (60, 0.03)] {
+            let mut text = String::from(
+                "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, 0.0]\n[bodies]\n",
+            );
+            for k in 0..links {
+                let x = k as f64;
+                text += &format!(
+                    "b{k} = {{ mass = 1.0, inertia = 0.1, position = [{:?}, 0.0] }}\n",
+                    x + 0.5
+                );
+            }
+            text += "[joints]\n";
+            for k in 0..links {
+                let before = k.checked_sub(1).map_or("ground".to_owned(), |k| format!("b{k}"));
+                text += &format!(
+                    "j{k} = {{ type = \"revolute\", between = [\"{before}\", \"b{k}\"], point = [{:?}, 0.0] }}\n",
+                    k as f64
+                );
+            }
+            text += "[drivers]\n";
+            for k in 0..links {
+                let driven =
+                    if of_joints { format!("joint = \"j{k}\"") } else { format!("on = \"b{k}\"") };
+                let motion = angle(k + 1, most);
+                text += &format!(
+                    "d{k} = {{ {driven}, coordinate = \"rotation\", motion = {motion:?} }}\n"
+                );
+            }
+            let what = format!("{links} links, {most} rad, of joints: {of_joints}");
+            let problem = Problem::new(model_of(&text));
+            let assembled = problem.assemble().unwrap_or_else(|e| panic!("{what}: {e}"));
+            let (mut heading, mut end) = (0.0, [0.0, 0.0]);
+            for (k, q) in assembled.state.q.chunks_exact(3).enumerate() {
+                let own = angle(k + 1, most);
+                heading = if of_joints { heading + own } else { own };
+                let arm = turned(heading, [0.5, 0.0]);
+                let place = [end[0] + arm[0], end[1] + arm[1]];
+                assert_near([q[0], q[1], 0.0], [place[0], place[1], 0.0], 1e-10, &what);
+                assert!((q[2] - heading).abs() < 1e-9, "{what}: {} for {heading} rad", q[2]);
+                end = [place[0] + arm[0], place[1] + arm[1]];
+            }
+        }
+    }
+}
