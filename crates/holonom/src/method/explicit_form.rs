@@ -1,4 +1,5 @@
-//! The equations for explicit formulas: w = (v, v̇, z, dissipated energy, supplied work).
+//! The equations for explicit formulas: w = (v, v̇, z, dissipated energy, supplied work), the last two at rest where drivers
+//! move.
 
 use super::first_order::new_matrix;
 use super::ode::{EvaluationFailure, LinearizedOde, Ode, require_finite};
@@ -35,8 +36,7 @@ impl ExplicitForm {
     pub fn new(manifold: Manifold, weights: Weights, state: &State) -> Self {
         let dimension = 2 * manifold.chart().ndof() + state.z.len() + POWERS;
         let system = manifold.system();
-        let has_knots = || system.law_arguments().iter().any(|law| !law.knots.is_empty());
-        let powers_apart = system.has_moving_drivers() && has_knots();
+        let powers_apart = system.has_moving_drivers();
         Self {
             weights,
             dq: vec![0.0; state.q.len()],
@@ -114,8 +114,8 @@ impl ExplicitForm {
         }
     }
 
-    /// Whether the powers in w are the ledger: not where drivers may move something past a knot of a force law. No error of the
-    /// motion tells that power, and a formula of high order through those of the steps before makes anything of a sudden one.
+    /// Whether the powers in w are the ledger: not where a driver is to move. No error of the motion tells that power, and a
+    /// formula of high order through those of the steps before makes anything of a sudden one.
     pub fn integrates_powers(&self) -> bool {
         !self.rates.is_empty() && !self.powers_apart
     }
@@ -137,7 +137,7 @@ impl ExplicitForm {
         self.point.evaluate(t, positions, rates, z, full)?;
         self.point.state.ledger.dissipated = powers[0];
         self.point.state.ledger.supplied = powers[1];
-        if full && self.point.manifold.system().drivers_move(t) {
+        if full && !self.powers_apart && self.point.manifold.system().drivers_move(t) {
             self.point.complete(); // the power of drivers
         }
         Ok(&self.point.state)
@@ -165,9 +165,11 @@ impl Ode for ExplicitForm {
         manifold.independent_acceleration_anew(state, &mut g[ndof..2 * ndof]);
         let end = 2 * ndof + z_rate.len();
         g[2 * ndof..end].copy_from_slice(z_rate);
-        let energy = manifold.system().energy(state);
-        g[end] = energy.dissipated;
-        g[end + 1] = energy.supplied;
+        g[end..].fill(0.0);
+        if !self.powers_apart {
+            let energy = manifold.system().energy(state);
+            g[end..].copy_from_slice(&[energy.dissipated, energy.supplied]);
+        }
         self.at_time = t;
         w.clone_into(&mut self.at);
         g.clone_into(&mut self.slope);

@@ -15,7 +15,9 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// Numbers of [`StepPowers`].
-pub(super) const STEP_POWERS: usize = 6;
+pub(super) const STEP_POWERS: usize = 10;
+/// Those of results stored before drivers had powers at quarters: at start, middle and end of a step.
+const STEP_POWERS_BEFORE: usize = 6;
 /// Numbers of the ledger.
 const LEDGER: usize = 3;
 /// Numbers of a normal.
@@ -96,7 +98,7 @@ pub struct Segments {
     pub normals: Vec<f64>,
     /// Rows of the energy ledger there: initial, dissipated, supplied, J.
     pub ledger: Vec<f64>,
-    /// Rows of powers, W: dissipated and supplied at start, middle and end; empty where w has their integrals.
+    /// Rows of powers, W: dissipated and supplied at θ = 0, ¼, ½, ¾, 1; empty where w has their integrals.
     pub powers: Vec<f64>,
     /// Per step, the coefficients c₀, c₁, … of w(θ).
     pub w: Vec<f64>,
@@ -250,12 +252,15 @@ impl DenseOutput {
     ///
     /// # Errors
     /// `simulation/dense-output` where they are not steps of this model.
-    pub fn new(problem: &Problem, segments: Segments) -> Result<Self, EvaluationFailure> {
+    pub fn new(problem: &Problem, mut segments: Segments) -> Result<Self, EvaluationFailure> {
         let problem = match segments.charts.first() {
             Some(chart) => problem.along(&chart.forest),
             None => Some(problem.clone()),
         };
         let system = problem.ok_or_else(|| foreign(FOREIGN.to_owned()))?.system().clone();
+        if segments.powers.len() == STEP_POWERS_BEFORE * segments.len() {
+            segments.powers = of_five_moments(&segments.powers);
+        }
         check(system.as_ref(), &segments)?;
         let carried: Vec<_> = segments.charts.iter().map(|c| c.carried(system.as_ref())).collect();
         let mut first = Vec::with_capacity(segments.len());
@@ -357,6 +362,16 @@ fn foreign(message: String) -> EvaluationFailure {
 }
 
 /// Whether steps and charts have the sizes of the system.
+/// Powers of steps that were stored with those at start, middle and end alone.
+fn of_five_moments(powers: &[f64]) -> Vec<f64> {
+    let steps = powers.chunks_exact(STEP_POWERS_BEFORE);
+    let through = |at: &[f64]| {
+        let [start, middle, end] = [0, 2, 4].map(|k| [at[k], at[k + 1]]);
+        StepPowers::through(start, &[middle], end).at
+    };
+    steps.flat_map(|at| through(at).as_flattened().to_vec()).collect()
+}
+
 fn check(system: &dyn System, segments: &Segments) -> Result<(), EvaluationFailure> {
     let sizes = system.structure().sizes;
     let count = segments.len();
@@ -382,4 +397,27 @@ fn check(system: &dyn System, segments: &Segments) -> Result<(), EvaluationFailu
         return Ok(());
     }
     Err(foreign(FOREIGN.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test] // independent truth: the integral of the parabola that older results were evaluated by, in closed form
+    fn powers_of_older_results_are_those_of_their_parabola() {
+        let dissipated = |s: f64| 3.0 - s + 4.0 * s * s;
+        let stored = |from: f64| {
+            [0.0, 0.5, 1.0].map(|theta| [dissipated(from + theta), -2.0]).as_flattened().to_vec()
+        };
+        let powers = of_five_moments(&[stored(0.0), stored(1.0)].concat());
+        assert_eq!(powers.len(), 2 * STEP_POWERS);
+        for (row, from) in powers.chunks_exact(STEP_POWERS).zip([0.0, 1.0]) {
+            let mut step = StepPowers::default();
+            step.at.as_flattened_mut().copy_from_slice(row);
+            let ledger = step.advance(&Ledger::default(), 1.0, 0.3);
+            let integral = |s: f64| 3.0 * s - s * s / 2.0 + 4.0 * s.powi(3) / 3.0;
+            assert!((ledger.dissipated - (integral(from + 0.3) - integral(from))).abs() < 1e-14);
+            assert!((ledger.supplied + 0.6).abs() < 1e-15);
+        }
+    }
 }

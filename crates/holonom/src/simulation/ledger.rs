@@ -3,11 +3,14 @@
 use crate::system::{EnergyBalance, Ledger};
 use serde::{Deserialize, Serialize};
 
-/// Powers at start, middle and end of a step and their integral by Simpson's rule.
+/// Moments θ inside a step at which powers are taken where drivers move; elsewhere only in the middle.
+pub(super) const QUARTERS: [f64; 3] = [0.25, 0.5, 0.75];
+
+/// Powers along a step, and their integral.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct StepPowers {
-    /// (dissipated, supplied) at θ = 0, ½, 1, W.
-    pub(super) at: [[f64; 2]; 3],
+    /// (dissipated, supplied) at θ = 0, ¼, ½, ¾, 1, W.
+    pub(super) at: [[f64; 2]; 5],
 }
 
 pub(super) fn powers(energy: &EnergyBalance) -> [f64; 2] {
@@ -15,13 +18,49 @@ pub(super) fn powers(energy: &EnergyBalance) -> [f64; 2] {
 }
 
 impl StepPowers {
-    /// ∫ from 0 to θ of the parabola through the three values, times the step h: exact for cubics
-    /// at θ = 1.
+    /// Powers from one end of a step to the other, through those `inside`: at all [`QUARTERS`], in the middle, or none. What
+    /// is not known is that of a parabola or a line.
+    pub(super) fn through(start: [f64; 2], inside: &[[f64; 2]], end: [f64; 2]) -> Self {
+        let among = |theta: f64, middle: [f64; 2]| -> [f64; 2] {
+            std::array::from_fn(|k| {
+                let [a, m, b] = [start[k], middle[k], end[k]];
+                let (slope, curve) = (-3.0 * a + 4.0 * m - b, 2.0 * a - 4.0 * m + 2.0 * b);
+                a + theta * (slope + theta * curve)
+            })
+        };
+        let [q, m, r] = match *inside {
+            [q, m, r] => [q, m, r],
+            [m, ..] => [among(0.25, m), m, among(0.75, m)],
+            [] => {
+                let m = std::array::from_fn(|k| 0.5 * (start[k] + end[k]));
+                [among(0.25, m), m, among(0.75, m)]
+            }
+        };
+        Self { at: [start, q, m, r, end] }
+    }
+
+    /// ∫ from 0 to θ of the quartic through the five values, times the step h: at θ = 1 Boole's rule, exact for degree
+    /// five.
     pub(super) fn advance(&self, ledger: &Ledger, h: f64, theta: f64) -> Ledger {
+        // ∫ of Newton's polynomials s (s − 1) … (s − k + 1)/k! from 0 to s = 4θ, divided by s.
+        let s = 4.0 * theta;
+        let weights = [
+            1.0,
+            s / 2.0,
+            s * (s / 6.0 - 1.0 / 4.0),
+            s * (s * (s / 24.0 - 1.0 / 6.0) + 1.0 / 6.0),
+            s * (s * (s * (s / 120.0 - 1.0 / 16.0) + 11.0 / 72.0) - 1.0 / 8.0),
+        ];
         let integral = |k: usize| {
-            let [a, m, b] = [self.at[0][k], self.at[1][k], self.at[2][k]];
-            let (slope, curve) = (-3.0 * a + 4.0 * m - b, 2.0 * a - 4.0 * m + 2.0 * b);
-            h * theta * (a + theta * (slope / 2.0 + theta * curve / 3.0))
+            let mut differences = self.at.map(|powers| powers[k]);
+            let mut sum = 0.0;
+            for (order, weight) in weights.into_iter().enumerate() {
+                sum += weight * differences[0];
+                for i in 0..4 - order {
+                    differences[i] = differences[i + 1] - differences[i];
+                }
+            }
+            h * theta * sum
         };
         Ledger {
             initial: ledger.initial,
@@ -31,8 +70,8 @@ impl StepPowers {
     }
 }
 
-/// The energy ledger of steps whose powers no error tells, without unknowns or where drivers move something past a knot: by
-/// Boole's rule, with Simpson's to compare it with.
+/// How well the energy ledger follows powers that no error tells, without unknowns or where drivers move something past a
+/// knot: by what Simpson's rule differs from Boole's.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct Quadrature {
     /// The largest powers so far, W.
@@ -40,28 +79,20 @@ pub(super) struct Quadrature {
 }
 
 impl Quadrature {
-    /// Powers that have, as the middle ones of [`StepPowers`], the integrals of Boole's rule through these at θ = 0, ¼, ½,
-    /// ¾, 1 of a step h, and how many times the tolerance Simpson's rule misses; powers below `negligible`, W, are none.
-    pub(super) fn middle(
-        &mut self,
-        at: &[[f64; 2]; 5],
-        h: f64,
-        negligible: f64,
-        tolerance: f64,
-    ) -> ([f64; 2], f64) {
+    /// How many times the tolerance Simpson's rule misses in a step; powers below `negligible`, W, are none.
+    pub(super) fn missed(&mut self, step: &StepPowers, negligible: f64, tolerance: f64) -> f64 {
         let mut missed = 0.0f64;
-        let middle = std::array::from_fn(|k| {
-            let [a, q, m, r, b] = at.map(|powers| powers[k]);
-            let middle = (8.0 * (q + r) + 3.0 * m - 2.0 * (a + b)) / 15.0;
-            let largest = at.iter().fold(self.largest[k], |most, powers| most.max(powers[k].abs()));
+        for k in 0..2 {
+            let [a, q, m, r, b] = step.at.map(|powers| powers[k]);
+            let differs = 4.0 / 45.0 * (a - 4.0 * q + 6.0 * m - 4.0 * r + b);
+            let largest =
+                step.at.iter().fold(self.largest[k], |most, powers| most.max(powers[k].abs()));
             self.largest[k] = largest;
             if largest > 0.0 {
-                let allowed = h * (tolerance * largest).max(negligible);
-                missed = missed.max(2.0 / 3.0 * h * (middle - m).abs() / allowed);
+                missed = missed.max(differs.abs() / (tolerance * largest).max(negligible));
             }
-            middle
-        });
-        (middle, missed)
+        }
+        missed
     }
 }
 
@@ -74,8 +105,7 @@ mod tests {
         let p =
             |s: f64| -> f64 { 1.0 - 3.0 * s + 2.0 * s.powi(3) + 5.0 * s.powi(4) - 4.0 * s.powi(5) };
         let at = [0.0, 0.25, 0.5, 0.75, 1.0].map(|s| [p(s), 0.0]);
-        let (middle, missed) = Quadrature::default().middle(&at, 0.2, 0.0, 1e-3);
-        let step = StepPowers { at: [at[0], middle, at[4]] };
+        let step = StepPowers::through(at[0], &at[1..4], at[4]);
         let integral = step.advance(&Ledger::default(), 0.2, 1.0);
         let truth = 0.2 * (1.0 - 1.5 + 0.5 + 1.0 - 2.0 / 3.0);
         assert!((integral.dissipated - truth).abs() < 1e-15);
@@ -83,16 +113,36 @@ mod tests {
         // Simpson's rule misses h f⁗/2880, here with the mean of f⁗.
         let simpson: f64 = 0.2 * (5.0 * 24.0 - 4.0 * 120.0 * 0.5) / 2880.0;
         let largest = at.iter().fold(0.0f64, |most, p| most.max(p[0].abs()));
+        let missed = Quadrature::default().missed(&step, 0.0, 1e-3);
         assert!((missed / (simpson.abs() / (0.2 * largest * 1e-3)) - 1.0).abs() < 1e-9);
     }
 
-    #[test] // independent truth: the integral of 1 + 2s − 6s² in closed form
-    fn a_parabola_is_integrated_exactly() {
-        let p = |s: f64| 1.0 + 2.0 * s - 6.0 * s * s;
-        let step = StepPowers { at: [[p(0.0), 0.0], [p(0.5), 0.0], [p(1.0), 0.0]] };
+    #[test] // independent truth: the integral of 1 + 2s − 6s² + s³ − 3s⁴ in closed form
+    fn a_quartic_is_integrated_exactly_to_any_part_of_the_step() {
+        let p = |s: f64| 1.0 + s * (2.0 + s * (-6.0 + s * (1.0 - 3.0 * s)));
+        let [a, q, m, r, b] = [0.0, 0.25, 0.5, 0.75, 1.0].map(|s| [p(s), 2.0 * p(s)]);
+        let step = StepPowers::through(a, &[q, m, r], b);
+        for theta in [0.0, 0.1, 0.3, 0.5, 0.9, 1.0f64] {
+            let terms = [1.0, 1.0, -2.0, 0.25, -0.6].into_iter().zip(1..);
+            let expected = 2.0 * terms.map(|(c, k)| c * theta.powi(k)).sum::<f64>();
+            let found = step.advance(&Ledger::default(), 2.0, theta);
+            assert!((found.dissipated - expected).abs() < 1e-14, "{theta}");
+            assert!((found.supplied - 2.0 * expected).abs() < 1e-14, "{theta}");
+        }
+    }
+
+    #[test] // independent truth: the integrals of 1 + 2s − 6s² and of 1 − 4s in closed form
+    fn a_parabola_is_integrated_exactly_by_its_middle_and_a_line_by_its_ends() {
+        let parabola = |s: f64| [1.0 + 2.0 * s - 6.0 * s * s, 0.0];
+        let line = |s: f64| [1.0 - 4.0 * s, 0.0];
+        let bent = StepPowers::through(parabola(0.0), &[parabola(0.5)], parabola(1.0));
+        let straight = StepPowers::through(line(0.0), &[], line(1.0));
         for theta in [0.3, 0.5, 1.0f64] {
             let expected = 2.0 * (theta + theta.powi(2) - 2.0 * theta.powi(3));
-            let found = step.advance(&Ledger::default(), 2.0, theta).dissipated;
+            let found = bent.advance(&Ledger::default(), 2.0, theta).dissipated;
+            assert!((found - expected).abs() < 1e-14);
+            let expected = 2.0 * (theta - 2.0 * theta.powi(2));
+            let found = straight.advance(&Ledger::default(), 2.0, theta).dissipated;
             assert!((found - expected).abs() < 1e-14);
         }
     }

@@ -1,6 +1,6 @@
 //! States inside accepted steps, for output rows and the energy ledger.
 
-use super::ledger::{StepPowers, powers as powers_of};
+use super::ledger::StepPowers;
 use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, Point};
 use crate::system::{Ledger, State};
@@ -108,27 +108,14 @@ impl Recorder {
         time: f64,
         row: &mut State,
     ) -> Result<(), EvaluationFailure> {
-        let Inside { t, step, ledger, mut powers, .. } = *inside;
+        let Inside { t, step, ledger, powers, .. } = *inside;
         let theta = ((time - t) / step).clamp(0.0, 1.0);
-        // What drivers do in a part of the step the parabola does not tell: it is found as that in the whole step is.
-        let system = self.point.manifold.system().clone();
-        let mut driven = !self.integrates_powers && system.has_moving_drivers();
-        if driven {
-            let middle = self.state(inside.interpolate, t, step, 0.5 * theta, true);
-            driven = middle.is_ok();
-            if let Ok(middle) = middle {
-                powers.at[1] = powers_of(&system.energy(middle));
-            }
-        }
         row.copy_from(self.state(inside.interpolate, t, step, theta, true)?);
         row.t = time;
         self.point.manifold.minimum_norm_multipliers(&mut row.lambda);
-        system.update_windings(time, &row.q, &mut row.winding);
+        self.point.manifold.system().update_windings(time, &row.q, &mut row.winding);
         row.ledger.initial = ledger.initial;
-        if driven {
-            powers.at[2] = powers_of(&system.energy(row));
-            row.ledger = powers.advance(&ledger, theta * step, 1.0);
-        } else if !self.integrates_powers {
+        if !self.integrates_powers {
             row.ledger = powers.advance(&ledger, step, theta);
         }
         Ok(())

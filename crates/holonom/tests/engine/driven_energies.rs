@@ -79,6 +79,46 @@ fn what_a_driver_works_and_a_damper_takes_is_known_at_any_frequency() {
     }
 }
 
+#[test] // truth: ½ m (Aω)² (cos² ωt − 1) is what a mass has taken that moves as A sin ωt, where it stands still as well
+fn what_a_mass_takes_and_gives_back_is_known_at_any_time() {
+    const MASS: f64 = 10.0;
+    let rate = AMPLITUDE * FREQUENCY * std::f64::consts::TAU;
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+shaken = {{ mass = {MASS:?}, inertia = 1.0, position = [0.0, 0.0] }}
+pendulum = {{ mass = 100.0, inertia = 10.0, position = [3.0, -2.0] }}
+[joints]
+guide = {{ type = "translational", between = ["ground", "shaken"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+hinge = {{ type = "revolute", between = ["ground", "pendulum"], point = [3.0, 0.0] }}
+[drivers]
+shaker = {{ joint = "guide", coordinate = "translation", motion = {{ type = "harmonic", amplitude = {AMPLITUDE}, angular_frequency = "=2*pi*{FREQUENCY}" }} }}
+[initial.bodies]
+pendulum = {{ angular_velocity = 0.1 }}
+"#
+    ));
+    let most = 0.5 * MASS * rate * rate;
+    for code in all_codes() {
+        for tolerance in [1e-3, 1e-4] {
+            let channel = "energy.driver_work";
+            let options = Options {
+                channels: vec![channel.to_owned()],
+                output: OutputTimes::Interval(END / 997.0),
+                ..options(code, tolerance, END)
+            };
+            let run = run_model(&model, &options);
+            for (t, work) in run.times().iter().zip(run.series(channel, 0)) {
+                let truth = most * ((FREQUENCY * std::f64::consts::TAU * t).cos().powi(2) - 1.0);
+                let error = (work - truth).abs() / (tolerance * most);
+                assert!(error < 15.0, "{code:?}, {tolerance:e}, {t} s: {error:.1} tolerances");
+            }
+        }
+    }
+}
+
 /// Crank, rod and a slider on a damper.
 const CRANK: f64 = 0.48;
 const ROD: f64 = 0.5;

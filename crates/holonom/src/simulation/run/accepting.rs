@@ -4,7 +4,7 @@ use super::{Run, failed};
 use crate::error::EvaluationFailure;
 use crate::reduction::assembly::PROJECTED;
 use crate::simulation::diagnosis::Stop;
-use crate::simulation::ledger::powers;
+use crate::simulation::ledger::{QUARTERS, StepPowers, powers};
 use crate::simulation::passage::Place;
 use crate::simulation::recorder::Inside;
 use crate::simulation::reparametrization::no_longer_redundant;
@@ -17,6 +17,8 @@ use std::time::Instant;
 const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
 /// A velocity residual may reach this times max(1, ‖q̇‖∞).
 const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
+/// The place of the middle among [`QUARTERS`].
+const MIDDLE: usize = 1;
 /// The shortest step that powers make, as a part of the longest that such a run takes.
 const SHORTEST_OF_USUAL: f64 = 1e-3;
 
@@ -34,21 +36,25 @@ impl Run<'_> {
             return Err(failure);
         }
         self.check_residuals().inspect_err(|_| self.stepper.discard())?;
-        self.find_middle(t, step, t_end);
+        self.look_inside(t, step, t_end);
         Ok(())
     }
 
-    /// Powers in the middle of the accepted step, where the ledger needs them, and arguments of force laws.
-    fn find_middle(&mut self, t: f64, step: f64, t_end: f64) {
-        self.middle = None;
+    /// Looks into the accepted step: powers, where the ledger needs them, and in its middle arguments of force laws.
+    fn look_inside(&mut self, t: f64, step: f64, t_end: f64) {
+        self.inside.clear();
         self.halfway.clear();
         let powered = !self.form.integrates_powers();
         let looks = self.may_pass_over(t, step, t_end);
         if !powered && !looks {
             return;
         }
+        let system = &self.system;
+        let times = QUARTERS.map(|theta| t + theta * step);
         // Driver power needs multipliers; without drivers the recovery is enough.
-        let full = powered && self.system.drivers_move(t + 0.5 * step);
+        let driven = powered && times.iter().any(|&t| system.drivers_move(t));
+        let no_error = self.form.point().manifold.chart().ndof() == 0 || self.stepper.explicit();
+        let quarters = driven || powered && no_error;
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         let recorder = match &mut self.inspector {
@@ -58,41 +64,52 @@ impl Run<'_> {
             }
             _ => &mut self.recorder,
         };
-        // The middle of an accepted step failing is rare; the trapezoid serves.
-        if let Ok(middle) = recorder.state(interpolate, t, step, 0.5, full) {
-            let system = self.system.as_ref();
-            self.middle = powered.then(|| powers(&system.energy(middle)));
-            let arguments = system.law_arguments().iter().filter(|_| looks);
-            self.halfway.extend(arguments.map(|a| Place::of(system, a, t + 0.5 * step, middle)));
+        let mut found = [None; QUARTERS.len()];
+        for (k, time) in times.into_iter().enumerate() {
+            let in_middle = k == MIDDLE;
+            if !quarters && !in_middle {
+                continue;
+            }
+            // One that is not found is a rare thing: the middle serves, or a line.
+            let theta = QUARTERS[k];
+            let Ok(state) = recorder.state(interpolate, t, step, theta, driven) else { continue };
+            found[k] = powered.then(|| powers(&system.energy(state)));
+            if looks && in_middle {
+                let places = system.law_arguments().iter();
+                self.halfway.extend(places.map(|a| Place::of(system.as_ref(), a, time, state)));
+            }
+        }
+        match found {
+            [Some(before), Some(middle), Some(after)] => {
+                self.inside.extend([before, middle, after]);
+            }
+            [_, middle, _] => self.inside.extend(middle),
         }
         self.recorder.begin_again(&self.state);
     }
 
-    /// Powers along the accepted step of a run of `span` seconds, and how many tolerances of its
-    /// energies a step of this length misses. Nothing where one cannot look into it.
-    pub(super) fn follow_powers(&mut self, t: f64, step: f64, span: f64) -> f64 {
+    /// How many tolerances of its energies the accepted step of a run of `span` seconds misses. Nothing where one cannot look
+    /// into it.
+    pub(super) fn missed_powers(&mut self, t: f64, step: f64, span: f64) -> f64 {
         // Where a power jumps, nothing else ends the refinement.
-        if step < SHORTEST_OF_USUAL * span / step_length::KINEMATIC_STEPS {
+        let shortest = SHORTEST_OF_USUAL * span / step_length::KINEMATIC_STEPS;
+        if step < shortest || self.inside.len() < QUARTERS.len() {
             return 0.0;
         }
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
-        let mut at = [self.powers.at[2]; 5];
-        for (theta, at) in [0.25, 0.5, 0.75, 1.0].into_iter().zip(&mut at[1..]) {
-            let Ok(state) = self.recorder.state(interpolate, t, step, theta, true) else {
-                return 0.0;
-            };
-            *at = powers(&self.system.energy(state));
-        }
+        let end = self.recorder.state(interpolate, t, step, 1.0, true);
+        let end = end.map(|state| powers(&self.system.energy(state)));
+        self.recorder.begin_again(&self.state);
+        let Ok(end) = end else { return 0.0 };
+        let along = StepPowers::through(self.powers.at[4], &self.inside, end);
         // Powers are those of joints that are met to so much.
         let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
         // What turns steadily has powers of round-off only, and what is heavy large ones.
         let negligible =
             self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
         let rate = (tolerance * self.energy_scale.moved()).max(negligible) / span;
-        let (middle, missed) = self.quadrature.middle(&at, step, rate, tolerance);
-        self.middle = Some(middle);
-        missed
+        self.quadrature.missed(&along, rate, tolerance)
     }
 
     /// Residuals of the state just evaluated, whose Jacobian is at hand.
@@ -144,14 +161,10 @@ impl Run<'_> {
         if let Some(longest) = self.carried.as_mut().and_then(|carried| carried.longest.as_mut()) {
             longest.take(self.options.end_time - self.started, &self.row, &self.state);
         }
-        self.powers.at[0] = self.powers.at[2];
         let energy = self.system.energy(&self.state);
-        self.powers.at[2] = powers(&energy);
+        self.powers = StepPowers::through(self.powers.at[4], &self.inside, powers(&energy));
         let ledger = self.row.ledger;
         if !self.form.integrates_powers() {
-            let [start, _, end] = self.powers.at;
-            let trapezoid = || std::array::from_fn(|k| 0.5 * (start[k] + end[k]));
-            self.powers.at[1] = self.middle.unwrap_or_else(trapezoid);
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);
         }
         self.state.ledger.initial = ledger.initial;

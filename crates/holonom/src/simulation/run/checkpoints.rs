@@ -105,7 +105,7 @@ impl Run<'_> {
         self.w.copy_from_slice(&checkpoint.w);
         self.work_before = checkpoint.work;
         self.begin_beside();
-        self.powers.at[2] = powers(&self.system.energy(&self.state));
+        self.powers.at[4] = powers(&self.system.energy(&self.state));
         self.stall = Stall::default();
         let chart = self.form.point().manifold.chart().parametrization();
         self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);

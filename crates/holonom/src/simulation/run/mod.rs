@@ -243,8 +243,8 @@ struct Run<'a> {
     passes_knot: bool,
     /// Something that it passes over is small only because the matrix of the step damps it.
     is_damped: bool,
-    /// Powers in the middle of the step just accepted, if they are known.
-    middle: Option<[f64; 2]>,
+    /// Powers inside the step just accepted, as far as they are known: as [`StepPowers::through`] takes them.
+    inside: Vec<[f64; 2]>,
     quadrature: Quadrature,
     stall: Stall,
     output: Output,
@@ -342,7 +342,7 @@ impl Run<'_> {
             // Nothing else tells of a bump under a wheel that is driven over it.
             let follows = kinematic || self.passes_knot && self.system.drivers_move(t);
             if report.accepted && rejection.is_none() && follows && !fixed {
-                let missed = self.follow_powers(t, step, span);
+                let missed = self.missed_powers(t, step, span);
                 growth = (SAFE_PART * missed.powf(-0.25)).max(SHORTEST_PART);
                 if missed > 1.0 {
                     self.stepper.discard();

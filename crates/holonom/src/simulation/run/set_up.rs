@@ -15,7 +15,7 @@ use crate::simulation::clock::{Elapsed, Stopwatch};
 use crate::simulation::dense::{STEP_POWERS, Segments};
 use crate::simulation::drift::Drift;
 use crate::simulation::energy_scale::EnergyScale;
-use crate::simulation::ledger::{Quadrature, StepPowers, powers};
+use crate::simulation::ledger::{QUARTERS, Quadrature, StepPowers, powers};
 use crate::simulation::options::Options;
 use crate::simulation::output::Output;
 use crate::simulation::passage::Way;
@@ -172,11 +172,11 @@ pub(super) fn set_up<'a>(
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
         drift: Drift::new(system.structure().sizes.bodies),
         carried: follows.then(|| CarriedError::new(dimension, form.weights(), &state)),
-        powers: StepPowers { at: [[0.0; 2], [0.0; 2], powers(&energy)] },
+        powers: StepPowers::through([0.0; 2], &[], powers(&energy)),
         complete: true,
         passes_knot: false,
         is_damped: false,
-        middle: None,
+        inside: Vec::with_capacity(QUARTERS.len()),
         quadrature: Quadrature::default(),
         stall: Stall::default(),
         output,
