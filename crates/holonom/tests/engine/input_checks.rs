@@ -326,3 +326,22 @@ angular_velocity = [0.0, 0.0, 1.0]
         }
     }
 }
+
+#[test] // truth: zero is a number, of which a sweep may have one
+fn elements_that_are_stated_to_be_zero_are_taken() {
+    let text = |force: &str| {
+        format!(
+            "holonom = 1\ndimension = \"spatial\"\n[bodies.block]\nmass = 1.0\ninertia = [[1.0, 0.0, 0.0], [0.0, \
+             1.0, 0.0], [0.0, 0.0, 1.0]]\nposition = [1.0, 0.0, 0.0]\n[forces.element]\nbetween = [\"ground\", \
+             \"block\"]\n{force}\n"
+        )
+    };
+    for force in [
+        "type = \"tsda\"\npoints = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]\ndamping = 0.0",
+        "type = \"rsda\"\naxis = [0.0, 0.0, 1.0]\ndamping = 0.0",
+        "type = \"bushing\"\npoint = [1.0, 0.0, 0.0]\ndamping = [0.0, 0.0, 0.0]",
+        "type = \"bushing\"\npoint = [1.0, 0.0, 0.0]\nstiffness = [0.0, 0.0, 0.0]",
+    ] {
+        assert_eq!(model_of(&text(force)).forces.len(), 1, "{force}");
+    }
+}

@@ -45,9 +45,9 @@ impl<'a> Context<'a> {
         }
     }
 
-    /// An element that does nothing is a mistake.
-    fn acts(&mut self, item: &str, elastic: bool, damping: f64) {
-        if !elastic && damping == 0.0 {
+    /// An element of which nothing is said is a mistake; one that is zero may be varied.
+    fn acts(&mut self, item: &str, stated: bool) {
+        if !stated {
             let message = format!("`{item}` has neither `stiffness`, nor a law, nor `damping`");
             let help = "give at least one of them, or switch the item off with `enabled = false`";
             self.refuse(Code::MissingField, format!("{item}.stiffness"), message, help);
@@ -59,7 +59,7 @@ impl<'a> Context<'a> {
         let points = self.two_points(item, bodies, f.points.as_ref(), f.points_in_body.as_ref());
         let law = self.law(item, f.stiffness, ("force", f.force.as_ref()));
         let elastic = f.stiffness.is_some() || f.force.is_some();
-        self.acts(item, elastic, f.damping);
+        self.acts(item, elastic || f.damping.is_some());
         if elastic && f.free_length.is_none() {
             let message = format!("`{item}` has no `free_length`; expected a number (m)");
             let help = "the length at which the elastic force is zero";
@@ -68,7 +68,7 @@ impl<'a> Context<'a> {
         Some(ForceKind::Tsda {
             frames: plain_frames(bodies, points?),
             law: law?,
-            damping: f.damping,
+            damping: f.damping.unwrap_or(0.0),
             free_length: f.free_length.unwrap_or(0.0),
         })
     }
@@ -76,7 +76,7 @@ impl<'a> Context<'a> {
     fn rsda(&mut self, item: &str, f: &'a schema::Rsda) -> Option<ForceKind> {
         let bodies = self.between(item, &f.between)?;
         let law = self.law(item, f.stiffness, ("torque", f.torque.as_ref()));
-        self.acts(item, f.stiffness.is_some() || f.torque.is_some(), f.damping);
+        self.acts(item, f.stiffness.is_some() || f.torque.is_some() || f.damping.is_some());
         let points = [[0.0; 3]; 2];
         let frames = if self.planar() {
             plain_frames(bodies, points)
@@ -84,7 +84,12 @@ impl<'a> Context<'a> {
             let axes = self.shared_axis(item, bodies, f.axis.as_ref(), f.axes_in_body.as_ref())?;
             self.frames_about(bodies, points, axes)
         };
-        Some(ForceKind::Rsda { frames, law: law?, damping: f.damping, free_angle: f.free_angle })
+        Some(ForceKind::Rsda {
+            frames,
+            law: law?,
+            damping: f.damping.unwrap_or(0.0),
+            free_angle: f.free_angle,
+        })
     }
 
     fn bushing(&mut self, item: &str, f: &'a schema::Bushing) -> Option<ForceKind> {
@@ -103,9 +108,10 @@ impl<'a> Context<'a> {
             ("rotational_damping", f.rotational_damping),
             ("damping_matrix", f.damping_matrix),
         );
-        if stiffness.iter().chain(&damping).flatten().all(|x| *x == 0.0) {
-            self.acts(item, false, 0.0);
-        }
+        let diagonals = [f.stiffness, f.rotational_stiffness, f.damping, f.rotational_damping];
+        let matrices = [f.stiffness_matrix, f.damping_matrix];
+        let stated = diagonals.iter().any(Option::is_some) || matrices.iter().any(Option::is_some);
+        self.acts(item, stated);
         let axes = axes?;
         Some(ForceKind::Bushing {
             frames: self.frames(bodies, points?, [axes; 2]),

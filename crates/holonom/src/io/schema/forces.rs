@@ -57,10 +57,9 @@ item! {
         /// Instead of `stiffness`: tension (N) over extension l − `free_length` (m).
         #[schemars(extend("x-unit" = "N over m"))]
         pub(crate) force: Option<Law>,
-        /// Damping, not negative.
-        #[serde(default)]
+        /// Damping, not negative. Default: none.
         #[schemars(extend("x-unit" = "N s/m"))]
-        pub(crate) damping: f64,
+        pub(crate) damping: Option<f64>,
         /// Length without elastic force, not negative; needed where there is a stiffness or a law.
         #[schemars(extend("x-unit" = "m"))]
         pub(crate) free_length: Option<f64>,
@@ -87,10 +86,9 @@ item! {
         /// Instead of `stiffness`: torque (N m) over θ − `free_angle` (rad).
         #[schemars(extend("x-unit" = "N m over rad"))]
         pub(crate) torque: Option<Law>,
-        /// Damping, not negative.
-        #[serde(default)]
+        /// Damping, not negative. Default: none.
         #[schemars(extend("x-unit" = "N m s/rad"))]
-        pub(crate) damping: f64,
+        pub(crate) damping: Option<f64>,
         /// Angle without elastic torque.
         #[serde(default)]
         #[schemars(extend("x-unit" = "rad"))]
