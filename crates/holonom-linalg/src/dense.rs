@@ -144,7 +144,7 @@ impl DenseLu {
     pub fn solve(&self, b: &mut [f64]) {
         let n = self.n;
         assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
-        if few_rows::solve(&self.factors, &self.inverses, &self.exchanges, b).is_some() {
+        if few_rows::solve(&self.factors, &self.inverses, &self.permutation, b).is_some() {
             return;
         }
         run_wide(Substitution { factors: &self.factors, inverses: &self.inverses, b: &mut *b });
@@ -163,7 +163,7 @@ impl DenseLu {
         }
         let n = self.n;
         assert_eq!(b.len(), n * k, "right-hand sides have as many rows as the matrix");
-        if few_rows::solve_many(&self.factors, &self.inverses, &self.exchanges, b).is_some() {
+        if few_rows::solve_many(&self.factors, &self.inverses, &self.permutation, b).is_some() {
             return;
         }
         if n <= SMALL && k > 0 {
@@ -202,7 +202,8 @@ impl DenseLu {
     pub fn solve_transposed(&self, b: &mut [f64]) {
         let n = self.n;
         assert_eq!(b.len(), n, "right-hand side of a matrix of {n} rows");
-        if few_rows::solve_transposed(&self.factors, &self.inverses, &self.exchanges, b).is_some() {
+        if few_rows::solve_transposed(&self.factors, &self.inverses, &self.permutation, b).is_some()
+        {
             return;
         }
         for p in 0..n {

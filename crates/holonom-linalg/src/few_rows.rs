@@ -33,34 +33,34 @@ pub(crate) fn eliminate(
     by_size!(permutation.len(), eliminate_of(a, permutation, exchanges, inverses))
 }
 
-/// Solves with Uᵀ and Lᵀ of such factors and exchanges back; `inverses` are those of the diagonal.
+/// Solves with Uᵀ and Lᵀ of such factors and puts entries where their pivots came from; `inverses` are those of the diagonal.
 pub(crate) fn solve(
     factors: &[f64],
     inverses: &[f64],
-    exchanges: &[usize],
+    permutation: &[usize],
     b: &mut [f64],
 ) -> Option<()> {
-    by_size!(b.len(), solve_of(factors, inverses, exchanges, b))
+    by_size!(b.len(), solve_of(factors, inverses, permutation, b))
 }
 
 /// The same for all columns of `b`, by rows.
 pub(crate) fn solve_many(
     factors: &[f64],
     inverses: &[f64],
-    exchanges: &[usize],
+    permutation: &[usize],
     b: &mut [f64],
 ) -> Option<()> {
-    by_size!(inverses.len(), solve_many_of(factors, inverses, exchanges, b))
+    by_size!(inverses.len(), solve_many_of(factors, inverses, permutation, b))
 }
 
-/// Exchanges and solves with L and U.
+/// Takes entries from where their pivots came from and solves with L and U.
 pub(crate) fn solve_transposed(
     factors: &[f64],
     inverses: &[f64],
-    exchanges: &[usize],
+    permutation: &[usize],
     b: &mut [f64],
 ) -> Option<()> {
-    by_size!(b.len(), solve_transposed_of(factors, inverses, exchanges, b))
+    by_size!(b.len(), solve_transposed_of(factors, inverses, permutation, b))
 }
 
 fn eliminate_of<const N: usize>(
@@ -113,11 +113,16 @@ fn eliminate_of<const N: usize>(
     Ok(())
 }
 
-fn solve_of<const N: usize>(factors: &[f64], inverses: &[f64], exchanges: &[usize], b: &mut [f64]) {
+fn solve_of<const N: usize>(
+    factors: &[f64],
+    inverses: &[f64],
+    permutation: &[usize],
+    b: &mut [f64],
+) {
     let (columns, _) = factors.as_chunks::<N>();
     let columns: &[[f64; N]; N] = columns.try_into().expect("a square matrix");
     let inverses: &[f64; N] = inverses.try_into().expect("as many pivots");
-    let exchanges: &[usize; N] = exchanges.try_into().expect("as many rows");
+    let permutation: &[usize; N] = permutation.try_into().expect("as many rows");
     let b: &mut [f64; N] = b.try_into().expect("as many right-hand sides");
     let mut x = *b;
     for i in 0..N {
@@ -131,24 +136,23 @@ fn solve_of<const N: usize>(factors: &[f64], inverses: &[f64], exchanges: &[usiz
             x[i] -= columns[i][j] * x[j];
         }
     }
-    for p in (0..N).rev() {
-        x.swap(p, exchanges[p]);
+    for (x, &at) in x.iter().zip(permutation) {
+        b[at] = *x;
     }
-    *b = x;
 }
 
 fn solve_many_of<const N: usize>(
     factors: &[f64],
     inverses: &[f64],
-    exchanges: &[usize],
+    permutation: &[usize],
     b: &mut [f64],
 ) {
     let k = b.len() / N;
     for from in (0..k & !1).step_by(2) {
-        solve_columns::<N, 2>(factors, inverses, exchanges, b, k, from);
+        solve_columns::<N, 2>(factors, inverses, permutation, b, k, from);
     }
     if k % 2 == 1 {
-        solve_columns::<N, 1>(factors, inverses, exchanges, b, k, k - 1);
+        solve_columns::<N, 1>(factors, inverses, permutation, b, k, k - 1);
     }
 }
 
@@ -157,7 +161,7 @@ fn solve_many_of<const N: usize>(
 fn solve_columns<const N: usize, const L: usize>(
     factors: &[f64],
     inverses: &[f64],
-    exchanges: &[usize],
+    permutation: &[usize],
     b: &mut [f64],
     k: usize,
     from: usize,
@@ -165,7 +169,7 @@ fn solve_columns<const N: usize, const L: usize>(
     let (columns, _) = factors.as_chunks::<N>();
     let columns: &[[f64; N]; N] = columns.try_into().expect("a square matrix");
     let inverses: &[f64; N] = inverses.try_into().expect("as many pivots");
-    let exchanges: &[usize; N] = exchanges.try_into().expect("as many rows");
+    let permutation: &[usize; N] = permutation.try_into().expect("as many rows");
     let mut x: [[f64; L]; N] = std::array::from_fn(|i| *lanes(b, k, i, from));
     for i in 0..N {
         for j in 0..i {
@@ -182,29 +186,23 @@ fn solve_columns<const N: usize, const L: usize>(
             }
         }
     }
-    for p in (0..N).rev() {
-        x.swap(p, exchanges[p]);
-    }
-    for (i, x) in x.iter().enumerate() {
-        *lanes_mut(b, k, i, from) = *x;
+    for (x, &at) in x.iter().zip(permutation) {
+        *lanes_mut(b, k, at, from) = *x;
     }
 }
 
 fn solve_transposed_of<const N: usize>(
     factors: &[f64],
     inverses: &[f64],
-    exchanges: &[usize],
+    permutation: &[usize],
     b: &mut [f64],
 ) {
     let (columns, _) = factors.as_chunks::<N>();
     let columns: &[[f64; N]; N] = columns.try_into().expect("a square matrix");
     let inverses: &[f64; N] = inverses.try_into().expect("as many pivots");
-    let exchanges: &[usize; N] = exchanges.try_into().expect("as many rows");
+    let permutation: &[usize; N] = permutation.try_into().expect("as many rows");
     let b: &mut [f64; N] = b.try_into().expect("as many right-hand sides");
-    let mut x = *b;
-    for p in 0..N {
-        x.swap(p, exchanges[p]);
-    }
+    let mut x = permutation.map(|at| b[at]);
     for i in 0..N {
         for j in i + 1..N {
             x[j] -= columns[i][j] * x[i];
