@@ -159,17 +159,14 @@ where
         out.center = if free {
             child.place
         } else {
-            sum(&second.place, &second.turn(&lifted(&self.points[1])))
+            sum(&second.place, &S::turned(second, &self.points[1]))
         };
         let mut push = |linear, angular, stage| {
             (out.columns[out.count], out.stage[out.count]) = ([linear, angular], stage);
             out.count += 1;
         };
         let rest = [0.0; 3];
-        let in_ground = |axis: &[f64; D]| {
-            let axis = lifted(axis);
-            if free { axis } else { first.turn(&axis) }
-        };
+        let in_ground = |axis: &[f64; D]| if free { lifted(axis) } else { S::turned(first, axis) };
         match &self.link {
             Link::Coincides => {}
             Link::Slides(axis) => push(in_ground(axis), rest, 0),

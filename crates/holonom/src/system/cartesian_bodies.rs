@@ -152,16 +152,23 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
         out: &mut EdgeScrews,
     ) -> bool {
         let stance = |body: Option<usize>| body.map_or(const { &Stance::GROUND }, |b| &stances[b]);
-        let [first, second] = self.edges[edge].bodies;
+        let placed = &self.edges[edge];
         let child = &stances[self.tree.edges[edge].body];
-        self.screws(edge, form, [stance(first), stance(second), child], out)
+        placed.kinematics[form].screws(placed.bodies.map(stance), child, out)
     }
 
     fn edge_screws_at(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool {
-        let [first, second] = self.edges[edge].bodies;
-        let child = Some(self.tree.edges[edge].body);
+        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
+        let kinematics = &placed.kinematics[form];
+        if kinematics.is_free() {
+            (out.base, out.first, out.outward) = (None, None, true);
+        } else {
+            (out.base, out.first) = (tree.parent, placed.bodies[0]);
+            out.outward = placed.bodies[0] == tree.parent;
+        }
         let stance = |body| S::Kinematics::stance(Self::pose(q, body));
-        self.screws(edge, form, [&stance(first), &stance(second), &stance(child)], out)
+        let [first, second] = placed.bodies.map(stance);
+        kinematics.screws([&first, &second], &stance(Some(tree.body)), out)
     }
 
     fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance {
@@ -174,26 +181,6 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
 }
 
 impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesian<S, D, N, W> {
-    /// Screws of an edge for how its first and second body and its outer one stand.
-    #[inline(always)]
-    fn screws(
-        &self,
-        edge: usize,
-        form: usize,
-        [first, second, child]: [&Stance; 3],
-        out: &mut EdgeScrews,
-    ) -> bool {
-        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
-        let kinematics = &placed.kinematics[form];
-        if kinematics.is_free() {
-            (out.base, out.first, out.outward) = (None, None, true);
-        } else {
-            (out.base, out.first) = (tree.parent, placed.bodies[0]);
-            out.outward = placed.bodies[0] == tree.parent;
-        }
-        kinematics.screws([first, second], child, out)
-    }
-
     fn relative_pair<'a>(&self, group: usize, q: &'a [f64]) -> [&'a [f64; N]; 2] {
         Self::pair(q, self.relatives[group].bodies)
     }

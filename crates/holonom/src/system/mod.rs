@@ -342,7 +342,7 @@ pub trait Bodies {
     );
 
     /// How the outer body of an edge moves against the inner one, for how bodies stand; `false` for the
-    /// direction of a line. Columns beyond their number stay what they were.
+    /// direction of a line. Columns beyond their number stay what they were, and so do the bodies.
     fn edge_screws(
         &self,
         edge: usize,
@@ -351,7 +351,7 @@ pub trait Bodies {
         out: &mut EdgeScrews,
     ) -> bool;
 
-    /// The same at a configuration.
+    /// The same at a configuration, with the bodies.
     fn edge_screws_at(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool;
 
     /// What an elastic loop of the tree sets against its deformation `row`, whose value is given.
