@@ -58,9 +58,12 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
     fn take_factors(&mut self, other: &dyn JointForm) -> bool {
         let other: &dyn Any = other;
         let Some(other) = other.downcast_ref::<Self>() else { return false };
-        self.copy_columns(other);
-        self.closures.copy_from(&other.closures);
-        self.gradients.copy_from_slice(&other.gradients);
+        // Nothing but corrections of closures asks for columns before they are evaluated.
+        if self.closures.rows() > 0 {
+            self.copy_columns(other);
+            self.closures.copy_from(&other.closures);
+            self.gradients.copy_from_slice(&other.gradients);
+        }
         true
     }
 
