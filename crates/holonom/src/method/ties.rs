@@ -110,9 +110,9 @@ impl Ties {
                 let flat = Flat::new(tie.bodies, at);
                 let angle = (flat.angle - orientation[0]).abs() % TAU;
                 [
-                    (flat.place[0] - place[0]).hypot(flat.place[1] - place[1]),
+                    size(&[flat.place[0] - place[0], flat.place[1] - place[1]]),
                     angle.min(TAU - angle),
-                    flat.velocity[0].hypot(flat.velocity[1]),
+                    size(&flat.velocity),
                     flat.angular_velocity.abs(),
                 ]
             } else {
@@ -288,7 +288,7 @@ fn flat_changes(bodies: [usize; 2], [q, v]: [&[f64]; 2], [dq, dv]: [&[f64]; 2]) 
     [dot(&place, &place), moved[2] * moved[2], dot(&rate, &rate), faster[2] * faster[2]]
 }
 
-fn size(x: &[f64; 3]) -> f64 {
+fn size<const D: usize>(x: &[f64; D]) -> f64 {
     dot(x, x).sqrt()
 }
 

@@ -117,10 +117,9 @@ impl Run<'_> {
     /// Redundant rows are left out of all solves: a row that is no longer redundant, as when a linkage
     /// leaves a flat position, shows by its residual only.
     fn check_residuals(&mut self) -> Result<(), EvaluationFailure> {
-        self.row.copy_from(&self.form.point().state);
-        let (position, velocity) =
-            residuals(self.system.as_ref(), &self.row, &mut self.residual_rows);
-        let speed = self.row.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+        let state = &self.form.point().state;
+        let (position, velocity) = residuals(self.system.as_ref(), state, &mut self.residual_rows);
+        let speed = state.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
         let length = self.system.characteristic_length().max(1.0);
         let allowed = [
             10.0 * self.start_residuals.0 + PROJECTED * length,
@@ -128,7 +127,7 @@ impl Run<'_> {
         ];
         if position > allowed[0] || velocity > allowed[1] {
             let dropped = &self.form.point().manifold.chart().parametrization().dropped;
-            if let Some(failure) = no_longer_redundant(self.system.as_ref(), dropped, &self.row) {
+            if let Some(failure) = no_longer_redundant(self.system.as_ref(), dropped, state) {
                 return Err(failure);
             }
         }
