@@ -11,13 +11,22 @@ use std::cmp::Ordering::{Equal, Less};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
-/// Relative rank tolerance of the least-change solves.
-const RANK: f64 = 1e-10;
-/// That for steps that make a residual smaller where it cannot vanish.
-const PLAIN_RANK: f64 = 1e-2;
-/// Beyond about as many operations corrections come from a sparse matrix, which knows no rank but damps what
-/// depends on other rows.
-const DENSE_OPERATIONS: f64 = 1e8;
+/// How a least change is found.
+#[derive(Debug, Clone, Copy)]
+struct Solve {
+    /// Characteristic lengths in which lengths are measured.
+    lengths: f64,
+    /// Relative rank tolerance.
+    rank: f64,
+    /// Beyond about as many operations it comes from a sparse matrix, which knows no rank but damps what depends on other
+    /// rows.
+    dense: f64,
+}
+
+/// For a few solves, for many, and for steps that make a residual smaller where it cannot vanish.
+const USUAL: Solve = Solve { lengths: 1.0, rank: 1e-10, dense: 1e8 };
+const OFTEN: Solve = Solve { dense: 1e6, ..USUAL };
+const PLAIN: Solve = Solve { rank: 1e-2, ..OFTEN };
 const MAX_ITERATIONS: usize = 60;
 /// Residual from which on an iteration has come near.
 const NEAR: f64 = 1e-9;
@@ -37,8 +46,8 @@ const LESS: f64 = 1.0 - 1e-6;
 const MOST_LENGTHS: f64 = 1e5;
 /// Part of a path that is too short to go on, against the longest one; the first may be shorter by that once more.
 const SHORTEST: f64 = 1e-3;
-/// Paths that are tried one after the other, and parts of all of them.
-const MOST_PATHS: usize = 12;
+/// Paths one after the other that lead no nearer, and parts of all of them.
+const IN_VAIN: usize = 4;
 const MOST_TRIES: usize = 500;
 
 /// The state with its positions or velocities closed: first what is not stated, with the stated
@@ -159,7 +168,7 @@ pub(super) fn contradiction(
     residual: &[f64],
 ) -> Vec<f64> {
     let mut left = residual.to_vec();
-    if let Some(x) = least_change(system, g, residual, &everything(system), q, (1.0, RANK)) {
+    if let Some(x) = least_change(system, g, residual, &everything(system), q, USUAL) {
         g.multiply_add(-1.0, &x, &mut left);
     }
     // That Euler parameters have unit length is no constraint of the user.
@@ -447,7 +456,7 @@ impl Solver<'_> {
             if stalled > if best < NEAR { 1 } else { 12 } {
                 break;
             }
-            let step = self.least_change(&state.q, unknowns, g, phi, (1.0, RANK));
+            let step = self.least_change(&state.q, unknowns, g, phi, USUAL);
             let Some(mut step) = step else { break };
             let [slid, turned] = largest(self.system, &step, 1.0);
             // What only slides is linear.
@@ -466,7 +475,7 @@ impl Solver<'_> {
             if !(NEAR..f64::INFINITY).contains(&left) {
                 return;
             }
-            let step = self.least_change(&state.q, unknowns, g, phi, (1.0, PLAIN_RANK));
+            let step = self.least_change(&state.q, unknowns, g, phi, PLAIN);
             let Some(mut step) = step.map(|step| limited(self.system, step, 1.0)) else { return };
             let from = state.q.clone();
             let mut least = f64::INFINITY;
@@ -491,17 +500,23 @@ impl Solver<'_> {
     /// back, as at a dead point, another one begins beyond.
     fn follow(&self, state: &mut State, unknowns: &Unknowns, g: &mut BlockMatrix, phi: &mut [f64]) {
         let mut first = vec![0.0; phi.len()];
-        let mut tries = 0;
-        for _ in 0..MOST_PATHS {
-            self.system.position_constraints(state.t, &state.q, &mut first);
+        let (mut tries, mut in_vain, mut least) = (0, 0, f64::INFINITY);
+        loop {
+            let open = self.left(state, &mut first);
+            in_vain = if open < 0.9 * least { 0 } else { in_vain + 1 };
+            if in_vain == IN_VAIN {
+                return;
+            }
+            least = least.min(open);
             // Over a long way least change would turn bodies where sliding them will do.
-            let step = self.least_change(&state.q, unknowns, g, &first, (1.0, RANK));
+            let step = self.least_change(&state.q, unknowns, g, &first, USUAL);
             let Some(step) = step else { return };
             let lengths = (largest(self.system, &step, 1.0)[0] / FURTHEST).clamp(1.0, MOST_LENGTHS);
+            let by = Solve { lengths, ..OFTEN };
             let (mut left, mut longest, mut usual) = (1.0, 1.0f64, 0.0f64);
             while left > 0.0 {
                 let from = state.q.clone();
-                let tangent = self.least_change(&from, unknowns, g, &first, (lengths, RANK));
+                let tangent = self.least_change(&from, unknowns, g, &first, by);
                 let Some(tangent) = tangent else { return };
                 let [_, turned] = largest(self.system, &tangent, lengths);
                 if !turned.is_finite() {
@@ -517,7 +532,7 @@ impl Solver<'_> {
                     }
                     let step: Vec<f64> = tangent.iter().map(|x| part * x).collect();
                     self.subtract(state, unknowns, &step);
-                    let there = (left - part, lengths);
+                    let there = (left - part, by);
                     if self.return_to_path(state, unknowns, g, [phi, &mut first], there, &step) {
                         break;
                     }
@@ -549,10 +564,10 @@ impl Solver<'_> {
         unknowns: &Unknowns,
         g: &mut BlockMatrix,
         [phi, first]: [&mut [f64]; 2],
-        (left, lengths): (f64, f64),
+        (left, by): (f64, Solve),
         step: &[f64],
     ) -> bool {
-        let way = size(self.system, step, lengths);
+        let way = size(self.system, step, by.lengths);
         let mut before = way;
         loop {
             self.system.position_constraints(state.t, &state.q, phi);
@@ -562,9 +577,9 @@ impl Solver<'_> {
                     *x -= TAU * (*x / TAU).round();
                 }
             }
-            let step = self.least_change(&state.q, unknowns, g, phi, (lengths, RANK));
+            let step = self.least_change(&state.q, unknowns, g, phi, by);
             let Some(step) = step else { return false };
-            let length = size(self.system, &step, lengths);
+            let length = size(self.system, &step, by.lengths);
             // No comparison holds for what is not a number.
             if !matches!(length.partial_cmp(&(CONTRACTION * before)), Some(Less | Equal)) {
                 return false;
@@ -577,17 +592,17 @@ impl Solver<'_> {
         }
     }
 
-    /// The shortest step at a configuration that would take a residual away, lengths measured as for [`least_change`].
+    /// The shortest step at a configuration that would take a residual away, found as [`least_change`] says.
     fn least_change(
         &self,
         q: &[f64],
         unknowns: &Unknowns,
         g: &mut BlockMatrix,
         residual: &[f64],
-        measures: (f64, f64),
+        by: Solve,
     ) -> Option<Vec<f64>> {
         self.system.constraint_jacobian(q, g);
-        least_change(self.system, g, residual, unknowns, q, measures)
+        least_change(self.system, g, residual, unknowns, q, by)
     }
 
     fn subtract(&self, state: &mut State, unknowns: &Unknowns, step: &[f64]) {
@@ -631,8 +646,7 @@ impl Solver<'_> {
             if unknowns.free.is_empty() || residual.iter().all(|x| x.abs() < 1e-14) {
                 break;
             }
-            let Some(step) =
-                least_change(self.system, g, &residual, unknowns, &state.q, (1.0, RANK))
+            let Some(step) = least_change(self.system, g, &residual, unknowns, &state.q, USUAL)
             else {
                 break;
             };
@@ -658,15 +672,14 @@ impl Solver<'_> {
     }
 }
 
-/// Minimum-norm x over the free unknowns with G x = r, lengths measured in so many characteristic
-/// lengths and up to a relative rank tolerance; coupled translations follow their orientations.
+/// Minimum-norm x over the free unknowns with G x = r, as [`Solve`] says; coupled translations follow their orientations.
 fn least_change(
     system: &dyn System,
     g: &BlockMatrix,
     r: &[f64],
     unknowns: &Unknowns,
     q: &[f64],
-    (lengths, rank): (f64, f64),
+    by: Solve,
 ) -> Option<Vec<f64>> {
     let sizes = system.structure().sizes;
     let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
@@ -679,7 +692,7 @@ fn least_change(
         column[i] = Some(at);
     }
     let weights: Vec<f64> =
-        unknowns.free.iter().map(|&i| 1.0 / weight(system, i, lengths)).collect();
+        unknowns.free.iter().map(|&i| 1.0 / weight(system, i, by.lengths)).collect();
     let mut coupled = vec![None; sizes.bodies];
     for (b, w) in &couplings {
         coupled[*b] = Some(w);
@@ -699,12 +712,12 @@ fn least_change(
             }
         }
     }
-    let solution = if (m * m) as f64 * k as f64 <= DENSE_OPERATIONS {
+    let solution = if (m * m) as f64 * k as f64 <= by.dense {
         let mut a = vec![0.0; m * k];
         for (row, at, x) in entries {
             a[row * k + at] += x;
         }
-        least_norm(m, k, &a, r, rank).ok()?.x
+        least_norm(m, k, &a, r, by.rank).ok()?.x
     } else {
         sparse_least_norm(m, k, &entries, r).ok()?
     };

@@ -39,6 +39,12 @@ impl StepPowers {
         Self { at: [start, q, m, r, end] }
     }
 
+    /// By how much the mean of a power by Simpson's rule differs from that by Boole's, W.
+    fn differs(&self, k: usize) -> f64 {
+        let [a, q, m, r, b] = self.at.map(|powers| powers[k]);
+        4.0 / 45.0 * (a - 4.0 * q + 6.0 * m - 4.0 * r + b)
+    }
+
     /// ∫ from 0 to θ of the quartic through the five values, times the step h: at θ = 1 Boole's rule, exact for degree
     /// five.
     pub(super) fn advance(&self, ledger: &Ledger, h: f64, theta: f64) -> Ledger {
@@ -70,26 +76,46 @@ impl StepPowers {
     }
 }
 
-/// How well the energy ledger follows powers that no error tells, without unknowns or where drivers move something past a
-/// knot: by what Simpson's rule differs from Boole's.
+/// How many tolerances of a power Simpson's rule may miss of what the longest steps let drivers do:
+/// [`step_length::driven`](super::step_length::driven).
+pub(super) const WAVES: f64 = 10.0;
+
+/// How well the energy ledger follows powers that no error tells, by what Simpson's rule differs from Boole's.
 #[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 pub(super) struct Quadrature {
     /// The largest powers so far, W.
     largest: [f64; 2],
+    /// Those at ends and in the middle of steps.
+    seen: [f64; 2],
 }
 
 impl Quadrature {
+    /// Powers along a step, as [`StepPowers::through`] gives them. At quarters they are believed as far as what drivers do
+    /// explains them: what is stiff makes much of the error of a state inside a step.
+    pub(super) fn along(
+        &mut self,
+        [start, end]: [[f64; 2]; 2],
+        inside: &[[f64; 2]],
+        tolerance: f64,
+    ) -> StepPowers {
+        let step = StepPowers::through(start, inside, end);
+        let middle = step.at[2];
+        for powers in [start, middle, end] {
+            self.seen = std::array::from_fn(|k| self.seen[k].max(powers[k].abs()));
+        }
+        let believed = (0..2).all(|k| step.differs(k).abs() <= WAVES * tolerance * self.seen[k]);
+        if believed { step } else { StepPowers::through(start, &[middle], end) }
+    }
+
     /// How many times the tolerance Simpson's rule misses in a step; powers below `negligible`, W, are none.
     pub(super) fn missed(&mut self, step: &StepPowers, negligible: f64, tolerance: f64) -> f64 {
         let mut missed = 0.0f64;
         for k in 0..2 {
-            let [a, q, m, r, b] = step.at.map(|powers| powers[k]);
-            let differs = 4.0 / 45.0 * (a - 4.0 * q + 6.0 * m - 4.0 * r + b);
             let largest =
                 step.at.iter().fold(self.largest[k], |most, powers| most.max(powers[k].abs()));
             self.largest[k] = largest;
             if largest > 0.0 {
-                missed = missed.max(differs.abs() / (tolerance * largest).max(negligible));
+                missed = missed.max(step.differs(k).abs() / (tolerance * largest).max(negligible));
             }
         }
         missed
@@ -129,6 +155,17 @@ mod tests {
             assert!((found.dissipated - expected).abs() < 1e-14, "{theta}");
             assert!((found.supplied - 2.0 * expected).abs() < 1e-14, "{theta}");
         }
+    }
+
+    #[test] // truth: a wave of 2 rad in a step is what drivers may do at 1e-3, a spike at a quarter is not
+    fn quarters_are_believed_as_far_as_drivers_explain_them() {
+        let wave = [0.0, 0.25, 0.5, 0.75, 1.0].map(|s: f64| [(2.0 * s).cos(), 0.0]);
+        let ends = [wave[0], wave[4]];
+        let mut quadrature = Quadrature::default();
+        assert_eq!(quadrature.along(ends, &wave[1..4], 1e-3).at, wave);
+        let spiked = [[5.0, 0.0], wave[2], wave[3]];
+        let parabola = StepPowers::through(wave[0], &wave[2..3], wave[4]);
+        assert_eq!(quadrature.along(ends, &spiked, 1e-3), parabola);
     }
 
     #[test] // independent truth: the integrals of 1 + 2s − 6s² and of 1 − 4s in closed form

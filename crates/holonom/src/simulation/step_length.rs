@@ -1,5 +1,6 @@
 //! How long a step may be, whatever its error.
 
+use super::ledger::WAVES;
 use crate::system::{Sizes, State, System};
 
 /// Smallest number of steps of a run without unknowns.
@@ -101,7 +102,7 @@ pub(super) fn driven(
     relative: f64,
 ) -> f64 {
     const MOMENTS: [f64; 4] = [0.0, 0.155_051_025_721_682_2, 0.644_948_974_278_317_8, 1.0];
-    let most = 0.5 * (10.0 * 2880.0 * relative).powf(0.25);
+    let most = 0.5 * (WAVES * 2880.0 * relative).powf(0.25);
     let mut longest = h;
     for Driven { row, rate } in drivers {
         let mut rate = *rate;

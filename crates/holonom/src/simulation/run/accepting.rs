@@ -161,7 +161,9 @@ impl Run<'_> {
             longest.take(self.options.end_time - self.started, &self.row, &self.state);
         }
         let energy = self.system.energy(&self.state);
-        self.powers = StepPowers::through(self.powers.at[4], &self.inside, powers(&energy));
+        let ends = [self.powers.at[4], powers(&energy)];
+        let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
+        self.powers = self.quadrature.along(ends, &self.inside, tolerance);
         let ledger = self.row.ledger;
         if !self.form.integrates_powers() {
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);
