@@ -85,13 +85,13 @@ pub(super) const WAVES: f64 = 10.0;
 pub(super) struct Quadrature {
     /// The largest powers so far, W.
     largest: [f64; 2],
-    /// Those at ends and in the middle of steps.
+    /// Those that were believed.
     seen: [f64; 2],
 }
 
 impl Quadrature {
-    /// Powers along a step, as [`StepPowers::through`] gives them. At quarters they are believed as far as what drivers do
-    /// explains them: what is stiff makes much of the error of a state inside a step.
+    /// Powers along a step, as [`StepPowers::through`] gives them. At quarters they are believed up to twice what drivers make
+    /// of them: what is stiff makes much of the error of a state inside a step.
     pub(super) fn along(
         &mut self,
         [start, end]: [[f64; 2]; 2],
@@ -99,12 +99,15 @@ impl Quadrature {
         tolerance: f64,
     ) -> StepPowers {
         let step = StepPowers::through(start, inside, end);
-        let middle = step.at[2];
-        for powers in [start, middle, end] {
-            self.seen = std::array::from_fn(|k| self.seen[k].max(powers[k].abs()));
-        }
-        let believed = (0..2).all(|k| step.differs(k).abs() <= WAVES * tolerance * self.seen[k]);
-        if believed { step } else { StepPowers::through(start, &[middle], end) }
+        let largest = |seen: [f64; 2], step: &StepPowers| -> [f64; 2] {
+            let all = step.at.iter();
+            all.fold(seen, |seen, powers| std::array::from_fn(|k| seen[k].max(powers[k].abs())))
+        };
+        let allowed = largest(self.seen, &step).map(|power| 2.0 * WAVES * tolerance * power);
+        let believed = (0..2).all(|k| step.differs(k).abs() <= allowed[k]);
+        let step = if believed { step } else { StepPowers::through(start, &[step.at[2]], end) };
+        self.seen = largest(self.seen, &step);
+        step
     }
 
     /// How many times the tolerance Simpson's rule misses in a step; powers below `negligible`, W, are none.
