@@ -25,7 +25,7 @@ The blob of ``step`` holds one column after the other, little-endian f64 each: s
 A row of ``dense`` holds ``count`` steps from ``start`` to ``end`` (s). Its blobs are little-endian
 f64: ``t`` and ``h``, start and length of each step (s); the number of its ``chart``; the ``degree``
 of its polynomials; ``q`` and ``winding`` at its start; the energy ``ledger`` there, and ``powers``
-at start, each quarter and end (W; empty where w has their integrals); ``normals`` that directions in
+at start, quarters and end (W; empty where w has their integrals); ``normals`` that directions in
 space are measured from; and in ``w`` the coefficients c₀, c₁, … of w(θ) = Σ cⱼ θʲ, each of
 ``dimension`` numbers, θ = (time - t)/h: independent variables, their rates, extra states, for
 explicit codes also the energy dissipated and supplied. All coordinates follow from w, the joints
