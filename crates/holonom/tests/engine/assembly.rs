@@ -540,24 +540,25 @@ fn driven_chain(spatial: bool, of_joints: bool, angles: &[f64]) -> String {
         ("planar", "0.1", "", "")
     };
     let [mut bodies, mut joints, mut drivers] =
-        ["bodies", "joints", "drivers"].map(|t| format!("[{t}]\n"));
+        ["bodies", "joints", "drivers"].map(|table| vec![format!("[{table}]")]);
     for (k, angle) in angles.iter().enumerate() {
         let (start, middle) = (k as f64, k as f64 + 0.5);
         let before = k.checked_sub(1).map_or("ground".to_owned(), |k| format!("b{k}"));
         let driven =
             if of_joints { format!("joint = \"j{k}\"") } else { format!("{axis}on = \"b{k}\"") };
-        bodies += &format!(
-            "b{k} = {{ mass = 1.0, inertia = {inertia}, position = [{middle:?}, 0.0{zero}] }}\n"
-        );
-        joints += &format!(
+        bodies.push(format!(
+            "b{k} = {{ mass = 1.0, inertia = {inertia}, position = [{middle:?}, 0.0{zero}] }}"
+        ));
+        joints.push(format!(
             "j{k} = {{ type = \"revolute\", {axis}between = [\"{before}\", \"b{k}\"], point = [{start:?}, \
-             0.0{zero}] }}\n"
-        );
-        drivers +=
-            &format!("d{k} = {{ {driven}, coordinate = \"rotation\", motion = {angle:?} }}\n");
+             0.0{zero}] }}"
+        ));
+        drivers
+            .push(format!("d{k} = {{ {driven}, coordinate = \"rotation\", motion = {angle:?} }}"));
     }
+    let [bodies, joints, drivers] = [bodies, joints, drivers].map(|lines| lines.join("\n"));
     format!(
-        "holonom = 1\ndimension = \"{dimension}\"\ngravity = [0.0, 0.0{zero}]\n{bodies}{joints}{drivers}"
+        "holonom = 1\ndimension = \"{dimension}\"\ngravity = [0.0, 0.0{zero}]\n{bodies}\n{joints}\n{drivers}\n"
     )
 }
 
