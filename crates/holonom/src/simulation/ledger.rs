@@ -91,7 +91,7 @@ pub(super) struct Quadrature {
 
 impl Quadrature {
     /// Powers along a step, as [`StepPowers::through`] gives them. At quarters they are believed up to twice what drivers make
-    /// of them: what is stiff makes much of the error of a state inside a step.
+    /// of them: what is stiff, which only implicit codes step over, makes much of the error of a state inside a step.
     pub(super) fn along(
         &mut self,
         [start, end]: [[f64; 2]; 2],

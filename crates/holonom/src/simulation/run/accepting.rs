@@ -162,8 +162,12 @@ impl Run<'_> {
         }
         let energy = self.system.energy(&self.state);
         let ends = [self.powers.at[4], powers(&energy)];
-        let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
-        self.powers = self.quadrature.along(ends, &self.inside, tolerance);
+        self.powers = if self.stepper.explicit() {
+            StepPowers::through(ends[0], &self.inside, ends[1])
+        } else {
+            let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
+            self.quadrature.along(ends, &self.inside, tolerance)
+        };
         let ledger = self.row.ledger;
         if !self.form.integrates_powers() {
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);
