@@ -361,7 +361,6 @@ fn foreign(message: String) -> EvaluationFailure {
     EvaluationFailure::new("simulation/dense-output", message)
 }
 
-/// Whether steps and charts have the sizes of the system.
 /// Powers of steps that were stored with those at start, middle and end alone.
 fn of_five_moments(powers: &[f64]) -> Vec<f64> {
     let steps = powers.chunks_exact(STEP_POWERS_BEFORE);
@@ -372,6 +371,7 @@ fn of_five_moments(powers: &[f64]) -> Vec<f64> {
     steps.flat_map(|at| through(at).as_flattened().to_vec()).collect()
 }
 
+/// Whether steps and charts have the sizes of the system.
 fn check(system: &dyn System, segments: &Segments) -> Result<(), EvaluationFailure> {
     let sizes = system.structure().sizes;
     let count = segments.len();
