@@ -338,6 +338,10 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         last.degree()
     }
 
+    fn collocation_places(&self) -> Option<&'static [f64; 3]> {
+        self.stages.collocation_places()
+    }
+
     fn filter_part(&self) -> f64 {
         self.stages.gamma()
     }

@@ -172,6 +172,10 @@ impl Stages for RadauStages {
         self.formula.order
     }
 
+    fn collocation_places(&self) -> Option<&'static [f64; 3]> {
+        Some(&self.formula.c)
+    }
+
     fn gamma(&self) -> f64 {
         1.0 / self.formula.real
     }

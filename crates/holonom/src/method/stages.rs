@@ -85,6 +85,11 @@ pub trait Stages: Debug + Send {
         1.0
     }
 
+    /// Places θ at which the dense output satisfies the equations, the last one the end of the step; none where it need not.
+    fn collocation_places(&self) -> Option<&'static [f64; 3]> {
+        None
+    }
+
     /// γ of the matrix.
     fn gamma(&self) -> f64;
 

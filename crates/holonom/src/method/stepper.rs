@@ -302,6 +302,12 @@ pub trait Stepper: Send {
     /// after the other, into `coefficients`, which has room for the largest degree. Returns the degree.
     fn polynomial(&self, coefficients: &mut [f64]) -> usize;
 
+    /// Places θ at which [`Stepper::interpolate`] satisfies the equations, the last one the end of the step; none where it need
+    /// not.
+    fn collocation_places(&self) -> Option<&'static [f64; 3]> {
+        None
+    }
+
     /// γ of [`Stepper::filter`], the part of the step over which it lets changes decay; 0 for explicit formulas.
     fn filter_part(&self) -> f64 {
         0.0

@@ -304,3 +304,50 @@ fn rows_inside_a_step_know_what_drivers_have_done() {
         }
     }
 }
+
+#[test] // truth: a mass that k and c hold fast moves as its driver does, and takes ½ m ẋ²; where it began at rest, once m ẋ₀² more
+fn the_default_code_knows_the_work_of_drivers_beside_stiff_elements() {
+    const MASS: f64 = 1.0;
+    let elements = [(1e4, 1e2), (1e6, 1e3), (1e8, 1e4), (0.0, 1e5)];
+    let cases = elements.into_iter().flat_map(|element| [(element, 0.3), (element, 0.0)]);
+    for ((stiffness, damping), speed) in cases {
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+base = {{ mass = 0.1, inertia = 1.0, position = [0.0, 0.0] }}
+load = {{ mass = {MASS:?}, inertia = 1.0, position = [5.0, 0.0] }}
+[joints]
+base_guide = {{ type = "translational", between = ["ground", "base"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+load_guide = {{ type = "translational", between = ["ground", "load"], point = [5.0, 0.0], axis = [1.0, 0.0] }}
+[drivers]
+shaker = {{ joint = "base_guide", coordinate = "translation", motion = {{ type = "harmonic", amplitude = 0.1, angular_frequency = 3.0 }} }}
+[forces]
+mount = {{ type = "tsda", between = ["base", "load"], points = [[0.0, 0.0], [5.0, 0.0]], stiffness = {stiffness:?}, damping = {damping:?}, free_length = 5.0 }}
+[initial.joints]
+load_guide = {{ displacement = 0.0, velocity = {speed:?} }}
+"#
+        ));
+        for tolerance in [1e-3, 1e-4, 1e-5] {
+            let options = Options {
+                channels: vec!["energy.driver_work".to_owned()],
+                output: OutputTimes::Interval(0.05),
+                ..options(Code::ForRadau, tolerance, 5.0)
+            };
+            let run = run_model(&model, &options);
+            assert!(run.summary.warnings.is_empty(), "{stiffness:e}: {:?}", run.summary.warnings);
+            let at_once = MASS * 0.3 * (0.3 - speed);
+            let taken = |t: f64| at_once + 0.5 * 1.1 * 0.09 * ((3.0 * t).cos().powi(2) - 1.0);
+            // Once what began at rest has come to rest beside its driver.
+            let work = run.series("energy.driver_work", 0);
+            let later = run.times().iter().zip(&work).filter(|(t, _)| **t >= 0.5);
+            let most = later.map(|(t, work)| (work - taken(*t)).abs()).fold(0.0, f64::max);
+            // The mass lags by m/c, or goes m ω²/k farther.
+            let lag = MASS * if stiffness == 0.0 { 3.0 / damping } else { 9.0 / stiffness };
+            let allowed = 0.09 * (30.0 * tolerance + 2.0 * lag);
+            assert!(most < allowed, "{stiffness:e}, {speed}, {tolerance:e}: {most:e} J");
+        }
+    }
+}

@@ -4,7 +4,7 @@ use super::{Run, failed};
 use crate::error::EvaluationFailure;
 use crate::reduction::assembly::PROJECTED;
 use crate::simulation::diagnosis::Stop;
-use crate::simulation::ledger::{QUARTERS, StepPowers, powers};
+use crate::simulation::ledger::{QUARTERS, StepPowers, largest, powers};
 use crate::simulation::passage::Place;
 use crate::simulation::recorder::Inside;
 use crate::simulation::reparametrization::no_longer_redundant;
@@ -19,6 +19,9 @@ const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
 const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
 /// The place of the middle among [`QUARTERS`].
 const MIDDLE: usize = 1;
+/// How many times what is missed of the squared rates of drivers may be missed of powers: these have other phases, and may be small
+/// all over a step.
+const OF_DRIVERS: f64 = 100.0;
 /// The shortest step that powers make, as a part of the longest that such a run takes.
 const SHORTEST_OF_USUAL: f64 = 1e-3;
 
@@ -103,13 +106,53 @@ impl Run<'_> {
         self.recorder.begin_again(&self.state);
         let Ok(end) = end else { return 0.0 };
         let along = StepPowers::through(self.powers.at[4], &self.inside, end);
+        let (tolerance, negligible) = self.power_tolerances(span);
+        self.quadrature.missed(&along, negligible, tolerance)
+    }
+
+    /// The relative tolerance of powers, and what of them is negligible, W, in a run of `span` seconds.
+    fn power_tolerances(&self, span: f64) -> (f64, f64) {
         // Powers are those of joints that are met to so much.
         let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
         // What turns steadily has powers of round-off only, and what is heavy large ones.
-        let negligible =
-            self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
-        let rate = (tolerance * self.energy_scale.moved()).max(negligible) / span;
-        self.quadrature.missed(&along, rate, tolerance)
+        let scale = &self.energy_scale;
+        let negligible = scale.negligible(self.system.as_ref(), &self.options.tolerance);
+        (tolerance, (tolerance * scale.moved()).max(negligible) / span)
+    }
+
+    /// Powers along the accepted step from `t`, with those at its ends, once `self.row` is the state at its start.
+    fn powers_along(&mut self, t: f64, step: f64, [start, end]: [[f64; 2]; 2]) -> StepPowers {
+        let along = StepPowers::through(start, &self.inside, end);
+        if self.stepper.explicit() {
+            return along;
+        }
+        let (tolerance, negligible) = self.power_tolerances(self.options.end_time - self.started);
+        let Some(&places) = self.stepper.collocation_places() else {
+            return self.quadrature.along([start, end], &self.inside, tolerance);
+        };
+        if self.inside.len() < QUARTERS.len() || along.is_sure(tolerance, negligible) {
+            return along;
+        }
+        let stepper = &mut self.stepper;
+        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+        let mut at = |theta: f64| {
+            let state = self.recorder.state(interpolate, t, step, theta, true).ok()?;
+            Some(powers(&self.system.energy(state)))
+        };
+        let [first, second, _] = places;
+        let found = [at(first), at(second)];
+        self.recorder.begin_again(&self.row);
+        let [Some(first), Some(second)] = found else { return along };
+        // At its stages forces are those of the formula's slopes; between them, where they are stiff, the error of a state times
+        // a stiffness. But what drivers do in a step may be more than the formula's order tells.
+        let at_stages = [first, second, end];
+        let collocated = StepPowers::collocated(places, at_stages);
+        let missed =
+            step_length::missed_of_drivers(self.system.as_ref(), &self.drivers, [t, step], places);
+        let tolerance = tolerance.max(OF_DRIVERS * missed);
+        let (differ, largest) = (along.differ(&collocated), largest(&at_stages, [0.0; 2]));
+        let agree = (0..2).all(|k| differ[k] <= (tolerance * largest[k]).max(negligible));
+        if agree { along } else { collocated }
     }
 
     /// Residuals of the state just evaluated, whose Jacobian is at hand.
@@ -162,12 +205,7 @@ impl Run<'_> {
         }
         let energy = self.system.energy(&self.state);
         let ends = [self.powers.at[4], powers(&energy)];
-        self.powers = if self.stepper.explicit() {
-            StepPowers::through(ends[0], &self.inside, ends[1])
-        } else {
-            let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
-            self.quadrature.along(ends, &self.inside, tolerance)
-        };
+        self.powers = self.powers_along(t, step, ends);
         let ledger = self.row.ledger;
         if !self.form.integrates_powers() {
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);

@@ -31,7 +31,7 @@ use crate::simulation::second_run;
 use crate::simulation::slowness::{LimitedBy, Limits, Slowness};
 use crate::simulation::stall::Stall;
 use crate::simulation::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
-use crate::simulation::step_length::{self, clip, smallest_step};
+use crate::simulation::step_length::{self, Driven, clip, smallest_step};
 use crate::simulation::trajectory::{EventKind, Memory, Sink};
 use crate::simulation::warnings::chosen;
 use crate::system::{State, System};
@@ -233,6 +233,7 @@ struct Run<'a> {
     energy: EnergySummary,
     kinetic_range: (f64, f64),
     energy_scale: EnergyScale,
+    drivers: Vec<Driven>,
     drift: Drift,
     /// Of runs that have one.
     carried: Option<CarriedError>,
@@ -281,7 +282,6 @@ impl Run<'_> {
         // Formulas that evaluate forces at the ends of steps alone.
         let ends_only =
             self.stepper.multistep() || self.options.code.info().formula == "trapezoidal";
-        let drivers = step_length::drivers(self.system.as_ref(), [self.started, end]);
         let ramps = force_ramps(self.model);
         let mut rejections = 0;
         let mut repartitioned = false;
@@ -307,9 +307,9 @@ impl Run<'_> {
                 let tree = self.options.parametrization == Choice::Tree;
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree));
                 h = h.min(LONGEST_TURN / turning).min(step_length::ramped(&ramps, t, end));
-                if !drivers.is_empty() {
+                if !self.drivers.is_empty() {
                     let most = h.min(next - t);
-                    h = step_length::driven(self.system.as_ref(), &drivers, t, most, relative);
+                    h = step_length::driven(self.system.as_ref(), &self.drivers, t, most, relative);
                 }
                 if kinematic {
                     let most = step_length::kinematic(self.system.as_ref(), &self.state, span);

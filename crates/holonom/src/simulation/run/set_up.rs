@@ -25,6 +25,7 @@ use crate::simulation::reparametrization::new_chart;
 use crate::simulation::slowness::Slowness;
 use crate::simulation::stall::Stall;
 use crate::simulation::statistics::{EnergySummary, Statistics};
+use crate::simulation::step_length;
 use crate::simulation::trajectory::Sink;
 use crate::system::State;
 use crate::watch::checkpoint;
@@ -170,6 +171,7 @@ pub(super) fn set_up<'a>(
         },
         kinetic_range: (energy.kinetic, energy.kinetic),
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
+        drivers: step_length::drivers(system.as_ref(), [started, options.end_time]),
         drift: Drift::new(system.structure().sizes.bodies),
         carried: follows.then(|| CarriedError::new(dimension, form.weights(), &state)),
         powers: StepPowers::through([0.0; 2], &[], powers(&energy)),
