@@ -108,12 +108,11 @@ impl Angle<3> for PlanarAngle {
 /// Undefined where z = 0.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Argument<S, const D: usize, const N: usize, const R: usize> {
-    /// Rows c, s.
+    /// Rows c, s, or two such pairs, which are added.
     z: Measure<S, D, N, R>,
 }
 
-/// Angle about h of the first frame: c = f_iᵀf_j, s = g_iᵀf_j. Undefined where f_j is parallel to h_i;
-/// on a revolute or cylindrical axis |z| = 1.
+/// Angle of two frames about an axis.
 pub(super) type SpatialAngle = Argument<Spatial, 3, 7, 4>;
 
 /// Angle of the line between two points of the plane, from the ground's x axis: z = d. Undefined where
@@ -121,8 +120,19 @@ pub(super) type SpatialAngle = Argument<Spatial, 3, 7, 4>;
 pub(super) type LineAngle = Argument<Planar, 2, 3, 1>;
 
 impl SpatialAngle {
+    /// The angle about an axis that two frames share: c = f_iᵀf_j, s = g_iᵀf_j, |z| = 1.
     pub(super) fn new(frames: &[Triad<3>; 2]) -> Self {
         Self::of_axis(frames, 0)
+    }
+
+    /// The twist of two frames about axes that need not be one: c = f_iᵀf_j + g_iᵀg_j, s = g_iᵀf_j − f_iᵀg_j. It depends on
+    /// h_i and h_j alone. Undefined where these are opposite; on a common axis |z| = 2.
+    pub(super) fn twist(frames: &[Triad<3>; 2]) -> Self {
+        let [[f_i, g_i, _], [f_j, g_j, _]] = frames.map(|frame| frame.axes);
+        let minus_f_i = f_i.map(|x| -x);
+        let pairs = [(f_i, f_j), (g_i, f_j), (g_i, g_j), (minus_f_i, g_j)];
+        let dots = pairs.map(|(first, second)| Dot::axes(first, second)).to_vec();
+        Self { z: Measure::new([[0.0; 3]; 2], false, dots) }
     }
 
     /// The angle about h of the first frame of axis `k` of the second.
@@ -151,15 +161,35 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Argument
     fn z<T: Real>(&self, q: [&[T; N]; 2]) -> Complex<T> {
         let mut u = [T::zero(); 6];
         self.z.value(q, &mut u);
-        Complex(u[0], u[1])
+        sum(&u)
     }
 
     #[inline(always)]
     fn z_q<T: Real>(&self, q: [&[T; N]; 2]) -> RowBlocks<T, N> {
         let mut rows = RowBlocks::zero();
         self.z.jacobian(q, &mut rows);
+        self.add_pairs(&mut rows);
         rows
     }
+
+    /// Adds the second pair of rows, where there is one, to the first.
+    #[inline(always)]
+    fn add_pairs<T: Real>(&self, rows: &mut RowBlocks<T, N>) {
+        if self.z.rows() > 2 {
+            for side in &mut rows.0 {
+                for k in 0..N {
+                    side[0][k] = side[0][k] + side[2][k];
+                    side[1][k] = side[1][k] + side[3][k];
+                }
+            }
+        }
+    }
+}
+
+/// c + i s of both pairs of rows; those that are not there are zero.
+#[inline(always)]
+fn sum<T: Real>(u: &[T; 6]) -> Complex<T> {
+    Complex(u[0] + u[2], u[1] + u[3])
 }
 
 #[derive(Clone, Copy)]
@@ -240,6 +270,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
         let z_q = Rows(&z_q);
         let mut second = RowBlocks::zero();
         self.z.directional(q, w, &mut second);
+        self.add_pairs(&mut second);
         let mut row = [[T::zero(); N]; 2];
         Rows(&second).add_imaginary(inverse, &mut row);
         let factor = z_q.times(w).times(inverse).times(inverse).scaled(-1.0);
@@ -252,7 +283,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
         let mut second = [T::zero(); 6];
         self.z.curvature(q, v, &mut second);
         let ratio = Rows(&self.z_q(q)).times(v).times(inverse);
-        Complex(second[0], second[1]).times(inverse).minus(ratio.times(ratio)).1
+        sum(&second).times(inverse).minus(ratio.times(ratio)).1
     }
 
     fn rate_blocks<T: Real>(
@@ -263,7 +294,8 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
     ) -> [[[T; N]; 2]; 2] {
         let mut rows = [RowBlocks::zero(); 3];
         let z = self.z.rate_blocks(q, v, a, &mut rows);
-        let inverse = Complex(z[0], z[1]).inverse();
+        rows.iter_mut().for_each(|rows| self.add_pairs(rows));
+        let inverse = sum(&z).inverse();
         let [change, bend, z_q] = [Rows(&rows[0]), Rows(&rows[1]), Rows(&rows[2])];
         let first = z_q.times(v).times(inverse); // z₁ / z
         let second = change.times(v).times(inverse); // z₂ / z
@@ -282,8 +314,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
         let inverse = self.z(q).inverse();
         let RowBlocks(z_q) = self.z_q(q);
         let o = T::zero();
+        let (cosine, sine) = (inverse.1 * c, inverse.0 * c);
+        let weights = [cosine, sine, cosine, sine, o, o];
         // Im(z_qq / z): the imaginary part of 1/z weighs row c, the real part row s
-        self.z.add_hessian(q, &[inverse.1 * c, inverse.0 * c, o, o, o, o], out);
+        self.z.add_hessian(q, &weights, out);
         // −Im(z_qᵀ z_q / z²)
         let square = inverse.times(inverse).scaled(-1.0);
         for s in 0..2 {

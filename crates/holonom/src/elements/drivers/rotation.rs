@@ -1,4 +1,4 @@
-use crate::elements::joints::{planar_turn, spatial_turn};
+use crate::elements::joints::{planar_turn, spatial_twist};
 use crate::elements::row::Axis::H;
 use crate::elements::row::RowKind::{PlanarRotation, Rotation};
 use crate::elements::space::Triad;
@@ -13,11 +13,11 @@ pub(in crate::elements) fn planar(
     planar::Constraint::of_driver(frames, planar_turn(frames), &[PlanarRotation], motion)
 }
 
-/// Spatial prescribed angle about h_i, rad. Its value is the principal angle; whole turns of
+/// Spatial prescribed twist about h, rad. Its value is the principal angle; whole turns of
 /// u − s(t) are dropped by the caller (`Constraint::wraps`), so motions over many turns are smooth.
 pub(in crate::elements) fn spatial(
     frames: &[Triad<3>; 2],
     motion: TimeFunction,
 ) -> spatial::Constraint {
-    spatial::Constraint::of_driver(frames, spatial_turn(frames), &[Rotation(H)], motion)
+    spatial::Constraint::of_driver(frames, spatial_twist(frames), &[Rotation(H)], motion)
 }

@@ -75,67 +75,61 @@ impl Between<2, 3, 3> for InPlane {
     fn add_bend<T: Real>(&self, _: [&Body<T, 2, 3, 3>; 2], _: T, _: &mut PairBlocks<T, 3>) {}
 }
 
-/// Angle about h of the first frame, with f, g, the axes of the first frame and e, f of the second one, all turned along:
+/// Twist of the second frame from the first about their axes h_i and h_j, that is the angle about the axis of the swing and
+/// twist of one rotation; f, g are those of the first frame, d, e those of the second one, all turned along:
 ///
 /// ```text
-/// c = fᵀe,  s = gᵀe,  θ = atan2(s, c),  u = c² + s²
-/// n = (s f − c g) × e / u,   δθ = nᵀδρ,  δρ = δφ_j − δφ_i
-/// δn = δφ_i × n + B δρ,   B = (b aᵀ − a bᵀ + e mᵀ + 2 n (c a + s b)ᵀ) / u
-/// a = f × e,  b = g × e,  m = c g − s f
+/// c = fᵀd + gᵀe,  s = gᵀd − fᵀe,  θ = atan2(s, c)
+/// n = (h_i + h_j) / (1 + h_iᵀh_j),   δθ = nᵀδρ,  δρ = δφ_j − δφ_i
+/// δn = δφ_i × n + B δρ,   B = −(h̃_j + n (h_j × h_i)ᵀ) / (1 + h_iᵀh_j)
 /// ```
 ///
-/// Undefined where e is parallel to h; on a revolute or cylindrical axis u = 1 and n = h.
+/// It depends on the axes alone, not on what is across them, and is the same seen from either body. Undefined where the axes
+/// are opposite; on a revolute or cylindrical axis n = h.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AboutAxis {
-    /// f and g of the first frame.
-    first: [[f64; 3]; 2],
-    /// f of the second frame.
-    second: [f64; 3],
+    frames: [[[f64; 3]; 3]; 2],
 }
 
 impl AboutAxis {
     pub(in crate::elements) fn new(frames: &[Triad<3>; 2]) -> Self {
-        let [f, g, _] = frames[0].axes;
-        Self { first: [f, g], second: frames[1].axes[0] }
+        Self { frames: [frames[0].axes, frames[1].axes] }
     }
 
-    /// f, g and e.
+    /// h_i and h_j.
     #[inline(always)]
-    fn axes<T: Real>(&self, [i, j]: [&Body<T, 3, 7, 6>; 2]) -> [[T; 3]; 3] {
-        [i.turn(&self.first[0]), i.turn(&self.first[1]), j.turn(&self.second)]
+    fn axes<T: Real>(&self, [i, j]: [&Body<T, 3, 7, 6>; 2]) -> [[T; 3]; 2] {
+        [i.turn(&self.frames[0][2]), j.turn(&self.frames[1][2])]
     }
 
     /// n.
     #[inline(always)]
     fn normal<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> [T; 3] {
-        let [f, g, e] = self.axes(bodies);
-        let (c, s) = (dot(&f, &e), dot(&g, &e));
-        let across = std::array::from_fn(|k| s * f[k] - c * g[k]);
-        scaled(&cross(&across, &e), inverse_square(c, s))
+        let [first, second] = self.axes(bodies);
+        let part = part(&first, &second);
+        std::array::from_fn(|k| (first[k] + second[k]) * part)
     }
 
     /// B.
     #[inline(always)]
     fn bend<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> [[T; 3]; 3] {
-        let [f, g, e] = self.axes(bodies);
-        let (c, s) = (dot(&f, &e), dot(&g, &e));
-        let u = inverse_square(c, s);
-        let (a, b) = (cross(&f, &e), cross(&g, &e));
-        let m: [T; 3] = std::array::from_fn(|k| c * g[k] - s * f[k]);
-        let n = scaled(&cross(&m, &e), -u);
+        let [first, second] = self.axes(bodies);
+        let part = part(&first, &second);
+        let across = cross(&second, &first);
+        let [x, y, z] = second;
+        let o = T::zero();
+        let tilde = [[o, -z, y], [z, o, -x], [-y, x, o]];
         std::array::from_fn(|k| {
-            std::array::from_fn(|l| {
-                let square = (c * a[l] + s * b[l]) * 2.0;
-                (b[k] * a[l] - a[k] * b[l] + e[k] * m[l] + n[k] * square) * u
-            })
+            let n = (first[k] + second[k]) * part;
+            std::array::from_fn(|l| -(tilde[k][l] + n * across[l]) * part)
         })
     }
 }
 
-/// 1 / (c² + s²); the smallest number keeps an undefined angle free of 0/0.
+/// 1 / (1 + h_iᵀh_j); the smallest number keeps an undefined angle free of 0/0.
 #[inline(always)]
-fn inverse_square<T: Real>(c: T, s: T) -> T {
-    (c * c + s * s + f64::MIN_POSITIVE).recip()
+fn part<T: Real>(first: &[T; 3], second: &[T; 3]) -> T {
+    (dot(first, second) + 1.0 + f64::MIN_POSITIVE).recip()
 }
 
 #[inline(always)]
@@ -148,8 +142,10 @@ impl Between<3, 7, 6> for AboutAxis {
     const COUNTS_TURNS: bool = true;
 
     fn value<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> T {
-        let [f, g, e] = self.axes(bodies);
-        dot(&g, &e).atan2(dot(&f, &e))
+        let [i, j] = bodies;
+        let [f, g, _] = self.frames[0].map(|axis| i.turn(&axis));
+        let [d, e, _] = self.frames[1].map(|axis| j.turn(&axis));
+        (dot(&g, &d) - dot(&f, &e)).atan2(dot(&f, &d) + dot(&g, &e))
     }
 
     fn rows<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> [[T; 6]; 2] {
@@ -189,7 +185,7 @@ impl Between<3, 7, 6> for AboutAxis {
     }
 }
 
-/// Rotational spring-damper, planar or about h of the first frame. Its torque t resists growing θ:
+/// Rotational spring-damper, planar or about h. Its torque t resists growing θ:
 /// it acts as −t on the second body.
 ///
 /// ```text

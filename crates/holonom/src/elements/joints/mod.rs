@@ -35,9 +35,14 @@ pub(super) fn planar_slide(frames: &[Triad<2>; 2]) -> Coordinate<Planar, 2, 3, 1
     Coordinate::Displacement(Measure::new(points(frames), false, vec![along]))
 }
 
-/// Angle about h of the first frame.
+/// Angle about h of two frames that share it.
 pub(super) fn spatial_turn(frames: &[Triad<3>; 2]) -> Coordinate<Spatial, 3, 7, 4> {
     Coordinate::Angle(SpatialAngle::new(frames))
+}
+
+/// Twist about h of two frames that need not share it.
+pub(super) fn spatial_twist(frames: &[Triad<3>; 2]) -> Coordinate<Spatial, 3, 7, 4> {
+    Coordinate::Angle(SpatialAngle::twist(frames))
 }
 
 /// Angle in the plane.

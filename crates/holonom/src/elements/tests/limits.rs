@@ -111,6 +111,41 @@ fn drivers_measure_the_motion_they_prescribe() {
     assert_eq!(pin.drive(0.4), None);
 }
 
+#[test] // independent truth: swing and twist of a rotation, θ = 2 atan2(p₃, p₀), and the moment −k θ ∂θ̇/∂ω by formula
+fn twist_depends_on_the_axes_alone() {
+    let mut random = Random::new(77);
+    for _ in 0..200 {
+        let across = random.range(0.0, TAU);
+        let (s, c) = across.sin_cos();
+        let axes = [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]];
+        let relative = turn(&random.unit(), random.range(-2.9, 2.9));
+        let [_, x, y, _] = relative;
+        let q = [spatial::GROUND, [0.0, 0.0, 0.0, relative[0], x, y, relative[3]]];
+        let expected = 2.0 * relative[3].atan2(relative[0]);
+        let frames = [origin(), origin()].map(|frame| Frame { axes, ..frame });
+        let (law, damping, free_angle) = (ElasticLaw::Linear(3.0), 0.0, 0.0);
+        let kind = ForceKind::Rsda { frames, law, damping, free_angle };
+        let spring = spatial::Force::new(&named(kind), [[0.0; 3]; 2]);
+        let input = still(q).input::<Spatial, 3>();
+        let angle = spring.angle([&input.bodies[0], &input.bodies[1]], expected);
+        assert!((angle - expected).abs() < 1e-12);
+        let kind = driver(DriverKind::Rotation, frames);
+        let mut u = [0.0; 6];
+        spatial::Constraint::driver(&kind, [[0.0; 3]; 2]).value(refs(&q), &mut u);
+        assert!((u[0] - expected - TAU * ((u[0] - expected) / TAU).round()).abs() < 1e-12);
+        let turned = crate::math::spatial::rotate(&relative, &[0.0, 0.0, 1.0]);
+        let input = At { winding: expected, ..still(q) }.input::<Spatial, 3>();
+        let moments = evaluate(&spring, &input);
+        for k in 0..3 {
+            let sum = turned[k] + if k == 2 { 1.0 } else { 0.0 };
+            let moment = -3.0 * expected * sum / (1.0 + turned[2]);
+            let allowed = 1e-11 / (1.0 + turned[2]);
+            assert!((moments[1][3 + k] - moment).abs() < allowed);
+            assert!((moments[0][3 + k] + moment).abs() < allowed);
+        }
+    }
+}
+
 fn spring(free_length: f64) -> ForceKind {
     let law = ElasticLaw::Linear(1000.0);
     ForceKind::Tsda { frames: [origin(), origin()], law, damping: 5.0, free_length }

@@ -70,7 +70,7 @@ item! {
     /// Rotational spring and damper. Torque on the second body
     /// −[`stiffness` (θ − `free_angle`) + `damping` θ̇], the opposite on the first. θ is the angle of
     /// the second body from the first and counts turns: in planar models the difference of the body
-    /// angles (of the ground: 0), in spatial models zero in the design configuration.
+    /// angles (of the ground: 0), in spatial models the [twist about the axis](#rules), zero in the design configuration.
     struct Rsda {
         /// First and second body; `"ground"` is one of them at most.
         pub(crate) between: [String; 2],

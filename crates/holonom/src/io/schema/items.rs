@@ -284,7 +284,8 @@ item! {
     /// with the geometry.
     #[schemars(title = "Drivers")]
     struct Driver {
-        /// What is prescribed: a displacement along an axis (m) or an angle about it (rad).
+        /// What is prescribed: a displacement along an axis (m) or an angle about it (rad), in spatial models
+        /// the [twist](#rules).
         pub(crate) coordinate: Coordinate,
         /// A joint whose relative displacement or angle is prescribed.
         pub(crate) joint: Option<String>,
