@@ -35,16 +35,19 @@ pub fn chosen_velocities(
     let parametrization = assembled.parametrization();
     let mut rates = vec![0.0; parametrization.ndof];
     parametrization.rates(system.as_ref(), &state.q, &state.v, &mut rates);
-    let free = unknowns(system.as_ref(), model, Level::Velocity).free;
+    let unknowns = unknowns(system.as_ref(), model, Level::Velocity);
     let rests = rates.iter().all(|rate| rate.abs() <= REST);
-    if rests || free.is_empty() || model.initial.assembly == Assembly::Adjust {
+    if rests || unknowns.free.is_empty() || model.initial.assembly == Assembly::Adjust {
         return Vec::new();
     }
-    let mut disturbed = state.clone();
-    for (k, i) in free.into_iter().enumerate() {
+    let mut disturbance = vec![0.0; state.v.len()];
+    for (k, &i) in unknowns.free.iter().enumerate() {
         // Any numbers of which none is a multiple of another by chance.
-        disturbed.v[i] += 0.5 + (0.618_033_988_749_895 * k as f64).fract();
+        disturbance[i] = 0.5 + (0.618_033_988_749_895 * k as f64).fract();
     }
+    unknowns.complete(system.as_ref(), &state.q, &mut disturbance);
+    let mut disturbed = state.clone();
+    disturbed.v.iter_mut().zip(&disturbance).for_each(|(v, change)| *v += change);
     let Ok((disturbed, _)) = closed(system, model, Level::Velocity, &disturbed) else {
         return Vec::new();
     };

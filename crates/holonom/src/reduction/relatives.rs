@@ -79,8 +79,9 @@ impl Relatives {
     }
 
     /// Name of a coordinate of a group.
-    pub fn name_of(system: &dyn System, group: usize, row: usize) -> String {
-        let group = &system.relative_groups()[group];
+    pub fn name_of(system: &dyn System, index: usize, row: usize) -> String {
+        let groups = system.relative_groups();
+        let group = &groups[index];
         let kind = match group.kind {
             RelativeKind::Displacement => "displacement",
             RelativeKind::Angle => "angle",
@@ -88,8 +89,13 @@ impl Relatives {
             RelativeKind::Direction => "direction",
             RelativeKind::Rotation => "rotation",
         };
-        if group.rows > 1 {
-            format!("{}.{kind}[{row}]", group.name)
+        // The two angles of a universal joint are groups of their own.
+        let twin = |other: Option<&RelativeGroup>| {
+            other.is_some_and(|other| other.name == group.name && other.kind == group.kind)
+        };
+        let second = twin(index.checked_sub(1).and_then(|before| groups.get(before)));
+        if group.rows > 1 || second || twin(groups.get(index + 1)) {
+            format!("{}.{kind}[{}]", group.name, row + usize::from(second))
         } else {
             format!("{}.{kind}", group.name)
         }

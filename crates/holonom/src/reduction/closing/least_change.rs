@@ -36,6 +36,15 @@ impl Unknowns {
     pub(super) fn all(system: &dyn System) -> Self {
         Self { free: (0..system.structure().sizes.coordinates).collect(), coupled: Vec::new() }
     }
+
+    fn couplings(&self, system: &dyn System, q: &[f64]) -> Vec<(usize, Vec<f64>)> {
+        self.coupled.iter().map(|&b| (b, coupling(system, b, q))).collect()
+    }
+
+    /// Makes a change of the free coordinates at q one of all: coupled translations follow.
+    pub(in crate::reduction) fn complete(&self, system: &dyn System, q: &[f64], x: &mut [f64]) {
+        follow(system, &self.couplings(system, q), x);
+    }
 }
 
 /// Minimum-norm x over the free unknowns with G x = r, as [`Solve`] says; coupled translations follow their orientations.
@@ -51,8 +60,7 @@ pub(super) fn least_change(
     let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
     checkpoint(m * k);
     let (per_body, d) = (sizes.per_body, sizes.translations);
-    let couplings: Vec<(usize, Vec<f64>)> =
-        unknowns.coupled.iter().map(|&b| (b, coupling(system, b, q))).collect();
+    let couplings = unknowns.couplings(system, q);
     let mut column = vec![None; n];
     for (at, &i) in unknowns.free.iter().enumerate() {
         column[i] = Some(at);
@@ -91,14 +99,20 @@ pub(super) fn least_change(
     for ((&i, y), w) in unknowns.free.iter().zip(&solution).zip(&weights) {
         x[i] = y * w;
     }
-    for (b, w) in &couplings {
-        for i in 0..d {
-            x[b * per_body + i] = (0..per_body - d)
-                .map(|c| w[i * (per_body - d) + c] * x[b * per_body + d + c])
-                .sum();
+    follow(system, &couplings, &mut x);
+    Some(x)
+}
+
+/// Moves the translations in a change `x` of coordinates with the orientations that they are coupled to.
+fn follow(system: &dyn System, couplings: &[(usize, Vec<f64>)], x: &mut [f64]) {
+    let sizes = system.structure().sizes;
+    let (n, d) = (sizes.per_body, sizes.translations);
+    for (b, w) in couplings {
+        let (translation, rotation) = x[b * n..(b + 1) * n].split_at_mut(d);
+        for (x, w) in translation.iter_mut().zip(w.chunks_exact(n - d)) {
+            *x = w.iter().zip(&*rotation).map(|(w, x)| w * x).sum();
         }
     }
-    Some(x)
 }
 
 /// ∂(A c)/∂p of a body, D×(N−D) by rows; A is quadratic in the Euler parameters, so central

@@ -102,7 +102,11 @@ pub(super) fn closed(
     Err(match level {
         Level::Position => AssemblyError::Unreachable { row, item, residual, unit, others, axes },
         Level::Velocity => {
+            // By how much the row is missed where all others are met: what is left, r, is the part of the contradiction y in
+            // the residuals, r = y (yᵀb), and b along the row alone would be |r|²/r_row.
             let level = "velocity";
+            let square: f64 = open.iter().map(|x| x * x).sum();
+            let residual = if open[worst] == 0.0 { residual } else { square / residual };
             AssemblyError::Contradiction { level, row, item, residual, unit, others }
         }
     })
