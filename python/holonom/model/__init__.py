@@ -114,9 +114,11 @@ class Model(Compiled):
 
     @classmethod
     def from_text(
-        cls, text: str, syntax: Literal["toml", "json"] = "toml", name: str = "model"
+        cls, text: str, syntax: Literal["toml", "json"] | None = None, name: str = "model"
     ) -> Model:
         """Read a model from text; it cannot use ``extends`` or the ``file`` of a mesh.
+
+        Without `syntax`, text that begins with a brace is JSON, which no TOML does.
 
         Raises
         ------

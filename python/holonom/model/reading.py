@@ -47,7 +47,7 @@ def read_file(
     return core, sources
 
 
-def read_text(text: str, syntax: str, name: str) -> _core.CoreModel:
+def read_text(text: str, syntax: str | None, name: str) -> _core.CoreModel:
     """Return the model of a text; errors are those of `Model.from_text`."""
     if isinstance(text, Mapping):
         raise UsageError(
@@ -62,6 +62,8 @@ def read_text(text: str, syntax: str, name: str) -> _core.CoreModel:
     if not isinstance(name, str):
         raise UsageError(f"`name` is {quoted(repr(name))}", help="pass a text")
     require_text(name, "the name of the model")
+    if syntax is None:
+        syntax = "json" if text.lstrip().startswith("{") else "toml"
     if syntax not in ("toml", "json"):
         raise UsageError(
             f"`syntax` is {quoted(syntax)}", help='it is "toml" or "json", without a dot'
