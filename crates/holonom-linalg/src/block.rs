@@ -1,5 +1,5 @@
 use crate::lanes::{
-    QuadKernel, add_column, add_multiple, add_quads, add_transposed, marks, quads, rows_of,
+    QuadKernel, Span, add_column, add_multiple, add_quads, add_transposed, marks, quads, rows_of,
     run_quads,
 };
 use std::ops::Range;
@@ -135,6 +135,17 @@ impl BlockPattern {
     /// Number of different blocks.
     pub fn n_blocks(&self) -> usize {
         self.blocks.len()
+    }
+
+    /// For every block the columns in which its rows of X can differ from zero, which are known by a bit each; columns of AᵀX
+    /// are added to `reached`.
+    pub fn transposed_spans(&self, columns: &[u32], reached: &mut [u32], spans: &mut Vec<Span>) {
+        spans.clear();
+        spans.extend(self.shapes().map(|(row, column, rows, width)| {
+            let all = columns[row..row + rows].iter().fold(0, |all, x| all | x);
+            reached[column..column + width].iter_mut().for_each(|x| *x |= all);
+            Span::of(all)
+        }));
     }
 
     /// (row, column) of every value, block after block, moved by the offsets: the entries of a matrix as a part of a
@@ -304,12 +315,30 @@ impl BlockMatrix {
     /// # Panics
     /// If X or Y has not that many entries.
     pub fn multiply_transposed_many_add(&self, alpha: f64, x: &[f64], k: usize, y: &mut [f64]) {
+        self.multiply_transposed_spans_add(alpha, x, k, &[], y);
+    }
+
+    /// The same where X has zeros outside of these columns for one block after the other, as
+    /// [`BlockPattern::transposed_spans`] tells them, with the same bits; of all columns where there are no `spans`.
+    ///
+    /// # Panics
+    /// If X or Y has not that many entries.
+    pub fn multiply_transposed_spans_add(
+        &self,
+        alpha: f64,
+        x: &[f64],
+        k: usize,
+        spans: &[Span],
+        y: &mut [f64],
+    ) {
         assert_eq!(
             (x.len(), y.len()),
             (self.n_rows() * k, self.n_cols() * k),
             "entries of X and Y"
         );
-        run_quads(k, &mut TransposedProduct { matrix: self, alpha, x, k, y });
+        assert!(spans.is_empty() || k <= Span::MOST, "columns of spans");
+        let Some(block) = self.pattern.blocks.first() else { return };
+        run_quads(k, &mut TransposedProduct { matrix: self, alpha, x, k, spans, block, y });
     }
 
     /// The matrix with all its zeros, `n_rows`×`n_cols` by rows.
@@ -479,28 +508,40 @@ struct TransposedProduct<'a> {
     alpha: f64,
     x: &'a [f64],
     k: usize,
+    spans: &'a [Span],
+    /// The block that is multiplied.
+    block: &'a Block,
     y: &'a mut [f64],
 }
 
 impl QuadKernel for TransposedProduct<'_> {
     #[inline(always)]
+    fn run_group(&mut self, from: usize, group: Span) {
+        let matrix = self.matrix;
+        for (k, block) in matrix.pattern.blocks.iter().enumerate() {
+            self.block = block;
+            self.spans.get(k).unwrap_or(&group).run(from, self);
+        }
+    }
+
+    #[inline(always)]
     fn run<const H: usize>(&mut self, from: usize, width: usize) {
-        let at = [from, width];
-        for &b in self.matrix.pattern.blocks.iter().filter(|b| b.rows > 0 && b.columns > 0) {
-            match (b.rows, b.columns) {
-                (1, 3) => self.add_block::<H, 1, 3>(b, at),
-                (2, 3) => self.add_block::<H, 2, 3>(b, at),
-                (3, 3) => self.add_block::<H, 3, 3>(b, at),
-                (1, 4) => self.add_block::<H, 1, 4>(b, at),
-                (1, 7) => self.add_block::<H, 1, 7>(b, at),
-                (2, 7) => self.add_block::<H, 2, 7>(b, at),
-                (3, 7) => self.add_block::<H, 3, 7>(b, at),
-                (4, 7) => self.add_block::<H, 4, 7>(b, at),
-                (5, 7) => self.add_block::<H, 5, 7>(b, at),
-                (6, 7) => self.add_block::<H, 6, 7>(b, at),
-                (7, 7) => self.add_block::<H, 7, 7>(b, at),
-                _ => self.add_any::<H>(b, at),
-            }
+        let (b, at) = (*self.block, [from, width]);
+        match (b.rows, b.columns) {
+            (1, 3) => self.add_block::<H, 1, 3>(b, at),
+            (2, 3) => self.add_block::<H, 2, 3>(b, at),
+            (3, 3) => self.add_block::<H, 3, 3>(b, at),
+            (1, 4) => self.add_block::<H, 1, 4>(b, at),
+            (4, 4) => self.add_block::<H, 4, 4>(b, at),
+            (1, 7) => self.add_block::<H, 1, 7>(b, at),
+            (2, 7) => self.add_block::<H, 2, 7>(b, at),
+            (3, 7) => self.add_block::<H, 3, 7>(b, at),
+            (4, 7) => self.add_block::<H, 4, 7>(b, at),
+            (5, 7) => self.add_block::<H, 5, 7>(b, at),
+            (6, 7) => self.add_block::<H, 6, 7>(b, at),
+            (7, 7) => self.add_block::<H, 7, 7>(b, at),
+            (0, _) | (_, 0) => {}
+            _ => self.add_any::<H>(b, at),
         }
     }
 
@@ -565,13 +606,7 @@ impl TransposedProduct<'_> {
         }
         let Self { alpha, k, x, ref mut y, .. } = *self;
         let x = rows_of::<H, N>(x, k, first_row, at);
-        let mut scaled = [[0.0; M]; N];
-        for i in 0..N {
-            for j in 0..M {
-                scaled[i][j] = alpha * values[i][j];
-            }
-        }
-        add_transposed((&scaled, &marks), &x, &mut y[first_column * k..], k, at);
+        add_transposed(alpha, (values, &marks), &x, &mut y[first_column * k..], k, at);
     }
 
     #[inline(always)]

@@ -1,4 +1,5 @@
 use std::mem::MaybeUninit;
+use std::ops::Range;
 
 use faer::dyn_stack::{MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor as llt;
@@ -10,7 +11,7 @@ use faer::{Accum, MatMut, MatRef, Par, Spec};
 use crate::error::{NotPositiveDefinite, SingularMatrix};
 use crate::few_rows;
 use crate::lanes::{
-    MOST_LANES, QuadKernel, Wide, add_transposed, dot, marks, rows_of, run_quads, run_wide,
+    MOST_LANES, QuadKernel, Span, Wide, add_transposed, dot, marks, rows_of, run_quads, run_wide,
 };
 
 /// A pivot below this fraction of the numbers it is made of is cancellation noise.
@@ -508,51 +509,68 @@ impl Cholesky {
     }
 }
 
+/// Rows that [`gram_add`] takes at a time: as many as a body in space has, whose zeros are in the same columns.
+pub const GRAM_ROWS: usize = 7;
+
 /// C += AᵀB for so few columns that they are one group: less work than the way into the library, and what a variable does
 /// not move costs nothing.
 struct GramProduct<'a> {
     k: usize,
     a: &'a [f64],
     b: &'a [f64],
+    spans: &'a [Span],
+    /// Rows that are multiplied.
+    rows: Range<usize>,
     c: &'a mut [f64],
 }
 
 impl GramProduct<'_> {
-    /// What N rows from the given one on add.
+    /// What N rows add.
     #[inline(always)]
-    fn add_rows<const H: usize, const N: usize>(&mut self, first: usize, at: [usize; 2]) {
-        let Self { k, a, b, ref mut c } = *self;
-        let (a, b) = (rows_of::<H, N>(a, k, first, at), rows_of::<H, N>(b, k, first, at));
-        let mut four = [[0.0; 4]; N];
-        for h in 0..H {
-            for i in 0..N {
-                four[i] = a[i].0[h];
-            }
-            add_transposed((&four, &marks(&four)), &b, &mut c[4 * h * k..], k, at);
+    fn add_rows<const H: usize, const N: usize>(&mut self, at: [usize; 2]) {
+        let Self { k, a, b, rows: Range { start, .. }, ref mut c, .. } = *self;
+        let b = rows_of::<H, N>(b, k, start, at);
+        let (row, mut rest) = a[start * k..].split_at(k);
+        let mut rows = [row; N];
+        for i in 1..N {
+            (rows[i], rest) = rest.split_at(k);
         }
-        for i in 0..N {
-            four[i] = *a[i].1;
+        for next in (0..k).step_by(4) {
             // Some of the last four were among the others.
-            for j in 0..4 * (H + 1) - k {
-                four[i][j] = 0.0;
+            let from = next.min(k - 4);
+            let mut four = [[0.0; 4]; N];
+            for i in 0..N {
+                four[i] = *rows[i][from..].first_chunk().expect("four columns");
+                for j in 0..next - from {
+                    four[i][j] = 0.0;
+                }
             }
+            add_transposed(1.0, (&four, &marks(&four)), &b, &mut c[from * k..], k, at);
         }
-        add_transposed((&four, &marks(&four)), &b, &mut c[(k - 4) * k..], k, at);
     }
 }
 
 impl QuadKernel for GramProduct<'_> {
     #[inline(always)]
-    fn run<const H: usize>(&mut self, from: usize, width: usize) {
-        // As many at a time as a body in space has, whose zeros are in the same columns.
-        const TOGETHER: usize = 7;
+    fn run_group(&mut self, from: usize, group: Span) {
         let count = self.a.len() / self.k;
-        let whole = count - count % TOGETHER;
-        for first in (0..whole).step_by(TOGETHER) {
-            self.add_rows::<H, TOGETHER>(first, [from, width]);
+        let whole = count - count % GRAM_ROWS;
+        for (part, first) in (0..whole).step_by(GRAM_ROWS).enumerate() {
+            self.rows = first..first + GRAM_ROWS;
+            self.spans.get(part).unwrap_or(&group).run(from, self);
         }
-        for first in whole..count {
-            self.add_rows::<H, 1>(first, [from, width]);
+        for row in whole..count {
+            self.rows = row..row + 1;
+            group.run(from, self);
+        }
+    }
+
+    #[inline(always)]
+    fn run<const H: usize>(&mut self, from: usize, width: usize) {
+        if self.rows.len() == GRAM_ROWS {
+            self.add_rows::<H, GRAM_ROWS>([from, width]);
+        } else {
+            self.add_rows::<H, 1>([from, width]);
         }
     }
 
@@ -584,13 +602,29 @@ fn make_product_buffer() {
 /// # Panics
 /// If a matrix has not that many entries.
 pub fn gram_add(n_rows: usize, k: usize, a: &[f64], b: &[f64], c: &mut [f64]) {
+    gram_spans_add(n_rows, k, a, b, &[], c);
+}
+
+/// The same where B has zeros outside of these columns for [`GRAM_ROWS`] rows each, with the same bits; of all columns where
+/// there are no `spans`.
+///
+/// # Panics
+/// If a matrix has not that many entries.
+pub fn gram_spans_add(
+    n_rows: usize,
+    k: usize,
+    a: &[f64],
+    b: &[f64],
+    spans: &[Span],
+    c: &mut [f64],
+) {
     assert_eq!(
         (a.len(), b.len(), c.len()),
         (n_rows * k, n_rows * k, k * k),
         "entries of A, B and C"
     );
     if k <= MOST_LANES {
-        return run_quads(k, &mut GramProduct { k, a, b, c });
+        return run_quads(k, &mut GramProduct { k, a, b, spans, rows: 0..0, c });
     }
     let a = MatRef::from_row_major_slice(a, n_rows, k);
     let b = MatRef::from_row_major_slice(b, n_rows, k);

@@ -82,6 +82,14 @@ pub(crate) fn lanes_mut<T, const W: usize>(
 /// four, which may be some of these once more. What is written must therefore be read before.
 pub(crate) trait QuadKernel {
     fn run<const H: usize>(&mut self, from: usize, width: usize);
+    /// For all columns of a group from `from` on; of some parts fewer may do.
+    #[inline(always)]
+    fn run_group(&mut self, from: usize, group: Span)
+    where
+        Self: Sized,
+    {
+        group.run(from, self);
+    }
     /// The same for all W columns, where there are fewer than four.
     fn run_few<const W: usize>(&mut self);
 }
@@ -111,15 +119,50 @@ impl<K: QuadKernel> pulp::WithSimd for Quads<'_, K> {
         while from < self.k {
             let rest = self.k - from;
             let width = rest.div_ceil(rest.div_ceil(MOST_LANES));
-            match width.div_ceil(4) {
-                1 => self.kernel.run::<0>(from, width),
-                2 => self.kernel.run::<1>(from, width),
-                3 => self.kernel.run::<2>(from, width),
-                4 => self.kernel.run::<3>(from, width),
-                5 => self.kernel.run::<4>(from, width),
-                _ => self.kernel.run::<5>(from, width),
-            }
+            self.kernel.run_group(from, Span::of_width(width));
             from += width;
+        }
+    }
+}
+
+/// Columns of a group that a `QuadKernel` takes: the first ones, four by four, and the four that end somewhere.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Span {
+    heads: u8,
+    end: u8,
+}
+
+impl Span {
+    /// Most columns of a matrix that has spans.
+    pub const MOST: usize = MOST_LANES;
+
+    /// The narrowest with these columns, a bit for each; it may have others.
+    pub fn of(columns: u32) -> Self {
+        let length = |columns: u32| 32 - columns.leading_zeros();
+        if columns == 0 {
+            return Self { heads: 0, end: 0 };
+        }
+        let end = length(columns).max(4);
+        let before = columns & ((1 << (end - 4)) - 1);
+        Self { heads: length(before).div_ceil(4) as u8, end: end as u8 }
+    }
+
+    #[inline(always)]
+    fn of_width(width: usize) -> Self {
+        Self { heads: (width.div_ceil(4) - 1) as u8, end: width as u8 }
+    }
+
+    #[inline(always)]
+    pub(crate) fn run(self, from: usize, kernel: &mut impl QuadKernel) {
+        let width = usize::from(self.end);
+        match self.heads {
+            _ if width == 0 => {}
+            0 => kernel.run::<0>(from, width),
+            1 => kernel.run::<1>(from, width),
+            2 => kernel.run::<2>(from, width),
+            3 => kernel.run::<3>(from, width),
+            4 => kernel.run::<4>(from, width),
+            _ => kernel.run::<5>(from, width),
         }
     }
 }
@@ -174,10 +217,11 @@ pub(crate) fn marks<const N: usize, const M: usize>(a: &[[f64; M]; N]) -> [u64; 
     bits
 }
 
-/// Y += AᵀX for M rows of Y, with which `y` begins. Columns of zeros, which joints and what acts on or moves few bodies leave
+/// Y += α AᵀX for M rows of Y, with which `y` begins. Columns of zeros, which joints and what acts on or moves few bodies leave
 /// in great number, are passed over.
 #[inline(always)]
 pub(crate) fn add_transposed<const H: usize, const N: usize, const M: usize>(
+    alpha: f64,
     (a, marks): (&[[f64; M]; N], &[u64; M]),
     x: &[(&[Quad; H], &Quad); N],
     y: &mut [f64],
@@ -191,7 +235,7 @@ pub(crate) fn add_transposed<const H: usize, const N: usize, const M: usize>(
         if marks[j] != 0 {
             let mut column = [0.0; N];
             for i in 0..N {
-                column[i] = a[i][j];
+                column[i] = alpha * a[i][j];
             }
             add_column(&column, x, row, k, 0, at);
         }
@@ -344,9 +388,16 @@ struct EntryProduct<'a, E> {
 impl<E: Iterator<Item = (usize, usize, f64)> + Clone> QuadKernel for EntryProduct<'_, E> {
     #[inline(always)]
     fn run<const H: usize>(&mut self, from: usize, width: usize) {
-        let at = [from, width];
-        for (i, j, a) in self.entries.clone() {
-            add_quads::<H>(a, quads(self.x, self.k, j, at), self.y, self.k, i, at);
+        let (at, mut entries) = ([from, width], self.entries.clone());
+        let mut next = entries.next();
+        // Those one after the other that take the same row of X.
+        while let Some((_, row, _)) = next {
+            let (heads, end) = quads::<H>(self.x, self.k, row, at);
+            let (heads, end) = (*heads, *end);
+            while let Some((i, _, a)) = next.filter(|next| next.1 == row) {
+                add_quads::<H>(a, (&heads, &end), self.y, self.k, i, at);
+                next = entries.next();
+            }
         }
     }
 

@@ -41,7 +41,7 @@ pub mod watch;
 pub use block::{BlockId, BlockMatrix, BlockPattern, BlocksMut};
 pub use branched::{BranchedCholesky, BranchedPlan, CutRows, DenseAugmented, Operations, Stages};
 pub use complex::{Complex64, DenseComplexLu};
-pub use dense::{Cholesky, DenseLu, add_product, gram_add};
+pub use dense::{Cholesky, DenseLu, GRAM_ROWS, add_product, gram_add, gram_spans_add};
 pub use envelope::{
     BlockGraph, EnvelopeCholesky, EnvelopePlan, LARGEST_BLOCK, gibbs_king, least_degree,
     least_envelope, reverse_cuthill_mckee,
@@ -52,10 +52,10 @@ pub use full_pivot::{FullPivot, full_pivot_elimination};
 #[cfg(feature = "general-sparse")]
 pub use general::GeneralSparseLu;
 pub use independent_rows::{Claim, IndependentRows, OfferedRow, independent_rows};
-pub use lanes::{Wide, add_entries, dot, run_wide, scale_rows};
+pub use lanes::{Span, Wide, add_entries, dot, run_wide, scale_rows};
 pub use rank::{
     LeastNorm, ThinSvd, eigenvalues, least_norm, orthonormal_null_space, orthonormal_null_space_qr,
     singular_values, thin_svd,
 };
 pub use scalar::Scalar;
-pub use sparse::{Assembly, FrozenLu, SparseLu, SparsePattern, Terms, sparse_least_norm};
+pub use sparse::{Assembly, FrozenLu, Pivots, SparseLu, SparsePattern, Terms, sparse_least_norm};

@@ -2,8 +2,10 @@
 
 mod common;
 
-use common::{cases, largest_difference, noise, product, transpose};
-use holonom_linalg::{BlockMatrix, BlockPattern, SparseLu, SparsePattern};
+use common::{
+    are_zero_elsewhere, cases, largest_difference, noise, product, sparse_columns, transpose,
+};
+use holonom_linalg::{BlockMatrix, BlockPattern, Span, SparseLu, SparsePattern};
 use proptest::prelude::*;
 
 /// Blocks that may repeat and overlap, in a matrix large enough for them; values by request.
@@ -64,6 +66,39 @@ proptest! {
 
         matrix.clear();
         prop_assert!(matrix.values().iter().all(|&v| v == 0.0));
+    }
+
+    #[test] // truth: the product with all columns
+    fn products_within_spans_are_those_of_all_columns(
+        (n_rows, n_cols, blocks) in blocks(),
+        k in 1..=Span::MOST,
+        seed in any::<u64>(),
+    ) {
+        let (mut matrix, ids) = BlockMatrix::new(n_rows, n_cols, &blocks);
+        for (&(.., rows, columns), &id) in blocks.iter().zip(&ids) {
+            matrix.block_mut(id).copy_from_slice(&noise(seed, rows * columns));
+        }
+        let (x, columns) = sparse_columns(seed, n_rows, k);
+        let (mut reached, mut spans) = (vec![0; n_cols], Vec::new());
+        matrix.pattern().transposed_spans(&columns, &mut reached, &mut spans);
+        let (mut all, mut some) = (vec![0.0; n_cols * k], vec![0.0; n_cols * k]);
+        matrix.multiply_transposed_many_add(-2.0, &x, k, &mut all);
+        matrix.multiply_transposed_spans_add(-2.0, &x, k, &spans, &mut some);
+        prop_assert!(are_zero_elsewhere(&all, &reached, k));
+        prop_assert_eq!(some, all);
+    }
+}
+
+#[test] // truth: one column after the other
+fn spans_have_the_columns_that_they_are_made_of() {
+    let (mut matrix, ids) = BlockMatrix::new(1, 1, &[(0, 0, 1, 1)]);
+    matrix.block_mut(ids[0])[0] = 1.0;
+    for columns in 0u32..1 << 14 {
+        let columns = columns << (columns % 11);
+        let x: Vec<f64> = (0..24).map(|j| f64::from(columns >> j & 1)).collect();
+        let mut y = vec![0.0; 24];
+        matrix.multiply_transposed_spans_add(1.0, &x, 24, &[Span::of(columns)], &mut y);
+        assert_eq!(x, y, "{columns:b}");
     }
 }
 

@@ -2,10 +2,10 @@
 
 mod common;
 
-use common::{cases, dense_solve, largest_difference, noise, product, transpose};
+use common::{cases, dense_solve, largest_difference, noise, product, sparse_columns, transpose};
 use holonom_linalg::{
-    Cholesky, DecompositionError, DenseLu, eigenvalues, full_pivot_elimination, gram_add,
-    least_norm, orthonormal_null_space, singular_values,
+    Cholesky, DecompositionError, DenseLu, GRAM_ROWS, Span, eigenvalues, full_pivot_elimination,
+    gram_add, gram_spans_add, least_norm, orthonormal_null_space, singular_values,
 };
 use proptest::prelude::*;
 
@@ -148,6 +148,21 @@ proptest! {
         let mut truth = product(k, n, k, &transpose(n, k, &a), &b);
         truth.iter_mut().zip(&start).for_each(|(t, s)| *t += s);
         prop_assert!(c.iter().zip(&truth).all(|(c, t)| (c - t).abs() < 1e-15 * (n + 4) as f64));
+    }
+
+    #[test] // truth: the product of all columns
+    fn gram_within_spans_is_that_of_all_columns(
+        n in 0usize..40,
+        k in 1..=Span::MOST,
+        seed in any::<u64>(),
+    ) {
+        let [(a, _), (b, columns)] = [seed, seed ^ 1].map(|seed| sparse_columns(seed, n, k));
+        let parts = columns.chunks(GRAM_ROWS).map(|rows| rows.iter().fold(0, |all, x| all | x));
+        let spans: Vec<Span> = parts.map(Span::of).collect();
+        let (mut some, mut all) = (vec![0.0; k * k], vec![0.0; k * k]);
+        gram_spans_add(n, k, &a, &b, &spans, &mut some);
+        gram_add(n, k, &a, &b, &mut all);
+        prop_assert_eq!(some, all);
     }
 }
 

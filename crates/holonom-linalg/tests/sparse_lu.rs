@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::{cases, dense_solve, largest_difference, noise, transpose};
+use common::{
+    are_zero_elsewhere, cases, dense_solve, largest_difference, noise, sparse_columns, transpose,
+};
 use holonom_linalg::{SparseLu, SparsePattern, scale_rows};
 use proptest::prelude::*;
 
@@ -93,6 +95,19 @@ fn check(sample: &Sample, lu: &mut SparseLu, k: usize, accuracy: f64) -> Result<
         let mut y = b.clone();
         lu.solve_scaled_many(&mut y, k, backward, [&scales[0], &scales[1]]);
         prop_assert!(largest_difference(&x, &y) < allowed);
+    }
+    // What the pattern does not reach is exactly zero.
+    let few = k.min(32);
+    let (right, columns) = sparse_columns(n as u64 + 78, n, few);
+    for backward in [false, true] {
+        let (mut x, mut reached) = (right.clone(), columns.clone());
+        lu.reach(backward, &mut reached, &mut Vec::new());
+        if backward {
+            lu.solve_transposed_many(&mut x, few);
+        } else {
+            lu.solve_many(&mut x, few);
+        }
+        prop_assert!(are_zero_elsewhere(&x, &reached, few));
     }
     let column = |m: &[f64]| (0..n).map(|i| m[i * k + k - 1]).collect::<Vec<f64>>();
     let mut x = column(&b);

@@ -7,6 +7,7 @@ mod inverse;
 mod least_norm;
 mod ordering;
 mod pattern;
+mod reach;
 mod substitution;
 mod symbolic;
 mod wide_search;
@@ -25,6 +26,7 @@ pub use frozen::FrozenLu;
 pub use least_norm::sparse_least_norm;
 use ordering::{PivotOrder, Search};
 pub use pattern::SparsePattern;
+pub use reach::Pivots;
 use substitution::Substitution;
 use symbolic::FactorPattern;
 

@@ -122,3 +122,22 @@ pub(crate) fn largest_difference(a: &[f64], b: &[f64]) -> f64 {
     // A NaN must not be swallowed by max.
     difference.fold(0.0f64, |m, d| if d > m || d.is_nan() { d } else { m }) / size
 }
+
+/// A matrix by rows with few columns in each, and these by a bit each.
+pub(crate) fn sparse_columns(seed: u64, n_rows: usize, k: usize) -> (Vec<f64>, Vec<u32>) {
+    let (mut x, choice) = (noise(seed, n_rows * k), noise(seed ^ 5, n_rows * k));
+    let mut columns = vec![0; n_rows];
+    for (at, x) in x.iter_mut().enumerate() {
+        if choice[at] > 0.6 {
+            columns[at / k] |= 1 << (at % k);
+        } else {
+            *x = 0.0;
+        }
+    }
+    (x, columns)
+}
+
+/// Whether rows have no other columns than these.
+pub(crate) fn are_zero_elsewhere(x: &[f64], columns: &[u32], k: usize) -> bool {
+    x.iter().enumerate().all(|(at, x)| *x == 0.0 || columns[at / k] >> (at % k) & 1 == 1)
+}

@@ -286,6 +286,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
         sum(&second).times(inverse).minus(ratio.times(ratio)).1
     }
 
+    #[inline(always)]
     fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
@@ -310,6 +311,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Angle<N>
         [of_v, of_a]
     }
 
+    #[inline(always)]
     fn add_hessian<T: Real>(&self, q: [&[T; N]; 2], c: T, out: &mut PairBlocks<T, N>) {
         let inverse = self.z(q).inverse();
         let RowBlocks(z_q) = self.z_q(q);

@@ -206,9 +206,9 @@ impl<T: Real, const D: usize> Link<T, D> {
         })
     }
 
-    /// out += what the wrenches −[`rows`](Self::rows) resist with where c changes by M δx, `[felt][moved]`.
+    /// What the wrenches −[`rows`](Self::rows) resist with where c changes by M δx, `[felt][moved]`.
     #[inline(always)]
-    pub(super) fn add_stiffness<S: Rigid<D, N, W>, const N: usize, const W: usize>(
+    pub(super) fn set_stiffness<S: Rigid<D, N, W>, const N: usize, const W: usize>(
         &self,
         m: &[[T; D]; D],
         out: &mut [[[[T; W]; W]; 2]; 2],
@@ -220,18 +220,14 @@ impl<T: Real, const D: usize> Link<T, D> {
                 let out = &mut out[felt][moved];
                 for (out, row) in out.iter_mut().zip(&block) {
                     for (out, x) in out.iter_mut().zip(row) {
-                        if felt == moved {
-                            *out += *x;
-                        } else {
-                            *out -= *x;
-                        }
+                        *out = if felt == moved { *x } else { -*x };
                     }
                 }
             }
         }
     }
 
-    /// out += the same where c stays as it is and the arms turn.
+    /// Adds the same where c stays as it is and the arms turn.
     #[inline(always)]
     pub(super) fn add_swing<S: Rigid<D, N, W>, const N: usize, const W: usize>(
         &self,

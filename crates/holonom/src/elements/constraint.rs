@@ -216,6 +216,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         }
     }
 
+    #[inline(always)]
     fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
@@ -231,6 +232,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         }
     }
 
+    #[inline(always)]
     fn hessian<T: Real>(&self, q: [&[T; N]; 2], c: &[T; 6], out: &mut PairBlocks<T, N>) {
         *out = PairBlocks::zero();
         match &self.rows {

@@ -220,10 +220,12 @@ pub trait ForceElement<const D: usize, const N: usize, const W: usize> {
 
 impl<T: Real, const N: usize> RowBlocks<T, N> {
     /// All entries zero.
+    #[inline(always)]
     pub fn zero() -> Self {
         Self([[[T::zero(); N]; 6]; 2])
     }
 
+    #[inline(always)]
     fn set(&mut self, row: usize, values: &[[T; N]; 2]) {
         for side in 0..2 {
             self.0[side][row] = values[side];
@@ -244,6 +246,21 @@ impl<T: Real, const N: usize> PairBlocks<T, N> {
 
     fn entries_mut(&mut self) -> &mut [T] {
         self.0.as_flattened_mut().as_flattened_mut().as_flattened_mut()
+    }
+
+    /// Makes it factor · a bᵀ.
+    #[inline(always)]
+    fn set_outer(&mut self, factor: T, a: &[[T; N]; 2], b: &[[T; N]; 2]) {
+        for s in 0..2 {
+            for i in 0..N {
+                let f = factor * a[s][i];
+                for t in 0..2 {
+                    for j in 0..N {
+                        self.0[s][t][i][j] = f * b[t][j];
+                    }
+                }
+            }
+        }
     }
 
     /// Adds factor · a bᵀ.
@@ -287,8 +304,23 @@ impl<T: Real, const W: usize> ForceBlocks<T, W> {
         }
     }
 
+    /// All entries zero but those of w and k, which are still to be set, as are those of c where w is damped: most blocks
+    /// are full, and to clear them first costs a good part of what making them does.
+    #[inline(always)]
+    fn begin(&mut self, damped: bool) {
+        let o = [[T::zero(); W]; 2];
+        (self.t, self.z, self.rate_x, self.rate_y) = (o, o, o, o);
+        (self.rate_z, self.rate_t) = (T::zero(), T::zero());
+        self.damped = damped;
+        if !damped {
+            self.c = PairBlocks::zero();
+        }
+    }
+
     /// Adds the blocks of another force between the same bodies, both without an extra state.
+    #[inline(always)]
     pub fn add(&mut self, other: &Self) {
+        #[inline(always)]
         fn add_up<T: Real>(to: &mut [T], from: &[T]) {
             to.iter_mut().zip(from).for_each(|(to, from)| *to += *from);
         }
@@ -303,6 +335,7 @@ impl<T: Real, const W: usize> ForceBlocks<T, W> {
 }
 
 /// The blocks of one row each.
+#[inline(always)]
 fn set_first<T: Real, const N: usize>(rows: &[[[T; N]; 2]; 2], out: &mut [RowBlocks<T, N>; 2]) {
     for (out, row) in out.iter_mut().zip(rows) {
         *out = RowBlocks::zero();

@@ -265,6 +265,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
         }
     }
 
+    #[inline(always)]
     fn rate_blocks<T: Real>(
         &self,
         q: [&[T; N]; 2],
@@ -320,6 +321,7 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
 }
 
 /// First three derivatives of √s.
+#[inline(always)]
 fn root_derivatives<T: Real>(s: T) -> [T; 3] {
     let over = s.recip();
     let first = s.sqrt().recip() * 0.5;
@@ -336,12 +338,14 @@ fn row_of<T: Real, S: Space<D, N, R>, const D: usize, const N: usize, const R: u
     [rows.0[0][0], rows.0[1][0]]
 }
 
+#[inline(always)]
 fn scale_row<T: Real, const N: usize>(rows: &mut RowBlocks<T, N>, factor: T) {
     for side in &mut rows.0 {
         side[0].iter_mut().for_each(|x| *x *= factor);
     }
 }
 
+#[inline(always)]
 fn add_row<T: Real, const N: usize>(rows: &mut RowBlocks<T, N>, factor: T, row: &[[T; N]; 2]) {
     for (side, row) in rows.0.iter_mut().zip(row) {
         for (x, y) in side[0].iter_mut().zip(row) {

@@ -196,7 +196,7 @@ impl Turning<7> for SpatialRotation {
         let turn = Self::turn(q, reference);
         let [pi, pj] = q.map(euler);
         let slopes = Self::slopes(&pi, &pj, reference);
-        Self::add_rows(&Turn::matrix(|b| turn.first(b)), &slopes, out);
+        Self::add_rows(&turn.first_matrix(), &slopes, out);
     }
 
     fn directional<T: Real>(
@@ -211,9 +211,9 @@ impl Turning<7> for SpatialRotation {
         let rate = Self::rate(q, w, reference);
         let ([pi, pj], [wi, wj]) = (q.map(euler), w.map(euler));
         let slopes = Self::slopes(&pi, &pj, reference);
-        Self::add_rows(&Turn::matrix(|b| turn.second(&rate, b)), &slopes, out);
+        Self::add_rows(&turn.second_matrix(&rate), &slopes, out);
         let slopes = Self::slopes(&wi, &wj, reference);
-        Self::add_rows(&Turn::matrix(|b| turn.first(b)), &slopes, out);
+        Self::add_rows(&turn.first_matrix(), &slopes, out);
     }
 
     fn curvature<T: Real>(
@@ -234,6 +234,7 @@ impl Turning<7> for SpatialRotation {
         }
     }
 
+    #[inline(always)]
     fn rate_blocks<T: Real>(
         &self,
         q: [&[T; 7]; 2],
@@ -249,15 +250,15 @@ impl Turning<7> for SpatialRotation {
         let ([pi, pj], [vi, vj], [ai, aj]) = (q.map(euler), v.map(euler), a.map(euler));
         let bent = Self::relative(&vi, &vj, reference);
         let second: [T; 4] = std::array::from_fn(|k| bent[k] * 2.0 + along[k]);
-        let bend = |b: &[T; 4]| {
-            let (third, second) = (turn.third(&rate, b), turn.second(&second, b));
-            std::array::from_fn(|k| third[k] + second[k])
-        };
-        let first = Turn::matrix(|b| turn.first(b));
-        let mut change = Turn::matrix(|b| turn.second(&rate, b));
+        let (mut bend, other) = (turn.third_matrix(&rate), turn.second_matrix(&second));
+        for (bend, other) in bend.iter_mut().zip(&other) {
+            bend.iter_mut().zip(other).for_each(|(x, y)| *x += *y);
+        }
+        let first = turn.first_matrix();
+        let mut change = turn.second_matrix(&rate);
         let slopes = Self::slopes(&pi, &pj, reference);
         Self::add_rows(&change, &slopes, of_v);
-        Self::add_rows(&Turn::matrix(bend), &slopes, of_a);
+        Self::add_rows(&bend, &slopes, of_a);
         let slopes = Self::slopes(&vi, &vj, reference);
         Self::add_rows(&first, &slopes, of_v);
         change.as_flattened_mut().iter_mut().for_each(|x| *x *= 2.0);
@@ -344,7 +345,7 @@ impl Turning<7> for SpatialDirection {
         *out = RowBlocks::zero();
         let link = Vector::Link.jet::<T, Spatial, 7, 4>(&self.points, q);
         let turn = Turn::new(&Self::lifted(&link.x, reference));
-        let c = Self::against_link(&Turn::matrix(|b| turn.first(b)), reference);
+        let c = Self::against_link(&turn.first_matrix(), reference);
         Self::add_rows(&c, &link.d, out);
     }
 
@@ -360,9 +361,9 @@ impl Turning<7> for SpatialDirection {
         let second = Vector::Link.second::<T, Spatial, 7, 4>(&self.points, q, w);
         let turn = Turn::new(&Self::lifted(&link.x, reference));
         let rate = Self::lifted(&link.d.times(w), reference);
-        let c = Self::against_link(&Turn::matrix(|b| turn.second(&rate, b)), reference);
+        let c = Self::against_link(&turn.second_matrix(&rate), reference);
         Self::add_rows(&c, &link.d, out);
-        let c = Self::against_link(&Turn::matrix(|b| turn.first(b)), reference);
+        let c = Self::against_link(&turn.first_matrix(), reference);
         Self::add_rows(&c, &second, out);
     }
 
@@ -384,6 +385,7 @@ impl Turning<7> for SpatialDirection {
         out[..2].copy_from_slice(&Self::components(&t, reference));
     }
 
+    #[inline(always)]
     fn rate_blocks<T: Real>(
         &self,
         q: [&[T; 7]; 2],
@@ -398,15 +400,15 @@ impl Turning<7> for SpatialDirection {
             Vector::Link.moved::<T, Spatial, 7, 4>(&self.points, q, v, a);
         let turn = Turn::new(&Self::lifted(&x, reference));
         let (rate, acceleration) = (Self::lifted(&x1, reference), Self::lifted(&x2, reference));
-        let bend = |b: &[T; 4]| {
-            let (third, second) = (turn.third(&rate, b), turn.second(&acceleration, b));
-            std::array::from_fn(|k| third[k] + second[k])
-        };
-        let first = Self::against_link(&Turn::matrix(|b| turn.first(b)), reference);
-        let change = Self::against_link(&Turn::matrix(|b| turn.second(&rate, b)), reference);
+        let (mut bend, other) = (turn.third_matrix(&rate), turn.second_matrix(&acceleration));
+        for (bend, other) in bend.iter_mut().zip(&other) {
+            bend.iter_mut().zip(other).for_each(|(x, y)| *x += *y);
+        }
+        let first = Self::against_link(&turn.first_matrix(), reference);
+        let change = Self::against_link(&turn.second_matrix(&rate), reference);
         Self::add_rows(&change, &d, of_v);
         Self::add_rows(&first, &by_v, of_v);
-        Self::add_rows(&Self::against_link(&Turn::matrix(bend), reference), &d, of_a);
+        Self::add_rows(&Self::against_link(&bend, reference), &d, of_a);
         Self::add_rows(&change.map(|row| row.map(|x| x * 2.0)), &by_v, of_a);
         Self::add_rows(&first, &by_a, of_a);
     }

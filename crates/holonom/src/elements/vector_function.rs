@@ -80,6 +80,7 @@ impl<T: Real, const D: usize, const R: usize> Columns<T, D, R> {
     }
 
     /// The matrix as D rows over both poses.
+    #[inline(always)]
     pub(super) fn row<const N: usize>(&self, d: usize) -> [[T; N]; 2] {
         let mut row = [[T::zero(); N]; 2];
         if self.shift {

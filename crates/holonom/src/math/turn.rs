@@ -139,32 +139,63 @@ impl<T: Real> Turn<T> {
         std::array::from_fn(|k| by_a * b[k + 1] + by_b * a[k + 1] + bend * self.n[k])
     }
 
-    /// t‴ a a b.
+    /// Changes of f along all arguments.
     #[inline(always)]
-    pub fn third(&self, a: &[T; 4], b: &[T; 4]) -> [T; 3] {
-        let (a0, b0) = (a[0], b[0]);
-        let (along_a, along_b) = (dot(&self.n, &tail(a)), dot(&self.n, &tail(b)));
-        let (aa, ab) = (dot(&tail(a), &tail(a)), dot(&tail(a), &tail(b)));
-        let third = self.ccc * a0 * a0 * b0
-            + self.ccu * (a0 * b0 * along_a * 2.0 + a0 * a0 * along_b)
-            + self.uuu * along_a * along_a * along_b
-            + self.cuu * (a0 * along_a * along_b * 2.0 + b0 * along_a * along_a)
-            + self.cu * (a0 * ab * 2.0 + b0 * aa)
-            + self.uu * (aa * along_b + along_a * ab * 2.0);
-        let (mixed, twice) = (self.bend(a, b) * 2.0, self.bend(a, a));
-        std::array::from_fn(|k| third * self.n[k] + mixed * a[k + 1] + twice * b[k + 1])
+    fn slopes(&self) -> [T; 4] {
+        let [x, y, z] = self.n;
+        [self.c, self.u * x, self.u * y, self.u * z]
     }
 
-    /// The matrix of a function that is linear in its argument, by columns of it: `[row][column]`.
+    /// Second changes of f along a and all arguments.
     #[inline(always)]
-    pub fn matrix(function: impl Fn(&[T; 4]) -> [T; 3]) -> [[T; 4]; 3] {
+    fn bends(&self, a: &[T; 4]) -> [T; 4] {
+        let along = dot(&self.n, &tail(a));
+        let mut out = [self.cc * a[0] + self.cu * along; 4];
+        for k in 0..3 {
+            let n = self.n[k];
+            out[k + 1] = self.cu * (a[0] * n) + self.uu * along * n + self.u * a[k + 1];
+        }
+        out
+    }
+
+    /// t′, `[row][argument]`.
+    #[inline(always)]
+    pub fn first_matrix(&self) -> [[T; 4]; 3] {
+        self.matrix(&self.slopes(), &[T::zero(); 4], &[T::zero(); 4], self.f)
+    }
+
+    /// t″ a.
+    #[inline(always)]
+    pub fn second_matrix(&self, a: &[T; 4]) -> [[T; 4]; 3] {
+        self.matrix(&self.bends(a), a, &self.slopes(), self.slope(a))
+    }
+
+    /// t‴ a a.
+    #[inline(always)]
+    pub fn third_matrix(&self, a: &[T; 4]) -> [[T; 4]; 3] {
+        let (a0, along, aa) = (a[0], dot(&self.n, &tail(a)), dot(&tail(a), &tail(a)));
+        let start = self.ccc * a0 * a0 + self.ccu * (a0 * along * 2.0);
+        let mut third = [start + self.cuu * (along * along) + self.cu * aa; 4];
+        for k in 0..3 {
+            let (n, ab) = (self.n[k], a[k + 1]);
+            third[k + 1] = self.ccu * (a0 * a0 * n)
+                + self.uuu * along * along * n
+                + self.cuu * (a0 * along * n * 2.0)
+                + self.cu * (a0 * ab * 2.0)
+                + self.uu * (aa * n + along * ab * 2.0);
+        }
+        self.matrix(&third, a, &self.bends(a).map(|x| x * 2.0), self.bend(a, a))
+    }
+
+    /// n rᵀ + ā sᵀ + d (0 I) with the last three entries ā of a.
+    #[inline(always)]
+    fn matrix(&self, r: &[T; 4], a: &[T; 4], s: &[T; 4], d: T) -> [[T; 4]; 3] {
         let mut out = [[T::zero(); 4]; 3];
-        for column in 0..4 {
-            let mut unit = [T::zero(); 4];
-            unit[column] = T::one();
-            for (row, x) in out.iter_mut().zip(function(&unit)) {
-                row[column] = x;
+        for k in 0..3 {
+            for l in 0..4 {
+                out[k][l] = s[l] * a[k + 1] + r[l] * self.n[k];
             }
+            out[k][k + 1] += d;
         }
         out
     }
@@ -325,7 +356,11 @@ mod tests {
                 close(&turn.first(&b), &eps(dual.value()), 1e-12, "first");
                 close(&turn.second(&a, &b), &eps(dual.first(&lifted)), 1e-11, "second");
                 let third = eps(dual.second(&lifted, &lifted));
-                close(&turn.third(&a, &b), &third, 1e-10, "third");
+                let times = |m: [[f64; 4]; 3]| m.map(|row| dot(&row, &b));
+                close(&times(turn.third_matrix(&a)), &third, 1e-10, "third");
+                close(&times(turn.first_matrix()), &turn.first(&b), 1e-14, "rows of the first");
+                let second = times(turn.second_matrix(&a));
+                close(&second, &turn.second(&a, &b), 1e-14, "rows of the second");
             }
         }
     }

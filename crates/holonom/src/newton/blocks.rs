@@ -1,11 +1,12 @@
 //! The reduced matrices of one state: M̂, M̂₁, M̂₂ by three solves with [G; P], and what extra states
 //! and explicit time add to them.
 
+use super::zeros::Zeros;
 use crate::error::EvaluationFailure;
 use crate::reduction::{BodyRows, Chart, Manifold, ReducedDerivatives};
 use crate::system::{DerivativeBlocks, State};
 use crate::threads::Threads;
-use holonom_linalg::{DenseLu, SingularMatrix, gram_add};
+use holonom_linalg::{DenseLu, SingularMatrix, gram_add, gram_spans_add};
 
 /// D, M̂, M̂₁, M̂₂ and the blocks of extra states at one state.
 ///
@@ -46,6 +47,8 @@ pub struct ReducedBlocks {
     pub turning: BodyRows,
     /// (v̈)_q of them at fixed q̈.
     pub turning_rate: BodyRows,
+    /// Where D, Y and W are zero.
+    zeros: Zeros,
     x: Vec<f64>,
     /// Y and W, with room for the right-hand sides that they come from.
     y: Vec<f64>,
@@ -89,6 +92,7 @@ impl ReducedBlocks {
             blocks: structure.derivative_blocks(threads),
             turning_rate: turning.clone(),
             turning,
+            zeros: Zeros::default(),
             x: vec![0.0; s.coordinates * ndof],
             y: vec![0.0; s.rows.max(s.coordinates) * ndof],
             w: vec![0.0; s.rows.max(s.coordinates) * ndof],
@@ -110,35 +114,36 @@ impl ReducedBlocks {
         if ndof == 0 {
             return;
         }
+        self.zeros.update(manifold, &self.blocks, &self.turning);
         // X = MD: Y = SᵀX, M̂ = DᵀX (M and M̂ are symmetric).
         let (n, m) = (self.d.len(), self.blocks.a0.n_rows());
-        let x = &mut self.y[..n];
-        x.fill(0.0);
-        manifold.mass().multiply_many_add(1.0, &self.d, ndof, x);
+        let Self { d, blocks, turning, zeros, w, x, .. } = self;
+        let product = &mut self.y[..n];
+        product.fill(0.0);
+        manifold.mass().multiply_transposed_spans_add(1.0, d, ndof, &zeros.mass, product);
         let chart = manifold.chart_mut();
         chart.solve_transposed_many(m, &mut self.y, &mut self.mass);
         let y = &self.y[..m * ndof];
         // X = CᵀD − 2A₀ᵀY: W = SᵀX, M̂₁ᵀ = DᵀX.
-        let x = &mut self.w[..n];
-        x.fill(0.0);
-        self.blocks.damping.multiply_transposed_many_add(1.0, &self.d, ndof, x);
-        self.blocks.a0.multiply_transposed_many_add(-2.0, y, ndof, x);
+        let product = &mut w[..n];
+        product.fill(0.0);
+        blocks.damping.multiply_transposed_spans_add(1.0, d, ndof, &zeros.forces, product);
+        blocks.a0.multiply_transposed_spans_add(-2.0, y, ndof, &zeros.y, product);
         let moving = chart.parametrization().linear() * ndof..;
         // M̂ is symmetric: its last rows are those below Y.
         let mass = &self.mass[moving.clone()];
-        self.turning.multiply_transposed_many_add(-2.0, mass, ndof, x);
-        chart.solve_transposed_many(m, &mut self.w, &mut self.transposed);
+        turning.multiply_transposed_many_add(-2.0, mass, ndof, product);
+        chart.solve_transposed_many(m, w, &mut self.transposed);
         transpose(ndof, &self.transposed, &mut self.damping);
         // M̂₂ᵀ = Dᵀ(KᵀD − A₁ᵀY − A₀ᵀW).
-        self.x.fill(0.0);
-        self.blocks.stiffness.multiply_transposed_many_add(1.0, &self.d, ndof, &mut self.x);
-        self.blocks.a1.multiply_transposed_many_add(-1.0, y, ndof, &mut self.x);
-        self.blocks.a0.multiply_transposed_many_add(-1.0, &self.w[..m * ndof], ndof, &mut self.x);
-        self.turning_rate.multiply_transposed_many_add(-1.0, mass, ndof, &mut self.x);
-        let w = &self.transposed[moving];
-        self.turning.multiply_transposed_many_add(-1.0, w, ndof, &mut self.x);
+        x.fill(0.0);
+        blocks.stiffness.multiply_transposed_spans_add(1.0, d, ndof, &zeros.forces, x);
+        blocks.a1.multiply_transposed_spans_add(-1.0, y, ndof, &zeros.y, x);
+        blocks.a0.multiply_transposed_spans_add(-1.0, &w[..m * ndof], ndof, &zeros.w, x);
+        self.turning_rate.multiply_transposed_many_add(-1.0, mass, ndof, x);
+        turning.multiply_transposed_many_add(-1.0, &self.transposed[moving], ndof, x);
         self.stiffness.fill(0.0);
-        gram_add(n / ndof, ndof, &self.x, &self.d, &mut self.stiffness);
+        gram_spans_add(n / ndof, ndof, x, d, &zeros.d, &mut self.stiffness);
         self.evaluate_extra_states(manifold);
     }
 

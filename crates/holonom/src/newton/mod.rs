@@ -19,6 +19,7 @@ mod sparse_pattern;
 mod spectrum;
 mod tangent;
 mod units;
+mod zeros;
 
 pub use blocks::ReducedBlocks;
 pub use chosen::Chosen;

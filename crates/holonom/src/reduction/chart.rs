@@ -7,7 +7,7 @@ use super::relatives::Relatives;
 use super::square::Square;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, System};
-use holonom_linalg::{Assembly, BlockForest, BlockMatrix, Terms};
+use holonom_linalg::{Assembly, BlockForest, BlockMatrix, Pivots, Terms};
 use std::sync::Arc;
 
 /// Enough to tell the smallest singular value from the next where the matrix is nearly singular.
@@ -348,6 +348,18 @@ impl Chart {
         }
     }
 
+    /// The pivots of the factors, where their pattern tells zeros of solutions: of a sparse LU that needs no refinement.
+    pub fn pivots(&self) -> Option<Pivots> {
+        self.matrix.pivots()
+    }
+
+    /// Columns in which coordinates differ from zero that solve for rows with these columns, by a bit for each; with the
+    /// transpose columns of rows for coordinates. Rows are the kept ones of G and those of P. Only where there are
+    /// [`pivots`](Self::pivots).
+    pub fn reach(&self, transposed: bool, columns: &mut [u32], room: &mut Vec<u32>) {
+        self.matrix.reach(transposed, columns, room);
+    }
+
     /// D, n×ndof by rows, into `d`.
     pub fn null_space(&mut self, d: &mut [f64]) {
         let (rank, ndof) = (self.parametrization.kept.len(), self.ndof());
@@ -394,6 +406,9 @@ impl Chart {
         let own = &mut x[..self.row_scale.len() * ndof];
         self.matrix.solve_scaled_many(own, ndof, true, [&self.column_scale, &self.row_scale]);
         p.copy_from_slice(&own[rank * ndof..]);
+        if rank == m {
+            return; // none is dropped
+        }
         // Kept rows are in their order: none is overwritten before it has been moved.
         let mut end = m * ndof;
         for (k, &row) in self.parametrization.kept.iter().enumerate().rev() {

@@ -2,7 +2,9 @@
 //! bodies where it has the shape of the forest, else by a sparse LU.
 
 use crate::system::System;
-use holonom_linalg::{BlockForest, ForestLu, SingularMatrix, SparseLu, SparsePattern, scale_rows};
+use holonom_linalg::{
+    BlockForest, ForestLu, Pivots, SingularMatrix, SparseLu, SparsePattern, scale_rows,
+};
 use std::sync::Arc;
 
 /// Growth of numbers in the elimination that costs no digit worth a look.
@@ -161,6 +163,24 @@ impl Square {
         match &mut self.factors {
             Factors::Forest(lu) => lu.solve_transposed_many(&self.values, b, 1),
             Factors::Sparse(sparse) => factored(&mut sparse.lu).solve_transposed(b),
+        }
+    }
+
+    /// The present pivots of a sparse LU whose solutions are not refined.
+    pub(super) fn pivots(&self) -> Option<Pivots> {
+        match &self.factors {
+            Factors::Sparse(sparse) if !sparse.refine => sparse.lu.as_ref().map(SparseLu::pivots),
+            _ => None,
+        }
+    }
+
+    /// Makes columns of right-hand sides, a bit for each that can differ from zero in a row, those of solutions by
+    /// [`Square::pivots`].
+    pub(super) fn reach(&self, transposed: bool, columns: &mut [u32], room: &mut Vec<u32>) {
+        if let Factors::Sparse(sparse) = &self.factors
+            && let Some(lu) = &sparse.lu
+        {
+            lu.reach(transposed, columns, room);
         }
     }
 

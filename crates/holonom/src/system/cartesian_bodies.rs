@@ -7,6 +7,7 @@ use super::{Bodies, BodyPose, MotionRows, Stance, State};
 use crate::elements::RowBlocks;
 use crate::elements::kinematics::{Anchor, EdgeKinematics, EdgeScrews};
 use crate::elements::relative::{Reference, RelativeElement};
+use holonom_linalg::{Wide, run_wide};
 
 impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
     for Cartesian<S, D, N, W>
@@ -96,7 +97,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
         let q = self.relative_pair(group, &state.q);
         let (v, a) = (self.relative_rates(group, &state.v), self.relative_rates(group, &state.a));
         let mut rows = [RowBlocks::zero(); 2];
-        element.rate_blocks(q, v, a, reference, &mut rows);
+        run_wide(OfRelative { element, at: [q, v, a], reference, rows: &mut rows });
         set(&rows[0], a0);
         set(&rows[1], a1);
     }
@@ -187,6 +188,23 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
 
     fn relative_rates<'a>(&self, group: usize, v: &'a [f64]) -> [&'a [f64; N]; 2] {
         Self::rates(v, self.relatives[group].bodies)
+    }
+}
+
+/// The blocks of relative coordinates.
+struct OfRelative<'a, E, const N: usize> {
+    element: &'a E,
+    /// q, q̇ and q̈ of both bodies.
+    at: [[&'a [f64; N]; 2]; 3],
+    reference: &'a Reference,
+    rows: &'a mut [RowBlocks<f64, N>; 2],
+}
+
+impl<E: RelativeElement<N>, const N: usize> Wide for OfRelative<'_, E, N> {
+    #[inline(always)]
+    fn run(self) {
+        let [q, v, a] = self.at;
+        self.element.rate_blocks(q, v, a, self.reference, self.rows);
     }
 }
 

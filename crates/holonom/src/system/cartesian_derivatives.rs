@@ -142,10 +142,15 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             let q = Self::pair(&state.q, c.bodies);
             let (v, a) = (Self::rates(&state.v, c.bodies), Self::rates(&state.a, c.bodies));
             let (count, slots) = (c.element.rows(), &self.slots.jacobian[k]);
-            c.element.rate_blocks(q, v, a, &mut rows);
-            c.element.hessian(q, &Self::multipliers(c, &state.lambda), &mut pairs);
-            let (into, places) = (&mut target.stiffness, &self.slots.constraint_pairs[k]);
-            add_pairs::<D, N>(into, places, &pairs, c.element.couples());
+            run_wide(OfConstraint::<_, D, N> {
+                element: &c.element,
+                at: [q, v, a],
+                multipliers: &Self::multipliers(c, &state.lambda),
+                rows: &mut rows,
+                pairs: &mut pairs,
+                slots: &self.slots.constraint_pairs[k],
+                stiffness: &mut target.stiffness,
+            });
             set_rows(&mut target.a0, slots, count, &rows[0]);
             set_rows(&mut target.a1, slots, count, &rows[1]);
         }
@@ -153,7 +158,8 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         while let Some(k) = forces.next() {
             let (f, slots) = (&self.forces[k], &self.slots.force_pairs[k]);
             let mut input = Self::input(f, state);
-            run_wide(OfForce { element: &f.element, input: &input, out: &mut blocks });
+            let (element, out) = (&f.element, &mut blocks);
+            run_wide(OfForce { element, input: &input, out, sum: None });
             // Those next to each other between the same bodies go on to the coordinates as one.
             let along = |k: &usize| {
                 let other = &self.forces[*k];
@@ -162,8 +168,8 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             while let Some(k) = forces.next_if(along) {
                 Self::tell_own(&self.forces[k], state, &mut input);
                 let element = &self.forces[k].element;
-                run_wide(OfForce { element, input: &input, out: &mut others });
-                blocks.add(&others);
+                let (out, sum) = (&mut others, Some(&mut blocks));
+                run_wide(OfForce { element, input: &input, out, sum });
             }
             let passages = Self::passages(state, f.bodies);
             look(f, &passages, &blocks);
@@ -204,11 +210,36 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Wide
     }
 }
 
-/// The blocks of a force on motions.
+/// The blocks of a constraint: of its rows, and, added up, of its forces at these multipliers.
+struct OfConstraint<'a, 'b, C, const D: usize, const N: usize> {
+    element: &'a C,
+    /// q, q̇ and q̈ of both bodies.
+    at: [[&'a [f64; N]; 2]; 3],
+    multipliers: &'a [f64; 6],
+    rows: &'a mut [RowBlocks<f64, N>; 2],
+    pairs: &'a mut PairBlocks<f64, N>,
+    slots: &'a [[Option<BlockId>; 2]; 2],
+    stiffness: &'a mut BlocksMut<'b>,
+}
+
+impl<C: ConstraintElement<N>, const D: usize, const N: usize> Wide
+    for OfConstraint<'_, '_, C, D, N>
+{
+    #[inline(always)]
+    fn run(self) {
+        let [q, v, a] = self.at;
+        self.element.rate_blocks(q, v, a, self.rows);
+        self.element.hessian(q, self.multipliers, self.pairs);
+        add_pairs::<D, N>(self.stiffness, self.slots, self.pairs, self.element.couples());
+    }
+}
+
+/// The blocks of a force on motions, and a sum to which they are added.
 struct OfForce<'a, F, const D: usize, const N: usize, const W: usize> {
     element: &'a F,
     input: &'a ForceInput<f64, D, N, W>,
     out: &'a mut ForceBlocks<f64, W>,
+    sum: Option<&'a mut ForceBlocks<f64, W>>,
 }
 
 impl<F: ForceElement<D, N, W>, const D: usize, const N: usize, const W: usize> Wide
@@ -217,6 +248,9 @@ impl<F: ForceElement<D, N, W>, const D: usize, const N: usize, const W: usize> W
     #[inline(always)]
     fn run(self) {
         self.element.blocks(self.input, self.out);
+        if let Some(sum) = self.sum {
+            sum.add(self.out);
+        }
     }
 }
 

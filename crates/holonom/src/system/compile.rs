@@ -245,10 +245,12 @@ fn patterns<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
             jacobian.push((normalization_start + b, b * N + D, 1, N - D));
         }
     }
-    let pairs = constraints.iter().map(|c| c.bodies).chain(forces.iter().map(|f| f.bodies));
-    for ends in pairs {
+    let of_constraints = constraints.iter().map(|c| (c.bodies, c.element.couples()));
+    let pairs = of_constraints.chain(forces.iter().map(|f| (f.bodies, true)));
+    for (ends, coupled) in pairs {
         for i in ends.into_iter().flatten() {
-            stiffness.extend(ends.into_iter().flatten().map(|j| (i * N, j * N, N, N)));
+            let others = ends.into_iter().flatten().filter(|j| coupled || *j == i);
+            stiffness.extend(others.map(|j| (i * N, j * N, N, N)));
         }
     }
     // Values stand in the order of the walk: a block belongs to the last of its bodies.
@@ -279,11 +281,15 @@ fn patterns<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
         ..Slots::default()
     };
     slots.normalization = jacobian_ids.collect();
-    let mut place = |ends: [Option<usize>; 2]| {
-        ends.map(|i| ends.map(|j| i.and(j).and_then(|_| stiffness_ids.next())))
+    let mut place = |ends: [Option<usize>; 2], coupled: bool| {
+        ends.map(|i| {
+            let mut next = |_| stiffness_ids.next();
+            ends.map(|j| i.and(j).filter(|_| coupled || i == j).and_then(&mut next))
+        })
     };
-    slots.constraint_pairs = constraints.iter().map(|c| place(c.bodies)).collect();
-    slots.force_pairs = forces.iter().map(|f| place(f.bodies)).collect();
+    slots.constraint_pairs =
+        constraints.iter().map(|c| place(c.bodies, c.element.couples())).collect();
+    slots.force_pairs = forces.iter().map(|f| place(f.bodies, true)).collect();
     let ends = |pattern: &BlockPattern, owner: &dyn Fn(&Place) -> u32| -> Vec<usize> {
         let mut ends = vec![0; sizes.bodies];
         let mut at = 0;

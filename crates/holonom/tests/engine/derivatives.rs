@@ -7,8 +7,10 @@ use crate::common::{
 use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{Code, FirstOrder, Weights};
 use holonom::model::{Model, Tolerance};
-use holonom::reduction::{Choice, choose};
+use holonom::newton::ReducedBlocks;
+use holonom::reduction::{Choice, choose, disturb};
 use holonom::simulation::Problem;
+use holonom::threads::Threads;
 
 /// The reduced equations at time `t` of a run.
 struct Reduced {
@@ -265,5 +267,32 @@ fn an_extra_state_on_springs_that_turn() {
             error < 1e-6 * norm(expected.iter().copied()) + 1e-11 * size,
             "column {j}: {error:.1e}"
         );
+    }
+}
+
+#[test] // truth: blocks that have seen no other pivots
+fn zeros_of_the_vehicle_are_those_of_the_pivots() {
+    let problem = Problem::new(model("hmmwv14"));
+    let assembled = problem.assemble().expect("an initial state");
+    let (mut manifold, state) = (assembled.manifold(), assembled.state.clone());
+    let system = problem.system().as_ref();
+    let mut blocks = ReducedBlocks::new(&manifold, &Threads::default());
+    let (mut probe, mut g) = (state.q.clone(), manifold.jacobian().clone());
+    for round in 0..4 {
+        if round > 0 {
+            disturb(&state.q, round, &mut probe);
+        }
+        system.constraint_jacobian(&probe, &mut g);
+        let parametrization = manifold.chart().parametrization().clone();
+        let chart = manifold.chart().with_parametrization(system, parametrization, &probe, &g);
+        let mut chart = chart.expect("a chart of this configuration");
+        chart.refactor(system, &state.q, manifold.jacobian()).expect("regular");
+        *manifold.chart_mut() = chart;
+        blocks.evaluate(&mut manifold, &state);
+        let mut fresh = ReducedBlocks::new(&manifold, &Threads::default());
+        fresh.evaluate(&mut manifold, &state);
+        assert_eq!(blocks.mass, fresh.mass, "{round}");
+        assert_eq!(blocks.damping, fresh.damping, "{round}");
+        assert_eq!(blocks.stiffness, fresh.stiffness, "{round}");
     }
 }

@@ -80,9 +80,9 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> Line<S, 
         span.link.rows_at_rest::<S, N, W>(&span.unit, &across, bodies)
     }
 
-    /// out += what a pull resists with that grows by `slope` with the length.
+    /// What a pull resists with that grows by `slope` with the length.
     #[inline(always)]
-    pub(super) fn add_stiffness<T: Real>(
+    pub(super) fn set_stiffness<T: Real>(
         span: &Span<T, D>,
         pull: T,
         slope: T,
@@ -95,7 +95,7 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> Line<S, 
             add_scaled(&mut m[d], along * span.unit[d], &span.unit);
             m[d][d] += across;
         }
-        span.link.add_stiffness::<S, N, W>(&m, &mut out.0);
+        span.link.set_stiffness::<S, N, W>(&m, &mut out.0);
         span.link.add_swing::<S, N, W>(&scaled(&span.unit, pull), &mut out.0);
     }
 }

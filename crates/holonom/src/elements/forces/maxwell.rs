@@ -69,7 +69,7 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceEle
         let pull = input.z * stiffness;
         let rows = Line::<S, D, N, W>::rows(&span);
         out.wrenches = rows.map(|row| scaled(&row, -pull));
-        Line::<S, D, N, W>::add_stiffness(&span, pull, T::zero(), &mut out.k);
+        Line::<S, D, N, W>::set_stiffness(&span, pull, T::zero(), &mut out.k);
         out.z = rows.map(|row| scaled(&row, stiffness));
         out.rate_x = Line::<S, D, N, W>::rate_rows(&span, input.pair());
         out.rate_y = rows;

@@ -59,18 +59,18 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceEle
 
     #[inline(always)]
     fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>) {
-        *out = ForceBlocks::zero();
+        let damped = self.damping != 0.0;
+        out.begin(damped);
         let span = self.line.span(input.pair());
         let (pull, slope) = self.force(span.length, span.rate);
         let rows = Line::<S, D, N, W>::rows(&span);
         out.wrenches = rows.map(|row| scaled(&row, -pull));
-        Line::<S, D, N, W>::add_stiffness(&span, pull, slope, &mut out.k);
-        out.damped = self.damping != 0.0;
-        if out.damped {
+        Line::<S, D, N, W>::set_stiffness(&span, pull, slope, &mut out.k);
+        if damped {
             let damping = T::from(self.damping);
             let rate_rows = Line::<S, D, N, W>::rate_rows(&span, input.pair());
             out.k.add_outer(damping, &rows, &rate_rows);
-            out.c.add_outer(damping, &rows, &rows);
+            out.c.set_outer(damping, &rows, &rows);
         }
     }
 
