@@ -59,7 +59,10 @@ fn a_rate_that_follows_from_no_statement_is_told_where_all_bodies_are_said_to_tu
 #[test] // truth: the velocity of the origin is stated, wherever the mass lies
 fn a_velocity_that_is_stated_is_no_choice_where_the_mass_lies_elsewhere() {
     for [dimension, body] in [
-        ["spatial", "inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], position = [0.0, 0.0, 0.0], center_of_mass = [0.1, 0.3, -0.2]"],
+        [
+            "spatial",
+            "inertia = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], position = [0.0, 0.0, 0.0], center_of_mass = [0.1, 0.3, -0.2]",
+        ],
         ["planar", "inertia = 1.0, position = [0.0, 0.0], center_of_mass = [0.1, 0.3]"],
     ] {
         let [gravity, velocity] = match dimension {
