@@ -19,8 +19,10 @@ const TURNED: f64 = 0.17;
 /// Error of the start, in tolerances: what grows to be suspicious from there grows some thousandfold. Three times as much would
 /// ask for second runs of Andrews' mechanism, in vain.
 const SEED: f64 = 0.003;
-/// Places on its way that a run keeps for the comparison with a second one, beside that at its end.
-const MILESTONES: usize = 16;
+/// States on its way, least and most, that a run keeps for the comparison with a second one, beside that at its end.
+const MILESTONES: [usize; 2] = [16, 256];
+/// Coordinates of all of them, so that checkpoints stay small.
+const COORDINATES: usize = 20_000;
 
 /// Most steps of explicit formulas, one-step and multistep, that a matrix serves: it costs as much as some evaluations.
 const MOST_STEPS: [u64; 2] = [3, 10];
@@ -106,7 +108,7 @@ impl CarriedError {
             && start.z.len() == state.z.len()
             && start.winding.len() == state.winding.len()
             && [places.len(), velocities.len()] == [n * times.len(); 2]
-            && times.len() <= MILESTONES
+            && times.len() <= Milestones::room(n)
             && milestones.every > 0
             && speeds.len() == bodies
             && rates.len() <= dimension
@@ -434,7 +436,7 @@ fn true_part([order, estimated]: [u32; 2], share: f64, turn: f64) -> f64 {
     part.min(1.0)
 }
 
-/// Where a run began and has been, at most [`MILESTONES`] times.
+/// Where a run began and has been.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Milestones {
     pub(super) start: State,
@@ -449,13 +451,20 @@ pub(super) struct Milestones {
 
 impl Milestones {
     fn new(start: &State) -> Self {
+        let rows = Self::room(start.q.len()) + 1;
         Self {
             start: start.clone(),
-            times: Vec::with_capacity(MILESTONES + 1),
-            places: Vec::with_capacity((MILESTONES + 1) * start.q.len()),
-            velocities: Vec::with_capacity((MILESTONES + 1) * start.v.len()),
+            times: Vec::with_capacity(rows),
+            places: Vec::with_capacity(rows * start.q.len()),
+            velocities: Vec::with_capacity(rows * start.v.len()),
             every: 1,
         }
+    }
+
+    /// Most of them, of `n` coordinates each; an even number.
+    fn room(n: usize) -> usize {
+        let [least, most] = MILESTONES;
+        (COORDINATES / n.max(1)).clamp(least, most) / 2 * 2
     }
 
     /// Takes the end of a run's step of this number, counted from 1. Where there is no more room, every other one is
@@ -464,19 +473,20 @@ impl Milestones {
         if !step.is_multiple_of(self.every) {
             return;
         }
-        if self.times.len() == MILESTONES {
+        let n = state.q.len();
+        let half = Self::room(n) / 2;
+        if self.times.len() == 2 * half {
             self.every *= 2;
-            let n = state.q.len();
-            for kept in 0..MILESTONES / 2 {
+            for kept in 0..half {
                 let from = 2 * kept + 1;
                 self.times[kept] = self.times[from];
                 for rows in [&mut self.places, &mut self.velocities] {
                     rows.copy_within(from * n..(from + 1) * n, kept * n);
                 }
             }
-            self.times.truncate(MILESTONES / 2);
+            self.times.truncate(half);
             for rows in [&mut self.places, &mut self.velocities] {
-                rows.truncate(MILESTONES / 2 * n);
+                rows.truncate(half * n);
             }
             if !step.is_multiple_of(self.every) {
                 return;
@@ -534,10 +544,10 @@ mod tests {
         let mut milestones = Milestones::new(&state(0));
         for step in 1..=1000 {
             milestones.pass(step, &state(step));
-            assert!(milestones.times.len() <= MILESTONES);
+            assert!(milestones.times.len() <= MILESTONES[1]);
         }
         milestones.end(&state(1000));
-        let known: Vec<f64> = (1..=15).map(|k| 64.0 * f64::from(k)).chain([1000.0]).collect();
+        let known: Vec<f64> = (1..=250).map(|k| 4.0 * f64::from(k)).collect();
         assert_eq!(milestones.times, known);
         assert_eq!(milestones.places, known.iter().flat_map(|&t| [t, -1.0]).collect::<Vec<_>>());
         assert_eq!(

@@ -16,10 +16,13 @@ use std::time::Duration;
 const FAR: f64 = 50.0;
 /// Tolerances within which a run may be called right.
 const MET: f64 = 20.0;
-/// Tolerances by which they may differ from those of one that is suspicious itself.
+/// Tolerances by which places may differ from those of one that is suspicious itself.
 const UNCERTAIN: f64 = 40.0;
 /// Tolerance of the second run as a part of that of the first.
 const PART: f64 = 0.1;
+/// Part of the run for which the velocity of a body must be off, beside the first time that it is found so: something sudden
+/// comes a little early or late, and what is over within one of the rows that a run stores unless told otherwise shows in no more.
+const LASTING: f64 = 1.0 / 200.0;
 /// Steps up to which it is computed whether something grows that longer ones do not show.
 const MOST_STEPS: f64 = 200_000.0;
 
@@ -67,8 +70,8 @@ pub(super) fn compare(
         place: milestones.start.clone(),
         differences: [(); 2].map(|()| vec![0.0; milestones.start.q.len()]),
         compared: 0,
-        before_of_bodies: vec![0.0; speeds.len()],
-        before: None,
+        off: vec![None; speeds.len()],
+        largest: Vec::with_capacity(milestones.times.len()),
         worst: None,
     };
     let outcome =
@@ -127,14 +130,14 @@ struct Far {
     item: String,
     /// In tolerances of a place, velocities in their wider ones.
     share: f64,
-    /// The same as it counts: of velocities the less of it and what was before.
+    /// The same as it counts: nothing of velocities that are off for moments only.
     counted: f64,
     of_velocity: bool,
     /// The same in m and rad, m/s and rad/s.
     by: String,
     /// s
     t: f64,
-    /// Time, s, of the comparison before, and its share.
+    /// Time, s, of a comparison after half the time at most, and the largest share until then.
     before: Option<(f64, f64)>,
 }
 
@@ -167,8 +170,8 @@ impl Far {
         )
     }
 
-    /// Growth until `end`, s, of what began at `start`, s, and grows by the power of time that it grew by since the
-    /// comparison before: what grows exponentially grows more. One where nothing is known of it.
+    /// Growth until `end`, s, of what began at `start`, s, and grows by the power of time that it grew by since half the
+    /// time: what grows exponentially grows more. One where nothing is known of it.
     fn growth_to(&self, end: f64, start: f64) -> f64 {
         let Some((before, difference)) = self.before else { return 1.0 };
         let grown = self.share / difference.max(1.0); // less than one is no growth to go by
@@ -196,10 +199,10 @@ struct Comparison<'a> {
     /// Of coordinates and velocities.
     differences: [Vec<f64>; 2],
     compared: usize,
-    /// Largest share of the velocity of each body so far: that of a single time may be a small delay of something sudden.
-    before_of_bodies: Vec<f64>,
-    /// Time, s, and share of the last row.
-    before: Option<(f64, f64)>,
+    /// For how long, s, the velocity of each body is off by more than [`FAR`]; no time at the first one.
+    off: Vec<Option<f64>>,
+    /// Time, s, of each comparison, and the largest share until then.
+    largest: Vec<(f64, f64)>,
     /// The largest difference, up to the first that is far.
     worst: Option<Far>,
 }
@@ -238,10 +241,16 @@ impl Comparison<'_> {
         }
         let [dq, dv] = &self.differences;
         let displacements = self.weights.displacements(dq).map(|share| (share, share, false));
+        let [lasts, lasting] = [self.lasts(), LASTING * self.span()];
+        let ends = self.compared == self.milestones.times.len();
         let changes = self.weights.velocity_changes(dv, self.speeds).map(|size| size / VELOCITIES);
-        let changes = changes.zip(&mut self.before_of_bodies).map(|(share, before)| {
-            let counted = share.min(*before);
-            *before = before.max(share);
+        let changes = changes.zip(&mut self.off).map(|(share, off)| {
+            if share > FAR {
+                *off = Some(off.map_or(0.0, |time| time + lasts));
+            }
+            // How long it goes on after the end nothing tells.
+            let counts = share > FAR && (ends || off.is_some_and(|time| time > lasting));
+            let counted = if counts { share } else { 0.0 };
             (counted, share, true)
         });
         let shares = displacements.enumerate().chain(changes.enumerate());
@@ -257,10 +266,33 @@ impl Comparison<'_> {
             let turned = if own.len() == 7 { 2.0 * turned } else { turned };
             let per = if of_velocity { "/s" } else { "" };
             let by = format!("{moved:.1e} m{per}, {turned:.1e} rad{per}");
-            let before = self.before;
+            let before = self.half_before(t);
             self.worst = Some(Far { item, share, counted, of_velocity, by, t, before });
         }
-        self.before = Some((t, counted));
+        let before = self.largest.last().map_or(0.0, |(_, largest)| *largest);
+        self.largest.push((t, before.max(share)));
+    }
+
+    /// How long what is found at the row just taken lasts, s: where a step is long, what is at its end was not there before.
+    fn lasts(&self) -> f64 {
+        let Milestones { start, times, .. } = self.milestones;
+        let time = |k: usize| times.get(k).copied();
+        let Some(now) = time(self.compared - 1) else { return 0.0 };
+        let before = self.compared.checked_sub(2).and_then(time).unwrap_or(start.t);
+        time(self.compared).map_or(now - before, |next| (next - now).min(now - before))
+    }
+
+    /// Of all that is compared, s.
+    fn span(&self) -> f64 {
+        let Milestones { start, times, .. } = self.milestones;
+        times.last().map_or(0.0, |end| end - start.t)
+    }
+
+    /// The last comparison after half the time until `t`, s, at most.
+    fn half_before(&self, t: f64) -> Option<(f64, f64)> {
+        let start = self.milestones.start.t;
+        let half = self.largest.partition_point(|(time, _)| 2.0 * (time - start) <= t - start);
+        half.checked_sub(1).map(|k| self.largest[k])
     }
 }
 
