@@ -362,9 +362,9 @@ impl PlanarRelative {
 }
 
 impl SpatialRelative {
-    /// The angle of two frames about h of the first.
+    /// The twist of two frames about h, the deformation of a rotational spring.
     pub(crate) fn angle(frames: &[Triad<3>; 2]) -> Self {
-        Self::Angle(SpatialAngle::new(frames))
+        Self::Angle(SpatialAngle::twist(frames))
     }
 }
 

@@ -188,7 +188,12 @@ impl Checker<'_> {
             Ok(x) => {
                 let message =
                     format!("`{path}` is `={text}`, {x}; numbers of a model are at most 1e100");
-                self.refuse(Code::NotFinite, path, message, "look for a division by zero")
+                let help = if x.is_nan() {
+                    "look for a root, logarithm or arc of what has none, or for 0/0"
+                } else {
+                    "look for a division by zero"
+                };
+                self.refuse(Code::NotFinite, path, message, help)
             }
             Err(Fault::Unknown(name)) => {
                 let message =

@@ -4,7 +4,7 @@ use super::assembly::Assembled;
 use super::closing::{closed, unknowns};
 use super::stated_joints::Level;
 use crate::model::{Assembly, Model};
-use crate::system::{Measure, System};
+use crate::system::{Measure, RelativeKind, System};
 use std::sync::Arc;
 
 /// A velocity below this counts as rest, m/s or rad/s.
@@ -51,10 +51,19 @@ pub fn chosen_velocities(
     let Ok((disturbed, _)) = closed(system, model, Level::Velocity, &disturbed) else {
         return Vec::new();
     };
+    // The centre of mass of such a body, whose displacement it is, moves with a rotation that nothing states; its origin does not.
+    let origin_is_stated = |k: usize| {
+        parametrization.relatives().is_some_and(|relatives| {
+            let group = &system.relative_groups()[relatives.rows[k].0];
+            let coupled = |body: &usize| group.bodies == [None, Some(*body)];
+            group.kind == RelativeKind::Displacement && unknowns.coupled.iter().any(coupled)
+        })
+    };
     let mut others = rates.clone();
     parametrization.rates(system.as_ref(), &state.q, &disturbed.v, &mut others);
     (0..parametrization.ndof)
         .filter(|&k| rates[k].abs() > REST && (others[k] - rates[k]).abs() > FOLLOWS)
+        .filter(|&k| !origin_is_stated(k))
         .map(|k| ChosenVelocity {
             coordinate: parametrization.name(system.as_ref(), k),
             rate: rates[k],

@@ -19,6 +19,7 @@ mod reparametrization;
 mod run;
 mod second_run;
 mod slowness;
+mod stage_powers;
 mod stall;
 mod statistics;
 mod step_length;

@@ -1,6 +1,6 @@
 //! How long a step may be, whatever its error.
 
-use super::ledger::{QUARTERS, StepPowers, WAVES, largest};
+use super::ledger::WAVES;
 use crate::system::{Sizes, State, System};
 
 /// Smallest number of steps of a run without unknowns.
@@ -68,7 +68,7 @@ pub(super) fn ramped(ramps: &[[f64; 2]], t: f64, last: f64) -> f64 {
 
 /// A driver and the largest rate that it has in a run, as far as samples tell.
 pub(super) struct Driven {
-    row: usize,
+    pub(super) row: usize,
     rate: f64,
 }
 
@@ -120,23 +120,6 @@ pub(super) fn driven(
         }
     }
     longest
-}
-
-/// What the quadrature over `places`, the collocation points of a formula, misses of the squared rates of drivers in a step,
-/// against the largest of them.
-pub(super) fn missed_of_drivers(
-    system: &dyn System,
-    drivers: &[Driven],
-    [t, step]: [f64; 2],
-    places: [f64; 3],
-) -> f64 {
-    let missed = drivers.iter().map(|driven| {
-        let square = |theta: f64| [system.drive(driven.row, t + theta * step)[1].powi(2), 0.0];
-        let along = StepPowers::through(square(0.0), &QUARTERS.map(square), square(1.0));
-        let [most, _] = largest(&along.at, [f64::MIN_POSITIVE, 0.0]);
-        along.differ(&StepPowers::collocated(places, places.map(square)))[0] / most
-    });
-    missed.fold(0.0, f64::max)
 }
 
 fn planar(sizes: &Sizes) -> bool {

@@ -596,3 +596,25 @@ fn a_chain_with_every_joint_driven_is_met_at_any_angles() {
         }
     }
 }
+
+#[test] // truth: 2 − 1 m/s, whatever else contradicts itself elsewhere
+fn velocities_that_contradict_each_other_differ_by_all_of_their_difference() {
+    let text = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+a = { mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }
+b = { mass = 1.0, inertia = 1.0, position = [5.0, 0.0] }
+[joints]
+ga = { type = "translational", between = ["ground", "a"], point = [0.0, 0.0], axis = [1.0, 0.0] }
+gb = { type = "translational", between = ["ground", "b"], point = [5.0, 0.0], axis = [1.0, 0.0] }
+[drivers]
+a1 = { joint = "ga", coordinate = "translation", motion = { type = "polynomial", coefficients = [0.0, 1.0] } }
+a2 = { joint = "ga", coordinate = "translation", motion = { type = "polynomial", coefficients = [0.0, 2.0] } }
+b1 = { joint = "gb", coordinate = "translation", motion = { type = "polynomial", coefficients = [0.0, 1.0] } }
+b2 = { joint = "gb", coordinate = "translation", motion = { type = "polynomial", coefficients = [0.0, 1.75] } }
+"#;
+    let error = Problem::new(model_of(text)).assemble().unwrap_err().to_string();
+    assert!(error.contains("at velocity level they differ by 1 m/s"), "{error}");
+}

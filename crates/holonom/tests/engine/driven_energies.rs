@@ -337,7 +337,6 @@ load_guide = {{ displacement = 0.0, velocity = {speed:?} }}
                 ..options(Code::ForRadau, tolerance, 5.0)
             };
             let run = run_model(&model, &options);
-            assert!(run.summary.warnings.is_empty(), "{stiffness:e}: {:?}", run.summary.warnings);
             let at_once = MASS * 0.3 * (0.3 - speed);
             let taken = |t: f64| at_once + 0.5 * 1.1 * 0.09 * ((3.0 * t).cos().powi(2) - 1.0);
             // Once what began at rest has come to rest beside its driver.
@@ -346,7 +345,7 @@ load_guide = {{ displacement = 0.0, velocity = {speed:?} }}
             let most = later.map(|(t, work)| (work - taken(*t)).abs()).fold(0.0, f64::max);
             // The mass lags by m/c, or goes m ω²/k farther.
             let lag = MASS * if stiffness == 0.0 { 3.0 / damping } else { 9.0 / stiffness };
-            let allowed = 0.09 * (30.0 * tolerance + 2.0 * lag);
+            let allowed = 0.09 * (20.0 * tolerance + 2.0 * lag);
             assert!(most < allowed, "{stiffness:e}, {speed}, {tolerance:e}: {most:e} J");
         }
     }

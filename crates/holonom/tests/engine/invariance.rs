@@ -596,3 +596,103 @@ fn a_mechanism_of_micrometres_is_no_harder() {
         }
     }
 }
+
+#[test] // truth: an axis is a line; the same hinge with that of its second body stated the other way
+fn springs_and_drivers_turn_about_axes_that_are_stated_either_way() {
+    let end = |second: f64, rest: &str| {
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+arm = {{ mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.5, 0.0, 0.0] }}
+[joints]
+pin = {{ type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0, 0.0], axes_in_body = [[0.0, 1.0, 0.0], [0.0, {second:?}, 0.0]] }}
+{}
+"#,
+            rest.replace("SECOND", &format!("{second:?}"))
+        ));
+        let channels = vec!["pin.angle".to_owned()];
+        let options = Options {
+            channels,
+            output: OutputTimes::Interval(0.5),
+            ..options(Code::ForRadau, 1e-6, 1.0)
+        };
+        run_model(&model, &options).series("pin.angle", 0)
+    };
+    let spring = "[forces]\nspring = { type = \"rsda\", between = [\"ground\", \"arm\"], \
+                  axes_in_body = [[0.0, 1.0, 0.0], [0.0, SECOND, 0.0]], stiffness = 20.0 }\n";
+    let driver = "[drivers]\nmotor = { joint = \"pin\", coordinate = \"rotation\", \
+                  motion = { type = \"harmonic\", amplitude = 0.5, angular_frequency = 3.0 } }\n";
+    for rest in ["", spring, driver] {
+        let (same, opposite) = (end(1.0, rest), end(-1.0, rest));
+        assert!(same[2].abs() > 0.05, "{rest} {same:?}");
+        for (a, b) in same.iter().zip(&opposite) {
+            assert!((a - b).abs() < 1e-6, "{rest} {same:?} {opposite:?}");
+        }
+    }
+}
+
+#[test] // truth: turning the hinge and the start about the axis of the spring turns the motion, and nothing else
+fn a_spring_about_another_axis_than_its_joint_s_does_not_know_what_is_across_it() {
+    let angles = |azimuth: f64| {
+        let (s, c) = azimuth.sin_cos();
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies]
+rotor = {{ mass = 2.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.0, 0.0, 0.0] }}
+[joints]
+hinge = {{ type = "revolute", between = ["ground", "rotor"], point = [0.0, 0.0, 0.0], axis = [{c:?}, {s:?}, 1.0] }}
+[forces]
+spring = {{ type = "rsda", between = ["ground", "rotor"], axis = [0.0, 0.0, 1.0], stiffness = 5.0 }}
+[initial.joints]
+hinge = {{ angle = 1.2 }}
+"#
+        ));
+        let channels = vec!["hinge.angle".to_owned(), "spring.angle".to_owned()];
+        let options = Options {
+            channels,
+            output: OutputTimes::Interval(0.1),
+            ..options(Code::ForRadau, 1e-8, 0.4)
+        };
+        let run = run_model(&model, &options);
+        [run.series("hinge.angle", 0), run.series("spring.angle", 0)]
+    };
+    let first = angles(0.0);
+    assert!((first[0][4] - first[0][0]).abs() > 0.5, "{first:?}");
+    for azimuth in [0.8, 1.6, 4.0] {
+        for (a, b) in first.iter().flatten().zip(angles(azimuth).iter().flatten()) {
+            assert!((a - b).abs() < 1e-6, "{azimuth}: {a} {b}");
+        }
+    }
+}
+
+#[test] // truth: what is stiff about one axis of a ball joint is that coordinate alone, however stiff
+fn a_stiff_spring_about_one_axis_of_a_ball_joint_is_a_coordinate() {
+    let steps = |stiffness: f64| {
+        let damping = 1e-3 * stiffness;
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+bob = {{ mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.05]], position = [0.3, 0.0, -0.8] }}
+[joints]
+ball = {{ type = "spherical", between = ["ground", "bob"], point = [0.0, 0.0, 0.0] }}
+[forces]
+spring = {{ type = "rsda", between = ["ground", "bob"], axis = [0.0, 0.0, 1.0], stiffness = {stiffness:?}, damping = {damping:?} }}
+[initial.bodies]
+bob = {{ angular_velocity = [0.5, 1.0, 0.0] }}
+"#
+        ));
+        let options = options(Code::ForRadau, 1e-4, 5.0);
+        run_model(&model, &options).summary.statistics.steps
+    };
+    let (soft, stiff) = (steps(1e4), steps(1e7));
+    assert!(stiff < 2 * soft && stiff < 400, "{soft} {stiff}");
+}

@@ -126,7 +126,7 @@ impl AboutAxis {
     }
 }
 
-/// 1 / (1 + h_iᵀh_j); the smallest number keeps an undefined angle free of 0/0.
+/// 1 / (1 + h_iᵀh_j), which grows without bound as the axes become opposite.
 #[inline(always)]
 fn part<T: Real>(first: &[T; 3], second: &[T; 3]) -> T {
     (dot(first, second) + 1.0 + f64::MIN_POSITIVE).recip()

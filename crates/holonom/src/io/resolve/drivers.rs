@@ -24,6 +24,8 @@ impl<'a> Context<'a> {
                 Coordinate::Rotation => DriverKind::Rotation,
             };
             if let (Some(frames), Some(motion)) = (frames, motion) {
+                let twists = kind == DriverKind::Rotation && !self.planar();
+                let frames = if twists { self.frames_of_twist(frames) } else { frames };
                 out.push(Driver { name: name.clone(), kind, frames, motion });
             }
         }

@@ -82,7 +82,7 @@ impl<'a> Context<'a> {
             plain_frames(bodies, points)
         } else {
             let axes = self.shared_axis(item, bodies, f.axis.as_ref(), f.axes_in_body.as_ref())?;
-            self.frames_about(bodies, points, axes)
+            self.frames_of_twist(self.frames_about(bodies, points, axes))
         };
         Some(ForceKind::Rsda {
             frames,

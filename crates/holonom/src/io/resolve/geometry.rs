@@ -84,7 +84,7 @@ pub(super) fn unit(v: Vec3) -> Option<Vec3> {
     Some(v.map(|x| x / length))
 }
 
-fn column(a: &Mat3, c: usize) -> Vec3 {
+pub(super) fn column(a: &Mat3, c: usize) -> Vec3 {
     [a[0][c], a[1][c], a[2][c]]
 }
 
@@ -103,6 +103,15 @@ pub(super) fn triad(h: Vec3, hint: Vec3) -> Mat3 {
         unit([0, 1, 2].map(|i| e[i] - h[farthest] * h[i])).unwrap_or(e)
     });
     from_columns([f, cross(h, f), h])
+}
+
+/// A vector turned by the least rotation that makes the first axis, of unit length, parallel to the second.
+pub(super) fn turned_least([first, second]: [Vec3; 2], x: Vec3) -> Vec3 {
+    let cosine = dot(first, second);
+    let second = second.map(|c| c * cosine.signum());
+    let v = cross(first, second);
+    let (across, along) = (cross(v, x), dot(v, x) / (1.0 + cosine.abs()));
+    [0, 1, 2].map(|i| cosine.abs() * x[i] + across[i] + along * v[i])
 }
 
 /// Axes with the first along `f` and the second in the half plane of `g`.
@@ -124,6 +133,19 @@ mod tests {
         let [f, g, h] = [0, 1, 2].map(|c| column(a, c));
         let unit = |v| (dot(v, v) - 1.0).abs() < 1e-14;
         unit(f) && unit(g) && dot(f, g).abs() < 1e-14 && distance(cross(f, g), h) < 1e-14
+    }
+
+    #[test] // independent truth: the axis comes to the other one, what is across both stays, lengths are kept
+    fn the_least_turn_makes_axes_parallel_and_turns_about_what_is_across() {
+        for second in [[0.0, 0.6, 0.8], [0.6, 0.0, -0.8], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]] {
+            let axes = [[0.0, 0.0, 1.0], second];
+            let turned = turned_least(axes, axes[0]);
+            assert!(distance(turned, second.map(|c| c * second[2].signum())) < 1e-15);
+            let across = cross(axes[0], second);
+            assert!(distance(turned_least(axes, across), across) < 1e-15);
+            let x = turned_least(axes, [0.3, -0.4, 1.2]);
+            assert!((dot(x, x) - 1.69).abs() < 1e-14);
+        }
     }
 
     #[test] // independent truth: the definition of a right-handed orthonormal triad

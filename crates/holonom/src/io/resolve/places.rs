@@ -1,6 +1,6 @@
 //! Points and axes of items, given in one of three ways, become points and axes of bodies.
 
-use super::geometry::{Mat3, Vec3, triad, unit};
+use super::geometry::{Mat3, Vec3, column, dot, triad, turned_least, unit};
 use super::{Choice, Context};
 use crate::error::Code;
 use crate::io::names::suggest;
@@ -180,8 +180,8 @@ impl<'a> Context<'a> {
         })
     }
 
-    /// Frames about an axis: h along it, f of both as parallel as the axes allow, so that the
-    /// relative angle is zero in the design configuration.
+    /// Frames about an axis: h along it, f of the second that of the first turned as little as the axes ask for, so that the
+    /// relative angle, a twist where the axes differ, is zero in the design configuration.
     pub(super) fn frames_about(
         &self,
         bodies: [BodyIndex; 2],
@@ -189,8 +189,20 @@ impl<'a> Context<'a> {
         axes: Pair,
     ) -> [Frame; 2] {
         let first = triad(axes[0], axes[0]);
-        let f = [first[0][0], first[1][0], first[2][0]];
+        let f = turned_least(axes, column(&first, 0));
         self.frames(bodies, points, [first, triad(axes[1], f)])
+    }
+
+    /// Frames of a twist: the axis has the direction stated for the first body, also where that for the second one is opposite.
+    pub(super) fn frames_of_twist(&self, mut frames: [Frame; 2]) -> [Frame; 2] {
+        let [first, second] =
+            frames.map(|frame| self.pose(frame.body).direction_to_ground(column(&frame.axes, 2)));
+        if dot(first, second) < 0.0 {
+            for row in &mut frames[1].axes {
+                (row[1], row[2]) = (-row[1], -row[2]);
+            }
+        }
+        frames
     }
 }
 

@@ -28,7 +28,7 @@ pub(super) const FURTHEST: f64 = 0.5;
 pub(in crate::reduction) struct Unknowns {
     pub(in crate::reduction) free: Vec<usize>,
     /// Such bodies: their translations follow their orientations.
-    pub(super) coupled: Vec<usize>,
+    pub(in crate::reduction) coupled: Vec<usize>,
 }
 
 impl Unknowns {

@@ -18,6 +18,9 @@ pub(super) use conflict::contradiction;
 pub use conflict::{Conflict, FrameAxes};
 pub(super) use least_change::scale;
 
+/// What is left of less than this of a row's own residual is round-off: it depends on no others.
+const REDUNDANT: f64 = 1e-8;
+
 /// The state with its positions or velocities closed: first what is not stated, with the stated
 /// coordinates of joints as conditions, then all to remove what is left. With the largest residual of the
 /// stated values.
@@ -102,11 +105,8 @@ pub(super) fn closed(
     Err(match level {
         Level::Position => AssemblyError::Unreachable { row, item, residual, unit, others, axes },
         Level::Velocity => {
-            // By how much the row is missed where all others are met: what is left, r, is the part of the contradiction y in
-            // the residuals, r = y (yᵀb), and b along the row alone would be |r|²/r_row.
             let level = "velocity";
-            let square: f64 = open.iter().map(|x| x * x).sum();
-            let residual = if open[worst] == 0.0 { residual } else { square / residual };
+            let residual = residual / share_left(system.as_ref(), &state.q, worst);
             AssemblyError::Contradiction { level, row, item, residual, unit, others }
         }
     })
@@ -183,6 +183,16 @@ impl Attempt {
         solve(self.system.as_ref(), model, level, &mut state, &everything);
         state
     }
+}
+
+/// What is left of a row's own residual where it contradicts others: they share what they differ by.
+fn share_left(system: &dyn System, q: &[f64], row: usize) -> f64 {
+    let mut g = system.structure().constraint_pattern.zeros();
+    system.constraint_jacobian(q, &mut g);
+    let mut alone = vec![0.0; system.structure().sizes.rows];
+    alone[row] = 1.0;
+    let left = contradiction(system, q, &g, &alone).get(row).copied();
+    left.filter(|left| *left > REDUNDANT).unwrap_or(1.0)
 }
 
 /// Closes positions or velocities over `unknowns`; the largest residual left and its row.

@@ -4,10 +4,11 @@ use super::{Run, failed};
 use crate::error::EvaluationFailure;
 use crate::reduction::assembly::PROJECTED;
 use crate::simulation::diagnosis::Stop;
-use crate::simulation::ledger::{QUARTERS, StepPowers, largest, powers};
+use crate::simulation::ledger::{QUARTERS, StepPowers, powers};
 use crate::simulation::passage::Place;
 use crate::simulation::recorder::Inside;
 use crate::simulation::reparametrization::no_longer_redundant;
+use crate::simulation::stage_powers::{self, StagePowers};
 use crate::simulation::step_length;
 use crate::system::{EnergyBalance, State, System};
 use crate::watch::unwatched;
@@ -19,9 +20,6 @@ const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
 const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
 /// The place of the middle among [`QUARTERS`].
 const MIDDLE: usize = 1;
-/// How many times what is missed of the squared rates of drivers may be missed of powers: these have other phases, and may be small
-/// all over a step.
-const OF_DRIVERS: f64 = 100.0;
 /// The shortest step that powers make, as a part of the longest that such a run takes.
 const SHORTEST_OF_USUAL: f64 = 1e-3;
 
@@ -46,6 +44,7 @@ impl Run<'_> {
     /// Looks into the accepted step: powers, where the ledger needs them, and in its middle arguments of force laws.
     fn look_inside(&mut self, t: f64, step: f64, t_end: f64) {
         self.inside.clear();
+        self.stage_powers.begin();
         self.halfway.clear();
         let powered = !self.form.integrates_powers();
         let looks = self.may_pass_over(t, step, t_end);
@@ -57,7 +56,8 @@ impl Run<'_> {
         // Driver power needs multipliers; without drivers the recovery is enough.
         let driven = powered && times.iter().any(|&t| system.drivers_move(t));
         let no_error = self.form.point().manifold.chart().ndof() == 0 || self.stepper.explicit();
-        let quarters = driven || powered && no_error;
+        let collocation = self.collocation().filter(|_| driven);
+        let quarters = driven && collocation.is_none() || powered && no_error;
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         let recorder = match &mut self.inspector {
@@ -70,16 +70,29 @@ impl Run<'_> {
         let mut found = [None; QUARTERS.len()];
         for (k, time) in times.into_iter().enumerate() {
             let in_middle = k == MIDDLE;
-            if !quarters && !in_middle {
+            if !quarters && !(in_middle && (looks || collocation.is_none())) {
                 continue;
             }
             // One that is not found is a rare thing: the middle serves, or a line.
-            let theta = QUARTERS[k];
-            let Ok(state) = recorder.state(interpolate, t, step, theta, driven) else { continue };
+            let (theta, full) = (QUARTERS[k], driven && collocation.is_none());
+            let Ok(state) = recorder.state(interpolate, t, step, theta, full) else { continue };
             found[k] = powered.then(|| powers(&system.energy(state)));
             if looks && in_middle {
                 let places = system.law_arguments().iter();
                 self.halfway.extend(places.map(|a| Place::of(system.as_ref(), a, time, state)));
+            }
+        }
+        if let Some(nodes) = &collocation {
+            let (stages, drivers, system) =
+                (&mut self.stage_powers, &self.drivers, system.as_ref());
+            let tolerance = self.options.tolerance.relative;
+            let more = stages.needs_more(system, drivers, [t, step], nodes, tolerance);
+            stages.begin();
+            for node in [1, 2, stage_powers::BETWEEN] {
+                if node != stage_powers::BETWEEN || more {
+                    let state = recorder.state(interpolate, t, step, nodes[node], true);
+                    state.into_iter().for_each(|state| stages.take(node, system, drivers, state));
+                }
             }
         }
         match found {
@@ -96,42 +109,9 @@ impl Run<'_> {
     pub(super) fn missed_powers(&mut self, t: f64, step: f64, span: f64) -> f64 {
         // Where a power jumps, nothing else ends the refinement.
         let shortest = SHORTEST_OF_USUAL * span / step_length::KINEMATIC_STEPS;
-        if step < shortest || self.inside.len() < QUARTERS.len() {
+        let quarters = self.inside.len() == QUARTERS.len();
+        if step < shortest || !(quarters || self.stage_powers.inner_are_known()) {
             return 0.0;
-        }
-        let stepper = &mut self.stepper;
-        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
-        let end = self.recorder.state(interpolate, t, step, 1.0, true);
-        let end = end.map(|state| powers(&self.system.energy(state)));
-        self.recorder.begin_again(&self.state);
-        let Ok(end) = end else { return 0.0 };
-        let along = StepPowers::through(self.powers.at[4], &self.inside, end);
-        let (tolerance, negligible) = self.power_tolerances(span);
-        self.quadrature.missed(&along, negligible, tolerance)
-    }
-
-    /// The relative tolerance of powers, and what of them is negligible, W, in a run of `span` seconds.
-    fn power_tolerances(&self, span: f64) -> (f64, f64) {
-        // Powers are those of joints that are met to so much.
-        let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
-        // What turns steadily has powers of round-off only, and what is heavy large ones.
-        let scale = &self.energy_scale;
-        let negligible = scale.negligible(self.system.as_ref(), &self.options.tolerance);
-        (tolerance, (tolerance * scale.moved()).max(negligible) / span)
-    }
-
-    /// Powers along the accepted step from `t`, with those at its ends, once `self.row` is the state at its start.
-    fn powers_along(&mut self, t: f64, step: f64, [start, end]: [[f64; 2]; 2]) -> StepPowers {
-        let along = StepPowers::through(start, &self.inside, end);
-        if self.stepper.explicit() {
-            return along;
-        }
-        let (tolerance, negligible) = self.power_tolerances(self.options.end_time - self.started);
-        let Some(&places) = self.stepper.collocation_places() else {
-            return self.quadrature.along([start, end], &self.inside, tolerance);
-        };
-        if self.inside.len() < QUARTERS.len() || along.is_sure(tolerance, negligible) {
-            return along;
         }
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
@@ -139,20 +119,47 @@ impl Run<'_> {
             let state = self.recorder.state(interpolate, t, step, theta, true).ok()?;
             Some(powers(&self.system.energy(state)))
         };
-        let [first, second, _] = places;
-        let found = [at(first), at(second)];
-        self.recorder.begin_again(&self.row);
-        let [Some(first), Some(second)] = found else { return along };
-        // At its stages forces are those of the formula's slopes; between them, where they are stiff, the error of a state times
-        // a stiffness. But what drivers do in a step may be more than the formula's order tells.
-        let at_stages = [first, second, end];
-        let collocated = StepPowers::collocated(places, at_stages);
-        let missed =
-            step_length::missed_of_drivers(self.system.as_ref(), &self.drivers, [t, step], places);
-        let tolerance = tolerance.max(OF_DRIVERS * missed);
-        let (differ, largest) = (along.differ(&collocated), largest(&at_stages, [0.0; 2]));
-        let agree = (0..2).all(|k| differ[k] <= (tolerance * largest[k]).max(negligible));
-        if agree { along } else { collocated }
+        // The stages have no second rule beside theirs.
+        let inside = if quarters { [None; 3] } else { QUARTERS.map(&mut at) };
+        let end = at(1.0);
+        self.recorder.begin_again(&self.state);
+        let Some(end) = end else { return 0.0 };
+        let along = match inside {
+            [Some(before), Some(middle), Some(after)] => {
+                StepPowers::through(self.powers.at[4], &[before, middle, after], end)
+            }
+            _ => StepPowers::through(self.powers.at[4], &self.inside, end),
+        };
+        // Powers are those of joints that are met to so much.
+        let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
+        // What turns steadily has powers of round-off only, and what is heavy large ones.
+        let negligible =
+            self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
+        let rate = (tolerance * self.energy_scale.moved()).max(negligible) / span;
+        self.quadrature.missed(&along, rate, tolerance)
+    }
+
+    /// Nodes in a step at which its formula tells powers.
+    fn collocation(&self) -> Option<[f64; 5]> {
+        let free = self.form.point().manifold.chart().ndof() > 0;
+        self.stepper.collocation_places().filter(|_| free).map(|places| StagePowers::nodes(*places))
+    }
+
+    /// Powers along the accepted step from `t`, which ends at the present state with those of `end`.
+    fn powers_along(&mut self, t: f64, step: f64, end: [f64; 2]) -> StepPowers {
+        let ends = [self.powers.at[4], end];
+        let nodes = self.collocation().filter(|_| self.stage_powers.inner_are_known());
+        if let Some(nodes) = &nodes {
+            let (system, drivers) = (self.system.as_ref(), &self.drivers);
+            self.stage_powers.take(4, system, drivers, &self.state);
+            return self.stage_powers.advance(system, drivers, [t, step], nodes);
+        }
+        self.stage_powers.restart();
+        if self.stepper.explicit() {
+            return StepPowers::through(ends[0], &self.inside, ends[1]);
+        }
+        let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
+        self.quadrature.along(ends, &self.inside, tolerance)
     }
 
     /// Residuals of the state just evaluated, whose Jacobian is at hand.
@@ -193,7 +200,8 @@ impl Run<'_> {
         self.complete = false;
         // Powers of drivers are those of their multipliers.
         let t_end = self.state.t;
-        if self.system.drivers_move(t_end) || t_end >= self.options.end_time {
+        let by_stages = self.stage_powers.inner_are_known();
+        if by_stages || self.system.drivers_move(t_end) || t_end >= self.options.end_time {
             self.take_multipliers();
         }
         self.w.copy_from_slice(&self.w_end);
@@ -204,8 +212,7 @@ impl Run<'_> {
             longest.take(self.options.end_time - self.started, &self.row, &self.state);
         }
         let energy = self.system.energy(&self.state);
-        let ends = [self.powers.at[4], powers(&energy)];
-        self.powers = self.powers_along(t, step, ends);
+        self.powers = self.powers_along(t, step, powers(&energy));
         let ledger = self.row.ledger;
         if !self.form.integrates_powers() {
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);

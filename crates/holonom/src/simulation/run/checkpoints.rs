@@ -106,6 +106,7 @@ impl Run<'_> {
         self.work_before = checkpoint.work;
         self.begin_beside();
         self.powers.at[4] = powers(&self.system.energy(&self.state));
+        self.stage_powers.restart();
         self.stall = Stall::default();
         let chart = self.form.point().manifold.chart().parametrization();
         self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);

@@ -29,6 +29,7 @@ use crate::simulation::problem::Problem;
 use crate::simulation::recorder::Recorder;
 use crate::simulation::second_run;
 use crate::simulation::slowness::{LimitedBy, Limits, Slowness};
+use crate::simulation::stage_powers::StagePowers;
 use crate::simulation::stall::Stall;
 use crate::simulation::statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 use crate::simulation::step_length::{self, Driven, clip, smallest_step};
@@ -247,6 +248,7 @@ struct Run<'a> {
     /// Powers inside the step just accepted, as far as they are known: as [`StepPowers::through`] takes them.
     inside: Vec<[f64; 2]>,
     quadrature: Quadrature,
+    stage_powers: StagePowers,
     stall: Stall,
     output: Output,
     warnings: Vec<RunWarning>,
@@ -416,6 +418,7 @@ impl Run<'_> {
             if reaches && next < end {
                 self.note(EventKind::Breakpoint);
                 self.stepper.restart();
+                self.stage_powers.restart();
                 self.form.begin_step(&self.state);
                 h = self.first_step().map_err(|f| failed(f, 0.0))?;
             } else {

@@ -23,6 +23,7 @@ use crate::simulation::problem::Problem;
 use crate::simulation::recorder::Recorder;
 use crate::simulation::reparametrization::new_chart;
 use crate::simulation::slowness::Slowness;
+use crate::simulation::stage_powers::StagePowers;
 use crate::simulation::stall::Stall;
 use crate::simulation::statistics::{EnergySummary, Statistics};
 use crate::simulation::step_length;
@@ -158,6 +159,7 @@ pub(super) fn set_up<'a>(
     // A step of prescribed length has no tolerance.
     let follows = form.second_order_split() > 0 && options.fixed_step.is_none();
     let laws = system.law_arguments().iter().map(|a| a.knots.len()).max();
+    let drivers = step_length::drivers(system.as_ref(), [started, options.end_time]);
     let mut run = Run {
         options,
         model: problem.model(),
@@ -171,7 +173,8 @@ pub(super) fn set_up<'a>(
         },
         kinetic_range: (energy.kinetic, energy.kinetic),
         energy_scale: EnergyScale::new(problem.model(), system.as_ref(), &state),
-        drivers: step_length::drivers(system.as_ref(), [started, options.end_time]),
+        stage_powers: StagePowers::new(&drivers),
+        drivers,
         drift: Drift::new(system.structure().sizes.bodies),
         carried: follows.then(|| CarriedError::new(dimension, form.weights(), &state)),
         powers: StepPowers::through([0.0; 2], &[], powers(&energy)),

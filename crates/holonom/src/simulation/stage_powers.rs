@@ -1,0 +1,224 @@
+//! Powers along a step by the stages of a collocation formula. Equations: `docs/theory/simulation.md` (3c), (3d).
+
+use super::ledger::{QUARTERS, StepPowers};
+use super::step_length::Driven;
+use crate::system::{State, System};
+
+/// The place among the nodes of the one in the widest gap between collocation points.
+pub(super) const BETWEEN: usize = 3;
+/// How many times what a cubic misses there of the rates of a driver it may miss of the multiplier: the frequency may be twice as
+/// high.
+const EXPLAINED: f64 = 20.0;
+/// Part of the tolerance of what a cubic misses there of a rate from which on it counts: a tenth of that is missed of a work.
+const WORTH: f64 = 0.05;
+
+/// Multipliers of drivers and other powers in a step: at its start, at the collocation points, the last of which is its end, and
+/// between the last two.
+///
+/// At these points forces satisfy the equations with the slopes of the formula; of a state between them the force of a stiff
+/// element is its error times a stiffness. What drivers do in between is known exactly.
+#[derive(Debug, Clone)]
+pub(super) struct StagePowers {
+    /// By node, of the drivers.
+    multipliers: [Vec<f64>; 5],
+    /// By node, (dissipated, supplied) without that of the drivers, W.
+    others: [[f64; 2]; 5],
+    /// Nodes that are known: the start is where it is the end of a step before.
+    known: [bool; 5],
+}
+
+impl StagePowers {
+    pub(super) fn new(drivers: &[Driven]) -> Self {
+        Self {
+            multipliers: std::array::from_fn(|_| vec![0.0; drivers.len()]),
+            others: [[0.0; 2]; 5],
+            known: [false; 5],
+        }
+    }
+
+    /// What came before does not continue.
+    pub(super) fn restart(&mut self) {
+        self.known = [false; 5];
+    }
+
+    /// θ of the nodes of a formula.
+    pub(super) fn nodes([first, second, last]: [f64; 3]) -> [f64; 5] {
+        [0.0, first, second, 0.5 * (second + last), last]
+    }
+
+    /// Forgets all nodes but the start.
+    pub(super) fn begin(&mut self) {
+        self.known[1..].fill(false);
+    }
+
+    /// Whether the collocation points inside the step have been taken.
+    pub(super) fn inner_are_known(&self) -> bool {
+        self.known[1] && self.known[2]
+    }
+
+    /// Takes the state with its multipliers at a node.
+    pub(super) fn take(
+        &mut self,
+        node: usize,
+        system: &dyn System,
+        drivers: &[Driven],
+        state: &State,
+    ) {
+        let energy = system.energy(state);
+        let mut supplied = energy.supplied;
+        for (multiplier, driven) in self.multipliers[node].iter_mut().zip(drivers) {
+            *multiplier = state.lambda[driven.row];
+            supplied += *multiplier * system.drive(driven.row, state.t)[1];
+        }
+        self.others[node] = [energy.dissipated, supplied];
+        self.known[node] = true;
+    }
+
+    /// Whether drivers do so much in the step of length `step` from t that [`BETWEEN`] is to be taken, too.
+    pub(super) fn needs_more(
+        &self,
+        system: &dyn System,
+        drivers: &[Driven],
+        [t, step]: [f64; 2],
+        nodes: &[f64; 5],
+        tolerance: f64,
+    ) -> bool {
+        self.known[0] && missed_of_rates(system, drivers, [t, step], nodes) > WORTH * tolerance
+    }
+
+    /// Powers along the step of length `step` from t, all of whose collocation points have been taken; its end is the start of
+    /// the next one.
+    pub(super) fn advance(
+        &mut self,
+        system: &dyn System,
+        drivers: &[Driven],
+        [t, step]: [f64; 2],
+        nodes: &[f64; 5],
+    ) -> StepPowers {
+        self.known[BETWEEN] =
+            self.known[BETWEEN] && self.drivers_explain(system, drivers, [t, step], nodes);
+        let at = |theta: f64| self.power(system, drivers, [t, step], nodes, theta);
+        let [a, b, c] = QUARTERS;
+        let quarters = [0.0, a, b, c, 1.0].map(at);
+        let [o, p, q, r] = [0.125, 0.375, 0.625, 0.875].map(at);
+        let [start, a, b, c, end] = quarters;
+        // Drivers may wave faster than the five moments tell, and what they do is known: Boole's rule on both halves is the mean.
+        let halves = [[start, o, a, p, b], [b, q, c, r, end]].map(|at| StepPowers { at });
+        let mut powers = StepPowers { at: quarters };
+        powers.set_mean(
+            halves
+                .map(|half| half.mean())
+                .iter()
+                .fold([0.0; 2], |sum, mean| [sum[0] + 0.5 * mean[0], sum[1] + 0.5 * mean[1]]),
+        );
+        self.multipliers.swap(0, 4);
+        self.others.swap(0, 4);
+        self.known[0] = true;
+        powers
+    }
+
+    /// (dissipated, supplied) at θ, W.
+    fn power(
+        &self,
+        system: &dyn System,
+        drivers: &[Driven],
+        [t, step]: [f64; 2],
+        nodes: &[f64; 5],
+        theta: f64,
+    ) -> [f64; 2] {
+        let weights = weights(nodes, &self.known, theta);
+        let sum = |value: &dyn Fn(usize) -> f64| -> f64 {
+            let known = weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0);
+            known.map(|(node, weight)| weight * value(node)).sum()
+        };
+        let [dissipated, others] = [0, 1].map(|k| sum(&|node| self.others[node][k]));
+        let driven = drivers.iter().enumerate().map(|(d, driven)| {
+            let rate = system.drive(driven.row, t + theta * step)[1];
+            rate * sum(&|node| self.multipliers[node][d])
+        });
+        [dissipated, others - driven.sum::<f64>()]
+    }
+
+    /// Whether multipliers [`BETWEEN`] are as far from cubics through the others as the drivers make them; else a stiff element
+    /// does.
+    fn drivers_explain(
+        &self,
+        system: &dyn System,
+        drivers: &[Driven],
+        [t, step]: [f64; 2],
+        nodes: &[f64; 5],
+    ) -> bool {
+        let explained = EXPLAINED * missed_of_rates(system, drivers, [t, step], nodes);
+        let moving = |driven: &Driven| {
+            nodes.iter().any(|theta| system.drive(driven.row, t + theta * step)[1] != 0.0)
+        };
+        drivers.iter().enumerate().filter(|(_, driven)| moving(driven)).all(|(d, _)| {
+            let multipliers = std::array::from_fn(|node| self.multipliers[node][d]);
+            missed_between(nodes, &multipliers) <= explained
+        })
+    }
+}
+
+/// Weights of the known nodes in the polynomial through them at θ; zero for the others.
+fn weights(nodes: &[f64; 5], known: &[bool; 5], theta: f64) -> [f64; 5] {
+    std::array::from_fn(|j| {
+        let others = (0..5).filter(|&i| i != j && known[i]);
+        let product = others.map(|i| (theta - nodes[i]) / (nodes[j] - nodes[i])).product();
+        if known[j] { product } else { 0.0 }
+    })
+}
+
+/// By how much the value [`BETWEEN`] differs from the cubic through the others, against the largest of them.
+fn missed_between(nodes: &[f64; 5], values: &[f64; 5]) -> f64 {
+    let weights = weights(nodes, &[true, true, true, false, true], nodes[BETWEEN]);
+    let cubic: f64 = weights.iter().zip(values).map(|(weight, value)| weight * value).sum();
+    let largest = values.iter().fold(f64::MIN_POSITIVE, |most, value| most.max(value.abs()));
+    (values[BETWEEN] - cubic).abs() / largest
+}
+
+/// The most that is missed so of the rate of a driver and of its change: where one of a wave vanishes the other does not.
+fn missed_of_rates(
+    system: &dyn System,
+    drivers: &[Driven],
+    [t, step]: [f64; 2],
+    nodes: &[f64; 5],
+) -> f64 {
+    let missed = drivers.iter().map(|driven| {
+        let motion = nodes.map(|theta| system.drive(driven.row, t + theta * step));
+        let [rate, change] = [1, 2].map(|k| missed_between(nodes, &motion.map(|m| m[k])));
+        rate.hypot(change)
+    });
+    missed.fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formula::RADAU_IIA_5;
+
+    #[test] // independent truth: polynomials of the degree that so many nodes determine
+    fn weights_are_those_of_the_polynomial_through_the_known_nodes() {
+        let nodes = StagePowers::nodes(RADAU_IIA_5.c);
+        for known in [[true; 5], [true, true, true, false, true], [false, true, true, false, true]]
+        {
+            let degree = known.iter().filter(|known| **known).count() as i32 - 1;
+            for theta in [0.0, 0.3, 1.0f64] {
+                let weights = weights(&nodes, &known, theta);
+                for k in 0..=degree {
+                    let sum: f64 = weights.iter().zip(nodes).map(|(w, x)| w * x.powi(k)).sum();
+                    assert!((sum - theta.powi(k)).abs() < 1e-12, "{known:?} θ^{k}");
+                }
+            }
+        }
+    }
+
+    #[test] // independent truth: the error of cubic interpolation of θ⁴, Π (θ − node), against θ⁴ = 1 at the end
+    fn what_a_cubic_misses_is_that_of_the_fourth_power() {
+        let nodes = StagePowers::nodes(RADAU_IIA_5.c);
+        let missed = missed_between(&nodes, &nodes.map(|x| x.powi(4)));
+        let others = [nodes[0], nodes[1], nodes[2], nodes[4]];
+        let product: f64 = others.iter().map(|x| nodes[BETWEEN] - x).product();
+        assert!((missed - product.abs()).abs() < 1e-14);
+        assert!(missed_between(&nodes, &nodes.map(|x| 1.0 - x + x * x * x)) < 1e-15);
+    }
+}
