@@ -4,8 +4,12 @@ use super::ledger::{QUARTERS, StepPowers};
 use super::step_length::Driven;
 use crate::system::{State, System};
 
-/// The place among the nodes of the one in the widest gap between collocation points.
-pub(super) const BETWEEN: usize = 3;
+/// The start of a step, two collocation points, two places between them and the end, which is the third.
+pub(super) const NODES: usize = 6;
+/// Of these the places between collocation points.
+pub(super) const BETWEEN: std::ops::Range<usize> = 3..5;
+/// And the end.
+pub(super) const END: usize = 5;
 /// How many times what a cubic misses there of the rates of a driver it may miss of the multiplier: the frequency may be twice as
 /// high.
 const EXPLAINED: f64 = 20.0;
@@ -13,37 +17,37 @@ const EXPLAINED: f64 = 20.0;
 const WORTH: f64 = 0.05;
 
 /// Multipliers of drivers and other powers in a step: at its start, at the collocation points, the last of which is its end, and
-/// between the last two.
+/// between them.
 ///
 /// At these points forces satisfy the equations with the slopes of the formula; of a state between them the force of a stiff
 /// element is its error times a stiffness. What drivers do in between is known exactly.
 #[derive(Debug, Clone)]
 pub(super) struct StagePowers {
     /// By node, of the drivers.
-    multipliers: [Vec<f64>; 5],
+    multipliers: [Vec<f64>; NODES],
     /// By node, (dissipated, supplied) without that of the drivers, W.
-    others: [[f64; 2]; 5],
+    others: [[f64; 2]; NODES],
     /// Nodes that are known: the start is where it is the end of a step before.
-    known: [bool; 5],
+    known: [bool; NODES],
 }
 
 impl StagePowers {
     pub(super) fn new(drivers: &[Driven]) -> Self {
         Self {
             multipliers: std::array::from_fn(|_| vec![0.0; drivers.len()]),
-            others: [[0.0; 2]; 5],
-            known: [false; 5],
+            others: [[0.0; 2]; NODES],
+            known: [false; NODES],
         }
     }
 
     /// What came before does not continue.
     pub(super) fn restart(&mut self) {
-        self.known = [false; 5];
+        self.known = [false; NODES];
     }
 
     /// θ of the nodes of a formula.
-    pub(super) fn nodes([first, second, last]: [f64; 3]) -> [f64; 5] {
-        [0.0, first, second, 0.5 * (second + last), last]
+    pub(super) fn nodes([first, second, last]: [f64; 3]) -> [f64; NODES] {
+        [0.0, first, second, 0.5 * (first + second), 0.5 * (second + last), last]
     }
 
     /// Forgets all nodes but the start.
@@ -80,7 +84,7 @@ impl StagePowers {
         system: &dyn System,
         drivers: &[Driven],
         [t, step]: [f64; 2],
-        nodes: &[f64; 5],
+        nodes: &[f64; NODES],
         tolerance: f64,
     ) -> bool {
         self.known[0] && missed_of_rates(system, drivers, [t, step], nodes) > WORTH * tolerance
@@ -93,10 +97,13 @@ impl StagePowers {
         system: &dyn System,
         drivers: &[Driven],
         [t, step]: [f64; 2],
-        nodes: &[f64; 5],
+        nodes: &[f64; NODES],
     ) -> StepPowers {
-        self.known[BETWEEN] =
-            self.known[BETWEEN] && self.drivers_explain(system, drivers, [t, step], nodes);
+        if !(self.known[BETWEEN] == [true; 2]
+            && self.drivers_explain(system, drivers, [t, step], nodes))
+        {
+            self.known[BETWEEN].fill(false);
+        }
         let at = |theta: f64| self.power(system, drivers, [t, step], nodes, theta);
         let [a, b, c] = QUARTERS;
         let quarters = [0.0, a, b, c, 1.0].map(at);
@@ -111,8 +118,8 @@ impl StagePowers {
                 .iter()
                 .fold([0.0; 2], |sum, mean| [sum[0] + 0.5 * mean[0], sum[1] + 0.5 * mean[1]]),
         );
-        self.multipliers.swap(0, 4);
-        self.others.swap(0, 4);
+        self.multipliers.swap(0, END);
+        self.others.swap(0, END);
         self.known[0] = true;
         powers
     }
@@ -123,7 +130,7 @@ impl StagePowers {
         system: &dyn System,
         drivers: &[Driven],
         [t, step]: [f64; 2],
-        nodes: &[f64; 5],
+        nodes: &[f64; NODES],
         theta: f64,
     ) -> [f64; 2] {
         let weights = weights(nodes, &self.known, theta);
@@ -146,7 +153,7 @@ impl StagePowers {
         system: &dyn System,
         drivers: &[Driven],
         [t, step]: [f64; 2],
-        nodes: &[f64; 5],
+        nodes: &[f64; NODES],
     ) -> bool {
         let explained = EXPLAINED * missed_of_rates(system, drivers, [t, step], nodes);
         let moving = |driven: &Driven| {
@@ -160,20 +167,25 @@ impl StagePowers {
 }
 
 /// Weights of the known nodes in the polynomial through them at θ; zero for the others.
-fn weights(nodes: &[f64; 5], known: &[bool; 5], theta: f64) -> [f64; 5] {
+fn weights(nodes: &[f64; NODES], known: &[bool; NODES], theta: f64) -> [f64; NODES] {
     std::array::from_fn(|j| {
-        let others = (0..5).filter(|&i| i != j && known[i]);
+        let others = (0..NODES).filter(|&i| i != j && known[i]);
         let product = others.map(|i| (theta - nodes[i]) / (nodes[j] - nodes[i])).product();
         if known[j] { product } else { 0.0 }
     })
 }
 
-/// By how much the value [`BETWEEN`] differs from the cubic through the others, against the largest of them.
-fn missed_between(nodes: &[f64; 5], values: &[f64; 5]) -> f64 {
-    let weights = weights(nodes, &[true, true, true, false, true], nodes[BETWEEN]);
-    let cubic: f64 = weights.iter().zip(values).map(|(weight, value)| weight * value).sum();
+/// By how much values [`BETWEEN`] differ from the cubic through the others, against the largest of them.
+fn missed_between(nodes: &[f64; NODES], values: &[f64; NODES]) -> f64 {
     let largest = values.iter().fold(f64::MIN_POSITIVE, |most, value| most.max(value.abs()));
-    (values[BETWEEN] - cubic).abs() / largest
+    let mut others = [true; NODES];
+    others[BETWEEN].fill(false);
+    let missed = BETWEEN.map(|node| {
+        let weights = weights(nodes, &others, nodes[node]);
+        let cubic: f64 = weights.iter().zip(values).map(|(weight, value)| weight * value).sum();
+        (values[node] - cubic).abs()
+    });
+    missed.fold(0.0, f64::max) / largest
 }
 
 /// The most that is missed so of the rate of a driver and of its change: where one of a wave vanishes the other does not.
@@ -181,7 +193,7 @@ fn missed_of_rates(
     system: &dyn System,
     drivers: &[Driven],
     [t, step]: [f64; 2],
-    nodes: &[f64; 5],
+    nodes: &[f64; NODES],
 ) -> f64 {
     let missed = drivers.iter().map(|driven| {
         let motion = nodes.map(|theta| system.drive(driven.row, t + theta * step));
@@ -199,8 +211,8 @@ mod tests {
     #[test] // independent truth: polynomials of the degree that so many nodes determine
     fn weights_are_those_of_the_polynomial_through_the_known_nodes() {
         let nodes = StagePowers::nodes(RADAU_IIA_5.c);
-        for known in [[true; 5], [true, true, true, false, true], [false, true, true, false, true]]
-        {
+        let [o, i] = [false, true];
+        for known in [[i; NODES], [i, i, i, o, o, i], [o, i, i, o, o, i]] {
             let degree = known.iter().filter(|known| **known).count() as i32 - 1;
             for theta in [0.0, 0.3, 1.0f64] {
                 let weights = weights(&nodes, &known, theta);
@@ -216,9 +228,10 @@ mod tests {
     fn what_a_cubic_misses_is_that_of_the_fourth_power() {
         let nodes = StagePowers::nodes(RADAU_IIA_5.c);
         let missed = missed_between(&nodes, &nodes.map(|x| x.powi(4)));
-        let others = [nodes[0], nodes[1], nodes[2], nodes[4]];
-        let product: f64 = others.iter().map(|x| nodes[BETWEEN] - x).product();
-        assert!((missed - product.abs()).abs() < 1e-14);
+        let others = [nodes[0], nodes[1], nodes[2], nodes[END]];
+        let products = BETWEEN.map(|k| others.iter().map(|x| nodes[k] - x).product::<f64>().abs());
+        let product = products.fold(0.0, f64::max);
+        assert!((missed - product).abs() < 1e-14);
         assert!(missed_between(&nodes, &nodes.map(|x| 1.0 - x + x * x * x)) < 1e-15);
     }
 }

@@ -88,8 +88,8 @@ impl Run<'_> {
             let tolerance = self.options.tolerance.relative;
             let more = stages.needs_more(system, drivers, [t, step], nodes, tolerance);
             stages.begin();
-            for node in [1, 2, stage_powers::BETWEEN] {
-                if node != stage_powers::BETWEEN || more {
+            for node in 1..stage_powers::END {
+                if more || !stage_powers::BETWEEN.contains(&node) {
                     let state = recorder.state(interpolate, t, step, nodes[node], true);
                     state.into_iter().for_each(|state| stages.take(node, system, drivers, state));
                 }
@@ -140,7 +140,7 @@ impl Run<'_> {
     }
 
     /// Nodes in a step at which its formula tells powers.
-    fn collocation(&self) -> Option<[f64; 5]> {
+    fn collocation(&self) -> Option<[f64; stage_powers::NODES]> {
         let free = self.form.point().manifold.chart().ndof() > 0;
         self.stepper.collocation_places().filter(|_| free).map(|places| StagePowers::nodes(*places))
     }
@@ -151,7 +151,7 @@ impl Run<'_> {
         let nodes = self.collocation().filter(|_| self.stage_powers.inner_are_known());
         if let Some(nodes) = &nodes {
             let (system, drivers) = (self.system.as_ref(), &self.drivers);
-            self.stage_powers.take(4, system, drivers, &self.state);
+            self.stage_powers.take(stage_powers::END, system, drivers, &self.state);
             return self.stage_powers.advance(system, drivers, [t, step], nodes);
         }
         self.stage_powers.restart();
