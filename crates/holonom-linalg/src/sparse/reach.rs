@@ -22,7 +22,7 @@ impl<T: Scalar> SparseLu<T> {
     }
 
     /// Of up to 32 right-hand sides `columns` have a bit for each that can differ from zero in a row. They become those of the
-    /// solutions, with the transpose or not, which are exactly zero elsewhere with these pivots, whatever the values.
+    /// solutions, with the transpose or not, which are exactly zero elsewhere with these pivots, whatever finite values they have.
     ///
     /// # Panics
     /// If there are not columns for every row.

@@ -177,9 +177,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Argument
     fn add_pairs<T: Real>(&self, rows: &mut RowBlocks<T, N>) {
         if self.z.rows() > 2 {
             for side in &mut rows.0 {
+                let [c, s, more_c, more_s, ..] = side;
                 for k in 0..N {
-                    side[0][k] = side[0][k] + side[2][k];
-                    side[1][k] = side[1][k] + side[3][k];
+                    c[k] += more_c[k];
+                    s[k] += more_s[k];
                 }
             }
         }
