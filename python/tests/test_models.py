@@ -59,3 +59,12 @@ def test_errors_are_not_larger_than_stated(folder: Path) -> None:
 def test_a_summary_counts_what_patterns_repeat() -> None:
     result = holonom.Model.load(MODELS / "chain50" / "model.toml").simulate(end_time=0.01)
     assert dict(summarize(result))["items"] == "50 bodies, 50 joints, 50 forces, 0 drivers"
+
+
+def test_text_tells_whether_it_is_json() -> None:
+    # Truth: the model that both texts are of.
+    model = holonom.Model.library("double_pendulum")
+    assert holonom.Model.from_text(model.to_json()) == model
+    assert holonom.Model.from_text("\n  " + model.to_json(), "json") == model
+    with pytest.raises(holonom.ModelError):
+        holonom.Model.from_text(model.to_json(), "toml")
