@@ -110,14 +110,10 @@ impl StagePowers {
         let [o, p, q, r] = [0.125, 0.375, 0.625, 0.875].map(at);
         let [start, a, b, c, end] = quarters;
         // Drivers may wave faster than the five moments tell, and what they do is known: Boole's rule on both halves is the mean.
-        let halves = [[start, o, a, p, b], [b, q, c, r, end]].map(|at| StepPowers { at });
+        let halves = [[start, o, a, p, b], [b, q, c, r, end]];
+        let [left, right] = halves.map(|at| StepPowers { at }.mean());
         let mut powers = StepPowers { at: quarters };
-        powers.set_mean(
-            halves
-                .map(|half| half.mean())
-                .iter()
-                .fold([0.0; 2], |sum, mean| [sum[0] + 0.5 * mean[0], sum[1] + 0.5 * mean[1]]),
-        );
+        powers.set_mean([0, 1].map(|k| 0.5 * (left[k] + right[k])));
         self.multipliers.swap(0, END);
         self.others.swap(0, END);
         self.known[0] = true;
