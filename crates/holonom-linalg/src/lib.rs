@@ -29,6 +29,7 @@ mod forest;
 mod full_pivot;
 #[cfg(feature = "general-sparse")]
 mod general;
+mod gram;
 mod independent_rows;
 mod lanes;
 mod rank;
@@ -41,7 +42,7 @@ pub mod watch;
 pub use block::{BlockId, BlockMatrix, BlockPattern, BlocksMut};
 pub use branched::{BranchedCholesky, BranchedPlan, CutRows, DenseAugmented, Operations, Stages};
 pub use complex::{Complex64, DenseComplexLu};
-pub use dense::{Cholesky, DenseLu, GRAM_ROWS, add_product, gram_add, gram_spans_add};
+pub use dense::{Cholesky, DenseLu, add_product};
 pub use envelope::{
     BlockGraph, EnvelopeCholesky, EnvelopePlan, LARGEST_BLOCK, gibbs_king, least_degree,
     least_envelope, reverse_cuthill_mckee,
@@ -51,6 +52,7 @@ pub use forest::{BlockForest, ForestLu};
 pub use full_pivot::{FullPivot, full_pivot_elimination};
 #[cfg(feature = "general-sparse")]
 pub use general::GeneralSparseLu;
+pub use gram::{GRAM_ROWS, gram_add, gram_spans_add};
 pub use independent_rows::{Claim, IndependentRows, OfferedRow, independent_rows};
 pub use lanes::{Span, Wide, add_entries, dot, run_wide, scale_rows};
 pub use rank::{

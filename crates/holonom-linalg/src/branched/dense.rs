@@ -1,7 +1,8 @@
 //! Algorithm 4 with full matrices (Alg-D).
 
-use crate::dense::{Cholesky, gram_add};
+use crate::dense::Cholesky;
 use crate::error::NotPositiveDefinite;
+use crate::gram::gram_add;
 
 /// Solves M q̈ + Φᵀλ = Q, Φ q̈ = τ by two Cholesky factorizations of full matrices: faster than one that knows
 /// the zeros where a tree is small and has few branches.
