@@ -16,11 +16,41 @@ const EXPLAINED: f64 = 20.0;
 /// Part of the tolerance of what a cubic misses there of a rate from which on it counts: a tenth of that is missed of a work.
 const WORTH: f64 = 0.05;
 
+/// A step of a collocation formula, and what drives it.
+pub(super) struct Look<'a> {
+    pub(super) system: &'a dyn System,
+    pub(super) drivers: &'a [Driven],
+    /// Start, s.
+    pub(super) t: f64,
+    /// Length, s.
+    pub(super) step: f64,
+    /// θ, as [`StagePowers::nodes`] gives them.
+    pub(super) nodes: [f64; NODES],
+}
+
+impl Look<'_> {
+    /// Motion of a driver at θ: value and derivatives.
+    fn drive(&self, driven: &Driven, theta: f64) -> [f64; 4] {
+        self.system.drive(driven.row, self.t + theta * self.step)
+    }
+
+    /// The most that [`missed_between`] finds of the rate of a driver and of its change: where one of a wave vanishes the
+    /// other does not.
+    fn missed_of_rates(&self) -> f64 {
+        let missed = self.drivers.iter().map(|driven| {
+            let motion = self.nodes.map(|theta| self.drive(driven, theta));
+            let [rate, change] = [1, 2].map(|k| missed_between(&self.nodes, &motion.map(|m| m[k])));
+            rate.hypot(change)
+        });
+        missed.fold(0.0, f64::max)
+    }
+}
+
 /// Multipliers of drivers and other powers in a step: at its start, at the collocation points, the last of which is its end, and
 /// between them.
 ///
-/// At these points forces satisfy the equations with the slopes of the formula; of a state between them the force of a stiff
-/// element is its error times a stiffness. What drivers do in between is known exactly.
+/// At collocation points forces satisfy the equations with the slopes of the formula; between them the force of a stiff
+/// element is the error of a state times a stiffness. What drivers do there is known exactly.
 #[derive(Debug, Clone)]
 pub(super) struct StagePowers {
     /// By node, of the drivers.
@@ -61,50 +91,28 @@ impl StagePowers {
     }
 
     /// Takes the state with its multipliers at a node.
-    pub(super) fn take(
-        &mut self,
-        node: usize,
-        system: &dyn System,
-        drivers: &[Driven],
-        state: &State,
-    ) {
-        let energy = system.energy(state);
+    pub(super) fn take(&mut self, node: usize, look: &Look<'_>, state: &State) {
+        let energy = look.system.energy(state);
         let mut supplied = energy.supplied;
-        for (multiplier, driven) in self.multipliers[node].iter_mut().zip(drivers) {
+        for (multiplier, driven) in self.multipliers[node].iter_mut().zip(look.drivers) {
             *multiplier = state.lambda[driven.row];
-            supplied += *multiplier * system.drive(driven.row, state.t)[1];
+            supplied += *multiplier * look.system.drive(driven.row, state.t)[1];
         }
         self.others[node] = [energy.dissipated, supplied];
         self.known[node] = true;
     }
 
-    /// Whether drivers do so much in the step of length `step` from t that [`BETWEEN`] is to be taken, too.
-    pub(super) fn needs_more(
-        &self,
-        system: &dyn System,
-        drivers: &[Driven],
-        [t, step]: [f64; 2],
-        nodes: &[f64; NODES],
-        tolerance: f64,
-    ) -> bool {
-        self.known[0] && missed_of_rates(system, drivers, [t, step], nodes) > WORTH * tolerance
+    /// Whether drivers do so much in the step that [`BETWEEN`] is to be taken, too.
+    pub(super) fn needs_more(&self, look: &Look<'_>, tolerance: f64) -> bool {
+        self.known[0] && look.missed_of_rates() > WORTH * tolerance
     }
 
-    /// Powers along the step of length `step` from t, all of whose collocation points have been taken; its end is the start of
-    /// the next one.
-    pub(super) fn advance(
-        &mut self,
-        system: &dyn System,
-        drivers: &[Driven],
-        [t, step]: [f64; 2],
-        nodes: &[f64; NODES],
-    ) -> StepPowers {
-        if !(self.known[BETWEEN] == [true; 2]
-            && self.drivers_explain(system, drivers, [t, step], nodes))
-        {
+    /// Powers along the step, all of whose collocation points have been taken; its end is the start of the next one.
+    pub(super) fn advance(&mut self, look: &Look<'_>) -> StepPowers {
+        if !(self.known[BETWEEN] == [true; 2] && self.drivers_explain(look)) {
             self.known[BETWEEN].fill(false);
         }
-        let at = |theta: f64| self.power(system, drivers, [t, step], nodes, theta);
+        let at = |theta: f64| self.power(look, theta);
         let [a, b, c] = QUARTERS;
         let quarters = [0.0, a, b, c, 1.0].map(at);
         let [o, p, q, r] = [0.125, 0.375, 0.625, 0.875].map(at);
@@ -121,43 +129,28 @@ impl StagePowers {
     }
 
     /// (dissipated, supplied) at θ, W.
-    fn power(
-        &self,
-        system: &dyn System,
-        drivers: &[Driven],
-        [t, step]: [f64; 2],
-        nodes: &[f64; NODES],
-        theta: f64,
-    ) -> [f64; 2] {
-        let weights = weights(nodes, &self.known, theta);
+    fn power(&self, look: &Look<'_>, theta: f64) -> [f64; 2] {
+        let weights = weights(&look.nodes, &self.known, theta);
         let sum = |value: &dyn Fn(usize) -> f64| -> f64 {
             let known = weights.iter().enumerate().filter(|(_, weight)| **weight != 0.0);
             known.map(|(node, weight)| weight * value(node)).sum()
         };
         let [dissipated, others] = [0, 1].map(|k| sum(&|node| self.others[node][k]));
-        let driven = drivers.iter().enumerate().map(|(d, driven)| {
-            let rate = system.drive(driven.row, t + theta * step)[1];
-            rate * sum(&|node| self.multipliers[node][d])
+        let driven = look.drivers.iter().enumerate().map(|(d, driven)| {
+            look.drive(driven, theta)[1] * sum(&|node| self.multipliers[node][d])
         });
         [dissipated, others - driven.sum::<f64>()]
     }
 
     /// Whether multipliers [`BETWEEN`] are as far from cubics through the others as the drivers make them; else a stiff element
     /// does.
-    fn drivers_explain(
-        &self,
-        system: &dyn System,
-        drivers: &[Driven],
-        [t, step]: [f64; 2],
-        nodes: &[f64; NODES],
-    ) -> bool {
-        let explained = EXPLAINED * missed_of_rates(system, drivers, [t, step], nodes);
-        let moving = |driven: &Driven| {
-            nodes.iter().any(|theta| system.drive(driven.row, t + theta * step)[1] != 0.0)
-        };
-        drivers.iter().enumerate().filter(|(_, driven)| moving(driven)).all(|(d, _)| {
+    fn drivers_explain(&self, look: &Look<'_>) -> bool {
+        let explained = EXPLAINED * look.missed_of_rates();
+        let moving =
+            |driven: &Driven| look.nodes.iter().any(|theta| look.drive(driven, *theta)[1] != 0.0);
+        look.drivers.iter().enumerate().filter(|(_, driven)| moving(driven)).all(|(d, _)| {
             let multipliers = std::array::from_fn(|node| self.multipliers[node][d]);
-            missed_between(nodes, &multipliers) <= explained
+            missed_between(&look.nodes, &multipliers) <= explained
         })
     }
 }
@@ -182,21 +175,6 @@ fn missed_between(nodes: &[f64; NODES], values: &[f64; NODES]) -> f64 {
         (values[node] - cubic).abs()
     });
     missed.fold(0.0, f64::max) / largest
-}
-
-/// The most that is missed so of the rate of a driver and of its change: where one of a wave vanishes the other does not.
-fn missed_of_rates(
-    system: &dyn System,
-    drivers: &[Driven],
-    [t, step]: [f64; 2],
-    nodes: &[f64; NODES],
-) -> f64 {
-    let missed = drivers.iter().map(|driven| {
-        let motion = nodes.map(|theta| system.drive(driven.row, t + theta * step));
-        let [rate, change] = [1, 2].map(|k| missed_between(nodes, &motion.map(|m| m[k])));
-        rate.hypot(change)
-    });
-    missed.fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use crate::simulation::ledger::{QUARTERS, StepPowers, powers};
 use crate::simulation::passage::Place;
 use crate::simulation::recorder::Inside;
 use crate::simulation::reparametrization::no_longer_redundant;
-use crate::simulation::stage_powers::{self, StagePowers};
+use crate::simulation::stage_powers::{self, Look, StagePowers};
 use crate::simulation::step_length;
 use crate::system::{EnergyBalance, State, System};
 use crate::watch::unwatched;
@@ -82,16 +82,15 @@ impl Run<'_> {
                 self.halfway.extend(places.map(|a| Place::of(system.as_ref(), a, time, state)));
             }
         }
-        if let Some(nodes) = &collocation {
-            let (stages, drivers, system) =
-                (&mut self.stage_powers, &self.drivers, system.as_ref());
-            let tolerance = self.options.tolerance.relative;
-            let more = stages.needs_more(system, drivers, [t, step], nodes, tolerance);
-            stages.begin();
+        if let Some(nodes) = collocation {
+            let (system, drivers) = (system.as_ref(), &self.drivers[..]);
+            let look = Look { system, drivers, t, step, nodes };
+            let stages = &mut self.stage_powers;
+            let more = stages.needs_more(&look, self.options.tolerance.relative);
             for node in 1..stage_powers::END {
                 if more || !stage_powers::BETWEEN.contains(&node) {
                     let state = recorder.state(interpolate, t, step, nodes[node], true);
-                    state.into_iter().for_each(|state| stages.take(node, system, drivers, state));
+                    state.into_iter().for_each(|state| stages.take(node, &look, state));
                 }
             }
         }
@@ -148,11 +147,12 @@ impl Run<'_> {
     /// Powers along the accepted step from `t`, which ends at the present state with those of `end`.
     fn powers_along(&mut self, t: f64, step: f64, end: [f64; 2]) -> StepPowers {
         let ends = [self.powers.at[4], end];
-        let nodes = self.collocation().filter(|_| self.stage_powers.inner_are_known());
-        if let Some(nodes) = &nodes {
-            let (system, drivers) = (self.system.as_ref(), &self.drivers);
-            self.stage_powers.take(stage_powers::END, system, drivers, &self.state);
-            return self.stage_powers.advance(system, drivers, [t, step], nodes);
+        let known = self.stage_powers.inner_are_known();
+        if let Some(nodes) = self.collocation().filter(|_| known) {
+            let (system, drivers) = (self.system.as_ref(), &self.drivers[..]);
+            let look = Look { system, drivers, t, step, nodes };
+            self.stage_powers.take(stage_powers::END, &look, &self.state);
+            return self.stage_powers.advance(&look);
         }
         self.stage_powers.restart();
         if self.stepper.explicit() {
