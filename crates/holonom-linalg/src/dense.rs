@@ -77,7 +77,7 @@ impl DenseLu {
             });
         }
         if n <= SMALL {
-            eliminate(factors, permutation);
+            run_wide(Elimination { a: factors, permutation });
         } else {
             lu::lu_in_place(
                 MatMut::from_column_major_slice_mut(factors, n, n),
@@ -240,32 +240,60 @@ impl DenseLu {
 }
 
 /// Factors a matrix by columns and tells which row each pivot came from.
-fn eliminate(a: &mut [f64], permutation: &mut [usize]) {
-    let n = permutation.len();
-    (0..n).for_each(|p| permutation[p] = p);
-    for p in 0..n {
-        let column = &a[p * n..(p + 1) * n];
-        let (mut at, mut largest) = (p, column[p].abs());
-        for i in p + 1..n {
-            if column[i].abs() > largest {
-                (at, largest) = (i, column[i].abs());
+struct Elimination<'a> {
+    a: &'a mut [f64],
+    permutation: &'a mut [usize],
+}
+
+impl Wide for Elimination<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let Self { a, permutation } = self;
+        let n = permutation.len();
+        (0..n).for_each(|p| permutation[p] = p);
+        for p in 0..n {
+            let column = &a[p * n..(p + 1) * n];
+            let (mut at, mut largest) = (p, column[p].abs());
+            for i in p + 1..n {
+                if column[i].abs() > largest {
+                    (at, largest) = (i, column[i].abs());
+                }
+            }
+            if at != p {
+                permutation.swap(p, at);
+                for column in a.chunks_exact_mut(n) {
+                    column.swap(p, at);
+                }
+            }
+            let (known, rest) = a.split_at_mut((p + 1) * n);
+            let lower = &mut known[p * n + p..];
+            let inverse = lower[0].recip();
+            for x in &mut lower[1..] {
+                *x *= inverse;
+            }
+            for column in rest.chunks_exact_mut(n) {
+                let factor = column[p];
+                // Branches of a tree have nothing to do with each other.
+                if factor != 0.0 {
+                    subtract_by_fours(&mut column[p + 1..], factor, &lower[1..]);
+                }
             }
         }
-        if at != p {
-            permutation.swap(p, at);
-            a.chunks_exact_mut(n).for_each(|column| column.swap(p, at));
+    }
+}
+
+/// out −= factor · x, by fours, as both are short.
+#[inline(always)]
+fn subtract_by_fours(out: &mut [f64], factor: f64, x: &[f64]) {
+    let (fours, last) = x.as_chunks::<4>();
+    let (out_fours, out_last) = out.as_chunks_mut::<4>();
+    for (out, x) in out_fours.iter_mut().zip(fours) {
+        for l in 0..4 {
+            out[l] -= factor * x[l];
         }
-        let (known, rest) = a.split_at_mut((p + 1) * n);
-        let lower = &mut known[p * n + p..];
-        let inverse = lower[0].recip();
-        lower[1..].iter_mut().for_each(|x| *x *= inverse);
-        for column in rest.chunks_exact_mut(n) {
-            let factor = column[p];
-            // Branches of a tree have nothing to do with each other.
-            if factor != 0.0 {
-                subtract(&mut column[p + 1..], factor, &lower[1..]);
-            }
-        }
+    }
+    for (out, x) in out_last.iter_mut().zip(last) {
+        *out -= factor * x;
     }
 }
 
@@ -280,16 +308,7 @@ fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
             let factor = column[p];
             // What hangs on other branches of a tree is zero.
             if factor != 0.0 {
-                let (fours, last) = column[p..].as_chunks::<4>();
-                let (own_fours, own_last) = own.as_chunks_mut::<4>();
-                for (out, x) in own_fours.iter_mut().zip(fours) {
-                    for l in 0..4 {
-                        out[l] -= factor * x[l];
-                    }
-                }
-                for (out, x) in own_last.iter_mut().zip(last) {
-                    *out -= factor * x;
-                }
+                subtract_by_fours(own, factor, &column[p..]);
             }
         }
         if own[0].is_nan() || own[0] <= 0.0 {
@@ -305,13 +324,13 @@ fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
 }
 
 /// [`eliminate_symmetric`] with the widest vectors there are, and how many pivots it has `done`.
-struct Elimination<'a> {
+struct SymmetricElimination<'a> {
     a: &'a mut [f64],
     n: usize,
     done: &'a mut usize,
 }
 
-impl Wide for Elimination<'_> {
+impl Wide for SymmetricElimination<'_> {
     #[inline(always)]
     fn run(self) {
         *self.done = eliminate_symmetric(self.a, self.n);
@@ -409,7 +428,7 @@ impl Cholesky {
         self.factor.copy_from_slice(a);
         let done = if n <= SMALL {
             let mut done = 0;
-            run_wide(Elimination { a: &mut self.factor, n, done: &mut done });
+            run_wide(SymmetricElimination { a: &mut self.factor, n, done: &mut done });
             done
         } else {
             let outcome = llt::cholesky_in_place(
