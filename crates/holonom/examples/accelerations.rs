@@ -1,6 +1,7 @@
 //! How long do accelerations in Cartesian coordinates take, by which solver? Prints one line of
 //! comma-separated values per table, model and solver: `cargo run --release -p holonom --example accelerations
-//! --features general-sparse`. `benchmarks/accelerations` asks and answers.
+//! --features general-sparse`; of some tables alone where they are named, `-- evaluation dense`.
+//! `benchmarks/accelerations` asks and answers.
 
 #![allow(clippy::print_stdout, reason = "an example talks to its reader")]
 
@@ -481,6 +482,8 @@ fn in_space(mut model: Model) -> Model {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
+    let tables: Vec<String> = std::env::args().skip(1).collect();
+    let is_asked_for = |table: &str| tables.is_empty() || tables.iter().any(|asked| asked == table);
     println!(
         "table,model,solver,numbering,order,multiplications,envelope,block_operations,bound,\
          ms_per_1000,difference"
@@ -493,16 +496,22 @@ fn main() -> Result<(), Box<dyn Error>> {
         Case::new("spatial four-bar", model("spatial_four_bar")?)?,
         Case::new("14-body vehicle", model("hmmwv14")?)?,
     ];
-    for case in &cases {
+    for case in cases.iter().filter(|_| is_asked_for("2")) {
         accelerations(case, &bad_numbering(case)?)?;
     }
-    for case in &cases {
+    for case in cases.iter().filter(|_| is_asked_for("evaluation")) {
         evaluation(case)?;
     }
-    against_dense(&cases[5])?;
+    if is_asked_for("dense") {
+        against_dense(&cases[5])?;
+    }
     for case in &cases {
-        reduced("3", case, &bad_numbering(case)?)?;
-        reduced("4", case, &Numbering::Least)?;
+        if is_asked_for("3") {
+            reduced("3", case, &bad_numbering(case)?)?;
+        }
+        if is_asked_for("4") {
+            reduced("4", case, &Numbering::Least)?;
+        }
     }
     Ok(())
 }
