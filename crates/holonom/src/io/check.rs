@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 use super::expression::{Fault, evaluate};
 use super::limits;
 use super::names::{nearest, objection, suggest};
-use super::patterns::parameters;
+use super::parameters::Parameters;
 use super::schema::Dimension;
 use super::shape::{Field, Record, Shape, Variant, alternatives, describe, model_file};
 use super::tree::{Node, Table, Value, join};
@@ -30,7 +30,7 @@ pub(super) fn check_file(root: &Node) -> (Json, Vec<Diagnostic>) {
     };
     let mut checker = Checker {
         dimension,
-        parameters: parameters(root),
+        parameters: Parameters::of(root),
         units: Units::of(root),
         tables: root.field("tables").and_then(Node::table),
         errors: Vec::new(),
@@ -48,7 +48,7 @@ struct Checker<'a> {
     /// `None` when the file does not say, so that only that is reported.
     dimension: Option<Dimension>,
     /// What is wrong with a parameter is reported where it is defined.
-    parameters: BTreeMap<String, Option<f64>>,
+    parameters: Parameters,
     units: Units,
     /// Tables that laws and motions refer to.
     tables: Option<&'a Table>,
@@ -92,7 +92,7 @@ impl Checker<'_> {
             {
                 "write the number alone, without quotes and without its unit".to_owned()
             }
-            Some(text) if takes_number && self.parameters.contains_key(text) => {
+            Some(text) if takes_number && self.parameters.contains(text) => {
                 format!("write \"={text}\" to use the parameter `{text}`")
             }
             _ => match (shape, &node.value) {
@@ -172,13 +172,16 @@ impl Checker<'_> {
     }
 
     fn expression(&mut self, text: &str, path: &str) -> Json {
-        if path.starts_with("parameters.") {
-            let message = format!("`{path}` refers to another parameter; expected a number");
-            return self.refuse(Code::WrongType, path, message, "give the number itself");
+        let own = path.strip_prefix("parameters.").and_then(|path| path.strip_suffix(".value"));
+        if own.is_some_and(|name| self.parameters.is_circular(name)) {
+            let message = format!(
+                "`{path}` is `={text}`: the parameter depends on itself, or on one that does"
+            );
+            return self.refuse(Code::Expression, path, message, "give one of them as a number");
         }
         let mut broken = false;
         let value = evaluate(text, &mut |name| {
-            let value = *self.parameters.get(name)?;
+            let value = self.parameters.get(name)?;
             broken |= value.is_none();
             Some(value.unwrap_or(1.0))
         });
@@ -198,13 +201,12 @@ impl Checker<'_> {
             Err(Fault::Unknown(name)) => {
                 let message =
                     format!("`{path}` refers to the parameter `{name}`, which is not there");
-                let known = self.parameters.keys().map(String::as_str);
                 let inside = |p: &&str| p.contains('-') && text.contains(p);
-                let help = match known.clone().find(inside) {
+                let help = match self.parameters.names().find(inside) {
                     Some(whole) => {
                         format!("`{whole}` can stand alone only: in arithmetic `-` subtracts")
                     }
-                    None => suggest(&self.errors, &name, "parameters", known),
+                    None => suggest(&self.errors, &name, "parameters", self.parameters.names()),
                 };
                 self.refuse(Code::UnknownName, path, message, help)
             }

@@ -2,7 +2,7 @@
 //!
 //! The way of a file: `read` makes a tree in which every value knows its place, `merge` lays files
 //! that extend each other into one, `meshes` puts in the triangles that bodies name, `patterns` writes out what is repeated, `check` compares it with
-//! the `schema` and puts values in the place of expressions, `resolve` turns names into indices and points into frames, `model::validate` looks at the
+//! the `schema` and puts values, of `parameters` too, in the place of expressions, `resolve` turns names into indices and points into frames, `model::validate` looks at the
 //! numbers. Each step reports all errors it finds. Last, `channels` compares the outputs with those of the compiled model.
 
 mod channels;
@@ -13,6 +13,7 @@ pub mod limits;
 mod merge;
 mod meshes;
 mod names;
+mod parameters;
 mod patterns;
 mod read;
 mod reference;

@@ -8,7 +8,7 @@ const REFERENCE: &str = "
 ## Reference
 
 This part is generated from the schema that the reader follows (`holonom schema` prints it as JSON
-Schema). Numbers may be written as expressions, `\"=parameter\"` or `\"=2*parameter\"`, all but values of parameters and whole
+Schema). Numbers may be written as expressions, `\"=parameter\"` or `\"=2*parameter\"`, all but whole
 numbers. Fields that are neither required nor have a
 default may be left out; what that means is said with them. Of a field and the one that stands
 \"instead of\" it, exactly one is given, unless a default is named. Every item of a collection also takes

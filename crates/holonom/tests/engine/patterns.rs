@@ -552,6 +552,49 @@ fn numbers_are_expressions_outside_of_patterns_too() {
     assert!(document(&text).unwrap().build().unwrap().1.is_empty());
 }
 
+#[test]
+fn parameters_are_expressions_of_each_other_in_any_order() {
+    let text = HEAD.to_owned()
+        + r#"
+[parameters]
+volume = { value = "=area*length" }
+area = { value = "=pi*r-i^2" }
+length = { value = "=2*count" }
+count = { value = 3 }
+r-i = { value = 0.5 }
+radius = { value = "=r-i" }
+density = { value = "=mass/volume" }
+mass = { value = 6 }
+[patterns.row]
+over.i = { from = 1, to = "=length/2" }
+bodies."b_{i}" = { mass = "=i*mass", inertia = "=radius", position = ["=volume", "=density"] }
+"#;
+    // `r-i` can stand alone only.
+    let errors = document(&text).unwrap().build().unwrap_err();
+    assert!(errors.render().contains("`r-i` can stand alone only"), "{}", errors.render());
+    assert_eq!(errors.errors.len(), 1, "what follows from it is not reported");
+    let d = document(&text.replace("pi*r-i^2", "pi*radius^2")).unwrap();
+    let (m, warnings) = d.build().unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    let volume = std::f64::consts::PI * 0.25 * 6.0;
+    assert_eq!(m.bodies.len(), 3);
+    assert_eq!((m.bodies[2].mass, m.bodies[2].position), (18.0, [volume, 6.0 / volume, 0.0]));
+    // What is set carries on to what depends on it, and an expression can be set.
+    let set = [("parameters.count", json!(4)), ("parameters.mass", json!("=2*density0"))];
+    let errors = d.with_values(&set).unwrap().build().unwrap_err();
+    assert_eq!(errors.errors[0].path, "parameters.mass.value");
+    let set = [("parameters.count", json!(4)), ("parameters.mass", json!("=2*count"))];
+    let m = d.with_values(&set).unwrap().build().unwrap().0;
+    assert_eq!((m.bodies.len(), m.bodies[3].mass), (4, 32.0));
+    // No number comes of it: said once, where it is written.
+    for (radius, code) in [("=1/0", Code::NotFinite), ("=sqrt(-count)", Code::NotFinite)] {
+        let d = d.with_values(&[("parameters.radius", json!(radius))]).unwrap();
+        let errors = d.build().unwrap_err().errors;
+        assert_eq!((errors.len(), errors[0].code), (1, code), "{errors:?}");
+        assert_eq!(errors[0].path, "parameters.radius.value");
+    }
+}
+
 #[test] // linear in the number of links: a quadratic step would take minutes here
 fn a_long_chain_is_the_one_written_by_hand() {
     let n = 20_000;

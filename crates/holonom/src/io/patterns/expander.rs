@@ -1,7 +1,6 @@
 //! Patterns written out, and laid out with what is stated beside them.
 
 use std::cell::Cell;
-use std::collections::BTreeMap;
 
 use indexmap::IndexMap;
 
@@ -13,12 +12,13 @@ use crate::io::expression::{Fault, could_be};
 use crate::io::limits;
 use crate::io::merge::merge;
 use crate::io::names::suggest;
+use crate::io::parameters::Parameters;
 use crate::io::tree::{Entry, Node, Span, Table, Value, join};
 use crate::watch::{NAMED, checkpoint};
 
 /// Writes patterns out.
 pub(super) struct Expander {
-    pub(super) parameters: BTreeMap<String, Option<f64>>,
+    pub(super) parameters: Parameters,
     /// Whether a parameter without a value was asked for: what follows from it is not reported.
     pub(super) broken: Cell<bool>,
     /// What is written, by section.
@@ -55,7 +55,7 @@ fn table_for<'a>(table: &'a mut Table, path: &[&str]) -> Option<&'a mut Table> {
 
 impl Expander {
     /// With nothing written yet.
-    pub(super) fn new(parameters: BTreeMap<String, Option<f64>>) -> Self {
+    pub(super) fn new(parameters: Parameters) -> Self {
         Self {
             parameters,
             broken: Cell::new(false),
@@ -102,7 +102,7 @@ impl Expander {
             Fault::Unknown(name) => {
                 let what = "neither a parameter nor an index of the pattern";
                 let message = format!("`{path}` uses `{name}`, which is {what}{at}");
-                let known = names.iter().chain(self.parameters.keys()).map(String::as_str);
+                let known = names.iter().map(String::as_str).chain(self.parameters.names());
                 let help = suggest(&self.out.errors, &name, "names", known);
                 self.refuse(Code::UnknownName, path, message, help);
             }

@@ -72,7 +72,7 @@ impl Expander {
         let mut fine = true;
         for (name, entry) in over {
             let at = join(&path_over, name);
-            let taken = self.parameters.contains_key(name);
+            let taken = self.parameters.contains(name);
             if taken || !is_name(name) || objection(name).is_some() {
                 let message = if taken {
                     format!("the index `{name}` of `{path}` has the name of a parameter")

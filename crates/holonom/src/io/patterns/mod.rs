@@ -9,12 +9,11 @@ mod expander;
 mod indices;
 mod row;
 
-use std::collections::BTreeMap;
-
 use indexmap::IndexMap;
 
 use self::expander::Expander;
 use self::indices::Indices;
+use super::parameters::Parameters;
 use super::tree::{Node, Value, node_at, parse_path, path_of};
 use crate::error::{Code, Diagnostic};
 
@@ -93,20 +92,10 @@ impl Expanded {
     }
 }
 
-/// Parameters by name; `None` where the value is no number, which is reported at its place.
-pub(super) fn parameters(root: &Node) -> BTreeMap<String, Option<f64>> {
-    let table = root.field("parameters").and_then(Node::table);
-    let value = |node: &Node| match node.field("value")?.value {
-        Value::Number(x) => Some(x),
-        _ => None,
-    };
-    table.into_iter().flatten().map(|(name, entry)| (name.clone(), value(&entry.node))).collect()
-}
-
 /// Writes out the patterns of a file. Plainly stated items come first, then those of the patterns;
 /// what is stated plainly under the name of a repeated item is laid over it.
 pub(super) fn expand(mut root: Node) -> Expanded {
-    let mut expander = Expander::new(parameters(&root));
+    let mut expander = Expander::new(Parameters::of(&root));
     if let Value::Table(file) = &mut root.value {
         expander.patterns(file);
         expander.lay_out(file);

@@ -1,10 +1,10 @@
 //! One repetition: numbers put into names, texts and expressions.
 
 use std::cell::Cell;
-use std::collections::BTreeMap;
 
 use crate::error::Code;
 use crate::io::expression::{Fault, filled, with_numbers};
+use crate::io::parameters::Parameters;
 use crate::io::tree::{Entry, Node, Step, Table, Value, path_of};
 
 /// Why something cannot be repeated: the path below the item, and the reason.
@@ -16,7 +16,7 @@ pub(super) struct Trouble {
 
 /// Names with a value at one repetition.
 pub(super) struct Row<'a> {
-    pub(super) parameters: &'a BTreeMap<String, Option<f64>>,
+    pub(super) parameters: &'a Parameters,
     pub(super) broken: &'a Cell<bool>,
     pub(super) names: &'a [String],
     pub(super) values: &'a [i64],
@@ -35,7 +35,7 @@ impl Row<'_> {
         if let Some(index) = self.index(name) {
             return Some(index as f64);
         }
-        let value = *self.parameters.get(name)?;
+        let value = self.parameters.get(name)?;
         self.broken.set(self.broken.get() || value.is_none());
         Some(value.unwrap_or(1.0))
     }
@@ -50,7 +50,7 @@ impl Row<'_> {
     fn text(&self, text: &str) -> Result<String, Fault> {
         let text = self.name(text)?;
         Ok(match text.strip_prefix('=') {
-            Some(expression) if !self.parameters.contains_key(expression.trim()) => {
+            Some(expression) if !self.parameters.contains(expression.trim()) => {
                 "=".to_owned() + &with_numbers(expression, &|name| self.index(name))
             }
             _ => text,

@@ -12,8 +12,7 @@ use super::{Motion, Place, Rotational, Shape, Vector, item};
 #[allow(dead_code, reason = "values are put in place while the file is checked")]
 #[schemars(title = "Parameters")]
 pub(crate) struct Parameter {
-    /// The number itself, no expression, in the unit of the fields that use it.
-    #[schemars(extend("x-plain" = true))]
+    /// The number, in the unit of the fields that use it; as an expression it may use other parameters.
     pub(crate) value: f64,
     /// Unit, for readers.
     pub(crate) unit: Option<String>,

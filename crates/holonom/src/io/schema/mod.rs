@@ -200,14 +200,14 @@ impl Transform for WithoutNull {
     }
 }
 
-/// Numbers may be written as expressions, `"=parameter"`, all but those of parameters themselves.
+/// Numbers may be written as expressions, `"=parameter"`.
 #[derive(Clone)]
 struct WithParameters;
 
 impl Transform for WithParameters {
     fn transform(&mut self, schema: &mut schemars::Schema) {
         let Some(object) = schema.as_object_mut() else { return };
-        if object.get("type") == Some(&json!("number")) && !object.contains_key("x-plain") {
+        if object.get("type") == Some(&json!("number")) {
             object.insert("type".to_owned(), json!(["number", "string"]));
             object.insert("pattern".to_owned(), json!("^="));
         }
