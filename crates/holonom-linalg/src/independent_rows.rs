@@ -14,6 +14,8 @@ pub enum Claim {
     Preferred(f64),
     /// The same, but the first of its kind stands for all of these.
     InTurn(f64),
+    /// Preferred by itself, and one of those that wait for their turn, for which it stands when it is the first.
+    PreferredInTurn(f64),
 }
 
 /// A row on offer to [`independent_rows`].
@@ -294,11 +296,16 @@ impl Front {
                 return None;
             }
             if here > row.nothing(tolerance) {
-                match row.claim {
-                    Claim::Required(class) => required.push((here / row.first, class, local)),
-                    Claim::Preferred(weight) => offers.push((here, weight, false, local)),
-                    Claim::InTurn(weight) => offers.push((here, weight, true, local)),
-                }
+                let (weight, [by_itself, in_turn]) = match row.claim {
+                    Claim::Required(class) => {
+                        required.push((here / row.first, class, local));
+                        continue;
+                    }
+                    Claim::Preferred(weight) => (weight, [true, false]),
+                    Claim::InTurn(weight) => (weight, [false, true]),
+                    Claim::PreferredInTurn(weight) => (weight, [true, true]),
+                };
+                offers.push((here, weight, [by_itself, in_turn], local));
             }
         }
         let best = required.iter().fold(0.0f64, |best, offer| best.max(offer.0));
@@ -309,8 +316,10 @@ impl Front {
         let best = offers.iter().fold(0.0f64, |best, offer| best.max(offer.0));
         let mut taken: Option<(f64, usize)> = None;
         let mut first = true;
-        for (here, weight, in_turn, local) in offers.into_iter().filter(|o| o.0 >= nearly * best) {
-            let stands = !in_turn || std::mem::replace(&mut first, false);
+        let large = offers.into_iter().filter(|offer| offer.0 >= nearly * best);
+        for (here, weight, [by_itself, in_turn], local) in large {
+            let has_turn = in_turn && std::mem::replace(&mut first, false);
+            let stands = by_itself || has_turn;
             if stands && taken.is_none_or(|(size, _)| here * weight > size) {
                 taken = Some((here * weight, local));
             }

@@ -10,12 +10,13 @@ use super::closing::{closed, contradiction, scale};
 use super::manifold::Manifold;
 use super::parametrization::Parametrization;
 use super::saddle::Saddle;
+use super::singular_elements::coincident_ends;
 use super::stated_joints::{Level, carry, moved, place, turn, wind};
 use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
 use crate::error::{EvaluationFailure, rounded};
-use crate::model::{Body, ElasticLaw, ForceKind, InitialBody, Model, Orientation};
-use crate::system::{BodyPose, Measure, Sample, State, System};
+use crate::model::{Body, InitialBody, Model, Orientation};
+use crate::system::{BodyPose, Measure, State, System};
 use holonom_linalg::{BlockMatrix, Cholesky};
 use std::sync::Arc;
 
@@ -23,9 +24,6 @@ use std::sync::Arc;
 pub const PROJECTED: f64 = 1e-6;
 /// Stated values that moved less moved by round-off.
 pub(super) const MOVED: f64 = 1e-10;
-
-/// Points nearer than this part of a free length, or of the size of a model, are one.
-const COINCIDENT: f64 = 1e-8;
 
 /// Why no consistent start was found.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -344,7 +342,7 @@ pub fn start(
             (g, Some(m))
         }
     };
-    let parametrization = choose_tree(system.as_ref(), &state, &g)?;
+    let parametrization = choose_tree(system.as_ref(), &state, &g, None)?;
     let known = match template {
         Some(m) => m.chart().with_values(system.as_ref(), &parametrization, &state.q, &g)?,
         None => None,
@@ -462,36 +460,6 @@ fn refuse_coincident_ends(
         }
         Some((item, None)) => Err(AssemblyError::CoincidentSeries { item: item.to_owned() }),
     }
-}
-
-/// The first spring whose ends are nearer to each other than `near`, m, or than round-off, and whose force acts there, where
-/// it has no direction; with its elastic force, N, if that depends on the length alone.
-pub(crate) fn coincident_ends<'a>(
-    system: &dyn System,
-    model: &'a Model,
-    state: &State,
-    near: f64,
-) -> Option<(&'a str, Option<f64>)> {
-    let sample = Sample::new(state);
-    model.forces.iter().find_map(|force| {
-        let (elastic, free_length) = match &force.kind {
-            ForceKind::Tsda { law, free_length, .. } => {
-                let elastic = match law {
-                    ElasticLaw::Linear(stiffness) => -stiffness * free_length,
-                    ElasticLaw::Table(table) => table.value_and_slope(-free_length).0,
-                };
-                (Some(elastic), *free_length)
-            }
-            ForceKind::Maxwell { free_length, .. } => (None, *free_length),
-            _ => return None,
-        };
-        let name = format!("{}.length", force.name);
-        let channel = system.channel_named(&name).filter(|_| elastic != Some(0.0))?;
-        let mut length = [0.0];
-        system.channel(&channel, &sample, &mut length);
-        let least = COINCIDENT * free_length.max(system.characteristic_length());
-        (length[0] <= least.max(near)).then_some((force.name.as_str(), elastic))
-    })
 }
 
 /// M̂ must be positive definite.

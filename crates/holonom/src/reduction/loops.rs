@@ -9,11 +9,12 @@
 
 use super::partitioning::RANK_TOLERANCE;
 use super::relatives::{Relatives, WIDEST};
-use super::stiffness::{STIFF, could_be_stiff, effective, mobilities};
+use super::stiffness::{STIFF, could_be_stiff, effective, mobilities, stays_regular};
 use super::tree::Coordinate;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, State, System, Tree};
 use holonom_linalg::{BlockMatrix, Claim, OfferedRow, independent_rows};
+use std::collections::BTreeMap;
 
 /// A row is taken only if this part of the best is left of it: the inverse of the growth of the condition at which
 /// the choice is made again.
@@ -122,16 +123,17 @@ impl<'a> Loops<'a> {
         let (mut offered, mut rows) = (Vec::new(), Vec::new());
         self.offer_constraints(g, &place, &mut offered, &mut rows);
         let mut alone = Makers::new(tree, &free);
+        // The strongest that each coordinate makes alone.
+        let mut made = BTreeMap::new();
         for deformation in self.deformations(g, relatives) {
             let force = &tree.elastic[deformation.elastic];
             let (group, row) = (deformation.group, deformation.row);
-            let claim = Claim::Preferred(deformation.strength.sqrt());
+            let weight = deformation.strength.sqrt();
             if let Some(c) = alone.only(force.ends) {
-                let gradient = self.gradient(c.group, c.row, relatives);
-                offered.push(Offered::Coordinate(c.group, c.row));
-                rows.push(self.row(c.group, &gradient, &place, claim));
+                made.entry((c.group, c.row)).or_insert(weight);
             } else {
                 offered.push(Offered::Coordinate(group, row));
+                let claim = Claim::Preferred(weight);
                 rows.push(self.row(group, &deformation.gradient, &place, claim));
             }
         }
@@ -139,12 +141,11 @@ impl<'a> Loops<'a> {
         for (_, c) in free {
             let gradient = self.gradient(c.group, c.row, relatives);
             offered.push(Offered::Coordinate(c.group, c.row));
-            rows.push(self.row(
-                c.group,
-                &gradient,
-                &place,
-                Claim::InTurn(STIFF.sqrt() * self.pace),
-            ));
+            let claim = match made.get(&(c.group, c.row)) {
+                Some(weight) => Claim::PreferredInTurn(*weight),
+                None => Claim::InTurn(STIFF.sqrt() * self.pace),
+            };
+            rows.push(self.row(c.group, &gradient, &place, claim));
         }
 
         let found =
@@ -232,7 +233,8 @@ impl<'a> Loops<'a> {
                 for row in 0..info.rows {
                     let resistance = system.resistance(elastic, first + row, values[row]);
                     let stiffness = effective(&resistance, self.pace);
-                    if stiffness > 0.0 {
+                    let regular = stays_regular(info.kind, values[row], &resistance, self.pace);
+                    if stiffness > 0.0 && regular {
                         let gradient = self.gradient(group, row, relatives);
                         gradients.push((info.bodies, gradient.clone()));
                         out.push(Deformation {

@@ -19,6 +19,7 @@ mod redundant;
 mod refinement;
 mod relatives;
 mod saddle;
+pub(crate) mod singular_elements;
 mod square;
 mod stated_joints;
 mod stiffness;

@@ -1,6 +1,6 @@
 //! Which force elements are stiff against the motion, and how they would vibrate in the mechanism.
 
-use crate::system::{Measure, Resistance, State, System};
+use crate::system::{Measure, RelativeKind, Resistance, State, System};
 use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
 
 /// A force element is stiff if the square of its frequency is more than this times that of the motion:
@@ -32,6 +32,28 @@ pub(super) fn effective(resistance: &Resistance, pace: f64) -> f64 {
     resistance.stiffness.max(damper)
 }
 
+/// How far the spring moves what it is part of before the motion has gone on, m or rad: to where it is unloaded, or as far as
+/// the damper beside it lets it come.
+pub(super) fn drawn(resistance: &Resistance, pace: f64) -> f64 {
+    if resistance.load == 0.0 {
+        return 0.0;
+    }
+    resistance.load / effective(resistance, pace).max(resistance.stiffness)
+}
+
+/// Part of a length beyond which it would have to be drawn in if it is to be no coordinate, as it could vanish.
+const VANISHING: f64 = 0.75;
+
+/// Whether a spring that is stiff leaves a deformation away from where it is singular: only lengths can vanish.
+pub(super) fn stays_regular(
+    kind: RelativeKind,
+    value: f64,
+    resistance: &Resistance,
+    pace: f64,
+) -> bool {
+    kind != RelativeKind::Length || drawn(resistance, pace) < VANISHING * value
+}
+
 /// Whether a force element would be stiff if its bodies were free: they can only be slower.
 pub(super) fn could_be_stiff(
     system: &dyn System,
@@ -51,7 +73,11 @@ pub(super) fn could_be_stiff(
         let gradient = &mut gradient[..info.rows * 2 * n];
         system.relative_gradient(group, &reference, &state.q, gradient);
         for (row, gradient) in gradient.chunks_exact(2 * n).enumerate() {
-            let stiffness = effective(&system.resistance(elastic, first + row, values[row]), pace);
+            let resistance = system.resistance(elastic, first + row, values[row]);
+            if !stays_regular(info.kind, values[row], &resistance, pace) {
+                continue;
+            }
+            let stiffness = effective(&resistance, pace);
             let mut mobility = 0.0;
             for (side, body) in info.bodies.into_iter().enumerate() {
                 let Some(body) = body else { continue };

@@ -82,7 +82,8 @@ pub fn choose(
 ) -> Result<Parametrization, EvaluationFailure> {
     let system = manifold.system().as_ref();
     if choice == Choice::Tree {
-        return choose_tree(system, state, g);
+        let present = manifold.chart().parametrization().relatives();
+        return choose_tree(system, state, g, present);
     }
     let mut parametrization = partition(system, &state.q, g);
     if choice != Choice::Partitioning {

@@ -8,9 +8,9 @@
 use super::loops::Loops;
 use super::parametrization::{Parametrization, Projection};
 use super::relatives::{Relatives, Source};
-use super::stiffness::{STIFF, effective, pace};
+use super::stiffness::{STIFF, drawn, effective, pace};
 use crate::error::EvaluationFailure;
-use crate::system::{Anchor, State, System};
+use crate::system::{Anchor, RelativeKind, State, System};
 use holonom_linalg::BlockMatrix;
 use std::sync::Arc;
 
@@ -26,7 +26,8 @@ pub(super) struct Coordinate {
     pub(super) row: usize,
 }
 
-/// The relative coordinates that are independent at a state with Jacobian `g`.
+/// The relative coordinates that are independent at a state with Jacobian `g`. Directions have the axes that they have in
+/// `present`: which of the two to keep is a question about these.
 ///
 /// # Errors
 /// `simulation/singular-configuration`.
@@ -34,13 +35,14 @@ pub(super) fn choose_tree(
     system: &dyn System,
     state: &State,
     g: &BlockMatrix,
+    present: Option<&Relatives>,
 ) -> Result<Parametrization, EvaluationFailure> {
     let tree = system.tree();
     let rows = system.structure().sizes.rows;
     let pace = pace(system, state);
     let forms = forms(system, state, pace);
     let coordinates = coordinates(system, &forms);
-    let mut relatives = at_state(system, state, forms, &coordinates);
+    let mut relatives = at_state(system, state, forms, &coordinates, present);
     let driven: Vec<Option<usize>> = coordinates
         .iter()
         .map(|c| tree.edges[c.edge].driver.filter(|d| d.1 == c.at).map(|d| d.0))
@@ -101,7 +103,8 @@ fn forms(system: &dyn System, state: &State, pace: f64) -> Vec<usize> {
         let n = system.structure().sizes.per_body;
         system.relative_value(group, &[0.0; 6], &state.q, &mut value);
         let [length] = value;
-        let stiffness = effective(&system.resistance(elastic, 0, length), pace);
+        let resistance = system.resistance(elastic, 0, length);
+        let stiffness = effective(&resistance, pace);
         let inverse: f64 = bodies.iter().flatten().map(|&b| 1.0 / system.mass(b)).sum();
         let square = stiffness * inverse;
         let stiff = square > STIFF * pace * pace && length > 0.0 && {
@@ -113,8 +116,7 @@ fn forms(system: &dyn System, state: &State, pace: f64) -> Vec<usize> {
                     rate += row.iter().zip(v).map(|(a, x)| a * x).sum::<f64>();
                 }
             }
-            let free = system.free_length(elastic);
-            let amplitude = (length - free).abs()
+            let amplitude = drawn(&resistance, pace).abs()
                 + rate.abs() / square.sqrt()
                 + (system.gravity() + pace * pace * length) / square;
             amplitude < LARGEST_AMPLITUDE * length
@@ -144,13 +146,18 @@ fn at_state(
     state: &State,
     forms: Vec<usize>,
     coordinates: &[Coordinate],
+    present: Option<&Relatives>,
 ) -> Relatives {
     let tree = system.tree();
     let groups = system.relative_groups();
+    let reference = |group: usize| {
+        let has_axes = groups[group].kind == RelativeKind::Direction;
+        present.filter(|_| has_axes).map_or([0.0; 6], |present| present.references[group])
+    };
     let mut relatives = Relatives {
         rows: Arc::default(),
         sources: vec![[Source::Dependent; 6]; tree.edges.len()].into(),
-        references: vec![[0.0; 6]; groups.len()],
+        references: (0..groups.len()).map(reference).collect(),
         anchors: vec![Anchor::default(); tree.edges.len()],
         exact: true,
         has_alternatives: false,
@@ -160,7 +167,7 @@ fn at_state(
     let mut x = vec![[0.0; 6]; tree.edges.len()];
     for c in coordinates {
         if let Some(winding) = tree.edges[c.edge].winding
-            && groups[c.group].kind == crate::system::RelativeKind::Angle
+            && groups[c.group].kind == RelativeKind::Angle
         {
             x[c.edge][c.at] = state.winding[winding];
         }

@@ -24,6 +24,10 @@ const SHORTER_OR_DEAD_POINT: &str = "take a smaller `fixed_step`, or leave it ou
 const APART: &str = "let its force vanish with its length, as with `free_length = 0`, or keep its ends apart: a little \
     beside each other where they pass, or by a stop";
 
+/// What to try where the axes of a twist are opposite.
+const ASIDE: &str = "a twist has a value only while its axes are less than half a turn apart: hold them together by a \
+    revolute, cylindrical or universal joint, or keep the bodies from swinging so far";
+
 /// Why the loop ended early.
 pub(super) enum Stop {
     Interrupted,
@@ -55,6 +59,8 @@ pub(super) struct Suspects {
     runaway: Option<(String, f64)>,
     /// A spring whose ends have met, where its force has no direction.
     pub(super) met: Option<String>,
+    /// A rotational spring or rotation driver whose axes have become opposite, where its twist has no value.
+    pub(super) opposite: Option<String>,
     /// Joint and coordinate that are nearest to losing their hold.
     weakest: (Option<String>, Option<String>),
 }
@@ -109,6 +115,7 @@ impl Suspects {
             runaway,
             kinks: owned(system.kinks_at(state.t)),
             met: None,
+            opposite: None,
             weakest,
         }
     }
@@ -143,21 +150,27 @@ pub(super) fn diagnose(
     // What runs away does so whatever has met.
     let failed = matches!(stop, Err(Stop::Failed { .. })) && suspects.runaway.is_none();
     let (status, mut reason) = ended(stop, time, options, suspects, system);
-    if let Some(item) = suspects.met.as_ref().filter(|_| slowed || failed) {
-        say_met(item, slowed, &mut reason);
+    if slowed || failed {
+        if let Some(item) = &suspects.met {
+            let met = format!("the ends of `{item}` have met, where its force has no direction");
+            say_singular(item, &met, APART, slowed, &mut reason);
+        } else if let Some(item) = &suspects.opposite {
+            let opposite =
+                format!("the axes of `{item}` have become opposite, where its twist has no value");
+            say_singular(item, &opposite, ASIDE, slowed, &mut reason);
+        }
     }
     (status, reason)
 }
 
-/// Says that the ends of a spring have met, which is the reason of a failure and likely that of a run that is `slowed`.
-fn say_met(item: &str, slowed: bool, reason: &mut StopReason) {
-    let met = format!("the ends of `{item}` have met, where its force has no direction");
+/// Says what has come to where it is not defined, which is the reason of a failure and likely that of a run that is `slowed`.
+fn say_singular(item: &str, what: &str, help: &'static str, slowed: bool, reason: &mut StopReason) {
     reason.message = if slowed {
-        format!("{}; {met}", reason.message)
+        format!("{}; {what}", reason.message)
     } else {
-        format!("{met}: {}", reason.message)
+        format!("{what}: {}", reason.message)
     };
-    (reason.item, reason.help) = (Some(item.to_owned()), APART);
+    (reason.item, reason.help) = (Some(item.to_owned()), help);
 }
 
 fn ended(
@@ -311,10 +324,11 @@ mod tests {
             help: "change lengths",
         };
         let mut limited = StopReason { message: "`max_steps` reached".into(), ..reason.clone() };
-        say_met("spring", false, &mut reason);
+        let met = "the ends of `spring` have met";
+        say_singular("spring", met, APART, false, &mut reason);
         assert!(reason.message.starts_with("the ends of `spring` have met"), "{}", reason.message);
         assert_eq!((reason.item.as_deref(), reason.help), (Some("spring"), APART));
-        say_met("spring", true, &mut limited);
+        say_singular("spring", met, APART, true, &mut limited);
         assert!(limited.message.starts_with("`max_steps` reached; the ends of `spring`"));
     }
 }

@@ -29,7 +29,11 @@ pub(super) fn new_chart(
     manifold.chart().with_parametrization(system, new, &state.q, &g).map(Some)
 }
 
-/// Names the dropped row with the largest residual, m, rad, m/s or rad/s.
+/// Drivers that a message names.
+const DRIVERS_SHOWN: usize = 4;
+
+/// Names the dropped row with the largest residual, m, rad, m/s or rad/s, and the drivers that move: they may prescribe what
+/// joints lock.
 pub(super) fn no_longer_redundant(
     system: &dyn System,
     dropped: &[usize],
@@ -45,18 +49,22 @@ pub(super) fn no_longer_redundant(
     g.multiply_add(1.0, &state.v, &mut rate);
     let size = |row: usize| phi[row].abs().max(rate[row].abs());
     let &worst = dropped.iter().max_by(|&&a, &&b| size(a).total_cmp(&size(b)))?;
-    Some(
-        EvaluationFailure::new(
-            "simulation/singular-configuration",
-            format!(
-                "{} was redundant and is not any more at t = {:.6} s: residual {:.2e}",
-                system.row_name(worst),
-                state.t,
-                size(worst)
-            ),
-        )
-        .of_row(Some(worst)),
-    )
+    let mut message = format!(
+        "{} was redundant and is not any more at t = {:.6} s: residual {:.2e}",
+        system.row_name(worst),
+        state.t,
+        size(worst)
+    );
+    let joints = system.structure().joints.iter();
+    let moves = |row: usize| system.drive(row, state.t)[1..].iter().any(|rate| *rate != 0.0);
+    let driven = joints.map(|joint| joint.row).filter(|row| moves(*row));
+    let names: Vec<&str> = driven.take(DRIVERS_SHOWN).map(|row| system.row_item(row).0).collect();
+    if !names.is_empty() {
+        let names = names.join("`, `");
+        message += &format!("; drivers that move there, which joints may hold: `{names}`");
+    }
+    let failure = EvaluationFailure::new("simulation/singular-configuration", message);
+    Some(failure.of_row(Some(worst)))
 }
 
 fn rank_change(

@@ -175,10 +175,6 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
     fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance {
         self.resistances[elastic].at(row, value)
     }
-
-    fn free_length(&self, elastic: usize) -> f64 {
-        self.resistances[elastic].free_length()
-    }
 }
 
 impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesian<S, D, N, W> {

@@ -89,6 +89,8 @@ pub struct Resistance {
     pub stiffness: f64,
     /// Damping.
     pub damping: f64,
+    /// What the spring pulls with against the deformation, N or N m.
+    pub load: f64,
     /// Whether spring and damper act in series.
     pub in_series: bool,
 }
@@ -144,6 +146,19 @@ fn class_of(kind: &JointKind, planar: bool) -> u32 {
     }
 }
 
+/// Whether the length of a line could be a coordinate that it resists: not where nothing but a spring draws it to zero, where
+/// a line has no direction.
+fn keeps_length(kind: &ForceKind) -> bool {
+    match kind {
+        ForceKind::Tsda { law: ElasticLaw::Linear(_), damping, free_length, .. } => {
+            *free_length > 0.0 || *damping > 0.0
+        }
+        ForceKind::Tsda { .. } => true,
+        ForceKind::Maxwell { free_length, .. } => *free_length > 0.0,
+        _ => false,
+    }
+}
+
 /// Stiffness of a force element that can be an edge, N/m.
 fn edge_stiffness(force: &Force) -> Option<f64> {
     let initial = |law: &ElasticLaw| match law {
@@ -151,8 +166,8 @@ fn edge_stiffness(force: &Force) -> Option<f64> {
         ElasticLaw::Table(table) => table.value_and_slope(0.0).1,
     };
     match &force.kind {
-        ForceKind::Tsda { law, free_length, .. } if *free_length > 0.0 => Some(initial(law)),
-        ForceKind::Maxwell { stiffness, free_length, .. } if *free_length > 0.0 => Some(*stiffness),
+        ForceKind::Tsda { law, .. } if keeps_length(&force.kind) => Some(initial(law)),
+        ForceKind::Maxwell { stiffness, .. } if keeps_length(&force.kind) => Some(*stiffness),
         ForceKind::Bushing { stiffness, .. } => {
             Some((0..3).map(|k| stiffness[k][k]).fold(0.0, f64::max))
         }
@@ -365,10 +380,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
                 }
             }
             (_, Some(edge)) => edge.forms[0][..1].to_vec(),
-            (
-                ForceKind::Tsda { free_length, .. } | ForceKind::Maxwell { free_length, .. },
-                None,
-            ) if *free_length > 0.0 => {
+            (line, None) if keeps_length(line) => {
                 let (_, mut coordinates) = S::line_form(&frames, centers);
                 vec![add(&force.name, ends, coordinates.swap_remove(0).0)]
             }
@@ -436,27 +448,27 @@ impl ResistanceLaw {
         }
     }
 
-    pub(super) fn free_length(&self) -> f64 {
-        match self {
-            Self::Line(_, _, free) | Self::Angle(_, _, free) | Self::Series(_, _, free) => *free,
-            Self::Bushing(..) => 0.0,
-        }
-    }
-
     pub(super) fn at(&self, row: usize, value: f64) -> Resistance {
-        let slope = |law: &ElasticLaw, x: f64| match law {
-            ElasticLaw::Linear(stiffness) => *stiffness,
-            ElasticLaw::Table(table) => table.value_and_slope(x).1,
-        };
-        let parallel = |stiffness, damping| Resistance { stiffness, damping, in_series: false };
+        let parallel =
+            |(load, stiffness), damping| Resistance { stiffness, damping, load, in_series: false };
+        let linear = |stiffness: f64, x: f64| (stiffness * x, stiffness);
         match self {
             Self::Line(law, damping, free) | Self::Angle(law, damping, free) => {
-                parallel(slope(law, value - free), *damping)
+                let x = value - free;
+                let spring = match law {
+                    ElasticLaw::Linear(stiffness) => linear(*stiffness, x),
+                    ElasticLaw::Table(table) => table.value_and_slope(x),
+                };
+                parallel(spring, *damping)
             }
-            Self::Series(stiffness, damping, _) => {
-                Resistance { stiffness: *stiffness, damping: *damping, in_series: true }
+            Self::Series(stiffness, damping, free) => {
+                // All of it, as if the damper had not moved.
+                let spring = linear(*stiffness, value - free);
+                Resistance { in_series: true, ..parallel(spring, *damping) }
             }
-            Self::Bushing(stiffness, damping) => parallel(stiffness[row], damping[row]),
+            Self::Bushing(stiffness, damping) => {
+                parallel(linear(stiffness[row], value), damping[row])
+            }
         }
     }
 }

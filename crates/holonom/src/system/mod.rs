@@ -356,9 +356,6 @@ pub trait Bodies {
 
     /// What an elastic loop of the tree sets against its deformation `row`, whose value is given.
     fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance;
-
-    /// Length (m) or angle (rad) at which an elastic loop of the tree is unloaded.
-    fn free_length(&self, elastic: usize) -> f64;
 }
 
 /// Names of coordinates, rows and elements, and the channels that can be computed from a state.

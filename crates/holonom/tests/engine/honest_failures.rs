@@ -183,6 +183,66 @@ fn no_run_crawls_into_a_singular_configuration() {
 }
 
 /// An arm that a spring pulls to a point on the circle of its end.
+#[test] // independent truth: both links are locked, whatever the driver asks for
+fn a_driver_of_what_joints_lock_is_named() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+a = { mass = 1.0, inertia = 0.1, position = [0.5, 0.0] }
+b = { mass = 1.0, inertia = 0.1, position = [1.0, 0.5] }
+[joints]
+pin = { type = "revolute", between = ["ground", "a"], point = [0.0, 0.0] }
+knee = { type = "revolute", between = ["a", "b"], point = [1.0, 0.0] }
+foot = { type = "revolute", between = ["b", "ground"], point = [1.0, 1.0] }
+[drivers]
+crank = { joint = "pin", coordinate = "rotation", motion = { type = "smooth_step", from = 0.0, to = 0.5, start = 0.2, end = 0.6 } }
+"#,
+    );
+    let mut rows = Memory::default();
+    let summary = run(&Problem::new(model), &options(Code::ForRadau, 1e-4, 1.0), None, &mut rows);
+    let stop = summary.unwrap().stop;
+    assert!(stop.time >= 0.2 && stop.time < 0.6, "{stop:?}");
+    assert!(stop.message.contains("`crank`"), "{}", stop.message);
+}
+
+#[test] // independent truth: the body falls over by more than half a turn's swing; θ̇ = nᵀω, n = (h₁ + h₂)/(1 + h₁ᵀh₂)
+fn a_twist_whose_axes_become_opposite_is_told() {
+    let coil = "[forces]\ncoil = { type = \"rsda\", between = [\"ground\", \"top\"], axis = [0.0, 0.0, 1.0], \
+                stiffness = 1.0, damping = 0.05 }";
+    let turn = "[drivers]\nturn = { between = [\"ground\", \"top\"], coordinate = \"rotation\", axis = [0.0, 0.0, 1.0], \
+                motion = { type = \"polynomial\", coefficients = [0.0, 0.3] } }";
+    for (name, text) in [("coil", coil), ("turn", turn)] {
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+top = {{ mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.12, 0.0], [0.0, 0.0, 0.08]], position = [0.0, 0.0, 0.5] }}
+[joints]
+ball = {{ type = "spherical", between = ["ground", "top"], point = [0.0, 0.0, 0.0] }}
+[initial.bodies]
+top = {{ angular_velocity = [1.0, 0.0, 0.3] }}
+{text}
+"#
+        ));
+        let mut rows = Memory::default();
+        let options = options(Code::ForRadau, 1e-6, 5.0);
+        let summary = run(&Problem::new(model), &options, None, &mut rows).unwrap();
+        assert_eq!(summary.status, Status::Failed, "{name}");
+        let stop = &summary.stop;
+        let said = format!("the axes of `{name}` have become opposite");
+        assert!(stop.message.starts_with(&said), "{}", stop.message);
+        assert_eq!(stop.item.as_deref(), Some(name));
+        // The axis of the top is the third column of its rotation.
+        let [_, e1, e2, _] = [3, 4, 5, 6].map(|k| summary.end.q[k]);
+        assert!(2.0 - 2.0 * (e1 * e1 + e2 * e2) < 1e-6, "{name}: {:?}", summary.end.q);
+    }
+}
+
 fn pulled_together(law: &str) -> Model {
     model_of(&format!(
         r#"

@@ -1,6 +1,7 @@
 //! Rotational springs, bushings and springs from soft to nearly rigid, on bodies at rest, swinging and turning:
 //! errors within bounds, and steps that do not know the stiffness.
 
+use crate::common::integrate::radau;
 use crate::common::table::{
     Bounds, Case, DEFAULT, Figures, Kind, OTHERS, TOLERANCES, Table, attempts, codes_of, error,
     implicit, line, measure,
@@ -320,4 +321,67 @@ fn the_profile_of_the_thesis_is_right_on_the_stiff_slider_or_says_so() {
         }
     }
     table.finish();
+}
+
+/// A body, its centre 0.3 m beyond the point that a strong damper with a weak spring or none holds, 1 m from the ground's.
+fn damped([stiffness, damping, free]: [f64; 3]) -> Model {
+    model_of(&format!(
+        "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -9.81]\n[bodies]\nb = {{ mass = 1.0, inertia = 0.1, \
+         position = [1.3, 0.0] }}\n[forces]\nd = {{ type = \"tsda\", between = [\"ground\", \"b\"], points = [[0.0, 0.0], \
+         [1.0, 0.0]], stiffness = {stiffness:?}, damping = {damping:?}, free_length = {free:?} }}\n"
+    ))
+}
+
+/// (x, y, angle) and rates of [`damped`], by hand.
+fn damped_rate([stiffness, damping, free]: [f64; 3]) -> impl Fn(f64, &[f64]) -> Vec<f64> {
+    move |_, s| {
+        let arm = [-0.3 * s[2].cos(), -0.3 * s[2].sin()];
+        let at = [s[0] + arm[0], s[1] + arm[1]];
+        let speed = [s[3] - s[5] * arm[1], s[4] + s[5] * arm[0]];
+        let length = at[0].hypot(at[1]);
+        let rate = (at[0] * speed[0] + at[1] * speed[1]) / length;
+        let pull = stiffness * (length - free) + damping * rate;
+        let force = [-pull * at[0] / length, -pull * at[1] / length];
+        let moment = arm[0] * force[1] - arm[1] * force[0];
+        vec![s[3], s[4], s[5], force[0], force[1] - 9.81, moment / 0.1]
+    }
+}
+
+#[test] // independent truth: equations by hand, by Radau IIA with short steps
+fn what_a_strong_damper_holds_takes_no_more_steps_than_on_a_rod() {
+    let times: Vec<f64> = (0..=10).map(|k| 0.2 * f64::from(k)).collect();
+    let mut few = 0;
+    for law in [[0.0, 1e5, 0.0], [0.0, 1e5, 1.0], [0.0, 1e7, 0.0], [30.0, 1e6, 0.0]] {
+        let model = damped(law);
+        let start = [1.3, 0.0, 0.0, 0.0, 0.0, 0.0];
+        let truth = radau(&damped_rate(law), &start, &times[1..], 1e-9, 1e-3);
+        for code in implicit() {
+            let options = Options {
+                channels: ["b.position", "b.angle", "b.velocity"].map(str::to_owned).to_vec(),
+                output: OutputTimes::Listed(times.clone()),
+                ..options(code, 1e-4, 2.0)
+            };
+            let run = run_model(&model, &options);
+            let channels = [("b.position", 0), ("b.position", 1), ("b.angle", 0)];
+            let velocities = [("b.velocity", 0), ("b.velocity", 1)];
+            for (k, (name, component)) in channels.into_iter().chain(velocities).enumerate() {
+                let found = run.series(name, component);
+                let off = found[1..]
+                    .iter()
+                    .zip(&truth)
+                    .map(|(x, y)| (x - y[k]).abs() / (1.0 + y[k].abs()));
+                let off = off.fold(0.0, f64::max) / 1e-4;
+                assert!(
+                    off < if k < 3 { 30.0 } else { 60.0 },
+                    "{law:?}, {code:?}: {name} {off:.0}"
+                );
+            }
+            let steps = run.summary.statistics.steps;
+            if code == DEFAULT_CODE {
+                // A damper alone has no free length: what is stated changes no step.
+                few = if few == 0 { steps } else { few };
+                assert!(steps < 2 * few && few < 100, "{law:?}: {steps} steps, {few} at first");
+            }
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::Run;
 use crate::method::stepper::{Rejection, StepReport};
-use crate::reduction::assembly::coincident_ends;
+use crate::reduction::singular_elements::{coincident_ends, opposite_axes};
 use crate::simulation::clock::Stopwatch;
 use crate::simulation::diagnosis::{Stop, Suspects, diagnose};
 use crate::simulation::output::CHUNK_STEPS;
@@ -150,6 +150,8 @@ impl Run<'_> {
             let near = self.options.tolerance.translation;
             let met = coincident_ends(self.system.as_ref(), self.model, &self.state, near);
             suspects.met = met.map(|(item, _)| item.to_owned());
+            let opposite = opposite_axes(self.system.as_ref(), self.model, &self.state);
+            suspects.opposite = opposite.map(str::to_owned);
         }
         diagnose(stop, self.state.t, self.options, &suspects, self.system.as_ref())
     }

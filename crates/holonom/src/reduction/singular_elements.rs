@@ -1,0 +1,68 @@
+//! Where force elements and drivers have no value: springs whose ends have met, twists whose axes are opposite.
+
+use crate::math::spatial::rotate;
+use crate::math::vector::{dot, sum};
+use crate::model::{Dimension, DriverKind, ElasticLaw, ForceKind, Frame, Model};
+use crate::system::{Sample, State, System};
+
+/// Points nearer than this part of a free length, or of the size of a model, are one.
+const COINCIDENT: f64 = 1e-8;
+/// Axes of a twist are opposite when they are nearer to it than this, rad: the last steps come there by themselves.
+const OPPOSITE: f64 = 1e-3;
+
+/// The first spring whose ends are nearer to each other than `near`, m, or than round-off, and whose force acts there, where
+/// it has no direction; with its elastic force, N, if that depends on the length alone.
+pub(crate) fn coincident_ends<'a>(
+    system: &dyn System,
+    model: &'a Model,
+    state: &State,
+    near: f64,
+) -> Option<(&'a str, Option<f64>)> {
+    let sample = Sample::new(state);
+    model.forces.iter().find_map(|force| {
+        let (elastic, free_length) = match &force.kind {
+            ForceKind::Tsda { law, free_length, .. } => {
+                let elastic = match law {
+                    ElasticLaw::Linear(stiffness) => -stiffness * free_length,
+                    ElasticLaw::Table(table) => table.value_and_slope(-free_length).0,
+                };
+                (Some(elastic), *free_length)
+            }
+            ForceKind::Maxwell { free_length, .. } => (None, *free_length),
+            _ => return None,
+        };
+        let name = format!("{}.length", force.name);
+        let channel = system.channel_named(&name).filter(|_| elastic != Some(0.0))?;
+        let mut length = [0.0];
+        system.channel(&channel, &sample, &mut length);
+        let least = COINCIDENT * free_length.max(system.characteristic_length());
+        (length[0] <= least.max(near)).then_some((force.name.as_str(), elastic))
+    })
+}
+
+/// The first rotational spring or rotation driver between bodies in space whose axes are opposite.
+pub(crate) fn opposite_axes<'a>(
+    system: &dyn System,
+    model: &'a Model,
+    state: &State,
+) -> Option<&'a str> {
+    if model.dimension == Dimension::Planar {
+        return None;
+    }
+    let axis = |frame: &Frame| {
+        let own = frame.axes.map(|row| row[2]);
+        frame.body.map_or(own, |b| rotate(&system.body(b, &state.q, &state.v).orientation, &own))
+    };
+    let springs = model.forces.iter().filter_map(|force| match &force.kind {
+        ForceKind::Rsda { frames, .. } => Some((&force.name, frames)),
+        _ => None,
+    });
+    let turning = model.drivers.iter().filter(|driver| driver.kind == DriverKind::Rotation);
+    let mut twists = springs.chain(turning.map(|driver| (&driver.name, &driver.frames)));
+    let found = twists.find(|(_, frames)| {
+        let [first, second] = [axis(&frames[0]), axis(&frames[1])];
+        let apart = sum(&first, &second);
+        dot(&apart, &apart).sqrt() < OPPOSITE
+    });
+    found.map(|(name, _)| name.as_str())
+}
