@@ -1,6 +1,8 @@
 //! The dense matrix with a complex γh.
 
 use super::blocks::{ReducedBlocks, reversed};
+use super::extra::Elimination;
+use crate::system::Structure;
 use holonom_linalg::{Complex64, DenseComplexLu, SingularMatrix, dot};
 
 /// Π = M̂ + γh M̂₁' + γ²h² M̂₂' with a complex γh, factored; the equations are those of
@@ -11,19 +13,24 @@ pub(super) struct ComplexSolver {
     /// With the last variable first, as the real factor.
     lu: DenseComplexLu,
     pi: Vec<Complex64>,
-    inverse_e: Vec<Complex64>,
+    extra: Elimination<Complex64>,
+    /// r_p and δp, for extra states.
+    p: Vec<Complex64>,
     v: Vec<Complex64>,
+    z: Vec<Complex64>,
 }
 
 impl ComplexSolver {
-    pub(super) fn new(ndof: usize, extra_states: usize) -> Self {
+    pub(super) fn new(ndof: usize, structure: &Structure) -> Self {
         let zeros = |n: usize| vec![Complex64::new(0.0, 0.0); n];
         Self {
             gamma_h: Complex64::new(0.0, 0.0),
             lu: DenseComplexLu::new(ndof),
             pi: zeros(ndof * ndof),
-            inverse_e: zeros(extra_states),
+            extra: Elimination::new(structure),
+            p: zeros(if structure.sizes.extra_states > 0 { ndof } else { 0 }),
             v: zeros(ndof),
+            z: zeros(structure.sizes.extra_states),
         }
     }
 
@@ -45,16 +52,16 @@ impl ComplexSolver {
         for (pi, (m, (m1, m2))) in self.pi.iter_mut().rev().zip(parts) {
             *pi = m + gamma_h * m1 + square * m2;
         }
-        for (k, inverse_e) in self.inverse_e.iter_mut().enumerate() {
-            *inverse_e = (1.0 - gamma_h * b.extra_extra[k]).inv();
+        self.extra.factor(gamma_h, &b.extra_extra, [&b.extra_position, &b.extra_velocity]);
+        for k in 0..self.z.len() {
             let range = k * ndof..(k + 1) * ndof;
             let (zeta, by_p, by_v) = (
                 &b.force_extra[range.clone()],
-                &b.extra_position[range.clone()],
-                &b.extra_velocity[range],
+                &self.extra.by_position[range.clone()],
+                &self.extra.by_velocity[range],
             );
             for i in 0..ndof {
-                let scale = square * *inverse_e * zeta[i];
+                let scale = square * zeta[i];
                 let row = &mut self.pi[(ndof - 1 - i) * ndof..(ndof - i) * ndof];
                 for (j, pi) in row.iter_mut().rev().enumerate() {
                     *pi += scale * (by_v[j] + gamma_h * by_p[j]);
@@ -77,12 +84,15 @@ impl ComplexSolver {
             let row = &b.stiffness[i * ndof..(i + 1) * ndof];
             *v = at(x, y, ndof + i) - gamma_h * times(row, x, y);
         }
-        for (k, inverse_e) in self.inverse_e.iter().enumerate() {
+        self.p.iter_mut().enumerate().for_each(|(k, p)| *p = at(x, y, k));
+        self.z.iter_mut().enumerate().for_each(|(k, z)| *z = at(x, y, 2 * ndof + k));
+        self.extra.solve(&mut self.z);
+        for (k, z) in self.z.iter_mut().enumerate() {
             let range = k * ndof..(k + 1) * ndof;
-            let by_p = gamma_h * times(&b.extra_position[range.clone()], x, y);
-            let scale = gamma_h * inverse_e * (at(x, y, 2 * ndof + k) + by_p);
+            let rows = self.extra.by_position[range.clone()].iter();
+            *z += gamma_h * rows.zip(&self.p).map(|(row, p)| row * p).sum::<Complex64>();
             for (v, zeta) in self.v.iter_mut().zip(&b.force_extra[range]) {
-                *v -= scale * zeta;
+                *v -= gamma_h * *z * zeta;
             }
         }
         self.v.reverse();
@@ -93,12 +103,11 @@ impl ComplexSolver {
             (x[i], y[i]) = (p.re, p.im);
             (x[ndof + i], y[ndof + i]) = (v.re, v.im);
         }
-        for (k, inverse_e) in self.inverse_e.iter().enumerate() {
-            let (range, j) = (k * ndof..(k + 1) * ndof, 2 * ndof + k);
-            let by_p = times(&b.extra_position[range.clone()], x, y);
-            let by_v = times(&b.extra_velocity[range], &x[ndof..], &y[ndof..]);
-            let z = inverse_e * (at(x, y, j) + gamma_h * (by_p + by_v));
-            (x[j], y[j]) = (z.re, z.im);
+        // What r_p does to z is there already.
+        self.p.iter_mut().zip(&self.v).for_each(|(p, v)| *p = gamma_h * v);
+        for (k, z) in self.z.iter().enumerate() {
+            let z = z + gamma_h * self.extra.reduced_rate(k, &self.p, &self.v);
+            (x[2 * ndof + k], y[2 * ndof + k]) = (z.re, z.im);
         }
     }
 }

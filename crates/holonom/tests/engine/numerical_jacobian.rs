@@ -58,7 +58,7 @@ fn differences_agree_with_the_analytic_blocks() {
             ("Ẑ", &a.force_extra, &n.force_extra),
             ("ż_v", &a.extra_position, &n.extra_position),
             ("ż_v̇", &a.extra_velocity, &n.extra_velocity),
-            ("ż_z", &a.extra_extra, &n.extra_extra),
+            ("ż_z", &a.extra_extra.values, &n.extra_extra.values),
         ] {
             // Forward differences of quantities of size 1 leave about √ε.
             let size = a.iter().fold(1e-2f64, |m, x| m.max(x.abs()));

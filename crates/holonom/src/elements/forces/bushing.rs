@@ -2,7 +2,7 @@ use super::quantity;
 use crate::elements::body::{Body, Link, Rigid, angular};
 use crate::elements::space::{Spatial, Triad, euler};
 use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, Quantity,
+    Energy, ForceBlocks, ForceElement, ForceInput, PairBlocks, Quantity, Wrenches,
 };
 use crate::math::Real;
 use crate::math::spatial::{conjugate, cross, euler_parameters, product};
@@ -288,10 +288,14 @@ fn unpack<T: Real>(square: &[[T; PACKED]; PACKED]) -> PairBlocks<T, 6> {
 }
 
 impl ForceElement<3, 7, 6> for Bushing {
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceOutput<T, 6>) {
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, 3, 7, 6>,
+        wrenches: &mut Wrenches<T, 6>,
+        _z_rate: &mut [T],
+    ) {
         let at = self.deformation(input.pair());
-        out.wrenches = at.wrenches(&self.load(&at.u, &at.rate)).1;
-        out.z_rate = T::zero();
+        *wrenches = at.wrenches(&self.load(&at.u, &at.rate)).1;
     }
 
     fn blocks<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceBlocks<T, 6>) {
