@@ -14,8 +14,6 @@ pub(super) struct ComplexSolver {
     lu: DenseComplexLu,
     pi: Vec<Complex64>,
     extra: Elimination<Complex64>,
-    /// r_p and δp, for extra states.
-    p: Vec<Complex64>,
     v: Vec<Complex64>,
     z: Vec<Complex64>,
 }
@@ -28,7 +26,6 @@ impl ComplexSolver {
             lu: DenseComplexLu::new(ndof),
             pi: zeros(ndof * ndof),
             extra: Elimination::new(structure),
-            p: zeros(if structure.sizes.extra_states > 0 { ndof } else { 0 }),
             v: zeros(ndof),
             z: zeros(structure.sizes.extra_states),
         }
@@ -60,11 +57,13 @@ impl ComplexSolver {
                 &self.extra.by_position[range.clone()],
                 &self.extra.by_velocity[range],
             );
+            for (effect, (by_p, by_v)) in self.v.iter_mut().zip(by_p.iter().zip(by_v)) {
+                *effect = square * (by_v + gamma_h * by_p);
+            }
             for i in 0..ndof {
-                let scale = square * zeta[i];
                 let row = &mut self.pi[(ndof - 1 - i) * ndof..(ndof - i) * ndof];
-                for (j, pi) in row.iter_mut().rev().enumerate() {
-                    *pi += scale * (by_v[j] + gamma_h * by_p[j]);
+                for (pi, effect) in row.iter_mut().rev().zip(&self.v) {
+                    *pi += effect * zeta[i];
                 }
             }
         }
@@ -84,15 +83,14 @@ impl ComplexSolver {
             let row = &b.stiffness[i * ndof..(i + 1) * ndof];
             *v = at(x, y, ndof + i) - gamma_h * times(row, x, y);
         }
-        self.p.iter_mut().enumerate().for_each(|(k, p)| *p = at(x, y, k));
-        self.z.iter_mut().enumerate().for_each(|(k, z)| *z = at(x, y, 2 * ndof + k));
-        self.extra.solve(&mut self.z);
         for (k, z) in self.z.iter_mut().enumerate() {
-            let range = k * ndof..(k + 1) * ndof;
-            let rows = self.extra.by_position[range.clone()].iter();
-            *z += gamma_h * rows.zip(&self.p).map(|(row, p)| row * p).sum::<Complex64>();
-            for (v, zeta) in self.v.iter_mut().zip(&b.force_extra[range]) {
-                *v -= gamma_h * *z * zeta;
+            let by_p = times(&b.extra_position[k * ndof..(k + 1) * ndof], x, y);
+            *z = at(x, y, 2 * ndof + k) + gamma_h * by_p;
+        }
+        self.extra.solve(&mut self.z);
+        for (k, z) in self.z.iter().enumerate() {
+            for (v, zeta) in self.v.iter_mut().zip(&b.force_extra[k * ndof..]) {
+                *v -= gamma_h * z * zeta;
             }
         }
         self.v.reverse();
@@ -103,10 +101,14 @@ impl ComplexSolver {
             (x[i], y[i]) = (p.re, p.im);
             (x[ndof + i], y[ndof + i]) = (v.re, v.im);
         }
-        // What r_p does to z is there already.
-        self.p.iter_mut().zip(&self.v).for_each(|(p, v)| *p = gamma_h * v);
+        for (k, z) in self.z.iter_mut().enumerate() {
+            let range = k * ndof..(k + 1) * ndof;
+            let by_p = times(&b.extra_position[range.clone()], x, y);
+            let by_v = times(&b.extra_velocity[range], &x[ndof..], &y[ndof..]);
+            *z = at(x, y, 2 * ndof + k) + gamma_h * (by_p + by_v);
+        }
+        self.extra.solve(&mut self.z);
         for (k, z) in self.z.iter().enumerate() {
-            let z = z + gamma_h * self.extra.reduced_rate(k, &self.p, &self.v);
             (x[2 * ndof + k], y[2 * ndof + k]) = (z.re, z.im);
         }
     }

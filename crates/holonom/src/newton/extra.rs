@@ -1,7 +1,7 @@
 //! Extra states, eliminated before all else, element by element.
 
 use crate::system::{ExtraBlock, ExtraSquares, Structure};
-use holonom_linalg::Scalar;
+use holonom_linalg::{Scalar, dot};
 
 /// E = I − γh g_z, factored element by element, with the rows E⁻¹ g_q and E⁻¹ g_q̇:
 ///
@@ -78,14 +78,6 @@ impl<T: Scalar> Elimination<T> {
         sum
     }
 
-    /// The same from reduced rows, of δv and δv̇.
-    pub(super) fn reduced_rate(&self, k: usize, p: &[T], v: &[T]) -> T {
-        let range = k * p.len()..(k + 1) * p.len();
-        let rows = self.by_position[range.clone()].iter().zip(&self.by_velocity[range]);
-        let terms = rows.zip(p.iter().zip(v)).map(|((a, b), (p, v))| *a * *p + *b * *v);
-        terms.fold(T::ZERO, |sum, term| sum + term)
-    }
-
     /// x ← E⁻¹ x for rows of numbers, as many for each state.
     pub(super) fn solve(&self, x: &mut [T]) {
         let width = x.len() / self.exchanges.len().max(1);
@@ -93,6 +85,14 @@ impl<T: Scalar> Elimination<T> {
             let x = &mut x[block.first * width..block.states().end * width];
             solve(&self.factors[block.own()], &self.exchanges[block.states()], x);
         }
+    }
+}
+
+impl Elimination<f64> {
+    /// E⁻¹ (ż_v δv + ż_v̇ δv̇) of state `k`, from reduced rows.
+    pub(super) fn reduced_rate(&self, k: usize, p: &[f64], v: &[f64]) -> f64 {
+        let range = k * p.len()..(k + 1) * p.len();
+        dot(&self.by_position[range.clone()], p) + dot(&self.by_velocity[range], v)
     }
 }
 
