@@ -92,8 +92,9 @@ impl Force {
                 Self::PointForce(PointForce::new(frame, force, *axes, &centers))
             }
             ForceKind::Torque { torque, axes, .. } => Self::Torque(Torque::new(torque, *axes)),
-            ForceKind::Bushing { frames, stiffness, damping } => {
-                Self::Bushing(Box::new(Bushing::new(&triads(frames, &centers), stiffness, damping)))
+            ForceKind::Bushing { frames, stiffness, damping, branches } => {
+                let frames = triads(frames, &centers);
+                Self::Bushing(Box::new(Bushing::new(&frames, stiffness, damping, branches)))
             }
             ForceKind::Tyre(tyre) => Self::Tyre(Box::new(Tyre::new(tyre, &centers))),
         }

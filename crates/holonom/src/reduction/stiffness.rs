@@ -1,13 +1,13 @@
 //! Which force elements are stiff against the motion, and how they would vibrate in the mechanism.
 
-use crate::system::{Measure, Resistance, State, System};
+use crate::system::{Measure, State, System};
 use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
 
 /// A force element is stiff if the square of its frequency is more than this times that of the motion:
 /// it then keeps its deformation small and sets the pace if its direction turns.
 pub(super) const STIFF: f64 = 100.0;
 /// Steps per unit of the motion's pace that an element's damper is judged by.
-const STEPS: f64 = 10.0;
+pub(super) const STEPS: f64 = 10.0;
 /// What constraints that depend on others are softened by, against the size of their rows.
 const SOFTENED: f64 = 1e-12;
 
@@ -20,16 +20,6 @@ pub(super) fn pace(system: &dyn System, state: &State) -> f64 {
         pace = pace.max(norm(&body.angular_velocity));
     }
     pace.max(f64::MIN_POSITIVE)
-}
-
-/// Stiffness that counts at a pace: N/m or N m/rad.
-pub(super) fn effective(resistance: &Resistance, pace: f64) -> f64 {
-    let damper = resistance.damping * STEPS * pace;
-    if resistance.in_series {
-        let sum = resistance.stiffness + damper;
-        return if sum > 0.0 { resistance.stiffness * damper / sum } else { 0.0 };
-    }
-    resistance.stiffness.max(damper)
 }
 
 /// Whether a force element would be stiff if its bodies were free: they can only be slower.
@@ -51,7 +41,7 @@ pub(super) fn could_be_stiff(
         let gradient = &mut gradient[..info.rows * 2 * n];
         system.relative_gradient(group, &reference, &state.q, gradient);
         for (row, gradient) in gradient.chunks_exact(2 * n).enumerate() {
-            let stiffness = effective(&system.resistance(elastic, first + row, values[row]), pace);
+            let stiffness = system.resistance(elastic, first + row, values[row], STEPS * pace);
             let mut mobility = 0.0;
             for (side, body) in info.bodies.into_iter().enumerate() {
                 let Some(body) = body else { continue };

@@ -8,7 +8,7 @@
 use super::loops::Loops;
 use super::parametrization::{Parametrization, Projection};
 use super::relatives::{Relatives, Source};
-use super::stiffness::{STIFF, effective, pace};
+use super::stiffness::{STEPS, STIFF, pace};
 use crate::error::EvaluationFailure;
 use crate::system::{Anchor, State, System};
 use holonom_linalg::BlockMatrix;
@@ -101,7 +101,7 @@ fn forms(system: &dyn System, state: &State, pace: f64) -> Vec<usize> {
         let n = system.structure().sizes.per_body;
         system.relative_value(group, &[0.0; 6], &state.q, &mut value);
         let [length] = value;
-        let stiffness = effective(&system.resistance(elastic, 0, length), pace);
+        let stiffness = system.resistance(elastic, 0, length, STEPS * pace);
         let inverse: f64 = bodies.iter().flatten().map(|&b| 1.0 / system.mass(b)).sum();
         let square = stiffness * inverse;
         let stiff = square > STIFF * pace * pace && length > 0.0 && {

@@ -6,7 +6,7 @@ use super::turns::{Along, along};
 use crate::elements::kinematics::Between;
 use crate::elements::relative::{RelativeElement, RelativeKind};
 use crate::model::{
-    BodyIndex, Dimension, DriverKind, ElasticLaw, Force, ForceKind, JointKind, Model,
+    BodyIndex, Branch, Dimension, DriverKind, ElasticLaw, Force, ForceKind, JointKind, Model,
 };
 use crate::topology::{Edge, Forest};
 use crate::watch::{NAMED, checkpoint};
@@ -82,17 +82,6 @@ pub struct ElasticLoop {
     pub is_edge: bool,
 }
 
-/// What resists a deformation: N/m and N s/m, or N m/rad and N m s/rad.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Resistance {
-    /// Stiffness.
-    pub stiffness: f64,
-    /// Damping.
-    pub damping: f64,
-    /// Whether spring and damper act in series.
-    pub in_series: bool,
-}
-
 /// Everything about the forest that parameter values leave alone.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tree {
@@ -153,8 +142,11 @@ fn edge_stiffness(force: &Force) -> Option<f64> {
     match &force.kind {
         ForceKind::Tsda { law, free_length, .. } if *free_length > 0.0 => Some(initial(law)),
         ForceKind::Maxwell { stiffness, free_length, .. } if *free_length > 0.0 => Some(*stiffness),
-        ForceKind::Bushing { stiffness, .. } => {
-            Some((0..3).map(|k| stiffness[k][k]).fold(0.0, f64::max))
+        ForceKind::Bushing { stiffness, branches, .. } => {
+            let along = |k: usize| {
+                stiffness[k][k] + branches.iter().map(|branch| branch.stiffness[k][k]).sum::<f64>()
+            };
+            Some((0..3).map(along).fold(0.0, f64::max))
         }
         _ => None,
     }
@@ -413,7 +405,14 @@ pub(super) enum ResistanceLaw {
     Line(ElasticLaw, f64, f64),
     Angle(ElasticLaw, f64, f64),
     Series(f64, f64, f64),
-    Bushing([f64; 6], [f64; 6]),
+    /// Stiffness and damping of itself and of its branches, in each direction.
+    Bushing([f64; 6], [f64; 6], Vec<[[f64; 2]; 6]>),
+}
+
+/// Stiffness of a spring and a damper in series, at a rate.
+fn in_series(stiffness: f64, damping: f64, rate: f64) -> f64 {
+    let sum = stiffness + damping * rate;
+    if sum > 0.0 { stiffness * damping * rate / sum } else { 0.0 }
 }
 
 impl ResistanceLaw {
@@ -428,10 +427,15 @@ impl ResistanceLaw {
             ForceKind::Maxwell { stiffness, damping, free_length, .. } => {
                 Some(Self::Series(*stiffness, *damping, *free_length))
             }
-            ForceKind::Bushing { stiffness, damping, .. } => Some(Self::Bushing(
-                std::array::from_fn(|k| stiffness[k][k]),
-                std::array::from_fn(|k| damping[k][k]),
-            )),
+            ForceKind::Bushing { stiffness, damping, branches, .. } => {
+                let both =
+                    |b: &Branch| [0, 1, 2, 3, 4, 5].map(|k| [b.stiffness[k][k], b.damping[k][k]]);
+                Some(Self::Bushing(
+                    std::array::from_fn(|k| stiffness[k][k]),
+                    std::array::from_fn(|k| damping[k][k]),
+                    branches.iter().map(both).collect(),
+                ))
+            }
             _ => None,
         }
     }
@@ -443,20 +447,22 @@ impl ResistanceLaw {
         }
     }
 
-    pub(super) fn at(&self, row: usize, value: f64) -> Resistance {
+    /// Stiffness at a deformation that changes at a rate, 1/s: that of the spring or of the damper beside it, the larger.
+    pub(super) fn at(&self, row: usize, value: f64, rate: f64) -> f64 {
         let slope = |law: &ElasticLaw, x: f64| match law {
             ElasticLaw::Linear(stiffness) => *stiffness,
             ElasticLaw::Table(table) => table.value_and_slope(x).1,
         };
-        let parallel = |stiffness, damping| Resistance { stiffness, damping, in_series: false };
         match self {
             Self::Line(law, damping, free) | Self::Angle(law, damping, free) => {
-                parallel(slope(law, value - free), *damping)
+                slope(law, value - free).max(damping * rate)
             }
-            Self::Series(stiffness, damping, _) => {
-                Resistance { stiffness: *stiffness, damping: *damping, in_series: true }
+            Self::Series(stiffness, damping, _) => in_series(*stiffness, *damping, rate),
+            Self::Bushing(stiffness, damping, branches) => {
+                let of_branch = |b: &[[f64; 2]; 6]| in_series(b[row][0], b[row][1], rate);
+                let branches: f64 = branches.iter().map(of_branch).sum();
+                stiffness[row].max(damping[row] * rate) + branches
             }
-            Self::Bushing(stiffness, damping) => parallel(stiffness[row], damping[row]),
         }
     }
 }

@@ -20,7 +20,7 @@ mod structure;
 mod turns;
 
 pub use compile::{compile, compile_along};
-pub use forest::{Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge};
+pub use forest::{Closure, EdgeSource, ElasticLoop, RelativeGroup, Tree, TreeEdge};
 pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity, Sample, diagnostics};
 pub use structure::{
     DerivativeBlocks, ExtraBlock, ExtraSquares, JointRows, Sizes, Structure, WrenchBlocks,
@@ -363,8 +363,9 @@ pub trait Bodies {
     /// The same at a configuration, with the bodies.
     fn edge_screws_at(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool;
 
-    /// What an elastic loop of the tree sets against its deformation `row`, whose value is given.
-    fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance;
+    /// Stiffness of an elastic loop of the tree, N/m or N m/rad, at a value of its deformation `row` that changes at a rate, 1/s:
+    /// dampers count by it.
+    fn resistance(&self, elastic: usize, row: usize, value: f64, rate: f64) -> f64;
 
     /// Length (m) or angle (rad) at which an elastic loop of the tree is unloaded.
     fn free_length(&self, elastic: usize) -> f64;

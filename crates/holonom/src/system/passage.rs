@@ -251,8 +251,8 @@ mod tests {
     fn elements(random: &mut Random) -> [Force; 2] {
         let frames = [frame(random), frame(random)];
         let mut square = |size: f64| Box::new([0; 6].map(|_| random.array::<6>(size)));
-        let bushing =
-            ForceKind::Bushing { frames, stiffness: square(100.0), damping: square(10.0) };
+        let (stiffness, damping, branches) = (square(100.0), square(10.0), Vec::new());
+        let bushing = ForceKind::Bushing { frames, stiffness, damping, branches };
         let maxwell =
             ForceKind::Maxwell { frames, stiffness: 300.0, damping: 20.0, free_length: 0.6 };
         [bushing, maxwell].map(|kind| {

@@ -225,7 +225,7 @@ fn bushing(random: &mut Random, damping: f64) -> (spatial::Force, [Frame; 2], [[
     let stiffness = coupled_matrix(random, 5000.0);
     let damping = coupled_matrix(random, damping);
     let (boxed, damping) = (Box::new(stiffness), Box::new(damping));
-    let kind = ForceKind::Bushing { frames, stiffness: boxed, damping };
+    let kind = ForceKind::Bushing { frames, stiffness: boxed, damping, branches: Vec::new() };
     (spatial::Force::new(&named(kind), [[0.05, 0.1, -0.1]; 2]), frames, stiffness)
 }
 

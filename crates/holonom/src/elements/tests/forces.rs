@@ -15,7 +15,9 @@ use crate::elements::{
 use crate::math::spatial::rotate;
 use crate::math::turn::exponential;
 use crate::math::{MonotoneCubic, Real, TimeFunction};
-use crate::model::{BodyIndex, ElasticLaw, Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
+use crate::model::{
+    BodyIndex, Branch, ElasticLaw, Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre,
+};
 use crate::testing::random_states;
 
 /// Room for the extra states of every kind.
@@ -286,8 +288,41 @@ pub(super) fn internal_kinds(random: &mut Random, frames: [Frame; 2]) -> Vec<For
             frames,
             stiffness: Box::new(coupled_matrix(random, 4000.0)),
             damping: Box::new(coupled_matrix(random, 60.0)),
+            branches: Vec::new(),
+        },
+        ForceKind::Bushing {
+            frames,
+            stiffness: Box::new(coupled_matrix(random, 4000.0)),
+            damping: Box::new([[0.0; 6]; 6]),
+            branches: branches(random),
         },
     ]
+}
+
+/// A branch in all directions, coupled, and one in three of them.
+pub(super) fn branches(random: &mut Random) -> Vec<Branch> {
+    let name = String::from;
+    let full = Branch {
+        name: name("full"),
+        stiffness: coupled_matrix(random, 3000.0),
+        damping: definite_matrix(random, 50.0),
+    };
+    let diagonal = |values: [f64; 6]| {
+        std::array::from_fn(|i| std::array::from_fn(|j| if i == j { values[i] } else { 0.0 }))
+    };
+    let few = Branch {
+        name: name("few"),
+        stiffness: diagonal([2000.0, 0.0, 900.0, 0.0, 0.0, 700.0]),
+        damping: diagonal([30.0, 0.0, 500.0, 0.0, 0.0, 9.0]),
+    };
+    vec![full, few]
+}
+
+/// The same, far from singular.
+fn definite_matrix(random: &mut Random, size: f64) -> [[f64; 6]; 6] {
+    let mut out = coupled_matrix(random, size);
+    (0..6).for_each(|k| out[k][k] += size);
+    out
 }
 
 /// Kinds whose second body carries an outer load, and torques with their reaction.
