@@ -175,12 +175,13 @@ fn planar_models() {
 }
 
 #[test]
-fn redundant_joints_and_drivers() {
+fn redundant_joints_drivers_and_extra_states() {
     for (code, source) in everything() {
         for (name, text, limits) in [
             ("platform", PLATFORM, (1e-6, 2.0)),
             ("driven pendulum", common::DRIVEN_PENDULUM, (1e-6, 2.0)),
             ("driven telescope", common::DRIVEN_TELESCOPE, (1e-8, 1.0)),
+            ("rubber mounts", common::RUBBER_MOUNTS, (1e-5, 1.0)),
         ] {
             assert_steps_do_not_allocate(name, &model_of(text), code, source, limits);
         }

@@ -81,19 +81,19 @@ pub trait ConstraintElement<const N: usize> {
 
 /// What a force sees.
 #[derive(Debug, Clone, Copy)]
-pub struct ForceInput<T, const D: usize, const N: usize, const W: usize> {
+pub struct ForceInput<'a, T, const D: usize, const N: usize, const W: usize> {
     /// Time, s.
     pub t: T,
     /// The first and the second body.
     pub bodies: [Body<T, D, N, W>; 2],
-    /// Extra state of the element; ignored by elements without one.
-    pub z: T,
+    /// Extra states of the element.
+    pub z: &'a [T],
     /// Angle (rad) at the last accepted step of an element that counts turns: the element takes the
     /// branch of its angle nearest to it. Ignored by the others.
     pub winding: f64,
 }
 
-impl<T, const D: usize, const N: usize, const W: usize> ForceInput<T, D, N, W> {
+impl<T, const D: usize, const N: usize, const W: usize> ForceInput<'_, T, D, N, W> {
     #[inline(always)]
     fn pair(&self) -> [&Body<T, D, N, W>; 2] {
         [&self.bodies[0], &self.bodies[1]]
@@ -105,21 +105,16 @@ impl<T, const D: usize, const N: usize, const W: usize> ForceInput<T, D, N, W> {
     }
 }
 
-/// Wrenches on the two bodies and rate of the extra state.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ForceOutput<T, const W: usize> {
-    /// Force (N) and moment about the centre of mass (N m) on the first and the second body, ground axes.
-    pub wrenches: [[T; W]; 2],
-    /// ż.
-    pub z_rate: T,
-}
+/// Force (N) and moment about the centre of mass (N m) on the first and the second body, ground axes; or numbers on the
+/// displacements or twists of both.
+pub type Wrenches<T, const W: usize> = [[T; W]; 2];
 
 /// A force with its derivatives. δξ is the displacement of a body as [`Body`] has its twist, y the twist; each is
 /// taken with the components of the other one fixed. Derivatives of wrenches w are those of −w, as they resist.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ForceBlocks<T, const W: usize> {
     /// w.
-    pub wrenches: [[T; W]; 2],
+    pub wrenches: Wrenches<T, W>,
     /// −w_ξ, `[felt][moved][row][column]`.
     pub k: PairBlocks<T, W>,
     /// −w_y.
@@ -127,17 +122,23 @@ pub struct ForceBlocks<T, const W: usize> {
     /// Whether w depends on twists: c is zero else.
     pub damped: bool,
     /// −w_t.
-    pub t: [[T; W]; 2],
-    /// −w_z.
-    pub z: [[T; W]; 2],
+    pub t: Wrenches<T, W>,
+}
+
+/// What the extra states of one force do, and what is done to them: derivatives as in [`ForceBlocks`], of as many states as the
+/// element has.
+#[derive(Debug)]
+pub struct ExtraRows<'a, T, const W: usize> {
+    /// −w_z, state by state.
+    pub force: &'a mut [Wrenches<T, W>],
     /// ż_ξ.
-    pub rate_x: [[T; W]; 2],
+    pub by_displacement: &'a mut [Wrenches<T, W>],
     /// ż_y.
-    pub rate_y: [[T; W]; 2],
-    /// ż_z.
-    pub rate_z: T,
+    pub by_twist: &'a mut [Wrenches<T, W>],
+    /// ż_z, by rows.
+    pub own: &'a mut [T],
     /// ż_t.
-    pub rate_t: T,
+    pub time: &'a mut [T],
 }
 
 /// Energy terms of a force: its power is −d(potential)/dt − dissipated + supplied.
@@ -149,6 +150,15 @@ pub struct Energy {
     pub dissipated: f64,
     /// Power supplied from outside (applied forces, road), W.
     pub supplied: f64,
+}
+
+/// Measure of an extra state's errors, see [`ForceElement::extra_state_scales`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ExtraStateScale {
+    /// Whether the state is an angle, rad; else a length, m.
+    pub angle: bool,
+    /// The error that counts like one.
+    pub one: f64,
 }
 
 /// A named quantity that an element can compute.
@@ -166,9 +176,14 @@ pub struct Quantity {
 
 /// Services of a force between two bodies.
 pub trait ForceElement<const D: usize, const N: usize, const W: usize> {
-    /// Whether the element has an extra state z (m), 0 where the element is unloaded.
-    fn has_extra_state(&self) -> bool {
-        false
+    /// Number of extra states z, 0 where the element is unloaded.
+    fn extra_states(&self) -> usize {
+        0
+    }
+    /// Of each the error that counts like a metre or a metre per second of the element's points, or a radian or a radian per
+    /// second between its bodies, whichever is the smaller error of the force.
+    fn extra_state_scales(&self) -> Vec<ExtraStateScale> {
+        Vec::new()
     }
     /// Whether the element counts turns (see [`ForceInput::winding`]).
     fn counts_turns(&self) -> bool {
@@ -178,15 +193,18 @@ pub trait ForceElement<const D: usize, const N: usize, const W: usize> {
     fn angle(&self, _bodies: [&Body<f64, D, N, W>; 2], _winding: f64) -> f64 {
         0.0
     }
-    /// Error of the extra state that counts like a metre or a metre per second of its points,
-    /// whichever is the smaller error of the force, m.
-    fn extra_state_scale(&self) -> f64 {
-        1.0
-    }
     /// Wrenches and ż.
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>);
-    /// Wrenches and all derivatives.
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, D, N, W>,
+        wrenches: &mut Wrenches<T, W>,
+        z_rate: &mut [T],
+    );
+    /// Wrenches and their derivatives, those by extra states excepted.
     fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>);
+    /// Derivatives by extra states and of their rates.
+    fn extra_rows<T: Real>(&self, _input: &ForceInput<T, D, N, W>, _out: &mut ExtraRows<'_, T, W>) {
+    }
     /// Energy terms.
     fn energy(&self, input: &ForceInput<f64, D, N, W>) -> Energy;
     /// Quantities offered as channels.
@@ -279,45 +297,25 @@ impl<T: Real, const N: usize> PairBlocks<T, N> {
     }
 }
 
-impl<T: Real, const W: usize> ForceOutput<T, W> {
-    /// No force.
-    pub fn zero() -> Self {
-        Self { wrenches: [[T::zero(); W]; 2], z_rate: T::zero() }
-    }
-}
-
 impl<T: Real, const W: usize> ForceBlocks<T, W> {
     /// All entries zero.
     pub fn zero() -> Self {
         let o = [[T::zero(); W]; 2];
-        Self {
-            wrenches: o,
-            k: PairBlocks::zero(),
-            c: PairBlocks::zero(),
-            damped: false,
-            t: o,
-            z: o,
-            rate_x: o,
-            rate_y: o,
-            rate_z: T::zero(),
-            rate_t: T::zero(),
-        }
+        Self { wrenches: o, k: PairBlocks::zero(), c: PairBlocks::zero(), damped: false, t: o }
     }
 
     /// All entries zero but those of w and k, which are still to be set, as are those of c where w is damped: most blocks
     /// are full, and to clear them first costs a good part of what making them does.
     #[inline(always)]
     fn begin(&mut self, damped: bool) {
-        let o = [[T::zero(); W]; 2];
-        (self.t, self.z, self.rate_x, self.rate_y) = (o, o, o, o);
-        (self.rate_z, self.rate_t) = (T::zero(), T::zero());
+        self.t = [[T::zero(); W]; 2];
         self.damped = damped;
         if !damped {
             self.c = PairBlocks::zero();
         }
     }
 
-    /// Adds the blocks of another force between the same bodies, both without an extra state.
+    /// Adds the blocks of another force between the same bodies.
     #[inline(always)]
     pub fn add(&mut self, other: &Self) {
         #[inline(always)]

@@ -4,7 +4,9 @@ use super::body::Body;
 use super::forces::rsda::InPlane;
 use super::forces::{self, by_variant};
 use super::space::{Planar, triads};
-use super::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use super::{
+    Energy, ExtraRows, ExtraStateScale, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches,
+};
 use super::{constraint, drivers, joints};
 use crate::math::Real;
 use crate::model::{self, BodyIndex, DriverKind, ForceKind, JointKind};

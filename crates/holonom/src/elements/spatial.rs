@@ -4,7 +4,9 @@ use super::body::Body;
 use super::forces::rsda::AboutAxis;
 use super::forces::{self, by_variant};
 use super::space::{Spatial, triads};
-use super::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use super::{
+    Energy, ExtraRows, ExtraStateScale, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches,
+};
 use super::{constraint, drivers, joints};
 use crate::math::Real;
 use crate::model::{self, BodyIndex, DriverKind, ForceKind, JointKind};
@@ -90,8 +92,9 @@ impl Force {
                 Self::PointForce(PointForce::new(frame, force, *axes, &centers))
             }
             ForceKind::Torque { torque, axes, .. } => Self::Torque(Torque::new(torque, *axes)),
-            ForceKind::Bushing { frames, stiffness, damping } => {
-                Self::Bushing(Box::new(Bushing::new(&triads(frames, &centers), stiffness, damping)))
+            ForceKind::Bushing { frames, stiffness, damping, branches } => {
+                let frames = triads(frames, &centers);
+                Self::Bushing(Box::new(Bushing::new(&frames, stiffness, damping, branches)))
             }
             ForceKind::Tyre(tyre) => Self::Tyre(Box::new(Tyre::new(tyre, &centers))),
         }

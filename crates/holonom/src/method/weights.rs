@@ -3,7 +3,7 @@
 
 use super::ties::Ties;
 use crate::model::Tolerance;
-use crate::system::{Measure, Sizes, State, System};
+use crate::system::{ExtraStateScale, Measure, Sizes, State, System};
 use std::f64::consts::TAU;
 
 /// Inverse squares of the tolerances of one body: translation, rotation, velocity, angular velocity.
@@ -25,7 +25,7 @@ pub struct Weights {
     /// 2 for Euler parameters, 1 for an angle.
     angle_factor: f64,
     bodies: Vec<BodyWeights>,
-    extra_scales: Vec<f64>,
+    extra_scales: Vec<ExtraStateScale>,
     extra: Vec<f64>,
     ties: Ties,
     independent: Option<Independent>,
@@ -60,7 +60,7 @@ impl Weights {
         tolerance: Tolerance,
         sizes: &Sizes,
         ties: Ties,
-        extra_scales: Vec<f64>,
+        extra_scales: Vec<ExtraStateScale>,
         start: &State,
     ) -> Self {
         let mut out = Self {
@@ -97,11 +97,11 @@ impl Weights {
         independent.absolute.resize(w.len(), 0.0);
         for (i, w) in w.iter().enumerate() {
             independent.size[i] = w.abs();
-            independent.absolute[i] = if i >= 2 * ndof || measure(i % ndof) == Measure::Length {
-                translation
-            } else {
-                rotation
+            let angle = match i.checked_sub(2 * ndof) {
+                Some(k) => self.extra_scales[k].angle,
+                None => measure(i % ndof) == Measure::Angle,
             };
+            independent.absolute[i] = if angle { rotation } else { translation };
         }
     }
 
@@ -142,7 +142,8 @@ impl Weights {
         self.ties.set(state, &self.tolerance);
         let scaled = self.extra_scales.iter().zip(&state.z);
         for (weight, (scale, z)) in self.extra.iter_mut().zip(scaled) {
-            *weight = scale * translation + relative * z.abs();
+            let absolute = if scale.angle { rotation } else { translation };
+            *weight = scale.one * absolute + relative * z.abs();
         }
     }
 

@@ -4,6 +4,7 @@
 //! Poses, points and axes are stored with three components also for planar models, where the third
 //! component of a point is 0 and frames turn about z only, so that one set of types serves both.
 
+mod branches;
 mod plausibility;
 mod shapes;
 mod validation;
@@ -253,8 +254,8 @@ pub enum ForceKind {
         /// rad.
         free_angle: f64,
     },
-    /// A spring and a damper in series along the line of two points. Extra state: the damper's
-    /// extension z (m), f = stiffness (l − free_length − z), ż = f / damping.
+    /// A spring and a damper in series along the line of two points. Extra state: the spring's
+    /// extension z (m), f = stiffness z, ż = l̇ − f / damping.
     Maxwell {
         /// Points on the first and the second body.
         frames: [Frame; 2],
@@ -267,7 +268,7 @@ pub enum ForceKind {
     },
     /// Linear 6×6 bushing: u = (d, e), d the translation of the second frame's point in the first
     /// frame (m), e = 2 sign(e0) (e1, e2, e3) of the relative Euler parameters (rad); wrench from
-    /// ½ uᵀ K u and C u̇. Spatial.
+    /// ½ uᵀ K u and C u̇, and from the springs of its branches. Spatial.
     Bushing {
         /// Frames on the first and the second body.
         frames: [Frame; 2],
@@ -275,6 +276,8 @@ pub enum ForceKind {
         stiffness: Box<[[f64; 6]; 6]>,
         /// Symmetric, positive semidefinite; N s/m, N s, N m s/rad.
         damping: Box<[[f64; 6]; 6]>,
+        /// Beside these, springs and dampers in series.
+        branches: Vec<Branch>,
     },
     /// Smooth vertical tyre with optional lateral force, at a wheel centre. Spatial.
     Tyre(Tyre),
@@ -380,6 +383,25 @@ pub enum Road {
     },
 }
 
+/// A branch of a viscoelastic bushing: a spring and a damper in series over the bushing's deformation u. Extra states: the
+/// extensions z of the spring in its directions; wrench from K z, ż = u̇ − C⁻¹K z.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Branch {
+    /// Name within the bushing.
+    pub name: String,
+    /// Symmetric, positive semidefinite; N/m, N, N m/rad.
+    pub stiffness: [[f64; 6]; 6],
+    /// Symmetric; positive definite on the directions of the spring, zero on others; N s/m, N s, N m s/rad.
+    pub damping: [[f64; 6]; 6],
+}
+
+impl Branch {
+    /// Directions in which there is a spring: one extra state each.
+    pub fn directions(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..6).filter(|&k| self.stiffness[k].iter().any(|x| *x != 0.0))
+    }
+}
+
 /// Stated initial state. What is `None` follows from the joints.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Initial {
@@ -389,8 +411,17 @@ pub struct Initial {
     pub bodies: Vec<InitialBody>,
     /// Stated relative coordinates of joints.
     pub joints: Vec<InitialCoordinate>,
-    /// Initial extra states by force name; unstated ones start unloaded (Maxwell: f = 0).
-    pub extra_states: Vec<(String, f64)>,
+    /// Initial extra states by force name; unstated ones start unloaded.
+    pub extra_states: Vec<(String, InitialExtraState)>,
+}
+
+/// Stated initial extra states of one force.
+#[derive(Debug, Clone, PartialEq)]
+pub enum InitialExtraState {
+    /// Extension of the spring of a Maxwell element, m.
+    Spring(f64),
+    /// Extensions of the springs of branches in their six directions, m and rad, by name.
+    Branches(Vec<(String, [f64; 6])>),
 }
 
 /// How stated initial values are treated.

@@ -36,16 +36,17 @@ pub fn validate(model: &Model) -> Vec<Diagnostic> {
     if let Some(interval) = model.outputs.interval {
         rules.positive("outputs.interval", interval, "s");
     }
+    rules.extra_states(model);
     rules.simulation(&model.simulation);
     rules.errors
 }
 
-struct Rules {
+pub(super) struct Rules {
     errors: Vec<Diagnostic>,
 }
 
 impl Rules {
-    fn refuse(&mut self, code: Code, path: &str, message: String, help: &str) {
+    pub(super) fn refuse(&mut self, code: Code, path: &str, message: String, help: &str) {
         self.errors.push(Diagnostic::new(code, path, message).help(help));
     }
 
@@ -245,15 +246,9 @@ impl Rules {
                 self.positive(&at("damping"), *damping, "N s/m");
                 self.not_negative(&at("free_length"), *free_length, "m");
             }
-            ForceKind::Bushing { frames, stiffness, damping } => {
+            ForceKind::Bushing { frames, stiffness, damping, branches } => {
                 self.frames(item, frames, model);
-                for (name, matrix) in [("stiffness_matrix", stiffness), ("damping_matrix", damping)]
-                {
-                    if let Err((message, help)) = matrix_rules(matrix) {
-                        let path = at(name);
-                        self.refuse(Code::Matrix, &path, format!("`{path}` {message}"), help);
-                    }
-                }
+                self.bushing(item, [stiffness, damping], branches);
             }
             ForceKind::Tyre(tyre) => {
                 self.frame(&at("on"), &tyre.frame, model);
@@ -326,10 +321,10 @@ fn quantity(value: f64, unit: &str) -> String {
     if unit.is_empty() { shown(value) } else { format!("{} {unit}", shown(value)) }
 }
 
-type Rule = Result<(), (String, &'static str)>;
+pub(super) type Rule = Result<(), (String, &'static str)>;
 
 /// Relative slack of symmetry, definiteness and the triangle inequality: digits of a file.
-const SLACK: f64 = 1e-9;
+pub(super) const SLACK: f64 = 1e-9;
 
 /// An inertia tensor is symmetric, positive semidefinite and keeps the triangle inequality: the
 /// largest principal moment is at most the sum of the others. With tr the trace, that is
@@ -375,7 +370,7 @@ fn inertia_rules(j: &[[f64; 3]; 3]) -> Rule {
     ))
 }
 
-fn matrix_rules(k: &[[f64; 6]; 6]) -> Rule {
+pub(super) fn matrix_rules(k: &[[f64; 6]; 6]) -> Rule {
     // Rows of lengths and of angles differ in size: scaled by the diagonal, all have size one.
     for i in 0..6 {
         if k[i][i] < 0.0 {
@@ -416,7 +411,7 @@ fn asymmetric<const N: usize>(a: &[[f64; N]; N], slack: f64) -> Option<(usize, u
 
 /// Whether a symmetric matrix has no eigenvalue below −slack: Cholesky with diagonal pivoting of
 /// A + slack I, where a vanishing pivot must leave a vanishing rest.
-fn semidefinite<const N: usize>(a: &[[f64; N]; N], slack: f64) -> bool {
+pub(super) fn semidefinite<const N: usize>(a: &[[f64; N]; N], slack: f64) -> bool {
     let mut a = *a;
     for i in 0..N {
         a[i][i] += slack;

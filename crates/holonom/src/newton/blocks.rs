@@ -4,7 +4,7 @@
 use super::zeros::Zeros;
 use crate::error::EvaluationFailure;
 use crate::reduction::{BodyRows, Chart, Manifold, ReducedDerivatives};
-use crate::system::{DerivativeBlocks, State};
+use crate::system::{DerivativeBlocks, ExtraSquares, State};
 use crate::threads::Threads;
 use holonom_linalg::{DenseLu, SingularMatrix, gram_add, gram_spans_add};
 
@@ -40,7 +40,7 @@ pub struct ReducedBlocks {
     /// ż_v̇, row k at `k * ndof`.
     pub extra_velocity: Vec<f64>,
     /// ż_z.
-    pub extra_extra: Vec<f64>,
+    pub extra_extra: ExtraSquares,
     /// All blocks in the system's coordinates.
     pub blocks: DerivativeBlocks,
     /// (P q̇)_q of the rows of P that move.
@@ -88,7 +88,7 @@ impl ReducedBlocks {
             force_extra: vec![0.0; nz * ndof],
             extra_position: vec![0.0; nz * ndof],
             extra_velocity: vec![0.0; nz * ndof],
-            extra_extra: vec![0.0; nz],
+            extra_extra: ExtraSquares::new(&structure.extra_blocks),
             blocks: structure.derivative_blocks(threads),
             turning_rate: turning.clone(),
             turning,
@@ -163,7 +163,7 @@ impl ReducedBlocks {
         };
         let threads = blocks.threads().clone();
         threads.share(|| manifold.linearize(state, blocks, &mut out));
-        self.extra_extra.copy_from_slice(&self.blocks.extra_extra);
+        self.take_extra_squares();
     }
 
     /// D and the blocks of the system alone, at a state as for [`ReducedBlocks::evaluate`].
@@ -225,7 +225,7 @@ impl ReducedBlocks {
     /// When M̂ is singular.
     pub fn jacobian(&self) -> Result<Vec<f64>, EvaluationFailure> {
         let ndof = self.independent.len();
-        let n = 2 * ndof + self.extra_extra.len();
+        let n = 2 * ndof + self.extra_extra.states();
         let mut j = vec![0.0; n * n];
         for k in 0..ndof {
             j[k * n + ndof + k] = 1.0;
@@ -249,13 +249,18 @@ impl ReducedBlocks {
                 j[(ndof + row) * n + column] = *x;
             }
         }
-        for k in 0..self.extra_extra.len() {
+        for k in 0..self.extra_extra.states() {
             let row = &mut j[(2 * ndof + k) * n..(2 * ndof + k + 1) * n];
             row[..ndof].copy_from_slice(&self.extra_position[k * ndof..(k + 1) * ndof]);
             row[ndof..2 * ndof].copy_from_slice(&self.extra_velocity[k * ndof..(k + 1) * ndof]);
-            row[2 * ndof + k] = self.extra_extra[k];
+            self.extra_extra.row(k).for_each(|(l, x)| row[2 * ndof + l] = x);
         }
         Ok(j)
+    }
+
+    /// ż_z of the last evaluation of the system's blocks.
+    pub(super) fn take_extra_squares(&mut self) {
+        self.extra_extra.values.copy_from_slice(&self.blocks.extra_extra.values);
     }
 
     fn evaluate_extra_states(&mut self, manifold: &mut Manifold) {
@@ -264,7 +269,7 @@ impl ReducedBlocks {
             (&system.structure().extra_bodies, system.structure().sizes.per_body);
         let ndof = manifold.chart().ndof();
         let linear = manifold.chart().parametrization().linear();
-        self.extra_extra.copy_from_slice(&self.blocks.extra_extra);
+        self.take_extra_squares();
         for (k, ends) in bodies.iter().enumerate() {
             let range = k * ndof..(k + 1) * ndof;
             let place = |source: &[f64], target: &mut [f64]| {

@@ -1,6 +1,8 @@
 //! The dense matrix with a complex γh.
 
 use super::blocks::{ReducedBlocks, reversed};
+use super::extra::Elimination;
+use crate::system::Structure;
 use holonom_linalg::{Complex64, DenseComplexLu, SingularMatrix, dot};
 
 /// Π = M̂ + γh M̂₁' + γ²h² M̂₂' with a complex γh, factored; the equations are those of
@@ -11,19 +13,21 @@ pub(super) struct ComplexSolver {
     /// With the last variable first, as the real factor.
     lu: DenseComplexLu,
     pi: Vec<Complex64>,
-    inverse_e: Vec<Complex64>,
+    extra: Elimination<Complex64>,
     v: Vec<Complex64>,
+    z: Vec<Complex64>,
 }
 
 impl ComplexSolver {
-    pub(super) fn new(ndof: usize, extra_states: usize) -> Self {
+    pub(super) fn new(ndof: usize, structure: &Structure) -> Self {
         let zeros = |n: usize| vec![Complex64::new(0.0, 0.0); n];
         Self {
             gamma_h: Complex64::new(0.0, 0.0),
             lu: DenseComplexLu::new(ndof),
             pi: zeros(ndof * ndof),
-            inverse_e: zeros(extra_states),
+            extra: Elimination::new(structure),
             v: zeros(ndof),
+            z: zeros(structure.sizes.extra_states),
         }
     }
 
@@ -45,19 +49,21 @@ impl ComplexSolver {
         for (pi, (m, (m1, m2))) in self.pi.iter_mut().rev().zip(parts) {
             *pi = m + gamma_h * m1 + square * m2;
         }
-        for (k, inverse_e) in self.inverse_e.iter_mut().enumerate() {
-            *inverse_e = (1.0 - gamma_h * b.extra_extra[k]).inv();
+        self.extra.factor(gamma_h, &b.extra_extra, [&b.extra_position, &b.extra_velocity]);
+        for k in 0..self.z.len() {
             let range = k * ndof..(k + 1) * ndof;
             let (zeta, by_p, by_v) = (
                 &b.force_extra[range.clone()],
-                &b.extra_position[range.clone()],
-                &b.extra_velocity[range],
+                &self.extra.by_position[range.clone()],
+                &self.extra.by_velocity[range],
             );
+            for (effect, (by_p, by_v)) in self.v.iter_mut().zip(by_p.iter().zip(by_v)) {
+                *effect = square * (by_v + gamma_h * by_p);
+            }
             for i in 0..ndof {
-                let scale = square * *inverse_e * zeta[i];
                 let row = &mut self.pi[(ndof - 1 - i) * ndof..(ndof - i) * ndof];
-                for (j, pi) in row.iter_mut().rev().enumerate() {
-                    *pi += scale * (by_v[j] + gamma_h * by_p[j]);
+                for (pi, effect) in row.iter_mut().rev().zip(&self.v) {
+                    *pi += effect * zeta[i];
                 }
             }
         }
@@ -77,12 +83,14 @@ impl ComplexSolver {
             let row = &b.stiffness[i * ndof..(i + 1) * ndof];
             *v = at(x, y, ndof + i) - gamma_h * times(row, x, y);
         }
-        for (k, inverse_e) in self.inverse_e.iter().enumerate() {
-            let range = k * ndof..(k + 1) * ndof;
-            let by_p = gamma_h * times(&b.extra_position[range.clone()], x, y);
-            let scale = gamma_h * inverse_e * (at(x, y, 2 * ndof + k) + by_p);
-            for (v, zeta) in self.v.iter_mut().zip(&b.force_extra[range]) {
-                *v -= scale * zeta;
+        for (k, z) in self.z.iter_mut().enumerate() {
+            let by_p = times(&b.extra_position[k * ndof..(k + 1) * ndof], x, y);
+            *z = at(x, y, 2 * ndof + k) + gamma_h * by_p;
+        }
+        self.extra.solve(&mut self.z);
+        for (k, z) in self.z.iter().enumerate() {
+            for (v, zeta) in self.v.iter_mut().zip(&b.force_extra[k * ndof..]) {
+                *v -= gamma_h * z * zeta;
             }
         }
         self.v.reverse();
@@ -93,12 +101,15 @@ impl ComplexSolver {
             (x[i], y[i]) = (p.re, p.im);
             (x[ndof + i], y[ndof + i]) = (v.re, v.im);
         }
-        for (k, inverse_e) in self.inverse_e.iter().enumerate() {
-            let (range, j) = (k * ndof..(k + 1) * ndof, 2 * ndof + k);
+        for (k, z) in self.z.iter_mut().enumerate() {
+            let range = k * ndof..(k + 1) * ndof;
             let by_p = times(&b.extra_position[range.clone()], x, y);
             let by_v = times(&b.extra_velocity[range], &x[ndof..], &y[ndof..]);
-            let z = inverse_e * (at(x, y, j) + gamma_h * (by_p + by_v));
-            (x[j], y[j]) = (z.re, z.im);
+            *z = at(x, y, 2 * ndof + k) + gamma_h * (by_p + by_v);
+        }
+        self.extra.solve(&mut self.z);
+        for (k, z) in self.z.iter().enumerate() {
+            (x[2 * ndof + k], y[2 * ndof + k]) = (z.re, z.im);
         }
     }
 }

@@ -159,18 +159,16 @@ impl Matrix for DescriptorMatrix {
     }
 
     fn factor(&mut self, parts: &Linearization) -> Result<u64, SingularMatrix> {
-        let (gamma_h, beta_h2, reduced) = (parts.gamma_h, parts.beta_h2, &parts.blocks);
+        let (gamma_h, beta_h2) = (parts.gamma_h, parts.beta_h2);
         for ((sum, rate), position) in self.sum.iter_mut().zip(&self.by_rate).zip(&self.by_position)
         {
             *sum = gamma_h * rate + beta_h2 * position;
         }
         let k = self.ndof;
-        for column in 0..if parts.inverse_e.is_empty() { 0 } else { k } {
+        for column in 0..if parts.extra.is_empty() { 0 } else { k } {
             let scale = |e: usize| {
-                let at = e * k + column;
-                let effect =
-                    beta_h2 * reduced.extra_position[at] + gamma_h * reduced.extra_velocity[at];
-                gamma_h * parts.inverse_e[e] * effect
+                let (at, extra) = (e * k + column, &parts.extra);
+                gamma_h * (beta_h2 * extra.by_position[at] + gamma_h * extra.by_velocity[at])
             };
             let moving = self.reduced.then_some(&self.moving);
             add_extra_force(parts, moving, scale, &mut self.sum[column..], k);
@@ -199,8 +197,7 @@ impl Matrix for DescriptorMatrix {
             let range = i * k..(i + 1) * k;
             *out = dot(&self.by_rate[range.clone()], v) + dot(&self.by_position[range], p);
         }
-        let effect =
-            |e: usize| z[e] + parts.inverse_e[e] * parts.gamma_h * parts.extra_rate(e, p, v);
+        let effect = |e: usize| z[e] + parts.gamma_h * parts.extra.reduced_rate(e, p, v);
         let moving = self.reduced.then_some(&self.moving);
         add_extra_force(parts, moving, effect, &mut x.force, 1);
         self.solve(parts, &mut x);
@@ -240,7 +237,7 @@ impl DescriptorMatrix {
     fn reduce_extra_states(&self, system: &dyn System, reduced: &mut ReducedBlocks) {
         let structure = system.structure();
         let (per_body, k) = (structure.sizes.per_body, self.ndof);
-        reduced.extra_extra.copy_from_slice(&reduced.blocks.extra_extra);
+        reduced.take_extra_squares();
         reduced.extra_position.fill(0.0);
         reduced.extra_velocity.fill(0.0);
         for (e, ends) in structure.extra_bodies.iter().enumerate() {

@@ -108,8 +108,12 @@ impl Differences {
                 match k {
                     k if k < ndof => b.extra_position[j * ndof + k] = x,
                     k if k < 2 * ndof => b.extra_velocity[j * ndof + k - ndof] = x,
-                    k if k - 2 * ndof == j => b.extra_extra[j] = x,
-                    _ => {} // extra states do not act on each other directly
+                    // Those of different elements do not act on each other directly.
+                    k => {
+                        if let Some(entry) = b.extra_extra.entry_mut(j, k - 2 * ndof) {
+                            *entry = x;
+                        }
+                    }
                 }
             }
             if k < ndof {

@@ -2,11 +2,12 @@
 
 use super::blocks::ReducedBlocks;
 use super::differences::Differences;
+use super::extra::Elimination;
 use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, Manifold, Point};
 use crate::system::System;
 use crate::threads::Threads;
-use holonom_linalg::{Wide, dot, run_wide};
+use holonom_linalg::{Wide, run_wide};
 use std::sync::Arc;
 
 /// The blocks of the last linearization with the coefficients of the last factor.
@@ -35,8 +36,7 @@ pub struct Linearization {
     moved: Vec<f64>,
     pub(super) gamma_h: f64,
     pub(super) beta_h2: f64,
-    /// E⁻¹ = (1 − γh ż_z)⁻¹, E being diagonal.
-    pub(super) inverse_e: Vec<f64>,
+    pub(super) extra: Elimination<f64>,
     /// Whether the blocks are reduced ones; otherwise those of the system alone.
     reduced: bool,
     rows: Vec<f64>,
@@ -76,7 +76,7 @@ impl Linearization {
             }),
             gamma_h: 0.0,
             beta_h2: 0.0,
-            inverse_e: vec![0.0; s.extra_states],
+            extra: Elimination::new(manifold.system().structure()),
             reduced,
             rows: vec![0.0; s.rows],
             rates: vec![0.0; ndof],
@@ -163,22 +163,14 @@ impl Linearization {
 
     pub(super) fn set_coefficients(&mut self, gamma_h: f64, beta_h2: f64) {
         (self.gamma_h, self.beta_h2) = (gamma_h, beta_h2);
-        for (out, by_z) in self.inverse_e.iter_mut().zip(&self.blocks.extra_extra) {
-            *out = 1.0 / (1.0 - gamma_h * by_z);
-        }
-    }
-
-    /// ż_v δv + ż_v̇ δv̇ of extra state `k`, from reduced blocks.
-    pub(super) fn extra_rate(&self, k: usize, p: &[f64], v: &[f64]) -> f64 {
-        let range = k * p.len()..(k + 1) * p.len();
-        dot(&self.blocks.extra_position[range.clone()], p)
-            + dot(&self.blocks.extra_velocity[range], v)
-    }
-
-    /// z ← E⁻¹ z.
-    pub(super) fn reduce_extra_states(&self, z: &mut [f64]) {
-        for (z, inverse_e) in z.iter_mut().zip(&self.inverse_e) {
-            *z *= inverse_e;
+        if !self.extra.is_empty() {
+            let (reduced, system) = (&self.blocks, &self.blocks.blocks);
+            let rates = if self.reduced {
+                [&reduced.extra_position, &reduced.extra_velocity]
+            } else {
+                [&system.extra_position, &system.extra_velocity]
+            };
+            self.extra.factor(gamma_h, &reduced.extra_extra, rates.map(|rows| &rows[..]));
         }
     }
 
@@ -189,7 +181,7 @@ impl Linearization {
         }
         if self.reduced {
             for (k, z) in z.iter_mut().enumerate() {
-                *z += self.inverse_e[k] * self.gamma_h * self.extra_rate(k, p, v);
+                *z += self.gamma_h * self.extra.reduced_rate(k, p, v);
             }
             return;
         }
@@ -197,17 +189,9 @@ impl Linearization {
         self.spread(p, v, &mut dq, &mut dv);
         let structure = self.system.structure();
         for (k, z) in z.iter_mut().enumerate() {
-            let (ends, per_body) = (&structure.extra_bodies[k], structure.sizes.per_body);
-            let rate = self.blocks.blocks.extra_rate(k, ends, per_body, &dq, &dv);
-            *z += self.inverse_e[k] * self.gamma_h * rate;
+            *z += self.gamma_h * self.extra.rate(k, &structure.extra_bodies[k], &dq, &dv);
         }
         (self.dq, self.dv) = (dq, dv);
-    }
-
-    /// z ← E⁻¹ (z + γh (ż_v δv + ż_v̇ δv̇)).
-    pub(super) fn solve_extra_states(&mut self, p: &[f64], v: &[f64], z: &mut [f64]) {
-        self.reduce_extra_states(z);
-        self.add_effect_on_extra_states(p, v, z);
     }
 
     /// What δv̈ does to w: βh² δv̈, γh δv̈, and the rest of δz.

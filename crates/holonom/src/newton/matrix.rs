@@ -127,7 +127,7 @@ pub trait FirstOrderMatrix: Matrix {
     /// δv̈ = −Ψ⁻¹ (ψ + Ẑ δz), ψ and then δv̈ in `rate`; an empty `z` stands for zeros.
     fn correct(&mut self, parts: &Linearization, z: &[f64], rate: &mut [f64]);
 
-    /// The first two of (5) in `docs/theory/newton.md`, for M̂ r_v in `v`; `z` is left alone.
+    /// The first two of (5) in `docs/theory/newton.md`, for M̂ r_v in `v` and E⁻¹ r_z in `z`.
     fn solve(&mut self, parts: &mut Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]);
 
     /// Factors for a complex γh, beside the real factor.

@@ -7,6 +7,7 @@ mod complex;
 mod descriptor;
 mod descriptor_pattern;
 mod differences;
+mod extra;
 mod forest;
 mod general;
 mod linearization;

@@ -76,15 +76,15 @@ impl Matrix for ReducedMatrix {
         let (gamma_h, beta_h2) = (parts.gamma_h, parts.beta_h2);
         self.m1.copy_from_slice(&b.damping);
         self.m2.copy_from_slice(&b.stiffness);
-        for (k, inverse_e) in parts.inverse_e.iter().enumerate() {
+        for k in 0..b.extra_extra.states() {
             let range = k * ndof..(k + 1) * ndof;
             let (zeta, by_p, by_v) = (
                 &b.force_extra[range.clone()],
-                &b.extra_position[range.clone()],
-                &b.extra_velocity[range],
+                &parts.extra.by_position[range.clone()],
+                &parts.extra.by_velocity[range],
             );
             for i in 0..ndof {
-                let scale = gamma_h * zeta[i] * inverse_e;
+                let scale = gamma_h * zeta[i];
                 for j in 0..ndof {
                     self.m1[i * ndof + j] += scale * by_v[j];
                     self.m2[i * ndof + j] += scale * by_p[j];
@@ -143,7 +143,7 @@ impl FirstOrderMatrix for ReducedMatrix {
         let (ndof, gh, b) = (p.len(), parts.gamma_h, &parts.blocks);
         // v ← b − γh M̂₂' r_p
         for (k, z) in z.iter().enumerate() {
-            let scale = -gh * parts.inverse_e[k] * z;
+            let scale = -gh * z;
             for (out, zeta) in v.iter_mut().zip(&b.force_extra[k * ndof..]) {
                 *out += scale * zeta;
             }
@@ -160,8 +160,9 @@ impl FirstOrderMatrix for ReducedMatrix {
         parts: &Linearization,
         gamma_h: Complex64,
     ) -> Result<(), SingularMatrix> {
-        let (ndof, extra) = (self.felt.len(), parts.inverse_e.len());
-        let solver = self.complex.get_or_insert_with(|| Box::new(ComplexSolver::new(ndof, extra)));
+        let (ndof, structure) = (self.felt.len(), parts.system.structure());
+        let new = || Box::new(ComplexSolver::new(ndof, structure));
+        let solver = self.complex.get_or_insert_with(new);
         solver.factor(&parts.blocks, gamma_h)
     }
 

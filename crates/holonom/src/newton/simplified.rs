@@ -105,7 +105,7 @@ impl Simplified {
         self.solved_rate(&parts.chart, rate);
     }
 
-    /// ρ stands for δv̇: f = Pᵀ(M̂ r_v) − γh (K D r_p + F_z E⁻¹ (r_z + γh g_q D r_p)).
+    /// ρ stands for δv̇: f = Pᵀ(M̂ r_v) − γh (K D r_p + F_z (r_z + γh E⁻¹ g_q D r_p)) with E⁻¹ r_z for r_z.
     pub(super) fn solve(
         &mut self,
         parts: &mut Linearization,
@@ -122,7 +122,7 @@ impl Simplified {
         rows.fill(0.0);
         parts.chart.extend(v, force);
         parts.blocks.blocks.stiffness.multiply_add(-gh, dq, force);
-        let scale = |k| -gh * parts.inverse_e[k] * (z[k] + gh * extra_rate(parts, k, dq, dv));
+        let scale = |k| -gh * (z[k] + gh * extra_rate(parts, k, dq, dv));
         add_extra_force(parts, None, scale, force, 1);
         self.solved_rate(&parts.chart, v);
         for (p, v) in p.iter_mut().zip(v) {
@@ -134,7 +134,7 @@ impl Simplified {
     pub(super) fn solve_complex(
         &mut self,
         parts: &mut Linearization,
-        side: &ComplexSide,
+        side: &mut ComplexSide,
         x: &mut [f64],
         y: &mut [f64],
     ) {
@@ -165,26 +165,22 @@ impl Simplified {
         };
         for (k, ends) in structure.extra_bodies.iter().enumerate() {
             let ends = || ends.iter().enumerate().filter_map(|(s, body)| body.map(|b| (s, b)));
-            // r_z + γh g_q D r_p, which the last lines need too.
-            let mut rest = Complex64::new(x[2 * ndof + k], y[2 * ndof + k]);
+            // r_z + γh E⁻¹ g_q D r_p, which the last lines need too.
             for (at, j) in ends().flat_map(|(s, b)| own(s, b, k)) {
-                rest += gh * Complex64::new(re[j], im[j]) * blocks.extra_position[at];
+                side.z[k] += gh * Complex64::new(re[j], im[j]) * side.extra.by_position[at];
             }
-            let scale = gh * side.inverse_e[k] * rest;
             for (at, j) in ends().flat_map(|(s, b)| own(s, b, k)) {
-                right[j] -= scale * blocks.force_extra[at];
+                right[j] -= gh * side.z[k] * blocks.force_extra[at];
             }
-            (x[2 * ndof + k], y[2 * ndof + k]) = (rest.re, rest.im);
         }
         elimination.as_mut().expect("factored before").solve_complex(right);
         for (k, ends) in structure.extra_bodies.iter().enumerate() {
             let ends = ends.iter().enumerate().filter_map(|(s, body)| body.map(|b| (s, b)));
-            let mut z = Complex64::new(x[2 * ndof + k], y[2 * ndof + k]);
+            let mut z = side.z[k];
             for (at, j) in ends.flat_map(|(s, b)| own(s, b, k)) {
-                let by = gh * blocks.extra_position[at] + blocks.extra_velocity[at];
+                let by = gh * side.extra.by_position[at] + side.extra.by_velocity[at];
                 z += gh * by * right[j];
             }
-            z *= side.inverse_e[k];
             (x[2 * ndof + k], y[2 * ndof + k]) = (z.re, z.im);
         }
         for (imaginary, out) in [(false, &mut *x), (true, &mut *y)] {
@@ -255,7 +251,7 @@ impl Simplified {
         mass.multiply_add(-1.0, da, force);
         parts.blocks.blocks.damping.multiply_add(-1.0, dv, force);
         parts.blocks.blocks.stiffness.multiply_add(-1.0, dq, force);
-        let scale = |k| -(z[k] + parts.inverse_e[k] * gh * extra_rate(parts, k, dq, dv));
+        let scale = |k| -(z[k] + gh * extra_rate(parts, k, dq, dv));
         add_extra_force(parts, None, scale, force, 1);
     }
 }
@@ -267,11 +263,9 @@ fn sum(x: &[f64], alpha: f64, y: &[f64], out: &mut [f64]) {
     }
 }
 
-/// g_q δq + g_q̇ δq̇ of an extra state.
+/// E⁻¹ (g_q δq + g_q̇ δq̇) of an extra state.
 fn extra_rate(parts: &Linearization, k: usize, dq: &[f64], dv: &[f64]) -> f64 {
-    let structure = parts.system.structure();
-    let ends = &structure.extra_bodies[k];
-    parts.blocks.blocks.extra_rate(k, ends, structure.sizes.per_body, dq, dv)
+    parts.extra.rate(k, &parts.system.structure().extra_bodies[k], dq, dv)
 }
 
 /// p = P x.

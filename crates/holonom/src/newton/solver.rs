@@ -164,7 +164,7 @@ impl<M: Matrix> Newton<M> {
         for (p, v) in ep.iter_mut().zip(&*ev) {
             *p += bh2 / gh * v;
         }
-        self.parts.reduce_extra_states(ez);
+        self.parts.extra.solve(ez);
         self.matrix.respond(&mut self.parts, ep, ev, ez, &mut self.rate);
         for ((p, v), a) in ep.iter_mut().zip(&mut *ev).zip(&self.rate) {
             *p += bh2 * a;
@@ -190,7 +190,7 @@ impl<M: FirstOrderMatrix> Newton<M> {
     /// and its effect (βh² δv̈, γh δv̈, δz).
     pub fn correct(&mut self, rate: &mut [f64], change: &mut [f64]) {
         let dz = &mut change[2 * rate.len()..];
-        self.parts.reduce_extra_states(dz);
+        self.parts.extra.solve(dz);
         self.matrix.correct(&self.parts, dz, rate);
         self.parts.effect(rate, change);
     }
@@ -214,8 +214,9 @@ impl<M: FirstOrderMatrix> Newton<M> {
     pub fn solve(&mut self, x: &mut [f64]) {
         let (p, rest) = x.split_at_mut(self.rate.len());
         let (v, z) = rest.split_at_mut(self.rate.len());
+        self.parts.extra.solve(z);
         self.matrix.solve(&mut self.parts, p, v, z);
-        self.parts.solve_extra_states(p, v, z);
+        self.parts.add_effect_on_extra_states(p, v, z);
     }
 
     /// Factors I − γhJ for a complex γh, beside the real factor.
@@ -259,7 +260,7 @@ impl<M: DescriptorForm> Newton<M> {
     /// last entries of `change` become corrections.
     pub fn correct_unknowns(&mut self, x: &mut Unknowns, change: &mut [f64]) {
         let dz = &mut change[2 * x.rate.len()..];
-        self.parts.reduce_extra_states(dz);
+        self.parts.extra.solve(dz);
         self.matrix.correct_unknowns(&mut self.parts, dz, x);
         self.parts.effect(&x.rate, change);
     }

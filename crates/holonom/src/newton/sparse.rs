@@ -2,6 +2,7 @@
 
 use super::chosen::prefers_simplified;
 use super::descriptor::{Unknowns, add_extra_force};
+use super::extra::Elimination as ExtraElimination;
 use super::forest::{ForestElimination, Right};
 use super::general::GeneralElimination;
 use super::linearization::Linearization;
@@ -70,7 +71,8 @@ enum Elimination {
 #[derive(Debug, Clone)]
 pub(super) struct ComplexSide {
     pub(super) gamma_h: Complex64,
-    pub(super) inverse_e: Vec<Complex64>,
+    pub(super) extra: ExtraElimination<Complex64>,
+    pub(super) z: Vec<Complex64>,
     given: Vec<Complex64>,
     force: Vec<Complex64>,
     rate: Vec<Complex64>,
@@ -166,7 +168,7 @@ impl Matrix for SparseMatrix {
                 self.wide.resize(4 * self.n, 0.0);
             }
         }
-        parts.blocks.extra_extra.copy_from_slice(&parts.blocks.blocks.extra_extra);
+        parts.blocks.take_extra_squares();
     }
 
     /// Differences are taken of dense blocks only.
@@ -179,7 +181,7 @@ impl Matrix for SparseMatrix {
             gamma_h: parts.gamma_h,
             beta_h2: parts.beta_h2,
             ratio: parts.beta_h2 / parts.gamma_h,
-            inverse_e: &parts.inverse_e,
+            extra: &parts.extra,
         };
         if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
             return simplified.factor(&sum);
@@ -253,7 +255,7 @@ impl FirstOrderMatrix for SparseMatrix {
         rate.copy_from_slice(&self.rate);
     }
 
-    /// ρ stands for δv̇ itself: f₁ = [0; r_p/γh], f₄ = Pᵀ(M̂ r_v) − γh F_z E⁻¹ r_z.
+    /// ρ stands for δv̇ itself: f₁ = [0; r_p/γh], f₄ = Pᵀ(M̂ r_v) − γh F_z r_z with E⁻¹ r_z for r_z.
     fn solve(&mut self, parts: &mut Linearization, p: &mut [f64], v: &mut [f64], z: &[f64]) {
         if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
             return simplified.solve(parts, p, v, z);
@@ -261,8 +263,7 @@ impl FirstOrderMatrix for SparseMatrix {
         let gh = parts.gamma_h;
         parts.chart.extend(v, &mut self.force);
         self.given[0].iter_mut().zip(&*p).for_each(|(out, p)| *out = p / gh);
-        let scale = |k| -gh * parts.inverse_e[k] * z[k];
-        add_extra_force(parts, None, scale, &mut self.force, 1);
+        add_extra_force(parts, None, |k| -gh * z[k], &mut self.force, 1);
         self.solve_right([true, false]);
         v.copy_from_slice(&self.rate);
         for (p, v) in p.iter_mut().zip(v) {
@@ -279,7 +280,8 @@ impl FirstOrderMatrix for SparseMatrix {
         let side = self.complex.get_or_insert_with(|| {
             Box::new(ComplexSide {
                 gamma_h,
-                inverse_e: vec![zero; parts.inverse_e.len()],
+                extra: ExtraElimination::new(parts.system.structure()),
+                z: vec![zero; parts.blocks.extra_extra.states()],
                 given: Vec::new(),
                 force: Vec::new(),
                 rate: Vec::new(),
@@ -288,16 +290,16 @@ impl FirstOrderMatrix for SparseMatrix {
             })
         });
         side.gamma_h = gamma_h;
-        for (out, by_z) in side.inverse_e.iter_mut().zip(&parts.blocks.extra_extra) {
-            *out = (1.0 - gamma_h * by_z).inv();
-        }
+        let blocks = &parts.blocks.blocks;
+        let rates = [&blocks.extra_position, &blocks.extra_velocity].map(|rows| &rows[..]);
+        side.extra.factor(gamma_h, &parts.blocks.extra_extra, rates);
         let sum = Sum {
             mass: &self.mass,
             blocks: &parts.blocks,
             gamma_h,
             beta_h2: gamma_h * gamma_h,
             ratio: gamma_h,
-            inverse_e: &side.inverse_e,
+            extra: &side.extra,
         };
         if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
             return simplified.factor_complex(&sum);
@@ -307,7 +309,7 @@ impl FirstOrderMatrix for SparseMatrix {
         side.rate.resize(self.rate.len(), zero);
         match &mut self.elimination {
             Elimination::Forest(forest) => {
-                let change = if parts.inverse_e.is_empty() { 0 } else { 3 * self.n };
+                let change = if side.z.is_empty() { 0 } else { 3 * self.n };
                 side.change.resize(change, zero);
                 let outcome = forest.factor_complex(&sum);
                 self.unfit |= outcome.is_err();
@@ -323,12 +325,14 @@ impl FirstOrderMatrix for SparseMatrix {
     fn solve_complex(&mut self, parts: &mut Linearization, x: &mut [f64], y: &mut [f64]) {
         let (n, ndof) = (self.n, self.rate.len());
         let side = self.complex.as_mut().expect("factored before");
+        let at = |x: &[f64], y: &[f64], i: usize| Complex64::new(x[i], y[i]);
+        side.z.iter_mut().enumerate().for_each(|(k, z)| *z = at(x, y, 2 * ndof + k));
+        side.extra.solve(&mut side.z);
         if let Some(simplified) = self.simplified.as_mut().filter(|_| self.is_simplified) {
             return simplified.solve_complex(parts, side, x, y);
         }
-        let ComplexSide { gamma_h: gh, inverse_e, given, force, rate, wide, change } = &mut **side;
+        let ComplexSide { gamma_h: gh, extra, z, given, force, rate, wide, change } = &mut **side;
         let gh = *gh;
-        let at = |x: &[f64], y: &[f64], i: usize| Complex64::new(x[i], y[i]);
         for (k, given) in given.iter_mut().enumerate() {
             *given = at(x, y, k) / gh;
         }
@@ -345,7 +349,7 @@ impl FirstOrderMatrix for SparseMatrix {
         let structure = parts.system.structure();
         let (blocks, per_body) = (&parts.blocks.blocks, structure.sizes.per_body);
         for (k, ends) in structure.extra_bodies.iter().enumerate() {
-            let scale = gh * inverse_e[k] * at(x, y, 2 * ndof + k);
+            let scale = gh * z[k];
             for (side, body) in ends.iter().enumerate() {
                 let Some(b) = body else { continue };
                 for i in 0..per_body {
@@ -356,7 +360,7 @@ impl FirstOrderMatrix for SparseMatrix {
         }
         match &mut self.elimination {
             Elimination::Forest(forest) => {
-                let change = (!inverse_e.is_empty()).then_some(&mut **change);
+                let change = (!z.is_empty()).then_some(&mut **change);
                 forest.solve_complex(Right { given: [Some(given), None], force, rate, change });
             }
             Elimination::General(elimination) => {
@@ -365,7 +369,7 @@ impl FirstOrderMatrix for SparseMatrix {
                 rate.copy_from_slice(&wide[3 * n + self.rank..]);
             }
         }
-        if !inverse_e.is_empty() {
+        if !z.is_empty() {
             // δq = γh x and δq̇ = y here, and x = δq/βh², y = δq̇/γh where w is δv̈.
             let (change, scales) = match self.elimination {
                 Elimination::Forest(_) => (change, [gh.inv(); 2]),
@@ -376,10 +380,8 @@ impl FirstOrderMatrix for SparseMatrix {
             let dv = &mut dv[..n];
             dv.iter_mut().for_each(|x| *x *= scales[1]);
             for (k, ends) in structure.extra_bodies.iter().enumerate() {
-                let j = 2 * ndof + k;
-                let by = blocks.extra_rate(k, ends, per_body, dq, dv);
-                let z = inverse_e[k] * (at(x, y, j) + gh * by);
-                (x[j], y[j]) = (z.re, z.im);
+                let z = z[k] + gh * extra.rate(k, ends, dq, dv);
+                (x[2 * ndof + k], y[2 * ndof + k]) = (z.re, z.im);
             }
         }
         for (k, v) in rate.iter().enumerate() {
@@ -473,11 +475,7 @@ impl SparseMatrix {
         blocks.damping.multiply_add(-1.0, dv, left);
         blocks.stiffness.multiply_add(-1.0, dq, left);
         let structure = parts.system.structure();
-        let by_change = |k: usize| {
-            let ends = &structure.extra_bodies[k];
-            let rate = blocks.extra_rate(k, ends, structure.sizes.per_body, dq, dv);
-            -gh * parts.inverse_e[k] * rate
-        };
+        let by_change = |k: usize| -gh * parts.extra.rate(k, &structure.extra_bodies[k], dq, dv);
         add_extra_force(parts, None, by_change, left, 1);
         parts.chart.solve_transposed(left, &mut x.rows, &mut x.rate);
         x.force.iter_mut().zip(da).for_each(|(out, a)| *out += a);

@@ -1,6 +1,7 @@
 //! Where the entries of the inflated and of the simplified matrix come from: their patterns, found once.
 
 use super::blocks::ReducedBlocks;
+use super::extra::Elimination;
 use crate::reduction::{BodyRows, Manifold, Projection, structural_nonzeros};
 use holonom_linalg::{Assembly, BlockMatrix, BlockPattern, Scalar, SparsePattern, Terms};
 
@@ -40,10 +41,9 @@ enum Coefficient {
     Ratio,
 }
 
-/// One entry of F_z E⁻¹ g_q or F_z E⁻¹ g_q̇: the extra state, places in the system's blocks, slot.
+/// One entry of F_z E⁻¹ g_q or F_z E⁻¹ g_q̇: places in F_z and in the rows of rates, slot.
 #[derive(Debug, Clone, Copy)]
 struct ExtraEntry {
-    state: u32,
     force: u32,
     rate: u32,
     slot: u32,
@@ -57,7 +57,7 @@ pub(super) struct Sum<'a, T> {
     pub(super) beta_h2: T,
     /// βh²/γh.
     pub(super) ratio: T,
-    pub(super) inverse_e: &'a [T],
+    pub(super) extra: &'a Elimination<T>,
 }
 
 /// Which stored values of K, C, A₀, A₁ have been different from zero, by more than round-off.
@@ -199,7 +199,7 @@ impl SumPattern {
             };
             for (by, i) in places() {
                 for (rate, j) in places() {
-                    extra.push((state, by, rate, (force + i, j)));
+                    extra.push((by, rate, (force + i, j)));
                 }
             }
         }
@@ -207,11 +207,10 @@ impl SumPattern {
         let by_velocity = terms.keep(extra.iter().map(|(.., (i, j))| (*i, columns[1] + j)));
         let (pattern, slots) = SparsePattern::new(size, size, terms.places());
         let made = |kept: std::ops::Range<usize>| {
-            let entries =
-                extra.iter().zip(&slots[kept]).map(|(&(state, force, rate, _), &slot)| {
-                    let [state, force, rate, slot] = [state, force, rate, slot].map(|x| x as u32);
-                    ExtraEntry { state, force, rate, slot }
-                });
+            let entries = extra.iter().zip(&slots[kept]).map(|(&(force, rate, _), &slot)| {
+                let [force, rate, slot] = [force, rate, slot].map(|x| x as u32);
+                ExtraEntry { force, rate, slot }
+            });
             entries.collect()
         };
         let (by_position, by_velocity) = (made(by_position), made(by_velocity));
@@ -261,14 +260,14 @@ impl SumPattern {
         };
         self.assembly.sum(of, values);
         for (entries, rates, power) in [
-            (&self.by_position, &b.extra_position, sum.beta_h2),
-            (&self.by_velocity, &b.extra_velocity, sum.gamma_h),
+            (&self.by_position, &sum.extra.by_position, sum.beta_h2),
+            (&self.by_velocity, &sum.extra.by_velocity, sum.gamma_h),
         ] {
+            let scale = sum.gamma_h * power;
             for e in entries {
-                let scale = sum.gamma_h * sum.inverse_e[e.state as usize] * power;
-                let product = b.force_extra[e.force as usize] * rates[e.rate as usize];
+                let product = rates[e.rate as usize].scaled(b.force_extra[e.force as usize]);
                 let value = &mut values[e.slot as usize];
-                *value = *value + scale.scaled(product);
+                *value = *value + scale * product;
             }
         }
     }

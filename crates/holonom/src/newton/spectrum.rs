@@ -23,7 +23,7 @@ impl ReducedBlocks {
     pub fn eigenvalues(&self) -> Result<Vec<(f64, f64)>, SpectrumError> {
         let mut j = self.jacobian()?;
         let ndof = self.order();
-        let n = 2 * ndof + self.extra_extra.len();
+        let n = 2 * ndof + self.extra_extra.states();
         // In time of the fastest vibration all entries are of one size; its square would be round-off in all the others.
         let stiffest = (0..ndof)
             .flat_map(|row| &j[(ndof + row) * n..(ndof + row) * n + ndof])

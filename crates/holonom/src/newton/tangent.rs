@@ -45,7 +45,7 @@ impl Tangent {
 
     /// Entries of w.
     pub fn dimension(&self) -> usize {
-        2 * self.rates.len() + self.blocks.blocks.extra_extra.len()
+        2 * self.rates.len() + self.blocks.blocks.extra_extra.states()
     }
 
     /// y = J x at the point of [`Tangent::new`], whose factors must be those of that state.
@@ -89,7 +89,8 @@ impl Tangent {
         manifold.respond(&point.state.q, &self.force, &mut y[ndof..2 * ndof])?;
         for (k, out) in y[2 * ndof..].iter_mut().enumerate() {
             let (ends, per_body) = (&structure.extra_bodies[k], structure.sizes.per_body);
-            *out = b.extra_rate(k, ends, per_body, &self.dq, &self.dv) + b.extra_extra[k] * z[k];
+            let own: f64 = b.extra_extra.row(k).map(|(l, by)| by * z[l]).sum();
+            *out = b.extra_rate(k, ends, per_body, &self.dq, &self.dv) + own;
         }
         Ok(())
     }

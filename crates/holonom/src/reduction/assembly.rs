@@ -15,7 +15,7 @@ use super::stated_joints::{Level, carry, moved, place, turn, wind};
 use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
 use crate::error::{EvaluationFailure, rounded};
-use crate::model::{Body, InitialBody, Model, Orientation};
+use crate::model::{Body, ForceKind, InitialBody, InitialExtraState, Model, Orientation};
 use crate::system::{BodyPose, Measure, State, System};
 use holonom_linalg::{BlockMatrix, Cholesky};
 use std::sync::Arc;
@@ -548,12 +548,30 @@ fn stated_pose(body: &Body, stated: &InitialBody) -> BodyPose {
 }
 
 fn set_extra_states(model: &Model, z: &mut [f64]) {
-    let holders =
-        model.forces.iter().filter(|f| matches!(f.kind, crate::model::ForceKind::Maxwell { .. }));
-    for (force, z) in holders.zip(z) {
-        if let Some((_, value)) = model.initial.extra_states.iter().find(|(n, _)| *n == force.name)
-        {
-            *z = *value;
+    let mut next = z.iter_mut();
+    for force in &model.forces {
+        let stated = model.initial.extra_states.iter().find(|(name, _)| *name == force.name);
+        let stated = stated.map(|(_, value)| value);
+        match &force.kind {
+            ForceKind::Maxwell { .. } => {
+                if let (Some(z), Some(InitialExtraState::Spring(x))) = (next.next(), stated) {
+                    *z = *x;
+                }
+            }
+            ForceKind::Bushing { branches, .. } => {
+                for branch in branches {
+                    let stated = match stated {
+                        Some(InitialExtraState::Branches(all)) => {
+                            all.iter().find(|(name, _)| *name == branch.name).map(|(_, x)| x)
+                        }
+                        _ => None,
+                    };
+                    for (k, z) in branch.directions().zip(&mut next) {
+                        *z = stated.map_or(0.0, |x| x[k]);
+                    }
+                }
+            }
+            _ => {}
         }
     }
 }

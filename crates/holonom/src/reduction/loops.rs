@@ -9,7 +9,7 @@
 
 use super::partitioning::RANK_TOLERANCE;
 use super::relatives::{Relatives, WIDEST};
-use super::stiffness::{STIFF, could_be_stiff, effective, mobilities, stays_regular};
+use super::stiffness::{STEPS, STIFF, could_be_stiff, mobilities, stays_regular};
 use super::tree::Coordinate;
 use crate::error::EvaluationFailure;
 use crate::system::{Measure, State, System, Tree};
@@ -231,10 +231,10 @@ impl<'a> Loops<'a> {
                 let reference = &relatives.references[group];
                 system.relative_value(group, reference, q, &mut values[..info.rows]);
                 for row in 0..info.rows {
-                    let resistance = system.resistance(elastic, first + row, values[row]);
-                    let stiffness = effective(&resistance, self.pace);
-                    let regular = stays_regular(info.kind, values[row], &resistance, self.pace);
-                    if stiffness > 0.0 && regular {
+                    let rate = STEPS * self.pace;
+                    let resistance = system.resistance(elastic, first + row, values[row], rate);
+                    let stiffness = resistance.stiffness;
+                    if stiffness > 0.0 && stays_regular(info.kind, values[row], &resistance) {
                         let gradient = self.gradient(group, row, relatives);
                         gradients.push((info.bodies, gradient.clone()));
                         out.push(Deformation {

@@ -7,7 +7,7 @@ use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
 /// it then keeps its deformation small and sets the pace if its direction turns.
 pub(super) const STIFF: f64 = 100.0;
 /// Steps per unit of the motion's pace that an element's damper is judged by.
-const STEPS: f64 = 10.0;
+pub(super) const STEPS: f64 = 10.0;
 /// What constraints that depend on others are softened by, against the size of their rows.
 const SOFTENED: f64 = 1e-12;
 
@@ -22,36 +22,12 @@ pub(super) fn pace(system: &dyn System, state: &State) -> f64 {
     pace.max(f64::MIN_POSITIVE)
 }
 
-/// Stiffness that counts at a pace: N/m or N m/rad.
-pub(super) fn effective(resistance: &Resistance, pace: f64) -> f64 {
-    let damper = resistance.damping * STEPS * pace;
-    if resistance.in_series {
-        let sum = resistance.stiffness + damper;
-        return if sum > 0.0 { resistance.stiffness * damper / sum } else { 0.0 };
-    }
-    resistance.stiffness.max(damper)
-}
-
-/// How far the spring moves what it is part of before the motion has gone on, m or rad: to where it is unloaded, or as far as
-/// the damper beside it lets it come.
-pub(super) fn drawn(resistance: &Resistance, pace: f64) -> f64 {
-    if resistance.load == 0.0 {
-        return 0.0;
-    }
-    resistance.load / effective(resistance, pace).max(resistance.stiffness)
-}
-
 /// Part of a length beyond which it would have to be drawn in if it is to be no coordinate, as it could vanish.
 const VANISHING: f64 = 0.75;
 
 /// Whether a spring that is stiff leaves a deformation away from where it is singular: only lengths can vanish.
-pub(super) fn stays_regular(
-    kind: RelativeKind,
-    value: f64,
-    resistance: &Resistance,
-    pace: f64,
-) -> bool {
-    kind != RelativeKind::Length || drawn(resistance, pace) < VANISHING * value
+pub(super) fn stays_regular(kind: RelativeKind, value: f64, resistance: &Resistance) -> bool {
+    kind != RelativeKind::Length || resistance.drawn < VANISHING * value
 }
 
 /// Whether a force element would be stiff if its bodies were free: they can only be slower.
@@ -73,11 +49,11 @@ pub(super) fn could_be_stiff(
         let gradient = &mut gradient[..info.rows * 2 * n];
         system.relative_gradient(group, &reference, &state.q, gradient);
         for (row, gradient) in gradient.chunks_exact(2 * n).enumerate() {
-            let resistance = system.resistance(elastic, first + row, values[row]);
-            if !stays_regular(info.kind, values[row], &resistance, pace) {
+            let resistance = system.resistance(elastic, first + row, values[row], STEPS * pace);
+            if !stays_regular(info.kind, values[row], &resistance) {
                 continue;
             }
-            let stiffness = effective(&resistance, pace);
+            let stiffness = resistance.stiffness;
             let mut mobility = 0.0;
             for (side, body) in info.bodies.into_iter().enumerate() {
                 let Some(body) = body else { continue };

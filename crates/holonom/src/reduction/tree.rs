@@ -8,7 +8,7 @@
 use super::loops::Loops;
 use super::parametrization::{Parametrization, Projection};
 use super::relatives::{Relatives, Source};
-use super::stiffness::{STIFF, drawn, effective, pace};
+use super::stiffness::{STEPS, STIFF, pace};
 use crate::error::EvaluationFailure;
 use crate::system::{Anchor, RelativeKind, State, System};
 use holonom_linalg::BlockMatrix;
@@ -103,8 +103,8 @@ fn forms(system: &dyn System, state: &State, pace: f64) -> Vec<usize> {
         let n = system.structure().sizes.per_body;
         system.relative_value(group, &[0.0; 6], &state.q, &mut value);
         let [length] = value;
-        let resistance = system.resistance(elastic, 0, length);
-        let stiffness = effective(&resistance, pace);
+        let resistance = system.resistance(elastic, 0, length, STEPS * pace);
+        let stiffness = resistance.stiffness;
         let inverse: f64 = bodies.iter().flatten().map(|&b| 1.0 / system.mass(b)).sum();
         let square = stiffness * inverse;
         let stiff = square > STIFF * pace * pace && length > 0.0 && {
@@ -116,7 +116,7 @@ fn forms(system: &dyn System, state: &State, pace: f64) -> Vec<usize> {
                     rate += row.iter().zip(v).map(|(a, x)| a * x).sum::<f64>();
                 }
             }
-            let amplitude = drawn(&resistance, pace).abs()
+            let amplitude = resistance.drawn.abs()
                 + rate.abs() / square.sqrt()
                 + (system.gravity() + pace * pace * length) / square;
             amplitude < LARGEST_AMPLITUDE * length

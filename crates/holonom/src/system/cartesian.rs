@@ -10,12 +10,12 @@ use super::quantities::Channels;
 use super::space::Space;
 use super::turns::Turns;
 use super::{
-    DerivativeBlocks, EnergyBalance, Equations, ExtraBlocks, LawArgument, MotionRows, State,
+    DerivativeBlocks, EnergyBalance, Equations, ExtraStateScale, LawArgument, MotionRows, State,
     Structure, System, WrenchBlocks,
 };
 use crate::elements::body::Body;
 use crate::elements::{
-    ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, RowBlocks,
+    ConstraintElement, ForceBlocks, ForceElement, ForceInput, PairBlocks, RowBlocks,
 };
 use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
@@ -81,25 +81,28 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
     }
 
     #[inline(always)]
-    pub(super) fn input(force: &PlacedForce<S::Force>, state: &State) -> ForceInput<f64, D, N, W> {
+    pub(super) fn input<'a>(
+        force: &PlacedForce<S::Force>,
+        state: &'a State,
+    ) -> ForceInput<'a, f64, D, N, W> {
         // One by one: a map of what is so large is not compiled into place.
         let bodies = [
             Self::moving(&state.q, &state.v, force.bodies[0]),
             Self::moving(&state.q, &state.v, force.bodies[1]),
         ];
-        let mut input = ForceInput { t: state.t, bodies, z: 0.0, winding: 0.0 };
+        let mut input = ForceInput { t: state.t, bodies, z: &[], winding: 0.0 };
         Self::tell_own(force, state, &mut input);
         input
     }
 
     /// What a force has for itself.
     #[inline(always)]
-    pub(super) fn tell_own(
+    pub(super) fn tell_own<'a>(
         force: &PlacedForce<S::Force>,
-        state: &State,
-        input: &mut ForceInput<f64, D, N, W>,
+        state: &'a State,
+        input: &mut ForceInput<'a, f64, D, N, W>,
     ) {
-        input.z = force.extra.map_or(0.0, |k| state.z[k]);
+        input.z = &state.z[force.extra.states()];
         input.winding =
             force.turns.as_ref().map_or(0.0, |turns| turns.near(state.t, &state.winding));
     }
@@ -113,10 +116,10 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
                 *out = body.mass * g;
             }
         }
-        let mut exerted = ForceOutput::zero();
+        let mut wrenches = [[0.0; W]; 2];
         let mut bodies = [None; 2];
         let ground = Self::moving(&state.q, &state.v, None);
-        let mut input = ForceInput { t: state.t, bodies: [ground; 2], z: 0.0, winding: 0.0 };
+        let mut input = ForceInput { t: state.t, bodies: [ground; 2], z: &[], winding: 0.0 };
         for f in &self.forces {
             // Neighbours in the model often share a body: along a chain the second of one is the first of the next.
             if bodies[0] != f.bodies[0] && bodies[1] == f.bodies[0] {
@@ -130,13 +133,10 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
                 }
             }
             Self::tell_own(f, state, &mut input);
-            f.element.evaluate(&input, &mut exerted);
-            for (body, w) in bodies.iter().zip(&exerted.wrenches) {
+            f.element.evaluate(&input, &mut wrenches, &mut z_rate[f.extra.states()]);
+            for (body, w) in bodies.iter().zip(&wrenches) {
                 let Some(b) = *body else { continue };
                 out[b * stride..][..W].iter_mut().zip(w).for_each(|(out, x)| *out += x);
-            }
-            if let Some(k) = f.extra {
-                z_rate[k] = exerted.z_rate;
             }
         }
     }
@@ -386,24 +386,24 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Equation
         self.add_up_wrenches(state, W, wrenches, z_rate);
     }
 
-    fn wrench_blocks(&self, state: &State, look: &mut dyn FnMut(usize, &WrenchBlocks<'_>)) {
+    fn wrench_blocks(
+        &self,
+        state: &State,
+        extra: &mut DerivativeBlocks,
+        look: &mut dyn FnMut(usize, &WrenchBlocks<'_>),
+    ) {
         checkpoint(8 * self.numbers());
         let mut blocks = ForceBlocks::zero();
         for (k, f) in self.forces.iter().enumerate() {
-            f.element.blocks(&Self::input(f, state), &mut blocks);
-            let extra = f.extra.map(|index| ExtraBlocks {
-                index,
-                force: blocks.z.as_flattened(),
-                by_displacement: blocks.rate_x.as_flattened(),
-                by_twist: blocks.rate_y.as_flattened(),
-                own: blocks.rate_z,
-                time: blocks.rate_t,
-            });
+            let input = Self::input(f, state);
+            f.element.blocks(&input, &mut blocks);
+            if f.extra.count > 0 {
+                f.element.extra_rows(&input, &mut extra.extra_rows(f.extra));
+            }
             let shown = WrenchBlocks {
                 stiffness: blocks.k.entries(),
                 damping: blocks.damped.then(|| blocks.c.entries()),
                 time: blocks.t.as_flattened(),
-                extra,
             };
             look(k, &shown);
         }
@@ -548,9 +548,8 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Equation
         self.constraints[joint].turns.as_ref().map(|turns| turns.index)
     }
 
-    fn extra_state_scales(&self) -> Vec<f64> {
-        let with_state = self.forces.iter().filter(|f| f.extra.is_some());
-        with_state.map(|f| f.element.extra_state_scale()).collect()
+    fn extra_state_scales(&self) -> Vec<ExtraStateScale> {
+        self.forces.iter().flat_map(|f| f.element.extra_state_scales()).collect()
     }
 
     fn breakpoints(&self) -> Vec<f64> {

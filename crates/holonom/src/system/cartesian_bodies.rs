@@ -1,9 +1,9 @@
 //! The bodies of a Cartesian system: motions, inertia, and relative coordinates along its forest.
 
 use super::cartesian::Cartesian;
-use super::forest::{RelativeGroup, Resistance, Tree};
+use super::forest::{RelativeGroup, Tree};
 use super::space::Space;
-use super::{Bodies, BodyPose, MotionRows, Stance, State};
+use super::{Bodies, BodyPose, MotionRows, Resistance, Stance, State};
 use crate::elements::RowBlocks;
 use crate::elements::kinematics::{Anchor, EdgeKinematics, EdgeScrews};
 use crate::elements::relative::{Reference, RelativeElement};
@@ -172,8 +172,8 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
         kinematics.screws([&first, &second], &stance(Some(tree.body)), out)
     }
 
-    fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance {
-        self.resistances[elastic].at(row, value)
+    fn resistance(&self, elastic: usize, row: usize, value: f64, rate: f64) -> Resistance {
+        self.resistances[elastic].at(row, value, rate)
     }
 }
 

@@ -49,6 +49,9 @@ impl Target<'_> {
 impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesian<S, D, N, W> {
     /// All derivative blocks; the same sums in the same order for any number of threads.
     pub(super) fn add_up(&self, state: &State, out: &mut DerivativeBlocks) {
+        for f in self.forces.iter().filter(|f| f.extra.count > 0) {
+            Self::set_extra_rows(f, state, out);
+        }
         let mut target = Target {
             stiffness: out.stiffness.blocks_mut(),
             damping: out.damping.blocks_mut(),
@@ -61,19 +64,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             let [all, _] = target.split_after(last, N);
             self.parts(&out.threads, &self.slots.parts, state, all);
         }
-        self.elements(&self.slots.rest, state, &mut target, |force, passages, blocks| {
-            let Some(k) = force.extra else { return };
-            for side in 0..2 {
-                let at = (2 * k + side) * N;
-                let (own, by_x, by_y) =
-                    (&passages[side], &blocks.rate_x[side], &blocks.rate_y[side]);
-                out.force_extra[at..at + N].copy_from_slice(&own.force(&blocks.z[side]));
-                out.extra_position[at..at + N].copy_from_slice(&own.position_row(by_x, by_y));
-                out.extra_velocity[at..at + N].copy_from_slice(&own.force(by_y));
-            }
-            out.extra_extra[k] = blocks.rate_z;
-            out.extra_time[k] = blocks.rate_t;
-        });
+        self.elements(&self.slots.rest, state, &mut target);
         out.velocity_rhs_time.fill(0.0);
         out.acceleration_rhs_time.fill(0.0);
         for c in &self.constraints {
@@ -121,18 +112,30 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             }
         }
         for part in parts {
-            self.elements(&part.elements, state, &mut target, |_, _, _| {});
+            self.elements(&part.elements, state, &mut target);
         }
     }
 
-    /// Adds constraints, then forces, and lets these be looked at.
-    fn elements(
-        &self,
-        elements: &Elements,
-        state: &State,
-        target: &mut Target<'_>,
-        mut look: impl FnMut(&PlacedForce<S::Force>, &[S::Passage; 2], &ForceBlocks<f64, W>),
-    ) {
+    /// F_z, g_q, g_q̇, g_z and g_t of the extra states of a force.
+    fn set_extra_rows(force: &PlacedForce<S::Force>, state: &State, out: &mut DerivativeBlocks) {
+        let input = Self::input(force, state);
+        force.element.extra_rows(&input, &mut out.extra_rows(force.extra));
+        let passages = Self::passages(state, force.bodies);
+        for k in force.extra.states() {
+            for (side, own) in passages.iter().enumerate() {
+                let [force, by_x, by_y] = out.extra_motion.each_ref().map(|rows| {
+                    rows[(2 * k + side) * W..].first_chunk().expect("W numbers on each side")
+                });
+                let at = (2 * k + side) * N..(2 * k + side + 1) * N;
+                out.force_extra[at.clone()].copy_from_slice(&own.force(force));
+                out.extra_position[at.clone()].copy_from_slice(&own.position_row(by_x, by_y));
+                out.extra_velocity[at].copy_from_slice(&own.force(by_y));
+            }
+        }
+    }
+
+    /// Adds constraints, then forces.
+    fn elements(&self, elements: &Elements, state: &State, target: &mut Target<'_>) {
         let (mut blocks, mut others) = (ForceBlocks::zero(), ForceBlocks::zero());
         let mut rows = [RowBlocks::zero(); 2];
         let mut pairs = PairBlocks::zero();
@@ -161,10 +164,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             let (element, out) = (&f.element, &mut blocks);
             run_wide(OfForce { element, input: &input, out, sum: None });
             // Those next to each other between the same bodies go on to the coordinates as one.
-            let along = |k: &usize| {
-                let other = &self.forces[*k];
-                other.bodies == f.bodies && other.extra.is_none() && f.extra.is_none()
-            };
+            let along = |k: &usize| self.forces[*k].bodies == f.bodies;
             while let Some(k) = forces.next_if(along) {
                 Self::tell_own(&self.forces[k], state, &mut input);
                 let element = &self.forces[k].element;
@@ -172,7 +172,6 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
                 run_wide(OfForce { element, input: &input, out, sum });
             }
             let passages = Self::passages(state, f.bodies);
-            look(f, &passages, &blocks);
             run_wide(OnCoordinates::<_, N, W> {
                 blocks: &blocks,
                 passages: &passages,
@@ -237,7 +236,7 @@ impl<C: ConstraintElement<N>, const D: usize, const N: usize> Wide
 /// The blocks of a force on motions, and a sum to which they are added.
 struct OfForce<'a, F, const D: usize, const N: usize, const W: usize> {
     element: &'a F,
-    input: &'a ForceInput<f64, D, N, W>,
+    input: &'a ForceInput<'a, f64, D, N, W>,
     out: &'a mut ForceBlocks<f64, W>,
     sum: Option<&'a mut ForceBlocks<f64, W>>,
 }

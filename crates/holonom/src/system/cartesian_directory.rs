@@ -7,7 +7,7 @@ use super::quantities::{Channel, Sample, evaluate_channel};
 use super::space::Space;
 use super::{Directory, State};
 use crate::elements::row::RowKind;
-use crate::elements::{ConstraintElement, ForceElement, ForceOutput};
+use crate::elements::{ConstraintElement, ForceElement};
 
 /// Radians, or part of the characteristic length, over which stiff forces are told for messages.
 const PROBE: f64 = 1e-6;
@@ -43,10 +43,10 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Director
         let force_at = |f: &PlacedForce<S::Force>, shift: f64| {
             let mut probe = state.clone();
             probe.q[coordinate] += shift;
-            let mut out = ForceOutput::zero();
-            f.element.evaluate(&Self::input(f, &probe), &mut out);
+            let (mut wrenches, mut z_rate) = ([[0.0; W]; 2], vec![0.0; f.extra.count]);
+            f.element.evaluate(&Self::input(f, &probe), &mut wrenches, &mut z_rate);
             let side = usize::from(f.bodies[1] == body);
-            Self::passages(&probe, f.bodies)[side].force(&out.wrenches[side])[row]
+            Self::passages(&probe, f.bodies)[side].force(&wrenches[side])[row]
         };
         let mut acting: Vec<(f64, &str)> = self
             .forces

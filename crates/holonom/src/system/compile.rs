@@ -9,7 +9,7 @@ use super::quantities::Channels;
 use super::space::Space;
 use super::structure::{JointRows, Sizes, Structure};
 use super::turns::Turns;
-use super::{LawArgument, Measure, System};
+use super::{ExtraBlock, LawArgument, Measure, System};
 use crate::elements::{ConstraintElement, ForceElement};
 use crate::model::{BodyIndex, Dimension, ForceKind, Model};
 use crate::topology::Forest;
@@ -86,13 +86,15 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
         });
         row += rows;
     }
-    let (mut extra_states, mut windings) = (0, 0);
+    let (mut extra_states, mut extra_squares, mut windings) = (0, 0, 0);
     let mut forces = Vec::with_capacity(model.forces.len());
     for f in &model.forces {
         checkpoint(NAMED);
         let ends = S::force_bodies(f);
         let element = S::force(f, ends.map(center));
-        let extra = element.has_extra_state().then(|| post_increment(&mut extra_states));
+        let count = element.extra_states();
+        let extra = ExtraBlock { first: extra_states, count, square: extra_squares };
+        (extra_states, extra_squares) = (extra.states().end, extra.own().end);
         let turns = match &f.kind {
             ForceKind::Rsda { frames, .. } if element.counts_turns() => {
                 Some(Turns::new(post_increment(&mut windings), frames, model))
@@ -326,8 +328,7 @@ fn patterns<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
         to.constraints.push(k as u32);
     }
     for (k, f) in forces.iter().enumerate() {
-        let part = part_of(f.bodies).filter(|_| f.extra.is_none());
-        let to = part.map_or(&mut rest, |part| &mut parts[part].elements);
+        let to = part_of(f.bodies).map_or(&mut rest, |part| &mut parts[part].elements);
         to.forces.push(k as u32);
     }
     let walk = walk.iter().map(|&body| body as u32).collect();
@@ -346,6 +347,7 @@ fn patterns<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
         bodies: c.bodies,
         blocks: *blocks,
     });
+    let with_states = forces.iter().filter(|f| f.extra.count > 0);
     let structure = Structure {
         sizes,
         joints: joints.collect(),
@@ -353,7 +355,8 @@ fn patterns<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize>(
         mass_pattern,
         stiffness_pattern,
         forces: forces.iter().map(|f| f.bodies).collect(),
-        extra_bodies: forces.iter().filter(|f| f.extra.is_some()).map(|f| f.bodies).collect(),
+        extra_bodies: with_states.clone().flat_map(|f| vec![f.bodies; f.extra.count]).collect(),
+        extra_blocks: with_states.map(|f| f.extra).collect(),
         row_measure,
         normalization_start,
     };

@@ -6,7 +6,7 @@ use super::turns::{Along, along};
 use crate::elements::kinematics::Between;
 use crate::elements::relative::{RelativeElement, RelativeKind};
 use crate::model::{
-    BodyIndex, Dimension, DriverKind, ElasticLaw, Force, ForceKind, JointKind, Model,
+    BodyIndex, Branch, Dimension, DriverKind, ElasticLaw, Force, ForceKind, JointKind, Model,
 };
 use crate::topology::{Edge, Forest};
 use crate::watch::{NAMED, checkpoint};
@@ -82,17 +82,14 @@ pub struct ElasticLoop {
     pub is_edge: bool,
 }
 
-/// What resists a deformation: N/m and N s/m, or N m/rad and N m s/rad.
+/// What resists a deformation that changes at a rate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Resistance {
-    /// Stiffness.
+    /// Stiffness that counts at the rate, N/m or N m/rad: that of the spring or of the damper beside it, the larger.
     pub stiffness: f64,
-    /// Damping.
-    pub damping: f64,
-    /// What the spring pulls with against the deformation, N or N m.
-    pub load: f64,
-    /// Whether spring and damper act in series.
-    pub in_series: bool,
+    /// How far its spring draws it back, m or rad: to where it is unloaded, or as far as the damper beside it lets it come
+    /// meanwhile.
+    pub drawn: f64,
 }
 
 /// Everything about the forest that parameter values leave alone.
@@ -168,8 +165,11 @@ fn edge_stiffness(force: &Force) -> Option<f64> {
     match &force.kind {
         ForceKind::Tsda { law, .. } if keeps_length(&force.kind) => Some(initial(law)),
         ForceKind::Maxwell { stiffness, .. } if keeps_length(&force.kind) => Some(*stiffness),
-        ForceKind::Bushing { stiffness, .. } => {
-            Some((0..3).map(|k| stiffness[k][k]).fold(0.0, f64::max))
+        ForceKind::Bushing { stiffness, branches, .. } => {
+            let along = |k: usize| {
+                stiffness[k][k] + branches.iter().map(|branch| branch.stiffness[k][k]).sum::<f64>()
+            };
+            Some((0..3).map(along).fold(0.0, f64::max))
         }
         _ => None,
     }
@@ -425,7 +425,14 @@ pub(super) enum ResistanceLaw {
     Line(ElasticLaw, f64, f64),
     Angle(ElasticLaw, f64, f64),
     Series(f64, f64, f64),
-    Bushing([f64; 6], [f64; 6]),
+    /// Stiffness and damping of itself and of its branches, in each direction.
+    Bushing([f64; 6], [f64; 6], Vec<[[f64; 2]; 6]>),
+}
+
+/// Stiffness of a spring and a damper in series, at a rate.
+fn in_series(stiffness: f64, damping: f64, rate: f64) -> f64 {
+    let sum = stiffness + damping * rate;
+    if sum > 0.0 { stiffness * damping * rate / sum } else { 0.0 }
 }
 
 impl ResistanceLaw {
@@ -440,34 +447,44 @@ impl ResistanceLaw {
             ForceKind::Maxwell { stiffness, damping, free_length, .. } => {
                 Some(Self::Series(*stiffness, *damping, *free_length))
             }
-            ForceKind::Bushing { stiffness, damping, .. } => Some(Self::Bushing(
-                std::array::from_fn(|k| stiffness[k][k]),
-                std::array::from_fn(|k| damping[k][k]),
-            )),
+            ForceKind::Bushing { stiffness, damping, branches, .. } => {
+                let both =
+                    |b: &Branch| [0, 1, 2, 3, 4, 5].map(|k| [b.stiffness[k][k], b.damping[k][k]]);
+                Some(Self::Bushing(
+                    std::array::from_fn(|k| stiffness[k][k]),
+                    std::array::from_fn(|k| damping[k][k]),
+                    branches.iter().map(both).collect(),
+                ))
+            }
             _ => None,
         }
     }
 
-    pub(super) fn at(&self, row: usize, value: f64) -> Resistance {
-        let parallel =
-            |(load, stiffness), damping| Resistance { stiffness, damping, load, in_series: false };
-        let linear = |stiffness: f64, x: f64| (stiffness * x, stiffness);
+    /// At the value of a deformation that changes at a rate, 1/s.
+    pub(super) fn at(&self, row: usize, value: f64, rate: f64) -> Resistance {
+        let parallel = |load: f64, stiffness: f64, damping: f64| {
+            let stiffness = stiffness.max(damping * rate);
+            Resistance { stiffness, drawn: if load == 0.0 { 0.0 } else { load / stiffness } }
+        };
         match self {
             Self::Line(law, damping, free) | Self::Angle(law, damping, free) => {
                 let x = value - free;
-                let spring = match law {
-                    ElasticLaw::Linear(stiffness) => linear(*stiffness, x),
+                let (load, stiffness) = match law {
+                    ElasticLaw::Linear(stiffness) => (stiffness * x, *stiffness),
                     ElasticLaw::Table(table) => table.value_and_slope(x),
                 };
-                parallel(spring, *damping)
+                parallel(load, stiffness, *damping)
             }
             Self::Series(stiffness, damping, free) => {
+                let stiffness = in_series(*stiffness, *damping, rate);
                 // All of it, as if the damper had not moved.
-                let spring = linear(*stiffness, value - free);
-                Resistance { in_series: true, ..parallel(spring, *damping) }
+                Resistance { stiffness, drawn: value - free }
             }
-            Self::Bushing(stiffness, damping) => {
-                parallel(linear(stiffness[row], value), damping[row])
+            Self::Bushing(stiffness, damping, branches) => {
+                let of_branch = |b: &[[f64; 2]; 6]| in_series(b[row][0], b[row][1], rate);
+                let branches: f64 = branches.iter().map(of_branch).sum();
+                let spring = parallel(stiffness[row] * value, stiffness[row], damping[row]);
+                Resistance { stiffness: spring.stiffness + branches, ..spring }
             }
         }
     }

@@ -22,10 +22,13 @@ mod turns;
 pub use compile::{compile, compile_along};
 pub use forest::{Closure, EdgeSource, ElasticLoop, RelativeGroup, Resistance, Tree, TreeEdge};
 pub use quantities::{BodyQuantity, Channel, ChannelSource, EnergyQuantity, Sample, diagnostics};
-pub use structure::{DerivativeBlocks, ExtraBlocks, JointRows, Sizes, Structure, WrenchBlocks};
+pub use structure::{
+    DerivativeBlocks, ExtraBlock, ExtraSquares, JointRows, Sizes, Structure, WrenchBlocks,
+};
 
 use crate::model::Model;
 
+pub use crate::elements::ExtraStateScale;
 pub use crate::elements::kinematics::{Anchor, EdgeScrews};
 pub use crate::elements::motion::{Motion, MotionRows, Stance, Wrench};
 pub use crate::elements::relative::{Reference, RelativeKind};
@@ -47,7 +50,7 @@ pub struct State {
     pub a: Vec<f64>,
     /// Multipliers, one per constraint row (0 for redundant rows).
     pub lambda: Vec<f64>,
-    /// Extra states of elements, m.
+    /// Extra states of elements, m or rad.
     pub z: Vec<f64>,
     /// Angles of forces and joints that count turns, at the last accepted step, rad.
     pub winding: Vec<f64>,
@@ -177,8 +180,14 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// axes, in the plane three numbers; and ż. Inertia has no part in them.
     fn wrenches(&self, state: &State, wrenches: &mut [f64], z_rate: &mut [f64]);
 
-    /// Shows the derivatives of each force on the motions of its bodies, by its place in [`Structure::forces`].
-    fn wrench_blocks(&self, state: &State, look: &mut dyn FnMut(usize, &WrenchBlocks<'_>));
+    /// Shows the derivatives of each force on the motions of its bodies, by its place in [`Structure::forces`]; what extra states
+    /// do on motions, among themselves and with time goes into `extra`.
+    fn wrench_blocks(
+        &self,
+        state: &State,
+        extra: &mut DerivativeBlocks,
+        look: &mut dyn FnMut(usize, &WrenchBlocks<'_>),
+    );
 
     /// All derivative blocks at `state`, whose accelerations and multipliers must be current.
     fn derivative_blocks(&self, state: &State, out: &mut DerivativeBlocks);
@@ -238,8 +247,8 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// The winding that counts the turns of a joint's angle, by the place of the joint in the model.
     fn winding_of_joint(&self, joint: usize) -> Option<usize>;
 
-    /// For each extra state the error that counts like a metre or a metre per second, m.
-    fn extra_state_scales(&self) -> Vec<f64>;
+    /// For each extra state the error that counts like a metre or a metre per second, or like a radian or one per second.
+    fn extra_state_scales(&self) -> Vec<ExtraStateScale>;
 
     /// Times at which forces or drivers have a kink, sorted, s.
     fn breakpoints(&self) -> Vec<f64>;
@@ -354,8 +363,9 @@ pub trait Bodies {
     /// The same at a configuration, with the bodies.
     fn edge_screws_at(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool;
 
-    /// What an elastic loop of the tree sets against its deformation `row`, whose value is given.
-    fn resistance(&self, elastic: usize, row: usize, value: f64) -> Resistance;
+    /// What an elastic loop of the tree sets against its deformation `row` at a value that changes at a rate, 1/s: dampers
+    /// count by it.
+    fn resistance(&self, elastic: usize, row: usize, value: f64, rate: f64) -> Resistance;
 }
 
 /// Names of coordinates, rows and elements, and the channels that can be computed from a state.

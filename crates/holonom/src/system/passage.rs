@@ -221,7 +221,7 @@ mod tests {
     use crate::elements::body::Rigid;
     use crate::elements::space::Spatial;
     use crate::elements::spatial::Force;
-    use crate::elements::{ForceBlocks, ForceElement, ForceInput, ForceOutput};
+    use crate::elements::{ExtraRows, ForceBlocks, ForceElement, ForceInput};
     use crate::math::spatial::rotation_matrix;
     use crate::model::{self, ForceKind, Frame};
     use crate::testing::{Random, richardson};
@@ -229,17 +229,17 @@ mod tests {
 
     type Pair<T> = [[T; 7]; 2];
 
-    fn input<T: Real>(q: &Pair<T>, v: &Pair<T>, z: T) -> ForceInput<T, 3, 7, 6> {
+    fn input<'a, T: Real>(q: &Pair<T>, v: &Pair<T>, z: &'a [T]) -> ForceInput<'a, T, 3, 7, 6> {
         let bodies = [0, 1].map(|side| Spatial::body(&q[side], &v[side]));
         ForceInput { t: T::zero(), bodies, z, winding: 0.0 }
     }
 
     /// Generalized forces on both bodies, and ż.
     fn force<T: Real>(element: &Force, q: &Pair<T>, v: &Pair<T>, z: T) -> Vec<T> {
-        let mut out = ForceOutput::zero();
-        element.evaluate(&input(q, v, z), &mut out);
-        let side = |s: usize| ByEuler::new(&q[s], &v[s]).generalized(&out.wrenches[s]);
-        [side(0).as_slice(), &side(1), &[out.z_rate]].concat()
+        let (mut wrenches, mut rate) = ([[T::zero(); 6]; 2], [T::zero()]);
+        element.evaluate(&input(q, v, &[z]), &mut wrenches, &mut rate);
+        let side = |s: usize| ByEuler::new(&q[s], &v[s]).generalized(&wrenches[s]);
+        [side(0).as_slice(), &side(1), &rate].concat()
     }
 
     fn frame(random: &mut Random) -> Frame {
@@ -251,8 +251,8 @@ mod tests {
     fn elements(random: &mut Random) -> [Force; 2] {
         let frames = [frame(random), frame(random)];
         let mut square = |size: f64| Box::new([0; 6].map(|_| random.array::<6>(size)));
-        let bushing =
-            ForceKind::Bushing { frames, stiffness: square(100.0), damping: square(10.0) };
+        let (stiffness, damping, branches) = (square(100.0), square(10.0), Vec::new());
+        let bushing = ForceKind::Bushing { frames, stiffness, damping, branches };
         let maxwell =
             ForceKind::Maxwell { frames, stiffness: 300.0, damping: 20.0, free_length: 0.6 };
         [bushing, maxwell].map(|kind| {
@@ -264,7 +264,13 @@ mod tests {
     /// Rows of forces and ż by columns of q, or of q̇.
     fn blocks(element: &Force, q: &Pair<f64>, v: &Pair<f64>, z: f64) -> [Vec<Vec<f64>>; 2] {
         let mut of = ForceBlocks::zero();
-        element.blocks(&input(q, v, z), &mut of);
+        element.blocks(&input(q, v, &[z]), &mut of);
+        let mut rows = [[[0.0; 6]; 2]; 3];
+        let [force, by_displacement, by_twist] = rows.each_mut().map(std::slice::from_mut);
+        let (own, time) = (&mut [0.0], &mut [0.0]);
+        let mut extra = ExtraRows { force, by_displacement, by_twist, own, time };
+        element.extra_rows(&input(q, v, &[z]), &mut extra);
+        let [_, rate_x, rate_y] = rows;
         let passages = [0, 1].map(|side| ByEuler::at(&q[side], &v[side]));
         let mut out = [vec![vec![0.0; 14]; 15], vec![vec![0.0; 14]; 15]];
         for felt in 0..2 {
@@ -285,8 +291,8 @@ mod tests {
             }
             let own = &passages[felt];
             out[0][14][felt * 7..][..7]
-                .copy_from_slice(&own.position_row(&of.rate_x[felt], &of.rate_y[felt]));
-            out[1][14][felt * 7..][..7].copy_from_slice(&own.force(&of.rate_y[felt]));
+                .copy_from_slice(&own.position_row(&rate_x[felt], &rate_y[felt]));
+            out[1][14][felt * 7..][..7].copy_from_slice(&own.force(&rate_y[felt]));
         }
         out
     }

@@ -1,5 +1,6 @@
 //! Elements and bodies with their places in the equations.
 
+use super::ExtraBlock;
 use super::turns::Turns;
 use holonom_linalg::BlockId;
 
@@ -23,7 +24,7 @@ pub(super) struct PlacedForce<F> {
     pub(super) name: String,
     pub(super) element: F,
     pub(super) bodies: [Option<usize>; 2],
-    pub(super) extra: Option<usize>,
+    pub(super) extra: ExtraBlock,
     pub(super) turns: Option<Turns>,
 }
 
@@ -72,7 +73,7 @@ pub(super) struct Slots {
     pub(super) walk: Vec<u32>,
     pub(super) position: Vec<u32>,
     /// What can be evaluated at the same time, and what comes after that: elements between bodies of
-    /// different parts, and those with extra states.
+    /// different parts.
     pub(super) parts: Vec<Part>,
     pub(super) rest: Elements,
 }

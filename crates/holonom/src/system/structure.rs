@@ -1,9 +1,11 @@
 //! Sizes, numbering and sparsity patterns of a system: everything that parameter values leave alone.
 
 use super::Measure;
+use crate::elements::ExtraRows;
 use crate::threads::Threads;
 use crate::topology::sharing_a_body;
 use holonom_linalg::{BlockId, BlockMatrix, BlockPattern, Scalar};
+use std::ops::Range;
 
 /// Counts of a system.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -24,6 +26,68 @@ pub struct Sizes {
     pub extra_states: usize,
     /// Elements that count turns.
     pub windings: usize,
+}
+
+/// The extra states of one element, which act on each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ExtraBlock {
+    /// Its first state.
+    pub first: usize,
+    /// Number of its states.
+    pub count: usize,
+    /// Where its square of g_z begins.
+    pub square: usize,
+}
+
+impl ExtraBlock {
+    /// Its states.
+    pub fn states(&self) -> Range<usize> {
+        self.first..self.first + self.count
+    }
+
+    /// Its numbers of g_z, by rows.
+    pub fn own(&self) -> Range<usize> {
+        self.square..self.square + self.count * self.count
+    }
+}
+
+/// A matrix of extra states by extra states, of which those of different elements do not couple.
+#[derive(Debug, Clone)]
+pub struct ExtraSquares {
+    blocks: Vec<ExtraBlock>,
+    /// The squares of the elements one after the other, by rows.
+    pub values: Vec<f64>,
+}
+
+impl ExtraSquares {
+    /// For elements with these states, in their order; all zero.
+    pub(crate) fn new(blocks: &[ExtraBlock]) -> Self {
+        let numbers = blocks.last().map_or(0, |block| block.own().end);
+        Self { blocks: blocks.to_vec(), values: vec![0.0; numbers] }
+    }
+
+    /// Number of extra states.
+    pub fn states(&self) -> usize {
+        self.blocks.last().map_or(0, |block| block.states().end)
+    }
+
+    /// Entries of a row, with their columns.
+    pub fn row(&self, state: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let block = self.block_of(state);
+        let row = &self.values[block.square + (state - block.first) * block.count..];
+        block.states().zip(row.iter().copied())
+    }
+
+    /// An entry, if its states are of one element.
+    pub fn entry_mut(&mut self, row: usize, column: usize) -> Option<&mut f64> {
+        let block = self.block_of(row);
+        let at = block.square + (row - block.first) * block.count;
+        block.states().contains(&column).then(|| &mut self.values[at + column - block.first])
+    }
+
+    fn block_of(&self, state: usize) -> ExtraBlock {
+        self.blocks[self.blocks.partition_point(|block| block.first <= state) - 1]
+    }
 }
 
 /// Rows of one joint or driver, and where they stand.
@@ -52,14 +116,23 @@ pub struct Structure {
     pub stiffness_pattern: BlockPattern,
     /// Bodies of each force.
     pub forces: Vec<[Option<usize>; 2]>,
-    /// Body and element of each extra state: blocks of F_z (n×nz) and of g_q, g_q̇ (nz×n).
+    /// Bodies of each extra state: blocks of F_z (n×nz) and of g_q, g_q̇ (nz×n).
     pub extra_bodies: Vec<[Option<usize>; 2]>,
+    /// Elements with extra states, in the order of these: the blocks of g_z.
+    pub extra_blocks: Vec<ExtraBlock>,
     /// Joints, then drivers, in the order of their rows.
     pub joints: Vec<JointRows>,
     /// What each constraint row measures.
     pub row_measure: Vec<Measure>,
     /// Normalisation rows start here; row `normalization_start + b` belongs to body b (spatial).
     pub normalization_start: usize,
+}
+
+impl Sizes {
+    /// Numbers of a twist.
+    fn per_twist(&self) -> usize {
+        self.translations * (self.translations + 1) / 2
+    }
 }
 
 impl Structure {
@@ -97,7 +170,8 @@ impl Structure {
             force_extra: vec![0.0; s.extra_states * 2 * s.per_body],
             extra_position: vec![0.0; s.extra_states * 2 * s.per_body],
             extra_velocity: vec![0.0; s.extra_states * 2 * s.per_body],
-            extra_extra: vec![0.0; s.extra_states],
+            extra_extra: ExtraSquares::new(&self.extra_blocks),
+            extra_motion: std::array::from_fn(|_| vec![0.0; s.extra_states * 2 * s.per_twist()]),
             extra_time: vec![0.0; s.extra_states],
         }
     }
@@ -126,10 +200,12 @@ pub struct DerivativeBlocks {
     pub extra_position: Vec<f64>,
     /// g_q̇, in the same layout.
     pub extra_velocity: Vec<f64>,
-    /// g_z, one number per extra state: elements do not couple.
-    pub extra_extra: Vec<f64>,
+    /// g_z.
+    pub extra_extra: ExtraSquares,
     /// g_t.
     pub extra_time: Vec<f64>,
+    /// Per extra state and body, on motions as in [`WrenchBlocks`]: −w_z, and ż by displacements and by twists.
+    pub extra_motion: [Vec<f64>; 3],
     pub(super) threads: Threads,
     /// F_t in another order.
     pub(super) time: Vec<f64>,
@@ -146,25 +222,6 @@ pub struct WrenchBlocks<'a> {
     pub damping: Option<&'a [f64]>,
     /// By time, for both bodies.
     pub time: &'a [f64],
-    /// Of a force with an extra state z.
-    pub extra: Option<ExtraBlocks<'a>>,
-}
-
-/// The extra state of a force: its number, −w_z, and the derivatives of ż.
-#[derive(Debug, Clone, Copy)]
-pub struct ExtraBlocks<'a> {
-    /// Number among all.
-    pub index: usize,
-    /// −w_z on both bodies.
-    pub force: &'a [f64],
-    /// By displacements of both bodies.
-    pub by_displacement: &'a [f64],
-    /// By their twists.
-    pub by_twist: &'a [f64],
-    /// By z.
-    pub own: f64,
-    /// By time.
-    pub time: f64,
 }
 
 /// Bodies and joints times the square of a body's coordinates from which threads share the work: see the same of the
@@ -175,6 +232,20 @@ impl DerivativeBlocks {
     /// Who shares the work.
     pub fn threads(&self) -> &Threads {
         &self.threads
+    }
+
+    /// Where one element's rows of `extra_motion`, g_z and g_t go.
+    pub(super) fn extra_rows<const W: usize>(
+        &mut self,
+        block: ExtraBlock,
+    ) -> ExtraRows<'_, f64, W> {
+        let [force, by_displacement, by_twist] = self.extra_motion.each_mut().map(|all| {
+            let rows = all.as_chunks_mut::<W>().0.as_chunks_mut::<2>().0;
+            &mut rows[block.states()]
+        });
+        let own = &mut self.extra_extra.values[block.own()];
+        let time = &mut self.extra_time[block.states()];
+        ExtraRows { force, by_displacement, by_twist, own, time }
     }
 
     /// g_q δq + g_q̇ δq̇ of extra state `k` with the bodies `ends` of `per_body` coordinates each.

@@ -21,6 +21,7 @@ const EVERYTHING: &str = r#"
 coil = { type = "rsda", between = ["wheel", "ground"], axis = [1.0, 0.0, 0.0], stiffness = 0.5, damping = 0.01 }
 damper = { type = "maxwell", between = ["bob", "hung"], points = [[3.0, 0.0, 0.0], [6.0, 0.0, -1.0]], stiffness = 40.0, damping = 8.0, free_length = 3.0 }
 spring = { type = "tsda", between = ["ground", "hung"], points = [[6.0, 0.0, 0.0], [6.0, 0.0, -1.0]], stiffness = 900.0, damping = 5.0, free_length = 1.0 }
+rubber = { type = "bushing", between = ["ground", "hung"], point = [6.0, 0.0, -1.0], damping = [1.0, 1.0, 1.0], branches = { slow = { stiffness = [300.0, 200.0, 100.0], damping = [30.0, 30.0, 30.0] }, about = { rotational_stiffness = [5.0, 0.0, 4.0], rotational_damping = [0.3, 0.0, 2.0] } } }
 push = { type = "point_force", on = "hung", point = [6.0, 0.0, -1.0], force = { type = "smooth_step", from = 0.0, to = 4.0, start = 0.2, end = 0.5 }, direction = [0.0, 1.0, 0.0] }
 "#;
 

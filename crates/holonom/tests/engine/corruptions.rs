@@ -175,7 +175,8 @@ fn corrupt_everything(name: &str, text: &str) -> (usize, usize) {
                 let repeated = ["bodies", "joints", "forces", "drivers", "tables"];
                 let is_repeated = parent.starts_with("/patterns/")
                     && repeated.iter().any(|of| parent.ends_with(&format!("/{of}")));
-                let inner = ["/markers", "/shapes"].iter().any(|of| parent.ends_with(of));
+                let inner =
+                    ["/markers", "/shapes", "/branches"].iter().any(|of| parent.ends_with(of));
                 let is_free = is_item || is_repeated || inner;
                 assert!(!accepted || is_free, "{name}{pointer} renamed is accepted");
             }

@@ -240,6 +240,16 @@ creep = { type = "maxwell", between = ["sleeve", "bob"], points = [[0.7, 0.1, 0.
 bob = { angular_velocity = [1.0, 0.4, -2.0] }
 "#;
 
+/// A viscoelastic bushing among them: extra states that see each other.
+const RUBBER: &str = r#"
+[forces.rubber]
+type = "bushing"
+between = ["sleeve", "bob"]
+point = [0.8, 0.05, -0.3]
+branches.coupled = { stiffness_matrix = [[40.0, 9.0, 0.0, 0.0, 3.0, 0.0], [9.0, 30.0, 0.0, 0.0, 2.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [3.0, 2.0, 0.0, 0.0, 2.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]], damping_matrix = [[6.0, -1.0, 0.0, 0.0, 0.5, 0.0], [-1.0, 4.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]] }
+branches.fast = { rotational_stiffness = [3.0, 0.0, 0.0], rotational_damping = [0.2, 0.0, 0.0] }
+"#;
+
 #[test]
 fn springs_that_turn() {
     let without_creep = TURNING_SPRINGS.lines().filter(|line| !line.starts_with("creep"));
@@ -255,8 +265,9 @@ fn springs_that_turn() {
 }
 
 #[test] // independent truth: differences of the whole slope
-fn an_extra_state_on_springs_that_turn() {
-    let mut reduced = Reduced::at(&model_of(TURNING_SPRINGS), 0.4, Choice::Tree);
+fn extra_states_on_springs_that_turn() {
+    let mut reduced =
+        Reduced::at(&model_of(&format!("{TURNING_SPRINGS}{RUBBER}")), 0.4, Choice::Tree);
     let jacobian = reduced.form.newton().blocks().jacobian().expect("a regular mass matrix");
     let n = reduced.w.len();
     let size = norm(jacobian.iter().copied());

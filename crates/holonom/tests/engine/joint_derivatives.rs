@@ -86,7 +86,7 @@ fn compare(forms: &mut Forms, random: &mut Random) -> [f64; 9] {
     out[3] = apart(&a.force_extra, &b.force_extra, parts(&of_a.force_extra));
     out[4] = apart(&a.extra_position, &b.extra_position, parts(&of_a.extra_position));
     out[5] = apart(&a.extra_velocity, &b.extra_velocity, parts(&of_a.extra_velocity));
-    out[6] = apart(&a.extra_extra, &b.extra_extra, 0.0);
+    out[6] = apart(&a.extra_extra.values, &b.extra_extra.values, 0.0);
     let (n, ndof) = (forms.w.len(), forms.ndof);
     let terms = 1.0f64.max(parts(of_a.damping.values())).max(parts(of_a.stiffness.values()));
     let times = |x: &[f64]| -> Vec<f64> {

@@ -55,3 +55,4 @@ mod travelling;
 mod turns;
 mod units;
 mod unseen;
+mod viscoelastic;

@@ -43,7 +43,7 @@ crank = { angular_velocity = 8.0 }
 extra_states = { series = 0.01 }
 "#;
 
-/// A spatial body on a cardan joint with a bushing and a Maxwell element.
+/// A spatial body on a cardan joint with a bushing, a viscoelastic one that closes a loop, and a Maxwell element.
 const SPATIAL: &str = r#"
 holonom = 1
 dimension = "spatial"
@@ -57,6 +57,18 @@ hinge = { type = "revolute", between = ["rod", "end"], point = [0.1, 0.0, -1.0],
 [forces]
 mount = { type = "bushing", between = ["ground", "rod"], point = [0.1, 0.0, -0.9], stiffness = [2.0e3, 3.0e3, 5.0e3], damping = [20.0, 20.0, 50.0] }
 series = { type = "maxwell", between = ["ground", "end"], points = [[0.5, 0.2, -1.0], [0.1, 0.2, -1.0]], stiffness = 3.0e2, damping = 30.0, free_length = 0.3 }
+[forces.rubber]
+type = "bushing"
+between = ["rod", "end"]
+point = [0.1, 0.1, -1.0]
+stiffness = [0.0, 0.0, 0.0]
+rotational_stiffness = [5.0, 5.0, 5.0]
+[forces.rubber.branches.coupled]
+stiffness_matrix = [[900.0, 100.0, 0.0, 0.0, 30.0, 0.0], [100.0, 700.0, 0.0, 0.0, 20.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [30.0, 20.0, 0.0, 0.0, 20.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
+damping_matrix = [[30.0, -5.0, 0.0, 0.0, 1.0, 0.0], [-5.0, 20.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 2.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
+[forces.rubber.branches.fast]
+stiffness = [0.0, 0.0, 500.0]
+damping = [0.0, 0.0, 2.0]
 [initial.bodies]
 rod = { angular_velocity = [0.5, 0.2, 0.0] }
 "#;

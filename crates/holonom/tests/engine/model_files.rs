@@ -4,7 +4,8 @@ use holonom::error::{Code, ModelErrors};
 use holonom::io::{Document, Syntax};
 use holonom::method::Profile;
 use holonom::model::{
-    DriverKind, ElasticLaw, ForceKind, Frame, JointKind, Model, Orientation, Road,
+    DriverKind, ElasticLaw, ForceKind, Frame, InitialExtraState, JointKind, Model, Orientation,
+    Road,
 };
 use holonom::newton::JacobianSource;
 use holonom::reduction::Choice;
@@ -109,7 +110,9 @@ fn a_spatial_model_has_its_frames_in_body_axes() {
     assert_near(&frames[1].point, &[0.0, 0.0, 0.5]);
     assert_eq!(law.values(), &[-200.0, 0.0, 300.0]);
 
-    let ForceKind::Bushing { stiffness, damping, frames } = force(&m, "rubber") else { panic!() };
+    let ForceKind::Bushing { stiffness, damping, frames, .. } = force(&m, "rubber") else {
+        panic!()
+    };
     let diagonal = |a: &[[f64; 6]; 6]| [0, 1, 2, 3, 4, 5].map(|i| a[i][i]);
     assert_eq!(diagonal(stiffness), [7.0e7, 6.0e7, 5.0e7, 1.0e3, 2.0e3, 3.0e3]);
     assert_eq!(diagonal(damping), [3.5e4, 3.5e4, 3.5e4, 0.0, 0.0, 0.0]);
@@ -139,7 +142,7 @@ fn a_spatial_model_has_its_frames_in_body_axes() {
     assert_eq!(m.initial.bodies[0].velocity, Some([4.4704, 0.0, 0.0]));
     assert_eq!(m.initial.bodies[1].velocity, Some([0.0; 3]));
     assert_eq!(m.initial.bodies[1].position, Some([1.0, 4.0, 3.1]));
-    assert_eq!(m.initial.extra_states, [("series".to_owned(), 0.01)]);
+    assert_eq!(m.initial.extra_states, [("series".to_owned(), InitialExtraState::Spring(0.01))]);
     assert_eq!(m.simulation.tolerance.unwrap().rotation, 1e-5);
     assert_eq!(m.simulation.max_steps, Some(1000));
     assert_eq!(m.outputs.channels.len(), 3);

@@ -1,6 +1,6 @@
 //! The integration Jacobian by differences, against the analytic one.
 
-use crate::common::{model, model_of, options, run_model};
+use crate::common::{RUBBER_MOUNTS, model, model_of, options, run_model};
 use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{Code, FirstOrder, Weights};
 use holonom::model::{Model, Tolerance};
@@ -27,6 +27,7 @@ fn library() -> Vec<(&'static str, Model)> {
     let mut all: Vec<_> =
         ["double_pendulum_w10", "andrews", "slider_crank"].map(|n| (n, model(n))).into();
     all.push(("maxwell", model_of(MAXWELL)));
+    all.push(("rubber", model_of(RUBBER_MOUNTS)));
     all
 }
 
@@ -58,7 +59,7 @@ fn differences_agree_with_the_analytic_blocks() {
             ("Ẑ", &a.force_extra, &n.force_extra),
             ("ż_v", &a.extra_position, &n.extra_position),
             ("ż_v̇", &a.extra_velocity, &n.extra_velocity),
-            ("ż_z", &a.extra_extra, &n.extra_extra),
+            ("ż_z", &a.extra_extra.values, &n.extra_extra.values),
         ] {
             // Forward differences of quantities of size 1 leave about √ε.
             let size = a.iter().fold(1e-2f64, |m, x| m.max(x.abs()));

@@ -2,17 +2,23 @@ use super::quantity;
 use crate::elements::body::{Body, Link, Rigid, angular};
 use crate::elements::space::{Spatial, Triad, euler};
 use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, Quantity,
+    Energy, ExtraRows, ExtraStateScale, ForceBlocks, ForceElement, ForceInput, PairBlocks,
+    Quantity, Wrenches,
 };
 use crate::math::Real;
 use crate::math::spatial::{conjugate, cross, euler_parameters, product};
 use crate::math::vector::{add_scaled, difference, dot, lift, sum};
+use crate::model;
 
 const QUANTITIES: &[Quantity] = &[
     quantity("deformation", "m, rad", "first", 6),
     quantity("force", "N", "first", 3),
     quantity("torque", "N m", "first", 3),
+    quantity("branch_force", "N", "first", 3),
+    quantity("branch_torque", "N m", "first", 3),
 ];
+/// Of these, what a bushing without branches has.
+const ELASTIC: usize = 3;
 
 /// Displacements that it can tell apart: r_j − r_i, φ_i, φ_j.
 const PACKED: usize = 9;
@@ -37,7 +43,16 @@ type Packed<T> = [[T; PACKED]; 6];
 /// turns over only at half a turn. The moment on the second body about its point is
 /// −sign(ε₀) (ε₀ I + ε̃) W_e in axes of the first frame.
 ///
-/// Source: virtual work; Euler parameters after Haug (1989), 9.3.
+/// Branches of springs K_b and dampers C_b in series make it viscoelastic (generalized Maxwell model; with one branch the
+/// standard linear solid). The extra states z_b are the extensions of their springs, in the directions in which these are:
+///
+/// ```text
+/// W = K u + C u̇ + Σ K_b z_b      ż_b = u̇ − C_b⁻¹K_b z_b
+/// −w_z = u_ξᵀ K_b,   ż_ξ = u̇_ξ,   ż_y = u_ξ,   ż_z = −C_b⁻¹K_b
+/// ```
+///
+/// Source: virtual work; Euler parameters after Haug (1989), 9.3; branches after J. D. Ferry, *Viscoelastic Properties of
+/// Polymers* (1980), chapter 1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bushing {
     points: [[f64; 3]; 2],
@@ -48,6 +63,63 @@ pub struct Bushing {
     stiffness: [[f64; 6]; 6],
     damping: [[f64; 6]; 6],
     damped: bool,
+    branches: Vec<Branch>,
+}
+
+/// A spring and a damper in series, on the directions of the spring.
+#[derive(Debug, Clone, PartialEq)]
+struct Branch {
+    /// Place of its first state among those of the bushing.
+    first: usize,
+    directions: Vec<usize>,
+    /// K_b by rows.
+    stiffness: Vec<f64>,
+    /// C_b⁻¹K_b by rows, 1/s.
+    relaxation: Vec<f64>,
+    /// Of each state the error that counts like one of its rate.
+    scales: Vec<f64>,
+}
+
+impl Branch {
+    fn new(first: usize, branch: &model::Branch) -> Self {
+        let directions: Vec<usize> = branch.directions().collect();
+        let part = |matrix: &[[f64; 6]; 6]| -> Vec<f64> {
+            directions.iter().flat_map(|&i| directions.iter().map(move |&j| matrix[i][j])).collect()
+        };
+        let stiffness = part(&branch.stiffness);
+        let scale = |&k: &usize| branch.damping[k][k] / branch.stiffness[k][k];
+        let scales = directions.iter().map(scale).collect();
+        let relaxation = solved(part(&branch.damping), stiffness.clone());
+        Self { first, directions, stiffness, relaxation, scales }
+    }
+
+    /// Its states, with the direction of each.
+    fn states(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        (self.first..).zip(self.directions.iter().copied())
+    }
+
+    /// A z of a matrix over its directions, in place `row`.
+    #[inline(always)]
+    fn product<T: Real>(&self, matrix: &[f64], row: usize, z: &[T]) -> T {
+        let n = self.directions.len();
+        let row = matrix[row * n..].iter().zip(&z[self.first..]).take(n);
+        row.fold(T::zero(), |sum, (a, z)| sum + *z * *a)
+    }
+}
+
+/// A⁻¹B of a positive definite A, both by rows.
+fn solved(mut a: Vec<f64>, mut b: Vec<f64>) -> Vec<f64> {
+    let n = a.len().isqrt();
+    for k in 0..n {
+        for i in (0..n).filter(|&i| i != k) {
+            let multiple = a[i * n + k] / a[k * n + k];
+            for j in 0..n {
+                a[i * n + j] -= multiple * a[k * n + j];
+                b[i * n + j] -= multiple * b[k * n + j];
+            }
+        }
+    }
+    b.iter().enumerate().map(|(at, x)| x / a[at / n * (n + 1)]).collect()
 }
 
 /// The bushing in one configuration; vectors in axes of the ground, ε in those of the first frame too.
@@ -78,6 +150,7 @@ impl Bushing {
         frames: &[Triad<3>; 2],
         stiffness: &[[f64; 6]; 6],
         damping: &[[f64; 6]; 6],
+        branches: &[model::Branch],
     ) -> Self {
         let turned = frames.map(|frame| {
             let columns = frame.axes;
@@ -86,7 +159,14 @@ impl Bushing {
         let points = [frames[0].point, frames[1].point];
         let damped = damping.iter().flatten().any(|&c| c != 0.0);
         let (axes, stiffness, damping) = (frames[0].axes, *stiffness, *damping);
-        Self { points, axes, frames: turned, stiffness, damping, damped }
+        let mut first = 0;
+        let branch = |branch: &model::Branch| {
+            let branch = Branch::new(first, branch);
+            first += branch.directions.len();
+            branch
+        };
+        let branches = branches.iter().map(branch).collect();
+        Self { points, axes, frames: turned, stiffness, damping, damped, branches }
     }
 
     #[inline(always)]
@@ -124,7 +204,26 @@ impl Bushing {
 
     /// W.
     #[inline(always)]
-    fn load<T: Real>(&self, u: &[T; 6], rate: &[T; 6]) -> [T; 6] {
+    fn load<T: Real>(&self, at: &Deformation<T>, z: &[T]) -> [T; 6] {
+        let mut load = self.parallel_load(&at.u, &at.rate);
+        if !self.branches.is_empty() {
+            self.add_branches(z, &mut load);
+        }
+        load
+    }
+
+    /// Adds Σ K_b z_b.
+    fn add_branches<T: Real>(&self, z: &[T], load: &mut [T; 6]) {
+        for branch in &self.branches {
+            for (row, &k) in branch.directions.iter().enumerate() {
+                load[k] += branch.product(&branch.stiffness, row, z);
+            }
+        }
+    }
+
+    /// K u + C u̇.
+    #[inline(always)]
+    fn parallel_load<T: Real>(&self, u: &[T; 6], rate: &[T; 6]) -> [T; 6] {
         let mut load = [T::zero(); 6];
         for i in 0..6 {
             for j in 0..6 {
@@ -272,11 +371,8 @@ fn add_square<T: Real>(left: &Packed<T>, right: &Packed<T>, out: &mut [[T; PACKE
 #[inline(always)]
 fn unpack<T: Real>(square: &[[T; PACKED]; PACKED]) -> PairBlocks<T, 6> {
     let mut out = PairBlocks::zero();
-    let row = |x: &[T; PACKED]| {
-        [[-x[0], -x[1], -x[2], x[3], x[4], x[5]], [x[0], x[1], x[2], x[6], x[7], x[8]]]
-    };
     for r in 0..3 {
-        let (force, first, second) = (row(&square[r]), row(&square[3 + r]), row(&square[6 + r]));
+        let [force, first, second] = [r, 3 + r, 6 + r].map(|r| unpack_row(&square[r]));
         for moved in 0..2 {
             out.0[0][moved][r] = force[moved].map(|x| -x);
             out.0[1][moved][r] = force[moved];
@@ -287,17 +383,40 @@ fn unpack<T: Real>(square: &[[T; PACKED]; PACKED]) -> PairBlocks<T, 6> {
     out
 }
 
+#[inline(always)]
+fn unpack_row<T: Real>(x: &[T; PACKED]) -> Wrenches<T, 6> {
+    [[-x[0], -x[1], -x[2], x[3], x[4], x[5]], [x[0], x[1], x[2], x[6], x[7], x[8]]]
+}
+
 impl ForceElement<3, 7, 6> for Bushing {
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceOutput<T, 6>) {
+    fn extra_states(&self) -> usize {
+        self.branches.iter().map(|branch| branch.directions.len()).sum()
+    }
+
+    fn extra_state_scales(&self) -> Vec<ExtraStateScale> {
+        let scales = self.branches.iter().flat_map(|b| b.directions.iter().zip(&b.scales));
+        scales.map(|(k, scale)| ExtraStateScale { angle: *k >= 3, one: scale.min(1.0) }).collect()
+    }
+
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, 3, 7, 6>,
+        wrenches: &mut Wrenches<T, 6>,
+        z_rate: &mut [T],
+    ) {
         let at = self.deformation(input.pair());
-        out.wrenches = at.wrenches(&self.load(&at.u, &at.rate)).1;
-        out.z_rate = T::zero();
+        *wrenches = at.wrenches(&self.load(&at, input.z)).1;
+        for branch in &self.branches {
+            for (row, (state, k)) in branch.states().enumerate() {
+                z_rate[state] = at.rate[k] - branch.product(&branch.relaxation, row, input.z);
+            }
+        }
     }
 
     fn blocks<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceBlocks<T, 6>) {
         *out = ForceBlocks::zero();
         let at = self.deformation(input.pair());
-        let (acting, wrenches) = at.wrenches(&self.load(&at.u, &at.rate));
+        let (acting, wrenches) = at.wrenches(&self.load(&at, input.z));
         out.wrenches = wrenches;
         let rows = at.rows();
         let mut weighted = [[T::zero(); PACKED]; 6];
@@ -317,18 +436,48 @@ impl ForceElement<3, 7, 6> for Bushing {
         out.k = unpack(&square);
     }
 
-    fn energy(&self, input: &ForceInput<f64, 3, 7, 6>) -> Energy {
-        let Deformation { u, rate, .. } = self.deformation(input.pair());
-        let zero = [0.0; 6];
-        Energy {
-            potential: 0.5 * dot(&u, &self.load(&u, &zero)),
-            dissipated: dot(&rate, &self.load(&zero, &rate)),
-            supplied: 0.0,
+    fn extra_rows<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ExtraRows<'_, T, 6>) {
+        let (at, count) = (self.deformation(input.pair()), out.time.len());
+        let rows = at.rows();
+        let rate_rows = at.rate_rows(&angular(&input.bodies[0].twist));
+        out.time.fill(T::zero());
+        out.own.fill(T::zero());
+        for branch in &self.branches {
+            let n = branch.directions.len();
+            for (row, (state, k)) in branch.states().enumerate() {
+                let mut force = [T::zero(); PACKED];
+                for (column, &other) in branch.directions.iter().enumerate() {
+                    let (of, at) = (row * n + column, state * count + branch.first + column);
+                    add_scaled(&mut force, T::from(branch.stiffness[of]), &rows[other]);
+                    out.own[at] = T::from(-branch.relaxation[of]);
+                }
+                out.force[state] = unpack_row(&force);
+                out.by_displacement[state] = unpack_row(&rate_rows[k]);
+                out.by_twist[state] = unpack_row(&rows[k]);
+            }
         }
     }
 
+    fn energy(&self, input: &ForceInput<f64, 3, 7, 6>) -> Energy {
+        let Deformation { u, rate, .. } = self.deformation(input.pair());
+        let zero = [0.0; 6];
+        let mut out = Energy {
+            potential: 0.5 * dot(&u, &self.parallel_load(&u, &zero)),
+            dissipated: dot(&rate, &self.parallel_load(&zero, &rate)),
+            supplied: 0.0,
+        };
+        for branch in &self.branches {
+            for (row, (state, _)) in branch.states().enumerate() {
+                let force = branch.product(&branch.stiffness, row, input.z);
+                out.potential += 0.5 * force * input.z[state];
+                out.dissipated += force * branch.product(&branch.relaxation, row, input.z);
+            }
+        }
+        out
+    }
+
     fn quantities(&self) -> &'static [Quantity] {
-        QUANTITIES
+        if self.branches.is_empty() { &QUANTITIES[..ELASTIC] } else { QUANTITIES }
     }
 
     fn quantity(&self, index: usize, input: &ForceInput<f64, 3, 7, 6>, out: &mut [f64]) {
@@ -337,9 +486,14 @@ impl ForceElement<3, 7, 6> for Bushing {
             out[..6].copy_from_slice(&at.u);
             return;
         }
-        let load = self.load(&at.u, &at.rate);
+        let mut load = [0.0; 6];
+        if index < ELASTIC {
+            load = self.load(&at, input.z);
+        } else {
+            self.add_branches(input.z, &mut load);
+        }
         let ([force, moment, _], _) = at.wrenches(&load);
-        let vector = if index == 1 { force } else { moment };
+        let vector = if index % 2 == 1 { force } else { moment };
         for k in 0..3 {
             out[k] = dot(&at.axes[k], &vector);
         }

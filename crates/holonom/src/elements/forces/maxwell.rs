@@ -2,7 +2,9 @@ use super::line::Line;
 use super::quantity;
 use crate::elements::body::Rigid;
 use crate::elements::space::Triad;
-use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use crate::elements::{
+    Energy, ExtraRows, ExtraStateScale, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches,
+};
 use crate::math::Real;
 use crate::math::vector::scaled;
 
@@ -47,39 +49,47 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> Maxwell<
 impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceElement<D, N, W>
     for Maxwell<S, D, N, W>
 {
-    fn has_extra_state(&self) -> bool {
-        true
+    fn extra_states(&self) -> usize {
+        1
     }
 
-    fn extra_state_scale(&self) -> f64 {
-        (self.damping / self.stiffness).min(1.0)
+    fn extra_state_scales(&self) -> Vec<ExtraStateScale> {
+        vec![ExtraStateScale { angle: false, one: (self.damping / self.stiffness).min(1.0) }]
     }
 
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>) {
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, D, N, W>,
+        wrenches: &mut Wrenches<T, W>,
+        z_rate: &mut [T],
+    ) {
         let span = self.line.span(input.pair());
-        let pull = input.z * self.stiffness;
-        out.wrenches = Line::<S, D, N, W>::rows(&span).map(|row| scaled(&row, -pull));
-        out.z_rate = span.rate - pull / self.damping;
+        let pull = input.z[0] * self.stiffness;
+        *wrenches = Line::<S, D, N, W>::rows(&span).map(|row| scaled(&row, -pull));
+        z_rate[0] = span.rate - pull / self.damping;
     }
 
     fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>) {
-        *out = ForceBlocks::zero();
+        out.begin(false);
         let span = self.line.span(input.pair());
-        let stiffness = T::from(self.stiffness);
-        let pull = input.z * stiffness;
-        let rows = Line::<S, D, N, W>::rows(&span);
-        out.wrenches = rows.map(|row| scaled(&row, -pull));
+        let pull = input.z[0] * self.stiffness;
+        out.wrenches = Line::<S, D, N, W>::rows(&span).map(|row| scaled(&row, -pull));
         Line::<S, D, N, W>::set_stiffness(&span, pull, T::zero(), &mut out.k);
-        out.z = rows.map(|row| scaled(&row, stiffness));
-        out.rate_x = Line::<S, D, N, W>::rate_rows(&span, input.pair());
-        out.rate_y = rows;
-        out.rate_z = -(stiffness / self.damping);
+    }
+
+    fn extra_rows<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ExtraRows<'_, T, W>) {
+        let span = self.line.span(input.pair());
+        let (rows, stiffness) = (Line::<S, D, N, W>::rows(&span), T::from(self.stiffness));
+        out.force[0] = rows.map(|row| scaled(&row, stiffness));
+        out.by_displacement[0] = Line::<S, D, N, W>::rate_rows(&span, input.pair());
+        out.by_twist[0] = rows;
+        (out.own[0], out.time[0]) = (-(stiffness / self.damping), T::zero());
     }
 
     fn energy(&self, input: &ForceInput<f64, D, N, W>) -> Energy {
-        let force = self.stiffness * input.z;
+        let force = self.stiffness * input.z[0];
         Energy {
-            potential: 0.5 * force * input.z,
+            potential: 0.5 * force * input.z[0],
             dissipated: force * force / self.damping,
             supplied: 0.0,
         }
@@ -103,8 +113,8 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceEle
         out[0] = match index {
             0 => span.length,
             1 => span.rate,
-            2 => self.stiffness * input.z,
-            _ => span.length - self.free_length - input.z,
+            2 => self.stiffness * input.z[0],
+            _ => span.length - self.free_length - input.z[0],
         };
     }
 }

@@ -11,7 +11,7 @@ pub(super) mod torque;
 pub(super) mod tsda;
 pub(super) mod tyre;
 
-use super::{Energy, ForceElement, ForceInput, ForceOutput, Quantity, product};
+use super::{Energy, ForceElement, ForceInput, Quantity, product};
 use crate::model;
 
 /// First and second body of a force. For a force on one body the second is acted on and the first
@@ -47,17 +47,20 @@ fn supplied<const D: usize, const N: usize, const W: usize>(
     force: &impl ForceElement<D, N, W>,
     input: &ForceInput<f64, D, N, W>,
 ) -> Energy {
-    let mut out = ForceOutput::zero();
-    force.evaluate(input, &mut out);
-    Energy { supplied: product(&out.wrenches, input.twists()), ..Energy::default() }
+    let mut wrenches = [[0.0; W]; 2];
+    force.evaluate(input, &mut wrenches, &mut []);
+    Energy { supplied: product(&wrenches, input.twists()), ..Energy::default() }
 }
 
 /// Implements [`ForceElement`] for an enum by the element of each variant.
 macro_rules! by_variant {
     ($name:ident, [$d:literal, $n:literal, $w:literal], $($variant:ident),+) => {
         impl ForceElement<$d, $n, $w> for $name {
-            fn has_extra_state(&self) -> bool {
-                match self { $(Self::$variant(e) => e.has_extra_state(),)+ }
+            fn extra_states(&self) -> usize {
+                match self { $(Self::$variant(e) => e.extra_states(),)+ }
+            }
+            fn extra_state_scales(&self) -> Vec<ExtraStateScale> {
+                match self { $(Self::$variant(e) => e.extra_state_scales(),)+ }
             }
             fn counts_turns(&self) -> bool {
                 match self { $(Self::$variant(e) => e.counts_turns(),)+ }
@@ -65,15 +68,13 @@ macro_rules! by_variant {
             fn angle(&self, bodies: [&Body<f64, $d, $n, $w>; 2], winding: f64) -> f64 {
                 match self { $(Self::$variant(e) => e.angle(bodies, winding),)+ }
             }
-            fn extra_state_scale(&self) -> f64 {
-                match self { $(Self::$variant(e) => e.extra_state_scale(),)+ }
-            }
             fn evaluate<T: Real>(
                 &self,
                 input: &ForceInput<T, $d, $n, $w>,
-                out: &mut ForceOutput<T, $w>,
+                wrenches: &mut Wrenches<T, $w>,
+                z_rate: &mut [T],
             ) {
-                match self { $(Self::$variant(e) => e.evaluate(input, out),)+ }
+                match self { $(Self::$variant(e) => e.evaluate(input, wrenches, z_rate),)+ }
             }
             #[inline(always)]
             fn blocks<T: Real>(
@@ -82,6 +83,13 @@ macro_rules! by_variant {
                 out: &mut ForceBlocks<T, $w>,
             ) {
                 match self { $(Self::$variant(e) => e.blocks(input, out),)+ }
+            }
+            fn extra_rows<T: Real>(
+                &self,
+                input: &ForceInput<T, $d, $n, $w>,
+                out: &mut ExtraRows<'_, T, $w>,
+            ) {
+                match self { $(Self::$variant(e) => e.extra_rows(input, out),)+ }
             }
             fn energy(&self, input: &ForceInput<f64, $d, $n, $w>) -> Energy {
                 match self { $(Self::$variant(e) => e.energy(input),)+ }

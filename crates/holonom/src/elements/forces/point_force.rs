@@ -3,7 +3,7 @@ use std::marker::PhantomData;
 use super::{quantity, supplied};
 use crate::elements::body::Rigid;
 use crate::elements::space::{from_center, leading};
-use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches};
 use crate::math::vector::dot;
 use crate::math::{Real, TimeFunction};
 use crate::model::{ForceAxes, Frame};
@@ -56,10 +56,15 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> PointFor
 impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceElement<D, N, W>
     for PointForce<S, D, N, W>
 {
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>) {
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, D, N, W>,
+        wrenches: &mut Wrenches<T, W>,
+        _z_rate: &mut [T],
+    ) {
         let [force, _] = self.force_and_rate(input);
-        *out = ForceOutput::zero();
-        out.wrenches[1] = S::wrench(&force, &input.bodies[1].turn(&self.point));
+        wrenches[0] = [T::zero(); W];
+        wrenches[1] = S::wrench(&force, &input.bodies[1].turn(&self.point));
     }
 
     fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>) {

@@ -3,7 +3,7 @@ use crate::elements::angle::on_branch;
 use crate::elements::body::{Body, angular};
 use crate::elements::space::Triad;
 use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, PairBlocks, Quantity, product,
+    Energy, ForceBlocks, ForceElement, ForceInput, PairBlocks, Quantity, Wrenches, product,
 };
 use crate::math::Real;
 use crate::math::spatial::cross;
@@ -231,12 +231,16 @@ impl<A: Between<D, N, W>, const D: usize, const N: usize, const W: usize> ForceE
         if A::COUNTS_TURNS { self.angle.nearest(bodies, winding) } else { 0.0 }
     }
 
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>) {
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, D, N, W>,
+        wrenches: &mut Wrenches<T, W>,
+        _z_rate: &mut [T],
+    ) {
         let rows = self.angle.rows(input.pair());
         let angle = self.angle.nearest(input.pair(), input.winding);
         let (torque, _) = self.torque(angle, product(&rows, input.twists()));
-        out.wrenches = rows.map(|row| scaled(&row, -torque));
-        out.z_rate = T::zero();
+        *wrenches = rows.map(|row| scaled(&row, -torque));
     }
 
     fn blocks<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceBlocks<T, W>) {

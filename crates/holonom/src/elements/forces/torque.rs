@@ -1,5 +1,5 @@
 use super::{quantity, supplied};
-use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches};
 use crate::math::vector::dot;
 use crate::math::{Real, TimeFunction};
 use crate::model::ForceAxes;
@@ -20,9 +20,13 @@ impl PlanarTorque {
 }
 
 impl ForceElement<2, 3, 3> for PlanarTorque {
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, 2, 3, 3>, out: &mut ForceOutput<T, 3>) {
-        *out = ForceOutput::zero();
-        out.wrenches = moments([self.torque.value_and_slope(input.t).0]);
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, 2, 3, 3>,
+        wrenches: &mut Wrenches<T, 3>,
+        _z_rate: &mut [T],
+    ) {
+        *wrenches = moments([self.torque.value_and_slope(input.t).0]);
     }
 
     fn blocks<T: Real>(&self, input: &ForceInput<T, 2, 3, 3>, out: &mut ForceBlocks<T, 3>) {
@@ -80,9 +84,13 @@ impl SpatialTorque {
 }
 
 impl ForceElement<3, 7, 6> for SpatialTorque {
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceOutput<T, 6>) {
-        *out = ForceOutput::zero();
-        out.wrenches = moments(self.torque_and_rate(input)[0]);
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, 3, 7, 6>,
+        wrenches: &mut Wrenches<T, 6>,
+        _z_rate: &mut [T],
+    ) {
+        *wrenches = moments(self.torque_and_rate(input)[0]);
     }
 
     fn blocks<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceBlocks<T, 6>) {

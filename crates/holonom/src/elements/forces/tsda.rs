@@ -2,7 +2,7 @@ use super::line::Line;
 use super::{law, quantity};
 use crate::elements::body::Rigid;
 use crate::elements::space::Triad;
-use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches};
 use crate::math::Real;
 use crate::math::vector::scaled;
 use crate::model::ElasticLaw;
@@ -50,11 +50,15 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> Tsda<S, 
 impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceElement<D, N, W>
     for Tsda<S, D, N, W>
 {
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, D, N, W>, out: &mut ForceOutput<T, W>) {
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, D, N, W>,
+        wrenches: &mut Wrenches<T, W>,
+        _z_rate: &mut [T],
+    ) {
         let span = self.line.span(input.pair());
         let (pull, _) = self.force(span.length, span.rate);
-        out.wrenches = Line::<S, D, N, W>::rows(&span).map(|row| scaled(&row, -pull));
-        out.z_rate = T::zero();
+        *wrenches = Line::<S, D, N, W>::rows(&span).map(|row| scaled(&row, -pull));
     }
 
     #[inline(always)]

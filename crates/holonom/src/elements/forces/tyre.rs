@@ -1,7 +1,7 @@
 use super::{quantity, road};
 use crate::elements::body::{Body, Rigid, angular};
 use crate::elements::space::{Spatial, from_center};
-use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, Quantity};
+use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches};
 use crate::math::Real;
 use crate::math::spatial::cross;
 use crate::math::vector::{dot, sum};
@@ -177,13 +177,17 @@ fn combine<T: Real>(a: T, x: &Row<T>, b: T, y: &Row<T>) -> Row<T> {
 }
 
 impl ForceElement<3, 7, 6> for Tyre {
-    fn evaluate<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceOutput<T, 6>) {
-        *out = ForceOutput::zero();
+    fn evaluate<T: Real>(
+        &self,
+        input: &ForceInput<T, 3, 7, 6>,
+        wrenches: &mut Wrenches<T, 6>,
+        _z_rate: &mut [T],
+    ) {
         let body = &input.bodies[1];
         let contact = self.contact(body);
         let lateral = self.with_lateral(body, &contact);
         let (force, moment) = self.force_and_moment(&contact, lateral.as_ref());
-        out.wrenches[1] = contact.wrench(&force, &moment);
+        *wrenches = [[T::zero(); 6], contact.wrench(&force, &moment)];
     }
 
     fn blocks<T: Real>(&self, input: &ForceInput<T, 3, 7, 6>, out: &mut ForceBlocks<T, 6>) {

@@ -5,10 +5,19 @@ use super::forces::{At, coupled_matrix, internal_kinds, named, spatial_state};
 use super::*;
 use crate::elements::body::Rigid;
 use crate::elements::space::{Planar, Spatial};
-use crate::elements::{ConstraintElement, ForceElement, ForceOutput, planar as plane, spatial};
+use crate::elements::{ConstraintElement, ForceElement, ForceInput, planar as plane, spatial};
 use crate::math::TimeFunction;
 use crate::math::spatial::{cross, e_times, rotate, rotate_back};
 use crate::model::{ForceAxes, ForceKind, JointKind};
+
+fn wrenches<const D: usize, const N: usize, const W: usize>(
+    e: &impl ForceElement<D, N, W>,
+    input: &ForceInput<f64, D, N, W>,
+) -> Pair<f64, W> {
+    let mut out = [[0.0; W]; 2];
+    e.evaluate(input, &mut out, &mut vec![0.0; e.extra_states()]);
+    out
+}
 
 fn euler(q: &[f64; 7]) -> [f64; 4] {
     [q[3], q[4], q[5], q[6]]
@@ -135,9 +144,8 @@ fn internal_forces_act_and_react_equally() {
         for kind in kinds {
             let e = spatial::Force::new(&named(kind.clone()), [[0.1, 0.2, -0.1]; 2]);
             let at = spatial_state(&mut random, &kind, &frames);
-            let mut out = ForceOutput::zero();
-            e.evaluate(&at.input::<Spatial, 3>(), &mut out);
-            assert_internal(&format!("{kind:?}"), &at.q, out.wrenches.map(|w| parts(&w)));
+            let out = wrenches(&e, &at.input::<Spatial, 3>());
+            assert_internal(&format!("{kind:?}"), &at.q, out.map(|w| parts(&w)));
         }
         let frames = [0, 1].map(|_| planar_frame(&mut random, 0.8));
         for kind in internal_kinds(&mut random, frames) {
@@ -146,10 +154,9 @@ fn internal_forces_act_and_react_equally() {
             }
             let e = plane::Force::new(&named(kind.clone()), [[0.1, 0.2, 0.0]; 2]);
             let (q, y) = (planar_poses(&mut random), random_pair(&mut random, 1.0));
-            let at = At { t: 0.3, q, y, z: 0.2, winding: 0.0 };
-            let mut out = ForceOutput::zero();
-            e.evaluate(&at.input::<Planar, 2>(), &mut out);
-            assert_internal_plane(&format!("{kind:?}"), &at.q, &out.wrenches.concat());
+            let at = At { t: 0.3, q, y, z: [0.2; 12], winding: 0.0 };
+            let out = wrenches(&e, &at.input::<Planar, 2>());
+            assert_internal_plane(&format!("{kind:?}"), &at.q, &out.concat());
         }
     }
 }
@@ -175,9 +182,8 @@ fn torques_and_following_forces_do_their_work() {
             let p = euler(&at.q[1]);
             let ground = if axes == ForceAxes::Ground { given } else { rotate(&p, &given) };
             let work = |e: &spatial::Force| {
-                let mut out = ForceOutput::zero();
                 let input = at.input::<Spatial, 3>();
-                e.evaluate(&input, &mut out);
+                let out = wrenches(e, &input);
                 let mut channel = [0.0; 3];
                 e.quantity(0, &input, &mut channel);
                 for k in 0..3 {
@@ -185,7 +191,7 @@ fn torques_and_following_forces_do_their_work() {
                 }
                 (0..2)
                     .flat_map(|s| (0..6).map(move |k| (s, k)))
-                    .fold(0.0, |sum, (s, k)| sum + out.wrenches[s][k] * at.y[s][k])
+                    .fold(0.0, |sum, (s, k)| sum + out[s][k] * at.y[s][k])
             };
             let components = given.map(TimeFunction::Constant);
             let torque = spatial::Force::new(
@@ -219,7 +225,7 @@ fn bushing(random: &mut Random, damping: f64) -> (spatial::Force, [Frame; 2], [[
     let stiffness = coupled_matrix(random, 5000.0);
     let damping = coupled_matrix(random, damping);
     let (boxed, damping) = (Box::new(stiffness), Box::new(damping));
-    let kind = ForceKind::Bushing { frames, stiffness: boxed, damping };
+    let kind = ForceKind::Bushing { frames, stiffness: boxed, damping, branches: Vec::new() };
     (spatial::Force::new(&named(kind), [[0.05, 0.1, -0.1]; 2]), frames, stiffness)
 }
 
@@ -230,16 +236,15 @@ fn undamped_bushing_is_the_gradient_of_its_potential_to_3_rad() {
         let (e, frames, _) = bushing(&mut random, 0.0);
         let relative = turn(&random.unit(), random.range(2.0, 3.0));
         let q = poses(&mut random, &frames, &relative);
-        let at = At { t: 0.0, q, y: random_pair(&mut random, 1.0), z: 0.0, winding: 0.0 };
-        let mut out = ForceOutput::zero();
-        e.evaluate(&at.input::<Spatial, 3>(), &mut out);
-        let size = out.wrenches.as_flattened().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+        let at = At { t: 0.0, q, y: random_pair(&mut random, 1.0), z: [0.0; 12], winding: 0.0 };
+        let out = wrenches(&e, &at.input::<Spatial, 3>());
+        let size = out.as_flattened().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
         for column in 0..12 {
             let slope = richardson(1e-4, |s| {
                 let by = moved(&[[0.0; 6]; 2], column, s);
                 vec![e.energy(&at.displaced::<Spatial, 3>(&by).input::<Spatial, 3>()).potential]
             })[0];
-            let found = out.wrenches[column / 6][column % 6];
+            let found = out[column / 6][column % 6];
             assert!((found + slope).abs() < 1e-8 * size, "{column}: {found} {slope}");
         }
     }
@@ -272,14 +277,13 @@ fn undamped_bushing_does_no_work_over_a_closed_cycle() {
         let phase = f64::from(k) / f64::from(n);
         let q = cycle(phase, &frames);
         let rate = richardson(1e-3, |s| cycle(phase + s, &frames).concat());
-        let at = At { t: 0.0, q, y: [[0.0; 6]; 2], z: 0.0, winding: 0.0 };
-        let mut out = ForceOutput::zero();
-        e.evaluate(&at.input::<Spatial, 3>(), &mut out);
+        let at = At { t: 0.0, q, y: [[0.0; 6]; 2], z: [0.0; 12], winding: 0.0 };
+        let out = wrenches(&e, &at.input::<Spatial, 3>());
         let power: f64 = (0..2)
             .map(|side| {
                 let v: [f64; 7] = std::array::from_fn(|k| rate[7 * side + k]);
                 let twist = Spatial::body(&q[side], &v).twist;
-                twist.iter().zip(&out.wrenches[side]).map(|(a, b)| a * b).sum::<f64>()
+                twist.iter().zip(&out[side]).map(|(a, b)| a * b).sum::<f64>()
             })
             .sum();
         work += power / f64::from(n);
@@ -302,7 +306,7 @@ fn bushing_channels_are_its_wrench_on_the_second_body() {
         let (axis, angle) = (random.unit::<3>(), 1e-6);
         let mut q = poses(&mut random, &frames, &turn(&axis, angle));
         bring_together(&mut q, &frames, &[[0.05, 0.1, -0.1]; 2], &[0.0; 3]);
-        let at = At { t: 0.0, q, y: [[0.0; 6]; 2], z: 0.0, winding: 0.0 };
+        let at = At { t: 0.0, q, y: [[0.0; 6]; 2], z: [0.0; 12], winding: 0.0 };
         let (mut force, mut torque) = ([0.0; 3], [0.0; 3]);
         e.quantity(1, &at.input::<Spatial, 3>(), &mut force);
         e.quantity(2, &at.input::<Spatial, 3>(), &mut torque);
@@ -317,12 +321,11 @@ fn bushing_channels_are_its_wrench_on_the_second_body() {
         let (e, frames, _) = bushing(&mut random, 30.0);
         let relative = any_turn(&mut random);
         let q = poses(&mut random, &frames, &relative);
-        let at = At { t: 0.0, q, y: random_pair(&mut random, 1.0), z: 0.0, winding: 0.0 };
-        let mut out = ForceOutput::zero();
-        e.evaluate(&at.input::<Spatial, 3>(), &mut out);
+        let at = At { t: 0.0, q, y: random_pair(&mut random, 1.0), z: [0.0; 12], winding: 0.0 };
+        let out = wrenches(&e, &at.input::<Spatial, 3>());
         e.quantity(1, &at.input::<Spatial, 3>(), &mut force);
         e.quantity(2, &at.input::<Spatial, 3>(), &mut torque);
-        let (f, n) = parts(&out.wrenches[1]);
+        let (f, n) = parts(&out[1]);
         let s: [f64; 3] = std::array::from_fn(|k| frames[1].point[k] - [0.05, 0.1, -0.1][k]);
         let about_point = cross(&rotate(&euler(&q[1]), &s), &f);
         let n = std::array::from_fn(|k| n[k] - about_point[k]);

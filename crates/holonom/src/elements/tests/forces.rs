@@ -9,14 +9,19 @@ use super::*;
 use crate::elements::body::Rigid;
 use crate::elements::space::{Planar, Spatial};
 use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, ForceOutput, planar, product as pair_product,
+    Energy, ExtraRows, ForceBlocks, ForceElement, ForceInput, planar, product as pair_product,
     spatial,
 };
 use crate::math::spatial::rotate;
 use crate::math::turn::exponential;
 use crate::math::{MonotoneCubic, Real, TimeFunction};
-use crate::model::{BodyIndex, ElasticLaw, Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
+use crate::model::{
+    BodyIndex, Branch, ElasticLaw, Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre,
+};
 use crate::testing::random_states;
+
+/// Room for the extra states of every kind.
+pub(super) type States<T> = [T; 12];
 
 /// Where a force is evaluated: poses and twists.
 #[derive(Debug, Clone, Copy)]
@@ -24,7 +29,7 @@ pub(super) struct At<T, const N: usize, const W: usize> {
     pub(super) t: T,
     pub(super) q: Pair<T, N>,
     pub(super) y: Pair<T, W>,
-    pub(super) z: T,
+    pub(super) z: States<T>,
     pub(super) winding: f64,
 }
 
@@ -68,13 +73,13 @@ impl Displaced<3, 7, 6> for Spatial {
 }
 
 impl<T: Real, const N: usize, const W: usize> At<T, N, W> {
-    pub(super) fn input<S: Rigid<D, N, W>, const D: usize>(&self) -> ForceInput<T, D, N, W> {
+    pub(super) fn input<S: Rigid<D, N, W>, const D: usize>(&self) -> ForceInput<'_, T, D, N, W> {
         let bodies = [0, 1].map(|side| {
             let mut body = S::body(&self.q[side], &[T::zero(); N]);
             body.twist = self.y[side];
             body
         });
-        ForceInput { t: self.t, bodies, z: self.z, winding: self.winding }
+        ForceInput { t: self.t, bodies, z: &self.z, winding: self.winding }
     }
 
     pub(super) fn displaced<S: Displaced<D, N, W>, const D: usize>(&self, by: &Pair<T, W>) -> Self {
@@ -85,14 +90,14 @@ impl<T: Real, const N: usize, const W: usize> At<T, N, W> {
 impl<const N: usize, const W: usize> At<f64, N, W> {
     fn lifted(&self) -> At<Dual64, N, W> {
         let (q, y) = (lifted(&self.q), lifted(&self.y));
-        At { t: self.t.into(), q, y, z: self.z.into(), winding: self.winding }
+        At { t: self.t.into(), q, y, z: self.z.map(Dual64::from), winding: self.winding }
     }
 
     /// Where a steady motion has led after time s.
-    fn after<S: Displaced<D, N, W>, const D: usize>(&self, s: f64, z_rate: f64) -> Self {
+    fn after<S: Displaced<D, N, W>, const D: usize>(&self, s: f64, z_rate: &[f64]) -> Self {
         let mut there = *self;
         there.t += s;
-        there.z += s * z_rate;
+        there.z.iter_mut().zip(z_rate).for_each(|(z, rate)| *z += s * rate);
         for side in 0..2 {
             there.q[side] = S::advanced(&self.q[side], &self.y[side], s);
         }
@@ -105,16 +110,16 @@ fn force<S: Rigid<D, N, W>, T: Real, const D: usize, const N: usize, const W: us
     e: &impl ForceElement<D, N, W>,
     at: &At<T, N, W>,
 ) -> Vec<T> {
-    let mut out = ForceOutput::zero();
-    e.evaluate(&at.input::<S, D>(), &mut out);
-    [out.wrenches[0].as_slice(), &out.wrenches[1], &[out.z_rate]].concat()
+    let (mut wrenches, mut z_rate) = ([[T::zero(); W]; 2], vec![T::zero(); e.extra_states()]);
+    e.evaluate(&at.input::<S, D>(), &mut wrenches, &mut z_rate);
+    [wrenches[0].as_slice(), &wrenches[1], &z_rate].concat()
 }
 
-/// `block` with opposite sign and the row of ż below.
-fn columns<const W: usize>(block: Vec<Vec<f64>>, rate: &Pair<f64, W>) -> Vec<Vec<f64>> {
+/// `block` with opposite sign and the rows of ż below.
+fn columns<const W: usize>(block: Vec<Vec<f64>>, rates: &[Pair<f64, W>]) -> Vec<Vec<f64>> {
     let mut rows: Vec<Vec<f64>> =
         block.into_iter().map(|row| row.into_iter().map(|x| -x).collect()).collect();
-    rows.push(rate.concat());
+    rows.extend(rates.iter().map(|rate| rate.as_flattened().to_vec()));
     rows
 }
 
@@ -126,6 +131,17 @@ fn check<S: Displaced<D, N, W>, const D: usize, const N: usize, const W: usize>(
 ) {
     let mut b = ForceBlocks::zero();
     e.blocks(&at.input::<S, D>(), &mut b);
+    let states = e.extra_states();
+    let [mut by_z, mut rate_x, mut rate_y] = [0; 3].map(|_| vec![[[f64::NAN; W]; 2]; states]);
+    let (mut own, mut time) = (vec![f64::NAN; states * states], vec![f64::NAN; states]);
+    let mut rows = ExtraRows {
+        force: &mut by_z,
+        by_displacement: &mut rate_x,
+        by_twist: &mut rate_y,
+        own: &mut own,
+        time: &mut time,
+    };
+    e.extra_rows(&at.input::<S, D>(), &mut rows);
     let wide = at.lifted();
     assert_eq!(b.wrenches.concat(), force::<S, _, D, N, W>(e, at)[..2 * W], "{name}");
 
@@ -133,7 +149,7 @@ fn check<S: Displaced<D, N, W>, const D: usize, const N: usize, const W: usize>(
         &format!("{name}, by displacement"),
         &[[0.0; W]; 2],
         1e-4 * length,
-        columns(pair_of(&b.k), &b.rate_x),
+        columns(pair_of(&b.k), &rate_x),
         |by| force::<S, _, D, N, W>(e, &at.displaced::<S, D>(by)),
         |by| force::<S, _, D, N, W>(e, &wide.displaced::<S, D>(by)),
     );
@@ -141,17 +157,16 @@ fn check<S: Displaced<D, N, W>, const D: usize, const N: usize, const W: usize>(
         &format!("{name}, by twist"),
         &at.y,
         1e-4,
-        columns(pair_of(&b.c), &b.rate_y),
+        columns(pair_of(&b.c), &rate_y),
         |y| force::<S, _, D, N, W>(e, &At { y: *y, ..*at }),
         |y| force::<S, _, D, N, W>(e, &At { y: *y, ..wide }),
     );
     let moves = b.c.entries().iter().any(|x| *x != 0.0);
     assert!(b.damped || !moves, "{name}");
     // t and z as the first two columns of a pair whose other entries do nothing
-    let single = |row: &Pair<f64, W>, rate: f64| {
-        let mut rows: Vec<Vec<f64>> = row.concat().iter().map(|x| vec![-x]).collect();
-        rows.push(vec![rate]);
-        rows
+    let single = |row: &Pair<f64, W>, rates: &[f64]| -> Vec<Vec<f64>> {
+        let forces = row.as_flattened().iter().map(|x| vec![-x]);
+        forces.chain(rates.iter().map(|rate| vec![*rate])).collect()
     };
     let at_force = |at: &At<f64, N, W>| force::<S, _, D, N, W>(e, at);
     let size = at_force(at).iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -159,13 +174,23 @@ fn check<S: Displaced<D, N, W>, const D: usize, const N: usize, const W: usize>(
         force::<S, _, D, N, W>(e, at).iter().map(|x| x.eps).collect::<Vec<_>>()
     };
     let name_t = format!("{name}, by time");
-    let checked = Checked { name: &name_t, analytic: single(&b.t, b.rate_t), size };
+    let checked = Checked { name: &name_t, analytic: single(&b.t, &time), size };
     checked.against(0, &richardson(1e-4, |s| at_force(&At { t: at.t + s, ..*at })), 1e-7);
     checked.against(0, &parts(&At { t: Dual64::new(at.t, 1.0), ..wide }), 1e-12);
-    let name_z = format!("{name}, by extra state");
-    let checked = Checked { name: &name_z, analytic: single(&b.z, b.rate_z), size };
-    checked.against(0, &richardson(1e-4 * length, |s| at_force(&At { z: at.z + s, ..*at })), 1e-7);
-    checked.against(0, &parts(&At { z: Dual64::new(at.z, 1.0), ..wide }), 1e-12);
+    for k in 0..states {
+        let name = format!("{name}, by extra state {k}");
+        let own: Vec<f64> = own[k..].iter().step_by(states).copied().collect();
+        let checked = Checked { name: &name, analytic: single(&by_z[k], &own), size };
+        let moved = |s: f64| {
+            let mut there = *at;
+            there.z[k] += s;
+            at_force(&there)
+        };
+        checked.against(0, &richardson(1e-4 * length, moved), 1e-7);
+        let mut along = wide;
+        along.z[k] = Dual64::new(at.z[k], 1.0);
+        checked.against(0, &parts(&along), 1e-12);
+    }
 
     // power = −d(potential)/dt − dissipated + supplied, along a motion with steady twists, z + s ż
     let out = at_force(at);
@@ -173,8 +198,8 @@ fn check<S: Displaced<D, N, W>, const D: usize, const N: usize, const W: usize>(
         std::array::from_fn(|side| std::array::from_fn(|k| out[side * W + k]));
     let power = pair_product(&wrenches, refs(&at.y));
     let h = 1e-4 * length;
-    let after = |s: f64, z_rate: f64| at.after::<S, D>(s, z_rate).input::<S, D>();
-    let potential_rate = richardson(h, |s| vec![e.energy(&after(s, out[2 * W])).potential])[0];
+    let after = |s: f64| at.after::<S, D>(s, &out[2 * W..]);
+    let potential_rate = richardson(h, |s| vec![e.energy(&after(s).input::<S, D>()).potential])[0];
     let Energy { potential, dissipated, supplied } = e.energy(&at.input::<S, D>());
     let balance = power + potential_rate + dissipated - supplied;
     let size = power.abs().max(potential_rate.abs()).max(dissipated.abs()).max(supplied.abs());
@@ -185,7 +210,7 @@ fn check<S: Displaced<D, N, W>, const D: usize, const N: usize, const W: usize>(
 
     for index in 0..e.knots().len() {
         let [value, rate, _] = e.argument(index, &at.input::<S, D>());
-        let found = richardson(h, |s| vec![e.argument(index, &after(s, 0.0))[0]])[0];
+        let found = richardson(h, |s| vec![e.argument(index, &after(s).input::<S, D>())[0]])[0];
         let noise = 1e-14 * value.abs().max(1.0) / h;
         let error = (rate - found).abs();
         assert!(
@@ -263,8 +288,41 @@ pub(super) fn internal_kinds(random: &mut Random, frames: [Frame; 2]) -> Vec<For
             frames,
             stiffness: Box::new(coupled_matrix(random, 4000.0)),
             damping: Box::new(coupled_matrix(random, 60.0)),
+            branches: Vec::new(),
+        },
+        ForceKind::Bushing {
+            frames,
+            stiffness: Box::new(coupled_matrix(random, 4000.0)),
+            damping: Box::new([[0.0; 6]; 6]),
+            branches: branches(random),
         },
     ]
+}
+
+/// A branch in all directions, coupled, and one in three of them.
+pub(super) fn branches(random: &mut Random) -> Vec<Branch> {
+    let name = String::from;
+    let full = Branch {
+        name: name("full"),
+        stiffness: coupled_matrix(random, 3000.0),
+        damping: definite_matrix(random, 50.0),
+    };
+    let diagonal = |values: [f64; 6]| {
+        std::array::from_fn(|i| std::array::from_fn(|j| if i == j { values[i] } else { 0.0 }))
+    };
+    let few = Branch {
+        name: name("few"),
+        stiffness: diagonal([2000.0, 0.0, 900.0, 0.0, 0.0, 700.0]),
+        damping: diagonal([30.0, 0.0, 500.0, 0.0, 0.0, 9.0]),
+    };
+    vec![full, few]
+}
+
+/// The same, far from singular.
+fn definite_matrix(random: &mut Random, size: f64) -> [[f64; 6]; 6] {
+    let mut out = coupled_matrix(random, size);
+    (0..6).for_each(|k| out[k][k] += size);
+    out
 }
 
 /// Kinds whose second body carries an outer load, and torques with their reaction.
@@ -312,7 +370,7 @@ pub(super) fn spatial_state(
         _ => any_turn(random),
     };
     let q = poses(random, frames, &relative);
-    let (y, t, z) = (random_pair(random, 2.0), random.range(0.0, 2.0), random.range(-0.5, 0.5));
+    let (y, t, z) = (random_pair(random, 2.0), random.range(0.0, 2.0), random.array(0.5));
     At { t, q, y, z, winding: random.range(-20.0, 20.0) }
 }
 
@@ -371,7 +429,7 @@ fn blocks_and_energies_of_planar_forces_hold() {
             let e = planar::Force::new(&named(kind.clone()), [[0.1, -0.2, 0.0]; 2]);
             let q = planar_poses(&mut random);
             let (y, t) = (random_pair(&mut random, 2.0), random.range(0.0, 2.0));
-            let at = At { t, q, y, z: random.range(-0.5, 0.5), winding: 0.0 };
+            let at = At { t, q, y, z: random.array(0.5), winding: 0.0 };
             if !away_from_knots(table_deformation(&kind, &e, &at.input::<Planar, 2>())) {
                 continue;
             }
@@ -403,7 +461,7 @@ fn blocks_and_energies_of_tyres_hold() {
                 let relative = any_turn(&mut random);
                 let q = poses(&mut random, &[frame, frame], &relative);
                 let y = random_pair(&mut random, 4.0);
-                let mut at = At { t: 0.0, q, y, z: 0.0, winding: 0.0 };
+                let mut at = At { t: 0.0, q, y, z: [0.0; 12], winding: 0.0 };
                 // bring the wheel centre near the road, where the onset of contact is smoothed too
                 let mut deflection = [0.0];
                 e.quantity(0, &at.input::<Spatial, 3>(), &mut deflection);

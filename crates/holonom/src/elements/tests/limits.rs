@@ -7,7 +7,7 @@ use super::forces::{At, named};
 use super::*;
 use crate::elements::space::{Planar, Spatial};
 use crate::elements::{
-    ConstraintElement, ForceBlocks, ForceElement, ForceInput, ForceOutput, planar as plane, spatial,
+    ConstraintElement, ForceBlocks, ForceElement, ForceInput, planar as plane, spatial,
 };
 use crate::model::{DriverKind, ElasticLaw, ForceKind, JointKind, Road, Tyre};
 
@@ -18,7 +18,7 @@ fn origin() -> Frame {
 }
 
 fn still<const N: usize, const W: usize>(q: Pair<f64, N>) -> At<f64, N, W> {
-    At { t: 0.0, q, y: [[0.0; W]; 2], z: 0.0, winding: 0.0 }
+    At { t: 0.0, q, y: [[0.0; W]; 2], z: [0.0; 12], winding: 0.0 }
 }
 
 /// Wrenches.
@@ -26,9 +26,9 @@ fn evaluate<const D: usize, const N: usize, const W: usize>(
     e: &impl ForceElement<D, N, W>,
     input: &ForceInput<f64, D, N, W>,
 ) -> Pair<f64, W> {
-    let mut out = ForceOutput::zero();
-    e.evaluate(input, &mut out);
-    out.wrenches
+    let mut out = [[0.0; W]; 2];
+    e.evaluate(input, &mut out, &mut vec![0.0; e.extra_states()]);
+    out
 }
 
 #[test] // independent truth: the angle that was set, and the spring's torque −k θ
@@ -45,7 +45,8 @@ fn rotational_spring_keeps_its_winding_over_several_turns() {
             let angle = direction * 0.2 * f64::from(k);
             let p = turn(&[0.0, 0.0, 1.0], angle);
             let q = [spatial::GROUND, [0.0, 0.0, 0.0, p[0], p[1], p[2], p[3]]];
-            let input = At { winding, ..still(q) }.input::<Spatial, 3>();
+            let at = At { winding, ..still(q) };
+            let input = at.input::<Spatial, 3>();
             winding = e.angle([&input.bodies[0], &input.bodies[1]], winding);
             assert!((winding - angle).abs() < 1e-12, "{winding} {angle}");
             assert!((evaluate(&e, &input)[1][5] + 3.0 * angle).abs() < 1e-11);
@@ -126,7 +127,8 @@ fn twist_depends_on_the_axes_alone() {
         let (law, damping, free_angle) = (ElasticLaw::Linear(3.0), 0.0, 0.0);
         let kind = ForceKind::Rsda { frames, law, damping, free_angle };
         let spring = spatial::Force::new(&named(kind), [[0.0; 3]; 2]);
-        let input = still(q).input::<Spatial, 3>();
+        let at = still(q);
+        let input = at.input::<Spatial, 3>();
         let angle = spring.angle([&input.bodies[0], &input.bodies[1]], expected);
         assert!((angle - expected).abs() < 1e-12);
         let kind = driver(DriverKind::Rotation, frames);
@@ -134,7 +136,8 @@ fn twist_depends_on_the_axes_alone() {
         spatial::Constraint::driver(&kind, [[0.0; 3]; 2]).value(refs(&q), &mut u);
         assert!((u[0] - expected - TAU * ((u[0] - expected) / TAU).round()).abs() < 1e-12);
         let turned = crate::math::spatial::rotate(&relative, &[0.0, 0.0, 1.0]);
-        let input = At { winding: expected, ..still(q) }.input::<Spatial, 3>();
+        let at = At { winding: expected, ..still(q) };
+        let input = at.input::<Spatial, 3>();
         let moments = evaluate(&spring, &input);
         for k in 0..3 {
             let sum = turned[k] + if k == 2 { 1.0 } else { 0.0 };
@@ -155,7 +158,8 @@ fn spring(free_length: f64) -> ForceKind {
 fn spring_without_free_length_is_linear_down_to_no_length() {
     let e = plane::Force::new(&named(spring(0.0)), [[0.0; 3]; 2]);
     for d in [[0.0, 0.0], [1e-14, 0.0], [1e-9, -2e-9], [0.3, -0.4]] {
-        let at = still([[0.0; 3], [d[0], d[1], 0.3]]).input::<Planar, 2>();
+        let at = still([[0.0; 3], [d[0], d[1], 0.3]]);
+        let at = at.input::<Planar, 2>();
         let w = evaluate(&e, &at);
         for k in 0..2 {
             assert!((w[1][k] + 1000.0 * d[k]).abs() <= 1e-12 * d[k].abs() * 1000.0);
@@ -209,12 +213,11 @@ fn tyre_carries_its_law_and_none_off_the_road() {
         lateral: None,
     };
     let e = spatial::Force::new(&named(ForceKind::Tyre(tyre)), [[0.0; 3]; 2]);
-    let at =
-        |z: f64| still([spatial::GROUND, [1.0, 2.0, z, 1.0, 0.0, 0.0, 0.0]]).input::<Spatial, 3>();
-    let on = evaluate(&e, &at(0.2 + 0.4699 - 0.02))[1];
+    let at = |z: f64| still([spatial::GROUND, [1.0, 2.0, z, 1.0, 0.0, 0.0, 0.0]]);
+    let on = evaluate(&e, &at(0.2 + 0.4699 - 0.02).input::<Spatial, 3>())[1];
     let s = 0.5 * (0.02 + (0.02_f64.powi(2) + 1e-6).sqrt());
     assert!((on[2] - 296325.0 * s).abs() < 1e-7);
     assert_eq!([on[0], on[1]], [0.0, 0.0]);
-    let off = evaluate(&e, &at(2.0))[1];
+    let off = evaluate(&e, &at(2.0).input::<Spatial, 3>())[1];
     assert!(off[2] > 0.0 && off[2] < 0.1, "what the smoothing leaves: {}", off[2]);
 }

@@ -7,7 +7,7 @@ use crate::error::{Code, shown};
 use crate::io::names::suggest;
 use crate::io::schema::{self, Components};
 use crate::model::TimeFunction;
-use crate::model::{Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
+use crate::model::{Branch, Force, ForceAxes, ForceKind, LateralTyre, Road, Tyre};
 use crate::watch::{NAMED, checkpoint};
 
 impl<'a> Context<'a> {
@@ -111,12 +111,32 @@ impl<'a> Context<'a> {
         let diagonals = [f.stiffness, f.rotational_stiffness, f.damping, f.rotational_damping];
         let matrices = [f.stiffness_matrix, f.damping_matrix];
         let stated = diagonals.iter().any(Option::is_some) || matrices.iter().any(Option::is_some);
-        self.acts(item, stated);
+        self.acts(item, stated || !f.branches.is_empty());
+        let branches = f.branches.iter().map(|(name, branch)| {
+            let item = &format!("{item}.branches.{name}");
+            Branch {
+                name: name.clone(),
+                stiffness: self.matrix(
+                    item,
+                    ("stiffness", branch.stiffness),
+                    ("rotational_stiffness", branch.rotational_stiffness),
+                    ("stiffness_matrix", branch.stiffness_matrix),
+                ),
+                damping: self.matrix(
+                    item,
+                    ("damping", branch.damping),
+                    ("rotational_damping", branch.rotational_damping),
+                    ("damping_matrix", branch.damping_matrix),
+                ),
+            }
+        });
+        let branches = branches.collect();
         let axes = axes?;
         Some(ForceKind::Bushing {
             frames: self.frames(bodies, points?, [axes; 2]),
             stiffness: Box::new(stiffness),
             damping: Box::new(damping),
+            branches,
         })
     }
 
@@ -148,7 +168,7 @@ impl<'a> Context<'a> {
                     let help = "a negative one would feed energy into the motion";
                     self.refuse(Code::OutOfRange, path, message, help);
                 }
-                out[offset + i][offset + i] = value.max(0.0); // a refused value is reported once
+                out[offset + i][offset + i] = value.abs(); // a refused value is reported once
             }
         }
         out

@@ -9,8 +9,8 @@ use crate::io::channels::PATTERN;
 use crate::io::names::{nearest, suggest};
 use crate::io::schema::{self, Rotational, Tolerance as Stated, Vector};
 use crate::model::{
-    Assembly, DriverKind, Frame, Initial, InitialBody, InitialCoordinate, Joint, JointKind,
-    Orientation, Outputs, SimulationDefaults, Tolerance,
+    Assembly, DriverKind, Frame, Initial, InitialBody, InitialCoordinate, InitialExtraState, Joint,
+    JointKind, Orientation, Outputs, SimulationDefaults, Tolerance,
 };
 use crate::simulation::{UnknownWord, unknown_method};
 
@@ -156,19 +156,61 @@ impl Context<'_> {
         false
     }
 
-    fn extra_states(&mut self) -> Vec<(String, f64)> {
+    /// Extensions of the springs of a bushing's branches.
+    fn branches(
+        &mut self,
+        path: &str,
+        bushing: &schema::Bushing,
+        stated: &IndexMap<String, schema::InitialBranch>,
+    ) -> Vec<(String, [f64; 6])> {
+        let mut out = Vec::new();
+        for (name, branch) in stated {
+            if bushing.branches.contains_key(name) {
+                let ([x, y, z], [a, b, c]) = (branch.extension, branch.rotation);
+                out.push((name.clone(), [x, y, z, a, b, c]));
+                continue;
+            }
+            let path = format!("{path}.{name}");
+            let message = format!("`{path}` names the branch `{name}`, which is not there");
+            let names = bushing.branches.keys().map(String::as_str);
+            let help = suggest(&self.errors, name, "branches", names);
+            self.refuse(Code::UnknownName, path, message, &help);
+        }
+        out
+    }
+
+    fn extra_states(&mut self) -> Vec<(String, InitialExtraState)> {
         let file = self.file;
         let mut out = Vec::new();
-        for (name, &value) in &file.initial.extra_states {
+        for (name, stated) in &file.initial.extra_states {
             let path = format!("initial.extra_states.{name}");
-            match file.forces.get(name) {
-                Some(schema::Force::Maxwell(_)) => out.push((name.clone(), value)),
-                Some(_) => {
+            match (file.forces.get(name), stated) {
+                (Some(schema::Force::Maxwell(_)), schema::ExtraState::Spring(x)) => {
+                    out.push((name.clone(), InitialExtraState::Spring(*x)));
+                }
+                (Some(schema::Force::Bushing(f)), schema::ExtraState::Branches(stated))
+                    if !f.branches.is_empty() =>
+                {
+                    let branches = self.branches(&path, f, stated);
+                    out.push((name.clone(), InitialExtraState::Branches(branches)));
+                }
+                (Some(schema::Force::Maxwell(_)), _) => {
+                    let message = format!("`{path}` is a table; expected a number (m)");
+                    let help = "the extension of the spring of the Maxwell element";
+                    self.refuse(Code::WrongType, path, message, help);
+                }
+                (Some(schema::Force::Bushing(f)), _) if !f.branches.is_empty() => {
+                    let message = format!("`{path}` is a number; expected a table");
+                    let help = "name branches of the bushing, each with `extension` and `rotation`";
+                    self.refuse(Code::WrongType, path, message, help);
+                }
+                (Some(_), _) => {
                     let message = format!("the force `{name}` in `{path}` has no extra state");
-                    let help = "extra states belong to forces of type \"maxwell\"";
+                    let help = "extra states belong to forces of type \"maxwell\" and to bushings \
+                                with branches";
                     self.refuse(Code::UnknownName, path, message, help);
                 }
-                None => {
+                (None, _) => {
                     let message = format!("`{path}` names the force `{name}`, which is not there");
                     let help = suggest(
                         &self.errors,

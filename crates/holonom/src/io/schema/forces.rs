@@ -1,5 +1,6 @@
 //! Force elements, applied forces and roads.
 
+use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -159,7 +160,40 @@ item! {
         /// over (ḋ, ė), with ė in rad/s always.
         #[schemars(extend("x-unit" = "N s/m, N s, N m s"))]
         pub(crate) damping_matrix: Option<[[f64; 6]; 6]>,
+        /// Springs and dampers in series, by name, which act beside these: a viscoelastic bushing (generalized Maxwell
+        /// model; with one branch the standard linear solid). Where one has a spring it has a damper.
+        #[serde(default)]
+        pub(crate) branches: IndexMap<String, Branch>,
     }
+}
+
+/// A spring and a damper in series over the deformation u = (d, e) of a bushing. Its extra states z are the extensions of the
+/// spring in the directions that it has: wrench from K z, ż = u̇ − C⁻¹K z, with the matrices K of `stiffness` and C of
+/// `damping`; in each direction a force relaxes within C/K.
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "Branches of bushings")]
+pub(crate) struct Branch {
+    /// Stiffness of the springs along the three axes, not negative. Default: zero.
+    #[schemars(extend("x-unit" = "N/m"))]
+    pub(crate) stiffness: Option<[f64; 3]>,
+    /// Stiffness of the springs about the three axes, not negative. Default: zero.
+    #[schemars(extend("x-unit" = "N m/rad"))]
+    pub(crate) rotational_stiffness: Option<[f64; 3]>,
+    /// Damping of the dampers along the three axes, positive where the stiffness is. Default: zero.
+    #[schemars(extend("x-unit" = "N s/m"))]
+    pub(crate) damping: Option<[f64; 3]>,
+    /// Damping of the dampers about the three axes, positive where the stiffness is. Default: zero.
+    #[schemars(extend("x-unit" = "N m s/rad"))]
+    pub(crate) rotational_damping: Option<[f64; 3]>,
+    /// Instead of `stiffness` and `rotational_stiffness`: the symmetric, positive semidefinite matrix over (d, e), with e
+    /// in rad always.
+    #[schemars(extend("x-unit" = "N/m, N, N m"))]
+    pub(crate) stiffness_matrix: Option<[[f64; 6]; 6]>,
+    /// Instead of `damping` and `rotational_damping`: the symmetric matrix over (ḋ, ė), with ė in rad/s always, positive
+    /// definite where the stiffness is not zero.
+    #[schemars(extend("x-unit" = "N s/m, N s, N m s"))]
+    pub(crate) damping_matrix: Option<[[f64; 6]; 6]>,
 }
 
 item! {

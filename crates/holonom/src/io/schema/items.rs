@@ -344,11 +344,34 @@ pub(crate) struct Initial {
     /// Stated coordinates of single joints, by name.
     #[serde(default)]
     pub(crate) joints: IndexMap<String, InitialJoint>,
-    /// Extra states by the name of their force: extension of the spring of a Maxwell element, m.
-    /// Default: the force is zero.
+    /// Extra states by the name of their force: extension of the spring of a Maxwell element, m, or of those of the
+    /// branches of a bushing, by their names. Default: the force is zero.
     #[serde(default)]
     #[schemars(extend("x-unit" = "m"))]
-    pub(crate) extra_states: IndexMap<String, f64>,
+    pub(crate) extra_states: IndexMap<String, ExtraState>,
+}
+
+/// Extension of a spring, or of the springs of branches by name.
+#[derive(Debug, Clone, Deserialize, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub(crate) enum ExtraState {
+    Spring(f64),
+    Branches(IndexMap<String, InitialBranch>),
+}
+
+/// Stated extra states of one branch of a bushing. Where it has no spring they are zero.
+#[derive(Debug, Clone, Copy, Default, Deserialize, Serialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "Initial branches")]
+pub(crate) struct InitialBranch {
+    /// Extension of the springs along the three axes. Default: zero.
+    #[serde(default)]
+    #[schemars(extend("x-unit" = "m"))]
+    pub(crate) extension: [f64; 3],
+    /// Rotation of the springs about the three axes. Default: zero.
+    #[serde(default)]
+    #[schemars(extend("x-unit" = "rad"))]
+    pub(crate) rotation: [f64; 3],
 }
 
 /// How stated initial values are treated.

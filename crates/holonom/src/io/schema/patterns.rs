@@ -4,7 +4,7 @@ use indexmap::IndexMap;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::{Body, DataTable, Driver, Force, InitialBody, InitialJoint, Joint, item};
+use super::{Body, DataTable, Driver, ExtraState, Force, InitialBody, InitialJoint, Joint, item};
 
 item! {
     /// Items that are written once and repeated over one or more indices. Names, and texts that name
@@ -63,9 +63,9 @@ pub(crate) struct RepeatedInitial {
     /// Stated coordinates of single joints, by name.
     #[serde(default)]
     pub(crate) joints: IndexMap<String, InitialJoint>,
-    /// Extra states by the name of their force, m.
+    /// Extra states by the name of their force.
     #[serde(default)]
-    pub(crate) extra_states: IndexMap<String, f64>,
+    pub(crate) extra_states: IndexMap<String, ExtraState>,
 }
 
 /// Outputs that are repeated.

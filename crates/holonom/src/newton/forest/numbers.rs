@@ -255,14 +255,13 @@ impl<T: Scalar, const N: usize> Given<'_, T, N> {
     /// Adds γh F_z E⁻¹ g_q and γh F_z E⁻¹ g_q̇ of a state, in the coordinates of these two of its bodies.
     fn add_extra_state(&self, to: &mut [Square<T, N>], state: usize, row: usize, column: usize) {
         let b = &self.sum.blocks.blocks;
-        let scale = self.sum.gamma_h * self.sum.inverse_e[state];
-        let part = |values: &[f64], side: usize, i: usize| values[(2 * state + side) * N + i];
-        for (to, rates) in to.iter_mut().zip([&b.extra_position, &b.extra_velocity]) {
-            for i in 0..N {
-                let force = scale.scaled(part(&b.force_extra, row, i));
-                for j in 0..N {
-                    to[i][j] = to[i][j] + force.scaled(part(rates, column, j));
-                }
+        let (first, extra) = (2 * state * N, self.sum.extra);
+        let forces = &b.force_extra[first + row * N..][..N];
+        for (to, rates) in to.iter_mut().zip([&extra.by_position, &extra.by_velocity]) {
+            let rates = &rates[first + column * N..][..N];
+            for (to, force) in to.iter_mut().zip(forces) {
+                let force = self.sum.gamma_h.scaled(*force);
+                to.iter_mut().zip(rates).for_each(|(to, rate)| *to = *to + force * *rate);
             }
         }
     }

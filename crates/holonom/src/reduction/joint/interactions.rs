@@ -6,7 +6,7 @@ use super::derivatives::Derivatives;
 use super::engine::{BodyInertia, Engine, add, pose, pose_mut};
 use super::residuals::{MOST_ROWS, gradient_of};
 use crate::reduction::parametrization::Parametrization;
-use crate::system::{DerivativeBlocks, ExtraBlocks, State, WrenchBlocks};
+use crate::system::{DerivativeBlocks, State, WrenchBlocks};
 
 /// A matrix by columns.
 pub(super) type Columns<const W: usize> = [[f64; W]; W];
@@ -157,13 +157,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         for one in &mut at.interactions {
             (one.acts, one.by) = (false, [[[0.0; W]; W]; 2]);
         }
-        self.system.wrench_blocks(state, &mut |force, own| {
+        self.system.wrench_blocks(state, blocks, &mut |force, own| {
             self.add_force_blocks(force, own, at);
-            let Some(extra) = &own.extra else { return };
-            self.tell_extra_state(extra, at);
-            blocks.extra_extra[extra.index] = extra.own;
-            blocks.extra_time[extra.index] = extra.time;
         });
+        self.tell_extra_states(&blocks.extra_motion, at);
         self.add_closure_blocks(state, at);
     }
 
@@ -197,17 +194,15 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
     }
 
-    /// Rows of an extra state about the reference points of its bodies.
-    fn tell_extra_state(&self, extra: &ExtraBlocks<'_>, at: &mut Derivatives<W>) {
-        let ends = &self.system.structure().extra_bodies[extra.index];
-        for (side, (end, out)) in ends.iter().zip(&mut at.extra[extra.index]).enumerate() {
+    /// Rows of extra states about the reference points of their bodies.
+    fn tell_extra_states(&self, motion: &[Vec<f64>; 3], at: &mut Derivatives<W>) {
+        let ends = self.system.structure().extra_bodies.as_flattened().iter();
+        for (k, (end, out)) in ends.zip(at.extra.as_flattened_mut()).enumerate() {
             let Some(b) = *end else { continue };
-            let own = |x: &[f64]| -> [f64; W] { *x[side * W..].first_chunk().expect("W numbers") };
-            let by_twist = own(extra.by_twist);
-            let mut by_x = own(extra.by_displacement);
+            let own = |x: &Vec<f64>| -> [f64; W] { *x[k * W..].first_chunk().expect("W numbers") };
+            let [force, mut by_x, by_twist] = motion.each_ref().map(own);
             add(&mut by_x, -1.0, &A::carried(&self.twist[b], &by_twist));
-            *out = [own(extra.force), by_x, by_twist]
-                .map(|w| A::moved(&w, &at.own[b].place, &self.origin[b]));
+            *out = [force, by_x, by_twist].map(|w| A::moved(&w, &at.own[b].place, &self.origin[b]));
         }
     }
 

@@ -385,3 +385,32 @@ top = { angular_velocity = [3.0, 0.1, 8.0] }
 bob = { velocity = [0.0, 1.5, 2.8] }
 hung = { velocity = [1.5, 0.6, 0.0] }
 "#;
+
+/// Two bodies on viscoelastic bushings: blocks of extra states.
+pub(crate) const RUBBER_MOUNTS: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+a = { mass = 2.0, inertia = [[0.2, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.4]], position = [0.5, 0.0, 0.0] }
+b = { mass = 1.0, inertia = [[0.2, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [1.0, 0.2, 0.0] }
+[forces.first]
+type = "bushing"
+between = ["ground", "a"]
+point = [0.2, 0.1, 0.0]
+stiffness = [900.0, 800.0, 700.0]
+rotational_stiffness = [90.0, 80.0, 70.0]
+[forces.first.branches.coupled]
+stiffness_matrix = [[400.0, 90.0, 0.0, 0.0, 30.0, 0.0], [90.0, 300.0, 0.0, 0.0, 20.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [30.0, 20.0, 0.0, 0.0, 20.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
+damping_matrix = [[60.0, -10.0, 0.0, 0.0, 5.0, 0.0], [-10.0, 40.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [5.0, 0.0, 0.0, 0.0, 10.0, 0.0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
+[forces.second]
+type = "bushing"
+between = ["a", "b"]
+point = [0.8, 0.1, 0.0]
+stiffness = [500.0, 500.0, 500.0]
+rotational_stiffness = [50.0, 50.0, 50.0]
+branches.fast = { stiffness = [200.0, 0.0, 0.0], damping = [3.0, 0.0, 0.0] }
+branches.slow = { rotational_stiffness = [0.0, 40.0, 30.0], rotational_damping = [0.0, 50.0, 60.0] }
+[initial.bodies]
+b = { angular_velocity = [1.0, -0.5, 2.0] }
+"#;

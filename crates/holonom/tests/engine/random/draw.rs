@@ -97,6 +97,7 @@ impl Mechanism {
                 out.elements.pop();
             }
         }
+        out.add_branches();
         out.settle();
         if adrift {
             out.change_order(r);
@@ -374,6 +375,7 @@ impl Mechanism {
             damping,
             rotational_damping: damping.max(1e-4),
             settled,
+            branch: None,
             gap: None,
             preload: (0..rows)
                 .map(|_| {
@@ -381,6 +383,16 @@ impl Mechanism {
                 })
                 .collect(),
         });
+    }
+
+    /// Makes some bushings viscoelastic, by numbers of their own.
+    fn add_branches(&mut self) {
+        let r = &mut Random::new(self.seed.rotate_left(32) ^ 0x5eed);
+        for element in &mut self.elements {
+            if matches!(element.law, Law::Bushing(_)) && r.chance(0.4) {
+                element.branch = Some([r.logarithmic(0.1, 3.0), r.logarithmic(1e-3, 10.0)]);
+            }
+        }
     }
 
     /// What rings for long starts at rest: next to it all stiff elements do.

@@ -381,7 +381,9 @@ impl Mechanism {
 fn add_rates(sums: &mut [f64; 2], element: &Element, factor: f64, mass: &[Vec<f64>], row: &[f64]) {
     let mobility = along(row, &solve(mass.to_vec(), row));
     let k = element.stiffness * factor;
-    sums[0] += k * mobility;
+    let [branch, time] = element.branch.unwrap_or([0.0, f64::INFINITY]);
+    sums[0] += (1.0 + branch) * k * mobility;
+    sums[1] += 1.0 / time;
     sums[1] += match element.law {
         Law::Maxwell => 1.0 / element.damping,
         _ => element.damping * k * mobility,

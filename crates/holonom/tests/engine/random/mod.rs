@@ -114,6 +114,8 @@ struct Element {
     settled: bool,
     /// Elastic forces at the start.
     preload: Vec<f64>,
+    /// Of the branch of a viscoelastic bushing: stiffness over that of the bushing, and relaxation time, s.
+    branch: Option<[f64; 2]>,
     /// Deformation to either side without force, m or rad: a stop beyond it, unloaded at the start.
     gap: Option<f64>,
 }

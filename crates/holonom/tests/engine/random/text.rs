@@ -171,6 +171,18 @@ impl Mechanism {
                         [k * element.rotational_damping; 3]
                     );
                 }
+                if let Some([ratio, time]) = element.branch {
+                    let k = ratio * stiffness;
+                    let about = if *turning { k * element.lever } else { 0.0 };
+                    let _ = write!(
+                        out,
+                        ", branches = {{ only = {{ stiffness = {:?}, rotational_stiffness = {:?}, damping = {:?}, rotational_damping = {:?} }} }}",
+                        [k; 3],
+                        [about; 3],
+                        [k * time; 3],
+                        [about * time; 3]
+                    );
+                }
             }
         }
         out
