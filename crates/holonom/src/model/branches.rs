@@ -1,4 +1,4 @@
-//! Rules of bushings and of their branches.
+//! Rules of bushings and of their branches, and where extra states begin.
 
 use super::validation::{Rules, SLACK, matrix_rules, semidefinite};
 use super::{Branch, ForceKind, InitialExtraState, Model};
@@ -6,6 +6,35 @@ use crate::error::Code;
 
 /// Branches of one bushing: each has six extra states that the others of the bushing see.
 const MOST_BRANCHES: usize = 32;
+
+impl Model {
+    /// Extra states at the start, force by force: what is stated of them, else zero.
+    pub(crate) fn initial_extra_states(&self) -> Vec<f64> {
+        let mut out = Vec::new();
+        for force in &self.forces {
+            let all = &self.initial.extra_states;
+            let stated = all.iter().find(|(name, _)| *name == force.name).map(|(_, stated)| stated);
+            match (&force.kind, stated) {
+                (ForceKind::Maxwell { .. }, Some(InitialExtraState::Spring(x))) => out.push(*x),
+                (ForceKind::Maxwell { .. }, _) => out.push(0.0),
+                (ForceKind::Bushing { branches, .. }, stated) => {
+                    for branch in branches {
+                        let of_branch = match stated {
+                            Some(InitialExtraState::Branches(all)) => {
+                                all.iter().find(|(name, _)| *name == branch.name)
+                            }
+                            _ => None,
+                        };
+                        let x = of_branch.map_or([0.0; 6], |(_, x)| *x);
+                        out.extend(branch.directions().map(|k| x[k]));
+                    }
+                }
+                _ => {}
+            }
+        }
+        out
+    }
+}
 
 impl Rules {
     pub(super) fn bushing(&mut self, item: &str, own: [&[[f64; 6]; 6]; 2], branches: &[Branch]) {

@@ -15,7 +15,7 @@ use super::stated_joints::{Level, carry, moved, place, turn, wind};
 use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
 use crate::error::{EvaluationFailure, rounded};
-use crate::model::{Body, ForceKind, InitialBody, InitialExtraState, Model, Orientation};
+use crate::model::{Body, InitialBody, Model, Orientation};
 use crate::system::{BodyPose, Measure, State, System};
 use holonom_linalg::{BlockMatrix, Cholesky};
 use std::sync::Arc;
@@ -312,7 +312,7 @@ pub fn assemble(
     carry(system.as_ref(), model, &mut state);
     let (mut state, worst_velocity) = closed(system, model, Level::Velocity, &state)?;
 
-    set_extra_states(model, &mut state.z);
+    state.z = model.initial_extra_states();
     wind(system.as_ref(), model, &mut state);
     system.update_windings(state.t, &state.q, &mut state.winding);
     refuse_coincident_ends(system.as_ref(), model, &state)?;
@@ -544,35 +544,6 @@ fn stated_pose(body: &Body, stated: &InitialBody) -> BodyPose {
         orientation,
         velocity: stated.velocity.unwrap_or_default(),
         angular_velocity: stated.angular_velocity.unwrap_or_default(),
-    }
-}
-
-fn set_extra_states(model: &Model, z: &mut [f64]) {
-    let mut next = z.iter_mut();
-    for force in &model.forces {
-        let stated = model.initial.extra_states.iter().find(|(name, _)| *name == force.name);
-        let stated = stated.map(|(_, value)| value);
-        match &force.kind {
-            ForceKind::Maxwell { .. } => {
-                if let (Some(z), Some(InitialExtraState::Spring(x))) = (next.next(), stated) {
-                    *z = *x;
-                }
-            }
-            ForceKind::Bushing { branches, .. } => {
-                for branch in branches {
-                    let stated = match stated {
-                        Some(InitialExtraState::Branches(all)) => {
-                            all.iter().find(|(name, _)| *name == branch.name).map(|(_, x)| x)
-                        }
-                        _ => None,
-                    };
-                    for (k, z) in branch.directions().zip(&mut next) {
-                        *z = stated.map_or(0.0, |x| x[k]);
-                    }
-                }
-            }
-            _ => {}
-        }
     }
 }
 

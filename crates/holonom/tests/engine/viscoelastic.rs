@@ -1,6 +1,7 @@
 //! Viscoelastic bushings: springs and dampers in series beside a bushing's own, each direction of a spring with an extra state.
 
 use crate::common::{model_of, options, run_from, run_model};
+use holonom::analysis::spectrum;
 use holonom::method::{CODES, Code};
 use holonom::model::{ForceKind, Model};
 use holonom::newton::Representation;
@@ -100,6 +101,16 @@ fn a_mass_on_a_standard_linear_solid_follows_its_closed_solution() {
             assert!(c1 > 0.0);
         }
     }
+}
+
+#[test] // independent truth: the roots that stiffnesses and damping were made for
+fn the_spectrum_of_a_standard_linear_solid_is_its_three_roots() {
+    let problem = Problem::new(solid(0.0).0);
+    let found = spectrum(problem.assemble().unwrap()).unwrap().values;
+    for (z, root) in found.iter().zip([(-B, OMEGA), (-B, -OMEGA), (-A, 0.0)]) {
+        assert!((z.0 - root.0).hypot(z.1 - root.1) < 1e-9, "{found:?}");
+    }
+    assert_eq!(found.len(), 3);
 }
 
 type Matrix = [[f64; 6]; 6];
