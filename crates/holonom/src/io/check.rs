@@ -180,11 +180,7 @@ impl Checker<'_> {
             return self.refuse(Code::Expression, path, message, "give one of them as a number");
         }
         let mut broken = false;
-        let value = evaluate(text, &mut |name| {
-            let value = self.parameters.get(name)?;
-            broken |= value.is_none();
-            Some(value.unwrap_or(1.0))
-        });
+        let value = evaluate(text, &mut |name| self.parameters.number(name, &mut broken));
         match value {
             _ if broken => 0.0.into(), // reported at the parameter
             Ok(x) if x.abs() <= limits::NUMBER => x.into(),

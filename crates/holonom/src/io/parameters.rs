@@ -54,20 +54,19 @@ impl Parameters {
             Value::Number(x) => Some(*x),
             Value::Text(text) => {
                 let mut broken = false;
-                let value = evaluate(text.strip_prefix('=')?, &mut |name| {
-                    let value = self.get(name)?;
-                    broken |= value.is_none();
-                    Some(value.unwrap_or(1.0))
-                });
+                let expression = text.strip_prefix('=')?;
+                let value = evaluate(expression, &mut |name| self.number(name, &mut broken));
                 value.ok().filter(|x| !broken && x.abs() <= limits::NUMBER)
             }
             _ => None,
         }
     }
 
-    /// The value of a parameter, `Some(None)` where it has none.
-    pub(super) fn get(&self, name: &str) -> Option<Option<f64>> {
-        self.values.get(name).copied()
+    /// The value of a parameter that is there; where it has none any number, which is `broken` then.
+    pub(super) fn number(&self, name: &str, broken: &mut bool) -> Option<f64> {
+        let value = self.values.get(name)?;
+        *broken |= value.is_none();
+        Some(value.unwrap_or(1.0))
     }
 
     pub(super) fn contains(&self, name: &str) -> bool {

@@ -49,7 +49,7 @@ pub(super) fn no_longer_redundant(
     g.multiply_add(1.0, &state.v, &mut rate);
     let size = |row: usize| phi[row].abs().max(rate[row].abs());
     let &worst = dropped.iter().max_by(|&&a, &&b| size(a).total_cmp(&size(b)))?;
-    let mut message = format!(
+    let message = format!(
         "{} was redundant and is not any more at t = {:.6} s: residual {:.2e}",
         system.row_name(worst),
         state.t,
@@ -59,10 +59,11 @@ pub(super) fn no_longer_redundant(
     let moves = |row: usize| system.drive(row, state.t)[1..].iter().any(|rate| *rate != 0.0);
     let driven = joints.map(|joint| joint.row).filter(|row| moves(*row));
     let names: Vec<&str> = driven.take(DRIVERS_SHOWN).map(|row| system.row_item(row).0).collect();
-    if !names.is_empty() {
-        let names = names.join("`, `");
-        message += &format!("; drivers that move there, which joints may hold: `{names}`");
-    }
+    let drivers = match names.join("`, `") {
+        none if none.is_empty() => none,
+        names => format!("; drivers that move there, which joints may hold: `{names}`"),
+    };
+    let message = message + &drivers;
     let failure = EvaluationFailure::new("simulation/singular-configuration", message);
     Some(failure.of_row(Some(worst)))
 }

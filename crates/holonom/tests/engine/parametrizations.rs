@@ -392,9 +392,10 @@ fn hung(seed: u32, springs: Option<[f64; 2]>) -> String {
                 "type = \"tsda\", stiffness = {stiffness:?}, damping = {damping:?}, free_length = {length:?}"
             ),
         };
-        text += &format!(
+        text += format!(
             "{name} = {{ {kind}, between = [\"ground\", \"b\"], points = [{held:?}, {own:?}] }}\n"
-        );
+        )
+        .as_str();
     }
     text
 }

@@ -35,9 +35,10 @@ impl Row<'_> {
         if let Some(index) = self.index(name) {
             return Some(index as f64);
         }
-        let value = self.parameters.get(name)?;
-        self.broken.set(self.broken.get() || value.is_none());
-        Some(value.unwrap_or(1.0))
+        let mut broken = self.broken.get();
+        let value = self.parameters.number(name, &mut broken);
+        self.broken.set(broken);
+        value
     }
 
     pub(super) fn name(&self, text: &str) -> Result<String, Fault> {
