@@ -403,11 +403,12 @@ fn hung(seed: u32, springs: Option<[f64; 2]>) -> String {
 #[test] // independent truth: other variables, at a much tighter tolerance
 fn what_hangs_on_two_lines_swings_through_all_that_their_directions_can_be() {
     let channels = ["b.position", "b.velocity"];
-    for seed in 0..12 {
+    // On all but the first two the direction of the first line comes to where its variable ties it, 1.5 to 2 s after the start.
+    for seed in [0, 1, 32, 60, 62, 64, 66] {
         for springs in [None, Some([1e6, 1e3])] {
             let model = model_of(&hung(seed, springs));
             let truth = with(Choice::TangentPlane, Code::ForRadau, 1e-8, 3.0, &channels);
-            let codes = if seed < 2 { &ALL_CODES[..] } else { &[Code::ForRadau] };
+            let codes = if seed == 32 { &ALL_CODES[..] } else { &[Code::ForRadau] };
             let explicit = [Code::Deabm, Code::Dopri5];
             for &code in codes.iter().filter(|c| springs.is_none() || !explicit.contains(c)) {
                 let run = with(Choice::Tree, code, 1e-5, 3.0, &channels);
