@@ -483,6 +483,10 @@ fn in_space(mut model: Model) -> Model {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let tables: Vec<String> = std::env::args().skip(1).collect();
+    const TABLES: [&str; 5] = ["2", "evaluation", "dense", "3", "4"];
+    if let Some(other) = tables.iter().find(|table| !TABLES.contains(&table.as_str())) {
+        return Err(format!("there is no table `{other}`; there are {}", TABLES.join(", ")).into());
+    }
     let is_asked_for = |table: &str| tables.is_empty() || tables.iter().any(|asked| asked == table);
     println!(
         "table,model,solver,numbering,order,multiplications,envelope,block_operations,bound,\

@@ -174,10 +174,9 @@ impl Checker<'_> {
     fn expression(&mut self, text: &str, path: &str) -> Json {
         let own = path.strip_prefix("parameters.").and_then(|path| path.strip_suffix(".value"));
         if own.is_some_and(|name| self.parameters.is_circular(name)) {
-            let message = format!(
-                "`{path}` is `={text}`: the parameter depends on itself, or on one that does"
-            );
-            return self.refuse(Code::Expression, path, message, "give one of them as a number");
+            let message = format!("`{path}` is `={text}`, and so depends on itself");
+            let help = "give one of the circle as a number";
+            return self.refuse(Code::Expression, path, message, help);
         }
         let mut broken = false;
         let value = evaluate(text, &mut |name| self.parameters.number(name, &mut broken));

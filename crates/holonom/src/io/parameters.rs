@@ -11,7 +11,7 @@ use super::tree::{Node, Value};
 pub(super) struct Parameters {
     /// `None` where there is no number, which is reported at its place.
     values: BTreeMap<String, Option<f64>>,
-    /// Those that depend on themselves, or on one that does.
+    /// Those that depend on themselves.
     circular: BTreeSet<String>,
 }
 
@@ -21,31 +21,28 @@ impl Parameters {
         let mut out = Self::default();
         let Some(table) = root.field("parameters").and_then(Node::table) else { return out };
         let value = |name: &str| table.get(name).and_then(|entry| entry.node.field("value"));
-        let mut needed_by: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-        let mut waiting_for: BTreeMap<&str, usize> = BTreeMap::new();
-        let mut ready = Vec::new();
+        let mut needs = Links::new();
+        let mut needed_by: Links<'_> =
+            table.keys().map(|name| (name.as_str(), Vec::new())).collect();
         for name in table.keys() {
-            let needs = value(name).map(|node| needed(node, |other| table.contains_key(other)));
-            let needs = needs.unwrap_or_default();
-            let count = needs.len();
-            needs.into_iter().for_each(|other| needed_by.entry(other).or_default().push(name));
-            waiting_for.insert(name, count);
-            if count == 0 {
-                ready.push(name.as_str());
+            let known = |other: &str| table.contains_key(other);
+            let own = value(name).map_or_else(BTreeSet::new, |node| needed(node, known));
+            for &other in &own {
+                needed_by.entry(other).or_default().push(name);
             }
+            needs.insert(name, own.into_iter().collect());
         }
-        while let Some(name) = ready.pop() {
+        let left = peeled(&needs, &needed_by, |name| {
             out.values.insert(name.to_owned(), value(name).and_then(|node| out.value_of(node)));
-            for &other in needed_by.get(name).into_iter().flatten() {
-                let waiting = waiting_for.entry(other).or_default();
-                *waiting -= 1;
-                if *waiting == 0 {
-                    ready.push(other);
-                }
-            }
+        });
+        out.values.extend(left.iter().map(|name| ((*name).to_owned(), None)));
+        // What only follows from a circle is no part of it.
+        for links in [&mut needs, &mut needed_by] {
+            links.retain(|name, _| left.contains(name));
+            links.values_mut().for_each(|others| others.retain(|name| left.contains(name)));
         }
-        out.circular = table.keys().filter(|n| !out.values.contains_key(*n)).cloned().collect();
-        out.values.extend(out.circular.iter().map(|name| (name.clone(), None)));
+        let circular = peeled(&needed_by, &needs, |_| {});
+        out.circular = circular.into_iter().map(str::to_owned).collect();
         out
     }
 
@@ -80,6 +77,33 @@ impl Parameters {
     pub(super) fn is_circular(&self, name: &str) -> bool {
         self.circular.contains(name)
     }
+}
+
+type Links<'a> = BTreeMap<&'a str, Vec<&'a str>>;
+
+/// Visits names one after the other once none that they wait `for_others` is left, `others` being who waits for each; returns
+/// those that are never visited.
+fn peeled<'a>(
+    for_others: &Links<'a>,
+    others: &Links<'a>,
+    mut visit: impl FnMut(&'a str),
+) -> BTreeSet<&'a str> {
+    let mut waiting: BTreeMap<&str, usize> =
+        for_others.iter().map(|(name, others)| (*name, others.len())).collect();
+    let mut ready: Vec<&str> =
+        waiting.iter().filter(|(_, count)| **count == 0).map(|(name, _)| *name).collect();
+    while let Some(name) = ready.pop() {
+        waiting.remove(name);
+        visit(name);
+        for other in others.get(name).into_iter().flatten() {
+            let count = waiting.entry(other).or_default();
+            *count -= 1;
+            if *count == 0 {
+                ready.push(other);
+            }
+        }
+    }
+    waiting.into_keys().collect()
 }
 
 /// Known names in an expression; one that is a name as a whole is that name.

@@ -59,6 +59,16 @@ pub(super) fn set(
         let trees = [Some(&*root), expanded].into_iter().flatten();
         trees.filter_map(|tree| tree.field(collection)?.table()).collect()
     });
+    // The same of a bushing, whose branches have the extra states.
+    let of_bushing = match spoken_of {
+        Some(("forces", name)) => join("initial.extra_states", name),
+        _ => String::new(),
+    };
+    let branches: Vec<String> = spoken_of.map_or(Vec::new(), |(_, name)| {
+        let items = tables.iter().filter_map(|table: &&Table| table.get(name.as_str()));
+        let branches = items.filter_map(|item| item.node.field("branches")?.table());
+        branches.flat_map(|table| table.keys().cloned()).collect()
+    });
     let is_there = spoken_of.is_some_and(|(_, n)| tables.iter().any(|t| t.contains_key(n)));
     let names: Vec<String> = if is_there {
         Vec::new() // they are for help only
@@ -73,7 +83,12 @@ pub(super) fn set(
         let kind = node.kind();
         let guide = seen.filter(|_| node.field("type").is_none()).unwrap_or(node);
         let of_names = INITIAL.contains(&walked.as_str());
-        let known = if of_names { Vec::new() } else { fields(shape, guide) };
+        let of_branches = !of_bushing.is_empty() && walked == of_bushing;
+        let known = match (of_names, of_branches) {
+            (true, _) => Vec::new(),
+            (_, true) => branches.clone(),
+            _ => fields(shape, guide),
+        };
         shape = shape.and_then(|shape| inner(shape, guide, step));
         seen = seen.and_then(|seen| match (&seen.value, step) {
             (Value::Table(table), Step::Field(name)) => table.get(name).map(|entry| &entry.node),
@@ -99,7 +114,11 @@ pub(super) fn set(
                             let owner = if walked.is_empty() { "the model" } else { &walked };
                             let message = format!("`{path}`: {owner} has no `{name}`");
                             let items = COLLECTIONS.contains(&walked.as_str());
-                            let what = if items { "names" } else { "fields" };
+                            let what = match (items, of_branches) {
+                                (true, _) => "names",
+                                (_, true) => "branches",
+                                _ => "fields",
+                            };
                             let help =
                                 suggestion(name, what, candidates.iter().map(String::as_str));
                             return fail(message, help);

@@ -9,10 +9,10 @@
 
 use super::partitioning::RANK_TOLERANCE;
 use super::relatives::{Relatives, WIDEST};
-use super::stiffness::{STEPS, STIFF, could_be_stiff, mobilities, stays_regular};
+use super::stiffness::{STEPS, STIFF, could_be_stiff, mobilities, rate_along, stays_regular};
 use super::tree::Coordinate;
 use crate::error::EvaluationFailure;
-use crate::system::{Measure, State, System, Tree};
+use crate::system::{Measure, Resistance, State, System, Tree};
 use holonom_linalg::{BlockMatrix, Claim, OfferedRow, independent_rows};
 use std::collections::BTreeMap;
 
@@ -57,6 +57,8 @@ struct Deformation {
     elastic: usize,
     group: usize,
     row: usize,
+    value: f64,
+    resistance: Resistance,
     strength: f64,
     gradient: Vec<f64>,
 }
@@ -233,15 +235,18 @@ impl<'a> Loops<'a> {
                 for row in 0..info.rows {
                     let rate = STEPS * self.pace;
                     let resistance = system.resistance(elastic, first + row, values[row], rate);
-                    let stiffness = resistance.stiffness;
-                    if stiffness > 0.0 && stays_regular(info.kind, values[row], &resistance) {
+                    if resistance.stiffness > 0.0 {
                         let gradient = self.gradient(group, row, relatives);
                         gradients.push((info.bodies, gradient.clone()));
+                        let value = values[row];
+                        let strength = 0.0; // with the mobility, below
                         out.push(Deformation {
                             elastic,
                             group,
                             row,
-                            strength: stiffness,
+                            value,
+                            resistance,
+                            strength,
                             gradient,
                         });
                     }
@@ -253,8 +258,15 @@ impl<'a> Loops<'a> {
             return out;
         }
         let mobilities = mobilities(system, q, g, &gradients);
-        out.iter_mut().zip(mobilities).for_each(|(d, mobility)| d.strength *= mobility);
-        out.retain(|d| d.strength > STIFF * self.pace * self.pace);
+        for (d, mobility) in out.iter_mut().zip(mobilities) {
+            d.strength = d.resistance.stiffness * mobility;
+        }
+        out.retain(|d| {
+            let info = &system.relative_groups()[d.group];
+            let motion = [d.value, rate_along(&d.gradient, info.bodies, &self.state.v)];
+            d.strength > STIFF * self.pace * self.pace
+                && stays_regular(info.kind, motion, &d.resistance, d.strength)
+        });
         let name = |d: &Deformation| (d.group, d.row);
         out.sort_by(|a, b| b.strength.total_cmp(&a.strength).then(name(a).cmp(&name(b))));
         out

@@ -25,9 +25,26 @@ pub(super) fn pace(system: &dyn System, state: &State) -> f64 {
 /// Part of a length beyond which it would have to be drawn in if it is to be no coordinate, as it could vanish.
 const VANISHING: f64 = 0.75;
 
-/// Whether a spring that is stiff leaves a deformation away from where it is singular: only lengths can vanish.
-pub(super) fn stays_regular(kind: RelativeKind, value: f64, resistance: &Resistance) -> bool {
-    kind != RelativeKind::Length || resistance.drawn < VANISHING * value
+/// Whether a deformation that changes at a rate stays away from where it is singular while the element stops it, `square` being
+/// that of its frequency: only lengths can vanish.
+pub(super) fn stays_regular(
+    kind: RelativeKind,
+    [value, rate]: [f64; 2],
+    resistance: &Resistance,
+    square: f64,
+) -> bool {
+    let inwards = resistance.drawn + (-rate).max(0.0) / square.sqrt();
+    kind != RelativeKind::Length || inwards < VANISHING * value
+}
+
+/// Rate of a relative coordinate, from its gradient over its two bodies.
+pub(super) fn rate_along(gradient: &[f64], bodies: [Option<usize>; 2], v: &[f64]) -> f64 {
+    let n = gradient.len() / 2;
+    let of_body = |(part, body): (&[f64], Option<usize>)| {
+        let own = body.map_or(&[][..], |b| &v[b * n..(b + 1) * n]);
+        part.iter().zip(own).map(|(a, x)| a * x).sum::<f64>()
+    };
+    gradient.chunks_exact(n).zip(bodies).map(of_body).sum()
 }
 
 /// Whether a force element would be stiff if its bodies were free: they can only be slower.
@@ -50,9 +67,6 @@ pub(super) fn could_be_stiff(
         system.relative_gradient(group, &reference, &state.q, gradient);
         for (row, gradient) in gradient.chunks_exact(2 * n).enumerate() {
             let resistance = system.resistance(elastic, first + row, values[row], STEPS * pace);
-            if !stays_regular(info.kind, values[row], &resistance) {
-                continue;
-            }
             let stiffness = resistance.stiffness;
             let mut mobility = 0.0;
             for (side, body) in info.bodies.into_iter().enumerate() {
@@ -63,7 +77,11 @@ pub(super) fn could_be_stiff(
                     + scale * norm(&part[d..]).powi(2) / system.least_inertia(body);
             }
             let strength = stiffness * mobility;
-            if stiffness > 0.0 && (strength.is_nan() || strength > STIFF * pace * pace) {
+            let motion = [values[row], rate_along(gradient, info.bodies, &state.v)];
+            if stiffness > 0.0
+                && (strength.is_nan() || strength > STIFF * pace * pace)
+                && stays_regular(info.kind, motion, &resistance, strength)
+            {
                 return true;
             }
         }

@@ -8,7 +8,7 @@
 use super::loops::Loops;
 use super::parametrization::{Parametrization, Projection};
 use super::relatives::{Relatives, Source};
-use super::stiffness::{STEPS, STIFF, pace};
+use super::stiffness::{STEPS, STIFF, pace, rate_along};
 use crate::error::EvaluationFailure;
 use crate::system::{Anchor, RelativeKind, State, System};
 use holonom_linalg::BlockMatrix;
@@ -109,13 +109,7 @@ fn forms(system: &dyn System, state: &State, pace: f64) -> Vec<usize> {
         let square = stiffness * inverse;
         let stiff = square > STIFF * pace * pace && length > 0.0 && {
             system.relative_gradient(group, &[0.0; 6], &state.q, &mut gradient[..2 * n]);
-            let mut rate = 0.0;
-            for (row, body) in gradient.chunks_exact(n).zip(bodies) {
-                if let Some(b) = body {
-                    let v = &state.v[b * n..(b + 1) * n];
-                    rate += row.iter().zip(v).map(|(a, x)| a * x).sum::<f64>();
-                }
-            }
+            let rate = rate_along(&gradient[..2 * n], bodies, &state.v);
             let amplitude = resistance.drawn.abs()
                 + rate.abs() / square.sqrt()
                 + (system.gravity() + pace * pace * length) / square;

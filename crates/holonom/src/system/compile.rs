@@ -121,7 +121,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
     };
     let base = base
         .filter(|b| b.same_structure(&constraints, &forces))
-        .filter(|b| b.structure.sizes == sizes);
+        .filter(|b| b.structure.sizes == sizes && b.tree.offered == forest::offered(model));
     let mut gravity = model.gravity;
     gravity[D..].fill(0.0);
     let rows: Vec<(usize, usize)> = constraints.iter().map(|c| (c.row, c.element.rows())).collect();

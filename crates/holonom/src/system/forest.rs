@@ -103,6 +103,9 @@ pub struct Tree {
     pub closures: Vec<Closure>,
     /// Force elements.
     pub elastic: Vec<ElasticLoop>,
+    /// Force elements that can be edges: numbers of a model decide which, and a forest serves another model only if they are
+    /// the same.
+    pub offered: Vec<usize>,
     /// Bodies of angles whose turns no edge of the forest tells.
     pub untold_turns: Vec<[Option<usize>; 2]>,
 }
@@ -173,6 +176,12 @@ fn edge_stiffness(force: &Force) -> Option<f64> {
         }
         _ => None,
     }
+}
+
+/// Force elements that can be edges.
+pub(super) fn offered(model: &Model) -> Vec<usize> {
+    let forces = model.forces.iter().enumerate();
+    forces.filter(|(_, force)| edge_stiffness(force).is_some()).map(|(k, _)| k).collect()
 }
 
 /// Edges of the graph: joints in file order, then forces that can be edges, with their places.
@@ -388,7 +397,8 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
         };
         elastic.push(ElasticLoop { force: k, groups: own, ends, is_edge: edge.is_some() });
     }
-    let tree = Tree { forest, edges, closures, elastic, untold_turns };
+    let offered = offered(model);
+    let tree = Tree { forest, edges, closures, elastic, offered, untold_turns };
     groups.shrink_to_fit();
     relatives.shrink_to_fit();
     Built { tree, groups, relatives, edges: placed }

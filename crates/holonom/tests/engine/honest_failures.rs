@@ -182,7 +182,6 @@ fn no_run_crawls_into_a_singular_configuration() {
     }
 }
 
-/// An arm that a spring pulls to a point on the circle of its end.
 #[test] // independent truth: both links are locked, whatever the driver asks for
 fn a_driver_of_what_joints_lock_is_named() {
     let model = model_of(
@@ -243,6 +242,7 @@ top = {{ angular_velocity = [1.0, 0.0, 0.3] }}
     }
 }
 
+/// An arm that a spring pulls to a point on the circle of its end.
 fn pulled_together(law: &str) -> Model {
     model_of(&format!(
         r#"

@@ -234,7 +234,7 @@ fn millimetre() -> f64 {
 }
 
 /// Lateral force of a tyre, −`cornering_stiffness` α σ sideways at the contact point, with the slip
-/// angle α = atan2(v_side, √(v_forward² + `regularization_speed`²)).
+/// angle α = atan2(v_side, √(v_forward² + `regularization_speed`²)) of the wheel centre's velocity.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "Lateral tyre force")]
