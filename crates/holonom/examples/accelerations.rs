@@ -25,6 +25,7 @@ use std::error::Error;
 use std::path::Path;
 use std::sync::Arc;
 
+const TABLES: [&str; 5] = ["2", "evaluation", "dense", "3", "4"];
 const ROUNDS: usize = 9;
 const SOLVES: usize = 1000;
 /// Longest time of one round of one solver, s; slow solvers make fewer solves.
@@ -483,7 +484,6 @@ fn in_space(mut model: Model) -> Model {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let tables: Vec<String> = std::env::args().skip(1).collect();
-    const TABLES: [&str; 5] = ["2", "evaluation", "dense", "3", "4"];
     if let Some(other) = tables.iter().find(|table| !TABLES.contains(&table.as_str())) {
         return Err(format!("there is no table `{other}`; there are {}", TABLES.join(", ")).into());
     }
