@@ -10,7 +10,7 @@ use super::closing::{closed, contradiction, scale};
 use super::manifold::Manifold;
 use super::parametrization::Parametrization;
 use super::saddle::Saddle;
-use super::singular_elements::coincident_ends;
+use super::singular_elements::{ASIDE, coincident_ends, opposite_axes};
 use super::stated_joints::{Level, carry, moved, place, turn, wind};
 use super::structural::structural_nonzeros;
 use super::tree::choose_tree;
@@ -22,6 +22,8 @@ use std::sync::Arc;
 
 /// Residuals of stated values up to this size are projected away (m, rad, m/s, rad/s).
 pub const PROJECTED: f64 = 1e-6;
+/// Axes that are nearer to one line than this, rad, are opposite from the start.
+const SAME_LINE: f64 = 1e-8;
 /// Stated values that moved less moved by round-off.
 pub(super) const MOVED: f64 = 1e-10;
 
@@ -136,6 +138,14 @@ pub enum AssemblyError {
         /// Name of the element.
         item: String,
     },
+    /// The axes of a twist are opposite, where it has no value.
+    #[error(
+        "the axes of `{item}` on its two bodies are opposite at the start, where its twist has no value"
+    )]
+    OppositeAxes {
+        /// Name of the rotational spring or rotation driver.
+        item: String,
+    },
     /// The equations could not be evaluated at the start.
     #[error("{0}")]
     Evaluation(#[from] EvaluationFailure),
@@ -152,6 +162,7 @@ impl AssemblyError {
             Self::CoincidentEnds { .. } | Self::CoincidentSeries { .. } => {
                 "assembly/coincident-ends"
             }
+            Self::OppositeAxes { .. } => "assembly/opposite-axes",
             Self::Evaluation(failure) => failure.code,
         }
     }
@@ -165,6 +176,7 @@ impl AssemblyError {
             | Self::Contradiction { item, .. }
             | Self::CoincidentEnds { item, .. }
             | Self::CoincidentSeries { item }
+            | Self::OppositeAxes { item }
             | Self::SingularMass { body: item, .. } => Some(item),
             Self::Evaluation(_) => None,
         }
@@ -216,6 +228,7 @@ impl AssemblyError {
             Self::CoincidentSeries { .. } => {
                 "move one of its points, or start where they are apart"
             }
+            Self::OppositeAxes { .. } => ASIDE,
             Self::Evaluation(_) => "check the model near its initial state",
         }
     }
@@ -316,6 +329,9 @@ pub fn assemble(
     wind(system.as_ref(), model, &mut state);
     system.update_windings(state.t, &state.q, &mut state.winding);
     refuse_coincident_ends(system.as_ref(), model, &state)?;
+    if let Some(item) = opposite_axes(system.as_ref(), model, &state, SAME_LINE) {
+        return Err(AssemblyError::OppositeAxes { item: item.to_owned() });
+    }
     let (mut manifold, state) = start(system, state, template)?;
     manifold.rest(&state.q);
     let mut adjustments = adjustments(model, system.as_ref(), &wanted, &before, &state);

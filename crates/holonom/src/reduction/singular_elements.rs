@@ -7,8 +7,9 @@ use crate::system::{Sample, State, System};
 
 /// Points nearer than this part of a free length, or of the size of a model, are one.
 const COINCIDENT: f64 = 1e-8;
-/// Axes of a twist are opposite when they are nearer to it than this, rad: the last steps come there by themselves.
-const OPPOSITE: f64 = 1e-3;
+/// What to try where the axes of a twist are opposite.
+pub(crate) const ASIDE: &str = "a twist has a value only while its axes are less than half a turn apart: hold them together by a \
+    revolute, cylindrical or universal joint, or keep the bodies from swinging so far";
 
 /// The first spring whose ends are nearer to each other than `near`, m, or than round-off, and whose force acts there, where
 /// it has no direction; with its elastic force, N, if that depends on the length alone.
@@ -40,11 +41,12 @@ pub(crate) fn coincident_ends<'a>(
     })
 }
 
-/// The first rotational spring or rotation driver between bodies in space whose axes are opposite.
+/// The first rotational spring or rotation driver between bodies in space whose axes are nearer to opposite than `near`, rad.
 pub(crate) fn opposite_axes<'a>(
     system: &dyn System,
     model: &'a Model,
     state: &State,
+    near: f64,
 ) -> Option<&'a str> {
     if model.dimension == Dimension::Planar {
         return None;
@@ -62,7 +64,7 @@ pub(crate) fn opposite_axes<'a>(
     let found = twists.find(|(_, frames)| {
         let [first, second] = [axis(&frames[0]), axis(&frames[1])];
         let apart = sum(&first, &second);
-        dot(&apart, &apart).sqrt() < OPPOSITE
+        dot(&apart, &apart).sqrt() < near
     });
     found.map(|(name, _)| name.as_str())
 }

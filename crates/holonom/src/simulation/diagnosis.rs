@@ -4,6 +4,7 @@ use super::options::Options;
 use super::statistics::{Status, StopReason};
 use crate::method::StateSpace;
 use crate::method::stepper::{Rejection, Stepper};
+use crate::reduction::singular_elements::ASIDE;
 use crate::system::{Measure, State, System};
 use crate::watch::GivenUp;
 
@@ -23,10 +24,6 @@ const SHORTER_OR_DEAD_POINT: &str = "take a smaller `fixed_step`, or leave it ou
 /// What to try where the ends of a spring have met.
 const APART: &str = "let its force vanish with its length, as with `free_length = 0`, or keep its ends apart: a little \
     beside each other where they pass, or by a stop";
-
-/// What to try where the axes of a twist are opposite.
-const ASIDE: &str = "a twist has a value only while its axes are less than half a turn apart: hold them together by a \
-    revolute, cylindrical or universal joint, or keep the bodies from swinging so far";
 
 /// Why the loop ended early.
 pub(super) enum Stop {

@@ -5,7 +5,7 @@
 use crate::common::table::all_codes;
 use crate::common::{model_of, options};
 use holonom::method::Code;
-use holonom::model::Model;
+use holonom::model::{Model, Orientation};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, Status, Summary, run};
 use std::path::PathBuf;
 
@@ -230,7 +230,15 @@ top = {{ angular_velocity = [1.0, 0.0, 0.3] }}
         ));
         let mut rows = Memory::default();
         let options = options(Code::ForRadau, 1e-6, 5.0);
+        let mut upside_down = model.clone();
+        upside_down.initial.bodies[0].orientation =
+            Some(Orientation::EulerParameters([0.0, 1.0, 0.0, 0.0]));
+        upside_down.initial.bodies[0].position = Some([0.0, 0.0, -0.5]);
         let summary = run(&Problem::new(model), &options, None, &mut rows).unwrap();
+        if name == "coil" {
+            let error = Problem::new(upside_down).assemble().expect_err("a twist of no value");
+            assert_eq!((error.code(), error.item()), ("assembly/opposite-axes", Some(name)));
+        }
         assert_eq!(summary.status, Status::Failed, "{name}");
         let stop = &summary.stop;
         let said = format!("the axes of `{name}` have become opposite");

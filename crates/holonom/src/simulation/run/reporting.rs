@@ -15,6 +15,9 @@ use std::time::{Duration, Instant};
 const POLL: Duration = Duration::from_millis(50);
 const FLUSH: Duration = Duration::from_millis(500);
 
+/// Axes of a twist are opposite when they are nearer to it than this, rad: the last steps come there by themselves.
+const OPPOSITE: f64 = 1e-3;
+
 impl Run<'_> {
     pub(super) fn record(
         &mut self,
@@ -150,7 +153,7 @@ impl Run<'_> {
             let near = self.options.tolerance.translation;
             let met = coincident_ends(self.system.as_ref(), self.model, &self.state, near);
             suspects.met = met.map(|(item, _)| item.to_owned());
-            let opposite = opposite_axes(self.system.as_ref(), self.model, &self.state);
+            let opposite = opposite_axes(self.system.as_ref(), self.model, &self.state, OPPOSITE);
             suspects.opposite = opposite.map(str::to_owned);
         }
         diagnose(stop, self.state.t, self.options, &suspects, self.system.as_ref())
