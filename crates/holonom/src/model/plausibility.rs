@@ -13,6 +13,9 @@ const MASS: [f64; 2] = [1e-6, 1e6];
 const LENGTH: f64 = 1e3;
 /// m/s²: gravity is about 9.81, in millimetres 9810.
 const GRAVITY: f64 = 100.0;
+/// m/s²: what gravity is on earth, and the units of length, m, in whose number it is stated by mistake.
+const ON_EARTH: [f64; 2] = [9.77, 9.84];
+const PARTS_OF_A_METRE: [f64; 4] = [1e-3, 1e-2, 0.0254, 0.3048];
 /// Distance of a body over the size of the model: more loses digits that constraints need.
 const DISTANCE: f64 = 1e7;
 /// Part of the range of a table's points by which the curve through them may leave it.
@@ -42,6 +45,13 @@ pub fn implausible(model: &Model) -> Vec<Warning> {
     if gravity > GRAVITY {
         let message = format!("`gravity` is {} m/s²", shown(gravity));
         warn("gravity".into(), message, "on earth it is 9.81 m/s²; are lengths in millimetres?");
+    }
+    let of_earth = |part: &f64| (ON_EARTH[0] * part..=ON_EARTH[1] * part).contains(&gravity);
+    if PARTS_OF_A_METRE.iter().any(of_earth) {
+        let message = format!("`gravity` is {} m/s²", shown(gravity));
+        let help =
+            "gravity is in the file's unit of length, too: on earth 9.81 m/s², or 9810 mm/s²";
+        warn("gravity".into(), message, help);
     }
     for body in &model.bodies {
         checkpoint(NAMED);

@@ -493,6 +493,22 @@ rail = {{ displacement = {shift} }}
     warnings.into_iter().map(|w| w.path).collect()
 }
 
+#[test] // truth: 9.81 m/s² in each unit
+fn gravity_in_metres_of_a_file_in_other_units_brings_a_warning() {
+    for (unit, right) in [("mm", 9810.0), ("cm", 981.0), ("in", 386.1), ("ft", 32.17), ("m", 9.81)]
+    {
+        for (gravity, suspect) in [(right, false), (9.81, unit != "m"), (0.165 * right, false)] {
+            let text = format!(
+                "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, -{gravity:?}]\n[units]\nlength = \"{unit}\"\n[bodies]\n\
+                 b = {{ mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }}\n"
+            );
+            let (_, warnings) = document(&text).unwrap().build().unwrap();
+            let found = warnings.iter().any(|w| w.path == "gravity");
+            assert_eq!(found, suspect, "{gravity} {unit}/s²: {warnings:?}");
+        }
+    }
+}
+
 #[test] // truth: the same mechanism in metres and radians, and in millimetres and degrees
 fn starts_drivers_and_lengths_in_other_units_bring_warnings() {
     let right = ["1.5707963", "0.25", "0.7853982", "0.1", "free_length = 0.2", "length = 1.2"];
