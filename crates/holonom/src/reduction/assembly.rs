@@ -323,15 +323,16 @@ pub fn assemble(
     }
     let before = state.v.clone();
     carry(system.as_ref(), model, &mut state);
+    // A driver whose twist has no value would seem to contradict the joints.
+    if let Some(item) = opposite_axes(system.as_ref(), model, &state, SAME_LINE) {
+        return Err(AssemblyError::OppositeAxes { item: item.to_owned() });
+    }
     let (mut state, worst_velocity) = closed(system, model, Level::Velocity, &state)?;
 
     state.z = model.initial_extra_states();
     wind(system.as_ref(), model, &mut state);
     system.update_windings(state.t, &state.q, &mut state.winding);
     refuse_coincident_ends(system.as_ref(), model, &state)?;
-    if let Some(item) = opposite_axes(system.as_ref(), model, &state, SAME_LINE) {
-        return Err(AssemblyError::OppositeAxes { item: item.to_owned() });
-    }
     let (mut manifold, state) = start(system, state, template)?;
     manifold.rest(&state.q);
     let mut adjustments = adjustments(model, system.as_ref(), &wanted, &before, &state);
