@@ -51,8 +51,8 @@ enum Turns<const D: usize> {
     About([f64; D]),
     /// About an axis of the first and one of the second body.
     Cross([[f64; D]; 2]),
-    /// By any rotation.
-    Any,
+    /// By any rotation, along axes of the first body.
+    Any([[f64; D]; D]),
     /// By any rotation of the child against the ground.
     Free,
 }
@@ -89,7 +89,7 @@ impl<S, const D: usize, const N: usize, const R: usize> Kinematics<S, D, N, R> {
 /// How the outer body of an edge moves against the inner one: a column for each rate, in ground axes.
 ///
 /// Rates are those of the coordinates, but for a rotation vector, whose rates are the components of the
-/// relative angular velocity in the axes of `first`.
+/// relative angular velocity along its axes.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct EdgeScrews {
     /// Body that carries the outer one; none where the coordinates are those against the ground.
@@ -182,13 +182,16 @@ where
                 push(rest, S::turning_axis(first, inner), 1);
                 push(rest, S::turning_axis(second, outer).map(|x| -x), 2);
             }
-            Turns::Any | Turns::Free => {
-                let start = D;
-                let carrier = if free { const { &Stance::GROUND } } else { first };
-                (0..2 * D - 3).for_each(|k| push(rest, S::own_axis(carrier, k), 1));
-                let start = if matches!(self.link, Link::Components(_)) { start } else { 0 };
-                out.rotation = (D == 3).then_some(start);
+            Turns::Any(axes) => {
+                axes[..2 * D - 3].iter().for_each(|a| push(rest, S::turning_axis(first, a), 1));
             }
+            Turns::Free => {
+                let ground = const { &Stance::GROUND };
+                (0..2 * D - 3).for_each(|k| push(rest, S::own_axis(ground, k), 1));
+            }
+        }
+        if D == 3 && matches!(self.turns, Turns::Any(_) | Turns::Free) {
+            out.rotation = Some(if matches!(self.link, Link::Components(_)) { D } else { 0 });
         }
         true
     }
@@ -239,9 +242,13 @@ where
                 let turned = S::chain(&S::about(&first, change(0)), &anchor.orientation);
                 S::chain(&turned, &S::about(&second, -change(1)))
             }
-            Turns::Any | Turns::Free => {
-                let theta: [f64; 3] =
+            Turns::Any(_) | Turns::Free => {
+                let mut theta: [f64; 3] =
                     std::array::from_fn(|k| if k < x_turn.len() { change(k) } else { 0.0 });
+                if let (3, Turns::Any(axes)) = (D, self.turns) {
+                    let along = |i: usize| (0..D).map(|k| axes[k][i] * theta[k]).sum();
+                    theta = std::array::from_fn(along);
+                }
                 S::chain(&S::exponential(&theta), &anchor.orientation)
             }
         };
@@ -310,8 +317,8 @@ pub trait Orientation<const D: usize, const N: usize, const R: usize>: Space<D, 
     fn joint_form(kind: &JointKind, frames: &[Triad<D>; 2]) -> Form<Self, D, N, R>;
     /// The direction of the line between two points.
     fn line(points: [[f64; D]; 2]) -> Self::Direction;
-    /// The relative orientation of two bodies.
-    fn rotation() -> Self::Rotation;
+    /// The relative orientation of two bodies, along axes of the first, its own if none.
+    fn rotation(axes: Option<&[[f64; D]; D]>) -> Self::Rotation;
 }
 
 impl Orientation<2, 3, 1> for Planar {
@@ -389,7 +396,7 @@ impl Orientation<2, 3, 1> for Planar {
         Self::Direction::between(points)
     }
 
-    fn rotation() -> PlanarAngle {
+    fn rotation(_axes: Option<&[[f64; 2]; 2]>) -> PlanarAngle {
         PlanarAngle::of_bodies()
     }
 }
@@ -474,8 +481,8 @@ impl Orientation<3, 7, 4> for Spatial {
                 (new(Link::Coincides, Turns::Cross([h, h_second])), vec![first, second])
             }
             JointKind::Spherical => {
-                let any = both(Relative::Rotation(Self::rotation()));
-                (new(Link::Coincides, Turns::Any), vec![any])
+                let any = both(Relative::Rotation(Self::rotation(None)));
+                (new(Link::Coincides, Turns::Any(unit_axes())), vec![any])
             }
             JointKind::Distance { length } => line_form(frames, Some(*length)),
         }
@@ -485,9 +492,14 @@ impl Orientation<3, 7, 4> for Spatial {
         Self::Direction::new(points)
     }
 
-    fn rotation() -> Self::Rotation {
-        super::turning::SpatialRotation
+    fn rotation(axes: Option<&[[f64; 3]; 3]>) -> Self::Rotation {
+        use super::turning::SpatialRotation;
+        axes.map_or_else(SpatialRotation::new, SpatialRotation::along)
     }
+}
+
+fn unit_axes<const D: usize>() -> [[f64; D]; D] {
+    std::array::from_fn(|k| std::array::from_fn(|j| f64::from(u8::from(j == k))))
 }
 
 fn unit(p: &[f64; 4]) -> [f64; 4] {
@@ -512,11 +524,11 @@ where
         coordinates.push((Relative::length(points(frames)), Between::Both));
     }
     coordinates.push((Relative::Direction(S::line(points(frames))), Between::Both));
-    coordinates.push((Relative::Rotation(S::rotation()), Between::GroundAndChild));
+    coordinates.push((Relative::Rotation(S::rotation(None)), Between::GroundAndChild));
     (Kinematics::new(frames, Link::Line(fixed), Turns::Free), coordinates)
 }
 
-/// The deformations of a bushing: translation along axes of its frame on the first body, and rotation.
+/// The deformations of a bushing along axes of its frame on the first body: translation and rotation.
 pub(crate) fn bushing_form<S, const D: usize, const N: usize, const R: usize>(
     frames: &[Triad<D>; 2],
 ) -> Form<S, D, N, R>
@@ -526,8 +538,8 @@ where
     let axes = frames[0].axes;
     let link = Relative::link(points(frames), &axes);
     let coordinates =
-        vec![(link, Between::Both), (Relative::Rotation(S::rotation()), Between::Both)];
-    (Kinematics::new(frames, Link::Components(axes), Turns::Any), coordinates)
+        vec![(link, Between::Both), (Relative::Rotation(S::rotation(Some(&axes))), Between::Both)];
+    (Kinematics::new(frames, Link::Components(axes), Turns::Any(axes)), coordinates)
 }
 
 /// A free body: its centre of mass in ground axes, and its rotation.
@@ -535,14 +547,13 @@ pub(crate) fn free_form<S, const D: usize, const N: usize, const R: usize>() -> 
 where
     S: Orientation<D, N, R>,
 {
-    let axes: [[f64; D]; D] =
-        std::array::from_fn(|k| std::array::from_fn(|j| f64::from(u8::from(j == k))));
+    let axes: [[f64; D]; D] = unit_axes();
     let frame = Triad { point: [0.0; D], axes };
     let dots = axes.iter().map(|axis| Dot::along(*axis)).collect();
     let place = Relative::Displacement(Measure::new([[0.0; D]; 2], false, dots));
     let coordinates = vec![
         (place, Between::GroundAndChild),
-        (Relative::Rotation(S::rotation()), Between::GroundAndChild),
+        (Relative::Rotation(S::rotation(None)), Between::GroundAndChild),
     ];
     (Kinematics::new(&[frame, frame], Link::Components(axes), Turns::Free), coordinates)
 }

@@ -127,25 +127,54 @@ macro_rules! counted {
 counted!(PlanarAngle);
 counted!(LineAngle);
 
-/// θ = t(e), e = p̄ᵢ∘pⱼ∘ē_ref, which is bilinear in the Euler parameters.
+/// θ = t(e), e = ā∘p̄ᵢ∘pⱼ∘ē_ref with constant a, which is bilinear in the Euler parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SpatialRotation;
+pub struct SpatialRotation {
+    /// How the axes of θ are turned in the first body; none where they are its own.
+    axes: Option<[f64; 4]>,
+}
 
 impl SpatialRotation {
+    /// Along the axes of the first body.
+    pub(super) fn new() -> Self {
+        Self { axes: None }
+    }
+
+    /// Along these axes of the first body, orthonormal.
+    pub(super) fn along(axes: &[[f64; 3]; 3]) -> Self {
+        let columns = std::array::from_fn(|i| std::array::from_fn(|j| axes[j][i]));
+        Self { axes: Some(spatial::euler_parameters(&columns)) }
+    }
+
+    /// pᵢ∘a and pⱼ.
+    #[inline(always)]
+    fn pair<T: Real>(&self, q: [&[T; 7]; 2]) -> [[T; 4]; 2] {
+        let [first, second] = q.map(euler);
+        [self.axes.map_or(first, |a| spatial::product(&first, &lift(&a))), second]
+    }
+
     #[inline(always)]
     fn relative<T: Real>(first: &[T; 4], second: &[T; 4], reference: &Reference) -> [T; 4] {
         let r: [T; 4] = lift(&[reference[0], reference[1], reference[2], reference[3]]);
         spatial::product(&spatial::product(&conjugate(first), second), &conjugate(&r))
     }
 
-    /// ∂(relative(p_i, p_j))/∂(p_i, p_j), by bodies and their Euler parameters.
+    /// ∂(relative(p_i∘a, p_j))/∂(p_i, p_j), by bodies and their Euler parameters.
     #[inline(always)]
-    fn slopes<T: Real>(first: &[T; 4], second: &[T; 4], reference: &Reference) -> [[[T; 4]; 4]; 2] {
+    fn slopes<T: Real>(
+        &self,
+        [first, second]: [&[T; 4]; 2],
+        reference: &Reference,
+    ) -> [[[T; 4]; 4]; 2] {
         let back: [T; 4] = lift(&[reference[0], -reference[1], -reference[2], -reference[3]]);
         // ū∘s and l∘u for the four units u.
         let [s0, s1, s2, s3] = spatial::product(second, &back);
-        let by_first =
+        let mut by_first =
             [[s0, s1, s2, s3], [s1, -s0, s3, -s2], [s2, -s3, -s0, s1], [s3, s2, -s1, -s0]];
+        if let Some(a) = self.axes {
+            let turned = conjugate(&lift(&a));
+            by_first = by_first.map(|slope| spatial::product(&turned, &slope));
+        }
         let [l0, l1, l2, l3] = conjugate(first);
         let turned = [[l0, l1, l2, l3], [-l1, l0, l3, -l2], [-l2, -l3, l0, l1], [-l3, l2, -l1, l0]];
         let mut by_second = turned;
@@ -169,15 +198,15 @@ impl SpatialRotation {
 
     /// Change of e along w.
     #[inline(always)]
-    fn rate<T: Real>(q: [&[T; 7]; 2], w: [&[T; 7]; 2], reference: &Reference) -> [T; 4] {
-        let ([pi, pj], [wi, wj]) = (q.map(euler), w.map(euler));
+    fn rate<T: Real>(&self, q: [&[T; 7]; 2], w: [&[T; 7]; 2], reference: &Reference) -> [T; 4] {
+        let ([pi, pj], [wi, wj]) = (self.pair(q), self.pair(w));
         let (a, b) = (Self::relative(&wi, &pj, reference), Self::relative(&pi, &wj, reference));
         std::array::from_fn(|k| a[k] + b[k])
     }
 
     #[inline(always)]
-    fn turn<T: Real>(q: [&[T; 7]; 2], reference: &Reference) -> Turn<T> {
-        let [pi, pj] = q.map(euler);
+    fn turn<T: Real>(&self, q: [&[T; 7]; 2], reference: &Reference) -> Turn<T> {
+        let [pi, pj] = self.pair(q);
         Turn::new(&Self::relative(&pi, &pj, reference))
     }
 }
@@ -188,14 +217,14 @@ impl Turning<7> for SpatialRotation {
 
     fn value<T: Real>(&self, q: [&[T; 7]; 2], reference: &Reference, u: &mut [T; 6]) {
         *u = [T::zero(); 6];
-        u[..3].copy_from_slice(&Self::turn(q, reference).value());
+        u[..3].copy_from_slice(&self.turn(q, reference).value());
     }
 
     fn jacobian<T: Real>(&self, q: [&[T; 7]; 2], reference: &Reference, out: &mut RowBlocks<T, 7>) {
         *out = RowBlocks::zero();
-        let turn = Self::turn(q, reference);
-        let [pi, pj] = q.map(euler);
-        let slopes = Self::slopes(&pi, &pj, reference);
+        let turn = self.turn(q, reference);
+        let [pi, pj] = self.pair(q);
+        let slopes = self.slopes([&pi, &pj], reference);
         Self::add_rows(&turn.first_matrix(), &slopes, out);
     }
 
@@ -207,12 +236,12 @@ impl Turning<7> for SpatialRotation {
         out: &mut RowBlocks<T, 7>,
     ) {
         *out = RowBlocks::zero();
-        let turn = Self::turn(q, reference);
-        let rate = Self::rate(q, w, reference);
-        let ([pi, pj], [wi, wj]) = (q.map(euler), w.map(euler));
-        let slopes = Self::slopes(&pi, &pj, reference);
+        let turn = self.turn(q, reference);
+        let rate = self.rate(q, w, reference);
+        let ([pi, pj], [wi, wj]) = (self.pair(q), self.pair(w));
+        let slopes = self.slopes([&pi, &pj], reference);
         Self::add_rows(&turn.second_matrix(&rate), &slopes, out);
-        let slopes = Self::slopes(&wi, &wj, reference);
+        let slopes = self.slopes([&wi, &wj], reference);
         Self::add_rows(&turn.first_matrix(), &slopes, out);
     }
 
@@ -224,9 +253,9 @@ impl Turning<7> for SpatialRotation {
         out: &mut [T; 6],
     ) {
         *out = [T::zero(); 6];
-        let turn = Self::turn(q, reference);
-        let rate = Self::rate(q, v, reference);
-        let [vi, vj] = v.map(euler);
+        let turn = self.turn(q, reference);
+        let rate = self.rate(q, v, reference);
+        let [vi, vj] = self.pair(v);
         let second = Self::relative(&vi, &vj, reference).map(|x| x * 2.0);
         let (a, b) = (turn.second(&rate, &rate), turn.first(&second));
         for k in 0..3 {
@@ -245,9 +274,9 @@ impl Turning<7> for SpatialRotation {
     ) {
         *out = [RowBlocks::zero(); 2];
         let [of_v, of_a] = out;
-        let turn = Self::turn(q, reference);
-        let (rate, along) = (Self::rate(q, v, reference), Self::rate(q, a, reference));
-        let ([pi, pj], [vi, vj], [ai, aj]) = (q.map(euler), v.map(euler), a.map(euler));
+        let turn = self.turn(q, reference);
+        let (rate, along) = (self.rate(q, v, reference), self.rate(q, a, reference));
+        let ([pi, pj], [vi, vj], [ai, aj]) = (self.pair(q), self.pair(v), self.pair(a));
         let bent = Self::relative(&vi, &vj, reference);
         let second: [T; 4] = std::array::from_fn(|k| bent[k] * 2.0 + along[k]);
         let (mut bend, other) = (turn.third_matrix(&rate), turn.second_matrix(&second));
@@ -256,18 +285,18 @@ impl Turning<7> for SpatialRotation {
         }
         let first = turn.first_matrix();
         let mut change = turn.second_matrix(&rate);
-        let slopes = Self::slopes(&pi, &pj, reference);
+        let slopes = self.slopes([&pi, &pj], reference);
         Self::add_rows(&change, &slopes, of_v);
         Self::add_rows(&bend, &slopes, of_a);
-        let slopes = Self::slopes(&vi, &vj, reference);
+        let slopes = self.slopes([&vi, &vj], reference);
         Self::add_rows(&first, &slopes, of_v);
         change.as_flattened_mut().iter_mut().for_each(|x| *x *= 2.0);
         Self::add_rows(&change, &slopes, of_a);
-        Self::add_rows(&first, &Self::slopes(&ai, &aj, reference), of_a);
+        Self::add_rows(&first, &self.slopes([&ai, &aj], reference), of_a);
     }
 
     fn reference(&self, q: [&[f64; 7]; 2], _old: &Reference) -> Reference {
-        let [pi, pj] = q.map(euler);
+        let [pi, pj] = self.pair(q);
         let e = spatial::product(&conjugate(&pi), &pj);
         let size = dot(&e, &e).sqrt();
         [e[0] / size, e[1] / size, e[2] / size, e[3] / size, 0.0, 0.0]

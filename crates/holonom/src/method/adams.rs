@@ -45,6 +45,7 @@ pub struct AdamsStepper {
     unfinished: bool,
     work: Vec<f64>,
     slope: Vec<f64>,
+    strictness: f64,
     statistics: StepperStatistics,
 }
 
@@ -63,6 +64,7 @@ impl AdamsStepper {
             unfinished: false,
             work: vector(),
             slope: vector(),
+            strictness: 1.0,
             statistics: StepperStatistics::default(),
         }
     }
@@ -79,13 +81,18 @@ impl AdamsStepper {
         if self.pending { &self.trial } else { &self.history }
     }
 
+    /// What norms of differences are multiplied by before they are judged.
+    fn caution(&self) -> f64 {
+        self.options.caution * self.strictness
+    }
+
     /// Norm of the difference d plus a column of φ.
     fn norm_with(&mut self, ode: &mut dyn LinearizedOde, column: usize) -> f64 {
         let phi = &self.trial.phi[column];
         for ((work, &d), &phi) in self.work.iter_mut().zip(&self.difference).zip(phi) {
             *work = d + phi;
         }
-        self.options.caution * ode.norm(&self.work)
+        self.caution() * ode.norm(&self.work)
     }
 
     /// Predicts, evaluates, estimates and, if the error allows, corrects and evaluates again.
@@ -127,7 +134,7 @@ impl AdamsStepper {
         add_scaled(&mut self.difference, -1.0, &trial.phi[0]);
 
         // Errors at orders k, k−1, k−2; lower orders must win clearly.
-        let size = self.options.caution * h * ode.norm(&self.difference);
+        let size = self.caution() * h * ode.norm(&self.difference);
         let error = size * (c.g[k - 1] - c.g[k]);
         let at_k = size * c.sigma[k] * ADAMS_GAMMA_STAR[k].abs();
         let weight = |m: usize| h * c.sigma[m] * ADAMS_GAMMA_STAR[m].abs();
@@ -226,7 +233,7 @@ impl AdamsStepper {
         } else if order == k && k < trial.same_steps {
             // The last k + 1 steps were equal: the difference of order k + 2 can be trusted.
             self.work.copy_from_slice(&trial.phi[k + 1]);
-            let size = self.options.caution * ode.norm(&self.work);
+            let size = self.caution() * ode.norm(&self.work);
             let above = h * ADAMS_GAMMA_STAR[k + 1].abs() * size;
             if k > 1 && below <= at_k.min(above) {
                 (order, estimate) = (k - 1, below);
@@ -357,6 +364,10 @@ impl Stepper for AdamsStepper {
     fn recall(&mut self, numbers: &[f64]) -> bool {
         self.pending = false;
         self.history.recall(numbers)
+    }
+
+    fn be_strict(&mut self, strictness: f64) {
+        self.strictness = strictness;
     }
 
     fn last_change(&self) -> &[f64] {

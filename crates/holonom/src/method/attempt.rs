@@ -46,7 +46,9 @@ pub struct ImplicitStepper<S> {
     change: Vec<f64>,
     /// Error of the formula itself, and how many times as large their orders promise an estimate to be.
     own: Vec<f64>,
+    knows_own: bool,
     promised: Option<f64>,
+    strictness: f64,
     current: Segment,
     previous: Segment,
     statistics: StepperStatistics,
@@ -76,6 +78,8 @@ impl<S: Stages> ImplicitStepper<S> {
             ahead: Ahead::new(dimension),
             change: vec![0.0; dimension],
             own: vec![0.0; dimension],
+            knows_own: false,
+            strictness: 1.0,
             promised: options.own_error.map(|tolerance| tolerance.powf(-exponent)),
             current: Segment::new(dimension, S::DEGREE),
             previous: Segment::new(dimension, S::DEGREE),
@@ -150,7 +154,7 @@ impl<S: Stages> ImplicitStepper<S> {
     /// Scaled error, filtered; estimated again where a first or repeated attempt would fail, because
     /// transients there are not what the step has to follow.
     fn error(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> Result<f64, EvaluationFailure> {
-        let estimate = self.options.caution * self.estimated(ode, step)?;
+        let estimate = self.caution() * self.estimated(ode, step)?;
         if estimate <= 1.0 && !self.options.fixed_step {
             Ok(self.at_least_own(estimate, ode, step))
         } else {
@@ -158,20 +162,23 @@ impl<S: Stages> ImplicitStepper<S> {
         }
     }
 
+    /// What an estimate is multiplied by before it is judged.
+    fn caution(&self) -> f64 {
+        self.options.caution * self.strictness
+    }
+
     /// The estimate, or the error of the formula itself, multiplied by what an estimate should exceed it by. Then that is
     /// in its place, as large as orders promise an estimate to be. Source: `docs/theory/method.md` (11b).
     fn at_least_own(&mut self, estimate: f64, ode: &mut Counted<'_>, step: &Step<'_>) -> f64 {
         let Some(promised) = self.promised else { return estimate };
-        if !self.stages.own_error(ode, step.h, &mut self.own) {
+        self.knows_own = self.stages.own_error(ode, step.h, &mut self.own);
+        if !self.knows_own {
             return estimate;
         }
-        let size = ode.error_norm(&self.own, self.stages.end().w);
+        let size = self.strictness * ode.error_norm(&self.own, self.stages.end().w);
         let own = (OWN_ERROR * promised).max(1.0) * size;
         if own <= estimate {
             return estimate;
-        }
-        for (change, own) in self.change.iter_mut().zip(&self.own) {
-            *change = promised * own;
         }
         own
     }
@@ -181,6 +188,7 @@ impl<S: Stages> ImplicitStepper<S> {
         ode: &mut Counted<'_>,
         step: &Step<'_>,
     ) -> Result<f64, EvaluationFailure> {
+        let caution = self.caution();
         let (stages, error) = (&mut self.stages, &mut self.change);
         stages.estimate(ode, step, error)?;
         if !self.options.filter_error {
@@ -190,9 +198,7 @@ impl<S: Stages> ImplicitStepper<S> {
         stages.filter(ode, error);
         let filtered = ode.error_norm(error, stages.end().w);
         let found = least.map_or(filtered, |least| filtered.max(least));
-        let again = self.options.caution * found > 1.0
-            && self.memory.is_fragile()
-            && !self.options.fixed_step;
+        let again = caution * found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
         if !(again && stages.estimate_again(ode, step, error)) {
             return Ok(found);
         }
@@ -290,6 +296,7 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         let mut ode = Counted::new(ode, self.statistics);
         let mut report = StepReport::rejected(h);
         self.before = self.memory;
+        self.knows_own = false;
         self.find_floor(&mut ode, &step);
         match self.advance(&mut ode, &step, &mut report) {
             Ok((error, StepVerdict::Accept { next })) => {
@@ -380,6 +387,14 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
 
     fn last_change(&self) -> &[f64] {
         &self.change
+    }
+
+    fn own_error(&self) -> Option<&[f64]> {
+        self.knows_own.then_some(&self.own[..])
+    }
+
+    fn be_strict(&mut self, strictness: f64) {
+        self.strictness = strictness;
     }
 
     fn statistics(&self) -> &StepperStatistics {

@@ -201,15 +201,18 @@ impl Code {
     }
 }
 
-/// The form of the equations that a code integrates.
+/// The form of the equations that a code integrates, from `state` in a run that began with the coordinates `origin`.
 pub fn build_state_space(
     code: Code,
     profile: Profile,
     manifold: Manifold,
     tolerance: Tolerance,
     state: &State,
+    origin: &[f64],
 ) -> Box<dyn StateSpace> {
-    let mut weights = Weights::new(tolerance, manifold.system().as_ref(), state);
+    let start = State { q: origin.to_vec(), ..state.clone() };
+    let mut weights = Weights::new(tolerance, manifold.system().as_ref(), &start);
+    weights.set(state);
     if profile == Profile::Thesis {
         weights = weights.of_independent_coordinates();
     }

@@ -44,6 +44,7 @@ pub struct ExplicitRungeKuttaStepper {
     state: Vec<f64>,
     work: Vec<f64>,
     error_at_kinks: f64,
+    strictness: f64,
     current: Segment,
     previous: Segment,
     statistics: StepperStatistics,
@@ -68,6 +69,7 @@ impl ExplicitRungeKuttaStepper {
             state: vector(),
             work: vector(),
             error_at_kinks: error_at_kinks(&formula.c, &formula.a[STAGES - 1], &formula.e),
+            strictness: 1.0,
             current: Segment::new(dimension),
             previous: Segment::new(dimension),
             statistics: StepperStatistics::default(),
@@ -106,7 +108,7 @@ impl ExplicitRungeKuttaStepper {
                 .map_err(Rejection::Evaluation)?;
         }
         Self::combine(&mut self.work, h, &self.formula.e, &self.k);
-        let error = self.options.caution * ode.norm(&self.work);
+        let error = self.options.caution * self.strictness * ode.norm(&self.work);
         if self.options.fixed_step && error.is_finite() {
             return Ok((error, StepVerdict::Accept { next: h }));
         }
@@ -258,6 +260,10 @@ impl Stepper for ExplicitRungeKuttaStepper {
 
     fn last_change(&self) -> &[f64] {
         &self.work
+    }
+
+    fn be_strict(&mut self, strictness: f64) {
+        self.strictness = strictness;
     }
 
     fn statistics(&self) -> &StepperStatistics {

@@ -19,9 +19,8 @@ const SMOOTHING: usize = 6;
 ///
 /// Dense output is the cubic Hermite polynomial of states and slopes; positions, where the system
 /// names them ([`crate::method::ode::Ode::second_order_split`]), take the quintic one with second
-/// derivatives as well. A slope g carries the error of the state multiplied by the stiffness; its
-/// place is taken by g − (I − F)⁶ g with F = (I − γhJ)⁻¹, which differs from g by O(h⁶) on smooth
-/// components and is 6 F g, of the size of the error over h, on stiff ones.
+/// derivatives as well. A slope carries the error of the state multiplied by the stiffness, so that the one
+/// of `docs/theory/method.md` (12) takes its place.
 pub type RosenbrockStepper = ImplicitStepper<RosenbrockStages>;
 
 impl RosenbrockStepper {
@@ -145,18 +144,36 @@ impl Stages for RosenbrockStages {
 
     fn finish(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, segment: &mut Segment) {
         let &Step { h, w, g, .. } = step;
-        for (slope, smooth) in [g, &self.end_slope].into_iter().zip(&mut self.smooth) {
-            self.state.copy_from_slice(slope);
-            for _ in 0..SMOOTHING {
-                self.stage_slope.copy_from_slice(&self.state);
-                ode.solve(&mut self.stage_slope);
-                add_scaled(&mut self.state, -1.0, &self.stage_slope);
+        let split = ode.second_order_split();
+        let own = 2 * split..w.len();
+        for (slope, last) in [(g, false), (&self.end_slope, true)] {
+            let smooth = &mut self.smooth[usize::from(last)];
+            if !own.is_empty() {
+                // Its balance with what changes it by itself is a matter of the first pass.
+                self.stage_slope.copy_from_slice(&self.time_slope);
+                self.stage_slope.iter_mut().for_each(|x| *x *= self.formula.gamma * h);
+                self.state.copy_from_slice(slope);
+                keep_rough(ode, &mut self.state, &mut self.stage_slope);
+                for k in own.clone() {
+                    smooth[k] = slope[k] - self.state[k];
+                }
             }
-            smooth.copy_from_slice(slope);
-            add_scaled(smooth, -1.0, &self.state);
+            self.state.fill(0.0);
+            for k in 0..split {
+                let (x, v) = (self.end[k] - w[k], [w[split + k], self.end[split + k]]);
+                // That of the parabola with both rates that makes the change of the position.
+                let bend = 6.0 * x / h - 3.0 * (v[0] + v[1]);
+                let parabola = (v[1] - v[0] + if last { -bend } else { bend }) / h;
+                self.state[split + k] = slope[split + k] - parabola;
+            }
+            self.stage_slope.fill(0.0);
+            keep_rough(ode, &mut self.state, &mut self.stage_slope);
+            for k in split..2 * split {
+                smooth[k] = slope[k] - self.state[k];
+            }
         }
         segment.begin(h, w);
-        let ([first, last], split) = (&self.smooth, ode.second_order_split());
+        let [first, last] = &self.smooth;
         for i in 0..w.len() {
             let change = self.end[i] - w[i];
             if i < split {
@@ -166,5 +183,15 @@ impl Stages for RosenbrockStages {
                 segment.set_cubic(i, change, [h * first[i], h * last[i]]);
             }
         }
+    }
+}
+
+/// x ← (I − F)⁶ x with the filter F = (I − γhJ)⁻¹ of [`Counted::solve`], of F (x + y) in place of F x in the first pass.
+fn keep_rough(ode: &mut Counted<'_>, x: &mut [f64], y: &mut [f64]) {
+    for _ in 0..SMOOTHING {
+        add_scaled(y, 1.0, x);
+        ode.solve(y);
+        add_scaled(x, -1.0, y);
+        y.fill(0.0);
     }
 }

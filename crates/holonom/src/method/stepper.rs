@@ -347,6 +347,14 @@ pub trait Stepper: Send {
         &[]
     }
 
+    /// The error that the formula itself left in the last attempt, in w, where it was found.
+    fn own_error(&self) -> Option<&[f64]> {
+        None
+    }
+
+    /// From now on errors count `strictness` times, at least once: 1 as long as this is not called.
+    fn be_strict(&mut self, strictness: f64);
+
     /// Work since construction.
     fn statistics(&self) -> &StepperStatistics;
 }

@@ -16,6 +16,10 @@ const SUSPICIOUS: f64 = 10.0;
 pub(super) const VELOCITIES: f64 = 2.0;
 /// Of what is as fast as one radian to a step, the error of Radau's formula is this to the second of its estimate.
 const TURNED: f64 = 0.17;
+/// Tolerances from which steps become shorter, and the power of what is carried by which they do: 1.7 times before it is
+/// suspicious.
+const NOTABLE: f64 = 5.0;
+const SHORTENING: f64 = 0.75;
 /// Error of the start, in tolerances: what grows to be suspicious from there grows some thousandfold. Three times as much would
 /// ask for second runs of Andrews' mechanism, in vain.
 const SEED: f64 = 0.003;
@@ -54,6 +58,9 @@ pub(super) struct CarriedError {
     /// Of the place of a body, in its tolerances, or of its velocity, in its wider ones: there, and the largest of all.
     present: f64,
     largest: f64,
+    /// How many times shorter steps are to be.
+    #[serde(default = "as_long_as_before")]
+    shortening: f64,
     pub(super) milestones: Milestones,
     /// Largest speed, m/s, and rate of turning, rad/s, of each body so far.
     pub(super) speeds: Vec<[f64; 2]>,
@@ -73,6 +80,10 @@ fn of_before() -> bool {
     true
 }
 
+fn as_long_as_before() -> f64 {
+    1.0
+}
+
 impl CarriedError {
     /// Of a run with `dimension` unknowns that begins at `start`, without an error.
     pub(super) fn new(dimension: usize, weights: &Weights, start: &State) -> Self {
@@ -86,6 +97,7 @@ impl CarriedError {
             rates: Vec::with_capacity(dimension),
             present: 0.0,
             largest: 0.0,
+            shortening: 1.0,
             milestones: Milestones::new(start),
             speeds: weights.speeds(&start.v).collect(),
             room: vec![0.0; dimension],
@@ -119,6 +131,12 @@ impl CarriedError {
     /// Whether it may be several tolerances; then it is not followed any further.
     pub(super) fn is_suspicious(&self) -> bool {
         self.largest > SUSPICIOUS
+    }
+
+    /// How many times as much errors of the next step are to count if estimates are of this `order`, so that it is shorter and
+    /// no more is added up than is tolerated. Source: `docs/theory/simulation.md` (11c).
+    pub(super) fn strictness(&self, order: u32) -> f64 {
+        self.shortening.powi(order as i32 + 1)
     }
 
     /// The longest step, s, by which a second run is to tell, if it is suspicious or steps may not have shown what
@@ -207,6 +225,8 @@ impl CarriedError {
             let share = errors / rates.max(errors).max(f64::MIN_POSITIVE);
             true_part(stepper.orders_of_error(), share, turn)
         };
+        let own = stepper.own_error().map_or(0.0, |own| form.norm(own) / form.norm(change));
+        let part = if own > part { own } else { part };
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, part, change);
         // By rates: errors of places last, those of rates become more.
@@ -293,6 +313,10 @@ impl CarriedError {
             }
         }
         self.largest = self.largest.max(self.present);
+        // What leaps, as at an impact, is not made less by shorter steps.
+        if !self.is_suspicious() {
+            self.shortening = (self.present / NOTABLE).powf(SHORTENING).max(1.0);
+        }
     }
 }
 

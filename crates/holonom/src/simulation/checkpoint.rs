@@ -31,6 +31,9 @@ pub struct Checkpoint {
     pub(super) condition: f64,
     /// First time of the run, s.
     pub(super) started: f64,
+    /// Coordinates there, from which movements are measured; none in checkpoints that measured them from themselves.
+    #[serde(default)]
+    pub(super) origin: Vec<f64>,
     /// Whether it began with the model's initial state.
     pub(super) assembled: bool,
     /// Rows so far, and the time of the last one, s.
@@ -95,7 +98,9 @@ impl Checkpoint {
         check_numbers(system, &self.state).map_err(|_| foreign())?;
         let finite = |x: &[f64]| x.iter().all(|x| x.is_finite());
         let Pace { next, longest, .. } = self.pace;
-        let numbers = finite(&self.w) && finite(&self.history) && next.is_finite();
+        let origin = &self.origin;
+        let placed = origin.is_empty() || origin.len() == self.state.q.len() && finite(origin);
+        let numbers = finite(&self.w) && finite(&self.history) && next.is_finite() && placed;
         let chart = self.chart.q == self.state.q && self.chart.fits(system);
         if numbers && chart && next > 0.0 && longest > 0.0 && self.started <= self.state.t {
             return Ok(());

@@ -106,7 +106,7 @@ pub struct Tree {
     /// Force elements that can be edges: numbers of a model decide which, and a forest serves another model only if they are
     /// the same.
     pub offered: Vec<usize>,
-    /// Bodies of angles whose turns no edge of the forest tells.
+    /// Bodies of angles whose turns no edge of the forest tells, and of those that turn within loops.
     pub untold_turns: Vec<[Option<usize>; 2]>,
 }
 
@@ -326,6 +326,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
             closures.push(Closure { row: rows[k].0, rows: rows[k].1, ends });
         }
     }
+    let closed_by_joints = closures.len();
     for (k, driver) in model.drivers.iter().enumerate() {
         let ends = driver.frames.map(|f| f.body);
         let (row, count) = rows[model.joints.len() + k];
@@ -398,10 +399,39 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
         elastic.push(ElasticLoop { force: k, groups: own, ends, is_edge: edge.is_some() });
     }
     let offered = offered(model);
+    let turns = |edge: &TreeEdge| {
+        let angle = |&group: &usize| groups[group].kind == RelativeKind::Angle;
+        matches!(edge.source, EdgeSource::Joint(_)) && edge.forms.iter().flatten().any(angle)
+    };
+    let is_in_loop = within_loops(&edges, &edge_of_body, &closures[..closed_by_joints]);
+    let in_loops = edges.iter().zip(is_in_loop).filter(|(edge, is_in)| *is_in && turns(edge));
+    untold_turns.extend(in_loops.map(|(edge, _)| [edge.parent, Some(edge.body)]));
     let tree = Tree { forest, edges, closures, elastic, offered, untold_turns };
     groups.shrink_to_fit();
     relatives.shrink_to_fit();
     Built { tree, groups, relatives, edges: placed }
+}
+
+/// Whether each edge is on the way between the ends of a closure.
+fn within_loops(edges: &[TreeEdge], edge_of_body: &[usize], closures: &[Closure]) -> Vec<bool> {
+    let mut depth = vec![0u32; edges.len()];
+    for (at, edge) in edges.iter().enumerate() {
+        depth[at] = edge.parent.map_or(0, |parent| depth[edge_of_body[parent]] + 1);
+    }
+    let depth_of = |body: Option<usize>| body.map_or(0, |b| depth[edge_of_body[b]] + 1);
+    let mut is_in_loop = vec![false; edges.len()];
+    for closure in closures {
+        let [mut a, mut b] = closure.ends;
+        while a != b {
+            if depth_of(a) < depth_of(b) {
+                std::mem::swap(&mut a, &mut b);
+            }
+            let Some(body) = a else { break };
+            is_in_loop[edge_of_body[body]] = true;
+            a = edges[edge_of_body[body]].parent;
+        }
+    }
+    is_in_loop
 }
 
 /// The coordinate of a joint that a driver prescribes and its sign, if it is one up to a constant.

@@ -84,6 +84,25 @@ fn every_failure_is_told_as_it_was_read() {
     assert!(different.is_empty(), "{}", different.join("\n"));
 }
 
+#[test] // independent truth: exp(100 t) is too large for numbers at about 7.1 s, its square at 3.58 s
+fn what_runs_away_does_so_however_many_steps_that_takes() {
+    let model = model("runs_away");
+    // Checkpoints come after every 1,000 steps: movements go on to be measured from the start of the run.
+    for (code, tolerance) in [
+        (Code::ForRadau, 1e-3),
+        (Code::ForRadau, 1e-6),
+        (Code::ForSdirk, 1e-6),
+        (Code::SspTrap, 1e-2),
+    ] {
+        let problem = Problem::new(model.clone());
+        let options = options(code, tolerance, 100.0);
+        let summary = run(&problem, &options, None, &mut Memory::default()).unwrap();
+        let (stop, steps) = (&summary.stop, summary.statistics.steps);
+        assert_eq!(stop.code, "simulation/not-finite", "{code:?} {tolerance:e}: {steps} steps");
+        assert!((stop.time - 3.58).abs() < 0.01, "{code:?} {tolerance:e}: {} s", stop.time);
+    }
+}
+
 #[test] // independent truth: geometry and the fall of a pushed block, worked out by hand
 fn failures_come_at_the_moment_they_must_and_keep_the_last_good_state() {
     use std::f64::consts::PI;

@@ -453,7 +453,7 @@ fn prescribed(model: &Model, code: Code, steps: &[f64], detour: Option<f64>) -> 
     let chart = choose(profile.parametrization(), &manifold, &state, g)
         .and_then(|p| manifold.chart().with_parametrization(system, p, &state.q, g));
     manifold.set_chart(chart.unwrap());
-    let mut form = build_state_space(code, profile, manifold, tolerance, &state);
+    let mut form = build_state_space(code, profile, manifold, tolerance, &state, &state.q);
     let mut stepper =
         build_stepper(code, profile, form.as_mut(), tolerance, None, false, f64::INFINITY);
     let mut w = vec![0.0; form.dimension()];

@@ -534,17 +534,18 @@ fn dump(findings: &[Finding], draw: Draw, folder: &str) {
 
 #[test] // independent truth: runs a thousand times tighter, by other codes on another parametrization
 fn a_random_mechanism_is_right_or_warned_of_or_fails() {
-    no_wrong_success(SEEDS, Mechanism::new);
+    no_wrong_success(SEEDS, Mechanism::new, 20);
 }
 
 #[test] // independent truth: likewise
 fn bodies_that_forces_alone_tie_are_right_or_warned_of_or_fail() {
-    no_wrong_success(SEEDS_ADRIFT, Mechanism::adrift);
+    no_wrong_success(SEEDS_ADRIFT, Mechanism::adrift, 20);
 }
 
 #[test] // independent truth: likewise
 fn mechanisms_with_stops_are_right_or_warned_of_or_fail() {
-    no_wrong_success(SEEDS_WITH_STOPS, Mechanism::with_stops);
+    // What strikes is off for moments by as much as it changes: the second run sees some of them.
+    no_wrong_success(SEEDS_WITH_STOPS, Mechanism::with_stops, 30);
 }
 
 #[test] // independent truth: likewise
@@ -563,7 +564,8 @@ fn mechanisms_that_were_off_are_right_or_warned_of() {
     }
 }
 
-fn no_wrong_success(count: u64, draw: Draw) {
+/// Warnings may accompany `in_vain` of a thousand right runs.
+fn no_wrong_success(count: u64, draw: Draw, in_vain: usize) {
     let findings = all(&seeds(count), draw);
     let counts = Counts::of(&findings);
     println!("{counts:?}");
@@ -595,7 +597,7 @@ fn no_wrong_success(count: u64, draw: Draw) {
     assert!(20 * counts.undecided <= mechanisms, "{} undecided", counts.undecided);
     assert!(100 * counts.completed >= 95 * runs, "{} of {runs} runs complete", counts.completed);
     assert!(
-        50 * counts.warned_though_right <= counts.right,
+        1000 * counts.warned_though_right <= in_vain * counts.right,
         "{} of {} right runs are warned of",
         counts.warned_though_right,
         counts.right

@@ -198,6 +198,147 @@ fn loops_of_bushings_take_as_many_steps_at_any_stiffness() {
     table.finish();
 }
 
+#[test] // independent truth: x = p (t − c/k)/k under a force p t, after a transient of 1 ms
+fn rows_between_steps_are_as_good_as_their_ends_beside_a_stiff_spring() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+slider = { mass = 1.0, inertia = 0.01, position = [0.0, 0.0] }
+[joints]
+slide = { type = "translational", between = ["ground", "slider"], point = [0.0, 0.0], axis = [1.0, 0.0] }
+[forces]
+stop = { type = "tsda", between = ["ground", "slider"], points = [[1.0, 0.0], [0.0, 0.0]], stiffness = 1e6, damping = 1e3, free_length = 1.0 }
+push = { type = "point_force", on = "slider", point = [0.0, 0.0], direction = [1.0, 0.0], force = { type = "polynomial", coefficients = [0.0, 200.0] } }
+"#,
+    );
+    for code in implicit() {
+        for tolerance in [1e-4, 1e-6, 1e-8] {
+            let options = Options {
+                channels: ["slider.position", "slider.velocity"].map(String::from).to_vec(),
+                output: OutputTimes::Interval(0.01),
+                max_steps: 100_000,
+                ..options(code, tolerance, 1.0)
+            };
+            let outcome = run_model(&model, &options);
+            let series = ["slider.position", "slider.velocity"].map(|name| outcome.series(name, 0));
+            for (k, t) in outcome.times().iter().enumerate().filter(|(_, t)| **t > 0.05) {
+                let off = [2e-4 * (t - 1e-3), 2e-4].map(|x| x / tolerance);
+                let off = [0, 1].map(|i| (series[i][k] / tolerance - off[i]).abs());
+                let right = off[0] < 1.0 && off[1] < 5.0;
+                assert!(right, "{code:?} {tolerance:e}, t = {t}: {off:?} tolerances");
+            }
+        }
+    }
+}
+
+/// A four-bar about a skew axis whose coupler is held by bushings, or by hinges, at both ends; bodies are drawn along the
+/// ground's axes, or along that axis.
+fn skew_four_bar(axis: [f64; 3], bushed: Option<f64>) -> String {
+    let add = |a: [f64; 3], b: [f64; 3], by: f64| std::array::from_fn(|k| a[k] + by * b[k]);
+    let cross = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] {
+        std::array::from_fn(|k| a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3])
+    };
+    let unit = |a: [f64; 3]| a.map(|x| x / a.iter().map(|x| x * x).sum::<f64>().sqrt());
+    let h = unit(axis);
+    let b = unit(cross([0.0, 1.0, 0.3], h));
+    let c = cross(h, b);
+    let in_plane = |x: f64, y: f64| -> [f64; 3] { add(b.map(|b| x * b), c, y) };
+    // Lengths 0.3, 0.9 and 0.7 m over a base of 1 m.
+    let (crank, far): ([f64; 3], [f64; 3]) = (in_plane(0.18, 0.24), in_plane(1.0, 0.0));
+    let d = (0.82f64.powi(2) + 0.24f64.powi(2)).sqrt();
+    let along = (0.81 - 0.49 + d * d) / (2.0 * d);
+    let up = (0.81 - along * along).sqrt();
+    let (u, v) = (0.82 / d, -0.24 / d);
+    let pin = in_plane(0.18 + along * u - up * v, 0.24 + along * v + up * u);
+    let body = |name: &str, mass: f64, [p, q]: [[f64; 3]; 2]| {
+        let rod: [f64; 3] = add(q, p, -1.0);
+        let square: f64 = rod.iter().map(|x| x * x).sum();
+        let row = |i: usize| -> [f64; 3] {
+            std::array::from_fn(|j| {
+                let own = f64::from(u8::from(i == j));
+                mass * ((own * square - rod[i] * rod[j]) / 12.0 + 1e-3 * own)
+            })
+        };
+        let center: [f64; 3] = add(p, rod, 0.5);
+        format!(
+            "{name} = {{ mass = {mass:.1}, inertia = {:?}, position = {center:?} }}\n",
+            [0, 1, 2].map(row)
+        )
+    };
+    let o = [0.0; 3];
+    let bodies = body("crank", 1.5, [o, crank])
+        + &body("coupler", 1.0, [crank, pin])
+        + &body("rocker", 0.8, [far, pin]);
+    let hinge = |name: &str, bodies: &str, point: [f64; 3]| {
+        format!(
+            "{name} = {{ type = \"revolute\", between = {bodies}, point = {point:?}, axis = {h:?} }}\n"
+        )
+    };
+    let mut joints =
+        hinge("near", r#"["ground", "crank"]"#, o) + &hinge("base", r#"["rocker", "ground"]"#, far);
+    let mut forces = String::new();
+    for (name, bodies, point) in
+        [("one", r#"["crank", "coupler"]"#, crank), ("two", r#"["coupler", "rocker"]"#, pin)]
+    {
+        match bushed {
+            None => joints += &hinge(name, bodies, point),
+            Some(k) => {
+                forces += &format!(
+                    "{name} = {{ type = \"bushing\", between = {bodies}, point = {point:?}, axes = [{b:?}, {c:?}], stiffness = {}, \
+                     damping = {}, rotational_stiffness = [{r:e}, {r:e}, 0.0], rotational_damping = [{w:e}, {w:e}, 0.0] }}\n",
+                    three(k),
+                    three(0.1 * k),
+                    r = 0.1 * k,
+                    w = 0.01 * k
+                );
+            }
+        }
+    }
+    format!(
+        "holonom = 1\ndimension = \"spatial\"\ngravity = [0.0, -9.81, 0.0]\n[bodies]\n{bodies}[joints]\n{joints}[forces]\n{forces}"
+    )
+}
+
+#[test] // independent truth: the linkage with hinges by DEABM, and that steps do not depend on how bodies are drawn
+fn loops_of_bushings_do_not_depend_on_the_axes_of_bodies() {
+    let end = 2.0;
+    for axis in [[0.0, 0.0, 1.0], [0.2, 0.1, 1.0], [-1.0, 0.7, 0.4]] {
+        let rigid =
+            skew_four_bar(axis, None) + "[initial.joints]\nnear = { angular_velocity = 9.0 }\n";
+        let names = ["crank", "coupler", "rocker"];
+        let channels =
+            names.iter().flat_map(|b| [format!("{b}.velocity"), format!("{b}.angular_velocity")]);
+        let asked = |times: &[f64], options: Options| Options {
+            channels: channels.clone().chain(["coupler.position".into()]).collect(),
+            output: OutputTimes::Listed(times.to_vec()),
+            ..options
+        };
+        let truth =
+            run_model(&model_of(&rigid), &asked(&[0.0, end], options(Code::Deabm, 1e-9, end)));
+        let mut start = "[initial.bodies]\n".to_owned();
+        for (name, rates) in names.iter().zip(truth.rows.all.channels.chunks_exact(2)) {
+            let [v, w] = [&rates[0][..3], &rates[1][..3]];
+            start += &format!("{name} = {{ velocity = {v:?}, angular_velocity = {w:?} }}\n");
+        }
+        for k in [1e6, 1e9, 1e12] {
+            let model = model_of(&(skew_four_bar(axis, Some(k)) + &start));
+            let outcome = run_model(&model, &asked(&[0.0, end], options(DEFAULT_CODE, 1e-4, end)));
+            let s = &outcome.summary.statistics;
+            // Up to 1,389 steps and 1,135 refused iterations about a skew axis when deformations turned along the axes of bodies.
+            assert!(s.steps < 150, "{axis:?} {k:e}: {} steps", s.steps);
+            assert!(s.rejected_newton < 10, "{axis:?} {k:e}: {} refused", s.rejected_newton);
+            if k > 1e7 {
+                let [found, x] = [&outcome, &truth].map(|o| &o.rows.all.channels[6]);
+                let off = error(Kind::Point, 1e-4, &found[3..], &x[3..], &x[..3]);
+                assert!(off < 30.0, "{axis:?} {k:e}: {off} tolerances");
+            }
+        }
+    }
+}
+
 /// The library's spatial four-bar with a bushing in place of its ball joint, started where the ball joint puts it.
 fn spatial_four_bar(k: f64, c: f64) -> Model {
     let text = include_str!("../../../../models/spatial_four_bar/model.toml");

@@ -96,6 +96,8 @@ pub(super) struct Closures {
     pub(super) all: Vec<Closure>,
     /// Columns of the dependent coordinates.
     pub(super) dependent: Vec<usize>,
+    /// Those that are angles, of which a configuration tells no turns.
+    pub(super) angles: Vec<usize>,
     pub(super) clusters: Vec<Cluster>,
     /// Entries of all rows along the paths of their closures, see [`Closure::entries`].
     pub(super) matrix: Vec<f64>,
@@ -176,6 +178,8 @@ impl Closures {
         }
         let dependent: Vec<usize> =
             (0..coordinates.len()).filter(|&k| coordinates[k].0 == Source::Dependent).collect();
+        let angles = dependent.iter().copied();
+        let angles = angles.filter(|&k| coordinates[k].1 == Measure::Angle).collect();
         let rows = row_scale.len();
         if dependent.len() != rows {
             return None;
@@ -194,6 +198,7 @@ impl Closures {
             clusters,
             all,
             dependent,
+            angles,
             matrix: vec![0.0; start],
             column_scale,
             work: vec![0.0; rows],

@@ -9,14 +9,18 @@ use super::residuals::counts_turns;
 use crate::error::EvaluationFailure;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::Relatives;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 const MAX_CORRECTIONS: usize = 40;
+/// The first one where corrections are slow, others where they do not contract at all.
+const MAX_FACTORIZATIONS: u32 = 3;
 /// Corrections that contract more slowly than this are refused as a way to another branch.
 const CONTRACTION_LIMIT: f64 = 0.5;
+/// What corrections may add up to, rad or characteristic lengths: other branches, and other turns, are a few radians away.
+const FARTHEST: f64 = 1.0;
 /// Contraction from which the closures are factored anew.
 const SLOW: f64 = 0.05;
-/// What the second correction may be larger than the first one lets expect.
+/// What the second correction by the same factors may be larger than the first one lets expect.
 const FIRST_CAUTION: f64 = 64.0;
 /// Corrections of this size may be noise where the residual is.
 const NOISY_CORRECTION: f64 = 1e-9;
@@ -66,13 +70,20 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             self.before[k] = x[edge][place];
         }
         let predicted = self.size_of(&change);
+        let turned = self.closures.angles.iter().map(|&k| change[k].abs());
+        if turned.fold(0.0, keep_larger) > PI {
+            self.change = change;
+            return Err(self.another_branch(x));
+        }
         self.keep_movements(&change);
         self.change = change;
         let noise = 8.0 * f64::EPSILON * self.size_of(&self.before).max(1.0);
         self.keep_noise();
         self.place_all(relatives, x, q);
         self.closures.open();
-        let (mut fresh, mut first, mut last) = (false, (0.0, 0.0), noise);
+        let (mut factored, mut first, mut last) = (0, (0.0, 0.0), noise);
+        // Corrections by the present factors: a first one tells nothing of how they contract.
+        let mut served = 0;
         for count in 1..=MAX_CORRECTIONS {
             self.evaluate_residual(parametrization, t, p, q);
             let residual = self.closures.keep_residuals(&self.rows);
@@ -90,30 +101,31 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 return Err(self.failure(t, q, size));
             }
             // Clusters have no dependent coordinate in common: each is closed for itself.
-            let (mut is_slow, mut is_open) = (false, false);
+            let (mut is_slow, mut stalled, mut is_open) = (false, false, false);
             for cluster in self.closures.clusters.iter_mut().filter(|cluster| cluster.is_open) {
                 let (size, before) = (cluster.size, cluster.before);
                 let rate = size / before;
                 // Or the next one would be. The first rate is that of a correction to the movement predicted, which is of second
-                // order in it: less is known of it.
-                let caution = if count > 1 { 4.0 } else { FIRST_CAUTION };
+                // order in it, or to one by other factors: less is known of it.
+                let caution = if served > 0 { 4.0 } else { FIRST_CAUTION };
                 let ends = size.min(caution * rate * size) <= cluster.noise;
-                let stalls = count > 1 && rate > CONTRACTION_LIMIT;
+                let stalls = served > 0 && rate > CONTRACTION_LIMIT;
                 let is_noise = before <= 1e3 * noise
                     || (size <= NOISY_CORRECTION && is_round_off(cluster.residual));
                 if ends || (stalls && is_noise) {
                     (cluster.is_open, last) = (false, last.max(size));
                     continue;
                 }
-                if stalls && fresh {
+                if stalls && factored == MAX_FACTORIZATIONS {
                     return Err(self.failure(t, q, size));
                 }
-                is_slow |= count > 1 && rate > SLOW;
+                is_slow |= served > 0 && rate > SLOW;
+                stalled |= stalls;
                 (is_open, cluster.before) = (true, size);
             }
             if !is_open {
                 let moved = self.corrections(x).fold(0.0, keep_larger);
-                let near = 0.5 * predicted + 1e3 * last;
+                let near = (0.5 * predicted).min(FARTHEST) + 1e3 * last;
                 // Next to a dead point round-off of the residuals alone moves by more than a short step.
                 if moved <= near || (is_round_off(first.0) && moved <= near + first.1) {
                     self.stood.copy_from_slice(q);
@@ -121,10 +133,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 }
                 return Err(self.another_branch(x));
             }
-            if is_slow && !fresh {
+            served += 1;
+            if (is_slow && factored == 0) || (stalled && factored < MAX_FACTORIZATIONS) {
                 self.factor(parametrization, x, q)?;
                 self.forget_stand();
-                fresh = true;
+                (factored, served) = (factored + 1, 0);
             }
         }
         let sizes = self.closures.clusters.iter().filter(|cluster| cluster.is_open);

@@ -7,9 +7,13 @@ use crate::reduction::parametrization::largest_index;
 
 /// Corrections that contract more slowly than this are refused as a way to another branch.
 const CONTRACTION_LIMIT: f64 = 0.5;
+/// The first one where corrections are slow, others where they do not contract at all.
+const MAX_FACTORIZATIONS: u32 = 3;
 /// The old factor is replaced when it would need more corrections than a new one costs.
 const WORTH_REFACTORING: f64 = 4.0;
 const MAX_CORRECTIONS: u32 = 40;
+/// What corrections may turn a body by, rad: other branches, and other turns, are a few radians away.
+const FARTHEST: f64 = 1.0;
 /// A correction of this size changes nothing.
 const UNNOTICED: f64 = 0.1 * f64::EPSILON;
 /// Corrections of this size may be noise where the residual is.
@@ -34,6 +38,15 @@ impl Manifold {
         }
         let largest = f64::from_bits(largest);
         if largest.is_finite() { largest } else { f64::INFINITY }
+    }
+
+    /// Largest angle of a change of coordinates, rad.
+    fn turned_by(&self, x: &[f64]) -> f64 {
+        let sizes = &self.system.structure().sizes;
+        let angles = x.chunks_exact(sizes.per_body).flat_map(|body| &body[sizes.translations..]);
+        let largest = angles.fold(0.0f64, |most, x| most.max(x.abs()));
+        // Euler parameters turn by half the angle.
+        if sizes.translations == 3 { 2.0 * largest } else { largest }
     }
 
     /// Solves Φ(q, t) = 0, v(q) = p from the guess in `q`, which must be a point of the branch that is
@@ -92,7 +105,9 @@ impl Manifold {
             }
         }
         let mut before = f64::INFINITY;
-        let mut fresh = false;
+        let mut factored = 0;
+        // Corrections by the present factors: a first one tells nothing of how they contract.
+        let mut served = 0;
         for k in 0..MAX_CORRECTIONS {
             self.counters.corrections += 1;
             let size = self.correct(t, p, q);
@@ -105,23 +120,26 @@ impl Manifold {
             if size <= noise || (k > 0 && 4.0 * rate * size <= UNNOTICED) {
                 return self.check_branch(q, predicted, noise);
             }
-            if k > 0 && rate > CONTRACTION_LIMIT {
+            if served > 0 && rate > CONTRACTION_LIMIT {
                 // Corrections that no longer fall have reached round-off, if they are that small.
                 if before <= 1e3 * noise || (size <= NOISY_CORRECTION && self.residual_is_noise(q))
                 {
                     return self.check_branch(q, predicted, noise.max(size));
                 }
-                if fresh {
+                if factored == MAX_FACTORIZATIONS {
                     break;
                 }
             }
             let remaining = if k > 0 { (noise / size).ln() / rate.ln() } else { 0.0 };
-            if k > 0 && !fresh && (remaining > WORTH_REFACTORING || rate > CONTRACTION_LIMIT) {
+            let stalls = rate > CONTRACTION_LIMIT && (served > 0 || factored == 0);
+            served += 1;
+            let slow = factored == 0 && remaining > WORTH_REFACTORING;
+            if k > 0 && (slow || (stalls && factored < MAX_FACTORIZATIONS)) {
                 if !size.is_finite() {
                     break;
                 }
                 self.factor_at(q)?;
-                fresh = true;
+                (factored, served) = (factored + 1, 0);
             }
             before = size;
         }
@@ -205,7 +223,8 @@ impl Manifold {
         for (out, (x, y)) in self.correction.iter_mut().zip(q.iter().zip(&self.predictor)) {
             *out = x - y;
         }
-        if self.size_of(&self.correction) <= 0.5 * predicted + 1e3 * noise {
+        let near = 0.5 * predicted + 1e3 * noise;
+        if self.size_of(&self.correction) <= near && self.turned_by(&self.correction) <= FARTHEST {
             return Ok(());
         }
         let moved = largest_index(&self.correction);

@@ -61,6 +61,7 @@ impl Run<'_> {
             pace,
             condition: self.condition_reference,
             started: self.started,
+            origin: self.origin.clone(),
             assembled: self.assembled,
             rows: self.output.position(),
             start_residuals: self.start_residuals,
@@ -86,7 +87,7 @@ impl Run<'_> {
         let _ = manifold.set_accelerations(self.options.accelerations);
         let _ = set_coordinates(self.options, &mut manifold, &state.q);
         manifold.counters = checkpoint.counters;
-        let mut machinery = Machinery::new(self.options, manifold, state);
+        let mut machinery = Machinery::new(self.options, manifold, state, &self.origin);
         let Machinery { form, stepper, slope, .. } = &mut machinery;
         if w.len() != form.dimension() || !stepper.recall(&checkpoint.history) {
             let message = "the checkpoint is none of this code".to_owned();

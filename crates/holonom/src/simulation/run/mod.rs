@@ -255,6 +255,8 @@ struct Run<'a> {
     sink: &'a mut dyn Sink,
     /// First time of the run, s.
     started: f64,
+    /// Coordinates there.
+    origin: Vec<f64>,
     /// Whether it began with the model's initial state.
     assembled: bool,
     /// Where it is taken up, until that is done.
@@ -324,6 +326,10 @@ impl Run<'_> {
                 return Err(Stop::Failed { cause: None, step_size: step });
             }
             let step = t_end - t;
+            if let Some(carried) = &self.carried {
+                let [_, order] = self.stepper.orders_of_error();
+                self.stepper.be_strict(carried.strictness(order));
+            }
             let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let mut rejection = report.cause.take();
             let mut retry = if report.accepted { 0.5 * step } else { report.next_step };

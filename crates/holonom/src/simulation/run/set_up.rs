@@ -47,13 +47,19 @@ pub(super) struct Machinery {
 
 impl Machinery {
     /// Nothing is computed before, and nothing known but a consistent state whose factors the manifold holds.
-    pub(super) fn new(options: &Options, mut manifold: Manifold, state: &State) -> Self {
+    /// Movements are measured from the coordinates `origin`.
+    pub(super) fn new(
+        options: &Options,
+        mut manifold: Manifold,
+        state: &State,
+        origin: &[f64],
+    ) -> Self {
         manifold.share_among(&options.threads);
         // Copies of what is large take time, too.
         let copied = || checkpoint(COPIED * state.q.len());
         let (code, profile, tolerance) = (options.code, options.profile, options.tolerance);
         copied();
-        let mut form = build_state_space(code, profile, manifold, tolerance, state);
+        let mut form = build_state_space(code, profile, manifold, tolerance, state, origin);
         copied();
         let matrix = MatrixOptions {
             source: options.jacobian,
@@ -133,7 +139,9 @@ pub(super) fn set_up<'a>(
         state.ledger.initial = energy.kinetic + energy.potential;
     }
     let channels = find_channels(&system, &options.channels)?;
-    let mut machinery = Machinery::new(options, manifold, &state);
+    let origin = taken_up.map(|taken| &taken.origin).filter(|origin| !origin.is_empty());
+    let origin = origin.unwrap_or(&state.q).clone();
+    let mut machinery = Machinery::new(options, manifold, &state, &origin);
     let dimension = machinery.form.dimension();
     if let Some(taken) = taken_up
         && !(taken.w.len() == dimension && machinery.stepper.recall(&taken.history))
@@ -205,6 +213,7 @@ pub(super) fn set_up<'a>(
         warnings: Vec::new(),
         sink,
         started,
+        origin,
         assembled,
         taken_up,
         work_before: StepperStatistics::default(),
