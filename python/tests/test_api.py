@@ -120,6 +120,33 @@ def test_a_start_that_is_no_state_is_refused(model: holonom.Model, start: Any, n
     assert refused.value.code == "simulation/start-state"
 
 
+def test_a_joint_lets_go_between_two_parts_of_a_run() -> None:
+    """Independent truth: the parabola of a body that nothing holds."""
+    model = holonom.Model.from_dict(
+        {
+            "holonom": 1,
+            "dimension": "planar",
+            "gravity": [0.0, -9.81],
+            "bodies": {"shot": {"mass": 1.0, "inertia": 0.1, "position": [1.0, 0.0]}},
+            "joints": {
+                "sling": {
+                    "type": "distance",
+                    "between": ["ground", "shot"],
+                    "points": [[0.0, 0.0], [1.0, 0.0]],
+                }
+            },
+            "initial": {"bodies": {"shot": {"velocity": [0.0, 5.0]}}},
+        }
+    )
+    held = model.simulate(end_time=0.1)
+    state = held.state()
+    flight = model.with_values({"joints.sling.enabled": False}).simulate(start=state, end_time=0.5)
+    flown = 0.4
+    for k, pull in enumerate([0.0, -9.81]):
+        place = state["q"][k] + flown * state["qd"][k] + 0.5 * pull * flown**2
+        assert flight["shot.position"][-1, k] == pytest.approx(place, abs=1e-4)
+
+
 @pytest.mark.parametrize(
     ("entry", "change", "named"),
     [

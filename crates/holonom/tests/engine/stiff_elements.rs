@@ -15,6 +15,7 @@ use holonom::method::{Code, DEFAULT_CODE, Profile};
 use holonom::model::Model;
 use holonom::reduction::Choice;
 use holonom::simulation::{Options, OutputTimes, Status};
+use std::fmt::Write as _;
 
 /// Powers of ten of the stiffness, N/m or N m/rad.
 #[cfg(feature = "long")]
@@ -286,9 +287,10 @@ fn skew_four_bar(axis: [f64; 3], bushed: Option<f64>) -> String {
         match bushed {
             None => joints += &hinge(name, bodies, point),
             Some(k) => {
-                forces += &format!(
+                let _ = writeln!(
+                    forces,
                     "{name} = {{ type = \"bushing\", between = {bodies}, point = {point:?}, axes = [{b:?}, {c:?}], stiffness = {}, \
-                     damping = {}, rotational_stiffness = [{r:e}, {r:e}, 0.0], rotational_damping = [{w:e}, {w:e}, 0.0] }}\n",
+                     damping = {}, rotational_stiffness = [{r:e}, {r:e}, 0.0], rotational_damping = [{w:e}, {w:e}, 0.0] }}",
                     three(k),
                     three(0.1 * k),
                     r = 0.1 * k,
@@ -321,7 +323,7 @@ fn loops_of_bushings_do_not_depend_on_the_axes_of_bodies() {
         let mut start = "[initial.bodies]\n".to_owned();
         for (name, rates) in names.iter().zip(truth.rows.all.channels.chunks_exact(2)) {
             let [v, w] = [&rates[0][..3], &rates[1][..3]];
-            start += &format!("{name} = {{ velocity = {v:?}, angular_velocity = {w:?} }}\n");
+            let _ = writeln!(start, "{name} = {{ velocity = {v:?}, angular_velocity = {w:?} }}");
         }
         for k in [1e6, 1e9, 1e12] {
             let model = model_of(&(skew_four_bar(axis, Some(k)) + &start));
