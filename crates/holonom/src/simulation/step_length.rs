@@ -9,6 +9,9 @@ pub(super) const KINEMATIC_STEPS: f64 = 200.0;
 const LARGEST_TURN: f64 = 0.8;
 /// Largest relative rotation in any step where only the branch of an angle is known, rad.
 const UNTOLD_TURN: f64 = 2.0;
+/// The same of joints in loops, which are closed at one turn as at another, while what turns unevenly shows in no error of a
+/// step of some radians.
+const TURN_IN_LOOP: f64 = 0.9;
 /// Most halvings of a step that does not follow a driver.
 const HALVINGS: u32 = 30;
 /// Largest rotation of a body in a step of a run without unknowns, rad.
@@ -30,18 +33,21 @@ pub(super) fn longest(system: &dyn System, state: &State, tree: bool) -> f64 {
     system.longest_step(state).min(turn)
 }
 
-/// Time in which two bodies whose relative angle is told by its branch alone turn by [`UNTOLD_TURN`].
+/// Time in which two bodies whose relative angle is told by its branch alone turn by [`UNTOLD_TURN`], or by
+/// [`TURN_IN_LOOP`] in loops.
 fn untold(system: &dyn System, state: &State) -> f64 {
     let rate = |body: Option<usize>| {
         body.map_or([0.0; 3], |b| system.body(b, &state.q, &state.v).angular_velocity)
     };
-    let mut longest = f64::INFINITY;
-    for [first, second] in &system.tree().untold_turns {
-        let (a, b) = (rate(*first), rate(*second));
-        let relative = (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt();
-        longest = longest.min(UNTOLD_TURN / relative);
-    }
-    longest
+    let time = |pairs: &[[Option<usize>; 2]], turn: f64| {
+        let times = pairs.iter().map(|[first, second]| {
+            let (a, b) = (rate(*first), rate(*second));
+            turn / (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt()
+        });
+        times.fold(f64::INFINITY, f64::min)
+    };
+    let tree = system.tree();
+    time(&tree.untold_turns, UNTOLD_TURN).min(time(&tree.turns_in_loops, TURN_IN_LOOP))
 }
 
 /// Longest step of a run without unknowns over `span` seconds, s: no error limits it, but the energy

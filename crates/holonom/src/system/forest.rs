@@ -106,8 +106,10 @@ pub struct Tree {
     /// Force elements that can be edges: numbers of a model decide which, and a forest serves another model only if they are
     /// the same.
     pub offered: Vec<usize>,
-    /// Bodies of angles whose turns no edge of the forest tells, and of those that turn within loops.
+    /// Bodies of angles whose turns no edge of the forest tells.
     pub untold_turns: Vec<[Option<usize>; 2]>,
+    /// Bodies of joints in loops that count turns.
+    pub turns_in_loops: Vec<[Option<usize>; 2]>,
 }
 
 /// A group with its functions.
@@ -405,8 +407,8 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
     };
     let is_in_loop = within_loops(&edges, &edge_of_body, &closures[..closed_by_joints]);
     let in_loops = edges.iter().zip(is_in_loop).filter(|(edge, is_in)| *is_in && turns(edge));
-    untold_turns.extend(in_loops.map(|(edge, _)| [edge.parent, Some(edge.body)]));
-    let tree = Tree { forest, edges, closures, elastic, offered, untold_turns };
+    let turns_in_loops = in_loops.map(|(edge, _)| [edge.parent, Some(edge.body)]).collect();
+    let tree = Tree { forest, edges, closures, elastic, offered, untold_turns, turns_in_loops };
     groups.shrink_to_fit();
     relatives.shrink_to_fit();
     Built { tree, groups, relatives, edges: placed }
