@@ -18,6 +18,9 @@ struct ChartText {
     kept: Vec<usize>,
     dropped: Vec<usize>,
     follows: bool,
+    /// Missing in results of before.
+    #[serde(default)]
+    own_axes: bool,
     independent: Option<Vec<usize>>,
     tree: Option<TreeText>,
     forest: ForestText,
@@ -100,6 +103,7 @@ fn encode(chart: &ChartRecord) -> (String, Vec<f64>) {
         kept: p.kept.to_vec(),
         dropped: p.dropped.clone(),
         follows: chart.follows,
+        own_axes: chart.own_axes,
         independent,
         tree,
         forest: ForestText {
@@ -155,6 +159,7 @@ fn decode(t: f64, text: &str, numbers: &[f64], n: usize) -> Option<ChartRecord> 
             pivot_ratio: 1.0,
         },
         follows: text.follows,
+        own_axes: text.own_axes,
     })
 }
 

@@ -6,7 +6,7 @@
 //! | angle | about an axis; counts turns, rad | nowhere on its joint |
 //! | length | \|d\|, m | points coincide |
 //! | direction | turn of d from a reference direction, ground axes, rad | half a turn away; points coincide |
-//! | rotation | rotation vector of the second body from a reference orientation against the first, axes of the first, rad | a whole turn away |
+//! | rotation | rotation vector of the second body from a reference orientation against the first, axes of the first, of a bushing its own on it, rad | a whole turn away |
 //!
 //! The references of directions and rotations move with the accepted steps; those of angles name the
 //! branch. Source: the kernel of `math::turn` and the chain rule.
@@ -116,6 +116,8 @@ pub trait RelativeElement<const N: usize> {
     /// Largest turn from the reference, rad, before the coordinates become singular; infinite where
     /// they do not.
     fn reach(&self) -> f64;
+    /// Whether a rotation is along other axes than those of the first body.
+    fn has_own_axes(&self) -> bool;
     /// Values; angles on the branch of the reference.
     fn value<T: Real>(&self, q: [&[T; N]; 2], reference: &Reference, u: &mut [T; 6]);
     /// G.
@@ -180,6 +182,10 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Relative
             Self::Rotation(_) => S::Rotation::REACH,
             _ => f64::INFINITY,
         }
+    }
+
+    fn has_own_axes(&self) -> bool {
+        matches!(self, Self::Rotation(rotation) if rotation.has_own_axes())
     }
 
     fn value<T: Real>(&self, q: [&[T; N]; 2], reference: &Reference, u: &mut [T; 6]) {

@@ -27,6 +27,10 @@ pub trait Turning<const N: usize>: std::fmt::Debug + Clone + PartialEq {
     /// Largest turn from the reference that is regular, rad; infinite where turns are counted.
     const REACH: f64;
 
+    /// Whether they are along other axes than those of the first body.
+    fn has_own_axes(&self) -> bool {
+        false
+    }
     /// Values.
     fn value<T: Real>(&self, q: [&[T; N]; 2], reference: &Reference, u: &mut [T; 6]);
     /// G.
@@ -143,7 +147,8 @@ impl SpatialRotation {
     /// Along these axes of the first body, orthonormal.
     pub(super) fn along(axes: &[[f64; 3]; 3]) -> Self {
         let columns = std::array::from_fn(|i| std::array::from_fn(|j| axes[j][i]));
-        Self { axes: Some(spatial::euler_parameters(&columns)) }
+        let axes = spatial::euler_parameters(&columns);
+        Self { axes: Some(axes).filter(|axes| axes[1..] != [0.0; 3]) }
     }
 
     /// pᵢ∘a and pⱼ.
@@ -214,6 +219,10 @@ impl SpatialRotation {
 impl Turning<7> for SpatialRotation {
     const ROWS: usize = 3;
     const REACH: f64 = std::f64::consts::TAU;
+
+    fn has_own_axes(&self) -> bool {
+        self.axes.is_some()
+    }
 
     fn value<T: Real>(&self, q: [&[T; 7]; 2], reference: &Reference, u: &mut [T; 6]) {
         *u = [T::zero(); 6];

@@ -45,7 +45,7 @@ pub struct AdamsStepper {
     unfinished: bool,
     work: Vec<f64>,
     slope: Vec<f64>,
-    strictness: f64,
+    shortening: f64,
     statistics: StepperStatistics,
 }
 
@@ -64,7 +64,7 @@ impl AdamsStepper {
             unfinished: false,
             work: vector(),
             slope: vector(),
-            strictness: 1.0,
+            shortening: 1.0,
             statistics: StepperStatistics::default(),
         }
     }
@@ -83,7 +83,7 @@ impl AdamsStepper {
 
     /// What norms of differences are multiplied by before they are judged.
     fn caution(&self) -> f64 {
-        self.options.caution * self.strictness
+        self.options.caution * self.shortening.powi(self.trial.order as i32 + 1)
     }
 
     /// Norm of the difference d plus a column of φ.
@@ -366,8 +366,8 @@ impl Stepper for AdamsStepper {
         self.history.recall(numbers)
     }
 
-    fn be_strict(&mut self, strictness: f64) {
-        self.strictness = strictness;
+    fn shorten(&mut self, by: f64) {
+        self.shortening = by;
     }
 
     fn last_change(&self) -> &[f64] {

@@ -393,8 +393,8 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         self.knows_own.then_some(&self.own[..])
     }
 
-    fn be_strict(&mut self, strictness: f64) {
-        self.strictness = strictness;
+    fn shorten(&mut self, by: f64) {
+        self.strictness = by.powi(self.stages.embedded_order() as i32 + 1);
     }
 
     fn statistics(&self) -> &StepperStatistics {

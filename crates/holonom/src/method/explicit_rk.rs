@@ -262,8 +262,8 @@ impl Stepper for ExplicitRungeKuttaStepper {
         &self.work
     }
 
-    fn be_strict(&mut self, strictness: f64) {
-        self.strictness = strictness;
+    fn shorten(&mut self, by: f64) {
+        self.strictness = by.powi(self.formula.embedded_order as i32 + 1);
     }
 
     fn statistics(&self) -> &StepperStatistics {

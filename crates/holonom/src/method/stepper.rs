@@ -352,8 +352,9 @@ pub trait Stepper: Send {
         None
     }
 
-    /// From now on errors count `strictness` times, at least once: 1 as long as this is not called.
-    fn be_strict(&mut self, strictness: f64);
+    /// From now on errors count as many times as makes steps shorter by this factor, at least 1, as it is until this is called: where
+    /// estimates are of order p̂ its power p̂ + 1.
+    fn shorten(&mut self, by: f64);
 
     /// Work since construction.
     fn statistics(&self) -> &StepperStatistics;

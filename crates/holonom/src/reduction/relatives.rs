@@ -296,17 +296,19 @@ impl Relatives {
         Err(EvaluationFailure::new("simulation/chart-reach", message).of_group(group))
     }
 
-    /// Present values of the dependent coordinates plus their predicted changes −s_q δq, into `x`.
+    /// Present values of the dependent coordinates plus their predicted changes −s_q δq, into `x`; returns how far angles among
+    /// them turn, rad.
     pub(super) fn predict_dependent(
         &self,
         system: &dyn System,
         q: &[f64],
         correction: &[f64],
         x: &mut [[f64; MOST]],
-    ) {
+    ) -> f64 {
         let n = system.structure().sizes.per_body;
         let mut gradient = [0.0; WIDEST];
         let tree = system.tree();
+        let mut turned = 0.0f64;
         for ((edge, form), (sources, x)) in
             tree.edges.iter().zip(&*self.forms).zip(self.sources.iter().zip(x))
         {
@@ -319,12 +321,17 @@ impl Relatives {
                     let gradient = &mut gradient[..info.rows * 2 * n];
                     system.relative_gradient(group, reference, q, gradient);
                     for (x, row) in x[at..].iter_mut().zip(gradient.chunks_exact(2 * n)) {
-                        *x -= times(row, info.bodies, correction);
+                        let change = times(row, info.bodies, correction);
+                        *x -= change;
+                        if info.kind == RelativeKind::Angle {
+                            turned = turned.max(change.abs());
+                        }
                     }
                 }
                 at += info.rows;
             }
         }
+        turned
     }
 
     /// Places all bodies, edge by edge.

@@ -133,10 +133,10 @@ impl CarriedError {
         self.largest > SUSPICIOUS
     }
 
-    /// How many times as much errors of the next step are to count if estimates are of this `order`, so that it is shorter and
-    /// no more is added up than is tolerated. Source: `docs/theory/simulation.md` (11c).
-    pub(super) fn strictness(&self, order: u32) -> f64 {
-        self.shortening.powi(order as i32 + 1)
+    /// How many times shorter the next step is to be, so that no more is added up than is tolerated. Source:
+    /// `docs/theory/simulation.md` (11c).
+    pub(super) fn shortening(&self) -> f64 {
+        self.shortening
     }
 
     /// The longest step, s, by which a second run is to tell, if it is suspicious or steps may not have shown what
@@ -225,8 +225,9 @@ impl CarriedError {
             let share = errors / rates.max(errors).max(f64::MIN_POSITIVE);
             true_part(stepper.orders_of_error(), share, turn)
         };
-        let own = stepper.own_error().map_or(0.0, |own| form.norm(own) / form.norm(change));
-        let part = if own > part { own } else { part };
+        let size = form.norm(change);
+        let own = stepper.own_error().filter(|_| size > 0.0);
+        let part = own.map_or(part, |own| part.max(form.norm(own) / size));
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, part, change);
         // By rates: errors of places last, those of rates become more.

@@ -31,7 +31,7 @@ pub struct Checkpoint {
     pub(super) condition: f64,
     /// First time of the run, s.
     pub(super) started: f64,
-    /// Coordinates there, from which movements are measured; none in checkpoints that measured them from themselves.
+    /// Coordinates there, from which movements are measured; none in checkpoints of before.
     #[serde(default)]
     pub(super) origin: Vec<f64>,
     /// Whether it began with the model's initial state.
@@ -78,6 +78,13 @@ impl Checkpoint {
     /// Whether the run began with the model's initial state, not with a given one.
     pub fn assembled(&self) -> bool {
         self.assembled
+    }
+
+    /// Coordinates at the start of the run, as far as they are known.
+    pub(super) fn origin(&self) -> Option<&[f64]> {
+        let carried = self.carried.as_ref().map(|carried| &carried.milestones.start.q);
+        let known = Some(&self.origin).filter(|origin| !origin.is_empty());
+        known.or(carried).map(Vec::as_slice)
     }
 
     /// As text, which holds every number to its last bit.

@@ -38,6 +38,9 @@ pub struct ChartRecord {
     pub parametrization: Parametrization,
     /// Whether references of directions and rotations move to the start of every step; else they stay.
     pub follows: bool,
+    /// Whether rotations of bushings are along their own axes, as they are now.
+    #[serde(default)]
+    pub own_axes: bool,
 }
 
 impl ChartRecord {
@@ -54,7 +57,10 @@ impl ChartRecord {
                 relatives.fits(p.ndof, sizes.rows, system.tree(), system.relative_groups())
             }
         };
-        fits && self.q.len() == sizes.coordinates
+        let groups = system.relative_groups();
+        let meant = self.own_axes || !groups.iter().any(|group| group.has_own_axes);
+        fits && meant
+            && self.q.len() == sizes.coordinates
             && p.kept.len() + p.ndof == sizes.coordinates
             && p.kept.iter().chain(&p.dropped).all(|&row| row < sizes.rows)
     }

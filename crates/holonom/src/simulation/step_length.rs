@@ -50,6 +50,24 @@ fn untold(system: &dyn System, state: &State) -> f64 {
     time(&tree.untold_turns, UNTOLD_TURN).min(time(&tree.turns_in_loops, TURN_IN_LOOP))
 }
 
+/// How far joints in loops turn in a step of `h` seconds between two states, and angles that nothing tells, by the rates at both, as
+/// a part of what can be told.
+pub(super) fn turned(system: &dyn System, states: [&State; 2], h: f64) -> f64 {
+    let rate = |state: &State, body: Option<usize>| {
+        body.map_or([0.0; 3], |b| system.body(b, &state.q, &state.v).angular_velocity)
+    };
+    let turned = |[first, second]: &[Option<usize>; 2]| {
+        let rates = states.map(|state| {
+            let (a, b) = (rate(state, *first), rate(state, *second));
+            (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt()
+        });
+        0.5 * h * (rates[0] + rates[1])
+    };
+    let tree = system.tree();
+    let pairs = tree.untold_turns.iter().chain(&tree.turns_in_loops);
+    pairs.map(turned).fold(0.0, f64::max) / UNTOLD_TURN
+}
+
 /// Longest step of a run without unknowns over `span` seconds, s: no error limits it, but the energy
 /// ledger is an integral, and bodies turn by [`KINEMATIC_TURN`] at most, as their rates and
 /// accelerations foretell.

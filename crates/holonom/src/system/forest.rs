@@ -24,6 +24,8 @@ pub struct RelativeGroup {
     pub rows: usize,
     /// Largest turn from the reference at which they are regular, rad.
     pub reach: f64,
+    /// Whether they are a rotation along other axes than those of the first body.
+    pub has_own_axes: bool,
 }
 
 /// What an edge of the forest is.
@@ -246,6 +248,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
             kind: element.kind(),
             rows: element.rows(),
             reach: element.reach(),
+            has_own_axes: element.has_own_axes(),
         });
         relatives.push(PlacedRelative { bodies, element });
         groups.len() - 1

@@ -471,3 +471,23 @@ fn rows_that_are_far_apart_are_on_the_branch_of_the_motion() {
         }
     }
 }
+
+#[test] // independent truth: which axes the rotation of a bushing was along; 53° apart, places between rows were 29 mm off
+fn steps_whose_rotations_were_along_other_axes_are_refused() {
+    for (axes, refused) in [
+        ("axes = [[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0]]", true),
+        ("axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]", false),
+    ] {
+        let model = model_of(&format!(
+            "holonom = 1\ndimension = \"spatial\"\n[bodies]\nb = {{ mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.2, 0.0], \
+             [0.0, 0.0, 0.15]], position = [0.3, 0.0, 0.0] }}\n[forces]\nm = {{ type = \"bushing\", between = [\"ground\", \
+             \"b\"], point = [0.0, 0.0, 0.0], {axes}, stiffness = [1e3, 2e3, 1e3], rotational_stiffness = [10.0, 20.0, 5.0] }}\n"
+        ));
+        let problem = Problem::new(model.clone());
+        let outcome = run_model(&model, &with(DEFAULT_CODE, Choice::Tree, 1e-4, 0.2));
+        let mut segments = outcome.rows.all.dense;
+        assert!(DenseOutput::new(&problem, segments.clone()).is_ok(), "{axes}");
+        segments.charts.iter_mut().for_each(|chart| chart.own_axes = false);
+        assert_eq!(DenseOutput::new(&problem, segments).is_err(), refused, "{axes}");
+    }
+}

@@ -115,8 +115,9 @@ fn a_free_angle_counts_turns_in_space_as_in_the_plane() {
     }
 }
 
-/// Two shafts whose axes meet at an angle `bend`, rad, on a universal joint; the second one has this moment of inertia.
-fn hooke(rate: f64, bend: f64, inertia: f64) -> Model {
+/// Two shafts whose axes meet at an angle `bend`, rad, on a universal joint; the second one has this moment of inertia, kg m²; the first
+/// one turns at `rate`, rad/s, and a constant torque acts on it, N m.
+fn hooke(rate: f64, bend: f64, inertia: f64, torque: f64) -> Model {
     let (s, c) = bend.sin_cos();
     model_of(&format!(
         r#"
@@ -129,6 +130,8 @@ second = {{ mass = 1e-3, inertia = [[{inertia:e}, 0.0, 0.0], [0.0, {inertia:e}, 
 inlet = {{ type = "revolute", between = ["ground", "first"], point = [-0.2, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }}
 cross = {{ type = "universal", between = ["first", "second"], point = [0.0, 0.0, 0.0], axes = [[0.0, 1.0, 0.0], [{s:e}, 0.0, {minus:e}]] }}
 outlet = {{ type = "revolute", between = ["ground", "second"], point = [{x:e}, 0.0, {z:e}], axis = [{c:e}, 0.0, {s:e}] }}
+[forces]
+drive = {{ type = "torque", on = "first", axis = [1.0, 0.0, 0.0], torque = {torque:.1} }}
 [initial.joints]
 inlet = {{ angular_velocity = {rate:.1} }}
 "#,
@@ -142,7 +145,7 @@ inlet = {{ angular_velocity = {rate:.1} }}
 fn no_turn_of_a_shaft_in_a_loop_is_lost() {
     for bend in [5.0f64, 20.0, 45.0, 75.0].map(f64::to_radians) {
         for (rate, inertia) in [(3.0, 1e-9), (60.0, 1e-3), (-300.0, 1e-9)] {
-            let model = hooke(rate, bend, inertia);
+            let model = hooke(rate, bend, inertia, 0.0);
             for (code, coordinates, choice) in [
                 (DEFAULT_CODE, Coordinates::Joint, Choice::Tree),
                 (DEFAULT_CODE, Coordinates::Cartesian, Choice::Tree),
@@ -170,6 +173,33 @@ fn no_turn_of_a_shaft_in_a_loop_is_lost() {
                 let off = off(bend.cos()).min(off(1.0 / bend.cos()));
                 let case = format!("{bend:.2} rad, {rate} rad/s, {inertia:e} kg m²");
                 assert!(off < 1e-6, "{case}, {code:?}, {coordinates:?}, {choice:?}: {off}");
+            }
+        }
+    }
+}
+
+#[test] // independent truth: as above, of shafts that a torque sets in motion
+fn no_turn_of_a_shaft_that_is_sped_up_is_lost() {
+    let bend = 0.3f64;
+    for torque in [10.0, 100.0] {
+        let model = hooke(0.0, bend, 1e-6, torque);
+        for coordinates in [Coordinates::Joint, Coordinates::Cartesian] {
+            for tolerance in [1e-2, 1e-3] {
+                let options = Options {
+                    coordinates,
+                    output: OutputTimes::Interval(0.01),
+                    channels: ["inlet.angle", "outlet.angle"].map(String::from).to_vec(),
+                    ..options(DEFAULT_CODE, tolerance, 1.0)
+                };
+                let outcome = run_model(&model, &options);
+                let angles = ["inlet.angle", "outlet.angle"].map(|name| outcome.series(name, 0));
+                for (first, second) in angles[0].iter().zip(&angles[1]) {
+                    // By how much the second shaft may lead or lag: less than half of the bend's square.
+                    assert!(
+                        (first - second).abs() < 0.5 * bend * bend,
+                        "{torque}: {first} {second}"
+                    );
+                }
             }
         }
     }

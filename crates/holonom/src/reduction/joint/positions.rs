@@ -7,6 +7,7 @@ use super::clusters::{Free, keep_larger};
 use super::engine::Engine;
 use super::residuals::counts_turns;
 use crate::error::EvaluationFailure;
+use crate::reduction::manifold::turned_too_far;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::Relatives;
 use std::f64::consts::{PI, TAU};
@@ -71,9 +72,10 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         let predicted = self.size_of(&change);
         let turned = self.closures.angles.iter().map(|&k| change[k].abs());
-        if turned.fold(0.0, keep_larger) > PI {
+        let turned = turned.fold(0.0, keep_larger);
+        if turned > PI {
             self.change = change;
-            return Err(self.another_branch(x));
+            return Err(turned_too_far(turned));
         }
         self.keep_movements(&change);
         self.change = change;

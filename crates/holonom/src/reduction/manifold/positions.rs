@@ -4,6 +4,7 @@ use super::Manifold;
 use crate::error::EvaluationFailure;
 use crate::math::vector::same_bits;
 use crate::reduction::parametrization::largest_index;
+use std::f64::consts::PI;
 
 /// Corrections that contract more slowly than this are refused as a way to another branch.
 const CONTRACTION_LIMIT: f64 = 0.5;
@@ -18,6 +19,17 @@ const FARTHEST: f64 = 1.0;
 const UNNOTICED: f64 = 0.1 * f64::EPSILON;
 /// Corrections of this size may be noise where the residual is.
 const NOISY_CORRECTION: f64 = 1e-9;
+
+/// The tangent turns a joint in a loop by `turned`, rad: that the loop closes tells no whole turns.
+pub(in crate::reduction) fn turned_too_far(turned: f64) -> EvaluationFailure {
+    EvaluationFailure::new(
+        "simulation/branch",
+        format!(
+            "a joint of a loop would turn by {turned:.1} rad at once, more than half a turn, of which the closed loop does \
+             not tell the direction"
+        ),
+    )
+}
 
 impl Manifold {
     /// Largest entry of a vector over the coordinates, lengths divided by the characteristic length.
@@ -175,7 +187,10 @@ impl Manifold {
         }
         let Some(relatives) = self.chart.parametrization().relatives() else { return Ok(0.0) };
         if !exact {
-            relatives.predict_dependent(system, q, &self.correction, &mut self.edges);
+            let turned = relatives.predict_dependent(system, q, &self.correction, &mut self.edges);
+            if turned > PI {
+                return Err(turned_too_far(turned));
+            }
             self.predictor.copy_from_slice(q);
         }
         relatives.coordinates(system, t, p, &mut self.edges)?;

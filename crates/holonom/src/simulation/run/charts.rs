@@ -164,6 +164,7 @@ impl Run<'_> {
                 forest: self.system.tree().forest.clone(),
                 parametrization: parametrization.clone(),
                 follows: !self.stepper.multistep(),
+                own_axes: true,
             };
             self.output.chunk.dense.push_chart(self.system.as_ref(), chart);
         }

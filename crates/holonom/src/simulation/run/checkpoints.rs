@@ -55,6 +55,7 @@ impl Run<'_> {
                 forest: self.system.tree().forest.clone(),
                 parametrization: parametrization.clone(),
                 follows: !self.stepper.multistep(),
+                own_axes: true,
             },
             w: self.w.clone(),
             history: self.stepper.history(),

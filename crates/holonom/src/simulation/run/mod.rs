@@ -327,8 +327,7 @@ impl Run<'_> {
             }
             let step = t_end - t;
             if let Some(carried) = &self.carried {
-                let [_, order] = self.stepper.orders_of_error();
-                self.stepper.be_strict(carried.strictness(order));
+                self.stepper.shorten(carried.shortening());
             }
             let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let mut rejection = report.cause.take();
@@ -345,6 +344,18 @@ impl Run<'_> {
                 // The next attempt ends where it sees what this one did not, the one after that is shorter still.
                 let first = std::mem::replace(&mut seen, false);
                 retry = (passed.time - t).min(if first { step } else { 0.5 * step });
+            }
+            if report.accepted && rejection.is_none() && !fixed {
+                let states = [&self.state, &self.form.point().state];
+                let turned = match self.options.parametrization {
+                    Choice::Tree => step_length::turned(self.system.as_ref(), states, step),
+                    _ => 0.0,
+                };
+                if turned > 1.0 {
+                    self.stepper.discard();
+                    (rejection, report.error) = (Some(Rejection::ErrorTooLarge), turned);
+                    retry = step * (0.5 / turned).max(0.1);
+                }
             }
             let mut growth = f64::INFINITY;
             // Nothing else tells of a bump under a wheel that is driven over it.

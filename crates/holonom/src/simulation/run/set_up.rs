@@ -7,7 +7,7 @@ use crate::newton::MatrixOptions;
 use crate::reduction::assembly::{AssemblyError, manifold_of};
 use crate::reduction::{Choice, Manifold};
 use crate::simulation::carried_error::CarriedError;
-use crate::simulation::checkpoint::foreign;
+use crate::simulation::checkpoint::{Checkpoint, foreign};
 use crate::simulation::checks::{
     RunError, check_options, check_tables, find_channels, set_accelerations, set_coordinates,
 };
@@ -139,8 +139,7 @@ pub(super) fn set_up<'a>(
         state.ledger.initial = energy.kinetic + energy.potential;
     }
     let channels = find_channels(&system, &options.channels)?;
-    let origin = taken_up.map(|taken| &taken.origin).filter(|origin| !origin.is_empty());
-    let origin = origin.unwrap_or(&state.q).clone();
+    let origin = taken_up.and_then(Checkpoint::origin).unwrap_or(&state.q).to_vec();
     let mut machinery = Machinery::new(options, manifold, &state, &origin);
     let dimension = machinery.form.dimension();
     if let Some(taken) = taken_up
