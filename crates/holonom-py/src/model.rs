@@ -298,7 +298,7 @@ impl CoreModel {
                 failure.code,
                 &failure.message,
                 None,
-                "ask for a time within the span of the result",
+                "ask for a time within the span of the result; rows of one whose steps are refused can be read, and runs started from them",
             );
             SimulationError::new_err(text)
         })?;

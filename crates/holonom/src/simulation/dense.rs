@@ -361,7 +361,7 @@ impl DenseOutput {
     }
 }
 
-const FOREIGN: &str = "the stored steps are not those of this model";
+const FOREIGN: &str = "the stored steps are not those of this model, or an earlier version measured it by other coordinates";
 
 fn foreign(message: String) -> EvaluationFailure {
     EvaluationFailure::new("simulation/dense-output", message)
