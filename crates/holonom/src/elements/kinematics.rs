@@ -186,8 +186,8 @@ where
                 axes[..2 * D - 3].iter().for_each(|a| push(rest, S::turning_axis(first, a), 1));
             }
             Turns::Free => {
-                let ground = const { &Stance::GROUND };
-                (0..2 * D - 3).for_each(|k| push(rest, S::own_axis(ground, k), 1));
+                let (ground, axes) = (const { &Stance::GROUND }, unit_axes::<D>());
+                axes[..2 * D - 3].iter().for_each(|a| push(rest, S::turning_axis(ground, a), 1));
             }
         }
         if D == 3 && matches!(self.turns, Turns::Any(_) | Turns::Free) {
@@ -311,8 +311,6 @@ pub trait Orientation<const D: usize, const N: usize, const R: usize>: Space<D, 
     fn turned(body: &Stance, vector: &[f64; D]) -> [f64; 3];
     /// A rotation axis of a body in ground axes; in the plane the normal of the plane.
     fn turning_axis(body: &Stance, axis: &[f64; D]) -> [f64; 3];
-    /// The same, one of its own axes.
-    fn own_axis(body: &Stance, k: usize) -> [f64; 3];
     /// The coordinates of a joint as an edge.
     fn joint_form(kind: &JointKind, frames: &[Triad<D>; 2]) -> Form<Self, D, N, R>;
     /// The direction of the line between two points.
@@ -370,10 +368,6 @@ impl Orientation<2, 3, 1> for Planar {
     }
 
     fn turning_axis(_body: &Stance, _axis: &[f64; 2]) -> [f64; 3] {
-        [0.0, 0.0, 1.0]
-    }
-
-    fn own_axis(_body: &Stance, _k: usize) -> [f64; 3] {
         [0.0, 0.0, 1.0]
     }
 
@@ -455,10 +449,6 @@ impl Orientation<3, 7, 4> for Spatial {
 
     fn turning_axis(body: &Stance, axis: &[f64; 3]) -> [f64; 3] {
         body.turn(axis)
-    }
-
-    fn own_axis(body: &Stance, k: usize) -> [f64; 3] {
-        body.axes.map(|row| row[k])
     }
 
     fn joint_form(kind: &JointKind, frames: &[Triad<3>; 2]) -> Form<Self, 3, 7, 4> {

@@ -46,8 +46,10 @@ pub struct ImplicitStepper<S> {
     change: Vec<f64>,
     /// Error of the formula itself, and how many times as large their orders promise an estimate to be.
     own: Vec<f64>,
-    knows_own: bool,
     promised: Option<f64>,
+    /// Whether that error was found in the last attempt.
+    knows_own: bool,
+    /// How many times errors count.
     strictness: f64,
     current: Segment,
     previous: Segment,

@@ -225,9 +225,10 @@ impl CarriedError {
             let share = errors / rates.max(errors).max(f64::MIN_POSITIVE);
             true_part(stepper.orders_of_error(), share, turn)
         };
-        let size = form.norm(change);
-        let own = stepper.own_error().filter(|_| size > 0.0);
-        let part = own.map_or(part, |own| part.max(form.norm(own) / size));
+        let part = stepper.own_error().map_or(part, |own| {
+            let size = form.norm(change);
+            if size > 0.0 { part.max(form.norm(own) / size) } else { part }
+        });
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, part, change);
         // By rates: errors of places last, those of rates become more.

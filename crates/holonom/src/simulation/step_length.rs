@@ -21,10 +21,13 @@ const KINEMATIC_TURN: f64 = 0.5;
 /// where bodies are placed along the forest (`tree`), but for angles whose turns it does not tell; in the other
 /// charts no body in space turns by more than its Euler parameters can tell apart, so that not every other
 /// step is refused where a rotor's tolerance is loose.
-pub(super) fn longest(system: &dyn System, state: &State, tree: bool) -> f64 {
+/// One of `h` is what is asked for.
+pub(super) fn longest(system: &dyn System, state: &State, tree: bool, h: f64) -> f64 {
     let sizes = &system.structure().sizes;
     let turn = if tree {
-        untold(system, state)
+        // No two bodies turn faster against each other.
+        let all = 2.0 * turning(sizes, &state.v) * h;
+        if all <= TURN_IN_LOOP { f64::INFINITY } else { untold(system, state) }
     } else if planar(sizes) {
         f64::INFINITY
     } else {
@@ -53,6 +56,11 @@ fn untold(system: &dyn System, state: &State) -> f64 {
 /// How far joints in loops turn in a step of `h` seconds between two states, and angles that nothing tells, by the rates at both, as
 /// a part of what can be told.
 pub(super) fn turned(system: &dyn System, states: [&State; 2], h: f64) -> f64 {
+    let sizes = &system.structure().sizes;
+    let all = h * states.map(|state| turning(sizes, &state.v)).iter().sum::<f64>();
+    if all <= UNTOLD_TURN {
+        return 0.0;
+    }
     let rate = |state: &State, body: Option<usize>| {
         body.map_or([0.0; 3], |b| system.body(b, &state.q, &state.v).angular_velocity)
     };

@@ -309,7 +309,7 @@ impl Run<'_> {
             }
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
-                h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree));
+                h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree, h));
                 h = h.min(LONGEST_TURN / turning).min(step_length::ramped(&ramps, t, end));
                 if !self.drivers.is_empty() {
                     let most = h.min(next - t);
