@@ -52,7 +52,8 @@ METHODS = {
     " hht-alpha alpha generalized-alpha generalized_alpha midpoint",
     "DOPRI5": "dopri dormand-prince dormandprince rk45 ode45 rkf45 rk4 rk tsit5 explicit euler"
     " runge-kutta rungekutta",
-    "DEABM": "adams adams-bashforth adams-moulton abm ab ode113 vern predictor-corrector",
+    "DOP853": "dop8 rk8 rk87 ode78 ode89 vern7 vern8 vern9 tsit8 rkf78",
+    "DEABM": "adams adams-bashforth adams-moulton abm ab ode113 predictor-corrector",
 }
 
 #: Words for quantities of channels.

@@ -12,6 +12,15 @@ const PLACES: u32 = 1000;
 ///
 /// Both are of order 2 there, whatever their orders are. Source: `docs/theory/formula.md` (17).
 pub fn error_at_kinks(c: &[f64], b: &[f64], error: &[f64]) -> f64 {
+    estimated_at_kinks(c, b, |sum| sum(error))
+}
+
+/// The same for an `estimate` that is made of sums Σ eᵢ (cᵢ − θ)₊ with weights eᵢ.
+pub(super) fn estimated_at_kinks(
+    c: &[f64],
+    b: &[f64],
+    estimate: impl Fn(&dyn Fn(&[f64]) -> f64) -> f64,
+) -> f64 {
     let mut squares = [0.0; 2];
     for place in 0..PLACES {
         let theta = (f64::from(place) + 0.5) / f64::from(PLACES);
@@ -19,7 +28,7 @@ pub fn error_at_kinks(c: &[f64], b: &[f64], error: &[f64]) -> f64 {
             c.iter().zip(weights).map(|(c, weight)| weight * (c - theta).max(0.0)).sum()
         };
         squares[0] += (sum(b) - 0.5 * (1.0 - theta).powi(2)).powi(2);
-        squares[1] += sum(error).powi(2);
+        squares[1] += estimate(&sum).powi(2);
     }
     (squares[0] / squares[1]).sqrt()
 }
@@ -27,7 +36,7 @@ pub fn error_at_kinks(c: &[f64], b: &[f64], error: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::formula::DOPRI5;
+    use crate::formula::{DOP853, DOPRI5, ExplicitRungeKutta};
 
     #[test] // truth: ½ θ (1 − θ) against ½ (1 − θ), whose squares have the integrals 1/120 and 1/12
     fn the_trapezoidal_rule_leaves_less_than_euler_says() {
@@ -37,17 +46,20 @@ mod tests {
 
     #[test] // truth: steps over the kink of ẏ = max(0, t − θ), by the stages as they are
     fn dormand_and_prince_leave_many_times_their_estimate() {
-        let mut squares = [0.0; 2];
-        for k in 0..97 {
-            let theta = (f64::from(k) + 0.5) / 97.0;
-            let slopes = DOPRI5.c.map(|c| if c > theta { c - theta } else { 0.0 });
-            let along =
-                |w: [f64; 7]| -> f64 { w.iter().zip(slopes).map(|(w, slope)| w * slope).sum() };
-            squares[0] += (along(DOPRI5.a[6]) - (1.0 - theta) * (1.0 - theta) / 2.0).powi(2);
-            squares[1] += along(DOPRI5.e).powi(2);
+        for (formula, expected) in [(DOPRI5, 13.0..14.0), (DOP853, 3.0..3.1)] {
+            let mut squares = [0.0; 2];
+            for k in 0..97 {
+                let theta = (f64::from(k) + 0.5) / 97.0;
+                let along = |weights: &[f64]| -> f64 {
+                    weights.iter().zip(formula.c).map(|(w, c)| w * (c - theta).max(0.0)).sum()
+                };
+                squares[0] += (along(formula.weights()) - (1.0 - theta).powi(2) / 2.0).powi(2);
+                let (estimate, lower) = (along(formula.e), formula.lower.map_or(0.0, along));
+                squares[1] += (ExplicitRungeKutta::part(estimate, lower) * estimate).powi(2);
+            }
+            let found = formula.error_at_kinks();
+            assert!((found * found / (squares[0] / squares[1]) - 1.0).abs() < 0.02, "{found}");
+            assert!(expected.contains(&found), "{}: {found}", formula.name);
         }
-        let found = error_at_kinks(&DOPRI5.c, &DOPRI5.a[6], &DOPRI5.e);
-        assert!((found * found / (squares[0] / squares[1]) - 1.0).abs() < 0.02, "{found}");
-        assert!((13.0..14.0).contains(&found), "{found}");
     }
 }

@@ -1,7 +1,7 @@
 //! Integration formulas as data.
 
 mod adams;
-mod dopri5;
+mod dormand_prince;
 mod kinks;
 mod nystrom;
 mod radau;
@@ -11,7 +11,7 @@ mod sdirk;
 pub use adams::{
     ADAMS_GAMMA_STAR, ADAMS_MAX_ORDER, AdamsCoefficients, adams_interpolation, adams_polynomials,
 };
-pub use dopri5::{DOPRI5, ExplicitRungeKutta};
+pub use dormand_prince::{DOP853, DOPRI5, ExplicitRungeKutta};
 pub use kinks::error_at_kinks;
 pub use nystrom::{Continuation, Nystrom};
 pub use radau::{RADAU_IIA_5, Radau};

@@ -21,7 +21,7 @@ pub(super) fn objection(name: &str) -> Option<String> {
 }
 
 /// Words of other programs for fields of a model file, and for methods; the first that a table knows is meant.
-const WORDS_OF_OTHERS: [(&str, &[&str]); 21] = [
+const WORDS_OF_OTHERS: [(&str, &[&str]); 22] = [
     ("angular_velocity", &["omega", "w", "rpm", "spin", "rate", "angular_speed"]),
     ("velocity", &["v", "vel", "speed", "rate"]),
     ("position", &["pos", "r", "origin", "location", "translation"]),
@@ -50,6 +50,7 @@ const WORDS_OF_OTHERS: [(&str, &[&str]); 21] = [
         &["trapezoidal", "newmark", "crank-nicolson", "hht", "generalized-alpha", "midpoint"],
     ),
     ("DOPRI5", &["rk45", "ode45", "rkf45", "rk4", "dopri", "euler", "runge-kutta"]),
+    ("DOP853", &["dop8", "rk8", "rk87", "ode78", "ode89", "vern8", "rkf78"]),
     ("DEABM", &["adams", "ab", "abm", "ode113", "predictor-corrector"]),
     ("end_time", &["tend", "t_end", "tf", "tfinal", "t_final", "duration", "stop_time"]),
 ];

@@ -10,7 +10,9 @@ use super::stepper::{Stepper, StepperOptions};
 use super::{Descriptor, ExplicitForm, FirstOrder, Iterate, StateSpace, Weights};
 use crate::control::NewtonControl;
 use crate::error::told;
-use crate::formula::{DOPRI5, Nystrom, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16};
+use crate::formula::{
+    DOP853, DOPRI5, Nystrom, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16,
+};
 use crate::model::Tolerance;
 use crate::newton::{Chosen, ReducedMatrix};
 use crate::reduction::{Choice, Manifold};
@@ -43,6 +45,8 @@ pub enum Code {
     Deabm,
     /// Explicit Dormand-Prince 5(4).
     Dopri5,
+    /// Explicit Dormand-Prince 8(5,3).
+    Dop853,
 }
 
 /// What a user reads and types about a code.
@@ -97,6 +101,8 @@ pub const CODES: &[CodeInfo] = &[
         "explicit Adams PECE of variable order 1 to 12, for models that are not stiff"),
     info(Code::Dopri5, "DOPRI5", "explicit", "dopri5",
         "explicit Dormand-Prince 5(4), a plain cross-check"),
+    info(Code::Dop853, "DOP853", "explicit", "dop853",
+        "explicit Dormand-Prince 8(5,3): order 8, for smooth models that are not stiff and tight tolerances"),
 ];
 
 /// The code of a run that names none: the fastest at equal error over the model library
@@ -217,7 +223,9 @@ pub fn build_state_space(
         weights = weights.of_independent_coordinates();
     }
     match code {
-        Code::Deabm | Code::Dopri5 => Box::new(ExplicitForm::new(manifold, weights, state)),
+        Code::Deabm | Code::Dopri5 | Code::Dop853 => {
+            Box::new(ExplicitForm::new(manifold, weights, state))
+        }
         Code::InflSdirk | Code::InflSdirk15 | Code::InflTrap => {
             let iterate = match profile {
                 Profile::Thesis => Iterate::Plain,
@@ -307,5 +315,6 @@ pub fn build_stepper(
         Code::SspSdirk16 | Code::InflSdirk => nystrom(Nystrom::sdirk(&SDIRK4_16)),
         Code::Deabm => Box::new(AdamsStepper::new(dimension, options)),
         Code::Dopri5 => Box::new(ExplicitRungeKuttaStepper::new(&DOPRI5, dimension, options)),
+        Code::Dop853 => Box::new(ExplicitRungeKuttaStepper::new(&DOP853, dimension, options)),
     }
 }

@@ -1,16 +1,17 @@
-//! Stepper of explicit Runge-Kutta pairs: DOPRI5.
+//! Stepper of explicit Runge-Kutta pairs: DOPRI5, DOP853.
 
 use crate::control::{StepControl, StepHistory, StepVerdict};
-use crate::formula::{ExplicitRungeKutta, error_at_kinks};
-use crate::method::ode::LinearizedOde;
+use crate::formula::ExplicitRungeKutta;
+use crate::method::ode::{EvaluationFailure, LinearizedOde};
 use crate::method::stepper::{
     Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
 };
+use std::ops::Range;
 
-const STAGES: usize = 7;
-/// h|λ| beyond which steps are unstable where λ is real: a step there is held by stability (Hairer & Wanner,
-/// *Solving Ordinary Differential Equations II*, 2nd ed. (1996), section IV.2).
-const STIFF: f64 = 3.25;
+/// Terms of dense output that follow from the ends of a step.
+const OF_ENDS: usize = 3;
+/// The largest degree of dense output.
+const LARGEST_DEGREE: usize = 7;
 
 /// An accepted step: start, difference of the ends, and the further terms of dense output.
 #[derive(Debug, Clone)]
@@ -18,14 +19,14 @@ struct Segment {
     start: Vec<f64>,
     end: Vec<f64>,
     slope: Vec<f64>,
-    /// Δ, hk₁ − Δ, 2Δ − hk₁ − hk₇, h Σ dᵢ kᵢ.
-    terms: [Vec<f64>; 4],
+    /// Δ, hk₁ − Δ, 2Δ − hk₁ − hg₁ and the Dₘ of the formula.
+    terms: Vec<Vec<f64>>,
 }
 
 impl Segment {
-    fn new(n: usize) -> Self {
+    fn new(n: usize, terms: usize) -> Self {
         let vector = || vec![0.0; n];
-        let terms = std::array::from_fn(|_| vector());
+        let terms = (0..terms).map(|_| vector()).collect();
         Self { start: vector(), end: vector(), slope: vector(), terms }
     }
 }
@@ -40,7 +41,9 @@ pub struct ExplicitRungeKuttaStepper {
     history_before: StepHistory,
     /// The last attempt was accepted and nothing has been built on it yet.
     pending: bool,
-    k: [Vec<f64>; STAGES],
+    /// The step of it, from where to where, whose stages are kept for dense output.
+    open: Option<(f64, f64)>,
+    k: Vec<Vec<f64>>,
     state: Vec<f64>,
     work: Vec<f64>,
     error_at_kinks: f64,
@@ -65,19 +68,21 @@ impl ExplicitRungeKuttaStepper {
             history: StepHistory::default(),
             history_before: StepHistory::default(),
             pending: false,
-            k: std::array::from_fn(|_| vector()),
+            open: None,
+            k: formula.a.iter().map(|_| vector()).collect(),
             state: vector(),
             work: vector(),
-            error_at_kinks: error_at_kinks(&formula.c, &formula.a[STAGES - 1], &formula.e),
+            error_at_kinks: formula.error_at_kinks(),
             strictness: 1.0,
-            current: Segment::new(dimension),
-            previous: Segment::new(dimension),
+            current: Segment::new(dimension, OF_ENDS + formula.d.len()),
+            previous: Segment::new(dimension, OF_ENDS + formula.d.len()),
             statistics: StepperStatistics::default(),
         }
     }
 
     /// Makes the accepted step the past.
     fn commit(&mut self) {
+        self.open = None;
         if std::mem::take(&mut self.pending) {
             std::mem::swap(&mut self.current, &mut self.previous);
         }
@@ -86,6 +91,26 @@ impl ExplicitRungeKuttaStepper {
     /// The last accepted step.
     fn last(&self) -> &Segment {
         if self.pending { &self.current } else { &self.previous }
+    }
+
+    /// The slopes `stages` of the step h from (t, w).
+    fn evaluate(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t: f64,
+        h: f64,
+        w: &[f64],
+        stages: Range<usize>,
+    ) -> Result<(), EvaluationFailure> {
+        for i in stages {
+            self.state.copy_from_slice(w);
+            for (k, a) in self.k.iter().zip(self.formula.a[i]) {
+                add_scaled(&mut self.state, h * a, k);
+            }
+            self.statistics.derivatives += 1;
+            ode.derivative(t + self.formula.c[i] * h, &self.state, &mut self.k[i])?;
+        }
+        Ok(())
     }
 
     /// All stages and their judgement; `state` is then the end of the step.
@@ -97,17 +122,18 @@ impl ExplicitRungeKuttaStepper {
         w: &[f64],
         g: &[f64],
     ) -> Result<(f64, StepVerdict), Rejection> {
+        let formula = self.formula;
         self.k[0].copy_from_slice(g);
-        for i in 1..STAGES {
-            self.state.copy_from_slice(w);
-            for (j, k) in self.k[..i].iter().enumerate() {
-                add_scaled(&mut self.state, h * self.formula.a[i][j], k);
-            }
-            self.statistics.derivatives += 1;
-            ode.derivative(t + self.formula.c[i] * h, &self.state, &mut self.k[i])
-                .map_err(Rejection::Evaluation)?;
+        self.evaluate(ode, t, h, w, 1..formula.end + 1).map_err(Rejection::Evaluation)?;
+        if let Some(lower) = formula.lower {
+            combine(&mut self.work, h, lower, &self.k);
+            let lower = ode.norm(&self.work);
+            combine(&mut self.work, h, formula.e, &self.k);
+            let part = ExplicitRungeKutta::part(ode.norm(&self.work), lower);
+            self.work.iter_mut().for_each(|x| *x *= part);
+        } else {
+            combine(&mut self.work, h, formula.e, &self.k);
         }
-        Self::combine(&mut self.work, h, &self.formula.e, &self.k);
         let error = self.options.caution * self.strictness * ode.norm(&self.work);
         if self.options.fixed_step && error.is_finite() {
             return Ok((error, StepVerdict::Accept { next: h }));
@@ -115,26 +141,19 @@ impl ExplicitRungeKuttaStepper {
         Ok((error, self.control.judge(h, error, &self.history)))
     }
 
-    fn combine(work: &mut [f64], h: f64, weights: &[f64; STAGES], k: &[Vec<f64>; STAGES]) {
-        work.fill(0.0);
-        for (k, &weight) in k.iter().zip(weights) {
-            add_scaled(work, h * weight, k);
-        }
-    }
-
     /// h|λ| of what is fastest, from the two slopes at the end of a step, and the size that the system has there:
     /// the smaller one of |Δk|/|Δw| of rates and, as λ², of positions, whose second derivatives k of rates are.
     fn fastness(&self, h: f64, split: usize) -> f64 {
         let rates = if split == 0 { 0..self.state.len() } else { split..2 * split };
-        let a = &self.formula.a;
+        let ExplicitRungeKutta { a, end, .. } = *self.formula;
+        let (last, before) = (a[end], a[end - 1]);
         let [mut slopes, mut changes, mut positions] = [0.0; 3];
         let change = |i: usize| {
-            (0..STAGES - 1)
-                .map(|j| (a[STAGES - 1][j] - a[STAGES - 2][j]) * self.k[j][i])
-                .sum::<f64>()
+            let weights = last.iter().enumerate();
+            weights.map(|(j, b)| (b - before.get(j).unwrap_or(&0.0)) * self.k[j][i]).sum::<f64>()
         };
         for i in rates {
-            slopes += (self.k[STAGES - 1][i] - self.k[STAGES - 2][i]).powi(2);
+            slopes += (self.k[end][i] - self.k[end - 1][i]).powi(2);
             changes += (h * change(i)).powi(2);
             positions += (h * change(i.wrapping_sub(split))).powi(2);
         }
@@ -143,20 +162,35 @@ impl ExplicitRungeKuttaStepper {
         h * plain.min(second)
     }
 
-    /// Stores the end of the step and its dense output.
-    fn finish(&mut self, h: f64, w: &[f64]) {
+    /// Stores the end of the step, and its dense output where no further stages are needed.
+    fn finish(&mut self, t: f64, h: f64, w: &[f64]) {
+        let formula = self.formula;
         let Segment { start, end, slope, terms } = &mut self.current;
         start.copy_from_slice(w);
         end.copy_from_slice(&self.state);
-        slope.copy_from_slice(&self.k[STAGES - 1]);
-        let [difference, second, third, fourth] = terms;
+        slope.copy_from_slice(&self.k[formula.end]);
+        let [difference, second, third, further @ ..] = &mut terms[..] else { return };
         for i in 0..w.len() {
             difference[i] = self.state[i] - w[i];
             second[i] = h * self.k[0][i] - difference[i];
             third[i] = difference[i] - h * slope[i] - second[i];
         }
-        Self::combine(fourth, h, &self.formula.d, &self.k);
+        if formula.a.len() == formula.end + 1 {
+            for (term, d) in further.iter_mut().zip(formula.d) {
+                combine(term, h, d, &self.k);
+            }
+        } else {
+            self.open = Some((t, h));
+        }
         self.pending = true;
+    }
+}
+
+/// h Σ weightᵢ kᵢ
+fn combine(sum: &mut [f64], h: f64, weights: &[f64], k: &[Vec<f64>]) {
+    sum.fill(0.0);
+    for (k, &weight) in k.iter().zip(weights) {
+        add_scaled(sum, h * weight, k);
     }
 }
 
@@ -183,6 +217,7 @@ impl Stepper for ExplicitRungeKuttaStepper {
     }
 
     fn discard(&mut self) {
+        self.open = None;
         if std::mem::take(&mut self.pending) {
             self.history = self.history_before;
         }
@@ -201,13 +236,13 @@ impl Stepper for ExplicitRungeKuttaStepper {
         let mut report = StepReport::rejected(0.5 * h);
         match self.advance(ode, t, h, w, g) {
             Ok((error, StepVerdict::Accept { next })) => {
-                self.finish(h, w);
+                self.finish(t, h, w);
                 self.history.accept(h, error);
                 report.accept(error, next.min(self.options.max_step));
                 // What may grow is not held by anything.
                 if !self.options.fixed_step
                     && next < 2.0 * h
-                    && self.fastness(h, ode.second_order_split()) > STIFF
+                    && self.fastness(h, ode.second_order_split()) > self.formula.stiff
                 {
                     self.statistics.stiff_steps += 1;
                 }
@@ -230,28 +265,54 @@ impl Stepper for ExplicitRungeKuttaStepper {
         StepEnd { w: &last.end, slope: &last.slope }
     }
 
-    fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
-        let Segment { start, terms: [a, b, c, d], .. } = self.last();
-        let rest = 1.0 - theta;
-        for (i, w) in w.iter_mut().enumerate() {
-            *w = start[i] + theta * (a[i] + rest * (b[i] + theta * (c[i] + rest * d[i])));
+    fn complete_step(&mut self, ode: &mut dyn LinearizedOde) -> Result<(), EvaluationFailure> {
+        let Some((t, h)) = self.open.take() else { return Ok(()) };
+        let formula = self.formula;
+        let start = std::mem::take(&mut self.current.start);
+        let found = self.evaluate(ode, t, h, &start, formula.end + 1..formula.a.len());
+        self.current.start = start;
+        for (term, d) in self.current.terms[OF_ENDS..].iter_mut().zip(formula.d) {
+            combine(term, h, d, &self.k);
         }
+        found
+    }
+
+    fn interpolate(&mut self, theta: f64, w: &mut [f64]) {
+        let Segment { start, terms, .. } = self.last();
+        w.fill(0.0);
+        for (m, term) in terms.iter().enumerate().rev() {
+            let factor = if m % 2 == 0 { theta } else { 1.0 - theta };
+            w.iter_mut().zip(term).for_each(|(w, term)| *w = factor * (*w + term));
+        }
+        w.iter_mut().zip(start).for_each(|(w, start)| *w += start);
     }
 
     fn largest_degree(&self) -> usize {
-        4
+        self.last().terms.len()
     }
 
+    /// [`Stepper::interpolate`] from the inside out: times θ, or times 1 − θ.
     fn polynomial(&self, coefficients: &mut [f64]) -> usize {
-        let Segment { start, terms: [a, b, c, d], .. } = self.last();
-        let n = start.len();
+        let Segment { start, terms, .. } = self.last();
+        let (n, degree) = (start.len(), terms.len());
         for i in 0..n {
-            let powers = [start[i], a[i] + b[i], c[i] + d[i] - b[i], -(c[i] + 2.0 * d[i]), d[i]];
-            for (j, x) in powers.into_iter().enumerate() {
-                coefficients[j * n + i] = x;
+            let mut powers = [0.0; LARGEST_DEGREE + 1];
+            for (m, term) in terms.iter().enumerate().rev() {
+                powers[0] += term[i];
+                for k in (0..degree).rev() {
+                    let product = powers[k];
+                    powers[k + 1] = if m % 2 == 0 { product } else { powers[k + 1] - product };
+                }
+                if m % 2 == 0 {
+                    powers[0] = 0.0;
+                }
+            }
+            powers[0] += start[i];
+            for (j, x) in powers[..=degree].iter().enumerate() {
+                coefficients[j * n + i] = *x;
             }
         }
-        4
+        degree
     }
 
     fn error_at_kinks(&self) -> f64 {

@@ -292,6 +292,15 @@ pub trait Stepper: Send {
     /// End of the last attempt, if it was accepted.
     fn end(&self) -> StepEnd<'_>;
 
+    /// Evaluates what [`Stepper::interpolate`] and [`Stepper::polynomial`] need of the last accepted step beyond its stages: to be
+    /// called before them, and before the next attempt.
+    ///
+    /// # Errors
+    /// As [`Ode::derivative`].
+    fn complete_step(&mut self, _ode: &mut dyn LinearizedOde) -> Result<(), EvaluationFailure> {
+        Ok(())
+    }
+
     /// State at t₀ + θh of the last accepted step, 0 ≤ θ ≤ 1.
     fn interpolate(&mut self, theta: f64, w: &mut [f64]);
 

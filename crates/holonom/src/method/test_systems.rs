@@ -237,6 +237,9 @@ pub(crate) fn run_with(
         let step = if last { end - t } else { h };
         ode.set_weights(&w);
         let report = stepper.attempt(ode, t, step, &w, &g);
+        if report.accepted {
+            stepper.complete_step(ode).unwrap();
+        }
         each(stepper, ode, &report, t, step);
         h = report.next_step;
         if report.accepted {

@@ -234,9 +234,9 @@ shock = { type = "torque", on = "rotor", torque = { type = "smooth_step", from =
 #[test] // independent truth: the run as a whole
 fn a_run_that_is_taken_up_knows_of_the_errors_before() {
     let problem = Problem::new(standing(1e-3));
-    for code in [DEFAULT_CODE, Code::Deabm, Code::Dopri5] {
+    for code in [DEFAULT_CODE, Code::Deabm, Code::Dopri5, Code::Dop853] {
         // The end is long after the errors were made.
-        let options = Options { checkpoint_steps: Some(10), ..asked(code, 12.0) };
+        let options = Options { checkpoint_steps: Some(5), ..asked(code, 12.0) };
         let mut rows = Checkpoints::default();
         let whole = run(&problem, &options, None, &mut rows).expect("a run");
         assert!(warned(&whole), "{code:?}: {:?}", whole.warnings);
@@ -464,7 +464,9 @@ fn growth_is_seen_where_iterations_hardly_see_the_matrix_change() {
     let tight = Options { parametrization: Choice::Partitioning, ..asked(Code::Dopri5, 1e-12) };
     let truth = run_model(&model, &tight);
     let mut unseen = 0;
-    for code in [DEFAULT_CODE, Code::ForSdirk, Code::SspSdirk16, Code::Dopri5, Code::Deabm] {
+    for code in
+        [DEFAULT_CODE, Code::ForSdirk, Code::SspSdirk16, Code::Dopri5, Code::Dop853, Code::Deabm]
+    {
         for tolerance in [1e-4, 1e-5, 7e-6, 2e-6, 1e-6, 5e-7] {
             let outcome = run_model(&model, &asked(code, tolerance));
             let off = |k| {

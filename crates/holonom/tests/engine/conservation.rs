@@ -53,7 +53,7 @@ fn assert_library_kept(tolerance: f64) {
         let [begin, end] = explicit;
         let start = (begin > 0.0)
             .then(|| run_model(&model, &options(Code::ForSdirk, tolerance, begin)).summary.end);
-        for code in [Code::Deabm, Code::Dopri5] {
+        for code in [Code::Deabm, Code::Dopri5, Code::Dop853] {
             let outcome = run_from(&model, &options(code, tolerance, end), start.as_ref());
             assert_kept(&format!("{name} by {code:?}"), &outcome, tolerance);
         }

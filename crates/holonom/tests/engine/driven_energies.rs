@@ -247,7 +247,7 @@ line = {{ type = "tsda", between = ["ground", "block"], points = [[-10.0, 0.0], 
     let left = 0.5 * (-decay * t).exp();
     let (s, rate) = (left * (cos + decay / omega * sin), -left * 10.0 / omega * sin);
     let truth = 1.25 - 0.5 * (rate * rate + 10.0 * s * s);
-    for code in [Code::Deabm, Code::Dopri5] {
+    for code in [Code::Deabm, Code::Dopri5, Code::Dop853] {
         let [alone, beside] = [false, true].map(|driven| {
             let run = run_model(&model_of(&text(driven)), &options(code, 1e-9, t));
             assert!(run.summary.warnings.is_empty(), "{:?}", run.summary.warnings);

@@ -132,7 +132,7 @@ fn a_run_given_up_anywhere_keeps_what_the_whole_run_has_up_to_there() {
     // Explicit codes, which carry their error by matrices of their own.
     let text = chain(30).replace("1e5, damping = 1e3", "10.0, damping = 0.1");
     let soft = Problem::new(read(&text).unwrap());
-    for code in [Code::Deabm, Code::Dopri5] {
+    for code in [Code::Deabm, Code::Dopri5, Code::Dop853] {
         let longer = Options { end_time: 1.0, output: OutputTimes::Interval(0.02), ..options() };
         given_up_anywhere(&soft, &Options { code, dense_output: Some(true), ..longer });
     }

@@ -189,7 +189,7 @@ fn planar_models_run_alike_everywhere() {
             assert_invariant(&model(name), FAR_AND_TURNED, code, 1e-5, end);
         }
     }
-    for code in [Code::Deabm, Code::Dopri5] {
+    for code in [Code::Deabm, Code::Dopri5, Code::Dop853] {
         assert_invariant(&model("slider_crank"), FAR_AND_TURNED, code, 1e-5, 0.6);
     }
 }

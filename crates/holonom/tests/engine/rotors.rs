@@ -358,5 +358,5 @@ fn the_gyrostat_conserves_energy_and_momentum() {
         let now = momentum(vector(&y[4..7]), y[8]);
         assert!(still.iter().zip(&now).all(|(a, b)| (a - b).abs() < 1e-10));
     }
-    assert_eq!(implicit().len() + 2, all_codes().len());
+    assert_eq!(implicit().len() + 3, all_codes().len());
 }

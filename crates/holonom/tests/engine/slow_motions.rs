@@ -106,7 +106,7 @@ start_time = {start:?}
 fn vibrations_far_from_the_start_of_time_are_as_right() {
     for start in [0.0, 1e6, 1.7e9] {
         let model = on_a_spring([1e4, 0.0], 0.9, start);
-        for code in [Code::ForRadau, Code::ForSdirk, Code::Deabm, Code::Dopri5] {
+        for code in [Code::ForRadau, Code::ForSdirk, Code::Deabm, Code::Dopri5, Code::Dop853] {
             for fixed_step in [None, Some(1e-3)] {
                 let options = Options {
                     channels: vec!["body.position".to_owned()],

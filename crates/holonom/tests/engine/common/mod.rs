@@ -30,8 +30,8 @@ pub(crate) const LIBRARY: &[&str] = &[
 ];
 
 /// Every code, implicit ones first.
-pub(crate) const ALL_CODES: [Code; 5] =
-    [Code::ForSdirk, Code::ForRosen, Code::ForRadau, Code::Deabm, Code::Dopri5];
+pub(crate) const ALL_CODES: [Code; 6] =
+    [Code::ForSdirk, Code::ForRosen, Code::ForRadau, Code::Deabm, Code::Dopri5, Code::Dop853];
 
 fn library() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../models")
