@@ -51,6 +51,8 @@ pub struct ImplicitStepper<S> {
     knows_own: bool,
     /// How many times errors count.
     strictness: f64,
+    /// The contraction up to which linearizations may serve on by the options.
+    reuse_contraction: f64,
     current: Segment,
     previous: Segment,
     statistics: StepperStatistics,
@@ -82,6 +84,7 @@ impl<S: Stages> ImplicitStepper<S> {
             own: vec![0.0; dimension],
             knows_own: false,
             strictness: 1.0,
+            reuse_contraction: options.reuse_contraction,
             promised: options.own_error.map(|tolerance| tolerance.powf(-exponent)),
             current: Segment::new(dimension, S::DEGREE),
             previous: Segment::new(dimension, S::DEGREE),
@@ -397,6 +400,10 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
 
     fn shorten(&mut self, by: f64) {
         self.strictness = by.powi(self.stages.embedded_order() as i32 + 1);
+    }
+
+    fn reuse_below(&mut self, contraction: f64) {
+        self.options.reuse_contraction = self.reuse_contraction.min(contraction);
     }
 
     fn statistics(&self) -> &StepperStatistics {

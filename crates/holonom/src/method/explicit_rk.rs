@@ -207,6 +207,10 @@ impl Stepper for ExplicitRungeKuttaStepper {
         true
     }
 
+    fn evaluations(&self) -> u64 {
+        self.formula.end as u64
+    }
+
     fn restart(&mut self) {
         self.invalidate(false);
         self.history = StepHistory::default();

@@ -260,6 +260,11 @@ pub trait Stepper: Send {
     /// Whether the formula never linearizes.
     fn explicit(&self) -> bool;
 
+    /// Evaluations that a step of an explicit formula takes.
+    fn evaluations(&self) -> u64 {
+        2
+    }
+
     /// Whether the formula keeps slopes of earlier steps, which belong to the independent variables of
     /// their time.
     fn multistep(&self) -> bool {
@@ -364,6 +369,10 @@ pub trait Stepper: Send {
     /// From now on errors count as many times as makes steps shorter by this factor, at least 1, as it is until this is called: where
     /// estimates are of order p̂ its power p̂ + 1.
     fn shorten(&mut self, by: f64);
+
+    /// From now on a linearization serves a next step only where contractions stay at or below this, too, beside what the options
+    /// say; explicit formulas have none.
+    fn reuse_below(&mut self, _contraction: f64) {}
 
     /// Work since construction.
     fn statistics(&self) -> &StepperStatistics;

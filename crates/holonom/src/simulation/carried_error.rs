@@ -11,7 +11,7 @@ use std::f64::consts::FRAC_PI_2;
 
 /// Tolerances from which a second run is asked: a fifth of what is warned of, since the carried error is up to a few times
 /// too small.
-const SUSPICIOUS: f64 = 10.0;
+pub(super) const SUSPICIOUS: f64 = 10.0;
 /// Velocities may be this many times as many tolerances off as places.
 pub(super) const VELOCITIES: f64 = 2.0;
 /// Of what is as fast as one radian to a step, the error of Radau's formula is this to the second of its estimate.
@@ -28,8 +28,8 @@ const MILESTONES: [usize; 2] = [16, 256];
 /// Coordinates of all of them, so that checkpoints stay small.
 const COORDINATES: usize = 20_000;
 
-/// Most steps of explicit formulas, one-step and multistep, that a matrix serves: it costs as much as some evaluations.
-const MOST_STEPS: [u64; 2] = [3, 10];
+/// Evaluations of an explicit formula after which a matrix is made at the latest: it costs as much as some of them.
+const MOST_EVALUATIONS: u64 = 20;
 /// Part of the mean length of the steps that a matrix is to serve from which a step is of another kind.
 const SHORTER: f64 = 0.5;
 /// Growth of the error over these steps that a matrix is good for.
@@ -58,6 +58,12 @@ pub(super) struct CarriedError {
     /// Of the place of a body, in its tolerances, or of its velocity, in its wider ones: there, and the largest of all.
     present: f64,
     largest: f64,
+    /// Tolerances up to which it is followed.
+    #[serde(default = "up_to_suspicious")]
+    followed: f64,
+    /// By which power of e what is carried may be too small, as matrices served steps that they were not made for.
+    #[serde(default)]
+    unsure: f64,
     /// How many times shorter steps are to be.
     #[serde(default = "as_long_as_before")]
     shortening: f64,
@@ -84,6 +90,10 @@ fn as_long_as_before() -> f64 {
     1.0
 }
 
+fn up_to_suspicious() -> f64 {
+    SUSPICIOUS
+}
+
 impl CarriedError {
     /// Of a run with `dimension` unknowns that begins at `start`, without an error.
     pub(super) fn new(dimension: usize, weights: &Weights, start: &State) -> Self {
@@ -92,11 +102,13 @@ impl CarriedError {
         Self {
             sums: [none(), none()],
             // What the first steps leave is little.
-            serving: Serving { most: MOST_STEPS[1], ..Serving::NEW },
+            serving: Serving { most: MOST_EVALUATIONS, ..Serving::NEW },
             seeded: false,
             rates: Vec::with_capacity(dimension),
             present: 0.0,
             largest: 0.0,
+            followed: SUSPICIOUS,
+            unsure: 0.0,
             shortening: 1.0,
             milestones: Milestones::new(start),
             speeds: weights.speeds(&start.v).collect(),
@@ -124,19 +136,45 @@ impl CarriedError {
             && milestones.every > 0
             && speeds.len() == bodies
             && rates.len() <= dimension
-            && self.serving.steps <= MOST_STEPS[1]
+            && self.serving.steps <= MOST_EVALUATIONS
             && self.longest.as_ref().is_none_or(|step| step.fits(state))
     }
 
-    /// Whether it may be several tolerances; then it is not followed any further.
+    /// Whether it may be several tolerances.
     pub(super) fn is_suspicious(&self) -> bool {
         self.largest > SUSPICIOUS
+    }
+
+    /// Follows it up to so many tolerances, where it is more than suspicious.
+    pub(super) fn follow_up_to(&mut self, tolerances: f64) {
+        self.followed = tolerances;
+    }
+
+    /// Whether it is more than it is followed to.
+    pub(super) fn is_beyond(&self) -> bool {
+        self.largest > self.followed
     }
 
     /// How many times shorter the next step is to be, so that no more is added up than is tolerated. Source:
     /// `docs/theory/simulation.md` (11c).
     pub(super) fn shortening(&self) -> f64 {
         self.shortening
+    }
+
+    /// The contraction that iterations of `stepper` may have with the matrix of another step, so that over the rest of the run, `steps`
+    /// like the next one, what is carried cannot have missed that it became suspicious. Source:
+    /// `docs/theory/simulation.md` (12b).
+    pub(super) fn trusted_contraction(&self, stepper: &dyn Stepper, steps: f64) -> f64 {
+        if self.is_beyond() {
+            return f64::INFINITY;
+        }
+        let left = (self.followed / self.present.max(SEED)).ln() - self.unsure;
+        stepper.filter_part() * left.max(0.0) / steps
+    }
+
+    /// A step was iterated with the matrix of another one and this contraction.
+    pub(super) fn doubt(&mut self, stepper: &dyn Stepper, contraction: f64) {
+        self.unsure += contraction / stepper.filter_part();
     }
 
     /// The longest step, s, by which a second run is to tell, if it is suspicious or steps may not have shown what
@@ -180,12 +218,11 @@ impl CarriedError {
         turn: f64,
         (t, step, w): (f64, f64, &[f64]),
     ) -> bool {
-        if self.is_suspicious() {
+        if self.is_beyond() {
             return true;
         }
         self.spread = false;
-        // Explicit codes tell by the growth of what there is when a matrix is due.
-        if !std::mem::replace(&mut self.seeded, true) && !stepper.explicit() {
+        if !std::mem::replace(&mut self.seeded, true) {
             self.seed(form, power);
         }
         if stepper.explicit() {
@@ -246,7 +283,7 @@ impl CarriedError {
             }
         }
         let known = !stepper.explicit()
-            || self.carry_if_due(stepper.multistep(), form, power, (t, step, w));
+            || self.carry_if_due(stepper.evaluations(), form, power, (t, step, w));
         if !known {
             self.lose();
         }
@@ -256,7 +293,7 @@ impl CarriedError {
     /// Takes what waits for a matrix to the end of a run by an explicit formula, which is at (`t`, `w`).
     pub(super) fn end(&mut self, form: &mut dyn StateSpace, power: &mut [f64], t: f64, w: &[f64]) {
         let Serving { steps, span, .. } = self.serving;
-        if steps == 0 || self.is_suspicious() {
+        if steps == 0 || self.is_beyond() {
             return;
         }
         if form.linearize(t, w).is_ok() && self.carry_over(form, power, (steps, span)).is_some() {
@@ -269,7 +306,7 @@ impl CarriedError {
     /// Keeps it on coordinates and velocities, by which independent variables with another meaning are told, if it is not
     /// kept there already; the form is at the present state.
     pub(super) fn spread(&mut self, form: &mut dyn StateSpace) {
-        if self.is_suspicious() || std::mem::replace(&mut self.spread, true) {
+        if self.is_beyond() || std::mem::replace(&mut self.spread, true) {
             return;
         }
         for Carried { error, spread } in &mut self.sums {
@@ -286,7 +323,7 @@ impl CarriedError {
     /// How large it is at the end of the step that was followed last. Where independent variables are about to get another
     /// meaning, it `moves` along, and is kept on velocities, too.
     pub(super) fn look(&mut self, form: &mut dyn StateSpace, moves: bool) {
-        if self.is_suspicious() {
+        if self.is_beyond() {
             return;
         }
         self.present = 0.0;
@@ -316,8 +353,9 @@ impl CarriedError {
         }
         self.largest = self.largest.max(self.present);
         // What leaps, as at an impact, is not made less by shorter steps.
-        if !self.is_suspicious() {
-            self.shortening = (self.present / NOTABLE).powf(SHORTENING).max(1.0);
+        if !self.is_beyond() {
+            let notable = self.present.min(SUSPICIOUS) / NOTABLE;
+            self.shortening = notable.powf(SHORTENING).max(1.0);
         }
     }
 }
@@ -352,23 +390,25 @@ impl CarriedError {
     /// where that cannot be done. Source: `docs/theory/simulation.md` (13).
     fn carry_if_due(
         &mut self,
-        multistep: bool,
+        evaluations: u64,
         form: &mut dyn StateSpace,
         power: &mut [f64],
         (t, step, w): (f64, f64, &[f64]),
     ) -> bool {
-        let largest = MOST_STEPS[usize::from(multistep)];
-        let Serving { steps, span, most, .. } = &mut self.serving;
+        let largest = (MOST_EVALUATIONS / evaluations).max(1);
+        let Serving { steps, span, most, known } = &mut self.serving;
         (*steps, *span) = (*steps + 1, *span + step);
-        let (steps, span, most) = (*steps, *span, (*most).min(largest));
+        let (steps, span, most, known) = (*steps, *span, (*most).min(largest), *known);
         if steps < most {
             return true;
         }
-        if form.linearize(t, w).is_err() {
-            return false;
-        }
         let before = self.size(form, power, span);
-        if self.carry_over(form, power, (steps, span)).is_none() {
+        // Each matrix serves the same time before and after its own.
+        let (mut rest, half) = ((steps, span), (steps.div_ceil(2), 0.5 * span));
+        if known && self.carry_over(form, power, half).is_some() {
+            rest = half;
+        }
+        if form.linearize(t, w).is_err() || self.carry_over(form, power, rest).is_none() {
             return false;
         }
         let grows = self.size(form, power, span) > GROWTH * before;

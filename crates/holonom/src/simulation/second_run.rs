@@ -74,18 +74,26 @@ pub(super) fn compare(
         largest: Vec::with_capacity(milestones.times.len()),
         worst: None,
     };
-    let outcome =
-        once(problem, &tighter, Start::At(&milestones.start), "checking", &mut comparison);
+    let outcome = once(
+        problem,
+        &tighter,
+        Start::At(&milestones.start),
+        "checking",
+        FAR / PART,
+        &mut comparison,
+    );
     let far = comparison.is_far();
     // What is not certain of itself vouches for less.
-    let doubtful = match outcome {
-        Ok((Summary { status: Status::Completed, .. }, second)) => {
-            !far && second.as_ref().is_some_and(CarriedError::is_suspicious)
-        }
-        _ if far => false,
+    let allowed = match outcome {
+        _ if far => FAR,
+        Ok((Summary { status: Status::Completed, .. }, second)) => match second {
+            Some(second) if second.is_beyond() => MET,
+            Some(second) if second.is_suspicious() => UNCERTAIN,
+            _ => FAR,
+        },
         outcome => return Some(warning(unfinished(outcome))),
     };
-    let allowed = if doubtful { UNCERTAIN } else { FAR };
+    let doubtful = allowed < FAR;
     let far = comparison.worst.filter(|worst| worst.counted > allowed)?;
     let doubt = if doubtful { ", which may be off itself" } else { "" };
     let shorter = if shows {

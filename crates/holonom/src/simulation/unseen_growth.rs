@@ -10,8 +10,11 @@ use serde::{Deserialize, Serialize};
 
 /// More unknowns than this are not looked at: eigenvalues of so many take a tenth of a second.
 const MOST_UNKNOWNS: usize = 200;
-/// A step that takes this part of a run has seen nothing happen.
-const LONG: f64 = 0.05;
+/// Where no step takes this part of a run, it is not looked at: steps that show nothing are few.
+const LONG: f64 = 0.01;
+/// Lengths of steps are told apart by this factor, down to about 1e-12 of a run.
+const APART: f64 = 1.2;
+const LENGTHS: usize = 152;
 /// Steps show growth and vibrations of less than so many radians.
 const SHOWN: f64 = 0.5;
 /// Growth of what a step may leave, which is a tolerance, from which it is suspicious.
@@ -26,6 +29,10 @@ const KNOWN: f64 = 1e-6;
 pub(super) struct LongestStep {
     length: f64,
     ends: [State; 2],
+    /// The end of the last step, s, that was shorter than the span of the run divided by a power of [`APART`], by that power; the start where
+    /// there was none.
+    #[serde(default)]
+    shorter_until: Vec<f64>,
     /// The end of the run, where the motion is the same as at the end of this step: equations that stand there need not be
     /// set up.
     #[serde(skip)]
@@ -38,6 +45,7 @@ impl LongestStep {
         (unknowns <= MOST_UNKNOWNS).then(|| Self {
             length: 0.0,
             ends: [state.clone(), state.clone()],
+            shorter_until: vec![state.t; LENGTHS],
             last: None,
         })
     }
@@ -46,16 +54,34 @@ impl LongestStep {
     pub(super) fn fits(&self, state: &State) -> bool {
         let sizes = |s: &State| [&s.q, &s.v, &s.a, &s.lambda, &s.z, &s.winding].map(Vec::len);
         self.ends.iter().all(|end| sizes(end) == sizes(state))
+            && [0, LENGTHS].contains(&self.shorter_until.len())
     }
 
     /// Takes a step of a run of `span`, s.
     pub(super) fn take(&mut self, span: f64, start: &State, end: &State) {
         let length = end.t - start.t;
+        let place = Self::place(span, length);
+        if let Some(until) = self.shorter_until.get_mut(place) {
+            *until = end.t;
+        }
         if length >= LONG * span && length > self.length {
             self.length = length;
             self.ends[0].copy_from(start);
             self.ends[1].copy_from(end);
         }
+    }
+
+    /// The place of a length among those that are told apart, the longest first.
+    fn place(span: f64, length: f64) -> usize {
+        ((span / length).ln() / APART.ln()) as usize
+    }
+
+    /// The time, s, from which on no step of a run of `span`, s, up to the longest one was as short as `length`.
+    fn shown_until(&self, span: f64, length: f64) -> f64 {
+        let shorter = self.shorter_until.iter().skip(Self::place(span, length));
+        let until = shorter.fold(f64::NEG_INFINITY, |latest, until| latest.max(*until));
+        // A checkpoint of before does not say.
+        if until.is_finite() { until.min(self.ends[0].t) } else { self.ends[0].t }
     }
 
     /// The run has ended at `state`, which the manifold stands at.
@@ -76,7 +102,8 @@ impl LongestStep {
         started: f64,
     ) -> Option<f64> {
         // What was taken up may have another end.
-        let long = LONG * (options.end_time - started);
+        let span = options.end_time - started;
+        let long = LONG * span;
         let [start, end] = &self.ends;
         let steady = || self.is_steady([start, end], problem.system().as_ref(), &options.tolerance);
         if self.length == 0.0 || self.length < long || !steady() {
@@ -90,10 +117,10 @@ impl LongestStep {
             Some((manifold, state)) => FirstOrder::eigenvalues(manifold.clone(), state).ok()?,
             None => eigenvalues_at(end)?,
         };
-        let left = options.end_time - start.t;
         let fastest = finish.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
         let hidden = |&(re, im): &(f64, f64)| {
             let rate = re.hypot(im);
+            let left = options.end_time - self.shown_until(span, SHOWN / rate);
             re * left > GROWTH.ln() && self.length * rate > SHOWN && rate > KNOWN * fastest
         };
         let growing: Vec<_> = finish.into_iter().filter(hidden).collect();

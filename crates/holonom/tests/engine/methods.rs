@@ -541,10 +541,10 @@ fn fixed_steps_over_a_stiff_transient_converge_under_every_code() {
 /// Steps so short that one correction is enough show no contraction.
 #[test]
 fn a_matrix_serves_where_one_correction_is_enough() {
-    for (code, least) in [(Code::SspTrap, 1000), (Code::InflTrap, 1000), (Code::SspSdirk15, 10)] {
+    for code in [Code::SspTrap, Code::InflTrap] {
         let work =
             run_model(&model("double_pendulum"), &options(code, 1e-9, 0.02)).summary.statistics;
         assert!(work.jacobians * 5 <= work.steps, "{code:?} {work:?}");
-        assert!(work.steps >= least, "{code:?} {work:?}");
+        assert!(work.steps >= 1000, "{code:?} {work:?}");
     }
 }

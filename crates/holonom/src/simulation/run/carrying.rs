@@ -17,7 +17,7 @@ impl Run<'_> {
     /// Expresses the carried error in new independent variables, which are w by now, by those of a state that is off by a
     /// small part of what [`Run::spread_error`] has kept.
     pub(super) fn express_error(&mut self) {
-        let carried = self.carried.as_mut().filter(|carried| !carried.is_suspicious());
+        let carried = self.carried.as_mut().filter(|carried| !carried.is_beyond());
         let Some(carried) = carried else { return };
         let ndof = self.form.second_order_split();
         let (row, state, shifted) = (&mut self.row, &self.state, &mut self.scratch[0]);

@@ -14,7 +14,7 @@ use crate::method::stepper::{Rejection, Stepper, StepperStatistics, initial_step
 use crate::model::{Model, force_ramps};
 use crate::reduction::Choice;
 use crate::reduction::assembly::AssemblyError;
-use crate::simulation::carried_error::CarriedError;
+use crate::simulation::carried_error::{CarriedError, SUSPICIOUS};
 use crate::simulation::checkpoint::{Checkpoint, Pace, foreign};
 use crate::simulation::checks::RunError;
 use crate::simulation::clock::{Elapsed, Stopwatch};
@@ -124,7 +124,7 @@ fn begin(
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
-    let (mut summary, carried) = once(problem, options, start, "running", sink)?;
+    let (mut summary, carried) = once(problem, options, start, "running", SUSPICIOUS, sink)?;
     if let Some(carried) = carried
         && summary.status == Status::Completed
     {
@@ -144,18 +144,21 @@ fn begin(
     Ok(summary)
 }
 
-/// A run, under the name of its `task` for those who watch, and what it knows of its error.
+/// A run, under the name of its `task` for those who watch, and what it knows of its error, which is `followed` up to so many
+/// tolerances.
 pub(in crate::simulation) fn once(
     problem: &Problem,
     options: &Options,
     start: Start<'_>,
     task: &'static str,
+    followed: f64,
     sink: &mut dyn Sink,
 ) -> Result<(Summary, Option<CarriedError>), RunError> {
     let begun = Stopwatch::start();
     let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
     let mut run = within(limit, || set_up::set_up(problem, options, start, sink, begun))
         .map_err(|given_up| RunError::given_up(given_up, options))??;
+    run.carried.iter_mut().for_each(|carried| carried.follow_up_to(followed));
     run.looped = (Stopwatch::start(), Stopwatch::of_others(&options.threads));
     let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
     let stop = within(left, || stage(task, || run.advance()))
@@ -286,6 +289,8 @@ impl Run<'_> {
         // Formulas that evaluate forces at the ends of steps alone.
         let ends_only =
             self.stepper.multistep() || self.options.code.info().formula == "trapezoidal";
+        // Formulas that damp nothing let accelerations ring, and a new matrix is made for where these lead.
+        let doubts = !self.stepper.explicit() && self.options.code.info().formula != "trapezoidal";
         let ramps = force_ramps(self.model);
         let mut rejections = 0;
         let mut repartitioned = false;
@@ -328,7 +333,12 @@ impl Run<'_> {
             let step = t_end - t;
             if let Some(carried) = &self.carried {
                 self.stepper.shorten(carried.shortening());
+                if doubts {
+                    let stepper = self.stepper.as_mut();
+                    stepper.reuse_below(carried.trusted_contraction(stepper, (end - t) / step));
+                }
             }
+            let linearized = self.stepper.statistics().linearizations;
             let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let mut rejection = report.cause.take();
             let mut retry = if report.accepted { 0.5 * step } else { report.next_step };
@@ -402,6 +412,9 @@ impl Run<'_> {
             (rejections, repartitioned, seen) = (0, false, true);
             let moves = self.references_are_to_move();
             if let Some(carried) = &mut self.carried {
+                if doubts && self.stepper.statistics().linearizations == linearized {
+                    carried.doubt(self.stepper.as_ref(), report.contraction);
+                }
                 let (stepper, form) = (self.stepper.as_mut(), self.form.as_mut());
                 let chart = form.point().manifold.chart().parametrization();
                 let turn = step * turning;
