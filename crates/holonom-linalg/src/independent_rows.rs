@@ -9,10 +9,10 @@ use std::ops::Range;
 pub enum Claim {
     /// It is taken unless other rows of this kind imply it, those of a smaller class first.
     Required(u8),
-    /// Of preferred rows of which enough is left beside the rows taken before, the one whose rest times this weight
-    /// is the largest is taken.
+    /// Of preferred rows of which, against others of their kind, enough is left beside the rows taken before, the one
+    /// whose rest times this weight is the largest is taken.
     Preferred(f64),
-    /// The same, but the first of its kind stands for all of these.
+    /// The same of another kind, for all of which the first stands.
     InTurn(f64),
     /// Preferred by itself, and one of those that wait for their turn, for which it stands when it is the first.
     PreferredInTurn(f64),
@@ -49,7 +49,7 @@ const NOISE: f64 = 1024.0 * f64::EPSILON;
 
 /// Chooses rows of a matrix of `blocks`·`width` columns that form a regular square matrix: required ones
 /// unless they depend on others, then preferred ones, by weight among those of which at least the part `nearly` of
-/// the best is left. A row is dependent when less than `tolerance` of it is left, or only round-off.
+/// the best of their kind is left. A row is dependent when less than `tolerance` of it is left, or only round-off.
 ///
 /// Blocks of columns are eliminated in an order of least degree, each by its rows alone, as in a
 /// multifrontal factorisation: reflections of its columns make one entry of a taken row, whose multiples
@@ -57,7 +57,7 @@ const NOISE: f64 = 1024.0 * f64::EPSILON;
 /// taken ones vanish may be taken there: of those the choice is local. A row that depends on others that wait
 /// in the same blocks, and are preferred to it, is out, so that no more rows wait than there are columns in their
 /// blocks. With numbers, multiples of required rows are at most ten, and those of preferred rows at most
-/// 1/`nearly`.
+/// 1/`nearly`, for a row of the other kind times the ratio of their weights.
 ///
 /// # Errors
 /// [`SingularMatrix`] with a column in which no row has an entry left.
@@ -313,13 +313,16 @@ impl Front {
         if let Some((_, _, local)) = large.min_by(|a, b| a.1.cmp(&b.1).then(b.0.total_cmp(&a.0))) {
             return Some(local);
         }
-        let best = offers.iter().fold(0.0f64, |best, offer| best.max(offer.0));
+        // Only rows of one kind are measured by each other: between lengths and angles their unit would decide.
+        let enough = [0, 1].map(|kind| {
+            let of_kind = offers.iter().filter(|offer| offer.2[kind]);
+            nearly * of_kind.fold(0.0f64, |best, offer| best.max(offer.0))
+        });
         let mut taken: Option<(f64, usize)> = None;
         let mut first = true;
-        let large = offers.into_iter().filter(|offer| offer.0 >= nearly * best);
-        for (here, weight, [by_itself, in_turn], local) in large {
-            let has_turn = in_turn && std::mem::replace(&mut first, false);
-            let stands = by_itself || has_turn;
+        for (here, weight, [by_itself, in_turn], local) in offers {
+            let has_turn = in_turn && here >= enough[1] && std::mem::replace(&mut first, false);
+            let stands = has_turn || by_itself && here >= enough[0];
             if stands && taken.is_none_or(|(size, _)| here * weight > size) {
                 taken = Some((here * weight, local));
             }

@@ -219,12 +219,14 @@ fn preferred_rows_are_compared_by_what_is_left_of_them_times_their_weight() {
     let weighed = |weight| row(&[(0, 1.0)], Claim::Preferred(weight));
     assert_eq!(taken(&[weighed(0.4), turn(0.5)], 1), [1]);
     assert_eq!(taken(&[weighed(0.6), turn(0.5)], 1), [0]);
+    assert_eq!(taken(&[row(&[(0, 0.01)], Claim::Preferred(101.0)), turn(1.0)], 1), [0]);
     // What is preferred and in turn is not worse off than what is in turn alone, and better off than its turn.
+    // By itself it is compared with others by weight alone: sizes of different kinds say nothing of each other.
     let both = |weight, left| row(&[(0, left)], Claim::PreferredInTurn(weight));
     for (weight, left, expected) in [(1.1, 0.5, 0), (1.1, 0.3, 1)] {
         assert_eq!(taken(&[both(weight, left), turn(1.0)], 1), [expected], "{weight}, {left}");
     }
-    for (weight, left, expected) in [(1.1, 0.5, 0), (3.0, 0.5, 1), (1e6, 0.3, 0)] {
+    for (weight, left, expected) in [(1.1, 0.5, 0), (3.0, 0.5, 1), (1e6, 0.3, 1)] {
         assert_eq!(taken(&[turn(1.0), both(weight, left)], 1), [expected], "{weight}, {left}");
     }
     // What is left beside the first: of the second nothing, of the third a half.

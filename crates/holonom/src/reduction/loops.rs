@@ -16,8 +16,8 @@ use crate::system::{Measure, Resistance, State, System, Tree};
 use holonom_linalg::{BlockMatrix, Claim, OfferedRow, independent_rows};
 use std::collections::BTreeMap;
 
-/// A row is taken only if this part of the best is left of it: the inverse of the growth of the condition at which
-/// the choice is made again.
+/// A row is taken only if this part of the best of its kind is left of it: the inverse of the growth of the condition
+/// at which the choice is made again.
 const NEARLY_BEST: f64 = 0.4;
 /// Entries of scaled rows below this are round-off.
 const NEGLIGIBLE: f64 = 1e-14;
