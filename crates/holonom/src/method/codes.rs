@@ -271,7 +271,7 @@ pub fn build_stepper(
                 Code::ForRosen | Code::SspSdirk15 | Code::InflSdirk15 => 2.0,
                 Code::SspTrap | Code::InflTrap => 1.5,
                 Code::Deabm => 4.0,
-                Code::Dopri5 => 32.0,
+                Code::Dopri5 | Code::Dop853 => 32.0,
                 _ => 1.0,
             };
             // That of carried errors: `docs/theory/simulation.md` (11).

@@ -4,7 +4,7 @@ use crate::control::{StepControl, StepHistory, StepVerdict};
 use crate::formula::ExplicitRungeKutta;
 use crate::method::ode::{EvaluationFailure, LinearizedOde};
 use crate::method::stepper::{
-    Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
+    Rejection, Slope, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
 };
 use std::ops::Range;
 
@@ -96,7 +96,7 @@ impl ExplicitRungeKuttaStepper {
     /// The slopes `stages` of the step h from (t, w).
     fn evaluate(
         &mut self,
-        ode: &mut dyn LinearizedOde,
+        slope: &mut Slope<'_>,
         t: f64,
         h: f64,
         w: &[f64],
@@ -108,7 +108,7 @@ impl ExplicitRungeKuttaStepper {
                 add_scaled(&mut self.state, h * a, k);
             }
             self.statistics.derivatives += 1;
-            ode.derivative(t + self.formula.c[i] * h, &self.state, &mut self.k[i])?;
+            slope(t + self.formula.c[i] * h, &self.state, &mut self.k[i])?;
         }
         Ok(())
     }
@@ -124,7 +124,8 @@ impl ExplicitRungeKuttaStepper {
     ) -> Result<(f64, StepVerdict), Rejection> {
         let formula = self.formula;
         self.k[0].copy_from_slice(g);
-        self.evaluate(ode, t, h, w, 1..formula.end + 1).map_err(Rejection::Evaluation)?;
+        let slope = &mut |t: f64, w: &[f64], g: &mut [f64]| ode.derivative(t, w, g);
+        self.evaluate(slope, t, h, w, 1..formula.end + 1).map_err(Rejection::Evaluation)?;
         if let Some(lower) = formula.lower {
             combine(&mut self.work, h, lower, &self.k);
             let lower = ode.norm(&self.work);
@@ -203,6 +204,11 @@ impl Stepper for ExplicitRungeKuttaStepper {
         self.formula.embedded_order
     }
 
+    /// Estimates count whole: steps are so long that the error of the formula is no small part of them.
+    fn orders_of_error(&self) -> [u32; 2] {
+        [self.formula.order; 2]
+    }
+
     fn explicit(&self) -> bool {
         true
     }
@@ -269,11 +275,11 @@ impl Stepper for ExplicitRungeKuttaStepper {
         StepEnd { w: &last.end, slope: &last.slope }
     }
 
-    fn complete_step(&mut self, ode: &mut dyn LinearizedOde) -> Result<(), EvaluationFailure> {
+    fn complete_step(&mut self, slope: &mut Slope<'_>) -> Result<(), EvaluationFailure> {
         let Some((t, h)) = self.open.take() else { return Ok(()) };
         let formula = self.formula;
         let start = std::mem::take(&mut self.current.start);
-        let found = self.evaluate(ode, t, h, &start, formula.end + 1..formula.a.len());
+        let found = self.evaluate(slope, t, h, &start, formula.end + 1..formula.a.len());
         self.current.start = start;
         for (term, d) in self.current.terms[OF_ENDS..].iter_mut().zip(formula.d) {
             combine(term, h, d, &self.k);

@@ -4,6 +4,9 @@ use crate::control::{Contractions, NewtonControl, starting_step, trial_step};
 use crate::method::ode::{EvaluationFailure, LinearizedOde, Ode};
 use serde::{Deserialize, Serialize};
 
+/// g(t, w) into its last argument.
+pub type Slope<'a> = dyn FnMut(f64, &[f64], &mut [f64]) -> Result<(), EvaluationFailure> + 'a;
+
 /// Why an attempt was rejected.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Rejection {
@@ -297,12 +300,12 @@ pub trait Stepper: Send {
     /// End of the last attempt, if it was accepted.
     fn end(&self) -> StepEnd<'_>;
 
-    /// Evaluates what [`Stepper::interpolate`] and [`Stepper::polynomial`] need of the last accepted step beyond its stages: to be
-    /// called before them, and before the next attempt.
+    /// Evaluates by `slope`, g(t, w), what [`Stepper::interpolate`] and [`Stepper::polynomial`] need of the last accepted step beyond its
+    /// stages: to be called before them, and before the next attempt.
     ///
     /// # Errors
     /// As [`Ode::derivative`].
-    fn complete_step(&mut self, _ode: &mut dyn LinearizedOde) -> Result<(), EvaluationFailure> {
+    fn complete_step(&mut self, _slope: &mut Slope<'_>) -> Result<(), EvaluationFailure> {
         Ok(())
     }
 

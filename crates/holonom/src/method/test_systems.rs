@@ -238,7 +238,7 @@ pub(crate) fn run_with(
         ode.set_weights(&w);
         let report = stepper.attempt(ode, t, step, &w, &g);
         if report.accepted {
-            stepper.complete_step(ode).unwrap();
+            stepper.complete_step(&mut |t, w, g| ode.derivative(t, w, g)).unwrap();
         }
         each(stepper, ode, &report, t, step);
         h = report.next_step;

@@ -1,5 +1,6 @@
 //! The errors of steps, carried along with the motion. Equations: `docs/theory/simulation.md` (11), (12).
 
+use super::carried_explicitly::{MOST_EVALUATIONS, Serving};
 use super::options::Options;
 use super::problem::Problem;
 use super::unseen_growth::LongestStep;
@@ -28,13 +29,6 @@ const MILESTONES: [usize; 2] = [16, 256];
 /// Coordinates of all of them, so that checkpoints stay small.
 const COORDINATES: usize = 20_000;
 
-/// Evaluations of an explicit formula after which a matrix is made at the latest: it costs as much as some of them.
-const MOST_EVALUATIONS: u64 = 20;
-/// Part of the mean length of the steps that a matrix is to serve from which a step is of another kind.
-const SHORTER: f64 = 0.5;
-/// Growth of the error over these steps that a matrix is good for.
-const GROWTH: f64 = 2.0;
-
 /// An error of the present state.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Carried {
@@ -50,7 +44,7 @@ pub(super) struct CarriedError {
     /// The sum of the estimates, and that of estimates whose signs make them add up: an estimate is the error of another
     /// formula, which may change its sign where that of the motion does not.
     pub(super) sums: [Carried; 2],
-    serving: Serving,
+    pub(super) serving: Serving,
     #[serde(default = "of_before")]
     seeded: bool,
     /// The largest rate so far of each independent variable.
@@ -72,7 +66,7 @@ pub(super) struct CarriedError {
     pub(super) speeds: Vec<[f64; 2]>,
     /// Room for a change of w.
     #[serde(skip)]
-    room: Vec<f64>,
+    pub(super) room: Vec<f64>,
     /// Whether the error stands on coordinates and velocities as it is.
     #[serde(skip)]
     spread: bool,
@@ -374,99 +368,6 @@ impl CarriedError {
             }
         }
     }
-
-    /// Where a step of an explicit formula is much shorter than those that wait for a matrix, what makes it short was not
-    /// there before: they get the matrix of their time.
-    fn part_with_longer_steps(&mut self, form: &mut dyn StateSpace, power: &mut [f64], step: f64) {
-        let Serving { steps, span, known, .. } = self.serving;
-        let abrupt = known && steps > 0 && step < SHORTER * span / steps as f64;
-        // Where the matrix cannot be factored for them, they go on waiting.
-        if abrupt && self.carry_over(form, power, (steps, span)).is_some() {
-            self.serving = Serving { known: true, ..Serving::NEW };
-        }
-    }
-
-    /// Carries it over the steps of an explicit formula that there is no matrix for yet, if they are many enough; false
-    /// where that cannot be done. Source: `docs/theory/simulation.md` (13).
-    fn carry_if_due(
-        &mut self,
-        evaluations: u64,
-        form: &mut dyn StateSpace,
-        power: &mut [f64],
-        (t, step, w): (f64, f64, &[f64]),
-    ) -> bool {
-        let largest = (MOST_EVALUATIONS / evaluations).max(1);
-        let Serving { steps, span, most, known } = &mut self.serving;
-        (*steps, *span) = (*steps + 1, *span + step);
-        let (steps, span, most, known) = (*steps, *span, (*most).min(largest), *known);
-        if steps < most {
-            return true;
-        }
-        let before = self.size(form, power, span);
-        // Each matrix serves the same time before and after its own.
-        let (mut rest, half) = ((steps, span), (steps.div_ceil(2), 0.5 * span));
-        if known && self.carry_over(form, power, half).is_some() {
-            rest = half;
-        }
-        if form.linearize(t, w).is_err() || self.carry_over(form, power, rest).is_none() {
-            return false;
-        }
-        let grows = self.size(form, power, span) > GROWTH * before;
-        let next = if grows { most / 2 } else { 2 * most };
-        let most = next.clamp(1, largest);
-        self.serving = Serving { most, known: true, ..Serving::NEW };
-        true
-    }
-
-    /// Carries it over a number of steps with the matrix at hand, if that can be factored for them.
-    fn carry_over(
-        &mut self,
-        form: &mut dyn StateSpace,
-        power: &mut [f64],
-        (steps, span): (u64, f64),
-    ) -> Option<()> {
-        let parts = steps.div_ceil(2);
-        form.factor(0.5 * span / parts as f64).ok()?;
-        for Carried { error, .. } in &mut self.sums {
-            for _ in 0..parts {
-                power.copy_from_slice(error);
-                form.solve(power);
-                for (e, s) in error.iter_mut().zip(&*power) {
-                    *e = 2.0 * s - *e;
-                }
-            }
-        }
-        Some(())
-    }
-
-    /// Of the places that it makes, in tolerances, with those that its rates make within `span`, s. `room` is for a change
-    /// of w.
-    fn size(&mut self, form: &mut dyn StateSpace, room: &mut [f64], span: f64) -> f64 {
-        let ndof = form.second_order_split();
-        let [Carried { error, spread: [places, _] }, _] = &mut self.sums;
-        let mut of = |part: &[f64]| {
-            room[..ndof].copy_from_slice(part);
-            places.copy_from_slice(form.displace(room));
-            form.weights().displacement(places)
-        };
-        of(&error[..ndof]) + span * of(&error[ndof..2 * ndof])
-    }
-}
-
-/// The steps of an explicit formula since the last matrix.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct Serving {
-    steps: u64,
-    /// s
-    span: f64,
-    /// Steps after which the next matrix is due.
-    most: u64,
-    /// Whether the last matrix is one of the present equations and variables.
-    known: bool,
-}
-
-impl Serving {
-    const NEW: Self = Self { steps: 0, span: 0.0, most: 1, known: false };
 }
 
 fn take(spread: &mut [Vec<f64>; 2], change: [&[f64]; 2]) {
@@ -475,7 +376,7 @@ fn take(spread: &mut [Vec<f64>; 2], change: [&[f64]; 2]) {
     }
 }
 
-fn add(y: &mut [f64], a: f64, x: &[f64]) {
+pub(super) fn add(y: &mut [f64], a: f64, x: &[f64]) {
     y.iter_mut().zip(x).for_each(|(y, x)| *y += a * x);
 }
 

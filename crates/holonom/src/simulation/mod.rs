@@ -1,6 +1,7 @@
 //! The run: loop, output, energy, statistics, diagnosis.
 
 mod carried_error;
+mod carried_explicitly;
 mod checkpoint;
 mod checks;
 mod choices;

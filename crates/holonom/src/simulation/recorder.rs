@@ -179,6 +179,31 @@ impl Recorder {
         Ok(())
     }
 
+    /// Slope of an explicit formula at w, beside the run.
+    ///
+    /// # Errors
+    /// As [`Recorder::state`].
+    pub(super) fn slope_at(
+        &mut self,
+        t: f64,
+        w: &[f64],
+        slope: &mut [f64],
+    ) -> Result<(), EvaluationFailure> {
+        self.evaluate(&mut |_, to: &mut [f64]| to.copy_from_slice(w), t, 0.0, 0.0, true)?;
+        let Point { manifold, state, z_rate, .. } = &mut self.point;
+        let ndof = manifold.chart().ndof();
+        slope[..ndof].copy_from_slice(&w[ndof..2 * ndof]);
+        manifold.independent_acceleration_anew(state, &mut slope[ndof..2 * ndof]);
+        let end = 2 * ndof + z_rate.len();
+        slope[2 * ndof..end].copy_from_slice(z_rate);
+        slope[end..].fill(0.0);
+        if self.integrates_powers {
+            let energy = manifold.system().energy(state);
+            slope[end..].copy_from_slice(&[energy.dissipated, energy.supplied]);
+        }
+        Ok(())
+    }
+
     fn evaluate(
         &mut self,
         interpolate: &mut dyn FnMut(f64, &mut [f64]),

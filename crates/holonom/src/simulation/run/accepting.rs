@@ -32,20 +32,22 @@ impl Run<'_> {
         t_end: f64,
     ) -> Result<(), EvaluationFailure> {
         self.w_end.copy_from_slice(self.stepper.end().w);
+        if let Err(failure) = self.form.derivative(t_end, &self.w_end, &mut self.g_end) {
+            self.stepper.discard();
+            return Err(failure);
+        }
+        self.check_residuals().inspect_err(|_| self.stepper.discard())?;
         // Whoever looks into the step does so where one of these holds.
-        let completed = if self.options.stores_dense_output()
+        if self.options.stores_dense_output()
             || self.output.time() < t_end
             || !self.form.integrates_powers()
-            || self.inspector.is_some()
+            || self.may_pass_over(t, step, t_end)
         {
-            self.stepper.complete_step(self.form.as_mut())
-        } else {
-            Ok(())
-        };
-        let ended =
-            completed.and_then(|()| self.form.derivative(t_end, &self.w_end, &mut self.g_end));
-        ended.inspect_err(|_| self.stepper.discard())?;
-        self.check_residuals().inspect_err(|_| self.stepper.discard())?;
+            let Self { stepper, recorder, state, .. } = self;
+            let slope = &mut |t: f64, w: &[f64], g: &mut [f64]| recorder.slope_at(t, w, g);
+            stepper.complete_step(slope).inspect_err(|_| stepper.discard())?;
+            recorder.begin_again(state);
+        }
         self.look_inside(t, step, t_end);
         Ok(())
     }

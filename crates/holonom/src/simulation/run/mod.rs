@@ -113,6 +113,8 @@ pub(in crate::simulation) enum Start<'a> {
     Checkpoint(&'a Checkpoint),
 }
 
+/// The order of the rule that integrates powers in explicit steps.
+const LEDGER_ORDER: u32 = 6;
 /// Turn in a step from which what iterations leave counts among carried errors, rad.
 const FAR: f64 = 0.3;
 
@@ -369,7 +371,10 @@ impl Run<'_> {
             }
             let mut growth = f64::INFINITY;
             // Nothing else tells of a bump under a wheel that is driven over it.
-            let follows = kinematic || self.passes_knot && self.system.drivers_move(t);
+            // Steps of one-step formulas of high order are longer than what integrates the powers in them is good for.
+            let one_step = self.stepper.explicit() && !self.stepper.multistep();
+            let long = one_step && self.stepper.order() > LEDGER_ORDER;
+            let follows = kinematic || (self.passes_knot || long) && self.system.drivers_move(t);
             if report.accepted && rejection.is_none() && follows && !fixed {
                 let missed = self.missed_powers(t, step, span);
                 growth = (SAFE_PART * missed.powf(-0.25)).max(SHORTEST_PART);
