@@ -370,10 +370,10 @@ impl Run<'_> {
                 }
             }
             let mut growth = f64::INFINITY;
-            // Nothing else tells of a bump under a wheel that is driven over it.
             // Steps of one-step formulas of high order are longer than what integrates the powers in them is good for.
             let one_step = self.stepper.explicit() && !self.stepper.multistep();
             let long = one_step && self.stepper.order() > LEDGER_ORDER;
+            // Nothing else tells of a bump under a wheel that is driven over it.
             let follows = kinematic || (self.passes_knot || long) && self.system.drivers_move(t);
             if report.accepted && rejection.is_none() && follows && !fixed {
                 let missed = self.missed_powers(t, step, span);
