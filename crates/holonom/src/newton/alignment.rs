@@ -101,7 +101,7 @@ impl Alignment {
             let mut node =
                 Node { edge: at, form, body: edge.body, inner, rotation: None, others: Vec::new() };
             let mut column = 0;
-            for &group in &edge.forms[form] {
+            for group in edge.forms[form].clone() {
                 let info = &system.relative_groups()[group];
                 let own = (column..column + info.rows).filter_map(|c| {
                     let Source::Independent(k) = relatives.sources[at][c] else { return None };

@@ -55,7 +55,7 @@ impl Relatives {
         self.rows.len() == ndof
             && [self.forms.len(), self.sources.len(), self.anchors.len()] == [edges; 3]
             && self.references.len() == groups.len()
-            && tree.edges.iter().zip(&*self.forms).all(|(edge, form)| *form < edge.forms.len())
+            && tree.edges.iter().zip(&*self.forms).all(|(edge, form)| *form < edge.form_count())
             && self
                 .rows
                 .iter()
@@ -260,7 +260,7 @@ impl Relatives {
             tree.edges.iter().zip(&*self.forms).zip(self.sources.iter().zip(x))
         {
             let mut at = 0;
-            for &group in &edge.forms[*form] {
+            for group in edge.forms[*form].clone() {
                 let info = &groups[group];
                 let values = &mut x[at..at + info.rows];
                 for (source, value) in sources[at..].iter().zip(&mut *values) {
@@ -313,7 +313,7 @@ impl Relatives {
             tree.edges.iter().zip(&*self.forms).zip(self.sources.iter().zip(x))
         {
             let mut at = 0;
-            for &group in &edge.forms[*form] {
+            for group in edge.forms[*form].clone() {
                 let info = &system.relative_groups()[group];
                 if sources[at..at + info.rows].contains(&Source::Dependent) {
                     let reference = &self.references[group];
@@ -358,7 +358,7 @@ impl Relatives {
         for ((edge, form), x) in system.tree().edges.iter().zip(&*self.forms).zip(x) {
             let Some(index) = edge.winding else { continue };
             let mut at = 0;
-            for &group in &edge.forms[*form] {
+            for group in edge.forms[*form].clone() {
                 let info = &groups[group];
                 if info.kind == RelativeKind::Angle {
                     winding[index] = x[at];
@@ -373,7 +373,7 @@ impl Relatives {
         let groups = system.relative_groups();
         let edges = system.tree().edges.iter().zip(&*self.forms);
         let mut used: Vec<usize> = edges
-            .flat_map(|(edge, form)| edge.forms[*form].iter().copied())
+            .flat_map(|(edge, form)| edge.forms[*form].clone())
             .chain(self.rows.iter().map(|row| row.0))
             .filter(|&k| groups[k].kind == RelativeKind::Direction && groups[k].reach.is_finite())
             .collect();
@@ -399,7 +399,7 @@ impl Relatives {
             x.fill(0.0);
             let Some(index) = edge.winding else { continue };
             let mut at = 0;
-            for &group in &edge.forms[*form] {
+            for group in edge.forms[*form].clone() {
                 let info = &system.relative_groups()[group];
                 if info.kind == RelativeKind::Angle {
                     x[at] = winding[index];
@@ -441,13 +441,13 @@ impl Relatives {
         // Where all independent variables are coordinates of edges, those of the edges are all there are.
         let mut all = self.exact;
         for (at, (edge, form)) in tree.edges.iter().zip(&*self.forms).enumerate() {
-            let stays = |&group: &usize| groups[group].reach.is_finite() && !turning;
-            if edge.forms[*form].iter().any(stays) {
+            let stays = |group: usize| groups[group].reach.is_finite() && !turning;
+            if edge.forms[*form].clone().any(stays) {
                 all = false;
                 continue;
             }
             let mut first = 0;
-            for &group in &edge.forms[*form] {
+            for group in edge.forms[*form].clone() {
                 let info = &groups[group];
                 if info.reach.is_infinite() {
                     self.references[group][0] = x[at][first];

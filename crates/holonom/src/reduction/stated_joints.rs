@@ -59,7 +59,7 @@ fn stays(model: &Model, body: usize) -> bool {
 
 /// Whether a body moves with its parent: along joints and bushings, not along springs.
 fn carries(edge: &TreeEdge) -> bool {
-    edge.source != EdgeSource::Free && edge.forms.len() == 1
+    edge.source != EdgeSource::Free && edge.form_count() == 1
 }
 
 /// What is stated of the joint of an edge at a level.
@@ -87,7 +87,7 @@ pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &
         let mut x = [0.0; 6];
         let mut wanted = x;
         let mut first = 0;
-        for &group in &edge.forms[0] {
+        for group in edge.forms[0].clone() {
             let info = &groups[group];
             let reference = system.moved_reference(group, design, &[0.0; 6]);
             let range = first..first + info.rows;

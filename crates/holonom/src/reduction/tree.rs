@@ -60,7 +60,7 @@ pub(super) fn choose_tree(
     let kept = (0..rows).filter(|row| dropped.binary_search(row).is_err()).collect();
     let groups = system.relative_groups();
     relatives.moves = choice.independent.iter().any(|(group, _)| groups[*group].reach.is_finite());
-    relatives.has_alternatives = loops.any() || tree.edges.iter().any(|edge| edge.forms.len() > 1);
+    relatives.has_alternatives = loops.any() || tree.edges.iter().any(|edge| edge.form_count() > 1);
     let sources = Arc::make_mut(&mut relatives.sources);
     for (k, c) in coordinates.iter().enumerate() {
         let source = &mut sources[c.edge][c.at];
@@ -94,7 +94,7 @@ fn forms(system: &dyn System, state: &State, pace: f64) -> Vec<usize> {
     for (elastic, spring) in tree.elastic.iter().enumerate() {
         let Some(body) = tree.forest.outer(spring.ends) else { continue };
         let edge = edge_of[body];
-        if !spring.is_edge || tree.edges[edge].forms.len() < 2 {
+        if !spring.is_edge || tree.edges[edge].form_count() < 2 {
             continue;
         }
         let group = spring.groups[0];
@@ -124,7 +124,7 @@ fn coordinates(system: &dyn System, forms: &[usize]) -> Vec<Coordinate> {
     let mut out = Vec::new();
     for (edge, (tree, form)) in system.tree().edges.iter().zip(forms).enumerate() {
         let mut at = 0;
-        for &group in &tree.forms[*form] {
+        for group in tree.forms[*form].clone() {
             for row in 0..system.relative_groups()[group].rows {
                 out.push(Coordinate { edge, at, group, row });
                 at += 1;

@@ -253,7 +253,7 @@ impl Problem {
         let body = |b: usize| self.model.bodies[b].name.clone();
         let mut out = Vec::new();
         for (at, edge) in system.tree().edges.iter().enumerate() {
-            let rows = edge.forms[relatives.forms[at]].iter().flat_map(|&group| {
+            let rows = edge.forms[relatives.forms[at]].clone().flat_map(|group| {
                 (0..system.relative_groups()[group].rows).map(move |row| (group, row))
             });
             let coordinates = rows

@@ -136,7 +136,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
         };
         let from = (parent, stands);
         let kinematics = &placed.kinematics[form];
-        let direction = kinematics.direction().map(|own| &references[tree.forms[form][own]]);
+        let direction = kinematics.direction().map(|own| &references[tree.forms[form].start + own]);
         let reference = direction.unwrap_or(const { &[0.0; 6] });
         let (child, stance) = kinematics.place(x, reference, anchor, from, first);
         q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);

@@ -10,6 +10,7 @@ use crate::model::{
 };
 use crate::topology::{Edge, Forest};
 use crate::watch::{NAMED, checkpoint};
+use std::ops::Range;
 
 /// One to three relative coordinates of two bodies.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,14 +51,21 @@ pub struct TreeEdge {
     pub source: EdgeSource,
     /// Name of the joint or force, or of a free body.
     pub name: String,
-    /// Sets of groups that can serve as its coordinates. A spring has two: length, direction and rotation
-    /// where it is stiff, else those of a free body.
-    pub forms: Vec<Vec<usize>>,
+    /// Groups that can serve as its coordinates. A spring has two sets of them: length, direction and rotation where it is
+    /// stiff, else those of a free body; the second of others is empty.
+    pub forms: [Range<usize>; 2],
     /// Winding that follows its angle.
     pub winding: Option<usize>,
     /// A driver that prescribes one of its coordinates: row of the driver, coordinate within the form and
     /// sign of the coordinate against the driven one.
     pub driver: Option<(usize, usize, f64)>,
+}
+
+impl TreeEdge {
+    /// How many sets of groups can serve as its coordinates.
+    pub fn form_count(&self) -> usize {
+        1 + usize::from(!self.forms[1].is_empty())
+    }
 }
 
 /// A row or rows that close loops of the forest.
@@ -283,8 +291,8 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
             }
         };
         let mut kinematics = Vec::with_capacity(forms.len());
-        let mut form_groups = Vec::with_capacity(forms.len());
-        for (kind, coordinates) in forms {
+        let mut form_groups = [0..0, 0..0];
+        for ((kind, coordinates), groups_of_form) in forms.into_iter().zip(&mut form_groups) {
             let place = |(element, between): (S::Relative, Between)| {
                 let bodies = match between {
                     Between::Both => ends,
@@ -292,7 +300,10 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
                 };
                 add(name, bodies, element)
             };
-            form_groups.push(coordinates.into_iter().map(place).collect());
+            let mut places = coordinates.into_iter().map(place);
+            if let Some(first) = places.next() {
+                *groups_of_form = first..places.last().unwrap_or(first) + 1;
+            }
             kinematics.push(kind);
         }
         let at = edges.len();
@@ -363,7 +374,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
         let centers = ends.map(&center);
         let edge = edge_of_force[k].map(|at: usize| &edges[at]);
         let own = match (&force.kind, edge) {
-            (ForceKind::Bushing { .. }, Some(edge)) => edge.forms[0].clone(),
+            (ForceKind::Bushing { .. }, Some(edge)) => edge.forms[0].clone().collect(),
             (ForceKind::Bushing { .. }, None) => {
                 let (_, coordinates) = S::bushing_form(&frames, centers);
                 coordinates
@@ -379,7 +390,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
                     let (kind, joint) = (&model.joints[j].kind, &model.joints[j].frames);
                     let rotation = DriverKind::Rotation;
                     let (at, _) = prescribed(model, kind, joint, rotation, &frames)?;
-                    Some(edge.forms[0][at])
+                    edge.forms[0].clone().nth(at)
                 });
                 match on_joint {
                     Some(group) => {
@@ -394,7 +405,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
                     None => vec![add(&force.name, ends, S::relative_angle(&frames, centers))],
                 }
             }
-            (_, Some(edge)) => edge.forms[0][..1].to_vec(),
+            (_, Some(edge)) => edge.forms[0].clone().take(1).collect(),
             (line, None) if keeps_length(line) => {
                 let (_, mut coordinates) = S::line_form(&frames, centers);
                 vec![add(&force.name, ends, coordinates.swap_remove(0).0)]
@@ -405,8 +416,8 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
     }
     let offered = offered(model);
     let turns = |edge: &TreeEdge| {
-        let angle = |&group: &usize| groups[group].kind == RelativeKind::Angle;
-        matches!(edge.source, EdgeSource::Joint(_)) && edge.forms.iter().flatten().any(angle)
+        let angle = |group: usize| groups[group].kind == RelativeKind::Angle;
+        matches!(edge.source, EdgeSource::Joint(_)) && edge.forms[0].clone().any(angle)
     };
     let is_in_loop = within_loops(&edges, &edge_of_body, &closures[..closed_by_joints]);
     let in_loops = edges.iter().zip(is_in_loop).filter(|(edge, is_in)| *is_in && turns(edge));
@@ -425,15 +436,32 @@ fn within_loops(edges: &[TreeEdge], edge_of_body: &[usize], closures: &[Closure]
     }
     let depth_of = |body: Option<usize>| body.map_or(0, |b| depth[edge_of_body[b]] + 1);
     let mut is_in_loop = vec![false; edges.len()];
+    // Ways that are known to be in loops are gone along once: each body knows one up to which its way is.
+    let mut up_to: Vec<Option<usize>> = edges.iter().map(|edge| Some(edge.body)).collect();
+    let top = |up_to: &mut [Option<usize>], from: Option<usize>| {
+        let mut at = from;
+        while let Some(body) = at
+            && up_to[edge_of_body[body]] != at
+        {
+            let next = up_to[edge_of_body[body]];
+            if let Some(next) = next {
+                up_to[edge_of_body[body]] = up_to[edge_of_body[next]];
+            }
+            at = next;
+        }
+        at
+    };
     for closure in closures {
-        let [mut a, mut b] = closure.ends;
+        let [mut a, mut b] = closure.ends.map(|end| top(&mut up_to, end));
         while a != b {
             if depth_of(a) < depth_of(b) {
                 std::mem::swap(&mut a, &mut b);
             }
             let Some(body) = a else { break };
-            is_in_loop[edge_of_body[body]] = true;
-            a = edges[edge_of_body[body]].parent;
+            let edge = edge_of_body[body];
+            is_in_loop[edge] = true;
+            up_to[edge] = edges[edge].parent;
+            a = top(&mut up_to, edges[edge].parent);
         }
     }
     is_in_loop

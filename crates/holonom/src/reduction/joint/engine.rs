@@ -200,7 +200,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 return None;
             }
             let start = coordinates.len();
-            for &group in &edge.forms[form] {
+            for group in edge.forms[form].clone() {
                 let info = &groups[group];
                 let measure = if info.kind.turns() { Measure::Angle } else { Measure::Length };
                 for row in 0..info.rows {

@@ -210,7 +210,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let (system, relatives) = (self.system.as_ref(), Self::relatives(parametrization));
         for edge in &*self.edges {
             let mut at = 0;
-            for &group in &system.tree().edges[edge.at].forms[edge.form] {
+            for group in system.tree().edges[edge.at].forms[edge.form].clone() {
                 let rows = system.relative_groups()[group].rows;
                 let mut value = [0.0; 3];
                 let reference = &relatives.references[group];
