@@ -25,7 +25,7 @@ const SHORTENING: f64 = 0.75;
 /// ask for second runs of Andrews' mechanism, in vain.
 const SEED: f64 = 0.003;
 /// States on its way, least and most, that a run keeps for the comparison with a second one, beside that at its end.
-const MILESTONES: [usize; 2] = [16, 256];
+const MILESTONES: [usize; 2] = [16, 1024];
 /// Coordinates of all of them, so that checkpoints stay small.
 const COORDINATES: usize = 20_000;
 
@@ -509,12 +509,12 @@ mod tests {
             ..State::default()
         };
         let mut milestones = Milestones::new(&state(0));
-        for step in 1..=1000 {
+        for step in 1..=4000 {
             milestones.pass(step, &state(step));
             assert!(milestones.times.len() <= MILESTONES[1]);
         }
-        milestones.end(&state(1000));
-        let known: Vec<f64> = (1..=250).map(|k| 4.0 * f64::from(k)).collect();
+        milestones.end(&state(4000));
+        let known: Vec<f64> = (1..=1000).map(|k| 4.0 * f64::from(k)).collect();
         assert_eq!(milestones.times, known);
         assert_eq!(milestones.places, known.iter().flat_map(|&t| [t, -1.0]).collect::<Vec<_>>());
         assert_eq!(

@@ -7,7 +7,7 @@ use super::problem::Problem;
 use super::run::{Start, Summary, once};
 use super::statistics::{RunWarning, Status};
 use super::trajectory::{Chunk, Flow, Sink};
-use crate::method::Weights;
+use crate::method::{Code, DEFAULT_CODE, Weights};
 use crate::model::Tolerance;
 use crate::system::{State, System};
 use std::time::Duration;
@@ -26,8 +26,8 @@ const LASTING: f64 = 1.0 / 200.0;
 /// Steps up to which it is computed whether something grows that longer ones do not show.
 const MOST_STEPS: f64 = 200_000.0;
 
-/// A warning where a run by `options` that is `suspicious` is far from a run by the default
-/// code at a tenth of its tolerance with steps of `max_step` at most, or where such a run does not come to its end within
+/// A warning where a run by `options` that is `suspicious` is far from a run by the default code, of explicit codes by the
+/// one of the highest order, at a tenth of its tolerance with steps of `max_step` at most, or where such a run does not come to its end within
 /// what is `left` of the time.
 pub(super) fn compare(
     problem: &Problem,
@@ -47,7 +47,10 @@ pub(super) fn compare(
         )));
     }
     let Tolerance { relative, translation, rotation } = options.tolerance;
+    // What is not stiff is told best by a code that none of its kind surpasses.
+    let explicit = options.code.info().family == "explicit";
     let tighter = Options {
+        code: if explicit { Code::Dop853 } else { DEFAULT_CODE },
         tolerance: Tolerance {
             relative: PART * relative,
             translation: PART * translation,
