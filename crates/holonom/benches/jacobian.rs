@@ -21,7 +21,9 @@ fn problem(name: &str) -> Problem {
     let mut read =
         |file: &str| std::fs::read_to_string(library.join(file)).map_err(|e| e.to_string());
     let text = read(&file).expect("a model of the library");
+    let mut bytes = |file: &str| std::fs::read(library.join(file)).map_err(|e| e.to_string());
     let document = Document::parse(&text, Syntax::Toml, &file, &mut read).expect("a model");
+    let document = document.with_meshes(&mut bytes).expect("its shapes are there");
     Problem::new(document.build().expect("a model").0)
 }
 

@@ -602,9 +602,7 @@ fn a_swing_that_is_pumped_up_is_right_or_warned_of() {
             let weight = 9.81 - amplitude * rate * rate * (rate * t).sin();
             vec![y[1], -length * weight * y[0].sin() / inertia]
         };
-        // DOPRI5 and DEABM have a matrix for several steps only: `docs/theory/simulation.md` (13).
-        let known = |code: &Code| !matches!(code, Code::Dopri5 | Code::Deabm);
-        for code in CODES.iter().map(|info| info.code).filter(known) {
+        for code in CODES.iter().map(|info| info.code) {
             let options = Options {
                 channels: vec!["rod.angle".to_owned()],
                 output: OutputTimes::Interval(end / 200.0),
