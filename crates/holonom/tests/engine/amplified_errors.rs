@@ -595,6 +595,7 @@ fn a_swing_that_is_pumped_up_is_right_or_warned_of() {
         ([0.01556, 13.9428, 0.00335], 38.39, 1e-2),
         ([0.02006, 14.1345, 0.01033], 27.16, 1e-2),
         ([0.0165, 14.3245, 0.00496], 29.89, 1e-3),
+        ([0.02324, 13.86426, 0.000363], 25.82, 1e-3),
     ] {
         let [amplitude, rate, lean] = parts;
         let model = shaken(parts);
@@ -619,6 +620,9 @@ fn a_swing_that_is_pumped_up_is_right_or_warned_of() {
             let error = errors.fold(0.0, f64::max);
             let warned = warned(&outcome.summary);
             assert!(error <= WRONG || warned, "{parts:?} {code:?} {tolerance:e}: {error:.0}");
+            // The default code is farther off than this one is.
+            let in_vain = code == Code::Dop853 && error < RIGHT / 3.0 && warned;
+            assert!(!in_vain, "{parts:?} {tolerance:e}: {error:.1}");
             warnings += u32::from(warned);
             off += u32::from(error > WRONG);
         }
