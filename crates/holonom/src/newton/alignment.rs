@@ -110,7 +110,7 @@ impl Alignment {
                 let own: Vec<_> = own.collect();
                 column += info.rows;
                 // What a bushing holds turns little, and is stiff along axes of the inner body; a spring holds no rotation.
-                let held = matches!(edge.source, EdgeSource::Force(_)) && edge.forms.len() == 1;
+                let held = matches!(edge.source, EdgeSource::Force(_)) && edge.form_count() == 1;
                 if !held && info.kind == RelativeKind::Rotation && own.len() == 3 {
                     let side = usize::from(info.bodies[1] == Some(edge.body));
                     node.rotation = Some(Rotation { first: own[0].0, group, side });

@@ -1,6 +1,6 @@
 //! The errors of steps, carried along with the motion. Equations: `docs/theory/simulation.md` (11), (12).
 
-use super::carried_explicitly::{MOST_EVALUATIONS, Serving};
+use super::carried_explicitly::{MOST_EVALUATIONS, MOST_WAITING, Serving};
 use super::options::Options;
 use super::problem::Problem;
 use super::unseen_growth::LongestStep;
@@ -130,7 +130,7 @@ impl CarriedError {
             && milestones.every > 0
             && speeds.len() == bodies
             && rates.len() <= dimension
-            && self.serving.steps <= MOST_EVALUATIONS
+            && self.serving.steps <= MOST_WAITING
             && self.longest.as_ref().is_none_or(|step| step.fits(state))
     }
 

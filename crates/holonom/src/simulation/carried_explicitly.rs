@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 
 /// Evaluations of an explicit formula after which a matrix is made at the latest: it costs as much as some of them.
 pub(super) const MOST_EVALUATIONS: u64 = 6;
+/// Steps that may wait for a matrix in what is stored: runs before let that many.
+pub(super) const MOST_WAITING: u64 = 20;
 /// Part of the mean length of the steps that a matrix is to serve from which a step is of another kind.
 const SHORTER: f64 = 0.5;
 /// Growth of the error over these steps that a matrix is good for.

@@ -20,6 +20,9 @@ const MET: f64 = 20.0;
 const UNCERTAIN: f64 = 40.0;
 /// Tolerance of the second run as a part of that of the first.
 const PART: f64 = 0.1;
+/// Longest steps of the second run as a part of those that the first may take, where that is limited: errors of order 5 and more
+/// fall as by its tolerance.
+const SHORTER: f64 = 0.6;
 /// Part of the run for which the velocity of a body must be off, beside the first time that it is found so: something sudden
 /// comes a little early or late, and what is over within one of the rows that a run stores unless told otherwise shows in no more.
 const LASTING: f64 = 1.0 / 200.0;
@@ -57,7 +60,8 @@ pub(super) fn compare(
             rotation: PART * rotation,
         },
         output: OutputTimes::Listed(milestones.times.clone()),
-        max_step: options.max_step.min(max_step),
+        // Steps of the same lengths would repeat their errors.
+        max_step: (SHORTER * options.max_step).min(max_step),
         max_steps: options.max_steps,
         max_seconds: left.map_or(f64::INFINITY, |left| left.as_secs_f64()),
         threads: options.threads.clone(),

@@ -253,6 +253,38 @@ fn a_run_that_is_taken_up_knows_of_the_errors_before() {
     }
 }
 
+#[test] // independent truth: the run at 1e-12, whose steps are not limited
+fn what_limited_steps_leave_is_found_by_shorter_ones() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+upper = { mass = 1.0, inertia = 0.02, position = [0.25, 0.0] }
+lower = { mass = 1.0, inertia = 0.02, position = [0.75, 0.0] }
+[joints]
+shoulder = { type = "revolute", between = ["ground", "upper"], point = [0.0, 0.0] }
+elbow = { type = "revolute", between = ["upper", "lower"], point = [0.5, 0.0] }
+[initial.bodies]
+upper = { angular_velocity = 3.0 }
+"#,
+    );
+    let places = |options: Options| {
+        let channels = vec!["lower.position".to_owned()];
+        let output = OutputTimes::Interval(0.5);
+        let outcome = run_model(&model, &Options { channels, output, ..options });
+        let series = [0, 1].map(|k| outcome.series("lower.position", k));
+        (series, outcome.summary)
+    };
+    let (truth, _) = places(options(Code::Dop853, 1e-12, 25.0));
+    let limited = Options { max_step: 0.005, ..options(Code::Dop853, 1e-3, 25.0) };
+    let (found, summary) = places(limited);
+    let off = found.iter().flatten().zip(truth.iter().flatten()).map(|(a, b)| (a - b).abs());
+    let off = off.fold(0.0, f64::max) / 1e-3;
+    assert!(off > WRONG && warned(&summary), "{off:.0} tolerances: {:?}", summary.warnings);
+}
+
 #[derive(Default)]
 struct Checkpoints(Vec<Checkpoint>);
 
