@@ -2,6 +2,7 @@
 
 mod common;
 mod random;
+mod second_runs;
 mod stiff_systems;
 
 mod acceleration_choice;
