@@ -160,9 +160,9 @@ impl Active {
                 let mut line = self.lists.first(kind, count);
                 while line != NONE {
                     let found = if kind == 0 {
-                        self.best_in_row(line as usize)
+                        self.best_in_row(line as usize, best)
                     } else {
-                        self.best_in_column(line as usize - self.n)
+                        self.best_in_column(line as usize - self.n, best)
                     };
                     if let Some(found) = found {
                         let leader = best.map_or(found, |b| Candidate::or_better(b, found));
@@ -201,10 +201,15 @@ impl Active {
         (line != NONE).then(|| line as usize - n)
     }
 
-    pub(super) fn best_in_row(&mut self, i: usize) -> Option<Candidate> {
+    /// The best entry of a row; how much fill it causes is told only as far as it matters beside `leader`.
+    pub(super) fn best_in_row(&mut self, i: usize, leader: Option<Candidate>) -> Option<Candidate> {
         self.mark(i);
-        let rated = self.rows[i].iter().filter_map(|&(j, v)| self.rate(i, j as usize, v));
-        rated.reduce(Candidate::or_better)
+        let mut best = None;
+        for &(j, v) in &self.rows[i] {
+            let rated = self.rate(i, j as usize, v, least_fill(leader, best));
+            best = best.into_iter().chain(rated).reduce(Candidate::or_better);
+        }
+        best
     }
 
     /// The entry of a column in its shortest row, of such rows the one in which it is the largest.
@@ -227,10 +232,11 @@ impl Active {
         }
         let (_, _, i, v) = shortest?;
         self.mark(i);
-        self.rate(i, j, v)
+        self.rate(i, j, v, usize::MAX)
     }
 
-    fn best_in_column(&mut self, j: usize) -> Option<Candidate> {
+    /// The best entry of a column, as [`Active::best_in_row`].
+    fn best_in_column(&mut self, j: usize, leader: Option<Candidate>) -> Option<Candidate> {
         let mut best: Option<Candidate> = None;
         for at in 0..self.columns[j].len() {
             let i = self.columns[j][at] as usize;
@@ -238,7 +244,7 @@ impl Active {
             let &(_, v) = entry.expect("column is listed");
             if self.admits(i, j, v) {
                 self.mark(i);
-                let rated = self.rate(i, j, v);
+                let rated = self.rate(i, j, v, least_fill(leader, best));
                 best = best.into_iter().chain(rated).reduce(Candidate::or_better);
             }
         }
@@ -254,8 +260,8 @@ impl Active {
             && (value.abs() >= THRESHOLD * self.row_max[i] || self.columns[j].len() == 1)
     }
 
-    /// Judges an entry of the marked row `i`; none if it is too small.
-    fn rate(&self, i: usize, j: usize, value: f64) -> Option<Candidate> {
+    /// Judges an entry of the marked row `i`; none if it is too small. Fill beyond `most` is not counted to its end.
+    fn rate(&self, i: usize, j: usize, value: f64, most: usize) -> Option<Candidate> {
         if !self.admits(i, j, value) {
             return None;
         }
@@ -269,6 +275,9 @@ impl Active {
                 row.iter().filter(|&&(c, _)| self.marked[c as usize] == self.stamp).count()
             };
             fill += others + 1 - common;
+            if fill > most {
+                break;
+            }
         }
         let updates = others * (self.columns[j].len() - 1);
         let size = value.abs() / self.row_max[i];
@@ -351,6 +360,10 @@ impl Active {
         }
         worst
     }
+}
+
+fn least_fill(a: Option<Candidate>, b: Option<Candidate>) -> usize {
+    a.into_iter().chain(b).map(|found| found.fill).min().unwrap_or(usize::MAX)
 }
 
 fn largest(row: &[(u32, f64)]) -> f64 {

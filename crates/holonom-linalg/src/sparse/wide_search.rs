@@ -31,7 +31,7 @@ impl WideSearch {
 
     /// The best entry of the columns that are looked at.
     pub(super) fn best_pivot(&mut self, active: &mut Active) -> Option<Candidate> {
-        let single = active.single_row().and_then(|i| active.best_in_row(i));
+        let single = active.single_row().and_then(|i| active.best_in_row(i, None));
         if single.is_some() {
             return single;
         }

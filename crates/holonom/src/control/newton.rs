@@ -50,6 +50,9 @@ pub enum IterationVerdict {
 ///
 /// The first correction is judged with η₀ = max(η_old, ε)^0.8, η_old the last η of the same stage.
 /// What is kept for later steps, η and the largest θ, comes from corrections above the noise of evaluations.
+/// Where stages start from nothing that foresees them, the first correction is most of the movement, which may be found at
+/// once, and θ₂ tells little of how what is left of it falls: η₂ is at least min(η₀, 0.1), or what it is where the first
+/// correction has a tolerance of what falls slowly, ‖δ⁽²⁾‖; with less of it little is left.
 /// Corrections that stop falling are convergence, not divergence, when they are at round-off
 /// (`floor`) or so small that even η = 100 leaves the allowed error.
 /// Source: thesis (4.89)-(4.91); Hairer & Wanner, *Solving ODEs II*, section IV.8.
@@ -57,6 +60,8 @@ pub enum IterationVerdict {
 pub struct NewtonMonitor {
     control: NewtonControl,
     floor: f64,
+    /// Whether the fall from the first correction to the second tells how later ones fall.
+    foreseen: bool,
     iterations: u32,
     last: f64,
     eta: f64,
@@ -66,15 +71,17 @@ pub struct NewtonMonitor {
 /// Tolerances below which corrections that do not fall are noise whatever the state is: one at rest has no round-off of
 /// its own.
 const NEGLIGIBLE: f64 = 1e-9;
+/// η of a matrix made for the step of which nothing is known yet.
+const UNTOLD: f64 = 0.1;
 /// Fall of a correction to noise that tells a good matrix.
 const TELLING: f64 = 0.01;
 
 impl NewtonMonitor {
-    /// Starts an iteration. `eta` is that of the same stage of the step before (1 if there is
-    /// none), `floor` the weighted norm of a change by round-off.
-    pub fn start(control: NewtonControl, eta: f64, floor: f64) -> Self {
+    /// Starts an iteration from what is `foreseen` of its result, or from nothing. `eta` is that of the same stage of
+    /// the step before (1 if there is none), `floor` the weighted norm of a change by round-off.
+    pub fn start(control: NewtonControl, eta: f64, floor: f64, foreseen: bool) -> Self {
         let eta = eta.max(f64::EPSILON).powf(0.8);
-        Self { control, floor, iterations: 0, last: f64::NAN, eta, contraction: None }
+        Self { control, floor, foreseen, iterations: 0, last: f64::NAN, eta, contraction: None }
     }
 
     /// Judges the next correction.
@@ -93,12 +100,13 @@ impl NewtonMonitor {
         let left =
             i32::try_from(max_iterations.saturating_sub(self.iterations)).unwrap_or(i32::MAX);
         if self.iterations > 1 {
+            let tells = self.foreseen || self.iterations > 2;
             let theta = correction / last;
             // Noise of an evaluation is some thousand times that of the state at most.
             let noise = (1e5 * self.floor).max(NEGLIGIBLE);
             // A ratio of noise says nothing about the matrix, a fall into noise how good it is at least.
             let seen = correction.max(noise) / last;
-            if correction > noise || seen < TELLING {
+            if (tells || theta >= divergence) && (correction > noise || seen < TELLING) {
                 self.contraction = Some(self.contraction.map_or(seen, |c| c.max(seen)));
             }
             if theta >= divergence {
@@ -110,12 +118,13 @@ impl NewtonMonitor {
                     IterationVerdict::Diverged
                 };
             }
-            eta = theta / (1.0 - theta);
+            let least = if tells { 0.0 } else { self.eta.min(UNTOLD) };
+            eta = (theta / (1.0 - theta)).max(least.min(correction));
             // What later steps begin with.
             if seen < divergence {
-                self.eta = seen / (1.0 - seen);
+                self.eta = (seen / (1.0 - seen)).max(least);
             }
-            if eta * correction > kappa && kappa > 0.0 && left > 0 {
+            if tells && eta * correction > kappa && kappa > 0.0 && left > 0 {
                 let forecast = eta * correction * theta.powi(left - 1) / kappa;
                 if forecast > 1.0 {
                     let q = forecast.clamp(1e-4, 16.0);
@@ -173,7 +182,7 @@ mod tests {
             ("stagnates far below the tolerance", f64::INFINITY, &[2e-4, 2e-4], Converged),
             ("round-off", f64::INFINITY, &[1e-12], Converged),
         ] {
-            let mut monitor = NewtonMonitor::start(control, eta, 1e-12);
+            let mut monitor = NewtonMonitor::start(control, eta, 1e-12, true);
             let mut found = Continue;
             for &correction in corrections {
                 assert_eq!(found, Continue, "{name}: stopped too early");
@@ -188,12 +197,33 @@ mod tests {
         }
     }
 
+    #[test] // truth: what is left of a movement of 1e6 of which 10 fall by a tenth each time
+    fn a_movement_that_is_found_at_once_hides_what_falls_slowly() {
+        let judged = |foreseen: bool| {
+            let mut monitor = NewtonMonitor::start(NewtonControl::default(), 1.0, 1e-9, foreseen);
+            let verdicts = [1e6, 1.0, 0.1, 0.01].map(|correction| monitor.observe(correction));
+            (verdicts, monitor.contraction())
+        };
+        let (verdicts, contraction) = judged(false);
+        assert_eq!(verdicts, [Continue, Continue, Converged, Converged]);
+        assert_eq!(contraction, Some(0.1));
+        assert_eq!(judged(true).0[1], Converged, "what foresees the stages has the movement");
+        // A little movement beside the first correction is left as it is.
+        let mut monitor = NewtonMonitor::start(NewtonControl::default(), 1.0, 0.0, false);
+        assert_eq!(
+            [1e7, 5e-3].map(|correction| monitor.observe(correction)),
+            [Continue, Converged]
+        );
+        assert!(monitor.eta() >= UNTOLD && monitor.contraction().is_none());
+    }
+
     #[test]
     fn the_last_allowed_iteration_is_judged_and_halves_the_step() {
         let mut monitor = NewtonMonitor::start(
             NewtonControl { max_iterations: 2, ..NewtonControl::default() },
             1.0,
             0.0,
+            true,
         );
         assert_eq!(monitor.observe(1.0), Continue);
         assert_eq!(monitor.observe(0.2), Slow { ratio: 0.5 });
@@ -203,7 +233,7 @@ mod tests {
 
     #[test]
     fn to_round_off_stops_where_corrections_stop_falling() {
-        let mut monitor = NewtonMonitor::start(NewtonControl::to_round_off(), 1.0, 1e-14);
+        let mut monitor = NewtonMonitor::start(NewtonControl::to_round_off(), 1.0, 1e-14, true);
         for correction in [1.0, 1e-3, 1e-6, 1e-9, 1e-12] {
             assert_eq!(monitor.observe(correction), Continue);
         }
@@ -214,7 +244,8 @@ mod tests {
     fn what_is_kept_of_a_matrix_does_not_depend_on_noise() {
         // Round-off of 1e-12 of the state: noise of evaluations up to 1e-7.
         let kept = |corrections: [f64; 2]| {
-            let mut monitor = NewtonMonitor::start(NewtonControl::default(), f64::INFINITY, 1e-12);
+            let mut monitor =
+                NewtonMonitor::start(NewtonControl::default(), f64::INFINITY, 1e-12, true);
             for correction in corrections {
                 monitor.observe(correction);
             }
@@ -229,7 +260,7 @@ mod tests {
 
     #[test] // at rest the floor is zero, and accelerations are found to their round-off only
     fn noise_about_a_state_at_rest_is_no_divergence() {
-        let mut monitor = NewtonMonitor::start(NewtonControl::to_round_off(), 1.0, 0.0);
+        let mut monitor = NewtonMonitor::start(NewtonControl::to_round_off(), 1.0, 0.0, true);
         for correction in [1.0, 1e-6, 1e-12] {
             assert_eq!(monitor.observe(correction), Continue);
         }

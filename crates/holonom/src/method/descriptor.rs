@@ -225,6 +225,18 @@ impl LinearizedOde for Descriptor {
         self.filter(x);
     }
 
+    fn turns(&self) -> bool {
+        self.base.newton.aligns()
+    }
+
+    fn turn(&mut self, stage: usize, change: &mut [f64]) {
+        self.base.turn_to(stage, change);
+    }
+
+    fn turn_back(&mut self, change: &mut [f64]) {
+        self.base.turn_from_halfway(change);
+    }
+
     fn time_derivative(&mut self, _g_t: &mut [f64]) -> Result<(), EvaluationFailure> {
         Err(EvaluationFailure::new(
             "simulation/second-order-only",

@@ -237,6 +237,29 @@ impl<M: Matrix> FirstOrder<M> {
         self.stage.resize(ndof);
     }
 
+    /// Turns a change of w from where the matrix belongs to this stage.
+    pub(super) fn turn_to(&mut self, stage: usize, change: &mut [f64]) {
+        let (positions, rest) = change.split_at_mut(self.rates.len());
+        self.newton.turn(stage, positions);
+        self.newton.turn(stage, rest);
+    }
+
+    /// Turns a change of w to where the matrix belongs, and the first stage with it, from halfway through the step: there the
+    /// matrix is right to the second order of the turn.
+    pub(super) fn turn_from_halfway(&mut self, change: &mut [f64]) {
+        if !std::mem::replace(&mut self.halfway, true) {
+            let Point { manifold, state, anchor, .. } = &self.point;
+            let per_body = manifold.system().structure().sizes.per_body;
+            let between = self.dq.chunks_exact_mut(per_body);
+            let ends = anchor.chunks_exact(per_body).zip(state.q.chunks_exact(per_body));
+            between.zip(ends).for_each(|(out, (a, b))| halfway(a, b, out));
+            self.newton.align(0, manifold, &self.dq);
+        }
+        let (positions, rest) = change.split_at_mut(self.rates.len());
+        self.newton.turn_back(0, positions);
+        self.newton.turn_back(0, rest);
+    }
+
     /// Factors M̂ + γh M̂₁' + βh² M̂₂': Π for β = γ², and Ψ of the state-space method.
     pub(super) fn factor_matrix(
         &mut self,
@@ -386,24 +409,11 @@ impl<M: FirstOrderMatrix> LinearizedOde for FirstOrder<M> {
     }
 
     fn turn(&mut self, stage: usize, change: &mut [f64]) {
-        let (positions, rest) = change.split_at_mut(self.rates.len());
-        self.newton.turn(stage, positions);
-        self.newton.turn(stage, rest);
+        self.turn_to(stage, change);
     }
 
-    /// Halfway through the step: there the matrix is right to the second order of the turn.
     fn turn_back(&mut self, change: &mut [f64]) {
-        if !std::mem::replace(&mut self.halfway, true) {
-            let Point { manifold, state, anchor, .. } = &self.point;
-            let per_body = manifold.system().structure().sizes.per_body;
-            let between = self.dq.chunks_exact_mut(per_body);
-            let ends = anchor.chunks_exact(per_body).zip(state.q.chunks_exact(per_body));
-            between.zip(ends).for_each(|(out, (a, b))| halfway(a, b, out));
-            self.newton.align(0, manifold, &self.dq);
-        }
-        let (positions, rest) = change.split_at_mut(self.rates.len());
-        self.newton.turn_back(0, positions);
-        self.newton.turn_back(0, rest);
+        self.turn_from_halfway(change);
     }
 
     fn solve_complex(&mut self, x: &mut [f64], y: &mut [f64]) {

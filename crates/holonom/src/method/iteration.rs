@@ -49,15 +49,17 @@ pub struct Iteration<'a> {
 
 impl Iteration<'_> {
     /// Corrects system `i` until the iteration has converged or failed, and returns the number of
-    /// corrections. `correct` makes one, writes it and returns its weighted norm, which reaches the
-    /// end of the step `effect` times as large.
+    /// corrections. It starts from what is `foreseen` of it, or from nothing. `correct` makes one, writes it and returns
+    /// its weighted norm, which reaches the end of the step `effect` times as large.
     pub(super) fn converge(
         &mut self,
         i: usize,
         effect: f64,
+        foreseen: bool,
         mut correct: impl FnMut(&mut [f64]) -> Result<f64, EvaluationFailure>,
     ) -> Result<u32, Failure> {
-        let mut monitor = NewtonMonitor::start(self.control, self.eta[i], effect * self.floor);
+        let mut monitor =
+            NewtonMonitor::start(self.control, self.eta[i], effect * self.floor, foreseen);
         let verdict = loop {
             let norm = correct(self.change).inspect_err(|_| self.eta[i] = 1.0)?;
             self.report.iterations += 1;

@@ -227,7 +227,8 @@ impl Stages for NystromStages {
             }
             let effect = self.formula.effect(i);
             let correct = |change: &mut [f64]| self.correct(i, ode, step, change);
-            last_stage = iteration.converge(i, effect, correct)?;
+            // From accelerations, at the start if nowhere else.
+            last_stage = iteration.converge(i, effect, true, correct)?;
             self.finish_stage(i, ode, step.h)?;
         }
         Ok(last_stage)

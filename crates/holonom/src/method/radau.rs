@@ -197,7 +197,8 @@ impl Stages for RadauStages {
         iteration: &mut Iteration<'_>,
     ) -> Result<u32, Failure> {
         self.predict(step.h, iteration.before);
-        iteration.converge(0, 1.0, |change| self.correct(ode, step, change))
+        let foreseen = iteration.before.is_some();
+        iteration.converge(0, 1.0, foreseen, |change| self.correct(ode, step, change))
     }
 
     /// γ₀h g₀ + Σ eᵢ zᵢ, to be multiplied by (I − γ₀hJ)⁻¹.

@@ -139,7 +139,9 @@ impl Stages for SdirkStages {
             self.predict(i, step.h, iteration.before);
             let effect = self.formula.effect(i);
             let correct = |change: &mut [f64]| self.correct(i, ode, step, change);
-            last_stage = iteration.converge(i, effect, correct)?;
+            // Later stages start from those before.
+            let foreseen = i > 0 || iteration.before.is_some();
+            last_stage = iteration.converge(i, effect, foreseen, correct)?;
         }
         Ok(last_stage)
     }

@@ -136,7 +136,8 @@ pub(super) struct Engine<A: Algebra<N, W>, const N: usize, const W: usize> {
     /// Scratch: rows of the closures, coordinates, motions of bodies.
     pub(super) rows: Vec<f64>,
     pub(super) along: Vec<f64>,
-    pub(super) generalized: Vec<f64>,
+    /// Scratch: what joints exert along the Euler parameters of each body.
+    pub(super) normal: Vec<f64>,
     pub(super) zero_rates: Vec<f64>,
     pub(super) before: Vec<f64>,
     pub(super) change: Vec<f64>,
@@ -325,7 +326,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             gradients: vec![0.0; closures.all.iter().map(|c| c.count * 2 * N).sum()],
             rows: vec![0.0; rows],
             along: vec![0.0; n],
-            generalized: vec![0.0; system.structure().sizes.coordinates],
+            normal: vec![0.0; system.structure().sizes.bodies],
             zero_rates: vec![0.0; parametrization.ndof],
             subtrees: None,
             articulated: vec![Articulated::zero(); edges.len()],

@@ -34,68 +34,47 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let structure = system.structure();
         // What joints exert along Euler parameters, which bodies do not feel, is up to the normalizations.
         let normalized = structure.normalization_start < structure.sizes.rows;
-        self.generalized.fill(0.0);
-        let mut gradients = [[0.0; 6 * 14]; 2];
-        let mut places = [0; 2];
+        let first = structure.sizes.translations;
+        self.normal.fill(0.0);
+        let length = system.characteristic_length();
+        let mut gradient = [0.0; 6 * 14];
+        let mut felt = [[0.0; W]; MOST_ROWS];
+        let mut forces = [0.0; MOST_ROWS];
+        let mut normal = [[0.0; 2]; MOST_ROWS];
         for edge in &*self.edges {
             let Some(joint) = edge.joint else { continue };
-            let o = A::center(pose(q, edge.body));
-            let mut felt = [[0.0; W]; MOST_ROWS];
-            let mut rows = [0; MOST_ROWS];
-            let mut count = 0;
+            let place = pose(q, edge.body);
+            let o = A::center(place);
             let both = [Some(joint), edge.driver];
-            for (joint, gradient) in both.into_iter().flatten().zip(&mut gradients) {
-                places[usize::from(count > 0)] = joint;
+            let mut count = 0;
+            for joint in both.into_iter().flatten() {
                 let placed = &structure.joints[joint];
                 let gradient = &mut gradient[..placed.rows * 2 * N];
                 system.joint_gradient(joint, q, gradient);
                 let side = usize::from(placed.bodies[1] == Some(edge.body));
-                for (k, own) in gradient.chunks_exact(2 * N).enumerate() {
-                    felt[count] = A::wrench(pose(q, edge.body), &o, pose(own, side));
-                    rows[count] = placed.row + k;
+                for own in gradient.chunks_exact(2 * N) {
+                    felt[count] = A::scaled(&A::wrench(place, &o, pose(own, side)), 1.0 / length);
+                    if normalized {
+                        normal[count] = normal_parts::<N>(first, q, placed.bodies, own);
+                    }
                     count += 1;
                 }
             }
-            let length = system.characteristic_length();
             let wrench = A::moved(&self.wrench[edge.body], &self.origin[edge.body], &o);
-            let weigh = |w: &[f64; W]| A::scaled(w, 1.0 / length);
-            let (felt, wrench) = (felt.map(|w| weigh(&w)), weigh(&wrench));
-            let mut square = [[0.0; MOST_ROWS]; MOST_ROWS];
-            let mut right = [0.0; MOST_ROWS];
-            for i in 0..count {
-                right[i] = -dot(&felt[i], &wrench);
-                for j in 0..=i {
-                    square[i][j] = dot(&felt[i], &felt[j]);
-                }
-            }
-            if !factor(&mut square, count) {
+            let wrench = A::scaled(&wrench, 1.0 / length);
+            let forces = &mut forces[..count];
+            if !hold(&felt, wrench, forces) {
                 return false;
             }
-            substitute(&square, count, &mut right);
-            // Once more with what is left: the square has lost half the digits.
-            let mut left = wrench;
-            for (felt, x) in felt.iter().zip(&right).take(count) {
-                add(&mut left, *x, felt);
-            }
-            let mut again = [0.0; MOST_ROWS];
-            for (again, felt) in again.iter_mut().zip(&felt).take(count) {
-                *again = -dot(felt, &left);
-            }
-            substitute(&square, count, &mut again);
-            for k in 0..count {
-                lambda[rows[k]] = right[k] + again[k];
-            }
-            let used = if normalized { both.iter().flatten().count() } else { 0 };
-            for (gradient, joint) in gradients.iter().zip(places).take(used) {
+            let mut rest = forces.iter().zip(&normal);
+            for joint in both.into_iter().flatten() {
                 let placed = &structure.joints[joint];
-                let rows = gradient.chunks_exact(2 * N).take(placed.rows).enumerate();
-                for (k, own) in rows {
-                    subtract::<N>(
-                        &mut self.generalized,
-                        placed.bodies,
-                        lambda[placed.row + k],
-                        own,
-                    );
+                let own = &mut lambda[placed.row..][..placed.rows];
+                for (lambda, (force, normal)) in own.iter_mut().zip(rest.by_ref()) {
+                    *lambda = *force;
+                    if normalized {
+                        take(&mut self.normal, placed.bodies, *force, normal);
+                    }
                 }
             }
         }
@@ -103,19 +82,16 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             return true;
         }
         for closure in &self.closures.all {
-            if let Origin::Joint(joint) = closure.origin {
-                let gradient = &mut gradients[0][..closure.count * 2 * N];
-                system.joint_gradient(joint, q, gradient);
-                for (row, global) in &closure.rows {
-                    let own = &gradient[row * 2 * N..][..2 * N];
-                    subtract::<N>(&mut self.generalized, closure.ends, lambda[*global], own);
-                }
+            let Origin::Joint(joint) = closure.origin else { continue };
+            let gradient = &mut gradient[..closure.count * 2 * N];
+            system.joint_gradient(joint, q, gradient);
+            for (row, global) in &closure.rows {
+                let own = &gradient[row * 2 * N..][..2 * N];
+                let normal = normal_parts::<N>(first, q, closure.ends, own);
+                take(&mut self.normal, closure.ends, lambda[*global], &normal);
             }
         }
-        let first = structure.sizes.translations;
-        for b in 0..structure.sizes.bodies {
-            let (p, force) = (&q[b * N + first..(b + 1) * N], &self.generalized[b * N + first..]);
-            let along = p.iter().zip(force).map(|(p, f)| p * f).sum::<f64>();
+        for (b, along) in self.normal.iter().enumerate() {
             // Twice the energy of the turning, for which p̈ has a part along p.
             let (y, BodyInertia { turned, .. }) = (&self.twist[b], &self.inertias[b]);
             let turning = dot(y, &A::inertia_about_center(0.0, turned, y));
@@ -125,12 +101,71 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     }
 }
 
-/// Takes λ times a row from the forces on its two bodies.
-fn subtract<const N: usize>(out: &mut [f64], ends: [Option<usize>; 2], lambda: f64, row: &[f64]) {
-    for (own, body) in row.chunks_exact(N).zip(ends) {
-        let Some(b) = body else { continue };
-        for (out, x) in out[b * N..].iter_mut().zip(own) {
-            *out -= lambda * x;
+/// Multipliers by which rows hold a body against a wrench; `false` where they depend on each other.
+fn hold<const W: usize>(
+    rows: &[[f64; W]; MOST_ROWS],
+    wrench: [f64; W],
+    multipliers: &mut [f64],
+) -> bool {
+    match multipliers.len() {
+        0 => true,
+        1 => hold_by::<1, W>(rows, wrench, multipliers),
+        2 => hold_by::<2, W>(rows, wrench, multipliers),
+        3 => hold_by::<3, W>(rows, wrench, multipliers),
+        4 => hold_by::<4, W>(rows, wrench, multipliers),
+        5 => hold_by::<5, W>(rows, wrench, multipliers),
+        6 => hold_by::<6, W>(rows, wrench, multipliers),
+        _ => hold_by::<MOST_ROWS, W>(rows, wrench, multipliers),
+    }
+}
+
+fn hold_by<const C: usize, const W: usize>(
+    rows: &[[f64; W]; MOST_ROWS],
+    wrench: [f64; W],
+    multipliers: &mut [f64],
+) -> bool {
+    let mut square = [[0.0; C]; C];
+    for i in 0..C {
+        for j in 0..=i {
+            square[i][j] = dot(&rows[i], &rows[j]);
+        }
+    }
+    if !factor(&mut square, C) {
+        return false;
+    }
+    // Once more with what is left: the square has lost half the digits.
+    let (mut left, mut sum) = (wrench, [0.0; C]);
+    for _ in 0..2 {
+        let mut right: [f64; C] = std::array::from_fn(|i| -dot(&rows[i], &left));
+        substitute(&square, C, &mut right);
+        for i in 0..C {
+            sum[i] += right[i];
+            add(&mut left, right[i], &rows[i]);
+        }
+    }
+    multipliers.copy_from_slice(&sum);
+    true
+}
+
+/// Parts along the Euler parameters, which begin at `first`, of the bodies of a row on their coordinates.
+fn normal_parts<const N: usize>(
+    first: usize,
+    q: &[f64],
+    ends: [Option<usize>; 2],
+    row: &[f64],
+) -> [f64; 2] {
+    std::array::from_fn(|side| {
+        let Some(b) = ends[side] else { return 0.0 };
+        let (p, own): (&[f64; N], &[f64; N]) = (pose(q, b), pose(row, side));
+        p[first..].iter().zip(&own[first..]).map(|(p, x)| p * x).sum()
+    })
+}
+
+/// Takes λ times the parts of a row from those of the forces on its two bodies.
+fn take(out: &mut [f64], ends: [Option<usize>; 2], lambda: f64, parts: &[f64; 2]) {
+    for (part, body) in parts.iter().zip(ends) {
+        if let Some(b) = body {
+            out[b] -= lambda * part;
         }
     }
 }
