@@ -3,6 +3,7 @@
 use super::carried_explicitly::{MOST_EVALUATIONS, MOST_WAITING, Serving};
 use super::options::Options;
 use super::problem::Problem;
+use super::statistics::RunWarning;
 use super::unseen_growth::LongestStep;
 use crate::method::stepper::Stepper;
 use crate::method::{StateSpace, Weights};
@@ -70,6 +71,9 @@ pub(super) struct CarriedError {
     /// Whether the error stands on coordinates and velocities as it is.
     #[serde(skip)]
     spread: bool,
+    /// What the energy that is missing at the end of the run lets fear.
+    #[serde(skip)]
+    pub(super) behind: Option<RunWarning>,
     /// Of runs that are not too large.
     #[serde(default)]
     pub(super) longest: Option<LongestStep>,
@@ -108,6 +112,7 @@ impl CarriedError {
             speeds: weights.speeds(&start.v).collect(),
             room: vec![0.0; dimension],
             spread: false,
+            behind: None,
             longest: LongestStep::new(dimension, start),
         }
     }
@@ -171,13 +176,14 @@ impl CarriedError {
         self.unsure += contraction / stepper.filter_part();
     }
 
-    /// The longest step, s, by which a second run is to tell, if it is suspicious or steps may not have shown what
-    /// grows.
+    /// The longest step, s, by which a second run is to tell, if it is suspicious, energy is missing that lets fear for what
+    /// turns, or steps may not have shown what grows.
     pub(super) fn longest_step_to_tell(&self, problem: &Problem, options: &Options) -> Option<f64> {
         let started = self.milestones.start.t;
         let longest = self.longest.as_ref();
         let hidden = longest.and_then(|step| step.hides_growth(problem, options, started));
-        hidden.or(self.is_suspicious().then_some(f64::INFINITY))
+        let asked = self.is_suspicious() || self.behind.is_some();
+        hidden.or(asked.then_some(f64::INFINITY))
     }
 
     /// The equations are set up anew: there is no matrix of theirs.

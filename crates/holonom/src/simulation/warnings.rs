@@ -12,13 +12,14 @@ const LARGEST_IMBALANCE: f64 = 0.005;
 const TOLERANCES: f64 = 10.0;
 /// Tolerances that bodies may be behind by the energy that is missing.
 const LARGEST_DRIFT: f64 = 30.0;
+/// Code of missing energy.
+pub(super) const IMBALANCE: &str = "simulation/energy-imbalance";
 /// Redundant constraints that a warning names.
 const REDUNDANT_SHOWN: usize = 8;
 /// Chosen velocities that a warning names.
 const CHOSEN_SHOWN: usize = 8;
 
-/// Warnings of a run with the redundant rows `dropped`; an imbalance of `negligible` joules says nothing, `drift` is
-/// that of [`super::drift`] in tolerances.
+/// Warnings of a run with the redundant rows `dropped`; an imbalance of `negligible` joules says nothing.
 pub(super) fn warnings(
     system: &dyn System,
     dropped: &[usize],
@@ -26,7 +27,6 @@ pub(super) fn warnings(
     s: &Statistics,
     e: &EnergySummary,
     negligible: f64,
-    drift: f64,
     options: &Options,
 ) -> Vec<RunWarning> {
     let mut out = Vec::new();
@@ -68,19 +68,25 @@ pub(super) fn warnings(
             e.moved,
             100.0 * share
         );
-        out.push(RunWarning { code: "simulation/energy-imbalance", message });
-    } else if drift > LARGEST_DRIFT {
-        let coordinates =
-            if options.parametrization == Choice::Tree { "" } else { " use tree coordinates," };
-        let message = format!(
-            "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what \
-                 turns many times this adds up to about {:.0} tolerances of an angle or of a place along a \
-                 path, and to more where small errors grow: tighten the tolerance,{coordinates} or measure the error with `certify`",
-            e.largest_imbalance, e.moved, drift
-        );
-        out.push(RunWarning { code: "simulation/energy-imbalance", message });
+        out.push(RunWarning { code: IMBALANCE, message });
     }
     out
+}
+
+/// What turns is far behind by the energy that is missing: `drift` is that of [`super::drift`], in tolerances. Where a
+/// second run can tell, it is asked first: what was lost at the start, or by what does not turn, is behind nothing.
+pub(super) fn behind(e: &EnergySummary, drift: f64, options: &Options) -> Option<RunWarning> {
+    let coordinates =
+        if options.parametrization == Choice::Tree { "" } else { " use tree coordinates," };
+    let message = || {
+        format!(
+            "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what \
+                 turns many times this adds up to about {drift:.0} tolerances of an angle or of a place along a \
+                 path, and to more where small errors grow: tighten the tolerance,{coordinates} or measure the error with `certify`",
+            e.largest_imbalance, e.moved
+        )
+    };
+    (drift > LARGEST_DRIFT).then(|| RunWarning { code: IMBALANCE, message: message() })
 }
 
 /// Says which initial velocities nothing determines.

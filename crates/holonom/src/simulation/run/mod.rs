@@ -127,21 +127,24 @@ fn begin(
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
     let (mut summary, carried) = once(problem, options, start, "running", SUSPICIOUS, sink)?;
-    if let Some(carried) = carried
-        && summary.status == Status::Completed
-    {
+    let Some(carried) = carried else { return Ok(summary) };
+    if summary.status == Status::Completed {
         let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
         let left = || limit.map(|limit| limit.saturating_sub(begun.passed()));
         let checked = Stopwatch::start();
         // Where this is given up, the run is whole all the same.
         let look = || stage("checking", || carried.longest_step_to_tell(problem, options));
-        if let Ok(Some(most)) = within(left(), look) {
-            let found = second_run::compare(problem, options, &carried, most, left(), sink);
-            summary.warnings.extend(found);
-        }
+        let found = match within(left(), look) {
+            Ok(Some(most)) => second_run::compare(problem, options, &carried, most, left(), sink),
+            Ok(None) => None,
+            Err(_) => carried.behind,
+        };
+        summary.warnings.extend(found);
         let took = checked.elapsed();
         summary.statistics.run_seconds += took.wall.as_secs_f64();
         summary.statistics.run_cpu_seconds += took.processor.as_secs_f64();
+    } else {
+        summary.warnings.extend(carried.behind);
     }
     Ok(summary)
 }

@@ -8,7 +8,7 @@ use crate::simulation::diagnosis::{Stop, Suspects, diagnose};
 use crate::simulation::output::CHUNK_STEPS;
 use crate::simulation::statistics::{Status, StopReason};
 use crate::simulation::trajectory::{EventKind, EventRecord, Flow, StepOutcome, StepRecord};
-use crate::simulation::warnings::warnings;
+use crate::simulation::warnings::{IMBALANCE, behind, warnings};
 use crate::watch::within;
 use std::time::{Duration, Instant};
 
@@ -133,8 +133,13 @@ impl Run<'_> {
         let (dropped, ndof) = (&chart.parametrization().dropped, chart.ndof());
         let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
         let negligible = self.energy_scale.negligible(system, tolerance);
-        self.warnings =
-            warnings(system, dropped, ndof, s, e, negligible, self.drift.largest(), self.options);
+        self.warnings = warnings(system, dropped, ndof, s, e, negligible, self.options);
+        let missing = self.warnings.iter().any(|warning| warning.code == IMBALANCE);
+        let behind = behind(e, self.drift.largest(), self.options).filter(|_| !missing);
+        match &mut self.carried {
+            Some(carried) => carried.behind = behind,
+            None => self.warnings.extend(behind),
+        }
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
                 Err(Stop::Sink(message))
