@@ -3,10 +3,11 @@
 //! Newmark's formula with γ > ½ damps an undamped oscillator: at a fixed step the energy that is lost
 //! follows from the recurrence of one scalar, written out here.
 
+use crate::common::integrate::tight;
 use crate::common::{model_of, options, run_model};
 use holonom::method::{Code, Newmark};
 use holonom::model::{Model, Tolerance};
-use holonom::simulation::{Options, Summary};
+use holonom::simulation::{Options, OutputTimes, Summary};
 
 /// s
 const STEP: f64 = 0.01;
@@ -157,7 +158,7 @@ disc = { angle = 1.0 }
     );
     let run = Options {
         channels: vec!["disc.angle".into()],
-        output: holonom::simulation::OutputTimes::Interval(1.0),
+        output: OutputTimes::Interval(1.0),
         ..options(Code::ForRadau, 1e-4, 60.0)
     };
     let outcome = run_model(&model, &run);
@@ -165,4 +166,50 @@ disc = { angle = 1.0 }
         assert!((angle - (10.0 * t).cos()).abs() < 3.0 * 3e-4, "{angle} at {t}");
     }
     assert!(outcome.summary.warnings.is_empty(), "{:?}", outcome.summary.warnings);
+}
+
+#[test] // independent truth: M ẍ + c ẋ + k x = m e ω² cos ωt by DOP853
+fn what_a_start_has_lost_is_not_taken_for_what_turns() {
+    const SPEED: f64 = 60.0;
+    const END: f64 = 20.0;
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+hub = {{ mass = 1.0, inertia = 0.01, position = [0.0, 0.0] }}
+rotor = {{ mass = 2.0, inertia = 0.1, position = [0.0, 0.0], center_of_mass = [0.01, 0.0] }}
+[joints]
+rail = {{ type = "translational", between = ["ground", "hub"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+shaft = {{ type = "revolute", between = ["hub", "rotor"], point = [0.0, 0.0] }}
+[forces]
+mount = {{ type = "tsda", between = ["ground", "hub"], points = [[-1.0, 0.0], [0.0, 0.0]], stiffness = 5e5, damping = 100.0, free_length = 1.0 }}
+[drivers]
+motor = {{ joint = "shaft", coordinate = "rotation", motion = {{ type = "polynomial", coefficients = [0.0, {SPEED:?}] }} }}
+"#
+    ));
+    let times: Vec<f64> = (0..=400).map(|k| END / 400.0 * f64::from(k)).collect();
+    let rate = |t: f64, y: &[f64]| {
+        let force = 2.0 * 0.01 * SPEED * SPEED * (SPEED * t).cos();
+        vec![y[1], (force - 100.0 * y[1] - 5e5 * y[0]) / 3.0]
+    };
+    let truth = tight(&rate, &[0.0, 0.0], &times);
+    for (code, tolerance) in [
+        (Code::ForRadau, 1e-3),
+        (Code::ForSdirk, 1e-2),
+        (Code::ForSdirk, 1e-3),
+        (Code::ForSdirk, 1e-4),
+    ] {
+        let options = Options {
+            channels: vec!["hub.position".to_owned()],
+            output: OutputTimes::Interval(END / 400.0),
+            ..options(code, tolerance, END)
+        };
+        let outcome = run_model(&model, &options);
+        let found = outcome.series("hub.position", 0);
+        let off = found.iter().zip(&truth).fold(0.0f64, |most, (x, y)| most.max((x - y[0]).abs()));
+        assert!(off < tolerance, "{code:?} at {tolerance:e}: {off:e} m");
+        assert_eq!(warning(&outcome.summary), None, "{code:?} at {tolerance:e}");
+    }
 }
