@@ -6,8 +6,8 @@ use crate::common::integrate::space::{
 };
 use crate::common::integrate::{dop853, tight};
 use crate::common::table::{
-    Bounds, Case, DEFAULT, Kind, TOLERANCES, Table, Truth, all_codes, error, implicit, line, measure,
-    run_everything, times, truth,
+    Bounds, Case, DEFAULT, Kind, TOLERANCES, Table, Truth, all_codes, error, implicit, line,
+    measure, run_everything, times, truth,
 };
 use crate::common::{model_of, options, run_model};
 use holonom::method::{Code, DEFAULT_CODE};
