@@ -4,7 +4,8 @@ use crate::control::{StepControl, StepHistory, StepVerdict};
 use crate::formula::ExplicitRungeKutta;
 use crate::method::ode::{EvaluationFailure, LinearizedOde};
 use crate::method::stepper::{
-    Rejection, Slope, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics, add_scaled,
+    Norm, Rejection, Slope, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics,
+    add_scaled,
 };
 use std::ops::Range;
 
@@ -163,6 +164,35 @@ impl ExplicitRungeKuttaStepper {
         h * plain.min(second)
     }
 
+    /// How far the polynomial of the first terms misses the slope of the equations halfway through the step just accepted, as a
+    /// change over it; infinite where there is none. Source: `docs/theory/formula.md` (16b).
+    fn defect(
+        &mut self,
+        terms: usize,
+        slope: &mut Slope<'_>,
+        norm: &mut Norm<'_>,
+        (t, h): (f64, f64),
+    ) -> f64 {
+        let [mut w, mut rate, mut found] = [1, 2, 3].map(|k| std::mem::take(&mut self.k[k]));
+        w.fill(0.0);
+        rate.fill(0.0);
+        for (m, term) in self.current.terms[..terms].iter().enumerate().rev() {
+            let sign = if m % 2 == 0 { 1.0 } else { -1.0 };
+            for ((w, rate), term) in w.iter_mut().zip(&mut rate).zip(term) {
+                let inner = *w + term;
+                *rate = sign * inner + 0.5 * *rate;
+                *w = 0.5 * inner;
+            }
+        }
+        add_scaled(&mut w, 1.0, &self.current.start);
+        self.statistics.derivatives += 1;
+        let outcome = slope(t + 0.5 * h, &w, &mut found);
+        add_scaled(&mut rate, -h, &found);
+        let defect = if outcome.is_ok() { norm(&rate) } else { f64::INFINITY };
+        [self.k[1], self.k[2], self.k[3]] = [w, rate, found];
+        defect
+    }
+
     /// Stores the end of the step, and its dense output where no further stages are needed.
     fn finish(&mut self, t: f64, h: f64, w: &[f64]) {
         let formula = self.formula;
@@ -275,7 +305,13 @@ impl Stepper for ExplicitRungeKuttaStepper {
         StepEnd { w: &last.end, slope: &last.slope }
     }
 
-    fn complete_step(&mut self, slope: &mut Slope<'_>) -> Result<(), EvaluationFailure> {
+    /// Steps that something stiff holds back end in what it damps, but slopes inside them tell little of the motion: where the
+    /// cubic polynomial through both ends misses the equations by less, it is the dense output.
+    fn complete_step(
+        &mut self,
+        slope: &mut Slope<'_>,
+        norm: &mut Norm<'_>,
+    ) -> Result<(), EvaluationFailure> {
         let Some((t, h)) = self.open.take() else { return Ok(()) };
         let formula = self.formula;
         let start = std::mem::take(&mut self.current.start);
@@ -283,6 +319,12 @@ impl Stepper for ExplicitRungeKuttaStepper {
         self.current.start = start;
         for (term, d) in self.current.terms[OF_ENDS..].iter_mut().zip(formula.d) {
             combine(term, h, d, &self.k);
+        }
+        if found.is_ok() {
+            let all = self.defect(self.current.terms.len(), slope, norm, (t, h));
+            if all.is_nan() || (all > 1.0 && self.defect(OF_ENDS, slope, norm, (t, h)) < all) {
+                self.current.terms[OF_ENDS..].iter_mut().for_each(|term| term.fill(0.0));
+            }
         }
         found
     }

@@ -7,6 +7,9 @@ use serde::{Deserialize, Serialize};
 /// g(t, w) into its last argument.
 pub type Slope<'a> = dyn FnMut(f64, &[f64], &mut [f64]) -> Result<(), EvaluationFailure> + 'a;
 
+/// Norm of a change of w, in tolerances.
+pub type Norm<'a> = dyn FnMut(&[f64]) -> f64 + 'a;
+
 /// Why an attempt was rejected.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Rejection {
@@ -301,11 +304,15 @@ pub trait Stepper: Send {
     fn end(&self) -> StepEnd<'_>;
 
     /// Evaluates by `slope`, g(t, w), what [`Stepper::interpolate`] and [`Stepper::polynomial`] need of the last accepted step beyond its
-    /// stages: to be called before them, and before the next attempt.
+    /// stages: to be called before them, and before the next attempt. What is off is judged by `norm`.
     ///
     /// # Errors
     /// As [`Ode::derivative`].
-    fn complete_step(&mut self, _slope: &mut Slope<'_>) -> Result<(), EvaluationFailure> {
+    fn complete_step(
+        &mut self,
+        _slope: &mut Slope<'_>,
+        _norm: &mut Norm<'_>,
+    ) -> Result<(), EvaluationFailure> {
         Ok(())
     }
 

@@ -238,7 +238,8 @@ pub(crate) fn run_with(
         ode.set_weights(&w);
         let report = stepper.attempt(ode, t, step, &w, &g);
         if report.accepted {
-            stepper.complete_step(&mut |t, w, g| ode.derivative(t, w, g)).unwrap();
+            let norm = &mut |x: &[f64]| x.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+            stepper.complete_step(&mut |t, w, g| ode.derivative(t, w, g), norm).unwrap();
         }
         each(stepper, ode, &report, t, step);
         h = report.next_step;

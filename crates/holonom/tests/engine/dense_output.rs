@@ -491,3 +491,49 @@ fn steps_whose_rotations_were_along_other_axes_are_refused() {
         assert_eq!(DenseOutput::new(&problem, segments).is_err(), refused, "{axes}");
     }
 }
+
+#[test] // independent truth: two links thrown as one body turn as one, at 1 rad/s
+fn rows_of_explicit_codes_are_right_where_something_stiff_is_at_rest() {
+    let pair = |damping: f64, inertia: f64| {
+        model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+a = {{ mass = 0.94, inertia = {inertia:e}, position = [0.01, 0.0] }}
+b = {{ mass = 20.0, inertia = 5e-4, position = [0.03, 0.0] }}
+[joints]
+hinge = {{ type = "revolute", between = ["a", "b"], point = [0.02, 0.0] }}
+[forces]
+spring = {{ type = "rsda", between = ["a", "b"], stiffness = 1.3, damping = {damping:e} }}
+[initial.bodies]
+a = {{ velocity = [-2.0, 6.0], angular_velocity = 1.0 }}
+b = {{ velocity = [-2.0, 6.02], angular_velocity = 1.0 }}
+"#
+        ))
+    };
+    let mut table = Table::new("two links that turn as one, by explicit codes");
+    for (damping, inertia) in [(0.1, 2e-5), (0.02, 2e-5), (0.3, 5e-5), (0.1, 1e-4)] {
+        let model = pair(damping, inertia);
+        for code in CODES.iter().filter(|info| info.family == "explicit").map(|info| info.code) {
+            for tolerance in [1e-2, 1e-3, 1e-4, 1e-5] {
+                let asked = Options {
+                    channels: vec!["a.angular_velocity".to_owned(), "a.angle".to_owned()],
+                    output: OutputTimes::Interval(2e-3),
+                    ..options(code, tolerance, 0.8)
+                };
+                let outcome = run_model(&model, &asked);
+                let worst = |channel: &str, truth: &dyn Fn(f64) -> f64| {
+                    let rows = outcome.times().iter().zip(outcome.series(channel, 0));
+                    rows.fold(0.0f64, |most, (t, x)| most.max((x - truth(*t)).abs())) / tolerance
+                };
+                let off = [worst("a.angle", &|t| t), worst("a.angular_velocity", &|_| 1.0)];
+                table.claim(off[0] < 1.0 && off[1] < 60.0, || {
+                    format!("{code:?} at {tolerance:e}, damping {damping}: {off:?} tolerances")
+                });
+            }
+        }
+    }
+    table.finish();
+}

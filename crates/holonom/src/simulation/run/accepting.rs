@@ -43,9 +43,10 @@ impl Run<'_> {
             || !self.form.integrates_powers()
             || self.may_pass_over(t, step, t_end)
         {
-            let Self { stepper, recorder, state, .. } = self;
+            let Self { stepper, recorder, state, form, .. } = self;
+            let norm = &mut |change: &[f64]| form.norm(change);
             let slope = &mut |t: f64, w: &[f64], g: &mut [f64]| recorder.slope_at(t, w, g);
-            stepper.complete_step(slope).inspect_err(|_| stepper.discard())?;
+            stepper.complete_step(slope, norm).inspect_err(|_| stepper.discard())?;
             recorder.begin_again(state);
         }
         self.look_inside(t, step, t_end);
