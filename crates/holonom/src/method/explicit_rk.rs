@@ -11,6 +11,10 @@ use std::ops::Range;
 
 /// Terms of dense output that follow from the ends of a step.
 const OF_ENDS: usize = 3;
+/// Part of a step at which dense output is held against the equations: the cubic polynomial of the ends misses their slope most there.
+const LOOKED_AT: f64 = 0.21;
+/// Part of the defect of all terms that that of the first ones must be, to be taken instead.
+const BETTER: f64 = 0.1;
 /// The largest degree of dense output.
 const LARGEST_DEGREE: usize = 7;
 
@@ -164,7 +168,7 @@ impl ExplicitRungeKuttaStepper {
         h * plain.min(second)
     }
 
-    /// How far the polynomial of the first terms misses the slope of the equations halfway through the step just accepted, as a
+    /// How far the polynomial of the first terms misses the slope of the equations inside the step just accepted, as a
     /// change over it; infinite where there is none. Source: `docs/theory/formula.md` (16b).
     fn defect(
         &mut self,
@@ -177,16 +181,17 @@ impl ExplicitRungeKuttaStepper {
         w.fill(0.0);
         rate.fill(0.0);
         for (m, term) in self.current.terms[..terms].iter().enumerate().rev() {
-            let sign = if m % 2 == 0 { 1.0 } else { -1.0 };
+            let (factor, sign) =
+                if m % 2 == 0 { (LOOKED_AT, 1.0) } else { (1.0 - LOOKED_AT, -1.0) };
             for ((w, rate), term) in w.iter_mut().zip(&mut rate).zip(term) {
                 let inner = *w + term;
-                *rate = sign * inner + 0.5 * *rate;
-                *w = 0.5 * inner;
+                *rate = sign * inner + factor * *rate;
+                *w = factor * inner;
             }
         }
         add_scaled(&mut w, 1.0, &self.current.start);
         self.statistics.derivatives += 1;
-        let outcome = slope(t + 0.5 * h, &w, &mut found);
+        let outcome = slope(t + LOOKED_AT * h, &w, &mut found);
         add_scaled(&mut rate, -h, &found);
         let defect = if outcome.is_ok() { norm(&rate) } else { f64::INFINITY };
         [self.k[1], self.k[2], self.k[3]] = [w, rate, found];
@@ -305,8 +310,8 @@ impl Stepper for ExplicitRungeKuttaStepper {
         StepEnd { w: &last.end, slope: &last.slope }
     }
 
-    /// Steps that something stiff holds back end in what it damps, but slopes inside them tell little of the motion: where the
-    /// cubic polynomial through both ends misses the equations by less, it is the dense output.
+    /// Steps that something stiff holds back end in what it damps, but slopes inside them may tell nothing of the motion: where the
+    /// cubic polynomial through both ends misses the equations by far less, it is the dense output.
     fn complete_step(
         &mut self,
         slope: &mut Slope<'_>,
@@ -322,7 +327,9 @@ impl Stepper for ExplicitRungeKuttaStepper {
         }
         if found.is_ok() {
             let all = self.defect(self.current.terms.len(), slope, norm, (t, h));
-            if all.is_nan() || (all > 1.0 && self.defect(OF_ENDS, slope, norm, (t, h)) < all) {
+            let nothing = all.is_nan()
+                || all > 1.0 && self.defect(OF_ENDS, slope, norm, (t, h)) < BETTER * all;
+            if nothing {
                 self.current.terms[OF_ENDS..].iter_mut().for_each(|term| term.fill(0.0));
             }
         }

@@ -135,7 +135,12 @@ fn begin(
         // Where this is given up, the run is whole all the same.
         let look = || stage("checking", || carried.longest_step_to_tell(problem, options));
         let found = match within(left(), look) {
-            Ok(Some(most)) => second_run::compare(problem, options, &carried, most, left(), sink),
+            Ok(Some(most)) => {
+                let found = second_run::compare(problem, options, &carried, most, left(), sink);
+                // Or the second run could not tell.
+                summary.warnings.extend(carried.behind.filter(|_| found.is_some()));
+                found
+            }
             Ok(None) => None,
             Err(_) => carried.behind,
         };
