@@ -106,7 +106,7 @@ impl NewtonMonitor {
             let noise = (1e5 * self.floor).max(NEGLIGIBLE);
             // A ratio of noise says nothing about the matrix, a fall into noise how good it is at least.
             let seen = correction.max(noise) / last;
-            if (tells || theta >= divergence) && (correction > noise || seen < TELLING) {
+            if (tells || seen > UNTOLD) && (correction > noise || seen < TELLING) {
                 self.contraction = Some(self.contraction.map_or(seen, |c| c.max(seen)));
             }
             if theta >= divergence {
