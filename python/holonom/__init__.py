@@ -109,11 +109,11 @@ def __dir__() -> list[str]:
     return sorted([*__all__, *_MODULES, "__version__"])
 
 
-def load(path: "str | Path") -> "Result":
+def load(path: "str | Path", *, recover: bool = False) -> "Result":
     """Open a result file; the same as `Result.load`."""
     from holonom.result import Result
 
-    return Result.load(path)
+    return Result.load(path, recover=recover)
 
 
 def simulate(path: "str | Path", **choices: "Unpack[Arguments]") -> "Result":

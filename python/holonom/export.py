@@ -243,7 +243,7 @@ def format_of(path: Path | None, stated: str | None) -> str:
 
 
 def _names(result: Result, channels: list[str] | None) -> list[str]:
-    return result.expand(channels) if channels else result.channels
+    return (result.expand(channels) if channels else []) or result.channels
 
 
 def _columns(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
+import os
 import re
 import shutil
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,8 +45,20 @@ def entries() -> list[Entry]:
 
 
 def names() -> list[str]:
-    """Return the names of the models of the library."""
-    return sorted(path.parent.name for path in FOLDER.glob("*/model.toml"))
+    """Return the names of the models of the library.
+
+    Raises
+    ------
+    FileError
+        If there are none: the installation lacks them.
+    """
+    found = sorted(path.parent.name for path in FOLDER.glob("*/model.toml"))
+    if not found:
+        raise FileError(
+            f"the library has no models: there are none in {FOLDER}",
+            "install Holonom again; in a copy of the repository that is a link to `models/`",
+        )
+    return found
 
 
 def _read(name: str) -> Entry:
@@ -84,7 +98,7 @@ def copy(name: str, folder: Path) -> list[Path]:
     UsageError
         If there is no such model.
     FileError
-        If one of the folders is there already, or cannot be written.
+        If one of the folders is there already, or cannot be written; then none is made.
     """
     sources = list(_extended(entry(name)))
     targets = [folder / source.name for source in sources]
@@ -94,16 +108,47 @@ def copy(name: str, folder: Path) -> list[Path]:
                 f"{target} is there already; it is not overwritten"
                 "\n  help: give another folder, or move this one away"
             )
-    try:
-        for source, target in zip(sources, targets, strict=True):
-            target.mkdir(parents=True)
-            for file in sorted(source.path.parent.iterdir()):
-                if file.is_file():
-                    # Contents only: what is installed may be read-only.
-                    shutil.copyfile(file, target / file.name)
-    except OSError as error:
-        raise files.unusable(Path(error.filename or folder), error) from None
+    with _beside(folder) as fresh:
+        for source in sources:
+            _copy_files(source.path.parent, fresh / source.name, folder / source.name)
+        for target in targets:
+            (fresh / target.name).rename(target)
     return targets
+
+
+@contextlib.contextmanager
+def _beside(folder: Path) -> Iterator[Path]:
+    """Yield a new folder in one that is made; if the block raises, both are gone."""
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
+    fresh = folder / f".holonom-{os.getpid()}.new"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        fresh.mkdir()
+        yield fresh
+    except BaseException as error:
+        shutil.rmtree(fresh, ignore_errors=True)
+        for path in made:  # the innermost first
+            with contextlib.suppress(OSError):
+                path.rmdir()
+        if isinstance(error, OSError) and not isinstance(error, FileError):
+            raise files.unusable(Path(error.filename2 or error.filename or folder), error) from None
+        raise
+    fresh.rmdir()
+
+
+def _copy_files(source: Path, fresh: Path, target: Path) -> None:
+    """Copy the files of a folder into a new one, which is to be called `target`."""
+    fresh.mkdir()
+    for file in sorted(source.iterdir()):
+        if file.is_file():
+            try:
+                # Contents only: what is installed may be read-only.
+                shutil.copyfile(file, fresh / file.name)
+            except OSError as error:
+                # It names both files where no room is left, else the one that cannot be opened.
+                refused = error.filename2 or error.filename
+                at = file if refused == str(file) else target / file.name
+                raise files.unusable(at, error) from None
 
 
 def _extended(found: Entry) -> Iterable[Entry]:

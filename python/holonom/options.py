@@ -431,7 +431,8 @@ def _tolerance(_: str, value: Any) -> Any:
 
 def require_finite(name: str, value: object) -> float:
     """Return a number that is finite."""
-    if isinstance(value, bool) or not hasattr(value, "__float__"):
+    is_complex = getattr(getattr(value, "dtype", None), "kind", "") == "c"  # NumPy drops a part
+    if isinstance(value, bool) or is_complex or not hasattr(value, "__float__"):
         raise UsageError(f"`{name}` is {quoted(repr(value))}", help="it must be a number")
     try:
         number = float(value)
@@ -463,7 +464,8 @@ def _require_factor(name: str, value: object) -> float:
 def _require_count(name: str, value: object) -> int:
     number = require_finite(name, value)
     if number != int(number) or not 1.0 <= number <= MOST:
-        rule = f"it must be a whole number from 1 to {MOST:.0e}"
+        most = "1024" if name == "threads" else f"{MOST:.0e}"  # as the core refuses more threads
+        rule = f"it must be a whole number from 1 to {most}"
         raise UsageError(f"`{name}` is {number:g}", help=rule)
     return int(number)
 
@@ -487,9 +489,10 @@ def _require_times(name: str, values: Any) -> tuple[float, ...]:
 def _require_names(name: str, values: Any) -> tuple[str, ...]:
     if isinstance(values, str):
         raise UsageError(f"`{name}` is one text", help="pass a list of channel names")
-    if not isinstance(values, Iterable) or not all(isinstance(entry, str) for entry in values):
+    entries = tuple(values) if isinstance(values, Iterable) else None  # one that ends is read once
+    if entries is None or not all(isinstance(entry, str) for entry in entries):
         raise UsageError(f"`{name}` is {quoted(repr(values))}", help="pass a list of channel names")
-    names = tuple(map(str, values))
+    names = tuple(map(str, entries))
     for i, entry in enumerate(names):
         if not is_unicode(entry):
             raise UsageError(

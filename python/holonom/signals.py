@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from holonom.base.errors import UsageError
 from holonom.base.names import did_you_mean, nearest
+from holonom.base.plain import real
 from holonom.base.text import quoted
 
 Series = NDArray[np.float64]
@@ -176,7 +177,7 @@ def _coefficients(window: str) -> tuple[float, ...]:
 
 def _require_cutoff(cutoff: float, step: float) -> None:
     try:
-        hertz = float(cutoff)
+        hertz = float(real(cutoff))
     except (TypeError, ValueError, OverflowError):
         raise UsageError(
             f"the cutoff is {quoted(repr(cutoff))}", help="give a frequency, Hz"
@@ -193,10 +194,11 @@ def _require_cutoff(cutoff: float, step: float) -> None:
 
 def _signal(time: ArrayLike, values: ArrayLike, least: int) -> tuple[Series, Series]:
     try:
-        t, y = np.asarray(time, dtype=np.float64), np.asarray(values, dtype=np.float64)
+        t, y = real(time), real(values)
     except (TypeError, ValueError, OverflowError):
         raise UsageError(
-            "times or values are no numbers", help="pass arrays, such as `result.time`"
+            "times or values are no numbers, or complex ones",
+            help="pass arrays, such as `result.time`; of complex values one part after the other",
         ) from None
     if t.ndim != 1 or y.ndim < 1 or y.shape[0] != t.size:
         raise UsageError(

@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from holonom import _core
 from holonom.base import files
-from holonom.base.errors import HolonomError, Interrupted, SimulationError, UsageError, translated
+from holonom.base.errors import (
+    FileError,
+    HolonomError,
+    Interrupted,
+    SimulationError,
+    UsageError,
+    translated,
+)
 from holonom.certificate import Certification
 from holonom.certification import (
     NO_SECOND_RUN,
@@ -37,6 +44,10 @@ from holonom.store.writer import NotRepeatedError, Rewind, Writer
 if TYPE_CHECKING:
     from holonom.model import Model, Progress, Rows, Watch
     from holonom.options import Options
+
+
+#: The one limit that may end a run before its first step.
+_TIME_IS_UP = "simulation/max-seconds"
 
 
 def run(
@@ -139,8 +150,12 @@ def _recorded(
             "help": "the result is whole",
         }
         raise Interrupted(reason, recorder.result()) from None
-    except BaseException:
-        recorder.close()
+    except BaseException as error:
+        returned = not raise_failure and recorder.is_unused
+        if returned and isinstance(error, SimulationError) and error.code == _TIME_IS_UP:
+            return recorder.without_rows(error.reason)
+        if not (isinstance(error, FileError) and recorder.rescued(error)):
+            recorder.close()
         raise
     result = recorder.result()
     if summary["status"] != "completed":
@@ -149,7 +164,7 @@ def _recorded(
             raise Interrupted({"code": "simulation/interrupted", **reason}, result)
         if raise_failure:
             raise SimulationError(reason, result)
-    elif certify and _certify(model, chosen, state, recorder.reader, progress, watch):
+    elif certify and _certified(model, chosen, state, recorder.reader, result, progress, watch):
         message = "interrupted in the second run, which certifies; the result of the first is whole"
         raise Interrupted(
             {
@@ -261,6 +276,23 @@ def _certify(
     return interrupted
 
 
+def _certified(
+    model: Model,
+    chosen: dict[str, Any],
+    state: dict[str, NDArray[np.float64]] | None,
+    reader: Stored,
+    result: Result,
+    progress: Progress | None,
+    watch: Watch | None,
+) -> bool:
+    """Do what `_certify` does; where its finding cannot be stored, the first run is not lost."""
+    try:
+        return _certify(model, chosen, state, reader, progress, watch)
+    except FileError as error:
+        error.result = result
+        raise
+
+
 def _not_repeated(error: Exception) -> list[dict[str, str]]:
     what = f"`{error}` comes" if isinstance(error, NotRepeatedError) else "its steps come"
     return [
@@ -328,10 +360,18 @@ class _Recorder:
         self._reader: Stored | None = None
         #: Added to those of the model and of the run.
         self.warnings: list[dict[str, str]] = []
+        #: Why nothing is stored any more.
+        self.failure: BaseException | None = None
 
     def append(self, chunk: dict[str, Any]) -> None:
-        """Store a chunk of the core."""
-        self._open().append(chunk)
+        """Store a chunk of the core; after one that could not be stored, none: no row is skipped.
+
+        At its end, whatever the reason, the core hands over the last state.
+        """
+        if self.failure is not None:
+            raise self.failure
+        with self._noted():
+            self._open().append(chunk)
 
     def finish(self, summary: dict[str, Any]) -> None:
         """Store the summary and complete the file."""
@@ -345,7 +385,52 @@ class _Recorder:
         summary |= {"warnings": warnings, "finished": _now()}
         if self._older and not (self._place is not None and self._place.is_whole):
             summary = merged(self._older, summary)
-        self._open().finish(summary)
+        with self._noted():
+            self._open().finish(summary)
+
+    @contextlib.contextmanager
+    def _noted(self) -> Iterator[None]:
+        try:
+            yield
+        except BaseException as error:
+            self.failure = error
+            raise
+
+    @property
+    def is_unused(self) -> bool:
+        """Whether nothing has come, not even the state at the start."""
+        return self._writer is None
+
+    def without_rows(self, reason: dict[str, Any]) -> Result:
+        """Return the result of a run that a limit ended before its first step: in memory.
+
+        So it replaces nothing.
+        """
+        self._output, self._continues, self._older = None, None, {}
+        self.finish({"status": "limit", "stop_reason": reason})
+        return self.result()
+
+    def rescued(self, error: FileError) -> bool:
+        """Give the error of a file that took no more what was stored before; the file says why.
+
+        Where an older result still stands, it is in memory.
+
+        Returns
+        -------
+        bool
+            Whether anything was stored.
+        """
+        if error is not self.failure:  # one of a function that the run called
+            return False
+        message, _, tip = str(error).partition("\n  help: ")
+        reason = {"code": error.code, "message": message, "help": tip}
+        meta = {"status": "failed", "stop_reason": reason, "finished": _now()}
+        try:
+            if isinstance(self._writer, Writer) and self._writer.fail(meta):
+                error.result = self.result()
+        except FileError:  # nor does the disk read
+            pass
+        return error.result is not None
 
     def close(self) -> None:
         if self._writer is not None:
@@ -393,7 +478,8 @@ class _Recorder:
                 if self._place.is_whole:
                     meta["started"] = kept.get("started", meta["started"])
                 else:
-                    meta = {"options": meta["options"], "status": "running"}
+                    options = meta["options"]
+                    meta = {"options": options, "status": "running", "stop_reason": None}
             elif older is not None:
                 until = float(older.row(older.count - 1)["time"][0])
                 start = self._older.get("options", {}).get("start_time", 0.0)
@@ -401,6 +487,7 @@ class _Recorder:
                     "options": self._chosen | {"start_time": start},
                     "parts": [*self._older.get("parts", []), part(self._older, until)],
                     "status": "running",
+                    "stop_reason": None,  # that of the older part is among its own
                 }
             self._writer = Writer(
                 self._output,

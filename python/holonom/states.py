@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from holonom.base.errors import FileError, UsageError
 from holonom.base.names import did_you_mean, listed, nearest
+from holonom.base.plain import real
 from holonom.base.text import quoted
 from holonom.store.layout import STATE
 
 if TYPE_CHECKING:
     from holonom.model import Model
+    from holonom.model.compiled import Compiled
     from holonom.store.memory import Stored
 
 #: Times that differ by this part of a second, or of themselves, are the same.
@@ -117,6 +119,41 @@ def as_rows(states: object) -> dict[str, NDArray[np.float64]]:
     return found
 
 
+def require_parts(rows: Mapping[str, object], names: Iterable[str], model: Compiled) -> None:
+    """Refuse states without what a channel is computed from; the core would take zero for it.
+
+    Raises
+    ------
+    UsageError
+    """
+    absent = {"qdd", "lambda", "ledger"} - rows.keys()
+    for name in names if absent else ():
+        if (part := computed_from(name, model)) in absent:
+            raise UsageError(
+                f"the state has no entry `{part}`, which {quoted(name)} is computed from",
+                "simulation/start-state",
+                "pass what `Result.state` returns for the same model",
+            )
+
+
+def computed_from(name: str, model: Compiled) -> str:
+    """Return what of a state a channel needs beside positions and rates: one part, or none.
+
+    Returns
+    -------
+    str
+        ``qdd``, ``lambda``, ``ledger`` or empty.
+    """
+    item, _, quantity = name.rpartition(".")
+    if name in ("energy.dissipated", "energy.driver_work", "energy.imbalance"):
+        return "ledger"
+    if quantity in ("acceleration", "angular_acceleration"):
+        return "qdd"
+    # Reactions of joints and drivers; those of forces follow from how the bodies move.
+    is_reaction = quantity in ("force", "torque") and item not in model.forces
+    return "lambda" if is_reaction else ""
+
+
 def start_state(start: object) -> dict[str, NDArray[np.float64]]:
     """Return a start state as vectors of numbers; the core checks it against the model."""
 
@@ -131,7 +168,7 @@ def start_state(start: object) -> dict[str, NDArray[np.float64]]:
         if name not in STATE:
             raise refused(f"`start` has an entry {name!r}; known are {', '.join(STATE)}")
         try:
-            state[name] = np.atleast_1d(np.asarray(values, dtype=np.float64))
+            state[name] = np.atleast_1d(real(values))
         except (TypeError, ValueError, OverflowError):
             raise refused(
                 f"`start[{name!r}]` is {reprlib.repr(values)}; it must hold numbers"
@@ -155,7 +192,7 @@ def start_state(start: object) -> dict[str, NDArray[np.float64]]:
 def vector(times: ArrayLike) -> NDArray[np.float64]:
     """Return times as a vector of numbers."""
     try:
-        wanted = np.atleast_1d(np.asarray(times, dtype=np.float64))
+        wanted = np.atleast_1d(real(times))
     except (TypeError, ValueError, OverflowError):
         wanted = None
     if wanted is None or times is None:

@@ -89,6 +89,7 @@ def synthetic_chunk(first: int, count: int) -> dict[str, Any]:
         "lambda": q[:, :2],
         "z": np.zeros((count, 0)),
         "winding": np.zeros((count, 0)),
+        "ledger": np.zeros((count, 3)),
         "channels": {
             "rod.position": q[:, :2],
             "energy.kinetic": t**2,

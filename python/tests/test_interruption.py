@@ -12,6 +12,7 @@ import pytest
 from conftest import oscillator_text
 
 import holonom
+from holonom.summary import summarize
 
 CHAIN = """
 holonom = 1
@@ -40,6 +41,7 @@ STAGES = {"", "reading", "compiling", "assembling", "analysing", "running"}
 SCRIPT = """
 import sys, time
 import holonom
+from holonom.summary import summarize
 holonom.Model  # the engine is read when it is first used
 print("ready", flush=True)
 try:
@@ -152,6 +154,17 @@ def test_the_time_allowed_counts_from_the_call() -> None:
         model.simulate(max_seconds=2.0)
     assert time.monotonic() - begun < 2.0 + 2.0 * _patience()
     assert ended.value.code == "simulation/max-seconds"
+
+
+def test_a_limit_before_the_first_step_returns_a_result_without_rows(tmp_path: Path) -> None:
+    model = holonom.Model.from_text(CHAIN.format(links=2_000))
+    path = tmp_path / "chain.holonom"
+    result = model.simulate(max_seconds=1e-3, on_failure="return", output=path)
+    assert (result.status, result.time.size) == ("limit", 0)
+    assert result.stop_reason["code"] == "simulation/max-seconds"
+    assert repr(result) == "<holonom.Result 'model': limit, no states>"
+    assert summarize(result)
+    assert not list(tmp_path.iterdir())  # an older result would stand as well
 
 
 def test_many_channels_are_found_in_the_time_of_their_number() -> None:

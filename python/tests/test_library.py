@@ -60,3 +60,12 @@ def test_models_are_listed_told_and_copied(
     assert invoke(["check", "library:simple_pendulum"]) == 0
     assert invoke(["check", "library:simple_pendulums"]) == 1
     assert "`simple_pendulum`" in capsys.readouterr().err
+
+
+def test_a_library_that_is_not_there_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(library, "FOLDER", tmp_path / "models")
+    for line in (["models"], ["models", "--json"], ["check", "library:chain50"]):
+        assert invoke(line) == 5
+        assert f"there are none in {tmp_path / 'models'}" in "".join(capsys.readouterr())

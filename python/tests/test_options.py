@@ -58,7 +58,8 @@ def test_parts_of_a_tolerance_that_are_not_stated_are_those_of_the_default() -> 
         ({"output_times": [0.0, math.nan]}, r"output_times\[1\]"),
         ({"fixed_step": -1e-3}, "fixed_step"),
         ({"max_steps": 0}, "max_steps"),
-        ({"threads": 0}, "threads"),
+        ({"threads": 0}, "`threads` is 0\n.* from 1 to 1024$"),
+        ({"end_time": np.complex128(1 + 2j)}, "end_time"),
         ({"max_steps": 1.5}, "max_steps"),
         ({"repartition_factor": 1.0}, "repartition_factor"),
         ({"channels": "rod.position"}, "channels"),
@@ -118,3 +119,9 @@ def test_a_fixed_step_has_no_other_sizes_beside_it(other: str) -> None:
     model = holonom.Model.from_text(PENDULUM)
     with pytest.raises(holonom.UsageError, match=f"both `fixed_step` and `{other}`"):
         model.simulate(**{"fixed_step": 0.01, other: 0.001})
+
+
+def test_names_that_can_be_read_once_are_kept() -> None:
+    names = ["rod.position", "pin.force"]
+    assert Options(channels=(name for name in names)).to_dict() == {"channels": names}
+    assert Options(channels=map(str, names)).channels == tuple(names)

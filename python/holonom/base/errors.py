@@ -137,8 +137,10 @@ class FileError(HolonomError, OSError):
     Attributes
     ----------
     code : str
-        ``file/unusable``, ``file/protected``, ``result/busy``, ``result/damaged`` or
-        ``result/replaced``.
+        ``file/unusable``, ``file/protected``, ``result/busy``, ``result/closed``,
+        ``result/damaged`` or ``result/replaced``.
+    result : Result or None
+        Of a run whose rows could not be stored any more: those that are stored.
     """
 
     exit_code = Exit.FILES
@@ -154,6 +156,7 @@ class FileError(HolonomError, OSError):
     ) -> None:
         super().__init__(message, help)
         self.code = code
+        self.result: Result | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the error as plain data."""

@@ -7,10 +7,14 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from holonom.base.errors import FileError, ModelError, Problem, UsageError
 from holonom.base.text import is_unicode, quoted
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import ArrayLike, NDArray
 
 #: Deepest nesting of a value; the core states the same limit for files.
 MAX_DEPTH = 64
@@ -94,6 +98,22 @@ def plain(value: Any, path: str, depth: int = 0, within: str = "") -> Any:
         return [plain(entry, path, depth + 1, f"{within}[{i}]") for i, entry in enumerate(value)]
     tip = "take numbers, texts, lists and tables"
     raise refused("model/unusable-value", f"holds {quoted(repr(value))}", tip)
+
+
+def real(values: ArrayLike) -> NDArray[np.float64]:
+    """Return values as an array of numbers; complex ones, of which NumPy takes a part, are none.
+
+    Raises
+    ------
+    TypeError, ValueError, OverflowError
+        If they are no numbers.
+    """
+    import numpy as np  # here: it takes as long as all else to import
+
+    array = np.asarray(values)
+    if array.dtype.kind == "c":
+        raise TypeError("complex numbers")
+    return np.asarray(array, dtype=np.float64)
 
 
 def require_text(text: str, what: str) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from holonom.base import files
-from holonom.base.errors import Exit, HolonomError
+from holonom.base.errors import Exit, HolonomError, UsageError
 from holonom.cli.arguments import (
     Force,
     Json,
@@ -109,6 +109,9 @@ def compare(
     if plot is not None:
         from holonom.pictures import plotting
 
+        if repeat == 0:
+            text = "`--repeat 0` takes no times, and `--plot` draws errors against them"
+            raise UsageError(text, help="take `--repeat 1` or more, or leave `--plot` out")
         picture = plotting.require_format(plot)  # now, not after the runs
     files.require_targets(
         [

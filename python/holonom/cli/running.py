@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from holonom.base import files
-from holonom.base.errors import Exit, Interrupted, SimulationError, UsageError
+from holonom.base.errors import Exit, FileError, Interrupted, SimulationError, UsageError
 from holonom.cli.arguments import (
     Force,
     Json,
@@ -98,7 +98,7 @@ def run(
     if not keep:
         files.require_targets([(target, "result")], inputs=sources, force=force)
     before = _Older(target)
-    failure: SimulationError | None = None
+    failure: SimulationError | FileError | None = None
     with (
         _watched(loaded, choices.get("end_time"), watch=watch, open_=open_) as live,
         RunProgress(
@@ -118,7 +118,7 @@ def run(
                 source=start,
                 **choices,
             )
-        except SimulationError as error:
+        except (SimulationError, FileError) as error:
             if error.result is None:
                 raise
             result, failure = error.result, _advised(error, model, output)
@@ -176,10 +176,14 @@ def _of_another_model(
     )
 
 
-def _advised(error: SimulationError, model: Path, output: Path | None) -> SimulationError:
+def _advised(
+    error: SimulationError | FileError, model: Path, output: Path | None
+) -> SimulationError | FileError:
     """Say by which command a run that Ctrl-C ended goes on."""
     result = error.result
-    if result is None or result.path is None or result.status != "interrupted":
+    if isinstance(error, FileError) or result is None or result.path is None:
+        return error
+    if result.status != "interrupted":
         return error
     path = result.path
     target = "" if output is None else f" -o {shlex.quote(str(path))}"

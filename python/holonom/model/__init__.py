@@ -334,7 +334,8 @@ class Model(Compiled):
         SimulationError
             If the run ends before its end time; its ``result`` holds what was computed.
         FileError
-            If the file cannot be written, is there and is not a result, or is being written.
+            If the file cannot be written, is there and is not a result, or is being written. Where
+            the disk became full its ``result`` holds what was stored before.
         Interrupted
             If Ctrl-C ended the run; likewise. In the second run of `certify` the ``result`` is
             whole, and not certified.

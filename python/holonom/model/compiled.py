@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from holonom import _core
 from holonom.base.errors import UsageError, translated
 from holonom.base.names import did_you_mean, nearest_channels
-from holonom.base.plain import frozen
+from holonom.base.plain import frozen, real
 from holonom.base.record import Record
 from holonom.base.text import is_unicode, quoted
 from holonom.channels import LISTED, expand, is_pattern, require_name, split_component, unknown
@@ -208,7 +208,7 @@ class Compiled:
         import numpy as np
 
         try:
-            x = np.atleast_1d(np.asarray(places, dtype=np.float64))
+            x = np.atleast_1d(real(places))
         except (TypeError, ValueError, OverflowError):
             x = np.empty((0, 0))
         if x.ndim != 1 or not np.isfinite(x).all():
@@ -247,7 +247,8 @@ class Compiled:
         Raises
         ------
         UsageError
-            If a channel is unknown, or an array has not the shape that the model's state has.
+            If a channel is unknown, an array has not the shape that the model's state has, or one
+            is missing that a channel is computed from.
         """
         if isinstance(names, str) or not isinstance(names, Iterable):
             raise UsageError(f"`names` is {quoted(repr(names))}", help="pass a list of channels")
@@ -260,9 +261,10 @@ class Compiled:
                 elif is_pattern(name):
                     tip = "`Model.expand([pattern])` lists the channels that a pattern means"
                 raise unknown(name, tip)
-        from holonom.states import as_rows  # here: NumPy takes as long as all else to import
+        from holonom.states import as_rows, require_parts  # here: NumPy takes long to import
 
         rows = as_rows(state)
+        require_parts(rows, names, self)
         with translated():
             return self._core.evaluate_channels(names, rows)
 

@@ -79,6 +79,7 @@ def plot(
     found = [
         curves(result, names, derivative=derivative, even=bool(fft), **part) for result in results
     ]
+    labels = None if labels is None else list(labels)
     if labels is not None and len(labels) != len(results):
         raise UsageError(
             f"{len(labels)} labels are given for {len(results)} runs", help="give one for each"

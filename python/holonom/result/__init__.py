@@ -479,7 +479,12 @@ class Result(Arrays):
         return f"<table>{rows}</table>"
 
     def __repr__(self) -> str:
-        until = f"{self.time[-1]:.6g} s" if self.time.size else "no states"
+        try:
+            until = f"{self.time[-1]:.6g} s" if self.time.size else "no states"
+        except FileError as error:
+            if error.code != "result/closed":
+                raise
+            until = "closed"
         return f"<holonom.Result {self.meta.get('name')!r}: {self.status}, {until}>"
 
 

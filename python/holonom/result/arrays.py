@@ -219,7 +219,7 @@ class Arrays(Facts):
         return found
 
     def rows(
-        self, first: int, count: int, channels: Sequence[str]
+        self, first: int, count: int, channels: Sequence[str] | None = None
     ) -> dict[str, NDArray[np.float64]]:
         r"""Return channels at some of the output times, without reading the others.
 
@@ -228,8 +228,8 @@ class Arrays(Facts):
         first, count : int
             The first output time, counted from 0, and how many; what lies beyond the last is left
             out.
-        channels : sequence of str
-            Names, without components.
+        channels : sequence of str, optional
+            Names, without components. The stored ones when none are given.
 
         Returns
         -------
@@ -245,8 +245,9 @@ class Arrays(Facts):
                 text = f"`{name}` is {quoted(repr(number))}"
                 raise UsageError(text, help="rows are counted from 0: pass a whole number")
         stored = self._reader.quantities
-        found = {name: self._reader.rows(name, first, count) for name in channels if name in stored}
-        others = [name for name in channels if name not in stored]
+        names = self.channels if channels is None else require_names(channels)
+        found = {name: self._reader.rows(name, first, count) for name in names if name in stored}
+        others = [name for name in names if name not in stored]
         if others:
             states = {n: self._reader.rows(n, first, count) for n in STATE if n in stored}
             found |= self.model.evaluate(others, states)

@@ -63,7 +63,8 @@ class Contents:
         self.path = path
         self.damage: list[str] = []
         self._noted: set[str] = set()
-        self._db = db
+        #: None once it is closed.
+        self._open: sqlite3.Connection | None = db
         self._recover = recover
         self._limit = size_of(path.resolve()) if path is not None else _LARGEST
         self.meta = self._read_meta()
@@ -80,6 +81,17 @@ class Contents:
         self.count = sum(chunk["count"] for chunk in self._rows)
         self._starts = [0, *np.cumsum([chunk["count"] for chunk in self._rows]).tolist()]
         self._dense = self._spans()
+
+    @property
+    def _db(self) -> sqlite3.Connection:
+        if self._open is None:
+            raise FileError(
+                f"{self.path or 'the result'} is closed",
+                "read what is needed before `close`, within the `with` block, or open it again: "
+                "`holonom.load(path)`",
+                code="result/closed",
+            )
+        return self._open
 
     @property
     def quantity_ids(self) -> dict[str, int]:

@@ -87,13 +87,16 @@ def begun(older: Reader) -> float:
 def rewind(older: Reader, chosen: Mapping[str, Any]) -> Rewind | None:
     """Return where a result is taken up by a run that is to go on from its last row.
 
-    A run that was killed or interrupted goes on as if nothing had happened, if its options are
-    `chosen`, resolved for a run from where it has `begun`. None if it ended otherwise, or is of
-    other options or of another version: then the last row is a start like any other.
+    A run that was killed or interrupted, or whose disk was full, goes on as if nothing had
+    happened, if its options are `chosen`, resolved for a run from where it has `begun`. None if it
+    ended otherwise, or is of other options or of another version: then the last row is a start
+    like any other.
     """
     meta, place = older.meta, older.checkpoint
     is_whole = not meta.get("parts")
-    stopped = meta.get("status") == "killed" or (meta.get("status") == "interrupted" and is_whole)
+    # Of those that failed, only ones whose rows could not be stored have a checkpoint.
+    stopped = meta.get("status") in ("killed", "failed")
+    stopped |= meta.get("status") == "interrupted" and is_whole
     if place is None or not stopped or meta.get("holonom") != _core.version():
         return None
     found, asked = (

@@ -216,10 +216,11 @@ def as_file_errors(path: Path | None) -> Iterator[None]:
         raise
     except sqlite3.Error as error:
         said = str(error)
-        if error.sqlite_errorname.startswith(("SQLITE_FULL", "SQLITE_IOERR_WRITE")):
+        kind = getattr(error, "sqlite_errorname", "")  # none of what Python itself refuses
+        if kind.startswith(("SQLITE_FULL", "SQLITE_IOERR_WRITE")):
             said = f"no space is left there, or no more may be written ({said})\n  help: {_ROOM}"
         if "help: " not in said:
-            said += f"\n  help: {_TRY.get(error.sqlite_errorname, _SEE)}"
+            said += f"\n  help: {_TRY.get(kind, _SEE)}"
         raise FileError(f"{path or 'the result'}: {said}") from error
     except OSError as error:
         raise files.unusable(path or Path("the result"), error) from error

@@ -112,11 +112,13 @@ class Reader(Contents):
 
     def close(self) -> None:
         """Let go of the file."""
-        self._db.close()
+        if self._open is not None:
+            self._open.close()
+            self._open = None
 
     def __del__(self) -> None:
-        if hasattr(self, "_db"):
-            self._db.close()
+        if hasattr(self, "_open"):
+            self.close()
 
     @property
     def end(self) -> float:
@@ -229,6 +231,7 @@ class Reader(Contents):
         FileError
             ``result/damaged``, at the first one, if `recover` was not asked for.
         """
+        _ = self._db  # what is closed is refused, not damaged
         for name in self.quantities:
             for chunk in self._rows:
                 if len(self.damage) > MOST_DAMAGE:
@@ -260,7 +263,7 @@ class Reader(Contents):
                 put_meta(db, meta)
                 db.commit()
             self._db.close()  # it reads without locks, and must not keep older pages
-            self._db = connect(real, "ro&immutable=1")
+            self._open = connect(real, "ro&immutable=1")
         self.meta |= json.loads(json.dumps(meta))
 
     def require_unchanged(self) -> None:

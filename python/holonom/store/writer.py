@@ -196,6 +196,28 @@ class Writer:
             if self.path is not None and not self.kept:
                 leave_wal(self._db)
 
+    def fail(self, meta: Mapping[str, Any]) -> bool:
+        """Keep what is committed, and store why no more could be, where there is room for that.
+
+        Without room the file says that the run did not end. In either case the checkpoint stays.
+
+        Returns
+        -------
+        bool
+            Whether anything is committed.
+        """
+        self.kept = self._fresh is not None
+        with suppress(sqlite3.Error):  # a closed database, too
+            self._db.rollback()
+            try:
+                put_meta(self._db, {**meta, "chunks": self._last["id"]})
+                self._db.commit()
+            except sqlite3.Error:
+                self._db.rollback()
+            if self.path is not None and not self.kept:
+                leave_wal(self._db)
+        return bool(self._last["id"])
+
     def close(self) -> None:
         """Let go of the file. Without `finish` it says that the run did not end."""
         with suppress(AttributeError):  # it could not even be made

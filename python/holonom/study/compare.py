@@ -116,6 +116,8 @@ def compare(
     loaded = model if isinstance(model, Model) else Model.load(model)
     if not (channels is None or isinstance(channels, Iterable)):
         raise UsageError(f"`channels` is {quoted(repr(channels))}", help="pass a list of names")
+    if channels is not None and not isinstance(channels, str):
+        channels = list(channels)  # one that ends is read once
     wanted = targets(loaded, channels)
     for name, given_list in (("methods", methods or ()), ("tolerances", tolerances)):
         if isinstance(given_list, str | Mapping) or not isinstance(given_list, Sequence):

@@ -403,9 +403,8 @@ def _names(
 ) -> tuple[list[str], tuple[str, ...], tuple[str, ...]]:
     """Return what is compared, and what only one of the runs has."""
     known = [_known_channels(run) for run in (first, second)]
-    if wanted:
-        both = {**known[1], **known[0]}
-        found = expand(wanted, both)
+    found = [] if wanted is None else expand(wanted, {**known[1], **known[0]})
+    if found:
         lists = [found, found]
     else:
         lists = [

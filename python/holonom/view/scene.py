@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from holonom.base.errors import UsageError
 from holonom.pictures.curves import components
+from holonom.states import computed_from
 from holonom.summary import STATUS
 from holonom.view.encoding import curves, floats, halves, limits, turns
 from holonom.view.motion import Knots, Way, pose_names, poses_of
@@ -374,6 +375,8 @@ def _chosen(result: Result, frames: int, room: int) -> list[str]:
     """Return the channels that may fit into the page, those that the run was asked for first."""
     known = result.model.channels
     names = [n for n in known if n.rpartition(".")[2] not in _LEFT_OUT or n in result.requested]
+    there = {"", *result.quantities}  # of a damaged file a part of the states may be lost
+    names = [n for n in names if n in there or computed_from(n, result.model) in there]
     first = _asked(result)
 
     def rank(name: str) -> int:
