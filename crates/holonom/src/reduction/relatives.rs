@@ -418,6 +418,12 @@ impl Relatives {
         squares.fold(0.0, f64::max).sqrt()
     }
 
+    /// Whether independent variable `k` is an angle of any size.
+    pub fn is_endless_angle(&self, system: &dyn System, k: usize) -> bool {
+        let group = &system.relative_groups()[self.rows[k].0];
+        group.kind.turns() && group.reach.is_infinite()
+    }
+
     /// Moves references and anchors to a configuration whose independent variables are `p`, if known, and
     /// whose coordinates of edges are near `x`, which name the branches of angles; those of directions and
     /// rotations only if `turning`.

@@ -71,9 +71,9 @@ pub(super) struct CarriedError {
     /// Whether the error stands on coordinates and velocities as it is.
     #[serde(skip)]
     spread: bool,
-    /// What the energy that is missing at the end of the run lets fear.
+    /// What is told of missing energy unless a second run finds the motion right.
     #[serde(skip)]
-    pub(super) behind: Option<RunWarning>,
+    pub(super) missing: Option<RunWarning>,
     /// Of runs that are not too large.
     #[serde(default)]
     pub(super) longest: Option<LongestStep>,
@@ -112,7 +112,7 @@ impl CarriedError {
             speeds: weights.speeds(&start.v).collect(),
             room: vec![0.0; dimension],
             spread: false,
-            behind: None,
+            missing: None,
             longest: LongestStep::new(dimension, start),
         }
     }
@@ -182,7 +182,7 @@ impl CarriedError {
         let started = self.milestones.start.t;
         let longest = self.longest.as_ref();
         let hidden = longest.and_then(|step| step.hides_growth(problem, options, started));
-        let asked = self.is_suspicious() || self.behind.is_some();
+        let asked = self.is_suspicious() || self.missing.is_some();
         hidden.or(asked.then_some(f64::INFINITY))
     }
 

@@ -25,6 +25,11 @@ pub(super) struct EnergyScale {
     supplied: f64,
     /// Largest sum of all terms by their size, J.
     sum: f64,
+    /// What has been supplied last, and all that went to and fro, J.
+    #[serde(default)]
+    last_supplied: f64,
+    #[serde(default)]
+    exchanged: f64,
 }
 
 /// A group of bodies that no joint ties to the ground.
@@ -96,6 +101,8 @@ impl EnergyScale {
         let ledger = &state.ledger;
         self.dissipated = self.dissipated.max(ledger.dissipated.abs());
         self.supplied = self.supplied.max(ledger.supplied.abs());
+        self.exchanged += (ledger.supplied - self.last_supplied).abs();
+        self.last_supplied = ledger.supplied;
         let terms =
             [energy.kinetic, energy.potential, ledger.initial, ledger.dissipated, ledger.supplied];
         self.sum = self.sum.max(terms.iter().map(|term| term.abs()).sum());
@@ -114,6 +121,12 @@ impl EnergyScale {
         let (low, high) = self.potential.unwrap_or_default();
         // Kinetic energy is not negative: its range is no larger than its largest value.
         self.kinetic.max(high - low).max(self.dissipated).max(self.supplied)
+    }
+
+    /// All energy that there is, J: the largest sum of all terms by their size, in the frame of the ground and from the
+    /// zero of potentials, and what was supplied to and fro.
+    pub(super) fn all(&self) -> f64 {
+        self.sum + self.exchanged
     }
 
     /// An imbalance that says nothing, J: what the sum of the terms cannot tell from none, and what

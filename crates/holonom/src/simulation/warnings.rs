@@ -1,5 +1,6 @@
 //! What a finished run warns of.
 
+use super::energy_scale::EnergyScale;
 use super::options::Options;
 use super::statistics::{EnergySummary, RunWarning, Statistics};
 use crate::error::shown;
@@ -13,21 +14,18 @@ const TOLERANCES: f64 = 10.0;
 /// Tolerances that bodies may be behind by the energy that is missing.
 const LARGEST_DRIFT: f64 = 30.0;
 /// Code of missing energy.
-pub(super) const IMBALANCE: &str = "simulation/energy-imbalance";
+const IMBALANCE: &str = "simulation/energy-imbalance";
 /// Redundant constraints that a warning names.
 const REDUNDANT_SHOWN: usize = 8;
 /// Chosen velocities that a warning names.
 const CHOSEN_SHOWN: usize = 8;
 
-/// Warnings of a run with the redundant rows `dropped`; an imbalance of `negligible` joules says nothing.
+/// Warnings of a run with the redundant rows `dropped` that need no second run.
 pub(super) fn warnings(
     system: &dyn System,
     dropped: &[usize],
     ndof: usize,
     s: &Statistics,
-    e: &EnergySummary,
-    negligible: f64,
-    options: &Options,
 ) -> Vec<RunWarning> {
     let mut out = Vec::new();
     if !dropped.is_empty() {
@@ -56,37 +54,66 @@ pub(super) fn warnings(
             .into();
         out.push(RunWarning { code: "simulation/stiff", message });
     }
-    let share = LARGEST_IMBALANCE.max(TOLERANCES * options.tolerance.relative);
-    if e.largest_imbalance > (share * e.moved).max(negligible) {
-        // Where that is what counts, not the least share.
-        let relative = if share > LARGEST_IMBALANCE { ", ten relative tolerances" } else { "" };
-        let message = format!(
-            "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved, more \
-                 than {:.2} %{relative}; the motion or forces of stiff elements may be wrong: tighten the \
-                 tolerance, compare with another code, or measure the error with `certify`",
-            e.largest_imbalance,
-            e.moved,
-            100.0 * share
-        );
-        out.push(RunWarning { code: IMBALANCE, message });
-    }
     out
 }
 
-/// What turns is far behind by the energy that is missing: `drift` is that of [`super::drift`], in tolerances. Where a
-/// second run can tell, it is asked first: what was lost at the start, or by what does not turn, is behind nothing.
-pub(super) fn behind(e: &EnergySummary, drift: f64, options: &Options) -> Option<RunWarning> {
+/// What the energy of a run says that is missing. Equations: `docs/theory/simulation.md` (4), (4a), (4b).
+#[derive(Debug, Default)]
+pub(super) struct MissingEnergy {
+    /// What is told whatever the motion is: energies are wrong.
+    pub(super) told: Option<RunWarning>,
+    /// What is told unless a second run finds the motion right: so much may be missing of what does not count.
+    pub(super) asked: Option<RunWarning>,
+}
+
+impl MissingEnergy {
+    /// Of a run whose energies are measured by `scale`; `drift` is that of [`super::drift`], in tolerances.
+    pub(super) fn new(
+        e: &EnergySummary,
+        scale: &EnergyScale,
+        negligible: f64,
+        drift: f64,
+        options: &Options,
+    ) -> Self {
+        let share = LARGEST_IMBALANCE.max(TOLERANCES * options.tolerance.relative);
+        let warning = |message| Some(RunWarning { code: IMBALANCE, message });
+        if e.largest_imbalance > (share * e.moved).max(negligible) {
+            let warning = warning(missing(e, share));
+            return if e.largest_imbalance > share * scale.all() {
+                Self { told: warning, asked: None }
+            } else {
+                Self { told: None, asked: warning }
+            };
+        }
+        let asked = if drift > LARGEST_DRIFT { warning(behind(e, drift, options)) } else { None };
+        Self { told: None, asked }
+    }
+}
+
+/// Says that more than a `share` of the energy that moved is missing.
+fn missing(e: &EnergySummary, share: f64) -> String {
+    // Where that is what counts, not the least share.
+    let relative = if share > LARGEST_IMBALANCE { ", ten relative tolerances" } else { "" };
+    format!(
+        "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved, more than {:.2} %{relative}; \
+         the motion or forces of stiff elements may be wrong: tighten the tolerance, compare with another code, or \
+         measure the error with `certify`",
+        e.largest_imbalance,
+        e.moved,
+        100.0 * share
+    )
+}
+
+/// Says how far what turns is behind by the energy that is missing.
+fn behind(e: &EnergySummary, drift: f64, options: &Options) -> String {
     let coordinates =
         if options.parametrization == Choice::Tree { "" } else { " use tree coordinates," };
-    let message = || {
-        format!(
-            "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what \
-                 turns many times this adds up to about {drift:.0} tolerances of an angle or of a place along a \
-                 path, and to more where small errors grow: tighten the tolerance,{coordinates} or measure the error with `certify`",
-            e.largest_imbalance, e.moved
-        )
-    };
-    (drift > LARGEST_DRIFT).then(|| RunWarning { code: IMBALANCE, message: message() })
+    format!(
+        "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what turns many times \
+         this adds up to about {drift:.0} tolerances of an angle or of a place along a path, and to more where small \
+         errors grow: tighten the tolerance,{coordinates} or measure the error with `certify`",
+        e.largest_imbalance, e.moved
+    )
 }
 
 /// Says which initial velocities nothing determines.

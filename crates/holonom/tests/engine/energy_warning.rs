@@ -5,7 +5,7 @@
 
 use crate::common::integrate::tight;
 use crate::common::{model_of, options, run_model};
-use holonom::method::{Code, Newmark};
+use holonom::method::{CODES, Code, Newmark};
 use holonom::model::{Model, Tolerance};
 use holonom::simulation::{Options, OutputTimes, Summary};
 
@@ -211,5 +211,60 @@ motor = {{ joint = "shaft", coordinate = "rotation", motion = {{ type = "polynom
         let off = found.iter().zip(&truth).fold(0.0f64, |most, (x, y)| most.max((x - y[0]).abs()));
         assert!(off < tolerance, "{code:?} at {tolerance:e}: {off:e} m");
         assert_eq!(warning(&outcome.summary), None, "{code:?} at {tolerance:e}");
+    }
+}
+
+#[test] // independent truth: what nothing bends flies and turns as one rigid body, uniformly
+fn what_flies_fast_and_hardly_moves_in_itself_is_not_warned_of() {
+    const RATE: f64 = -3.8;
+    const END: f64 = 5.0;
+    let links = [(0.005, 2.0), (0.0186, 1.5), (0.0389, 0.06)];
+    let mass: f64 = links.iter().map(|link| link.1).sum();
+    let center: f64 = links.iter().map(|(x, m)| x * m / mass).sum();
+    let velocity = |x: f64| [-17.0, -6.0 + RATE * (x - center)];
+    let starts = links.map(|(x, _)| velocity(x));
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+first = {{ mass = 2.0, inertia = 1.7e-5, position = [0.005, 0.0] }}
+second = {{ mass = 1.5, inertia = 3.7e-5, position = [0.0186, 0.0] }}
+third = {{ mass = 0.06, inertia = 2.7e-6, position = [0.0389, 0.0] }}
+[joints]
+elbow = {{ type = "revolute", between = ["first", "second"], point = [0.01, 0.0] }}
+wrist = {{ type = "revolute", between = ["second", "third"], point = [0.0272, 0.0] }}
+[forces]
+elbow_spring = {{ type = "rsda", between = ["first", "second"], stiffness = 12.0 }}
+wrist_spring = {{ type = "rsda", between = ["second", "third"], stiffness = 0.08 }}
+[initial.bodies]
+first = {{ velocity = {:?}, angular_velocity = {RATE:?} }}
+second = {{ velocity = {:?}, angular_velocity = {RATE:?} }}
+third = {{ velocity = {:?}, angular_velocity = {RATE:?} }}
+"#,
+        starts[0], starts[1], starts[2]
+    ));
+    for code in CODES.iter().map(|info| info.code) {
+        for tolerance in [1e-2, 1e-3, 1e-4] {
+            let options = Options {
+                channels: vec!["third.position".to_owned()],
+                output: OutputTimes::Interval(END / 50.0),
+                ..options(code, tolerance, END)
+            };
+            let outcome = run_model(&model, &options);
+            let times = &outcome.rows.all.time;
+            let (x, y) = (outcome.series("third.position", 0), outcome.series("third.position", 1));
+            let arm = links[2].0 - center;
+            let off = times.iter().zip(x).zip(y).fold(0.0f64, |most, ((t, x), y)| {
+                let (sin, cos) = (RATE * t).sin_cos();
+                let dx = x - (center - 17.0 * t + arm * cos);
+                let dy = y - (-6.0 * t + arm * sin);
+                most.max(dx.hypot(dy))
+            });
+            // They come to places 90 m away.
+            assert!(off < tolerance * 90.0, "{code:?} at {tolerance:e}: {off:e} m");
+            assert_eq!(warning(&outcome.summary), None, "{code:?} at {tolerance:e}");
+        }
     }
 }

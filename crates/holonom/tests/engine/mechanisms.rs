@@ -192,10 +192,12 @@ fn the_four_bars_pass_their_singular_positions_on_the_same_branch() {
         0.2510559146237836,
     ];
     for code in crate::common::ALL_CODES {
+        // Steps as short as those of second order at 1e-6 end where round-off beside the singular position is all there is.
+        let second_order = code.info().formula == "trapezoidal";
         let options = Options {
             output: OutputTimes::Interval(1.0),
             channels: vec!["upright_0.position".into()],
-            ..crate::common::options(code, 1e-6, 8.0)
+            ..crate::common::options(code, if second_order { 1e-5 } else { 1e-6 }, 8.0)
         };
         let outcome = crate::common::run_model(&model, &options);
         let found = outcome.series("upright_0.position", 0);

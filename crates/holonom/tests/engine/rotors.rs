@@ -9,8 +9,8 @@ use crate::common::table::{
     Bounds, Case, DEFAULT, Kind, Table, all_codes, implicit, line, measure, run_everything, times,
     truth,
 };
-use crate::common::{SPATIAL_SLIDER_CRANK, model, model_of, options, try_run};
-use holonom::simulation::Status;
+use crate::common::{SPATIAL_SLIDER_CRANK, model, model_of, options, run_model, try_run};
+use holonom::simulation::{Options, OutputTimes, Status};
 use std::f64::consts::{PI, TAU};
 
 /// Allowed error of a steady rotation: rad and rad/s, relative for what is above 1.
@@ -359,4 +359,71 @@ fn the_gyrostat_conserves_energy_and_momentum() {
         assert!(still.iter().zip(&now).all(|(a, b)| (a - b).abs() < 1e-10));
     }
     assert_eq!(implicit().len() + 3, all_codes().len());
+}
+
+/// An unbalanced rotor on a sprung block that a constant torque runs up through its resonance.
+const RUN_UP: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+block = { mass = 4.46, inertia = 0.4, position = [0.0, 0.0] }
+rotor = { mass = 0.458, inertia = 0.0229, position = [0.0, 0.0], center_of_mass = [0.00434, 0.0] }
+[joints]
+guide = { type = "translational", between = ["ground", "block"], point = [0.0, 0.0], axis = [0.0, 1.0] }
+shaft = { type = "revolute", between = ["block", "rotor"], point = [0.0, 0.0] }
+[forces]
+mount = { type = "tsda", between = ["ground", "block"], points = [[0.0, -1.0], [0.0, 0.0]], stiffness = 194.6, damping = 2.32, free_length = 1.0 }
+motor = { type = "torque", between = ["block", "rotor"], torque = 0.00994 }
+drag = { type = "rsda", between = ["block", "rotor"], damping = 8.58e-5 }
+"#;
+
+/// Accelerations of its block and rotor; y = [x, θ, ẋ, θ̇].
+fn run_up_rate(_: f64, y: &[f64]) -> Vec<f64> {
+    let (sin, cos) = y[1].sin_cos();
+    let unbalance = 0.458 * 0.00434;
+    let mass =
+        vec![vec![4.918, unbalance * cos], vec![unbalance * cos, 0.0229 + unbalance * 0.00434]];
+    let block = unbalance * y[3] * y[3] * sin - 194.6 * y[0] - 2.32 * y[2];
+    let a = solve(mass, vec![block, 0.00994 - 8.58e-5 * y[3]]);
+    vec![y[2], y[3], a[0], a[1]]
+}
+
+#[test] // independent truth: two equations in minimal coordinates, DOP853
+fn a_rotor_that_is_not_balanced_runs_up_through_its_resonance() {
+    const END: f64 = 50.0;
+    let times = times(END, 100);
+    let truth = tight(&run_up_rate, &[0.0; 4], &times);
+    let model = model_of(RUN_UP);
+    for code in all_codes() {
+        for tolerance in [1e-2, 1e-3, 1e-4] {
+            let options = Options {
+                channels: vec!["shaft.angle".to_owned()],
+                output: OutputTimes::Interval(END / 100.0),
+                ..options(code, tolerance, END)
+            };
+            let outcome = try_run(&model, &options);
+            assert_eq!(outcome.summary.status, Status::Completed);
+            let angles = outcome.series("shaft.angle", 0);
+            let worst = angles.iter().zip(&truth).map(|(angle, y)| {
+                let turn = y[1].rem_euclid(TAU);
+                (angle - y[1]).abs() / (tolerance * (1.0 + turn.min(TAU - turn)))
+            });
+            let worst = worst.fold(0.0, f64::max);
+            let warned = !outcome.summary.warnings.is_empty();
+            assert!(worst < 50.0 || warned, "{code:?} at {tolerance:e}: {worst:.0} tolerances");
+        }
+    }
+}
+
+#[test] // a balanced rotor moves nothing: nothing is to be seen
+fn a_rotor_that_is_balanced_runs_up_in_long_steps() {
+    let balanced = RUN_UP.replace("0.00434", "0.0");
+    let model = model_of(&balanced);
+    for code in all_codes() {
+        let statistics = run_model(&model, &options(code, 1e-3, 50.0)).summary.statistics;
+        // Codes of second order follow its slow speeding up with hundreds.
+        let most = if code.info().formula == "trapezoidal" { 600 } else { 40 };
+        assert!(statistics.steps < most, "{code:?}: {} steps", statistics.steps);
+    }
 }

@@ -7,6 +7,7 @@ mod checkpoints;
 mod passing;
 mod reporting;
 mod set_up;
+mod turning;
 
 use crate::error::EvaluationFailure;
 use crate::method::StateSpace;
@@ -41,6 +42,7 @@ use accepting::residuals;
 use charts::LONGEST_TURN;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use turning::Turning;
 
 pub(in crate::simulation) const MAX_REJECTIONS: u32 = 60;
 /// Part of the step at which energies would be on tolerance, and the least of one, that follow a step of a run without unknowns.
@@ -138,18 +140,18 @@ fn begin(
             Ok(Some(most)) => {
                 let found = second_run::compare(problem, options, &carried, most, left(), sink);
                 // Or the second run could not tell.
-                summary.warnings.extend(carried.behind.filter(|_| found.is_some()));
+                summary.warnings.extend(carried.missing.filter(|_| found.is_some()));
                 found
             }
             Ok(None) => None,
-            Err(_) => carried.behind,
+            Err(_) => carried.missing,
         };
         summary.warnings.extend(found);
         let took = checked.elapsed();
         summary.statistics.run_seconds += took.wall.as_secs_f64();
         summary.statistics.run_cpu_seconds += took.processor.as_secs_f64();
     } else {
-        summary.warnings.extend(carried.behind);
+        summary.warnings.extend(carried.missing);
     }
     Ok(summary)
 }
@@ -239,6 +241,7 @@ struct Run<'a> {
     coefficients: Vec<f64>,
     way: Way,
     condition_reference: f64,
+    turning: Turning,
     /// Residuals at the start, position and velocity: redundant rows may contradict each other a little.
     start_residuals: (f64, f64),
     residual_rows: Vec<f64>,
@@ -325,7 +328,10 @@ impl Run<'_> {
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree, h));
-                h = h.min(LONGEST_TURN / turning).min(step_length::ramped(&ramps, t, end));
+                h = h
+                    .min(self.longest_turning())
+                    .min(LONGEST_TURN / turning)
+                    .min(step_length::ramped(&ramps, t, end));
                 if !self.drivers.is_empty() {
                     let most = h.min(next - t);
                     h = step_length::driven(self.system.as_ref(), &self.drivers, t, most, relative);
@@ -377,6 +383,15 @@ impl Run<'_> {
                     retry = step * (0.5 / turned).max(0.1);
                 }
             }
+            if report.accepted
+                && rejection.is_none()
+                && !fixed
+                && let Some(part) = self.unseen_turn(t_end, step)
+            {
+                self.stepper.discard();
+                (rejection, report.error) = (Some(Rejection::ErrorTooLarge), part.recip());
+                retry = part * step;
+            }
             let mut growth = f64::INFINITY;
             // Steps of one-step formulas of high order are longer than what integrates the powers in them is good for.
             let one_step = self.stepper.explicit() && !self.stepper.multistep();
@@ -423,6 +438,7 @@ impl Run<'_> {
                 continue;
             }
             (rejections, repartitioned, seen) = (0, false, true);
+            self.has_turned();
             let moves = self.references_are_to_move();
             if let Some(carried) = &mut self.carried {
                 if doubts && self.stepper.statistics().linearizations == linearized {

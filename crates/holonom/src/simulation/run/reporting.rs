@@ -8,7 +8,7 @@ use crate::simulation::diagnosis::{Stop, Suspects, diagnose};
 use crate::simulation::output::CHUNK_STEPS;
 use crate::simulation::statistics::{Status, StopReason};
 use crate::simulation::trajectory::{EventKind, EventRecord, Flow, StepOutcome, StepRecord};
-use crate::simulation::warnings::{IMBALANCE, behind, warnings};
+use crate::simulation::warnings::{MissingEnergy, warnings};
 use crate::watch::within;
 use std::time::{Duration, Instant};
 
@@ -133,12 +133,13 @@ impl Run<'_> {
         let (dropped, ndof) = (&chart.parametrization().dropped, chart.ndof());
         let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
         let negligible = self.energy_scale.negligible(system, tolerance);
-        self.warnings = warnings(system, dropped, ndof, s, e, negligible, self.options);
-        let missing = self.warnings.iter().any(|warning| warning.code == IMBALANCE);
-        let behind = behind(e, self.drift.largest(), self.options).filter(|_| !missing);
+        self.warnings = warnings(system, dropped, ndof, s);
+        let drift = self.drift.largest();
+        let missing = MissingEnergy::new(e, &self.energy_scale, negligible, drift, self.options);
+        self.warnings.extend(missing.told);
         match &mut self.carried {
-            Some(carried) => carried.behind = behind,
-            None => self.warnings.extend(behind),
+            Some(carried) => carried.missing = missing.asked,
+            None => self.warnings.extend(missing.asked),
         }
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {
