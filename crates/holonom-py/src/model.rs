@@ -244,7 +244,7 @@ impl CoreModel {
         let from = match start {
             None => None,
             Some(data) => {
-                let mut states = Rows::read(data, &sizes)?.states;
+                let mut states = Rows::read(data, &sizes, true)?.states;
                 if states.len() != 1 {
                     let message =
                         format!("`start` holds {} states; it must hold one", states.len());
@@ -312,7 +312,7 @@ impl CoreModel {
         state: &Bound<'py, PyDict>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let system = self.problem.system();
-        let states = Rows::read(state, &system.structure().sizes)?.states;
+        let states = Rows::read(state, &system.structure().sizes, false)?.states;
         let out = PyDict::new(py);
         let samples: Vec<Sample<'_>> = states.iter().map(Sample::new).collect();
         for name in names {

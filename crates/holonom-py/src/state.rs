@@ -27,8 +27,9 @@ fn array(data: &Bound<'_, PyDict>, name: &str) -> PyResult<Option<Vec<f64>>> {
 }
 
 impl Rows {
-    /// Reads `count` states (as many as there are times) from arrays by name.
-    pub(crate) fn read(data: &Bound<'_, PyDict>, sizes: &Sizes) -> PyResult<Self> {
+    /// Reads `count` states (as many as there are times) from arrays by name. The state that a run `starts` from may be one of
+    /// another joint more or less, whose multipliers and turns it finds anew.
+    pub(crate) fn read(data: &Bound<'_, PyDict>, sizes: &Sizes, starts: bool) -> PyResult<Self> {
         let time = array(data, "time")?.ok_or_else(|| foreign("the state has no entry `time`"))?;
         let count = time.len();
         let mut states = vec![State::zeros(sizes); count];
@@ -52,7 +53,7 @@ impl Rows {
                 continue;
             };
             // What a joint that has let go carried and counted: multipliers are found anew.
-            let gone = count == 1 && (name == "lambda" || name == "winding" && size == 0);
+            let gone = starts && count == 1 && (name == "lambda" || name == "winding" && size == 0);
             if gone && values.len() != size {
                 continue;
             }

@@ -3,7 +3,7 @@
 use super::options::{Options, OutputTimes};
 use super::output::OUTPUT_SLACK;
 use super::step_length::smallest_step;
-use crate::error::told;
+use crate::error::{shown, told};
 use crate::method::{Code, Newmark, UnknownMethod};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
 use crate::newton::{JacobianSource, Representation};
@@ -62,7 +62,7 @@ pub enum RunError {
     #[error("there is no end time; give `end_time`, or state it in the model's [simulation]")]
     NoEndTime,
     /// A start time that is not that of the state to start from.
-    #[error("`start_time` is {stated} s, but the state is at {from} s")]
+    #[error("`start_time` is {} s, but the state is at {} s", shown(*stated), shown(*from))]
     StartTime {
         /// s.
         stated: f64,
@@ -70,7 +70,7 @@ pub enum RunError {
         from: f64,
     },
     /// An option out of range.
-    #[error("`{option}` is {value}; it must be {rule}")]
+    #[error("`{option}` is {}; it must be {rule}", shown(*value))]
     Option {
         /// Name of the option.
         option: &'static str,
@@ -80,7 +80,7 @@ pub enum RunError {
         rule: &'static str,
     },
     /// An end before the start.
-    #[error("`end_time` is {end} s; the run starts at {start} s, and cannot end before")]
+    #[error("`end_time` is {} s; the run starts at {} s, and cannot end before", shown(*end), shown(*start))]
     EndTime {
         /// s.
         end: f64,
@@ -89,7 +89,9 @@ pub enum RunError {
     },
     /// A first step that is lost in the round-off of times.
     #[error(
-        "`initial_step` is {step:e} s; from {start} s to {end} s steps are {least:.1e} s at least"
+        "`initial_step` is {step:e} s; from {} s to {} s steps are {least:.1e} s at least",
+        shown(*start),
+        shown(*end)
     )]
     InitialStep {
         /// s.
@@ -114,7 +116,7 @@ pub enum RunError {
         least: f64,
     },
     /// An output time that the run does not reach, or that is out of order.
-    #[error("`output_times[{index}]` is {value} s; it must {rule}")]
+    #[error("`output_times[{index}]` is {} s; it must {rule}", shown(*value))]
     OutputTime {
         /// Index in the list.
         index: usize,
@@ -125,7 +127,9 @@ pub enum RunError {
     },
     /// An output interval that asks for too many rows.
     #[error(
-        "`interval` = {interval} s asks for {rows:.0} output rows; at most {MOST_ROWS:.0} are stored"
+        "`interval` = {} s asks for {} output rows; at most {MOST_ROWS:.0} are stored",
+        shown(*interval),
+        if *rows < 1e15 { format!("{rows:.0}") } else { format!("{rows:.0e}") }
     )]
     TooManyRows {
         /// s.
@@ -135,7 +139,11 @@ pub enum RunError {
     },
     /// A motion that is not known for the whole run.
     #[error(
-        "the table `{name}` of `{path}` reaches from {first} s to {last} s, the run from {start} s to {end} s"
+        "the table `{name}` of `{path}` reaches from {} s to {} s, the run from {} s to {} s",
+        shown(*first),
+        shown(*last),
+        shown(*start),
+        shown(*end)
     )]
     ShortTable {
         /// Where the table is written.
@@ -338,7 +346,10 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
     if let Some(Newmark { gamma, beta }) = options.newmark {
         if options.code.info().formula != "trapezoidal" {
             let rule = "left out: it is for SspTrap and InflTrap";
-            return refuse("newmark_gamma", gamma, rule);
+            // The one that is not what stands where nothing is stated.
+            let (option, value) =
+                if gamma == 0.5 { ("newmark_beta", beta) } else { ("newmark_gamma", gamma) };
+            return refuse(option, value, rule);
         }
         if !(0.5..=1.0).contains(&gamma) {
             return refuse("newmark_gamma", gamma, "from 0.5 to 1");

@@ -24,7 +24,14 @@ pub enum OutputTimes {
 impl OutputTimes {
     /// 200 intervals from `start` to `end`, s.
     pub fn between(start: f64, end: f64) -> Self {
-        if end > start { Self::Interval((end - start) / 200.0) } else { Self::Listed(vec![start]) }
+        let interval = (end - start) / 200.0;
+        if interval > 0.0 {
+            Self::Interval(interval)
+        } else if end > start {
+            Self::Listed(vec![start, end])
+        } else {
+            Self::Listed(vec![start])
+        }
     }
 }
 

@@ -75,13 +75,12 @@ impl Output {
             OutputTimes::Interval(interval) => {
                 let last =
                     ((self.end - self.start) / interval * (1.0 + OUTPUT_SLACK)).floor() as usize;
+                // The last multiple may be beside the end by round-off.
+                let reached = self.end - OUTPUT_SLACK * (self.end - self.start);
+                let time = self.start + self.next.min(last) as f64 * interval;
                 if self.next <= last {
-                    // The last multiple may exceed the end by round-off.
-                    (self.start + self.next as f64 * interval).min(self.end)
-                } else if self.next == last + 1
-                    && self.start + last as f64 * interval
-                        < self.end - OUTPUT_SLACK * (self.end - self.start)
-                {
+                    if time < reached { time } else { self.end }
+                } else if self.next == last + 1 && time < reached {
                     self.end
                 } else {
                     f64::INFINITY

@@ -40,6 +40,15 @@ pub(super) fn warnings(
             out.push(RunWarning { code: "simulation/contradiction", message });
         }
     }
+    if dropped.is_empty() && s.residual_ratio > 1.0 {
+        let message = format!(
+            "joints are violated by up to {:.1e} m (or as direction cosines) in position and {:.1e} m/s in velocity, \
+             {:.1e} times the bound: lengths, angles or rates are so large that numbers have no more digits for them; \
+             place the model near the origin, and look for a quantity in wrong units",
+            s.position_residual, s.velocity_residual, s.residual_ratio
+        );
+        out.push(RunWarning { code: "simulation/residuals", message });
+    }
     if ndof == 0 && !system.has_drivers() {
         let message = "there are no degrees of freedom and no drivers, so nothing moves; where a mechanism should, \
                        axes or points of its joints are not as parallel or as flat as they are meant to be"

@@ -345,3 +345,55 @@ fn elements_that_are_stated_to_be_zero_are_taken() {
         assert_eq!(model_of(&text(force)).forces.len(), 1, "{force}");
     }
 }
+
+#[test]
+fn the_last_row_of_an_interval_is_the_end() {
+    let model = model("simple_pendulum");
+    for (from, to, rows) in [(-1.0, 0.2, 200), (0.1, 0.7, 3), (0.0, 0.3, 7)] {
+        let options = Options {
+            output: OutputTimes::Interval((to - from) / f64::from(rows)),
+            ..options(Code::ForRadau, 1e-3, to)
+        };
+        let problem = Problem::new(model.clone());
+        let start = State { t: from, ..problem.assemble().unwrap().state.clone() };
+        let mut memory = Memory::default();
+        run(&problem, &options, Some(&start), &mut memory).unwrap();
+        let times = &memory.all.time;
+        assert_eq!(times.len(), rows as usize + 1, "{from} to {to}");
+        assert_eq!([times[0], times[times.len() - 1]], [from, to]);
+    }
+}
+
+#[test]
+fn a_run_of_the_shortest_time_there_is_has_two_rows() {
+    assert_eq!(OutputTimes::between(0.0, 5e-324), OutputTimes::Listed(vec![0.0, 5e-324]));
+}
+
+#[test] // independent truth: an angle of 1e10 rad has no digits below 1e-6 rad
+fn joints_that_numbers_cannot_keep_are_warned_of() {
+    let crank = |angle: f64| {
+        model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+crank = {{ mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }}
+rod = {{ mass = 1.0, inertia = 0.1, position = [2.0, 0.0] }}
+slider = {{ mass = 1.0, inertia = 0.1, position = [3.0, 0.0] }}
+[joints]
+bearing = {{ type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }}
+pin = {{ type = "revolute", between = ["crank", "rod"], point = [1.0, 0.0] }}
+wrist = {{ type = "revolute", between = ["rod", "slider"], point = [3.0, 0.0] }}
+guide = {{ type = "translational", between = ["ground", "slider"], point = [3.0, 0.0], axis = [1.0, 0.0] }}
+[drivers]
+motor = {{ joint = "bearing", coordinate = "rotation", motion = {{ type = "polynomial", coefficients = [{angle:?}, 1.0] }} }}
+"#
+        ))
+    };
+    for (angle, expected) in [(1e10, true), (1e3, false)] {
+        let summary = run_model(&crank(angle), &options(Code::ForRadau, 1e-3, 1.0)).summary;
+        let told = summary.warnings.iter().any(|w| w.code == "simulation/residuals");
+        assert_eq!(told, expected, "{:e}", summary.statistics.residual_ratio);
+    }
+}

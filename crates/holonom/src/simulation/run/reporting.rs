@@ -94,13 +94,15 @@ impl Run<'_> {
     /// Flushes, completes the statistics and says why the run ended.
     pub(super) fn finish(&mut self, stop: Result<(), Stop>) -> (Status, StopReason) {
         self.complete_state();
-        if stop.is_err() {
+        // A sink that took no more has no place for what comes behind it.
+        let takes = !matches!(stop, Err(Stop::Sink(_)));
+        if stop.is_err() && takes {
             self.output.push_last(self.system.as_ref(), &self.state);
         }
         if let Some(carried) = &mut self.carried {
             carried.milestones.end(&self.state);
         }
-        let flushed = self.flush();
+        let flushed = if takes { self.flush() } else { Ok(()) };
         let counters = self.form.point().manifold.counters;
         let stepper = self.work();
         let s = &mut self.statistics;
