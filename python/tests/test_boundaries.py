@@ -144,6 +144,7 @@ def test_what_is_closed_is_not_damaged(
         use(result, tmp_path)
     assert refused.value.code == "result/closed"
     assert repr(result) == "<holonom.Result 'model': completed, closed>"
+    assert result._repr_html_() == "&lt;holonom.Result &#x27;model&#x27;: completed, closed&gt;"
     assert result["rod.position"] is angle
     assert not result.damage
     result.close()

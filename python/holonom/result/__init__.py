@@ -472,9 +472,15 @@ class Result(Arrays):
     def _repr_html_(self) -> str:
         from holonom.summary import summarize
 
+        try:
+            facts = summarize(self)
+        except FileError as error:
+            if error.code != "result/closed":
+                raise
+            return html.escape(repr(self))
         rows = "".join(
             f"<tr><th>{html.escape(shown(label))}</th><td>{html.escape(shown(text))}</td></tr>"
-            for label, text in summarize(self)
+            for label, text in facts
         )
         return f"<table>{rows}</table>"
 

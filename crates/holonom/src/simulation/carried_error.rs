@@ -71,9 +71,10 @@ pub(super) struct CarriedError {
     /// Whether the error stands on coordinates and velocities as it is.
     #[serde(skip)]
     spread: bool,
-    /// What is told of missing energy unless a second run finds the motion right.
+    /// What is told of missing energy unless a second run finds the motion right, and potentials that differ by less than so
+    /// many joules.
     #[serde(skip)]
-    pub(super) missing: Option<RunWarning>,
+    pub(super) missing: Option<(RunWarning, f64)>,
     /// Of runs that are not too large.
     #[serde(default)]
     pub(super) longest: Option<LongestStep>,

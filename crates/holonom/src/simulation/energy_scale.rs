@@ -25,7 +25,9 @@ pub(super) struct EnergyScale {
     supplied: f64,
     /// Largest sum of all terms by their size, J.
     sum: f64,
-    /// What has been supplied last, and all that went to and fro, J.
+    /// The largest kinetic energy against the ground, what has been supplied last, and all that went to and fro, J.
+    #[serde(default)]
+    against_ground: f64,
     #[serde(default)]
     last_supplied: f64,
     #[serde(default)]
@@ -96,6 +98,7 @@ impl EnergyScale {
         let translations = system.structure().sizes.translations;
         let excess: f64 = self.travelling.iter().map(|t| t.excess(state, translations)).sum();
         self.kinetic = self.kinetic.max(energy.kinetic - excess);
+        self.against_ground = self.against_ground.max(energy.kinetic);
         let (low, high) = self.potential.unwrap_or((energy.potential, energy.potential));
         self.potential = Some((low.min(energy.potential), high.max(energy.potential)));
         let ledger = &state.ledger;
@@ -123,10 +126,11 @@ impl EnergyScale {
         self.kinetic.max(high - low).max(self.dissipated).max(self.supplied)
     }
 
-    /// All energy that there is, J: the largest sum of all terms by their size, in the frame of the ground and from the
-    /// zero of potentials, and what was supplied to and fro.
+    /// All energy that has been there, J: the kinetic one against the ground, the range of the potential, what was dissipated, and what
+    /// was supplied to and fro.
     pub(super) fn all(&self) -> f64 {
-        self.sum + self.exchanged
+        let (low, high) = self.potential.unwrap_or_default();
+        self.against_ground.max(self.kinetic) + (high - low) + self.dissipated + self.exchanged
     }
 
     /// An imbalance that says nothing, J: what the sum of the terms cannot tell from none, and what

@@ -29,25 +29,34 @@ const LASTING: f64 = 1.0 / 200.0;
 /// Steps up to which it is computed whether something grows that longer ones do not show.
 const MOST_STEPS: f64 = 200_000.0;
 
+/// What a second run tells.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    /// That the motion is not right, or that it could not be told.
+    pub(super) warning: Option<RunWarning>,
+    /// Whether stiff elements hold other energies, though the motion is right: the missing energy is missing.
+    pub(super) potentials_differ: bool,
+}
+
 /// A warning where a run by `options` that is `suspicious` is far from a run by the default code, of explicit codes by the
 /// one of the highest order, at a tenth of its tolerance with steps of `max_step` at most, or where such a run does not come to its end within
 /// what is `left` of the time.
 pub(super) fn compare(
     problem: &Problem,
     options: &Options,
-    CarriedError { milestones, speeds, .. }: &CarriedError,
+    CarriedError { milestones, speeds, missing, .. }: &CarriedError,
     max_step: f64,
     left: Option<Duration>,
     sink: &mut dyn Sink,
-) -> Option<RunWarning> {
+) -> Found {
     let system = problem.system().as_ref();
     // Steps of its own length did not show what may grow.
     let shows = max_step < options.max_step;
     if shows && options.end_time - milestones.start.t > MOST_STEPS * max_step {
-        return Some(warning(format!(
+        return Found::told(format!(
             "whatever disturbs this motion grows in it, which steps of this length do not show: set `max_step` to {max_step:.1e} s \
              at most to see what becomes of it, and end the run earlier"
-        )));
+        ));
     }
     let Tolerance { relative, translation, rotation } = options.tolerance;
     // What is not stiff is told best by a code that none of its kind surpasses.
@@ -75,6 +84,9 @@ pub(super) fn compare(
         speeds,
         weights: Weights::new(options.tolerance, system, &milestones.start),
         place: milestones.start.clone(),
+        first_place: milestones.start.clone(),
+        allowed_potential: missing.as_ref().map_or(f64::INFINITY, |(_, joules)| *joules),
+        potentials_differ: false,
         differences: [(); 2].map(|()| vec![0.0; milestones.start.q.len()]),
         compared: 0,
         off: vec![None; speeds.len()],
@@ -98,10 +110,13 @@ pub(super) fn compare(
             Some(second) if second.is_suspicious() => UNCERTAIN,
             _ => FAR,
         },
-        outcome => return Some(warning(unfinished(outcome))),
+        outcome => return Found::told(unfinished(outcome)),
     };
     let doubtful = allowed < FAR;
-    let far = comparison.worst.filter(|worst| worst.counted > allowed)?;
+    let potentials_differ = comparison.potentials_differ;
+    let Some(far) = comparison.worst.filter(|worst| worst.counted > allowed) else {
+        return Found { warning: None, potentials_differ };
+    };
     let doubt = if doubtful { ", which may be off itself" } else { "" };
     let shorter = if shows {
         format!(", or set `max_step` to {max_step:.1e} s, as longer steps do not show what grows")
@@ -118,14 +133,17 @@ pub(super) fn compare(
             "`{item}` is {share:.0} tolerances of its position and orientation ({by}) away from where"
         )
     };
-    Some(warning(format!(
+    Found::told(format!(
         "small errors add up or grow in this motion: {away} a second run, at a tenth of the tolerance{doubt}, has it \
          at t = {t:.4} s, and what comes later may be further off; {advice}"
-    )))
+    ))
 }
 
-fn warning(message: String) -> RunWarning {
-    RunWarning { code: "simulation/amplified-error", message }
+impl Found {
+    fn told(message: String) -> Self {
+        let warning = RunWarning { code: "simulation/amplified-error", message };
+        Self { warning: Some(warning), potentials_differ: false }
+    }
 }
 
 /// Of a second run that did not come to its end.
@@ -211,6 +229,10 @@ struct Comparison<'a> {
     speeds: &'a [[f64; 2]],
     weights: Weights,
     place: State,
+    first_place: State,
+    /// J; infinite where potentials do not matter.
+    allowed_potential: f64,
+    potentials_differ: bool,
     /// Of coordinates and velocities.
     differences: [Vec<f64>; 2],
     compared: usize,
@@ -240,6 +262,14 @@ impl Comparison<'_> {
         self.compared += 1;
         self.place.q.copy_from_slice(q);
         self.place.v.copy_from_slice(v);
+        if self.allowed_potential.is_finite() {
+            self.first_place.q.copy_from_slice(first[0]);
+            self.first_place.v.copy_from_slice(first[1]);
+            self.first_place.t = t;
+            self.place.t = t;
+            let [a, b] = [&self.first_place, &self.place].map(|s| self.system.energy(s).potential);
+            self.potentials_differ |= (a - b).abs() > self.allowed_potential;
+        }
         self.weights.set(&self.place);
         let sizes = self.system.structure().sizes;
         for own in (0..n).step_by(sizes.per_body).map(|own| own..own + sizes.per_body) {

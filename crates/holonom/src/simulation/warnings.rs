@@ -71,8 +71,9 @@ pub(super) fn warnings(
 pub(super) struct MissingEnergy {
     /// What is told whatever the motion is: energies are wrong.
     pub(super) told: Option<RunWarning>,
-    /// What is told unless a second run finds the motion right: so much may be missing of what does not count.
-    pub(super) asked: Option<RunWarning>,
+    /// What is told unless a second run finds the motion right, and potentials that differ by less than so many joules: so
+    /// much may be missing of what does not count.
+    pub(super) asked: Option<(RunWarning, f64)>,
 }
 
 impl MissingEnergy {
@@ -85,16 +86,18 @@ impl MissingEnergy {
         options: &Options,
     ) -> Self {
         let share = LARGEST_IMBALANCE.max(TOLERANCES * options.tolerance.relative);
-        let warning = |message| Some(RunWarning { code: IMBALANCE, message });
-        if e.largest_imbalance > (share * e.moved).max(negligible) {
+        let warning = |message| RunWarning { code: IMBALANCE, message };
+        let allowed = (share * e.moved).max(negligible);
+        if e.largest_imbalance > allowed {
             let warning = warning(missing(e, share));
             return if e.largest_imbalance > share * scale.all() {
-                Self { told: warning, asked: None }
+                Self { told: Some(warning), asked: None }
             } else {
-                Self { told: None, asked: warning }
+                Self { told: None, asked: Some((warning, allowed)) }
             };
         }
-        let asked = if drift > LARGEST_DRIFT { warning(behind(e, drift, options)) } else { None };
+        let is_behind = drift > LARGEST_DRIFT;
+        let asked = is_behind.then(|| (warning(behind(e, drift, options)), f64::INFINITY));
         Self { told: None, asked }
     }
 }

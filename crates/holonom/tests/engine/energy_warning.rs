@@ -268,3 +268,43 @@ third = {{ velocity = {:?}, angular_velocity = {RATE:?} }}
         }
     }
 }
+
+#[test] // independent truth: an undamped oscillator keeps its 4.5 J, wherever it stands and flies
+fn a_vibration_that_is_lost_is_warned_of_at_any_height_and_speed() {
+    let on_guide = |height: f64| {
+        model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+block = {{ mass = 1.0, inertia = 0.1, position = [0.5, {height:?}] }}
+[joints]
+guide = {{ type = "translational", between = ["ground", "block"], point = [0.5, {height:?}], axis = [1.0, 0.0] }}
+[forces]
+spring = {{ type = "tsda", between = ["ground", "block"], points = [[-0.5, {height:?}], [0.5, {height:?}]], stiffness = 1e6, free_length = 0.997 }}
+"#
+        ))
+    };
+    let flying = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+sledge = { mass = 2.0, inertia = 0.1, position = [-0.5, 0.0] }
+block = { mass = 2.0, inertia = 0.1, position = [0.5, 0.0] }
+[joints]
+rail = { type = "translational", between = ["sledge", "block"], point = [0.5, 0.0], axis = [1.0, 0.0] }
+[forces]
+spring = { type = "tsda", between = ["sledge", "block"], points = [[-0.5, 0.0], [0.5, 0.0]], stiffness = 1e6, free_length = 0.997 }
+[initial]
+velocity = [50.0, 0.0]
+"#,
+    );
+    for (name, model) in [("low", on_guide(0.0)), ("high", on_guide(3000.0)), ("flying", flying)] {
+        let summary = run_model(&model, &options(Code::ForRadau, 1e-2, 3.0)).summary;
+        assert!(summary.energy.largest_imbalance > 2.0, "{name}: {:?}", summary.energy);
+        assert!(warning(&summary).is_some(), "{name}: {:?}", summary.energy);
+    }
+}

@@ -136,22 +136,24 @@ fn begin(
         let checked = Stopwatch::start();
         // Where this is given up, the run is whole all the same.
         let look = || stage("checking", || carried.longest_step_to_tell(problem, options));
-        let found = match within(left(), look) {
+        let missing =
+            |told: bool| carried.missing.as_ref().filter(|_| told).map(|(w, _)| w.clone());
+        match within(left(), look) {
             Ok(Some(most)) => {
                 let found = second_run::compare(problem, options, &carried, most, left(), sink);
                 // Or the second run could not tell.
-                summary.warnings.extend(carried.missing.filter(|_| found.is_some()));
-                found
+                let told = found.warning.is_some() || found.potentials_differ;
+                summary.warnings.extend(missing(told));
+                summary.warnings.extend(found.warning);
             }
-            Ok(None) => None,
-            Err(_) => carried.missing,
-        };
-        summary.warnings.extend(found);
+            Ok(None) => {}
+            Err(_) => summary.warnings.extend(missing(true)),
+        }
         let took = checked.elapsed();
         summary.statistics.run_seconds += took.wall.as_secs_f64();
         summary.statistics.run_cpu_seconds += took.processor.as_secs_f64();
     } else {
-        summary.warnings.extend(carried.missing);
+        summary.warnings.extend(carried.missing.map(|(warning, _)| warning));
     }
     Ok(summary)
 }
@@ -357,6 +359,8 @@ impl Run<'_> {
             let linearized = self.stepper.statistics().linearizations;
             let mut report = self.stepper.attempt(self.form.as_mut(), t, step, &self.w, &self.g);
             let mut rejection = report.cause.take();
+            // Whether a refusal has to do with the largest error.
+            let mut blames = true;
             let mut retry = if report.accepted { 0.5 * step } else { report.next_step };
             if report.accepted {
                 rejection = self.accept(t, step, t_end).err().map(Rejection::Evaluation);
@@ -391,6 +395,7 @@ impl Run<'_> {
                 self.stepper.discard();
                 (rejection, report.error) = (Some(Rejection::ErrorTooLarge), part.recip());
                 retry = part * step;
+                blames = false;
             }
             let mut growth = f64::INFINITY;
             // Steps of one-step formulas of high order are longer than what integrates the powers in them is good for.
@@ -409,7 +414,9 @@ impl Run<'_> {
             }
             self.record(t, step, &report, rejection.as_ref());
             let (accepted, change) = (rejection.is_none(), self.stepper.last_change());
-            self.slowness.count(accepted, report.error, change, &self.w);
+            if blames {
+                self.slowness.count(accepted, report.error, change, &self.w);
+            }
             if let Some(cause) = rejection {
                 rejections += 1;
                 let lost = matches!(&cause, Rejection::Evaluation(_));

@@ -141,7 +141,7 @@ impl Run<'_> {
         self.warnings.extend(missing.told);
         match &mut self.carried {
             Some(carried) => carried.missing = missing.asked,
-            None => self.warnings.extend(missing.asked),
+            None => self.warnings.extend(missing.asked.map(|(warning, _)| warning)),
         }
         let stop = match (stop, flushed) {
             (Err(Stop::Sink(message)), _) | (Ok(()), Err(Stop::Sink(message))) => {

@@ -2,8 +2,7 @@
 
 use super::Run;
 use crate::error::EvaluationFailure;
-use crate::simulation::recorder::Recorder;
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::TAU;
 
 /// Largest turn of an angle in a step whose stages see what goes round with it, rad.
 const SEEN: f64 = 2.0;
@@ -11,23 +10,36 @@ const SEEN: f64 = 2.0;
 const LOOKED_AT: f64 = 1.5;
 /// Tolerances of a motion that goes round with an angle and is left alone.
 const UNSEEN: f64 = 0.1;
-/// Angles that turn so many times faster than another one are held when that one is turned.
+/// Angles that turn so many times faster or more slowly than another one are held when that one is turned.
 const FASTER: f64 = 2.0;
-/// Steps that an angle limits before it is looked at again.
+/// Steps for which an angle is known to matter or not, and how much its rate may change meanwhile.
 const STEPS: u32 = 16;
+const SAME: f64 = 0.25;
+/// Places around an angle, in turns: waves of few periods to a turn differ there.
+const PLACES: [f64; 2] = [0.3, 0.62];
 
-/// What is known of angles of any size among the independent variables.
+/// What is known of an angle for some steps.
+#[derive(Debug, Clone, Copy, Default)]
+struct Known {
+    steps: u32,
+    matters: bool,
+    /// rad/s.
+    rate: f64,
+}
+
+/// What is known of angles of any size among the independent variables, and room to look at them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Turning {
-    /// Steps that each of them is yet to limit.
-    limiting: Vec<u32>,
+    known: Vec<Known>,
     /// How variables move where an angle turns by one radian.
     direction: Vec<f64>,
-    /// Slopes at the end of the attempt, a quarter of a turn, half a turn and a whole one further.
+    /// Slopes at the end of the attempt, at the places around and a whole turn further.
     here: Vec<f64>,
-    turned: [Vec<f64>; 3],
-    /// What goes round.
+    around: [Vec<f64>; 2],
+    again: Vec<f64>,
+    /// What goes round, and the slope against it.
     motion: Vec<f64>,
+    against: Vec<f64>,
 }
 
 impl Turning {
@@ -35,31 +47,35 @@ impl Turning {
     pub(super) fn new(dimension: usize) -> Self {
         let room = || vec![0.0; dimension];
         Self {
-            limiting: vec![0; dimension],
+            known: vec![Known::default(); dimension],
             direction: room(),
             here: room(),
-            turned: [room(), room(), room()],
+            around: [room(), room()],
+            again: room(),
             motion: room(),
+            against: room(),
         }
     }
 
     /// Nothing is known, as at a start.
     pub(super) fn forget(&mut self) {
-        self.limiting.fill(0);
+        self.known.fill(Known::default());
     }
 
-    /// The wave a(φ) = A cos φ + B sin φ + C + D φ of accelerations, whose place is φ = 0, as a motion at `rate`; the trend D is
-    /// known or not there.
+    /// The wave a(φ) − a(0) = A (cos φ − 1) + B sin φ + D φ of accelerations as a motion at `rate`; the trend D is known or not there.
     fn find_motion(&mut self, ndof: usize, rate: f64, has_trend: bool) {
-        let Self { here, turned: [quarter, half, whole], motion, .. } = self;
+        let Self { here, around: [first, second], again, motion, .. } = self;
+        let [(s1, c1), (s2, c2)] = PLACES.map(|place| (TAU * place).sin_cos());
+        let determinant = (c1 - 1.0) * s2 - (c2 - 1.0) * s1;
         motion.fill(0.0);
         for i in 0..ndof {
             let at = ndof + i;
-            let trend = if has_trend { whole[at] - here[at] } else { 0.0 };
-            let half = half[at] - here[at] - 0.5 * trend;
-            let quarter = quarter[at] - here[at] - 0.25 * trend;
-            // −2A and B − A
-            motion[i] = (0.5 * half).hypot(quarter - 0.5 * half) / (rate * rate);
+            let trend = if has_trend { again[at] - here[at] } else { 0.0 };
+            let first = first[at] - here[at] - PLACES[0] * trend;
+            let second = second[at] - here[at] - PLACES[1] * trend;
+            let a = (first * s2 - second * s1) / determinant;
+            let b = ((c1 - 1.0) * second - (c2 - 1.0) * first) / determinant;
+            motion[i] = a.hypot(b) / (rate * rate);
             motion[at] = rate * motion[i];
         }
     }
@@ -69,21 +85,21 @@ impl Run<'_> {
     /// The longest step, s, in which stages see what goes round with the angles that matter.
     pub(super) fn longest_turning(&self) -> f64 {
         let ndof = self.form.second_order_split();
-        let rates = &self.w[ndof..2 * ndof];
-        let limited = self.turning.limiting.iter().zip(rates).filter(|(steps, _)| **steps > 0);
-        limited.map(|(_, rate)| LOOKED_AT / rate.abs()).fold(f64::INFINITY, f64::min)
+        let matter = self.turning.known.iter().zip(&self.w[ndof..2 * ndof]);
+        let matter = matter.filter(|(known, _)| known.steps > 0 && known.matters);
+        matter.map(|(_, rate)| LOOKED_AT / rate.abs()).fold(f64::INFINITY, f64::min)
     }
 
-    /// A step has been accepted that such angles may have limited.
+    /// A step has been accepted.
     pub(super) fn has_turned(&mut self) {
-        self.turning.limiting.iter_mut().for_each(|steps| *steps = steps.saturating_sub(1));
+        self.turning.known.iter_mut().for_each(|known| known.steps = known.steps.saturating_sub(1));
     }
 
     /// The part of the attempt over `step` up to `t_end` that is allowed by an angle which turned by more than stages see, where
     /// what goes round with it matters.
     pub(super) fn unseen_turn(&mut self, t_end: f64, step: f64) -> Option<f64> {
         let ndof = self.form.second_order_split();
-        if !(0..ndof).any(|k| self.turn(k, step) > SEEN && self.is_endless(k)) {
+        if !(0..ndof).any(|k| self.is_to_be_looked_at(&self.turning, k, step)) {
             return None;
         }
         let mut turning = std::mem::take(&mut self.turning);
@@ -91,16 +107,11 @@ impl Run<'_> {
         // The steps themselves have just been there.
         if self.recorder.slope_at(t_end, &self.w_end, &mut turning.here).is_ok() {
             for k in 0..ndof {
-                let turn = self.turn(k, step);
-                if turn <= SEEN || !self.is_endless(k) {
-                    continue;
+                if self.is_to_be_looked_at(&turning, k, step)
+                    && self.matters(&mut turning, t_end, k, step)
+                {
+                    part = Some(part.unwrap_or(1.0).min(LOOKED_AT / self.turn(k, step)));
                 }
-                // What cannot be told may matter.
-                if self.moves_by(&mut turning, t_end, k, turn / step).is_ok_and(|by| by <= UNSEEN) {
-                    continue;
-                }
-                turning.limiting[k] = STEPS;
-                part = Some(part.unwrap_or(1.0).min(LOOKED_AT / turn));
             }
         }
         self.turning = turning;
@@ -114,59 +125,80 @@ impl Run<'_> {
         0.5 * step * (self.w[rate].abs() + self.w_end[rate].abs())
     }
 
+    /// Whether it is an angle that turns by more than stages see, of which nothing is known or that mattered before.
+    fn is_to_be_looked_at(&self, turning: &Turning, k: usize, step: f64) -> bool {
+        let (turn, known) = (self.turn(k, step), &turning.known[k]);
+        let is_quiet = known.steps > 0 && !known.matters;
+        turn > SEEN
+            && !(is_quiet && (turn / step - known.rate).abs() <= SAME * known.rate)
+            && self.is_endless(k)
+    }
+
     /// Whether it is an angle of any size.
     fn is_endless(&self, k: usize) -> bool {
         let relatives = self.form.point().manifold.chart().parametrization().relatives();
         relatives.is_some_and(|relatives| relatives.is_endless_angle(self.system.as_ref(), k))
     }
 
-    /// The motion, in tolerances, that goes round with angle `k` at `rate`, rad/s. What turns more slowly or as fast turns
-    /// along: discs on one shaft do not wind it up.
+    /// Whether what goes round with angle `k` matters; what cannot be told may. What turns about as fast turns along: discs on one
+    /// shaft do not wind it up, and where none of them matters that is known of all.
+    fn matters(&mut self, turning: &mut Turning, t: f64, k: usize, step: f64) -> bool {
+        let ndof = self.form.second_order_split();
+        let own = self.w_end[ndof + k].abs();
+        let mut slowest = self.turn(k, step) / step;
+        turning.direction.fill(0.0);
+        for i in 0..ndof {
+            let other = self.w_end[ndof + i];
+            let is_like = FASTER * other.abs() >= own && other.abs() <= FASTER * own;
+            if i == k || is_like && self.turn(i, step) > SEEN && self.is_endless(i) {
+                turning.direction[i] = if own > 0.0 { other / own } else { 1.0 };
+                slowest = slowest.min(self.turn(i, step) / step);
+            }
+        }
+        let matters = self.moves_by(turning, t, slowest).map_or(true, |moved| moved > UNSEEN);
+        for i in 0..ndof {
+            let rate = self.turn(i, step) / step;
+            if i == k || !matters && turning.direction[i] != 0.0 {
+                turning.known[i] = Known { steps: STEPS, matters, rate };
+            }
+        }
+        matters
+    }
+
+    /// The motion, in tolerances, that goes round in the direction at `rate`, rad/s.
     ///
     /// # Errors
-    /// Where the mechanism cannot be evaluated at other angles.
+    /// Where the mechanism cannot be evaluated elsewhere.
     fn moves_by(
         &mut self,
         turning: &mut Turning,
         t: f64,
-        k: usize,
         rate: f64,
     ) -> Result<f64, EvaluationFailure> {
         let ndof = self.form.second_order_split();
-        let own = self.w_end[ndof + k];
-        turning.direction.fill(0.0);
-        for i in 0..ndof {
-            let other = self.w_end[ndof + i];
-            if other.abs() <= FASTER * own.abs() && self.is_endless(i) {
-                turning.direction[i] = other / own.abs();
-            }
-        }
-        turning.direction[k] = own.signum();
-        let w_end = &self.w_end;
-        let at = &mut self.scratch[0];
-        let mut slope = |recorder: &mut Recorder, by: f64, along: &[f64], slope: &mut [f64]| {
+        let (w_end, recorder, at) = (&self.w_end, &mut self.recorder, &mut self.scratch[0]);
+        let mut slope = |by: f64, along: &[f64], slope: &mut [f64]| {
             for ((at, w), along) in at.iter_mut().zip(w_end).zip(along) {
                 *at = w + by * along;
             }
             recorder.slope_at(t, at, slope)
         };
-        let recorder = &mut self.recorder;
-        for (angle, there) in [FRAC_PI_2, PI].into_iter().zip(&mut turning.turned) {
-            slope(recorder, angle, &turning.direction, there)?;
+        for (place, there) in PLACES.into_iter().zip(&mut turning.around) {
+            slope(TAU * place, &turning.direction, there)?;
         }
         turning.find_motion(ndof, rate, false);
         if self.form.error_norm(&turning.motion, w_end) <= UNSEEN {
             return Ok(0.0);
         }
         // What does not come back after a turn, as the torque of a spring, is no wave; stages see it.
-        slope(recorder, TAU, &turning.direction, &mut turning.turned[2])?;
+        slope(TAU, &turning.direction, &mut turning.again)?;
         turning.find_motion(ndof, rate, true);
-        // Stiff elements allow less of it: the acceleration against it.
-        let Turning { here, turned: [there, ..], motion, .. } = turning;
+        // Stiff elements allow less of it.
+        let Turning { here, motion, against, .. } = turning;
         motion[ndof..].fill(0.0);
-        slope(recorder, 1.0, motion, there)?;
+        slope(1.0, motion, against)?;
         for i in 0..ndof {
-            let (moved, against) = (motion[i], (there[ndof + i] - here[ndof + i]).abs());
+            let (moved, against) = (motion[i], (against[ndof + i] - here[ndof + i]).abs());
             if moved > 0.0 {
                 motion[i] = moved / (1.0 + against / (moved * rate * rate));
             }
