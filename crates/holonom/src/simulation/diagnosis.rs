@@ -262,6 +262,10 @@ fn failure(
                     "the mechanism comes to a singular configuration (a dead point); change \
                      its lengths or its start, or stop before it"
                 }
+                "simulation/contradiction" => {
+                    "what said the same contradicts itself from here on: make the motions of these drivers agree, or leave one \
+                     of them or the joint that holds it out"
+                }
                 "simulation/position-recovery" => {
                     "the joints cannot be closed any more: look at the mechanism near this \
                      time, and at the forces that drive it there"

@@ -59,12 +59,15 @@ pub(super) fn no_longer_redundant(
     let moves = |row: usize| system.drive(row, state.t)[1..].iter().any(|rate| *rate != 0.0);
     let driven = joints.map(|joint| joint.row).filter(|row| moves(*row));
     let names: Vec<&str> = driven.take(DRIVERS_SHOWN).map(|row| system.row_item(row).0).collect();
-    let drivers = match names.join("`, `") {
-        none if none.is_empty() => none,
-        names => format!("; drivers that move there, which joints may hold: `{names}`"),
+    let failure = match names.join("`, `") {
+        none if none.is_empty() => {
+            EvaluationFailure::new("simulation/singular-configuration", message)
+        }
+        names => EvaluationFailure::new(
+            "simulation/contradiction",
+            format!("{message}; drivers that move there, which joints may hold: `{names}`"),
+        ),
     };
-    let message = message + &drivers;
-    let failure = EvaluationFailure::new("simulation/singular-configuration", message);
     Some(failure.of_row(Some(worst)))
 }
 
