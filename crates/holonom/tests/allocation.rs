@@ -188,6 +188,30 @@ fn redundant_joints_drivers_and_extra_states() {
     }
 }
 
+/// Its turns are looked at again and again.
+const UNBALANCED: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+block = { mass = 4.0, inertia = 0.4, position = [0.0, 0.0] }
+rotor = { mass = 0.5, inertia = 0.02, position = [0.0, 0.0], center_of_mass = [0.02, 0.0] }
+[joints]
+guide = { type = "translational", between = ["ground", "block"], point = [0.0, 0.0], axis = [0.0, 1.0] }
+shaft = { type = "revolute", between = ["block", "rotor"], point = [0.0, 0.0] }
+[forces]
+mount = { type = "tsda", between = ["ground", "block"], points = [[0.0, -1.0], [0.0, 0.0]], stiffness = 20.0, damping = 10.0, free_length = 1.0 }
+[initial.joints]
+shaft = { angular_velocity = 60.0 }
+"#;
+
+#[test]
+fn an_unbalanced_rotor() {
+    for (code, source) in everything() {
+        assert_steps_do_not_allocate("rotor", &model_of(UNBALANCED), code, source, (1e-2, 2.0));
+    }
+}
+
 #[test]
 fn the_vehicle() {
     for (code, source) in everything() {
