@@ -466,3 +466,37 @@ hub = {{ angular_velocity = {:?} }}
         }
     }
 }
+
+#[test] // truth: turning the springs of a block, and with them nothing but the view, changes no motion
+fn springs_askew_hide_no_unbalanced_rotor() {
+    let steps = |skew: f64| {
+        let (sin, cos) = skew.sin_cos();
+        // From so far away that their directions stay.
+        let [soft, stiff] = [[-1e3 * cos, -1e3 * sin], [1e3 * sin, -1e3 * cos]];
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+block = {{ mass = 0.99, inertia = 1.0, position = [0.0, 0.0] }}
+rotor = {{ mass = 0.01, inertia = 5.0, position = [0.0, 0.0], center_of_mass = [0.05, 0.0] }}
+[joints]
+shaft = {{ type = "revolute", between = ["block", "rotor"], point = [0.0, 0.0] }}
+[forces]
+soft = {{ type = "tsda", between = ["ground", "block"], points = [{soft:?}, [0.0, 0.0]], stiffness = 1.0, damping = 0.01, free_length = 1000.0 }}
+stiff = {{ type = "tsda", between = ["ground", "block"], points = [{stiff:?}, [0.0, 0.0]], stiffness = 25.0, damping = 0.05, free_length = 1000.0 }}
+upright = {{ type = "rsda", between = ["ground", "block"], stiffness = 1000.0, damping = 10.0 }}
+[initial.bodies]
+rotor = {{ angular_velocity = 3.0 }}
+"#
+        ));
+        run_model(&model, &options(Code::ForRadau, 1e-3, 60.0)).summary.statistics.steps as f64
+    };
+    let straight = steps(0.0);
+    assert!(straight > 100.0, "{straight} steps: it is not seen");
+    for skew in [0.4, PI / 4.0, 1.2, 3.0 * PI / 4.0] {
+        let turned = steps(skew);
+        assert!(turned > 0.8 * straight, "{turned} steps at {skew} rad, {straight} at 0");
+    }
+}

@@ -37,8 +37,10 @@ pub(super) struct Turning {
     here: Vec<f64>,
     around: [Vec<f64>; 2],
     again: Vec<f64>,
-    /// What goes round, and the slope against it.
+    /// What goes round, the same with other signs, the slope there, and the least acceleration against it.
     motion: Vec<f64>,
+    signed: Vec<f64>,
+    there: Vec<f64>,
     against: Vec<f64>,
 }
 
@@ -53,6 +55,8 @@ impl Turning {
             around: [room(), room()],
             again: room(),
             motion: room(),
+            signed: room(),
+            there: room(),
             against: room(),
         }
     }
@@ -193,14 +197,27 @@ impl Run<'_> {
         // What does not come back after a turn, as the torque of a spring, is no wave; stages see it.
         slope(TAU, &turning.direction, &mut turning.again)?;
         turning.find_motion(ndof, rate, true);
-        // Stiff elements allow less of it.
-        let Turning { here, motion, against, .. } = turning;
+        // Stiff elements allow less of it, whatever the signs of its parts: askew, they hold one sum of two parts and not the other.
+        let Turning { here, motion, signed, there, against, .. } = turning;
         motion[ndof..].fill(0.0);
-        slope(1.0, motion, against)?;
+        signed[ndof..].fill(0.0);
+        against.fill(f64::INFINITY);
+        for signs in [0, 1, 2, 3] {
+            let mut part = 0u32;
+            for (signed, moved) in signed.iter_mut().zip(&motion[..ndof]) {
+                let is_negative = (part & signs).count_ones() % 2 == 1;
+                *signed = if is_negative { -moved } else { *moved };
+                part += u32::from(*moved > 0.0);
+            }
+            slope(1.0, signed, there)?;
+            for i in 0..ndof {
+                against[i] = against[i].min((there[ndof + i] - here[ndof + i]).abs());
+            }
+        }
         for i in 0..ndof {
-            let (moved, against) = (motion[i], (against[ndof + i] - here[ndof + i]).abs());
+            let moved = motion[i];
             if moved > 0.0 {
-                motion[i] = moved / (1.0 + against / (moved * rate * rate));
+                motion[i] = moved / (1.0 + against[i] / (moved * rate * rate));
             }
             motion[ndof + i] = rate * motion[i];
         }
