@@ -488,14 +488,14 @@ soft = {{ type = "tsda", between = ["ground", "block"], points = [{soft:?}, [0.0
 stiff = {{ type = "tsda", between = ["ground", "block"], points = [{stiff:?}, [0.0, 0.0]], stiffness = 25.0, damping = 0.05, free_length = 1000.0 }}
 upright = {{ type = "rsda", between = ["ground", "block"], stiffness = 1000.0, damping = 10.0 }}
 [initial.bodies]
-rotor = {{ angular_velocity = 3.0 }}
+rotor = {{ angular_velocity = 1.2 }}
 "#
         ));
-        run_model(&model, &options(Code::ForRadau, 1e-3, 60.0)).summary.statistics.steps as f64
+        run_model(&model, &options(Code::ForRadau, 1e-3, 200.0)).summary.statistics.steps as f64
     };
     let straight = steps(0.0);
     assert!(straight > 100.0, "{straight} steps: it is not seen");
-    for skew in [0.4, PI / 4.0, 1.2, 3.0 * PI / 4.0] {
+    for skew in [0.4, PI / 4.0, 2.0, 3.0 * PI / 4.0] {
         let turned = steps(skew);
         assert!(turned > 0.8 * straight, "{turned} steps at {skew} rad, {straight} at 0");
     }
