@@ -327,8 +327,8 @@ def test_a_run_with_other_options_goes_on_from_the_last_row(
 def test_rows_that_come_out_otherwise_are_kept_and_told(model_file: Path, tmp_path: Path) -> None:
     path = tmp_path / "rod.holonom"
     model = holonom.Model.load(model_file)
-    # A checkpoint may have been written just before: then there is nothing to compare. On a slow disk
-    # most of the moments at which a run can be interrupted follow one: others come in turn.
+    # A checkpoint may have been written just before: then there is nothing to compare. On a slow
+    # disk most of the moments at which a run can be interrupted follow one: others come in turn.
     for attempt in range(40):
         _interrupted(model, path, 5.0 + 40.0 * attempt, end_time=END, interval=INTERVAL)
         with Result.load(path) as stopped:
