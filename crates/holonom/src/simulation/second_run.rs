@@ -30,7 +30,7 @@ const LASTING: f64 = 1.0 / 200.0;
 const MOST_STEPS: f64 = 200_000.0;
 
 /// What a second run tells.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Found {
     /// That the motion is not right, or that it could not be told.
     pub(super) warning: Option<RunWarning>,
@@ -38,9 +38,9 @@ pub(super) struct Found {
     pub(super) potentials_differ: bool,
 }
 
-/// A warning where a run by `options` that is `suspicious` is far from a run by the default code, of explicit codes by the
+/// What is found of a run by `options` that is suspicious: a warning where it is far from a run by the default code, of explicit codes by the
 /// one of the highest order, at a tenth of its tolerance with steps of `max_step` at most, or where such a run does not come to its end within
-/// what is `left` of the time.
+/// what is `left` of the time; and whether potentials differ, where energy is missing.
 pub(super) fn compare(
     problem: &Problem,
     options: &Options,

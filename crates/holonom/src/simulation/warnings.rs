@@ -67,7 +67,7 @@ pub(super) fn warnings(
 }
 
 /// What the energy of a run says that is missing. Equations: `docs/theory/simulation.md` (4), (4a), (4b).
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct MissingEnergy {
     /// What is told whatever the motion is: energies are wrong.
     pub(super) told: Option<RunWarning>,

@@ -1,6 +1,7 @@
 //! The same model and options give the same bits.
 
-use crate::common::{ALL_CODES, model, model_of, options, run_model};
+use crate::common::table::all_codes;
+use crate::common::{model, model_of, options, run_model};
 use holonom::method::Code;
 use holonom::model::Model;
 use holonom::newton::Representation;
@@ -32,7 +33,7 @@ fn bits_of(model: &Model, options: &Options) -> (Vec<u64>, Vec<u64>) {
 
 #[test] // independent truth: the first of the two runs
 fn two_runs_give_the_same_bits() {
-    for code in ALL_CODES {
+    for code in all_codes() {
         let andrews = model("andrews");
         assert!(bits(&andrews, code, 0.01) == bits(&andrews, code, 0.01), "{code:?}");
         let telescope = model_of(crate::common::DRIVEN_TELESCOPE);

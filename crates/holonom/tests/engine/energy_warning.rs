@@ -4,8 +4,9 @@
 //! follows from the recurrence of one scalar, written out here.
 
 use crate::common::integrate::tight;
+use crate::common::table::all_codes;
 use crate::common::{model_of, options, run_model};
-use holonom::method::{CODES, Code, Newmark};
+use holonom::method::{Code, Newmark};
 use holonom::model::{Model, Tolerance};
 use holonom::simulation::{Options, OutputTimes, Summary};
 
@@ -245,7 +246,7 @@ third = {{ velocity = {:?}, angular_velocity = {RATE:?} }}
 "#,
         starts[0], starts[1], starts[2]
     ));
-    for code in CODES.iter().map(|info| info.code) {
+    for code in all_codes() {
         for tolerance in [1e-2, 1e-3, 1e-4] {
             let options = Options {
                 channels: vec!["third.position".to_owned()],

@@ -1,7 +1,8 @@
 //! Models at the edges: no freedom, no constraints, an extra state, more constraints than needed,
 //! bodies that turn over.
 
-use crate::common::{ALL_CODES, Outcome, model_of, options, run_model};
+use crate::common::table::all_codes;
+use crate::common::{Outcome, model_of, options, run_model};
 use holonom::method::{CODES, Code};
 use holonom::model::Model;
 use holonom::reduction::Choice;
@@ -72,7 +73,7 @@ motor = { joint = "bearing", coordinate = "rotation", motion = { type = "polynom
     let speed = |t: f64| (slider(t + 1e-5) - slider(t - 1e-5)) / 2e-5;
     let acceleration = |t: f64| (slider(t + 1e-4) - 2.0 * slider(t) + slider(t - 1e-4)) / 1e-8;
     let channels = ["crank.angle", "slider.position", "slider.velocity", "slider.acceleration"];
-    for code in ALL_CODES {
+    for code in all_codes() {
         let outcome = at_ten_times(&model, code, 1e-6, 2.0, &channels);
         assert_eq!(outcome.summary.ndof, 0);
         assert!(error(&outcome, "crank.angle", 0, angle) < 1e-12, "{code:?}");
@@ -100,7 +101,7 @@ spring = { type = "tsda", between = ["ground", "ball"], points = [[0.0, 0.0], [0
 ball = { velocity = [0.0, 0.9], angular_velocity = 0.7 }
 "#,
     );
-    for code in ALL_CODES {
+    for code in all_codes() {
         let outcome = at_ten_times(&model, code, 1e-8, 5.0, &["ball.position", "ball.angle"]);
         assert_eq!(outcome.summary.ndof, 3);
         assert!(error(&outcome, "ball.position", 0, |t| 0.5 * (3.0 * t).cos()) < 1e-5, "{code:?}");
@@ -137,7 +138,7 @@ mass = { velocity = [1.5, 0.0] }
     };
     let speed = |t: f64| rate(t) / k + force(t) / c;
     let position = |t: f64| 0.5 + force(t) / k + m * (v0 - speed(t)) / c;
-    for code in ALL_CODES {
+    for code in all_codes() {
         let channels = ["element.force", "mass.position", "mass.velocity"];
         let outcome = at_ten_times(&model, code, 1e-8, 3.0, &channels);
         assert!(error(&outcome, "element.force", 0, force) < 1e-4, "{code:?}");
@@ -182,7 +183,7 @@ angular_velocity = 0.0
     assert_eq!(dropped.len(), 1, "{dropped:?}");
     // (3·⅓ m + M) L² θ̈ = −(3/2 m + M) g L sin θ, θ from the vertical
     let truth = |t: f64| angle_of(|x| -3.5 / 3.0 * 9.81 * x.sin(), std::f64::consts::FRAC_PI_6, t);
-    for code in ALL_CODES {
+    for code in all_codes() {
         let outcome = at_ten_times(&model, code, 1e-8, 3.0, &["bar.position", "bar.angle"]);
         assert_eq!(outcome.summary.ndof, 1);
         let x = error(&outcome, "bar.position", 0, |t| 1.0 + truth(t).sin());
@@ -216,7 +217,7 @@ angular_velocity = [0.0, 0.0, 0.0]
     // (2·⅓ m + M) L² θ̈ = −(m + M) g L sin θ
     let truth =
         |t: f64| angle_of(|x| -3.0 / (8.0 / 3.0) * 9.81 * x.sin(), std::f64::consts::FRAC_PI_6, t);
-    for code in ALL_CODES {
+    for code in all_codes() {
         let outcome = at_ten_times(&model, code, 1e-8, 3.0, &["bar.position"]);
         assert_eq!(outcome.summary.ndof, 1);
         let x = error(&outcome, "bar.position", 0, |t| 1.0 + truth(t).sin());
@@ -245,7 +246,7 @@ top = { velocity = [0.0, 0.0, 0.0], angular_velocity = [2.0, 0.0, 1.0] }
         let along = unit[2] * (1.0 - cos);
         [unit[0] * along, -unit[0] * sin, cos + unit[2] * along]
     };
-    for code in ALL_CODES {
+    for code in all_codes() {
         let outcome = at_ten_times(&model, code, 1e-9, 20.0, &["top.tip.position"]);
         assert_eq!(outcome.summary.ndof, 6);
         for k in 0..3 {
@@ -279,7 +280,7 @@ angular_velocity = [0.0, 0.0, 0.0]
 "#,
     );
     let reference = crate::common::reference("simple_pendulum");
-    for code in ALL_CODES {
+    for code in all_codes() {
         let options = Options {
             output: OutputTimes::Listed(reference.times.clone()),
             channels: vec!["bob.position".into()],
@@ -383,7 +384,7 @@ axle = { type = "revolute", between = ["ground", "wheel"], point = [0.5, 0.0, 0.
 spin = { joint = "axle", coordinate = "rotation", motion = { type = "polynomial", coefficients = [0.0, 200.0] } }
 "#,
     );
-    for code in ALL_CODES {
+    for code in all_codes() {
         let run = at_ten_times(&model, code, 1e-3, 10.0, &["wheel.position"]);
         assert_eq!(run.summary.ndof, 0);
         let height = error(&run, "wheel.position", 2, |t| 0.3 * (200.0 * t).sin());

@@ -21,7 +21,7 @@ fn assert_agrees(name: &str, code: Code, tolerance: f64, allowed: impl Fn(&str) 
 
 #[test] // independent truth: Jacobi elliptic functions
 fn the_simple_pendulum_follows_its_exact_solution() {
-    for code in crate::common::ALL_CODES {
+    for code in crate::common::table::all_codes() {
         assert_agrees("simple_pendulum", code, 1e-9, |_| 1e-6);
     }
 }
@@ -62,14 +62,14 @@ fn the_stiff_slider_follows_its_polar_coordinates() {
 
 #[test] // independent truth: one equation in the crank angle, DOP853
 fn the_slider_crank_follows_its_minimal_coordinate() {
-    for code in crate::common::ALL_CODES {
+    for code in crate::common::table::all_codes() {
         assert_agrees("slider_crank", code, 1e-8, |_| 1e-5);
     }
 }
 
 #[test] // independent truth: one equation in the crank angle, DOP853
 fn the_spatial_four_bar_follows_its_minimal_coordinate() {
-    for code in crate::common::ALL_CODES {
+    for code in crate::common::table::all_codes() {
         assert_agrees("spatial_four_bar", code, 1e-8, |_| 1e-5);
     }
 }
@@ -191,7 +191,7 @@ fn the_four_bars_pass_their_singular_positions_on_the_same_branch() {
         -0.9582707548885849,
         0.2510559146237836,
     ];
-    for code in crate::common::ALL_CODES {
+    for code in crate::common::table::all_codes() {
         // Steps as short as those of second order at 1e-6 end where round-off beside the singular position is all there is.
         let second_order = code.info().formula == "trapezoidal";
         let options = Options {

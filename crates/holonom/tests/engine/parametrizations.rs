@@ -1,6 +1,7 @@
 //! Coordinate partitioning and tangent plane are two charts of one motion.
 
-use crate::common::{ALL_CODES, FOUR_BAR, model, model_of, options, reference, run_model, try_run};
+use crate::common::table::all_codes;
+use crate::common::{FOUR_BAR, model, model_of, options, reference, run_model, try_run};
 use crate::random::numbers::{Random, V3, cross, norm};
 use holonom::method::Code;
 use holonom::model::Model;
@@ -91,7 +92,7 @@ fn all_codes_give_the_same_motion_in_every_parametrization() {
         ("four-bar", &turning, 2.0, &["left.angle", "right.angle", "left.angular_velocity"][..]),
         ("spatial", &spatial, 1.0, &["lower.position", "lower.velocity", "upper.euler_parameters"]),
     ] {
-        for code in ALL_CODES {
+        for code in all_codes() {
             for choice in [Choice::TangentPlane, Choice::TangentPlaneSvd] {
                 let tolerance = 1e-7;
                 let one = with(Choice::Partitioning, code, tolerance, end, channels);
@@ -111,7 +112,7 @@ fn a_run_goes_on_over_changes_of_the_parametrization() {
     let model = model_of(SPATIAL);
     let channels = ["lower.position", "lower.velocity"];
     let truth = with(Choice::Tree, Code::Deabm, 1e-11, 2.0, &channels);
-    for code in ALL_CODES {
+    for code in all_codes() {
         for choice in CHOICES {
             let tolerance = 1e-6;
             let run = with(choice, code, tolerance, 2.0, &channels);
@@ -159,7 +160,7 @@ fn legal_extremes_run_on_the_tangent_plane() {
                   [drivers]\nturn = { joint = \"hinge\", coordinate = \"rotation\", motion = \
                   { type = \"polynomial\", coefficients = [0.0, 2.0] } }\n";
     for (text, expected) in [(free, [1.0, 2.0]), (driven, [2f64.cos(), 2f64.sin()])] {
-        for code in ALL_CODES {
+        for code in all_codes() {
             let options = with(Choice::TangentPlane, code, 1e-8, 1.0, &["b.position"]);
             let outcome = try_run(&model_of(text), &options);
             for (i, expected) in expected.into_iter().enumerate() {
@@ -257,7 +258,7 @@ fn every_code_closes_loops_far_from_where_rotations_are_measured_from() {
     let model = model_of(CLOSED);
     let channels = &["arm.position", "rotor.position", "rotor.euler_parameters"][..];
     let ground = with(Choice::Partitioning, Code::ForRadau, 1e-9, 1.0, channels);
-    for code in ALL_CODES {
+    for code in all_codes() {
         for tolerance in [1e-4, 1e-6] {
             let tree = with(Choice::Tree, code, tolerance, 1.0, channels);
             let (difference, _) = distance(&model, &tree, &ground);
@@ -519,7 +520,7 @@ fn what_hangs_on_two_lines_swings_through_all_that_their_directions_can_be() {
             let model = model_of(&hung(seed, springs));
             let truth = with(Choice::TangentPlane, Code::ForRadau, 1e-8, 3.0, &channels);
             let rods = springs.is_none() && seed == 32;
-            for &code in if rods { &ALL_CODES[..] } else { &[Code::ForRadau] } {
+            for code in if rods { all_codes() } else { vec![Code::ForRadau] } {
                 let run = with(Choice::Tree, code, 1e-5, 3.0, &channels);
                 let (difference, _) = distance(&model, &truth, &run);
                 assert!(difference < 60e-5, "{seed}, {springs:?}, {code:?}: {difference:.1e}");

@@ -139,7 +139,7 @@ impl Run<'_> {
         }
         self.spread_error();
         self.form.point_mut().manifold.set_chart(chart);
-        self.turning.forget();
+        self.unseen_turns.forget();
         self.form.reparametrized();
         if self.stepper.explicit() {
             self.stepper.restart();

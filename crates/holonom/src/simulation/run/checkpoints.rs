@@ -110,7 +110,7 @@ impl Run<'_> {
         self.powers.at[4] = powers(&self.system.energy(&self.state));
         self.stage_powers.restart();
         self.stall = Stall::default();
-        self.turning.forget();
+        self.unseen_turns.forget();
         let chart = self.form.point().manifold.chart().parametrization();
         self.slowness.set_chart(self.system.as_ref(), None, chart, &self.options.tolerance);
         self.record_chart();

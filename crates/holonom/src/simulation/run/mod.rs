@@ -7,7 +7,7 @@ mod checkpoints;
 mod passing;
 mod reporting;
 mod set_up;
-mod turning;
+mod unseen_turns;
 
 use crate::error::EvaluationFailure;
 use crate::method::StateSpace;
@@ -42,7 +42,7 @@ use accepting::residuals;
 use charts::LONGEST_TURN;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-use turning::Turning;
+use unseen_turns::UnseenTurns;
 
 pub(in crate::simulation) const MAX_REJECTIONS: u32 = 60;
 /// Part of the step at which energies would be on tolerance, and the least of one, that follow a step of a run without unknowns.
@@ -243,7 +243,7 @@ struct Run<'a> {
     coefficients: Vec<f64>,
     way: Way,
     condition_reference: f64,
-    turning: Turning,
+    unseen_turns: UnseenTurns,
     /// Residuals at the start, position and velocity: redundant rows may contradict each other a little.
     start_residuals: (f64, f64),
     residual_rows: Vec<f64>,
@@ -331,7 +331,7 @@ impl Run<'_> {
                 let tree = self.options.parametrization == Choice::Tree;
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree, h));
                 h = h
-                    .min(self.longest_turning())
+                    .min(self.longest_to_see())
                     .min(LONGEST_TURN / turning)
                     .min(step_length::ramped(&ramps, t, end));
                 if !self.drivers.is_empty() {

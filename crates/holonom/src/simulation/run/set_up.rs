@@ -1,6 +1,6 @@
 //! Everything that a run needs before its first step.
 
-use super::turning::Turning;
+use super::unseen_turns::UnseenTurns;
 use super::{Run, Start};
 use crate::method::stepper::{Stepper, StepperStatistics};
 use crate::method::{StateSpace, build_state_space, build_stepper};
@@ -172,7 +172,7 @@ pub(super) fn set_up<'a>(
         options,
         model: problem.model(),
         condition_reference: 0.0,
-        turning: Turning::new(dimension),
+        unseen_turns: UnseenTurns::new(dimension),
         start_residuals: (0.0, 0.0),
         residual_rows: vec![0.0; state.lambda.len()],
         energy: EnergySummary {

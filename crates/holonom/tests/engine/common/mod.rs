@@ -6,7 +6,7 @@ pub(crate) mod integrate;
 pub(crate) mod table;
 
 use holonom::io::{Document, Syntax};
-use holonom::method::{CODES, Code};
+use holonom::method::Code;
 use holonom::model::{Model, Tolerance};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, Status, Summary, run};
 use holonom::system::State;
@@ -28,17 +28,6 @@ pub(crate) const LIBRARY: &[&str] = &[
     "hmmwv14",
     "hmmwv14_bushing",
 ];
-
-/// Every code, implicit ones first.
-pub(crate) const ALL_CODES: [Code; CODES.len()] = {
-    let mut all = [Code::ForRadau; CODES.len()];
-    let mut k = 0;
-    while k < all.len() {
-        all[k] = CODES[k].code;
-        k += 1;
-    }
-    all
-};
 
 fn library() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../models")

@@ -29,7 +29,7 @@ struct Known {
 
 /// What is known of angles of any size among the independent variables, and room to look at them.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Turning {
+pub(super) struct UnseenTurns {
     known: Vec<Known>,
     /// How variables move where an angle turns by one radian.
     direction: Vec<f64>,
@@ -44,7 +44,7 @@ pub(super) struct Turning {
     against: Vec<f64>,
 }
 
-impl Turning {
+impl UnseenTurns {
     /// Of so many unknowns.
     pub(super) fn new(dimension: usize) -> Self {
         let room = || vec![0.0; dimension];
@@ -87,38 +87,41 @@ impl Turning {
 
 impl Run<'_> {
     /// The longest step, s, in which stages see what goes round with the angles that matter.
-    pub(super) fn longest_turning(&self) -> f64 {
+    pub(super) fn longest_to_see(&self) -> f64 {
         let ndof = self.form.second_order_split();
-        let matter = self.turning.known.iter().zip(&self.w[ndof..2 * ndof]);
+        let matter = self.unseen_turns.known.iter().zip(&self.w[ndof..2 * ndof]);
         let matter = matter.filter(|(known, _)| known.steps > 0 && known.matters);
         matter.map(|(_, rate)| LOOKED_AT / rate.abs()).fold(f64::INFINITY, f64::min)
     }
 
     /// A step has been accepted.
     pub(super) fn has_turned(&mut self) {
-        self.turning.known.iter_mut().for_each(|known| known.steps = known.steps.saturating_sub(1));
+        self.unseen_turns
+            .known
+            .iter_mut()
+            .for_each(|known| known.steps = known.steps.saturating_sub(1));
     }
 
     /// The part of the attempt over `step` up to `t_end` that is allowed by an angle which turned by more than stages see, where
     /// what goes round with it matters.
     pub(super) fn unseen_turn(&mut self, t_end: f64, step: f64) -> Option<f64> {
         let ndof = self.form.second_order_split();
-        if !(0..ndof).any(|k| self.is_to_be_looked_at(&self.turning, k, step)) {
+        if !(0..ndof).any(|k| self.is_to_be_looked_at(&self.unseen_turns, k, step)) {
             return None;
         }
-        let mut turning = std::mem::take(&mut self.turning);
+        let mut turns = std::mem::take(&mut self.unseen_turns);
         let mut part: Option<f64> = None;
         // The steps themselves have just been there.
-        if self.recorder.slope_at(t_end, &self.w_end, &mut turning.here).is_ok() {
+        if self.recorder.slope_at(t_end, &self.w_end, &mut turns.here).is_ok() {
             for k in 0..ndof {
-                if self.is_to_be_looked_at(&turning, k, step)
-                    && self.matters(&mut turning, t_end, k, step)
+                if self.is_to_be_looked_at(&turns, k, step)
+                    && self.matters(&mut turns, t_end, k, step)
                 {
                     part = Some(part.unwrap_or(1.0).min(LOOKED_AT / self.turn(k, step)));
                 }
             }
         }
-        self.turning = turning;
+        self.unseen_turns = turns;
         self.recorder.begin_again(&self.state);
         part
     }
@@ -130,8 +133,8 @@ impl Run<'_> {
     }
 
     /// Whether it is an angle that turns by more than stages see, of which nothing is known or that mattered before.
-    fn is_to_be_looked_at(&self, turning: &Turning, k: usize, step: f64) -> bool {
-        let (turn, known) = (self.turn(k, step), &turning.known[k]);
+    fn is_to_be_looked_at(&self, turns: &UnseenTurns, k: usize, step: f64) -> bool {
+        let (turn, known) = (self.turn(k, step), &turns.known[k]);
         let is_quiet = known.steps > 0 && !known.matters;
         turn > SEEN
             && !(is_quiet && (turn / step - known.rate).abs() <= SAME * known.rate)
@@ -146,24 +149,24 @@ impl Run<'_> {
 
     /// Whether what goes round with angle `k` matters; what cannot be told may. What turns about as fast turns along: discs on one
     /// shaft do not wind it up, and where none of them matters that is known of all.
-    fn matters(&mut self, turning: &mut Turning, t: f64, k: usize, step: f64) -> bool {
+    fn matters(&mut self, turns: &mut UnseenTurns, t: f64, k: usize, step: f64) -> bool {
         let ndof = self.form.second_order_split();
         let own = self.w_end[ndof + k].abs();
         let mut slowest = self.turn(k, step) / step;
-        turning.direction.fill(0.0);
+        turns.direction.fill(0.0);
         for i in 0..ndof {
             let other = self.w_end[ndof + i];
             let is_like = FASTER * other.abs() >= own && other.abs() <= FASTER * own;
             if i == k || is_like && self.turn(i, step) > SEEN && self.is_endless(i) {
-                turning.direction[i] = if own > 0.0 { other / own } else { 1.0 };
+                turns.direction[i] = if own > 0.0 { other / own } else { 1.0 };
                 slowest = slowest.min(self.turn(i, step) / step);
             }
         }
-        let matters = self.moves_by(turning, t, slowest).map_or(true, |moved| moved > UNSEEN);
+        let matters = self.moves_by(turns, t, slowest).map_or(true, |moved| moved > UNSEEN);
         for i in 0..ndof {
             let rate = self.turn(i, step) / step;
-            if i == k || !matters && turning.direction[i] != 0.0 {
-                turning.known[i] = Known { steps: STEPS, matters, rate };
+            if i == k || !matters && turns.direction[i] != 0.0 {
+                turns.known[i] = Known { steps: STEPS, matters, rate };
             }
         }
         matters
@@ -175,7 +178,7 @@ impl Run<'_> {
     /// Where the mechanism cannot be evaluated elsewhere.
     fn moves_by(
         &mut self,
-        turning: &mut Turning,
+        turns: &mut UnseenTurns,
         t: f64,
         rate: f64,
     ) -> Result<f64, EvaluationFailure> {
@@ -187,18 +190,18 @@ impl Run<'_> {
             }
             recorder.slope_at(t, at, slope)
         };
-        for (place, there) in PLACES.into_iter().zip(&mut turning.around) {
-            slope(TAU * place, &turning.direction, there)?;
+        for (place, there) in PLACES.into_iter().zip(&mut turns.around) {
+            slope(TAU * place, &turns.direction, there)?;
         }
-        turning.find_motion(ndof, rate, false);
-        if self.form.error_norm(&turning.motion, w_end) <= UNSEEN {
+        turns.find_motion(ndof, rate, false);
+        if self.form.error_norm(&turns.motion, w_end) <= UNSEEN {
             return Ok(0.0);
         }
         // What does not come back after a turn, as the torque of a spring, is no wave; stages see it.
-        slope(TAU, &turning.direction, &mut turning.again)?;
-        turning.find_motion(ndof, rate, true);
+        slope(TAU, &turns.direction, &mut turns.again)?;
+        turns.find_motion(ndof, rate, true);
         // Stiff elements allow less of it, whatever the signs of its parts: askew, they hold one sum of two parts and not the other.
-        let Turning { here, motion, signed, there, against, .. } = turning;
+        let UnseenTurns { here, motion, signed, there, against, .. } = turns;
         motion[ndof..].fill(0.0);
         signed[ndof..].fill(0.0);
         against.fill(f64::INFINITY);
