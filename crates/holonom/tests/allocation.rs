@@ -205,10 +205,17 @@ mount = { type = "tsda", between = ["ground", "block"], points = [[0.0, -1.0], [
 shaft = { angular_velocity = 60.0 }
 "#;
 
+const DRIVEN: &str = r#"
+[drivers]
+motor = { joint = "shaft", coordinate = "rotation", motion = { type = "polynomial", coefficients = [0.0, 60.0] } }
+"#;
+
 #[test]
 fn an_unbalanced_rotor() {
     for (code, source) in everything() {
         assert_steps_do_not_allocate("rotor", &model_of(UNBALANCED), code, source, (1e-2, 2.0));
+        let driven = format!("{UNBALANCED}{DRIVEN}");
+        assert_steps_do_not_allocate("driven rotor", &model_of(&driven), code, source, (1e-2, 2.0));
     }
 }
 

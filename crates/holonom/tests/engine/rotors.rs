@@ -430,6 +430,54 @@ fn a_rotor_that_is_balanced_runs_up_in_long_steps() {
     }
 }
 
+/// A rotor whose shaft is driven ever more slowly through the resonance of its block of 10 kg, rad: 10 t − 2.6525e-4 t².
+const DRIVEN: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+block = { mass = 9.0, inertia = 1.0, position = [0.0, 0.0] }
+rotor = { mass = 1.0, inertia = 100.0, position = [0.0, 0.0], center_of_mass = [2e-3, 0.0] }
+[joints]
+guide = { type = "translational", between = ["ground", "block"], point = [0.0, 0.0], axis = [0.0, 1.0] }
+shaft = { type = "revolute", between = ["block", "rotor"], point = [0.0, 0.0] }
+[drivers]
+motor = { joint = "shaft", coordinate = "rotation", motion = { type = "polynomial", coefficients = [0.0, 10.0, -2.6525e-4] } }
+[forces]
+mount = { type = "tsda", between = ["ground", "block"], points = [[0.0, -50.0], [0.0, 0.0]], stiffness = 1000.0, free_length = 50.0 }
+[initial.joints]
+shaft = { angular_velocity = 10.0 }
+"#;
+
+#[test] // independent truth: the one equation of the block, DOP853
+fn a_driven_rotor_that_is_not_balanced_passes_the_resonance() {
+    const END: f64 = 188.5;
+    let rate = |t: f64, y: &[f64]| {
+        let (angle, rate, acceleration) =
+            (10.0 * t - 2.6525e-4 * t * t, 10.0 - 5.305e-4 * t, -5.305e-4);
+        let unbalance = 2e-3 * (angle.sin() * rate * rate - angle.cos() * acceleration);
+        vec![y[1], (unbalance - 1000.0 * y[0]) / 10.0]
+    };
+    let times = times(END, 400);
+    let truth = tight(&rate, &[0.0; 2], &times);
+    let model = model_of(DRIVEN);
+    for code in all_codes() {
+        let options = Options {
+            channels: vec!["block.position".to_owned()],
+            output: OutputTimes::Interval(END / 400.0),
+            ..options(code, 1e-3, END)
+        };
+        let outcome = try_run(&model, &options);
+        assert_eq!(outcome.summary.status, Status::Completed);
+        let places = outcome.series("block.position", 1);
+        let worst = places.iter().zip(&truth).map(|(place, y)| (place - y[0]).abs() / 1e-3);
+        let worst = worst.fold(0.0, f64::max);
+        let warned =
+            outcome.summary.warnings.iter().any(|w| w.code == "simulation/amplified-error");
+        assert!(worst < 30.0 || warned, "{code:?}: {worst:.0} tolerances");
+    }
+}
+
 #[test] // independent truth: a balanced disc on its pin does not know how fast it turns, nor does its arm
 fn balanced_discs_on_an_arm_that_swings_leave_it_its_steps() {
     let model = |rate: f64| {

@@ -390,7 +390,7 @@ impl Run<'_> {
             if report.accepted
                 && rejection.is_none()
                 && !fixed
-                && let Some(part) = self.unseen_turn(t_end, step)
+                && let Some(part) = self.unseen_turn(t_end, step, next)
             {
                 self.stepper.discard();
                 (rejection, report.error) = (Some(Rejection::ErrorTooLarge), part.recip());

@@ -172,7 +172,7 @@ pub(super) fn set_up<'a>(
         options,
         model: problem.model(),
         condition_reference: 0.0,
-        unseen_turns: UnseenTurns::new(dimension),
+        unseen_turns: UnseenTurns::new(system.as_ref(), form.second_order_split(), dimension),
         start_residuals: (0.0, 0.0),
         residual_rows: vec![0.0; state.lambda.len()],
         energy: EnergySummary {

@@ -2,6 +2,7 @@
 
 use super::Run;
 use crate::error::EvaluationFailure;
+use crate::system::System;
 use std::f64::consts::TAU;
 
 /// Largest turn of an angle in a step whose stages see what goes round with it, rad.
@@ -27,12 +28,18 @@ struct Known {
     rate: f64,
 }
 
-/// What is known of angles of any size among the independent variables, and room to look at them.
+/// What is known of angles of any size, and room to look at them: first those among the independent variables, by their place, then
+/// those that drivers prescribe.
 #[derive(Debug, Clone, Default)]
 pub(super) struct UnseenTurns {
     known: Vec<Known>,
-    /// How variables move where an angle turns by one radian.
+    /// Rows of the drivers of joints that turn and close no loop.
+    drivers: Vec<usize>,
+    /// How variables move where an angle turns by one radian, and the time that passes, s/rad.
     direction: Vec<f64>,
+    passing: f64,
+    /// Which angles turn along with the one in question.
+    along: Vec<bool>,
     /// Slopes at the end of the attempt, at the places around and a whole turn further.
     here: Vec<f64>,
     around: [Vec<f64>; 2],
@@ -45,12 +52,22 @@ pub(super) struct UnseenTurns {
 }
 
 impl UnseenTurns {
-    /// Of so many unknowns.
-    pub(super) fn new(dimension: usize) -> Self {
+    /// Of a system with so many independent variables and unknowns.
+    pub(super) fn new(system: &dyn System, ndof: usize, dimension: usize) -> Self {
         let room = || vec![0.0; dimension];
+        let (tree, groups) = (system.tree(), system.relative_groups());
+        let driven = tree.edges.iter().filter_map(|edge| {
+            let (row, coordinate, _) = edge.driver?;
+            let group = &groups[edge.forms[0].clone().nth(coordinate)?];
+            (group.kind.turns() && group.reach.is_infinite()).then_some(row)
+        });
+        let drivers: Vec<usize> = driven.collect();
         Self {
-            known: vec![Known::default(); dimension],
+            known: vec![Known::default(); ndof + drivers.len()],
+            along: vec![false; ndof + drivers.len()],
+            drivers,
             direction: room(),
+            passing: 0.0,
             here: room(),
             around: [room(), room()],
             again: room(),
@@ -88,10 +105,10 @@ impl UnseenTurns {
 impl Run<'_> {
     /// The longest step, s, in which stages see what goes round with the angles that matter.
     pub(super) fn longest_to_see(&self) -> f64 {
-        let ndof = self.form.second_order_split();
-        let matter = self.unseen_turns.known.iter().zip(&self.w[ndof..2 * ndof]);
-        let matter = matter.filter(|(known, _)| known.steps > 0 && known.matters);
-        matter.map(|(_, rate)| LOOKED_AT / rate.abs()).fold(f64::INFINITY, f64::min)
+        let turns = &self.unseen_turns;
+        let matter = |k: &usize| turns.known[*k].steps > 0 && turns.known[*k].matters;
+        let longest = |k| LOOKED_AT / self.rate(turns, k, self.state.t, &self.w).abs();
+        (0..turns.known.len()).filter(matter).map(longest).fold(f64::INFINITY, f64::min)
     }
 
     /// A step has been accepted.
@@ -103,21 +120,22 @@ impl Run<'_> {
     }
 
     /// The part of the attempt over `step` up to `t_end` that is allowed by an angle which turned by more than stages see, where
-    /// what goes round with it matters.
-    pub(super) fn unseen_turn(&mut self, t_end: f64, step: f64) -> Option<f64> {
-        let ndof = self.form.second_order_split();
-        if !(0..ndof).any(|k| self.is_to_be_looked_at(&self.unseen_turns, k, step)) {
+    /// what goes round with it matters. `next` is the next time at which what is prescribed has a kink.
+    pub(super) fn unseen_turn(&mut self, t_end: f64, step: f64, next: f64) -> Option<f64> {
+        let count = self.unseen_turns.known.len();
+        if !(0..count).any(|k| self.is_to_be_looked_at(&self.unseen_turns, k, t_end, step)) {
             return None;
         }
         let mut turns = std::mem::take(&mut self.unseen_turns);
         let mut part: Option<f64> = None;
         // The steps themselves have just been there.
         if self.recorder.slope_at(t_end, &self.w_end, &mut turns.here).is_ok() {
-            for k in 0..ndof {
-                if self.is_to_be_looked_at(&turns, k, step)
-                    && self.matters(&mut turns, t_end, k, step)
+            for k in 0..count {
+                if self.is_to_be_looked_at(&turns, k, t_end, step)
+                    && self.matters(&mut turns, [t_end, next], k, step)
                 {
-                    part = Some(part.unwrap_or(1.0).min(LOOKED_AT / self.turn(k, step)));
+                    let turn = step * self.mean_rates(&turns, k, t_end)[1];
+                    part = Some(part.unwrap_or(1.0).min(LOOKED_AT / turn));
                 }
             }
         }
@@ -126,53 +144,86 @@ impl Run<'_> {
         part
     }
 
-    /// How far variable `k` moves in the attempt, by its rates at both ends.
-    fn turn(&self, k: usize, step: f64) -> f64 {
-        let rate = self.form.second_order_split() + k;
-        0.5 * step * (self.w[rate].abs() + self.w_end[rate].abs())
+    /// Rate of angle `k` where the unknowns are `w`, rad/s.
+    fn rate(&self, turns: &UnseenTurns, k: usize, t: f64, w: &[f64]) -> f64 {
+        let ndof = self.form.second_order_split();
+        match k.checked_sub(ndof) {
+            None => w[ndof + k],
+            Some(driver) => self.system.drive(turns.drivers[driver], t)[1],
+        }
     }
 
-    /// Whether it is an angle that turns by more than stages see, of which nothing is known or that mattered before.
-    fn is_to_be_looked_at(&self, turns: &UnseenTurns, k: usize, step: f64) -> bool {
-        let (turn, known) = (self.turn(k, step), &turns.known[k]);
+    /// Mean rate of angle `k` in the attempt by those at its ends, rad/s, and the mean of their sizes.
+    fn mean_rates(&self, turns: &UnseenTurns, k: usize, t_end: f64) -> [f64; 2] {
+        let first = self.rate(turns, k, self.state.t, &self.w);
+        let last = self.rate(turns, k, t_end, &self.w_end);
+        [0.5 * (first + last), 0.5 * (first.abs() + last.abs())]
+    }
+
+    /// Whether `k` is an angle that turns by more than stages see, of which nothing is known or that mattered before.
+    fn is_to_be_looked_at(&self, turns: &UnseenTurns, k: usize, t_end: f64, step: f64) -> bool {
+        let ([_, rate], known) = (self.mean_rates(turns, k, t_end), &turns.known[k]);
         let is_quiet = known.steps > 0 && !known.matters;
-        turn > SEEN
-            && !(is_quiet && (turn / step - known.rate).abs() <= SAME * known.rate)
+        step * rate > SEEN
+            && !(is_quiet && (rate - known.rate).abs() <= SAME * known.rate)
             && self.is_endless(k)
     }
 
-    /// Whether it is an angle of any size.
+    /// Whether `k` is an angle of any size.
     fn is_endless(&self, k: usize) -> bool {
         let relatives = self.form.point().manifold.chart().parametrization().relatives();
-        relatives.is_some_and(|relatives| relatives.is_endless_angle(self.system.as_ref(), k))
+        k >= self.form.second_order_split()
+            || relatives.is_some_and(|some| some.is_endless_angle(self.system.as_ref(), k))
     }
 
     /// Whether what goes round with angle `k` matters; what cannot be told may. What turns about as fast turns along: discs on one
     /// shaft do not wind it up, and where none of them matters that is known of all.
-    fn matters(&mut self, turns: &mut UnseenTurns, t: f64, k: usize, step: f64) -> bool {
+    fn matters(
+        &mut self,
+        turns: &mut UnseenTurns,
+        [t_end, next]: [f64; 2],
+        k: usize,
+        step: f64,
+    ) -> bool {
         let ndof = self.form.second_order_split();
-        let own = self.w_end[ndof + k].abs();
-        let mut slowest = self.turn(k, step) / step;
+        let [_, own] = self.mean_rates(turns, k, t_end);
+        let mut slowest = own;
         turns.direction.fill(0.0);
-        for i in 0..ndof {
-            let other = self.w_end[ndof + i];
-            let is_like = FASTER * other.abs() >= own && other.abs() <= FASTER * own;
-            if i == k || is_like && self.turn(i, step) > SEEN && self.is_endless(i) {
-                turns.direction[i] = if own > 0.0 { other / own } else { 1.0 };
-                slowest = slowest.min(self.turn(i, step) / step);
+        turns.passing = 0.0;
+        for i in 0..turns.known.len() {
+            let [signed, rate] = self.mean_rates(turns, i, t_end);
+            let is_like = FASTER * rate >= own && rate <= FASTER * own;
+            let along = i == k || is_like && step * rate > SEEN && self.is_endless(i);
+            turns.along[i] = along;
+            if !along {
+                continue;
+            }
+            slowest = slowest.min(rate);
+            if i >= ndof {
+                turns.passing = own.recip();
+            } else {
+                turns.direction[i] = if i == k { own.copysign(signed) / own } else { signed / own };
             }
         }
-        let matters = self.moves_by(turns, t, slowest).map_or(true, |moved| moved > UNSEEN);
-        for i in 0..ndof {
-            let rate = self.turn(i, step) / step;
-            if i == k || !matters && turns.direction[i] != 0.0 {
+        // Times of the run, and none beyond a kink of what is prescribed, if may be.
+        let turn = TAU * turns.passing;
+        let towards = if t_end + turn <= next { 1.0 } else { -1.0 };
+        let matters = if towards < 0.0 && t_end - turn < self.started {
+            true
+        } else {
+            let moved = self.moves_by(turns, t_end, towards, slowest);
+            moved.map_or(true, |moved| moved > UNSEEN)
+        };
+        for i in 0..turns.known.len() {
+            if i == k || !matters && turns.along[i] {
+                let [_, rate] = self.mean_rates(turns, i, t_end);
                 turns.known[i] = Known { steps: STEPS, matters, rate };
             }
         }
         matters
     }
 
-    /// The motion, in tolerances, that goes round in the direction at `rate`, rad/s.
+    /// The motion, in tolerances, that goes round in the direction at `rate`, rad/s, seen ahead or, where `towards` is −1, behind.
     ///
     /// # Errors
     /// Where the mechanism cannot be evaluated elsewhere.
@@ -180,25 +231,27 @@ impl Run<'_> {
         &mut self,
         turns: &mut UnseenTurns,
         t: f64,
+        towards: f64,
         rate: f64,
     ) -> Result<f64, EvaluationFailure> {
         let ndof = self.form.second_order_split();
         let (w_end, recorder, at) = (&self.w_end, &mut self.recorder, &mut self.scratch[0]);
-        let mut slope = |by: f64, along: &[f64], slope: &mut [f64]| {
+        let mut slope = |by: f64, along: &[f64], passing: f64, slope: &mut [f64]| {
             for ((at, w), along) in at.iter_mut().zip(w_end).zip(along) {
                 *at = w + by * along;
             }
-            recorder.slope_at(t, at, slope)
+            recorder.slope_at(t + by * passing, at, slope)
         };
+        let (turn, passing) = (towards * TAU, turns.passing);
         for (place, there) in PLACES.into_iter().zip(&mut turns.around) {
-            slope(TAU * place, &turns.direction, there)?;
+            slope(turn * place, &turns.direction, passing, there)?;
         }
         turns.find_motion(ndof, rate, false);
         if self.form.error_norm(&turns.motion, w_end) <= UNSEEN {
             return Ok(0.0);
         }
         // What does not come back after a turn, as the torque of a spring, is no wave; stages see it.
-        slope(TAU, &turns.direction, &mut turns.again)?;
+        slope(turn, &turns.direction, passing, &mut turns.again)?;
         turns.find_motion(ndof, rate, true);
         // Stiff elements allow less of it, whatever the signs of its parts: askew, they hold one sum of two parts and not the other.
         let UnseenTurns { here, motion, signed, there, against, .. } = turns;
@@ -212,7 +265,7 @@ impl Run<'_> {
                 *signed = if is_negative { -moved } else { *moved };
                 part += u32::from(*moved > 0.0);
             }
-            slope(1.0, signed, there)?;
+            slope(1.0, signed, 0.0, there)?;
             for i in 0..ndof {
                 against[i] = against[i].min((there[ndof + i] - here[ndof + i]).abs());
             }
