@@ -48,6 +48,8 @@ pub(in crate::simulation) const MAX_REJECTIONS: u32 = 60;
 /// Part of the step at which energies would be on tolerance, and the least of one, that follow a step of a run without unknowns.
 const SAFE_PART: f64 = 0.9;
 const SHORTEST_PART: f64 = 0.1;
+/// Part of a step within which it ends at a knot, and beyond which it goes past it.
+const AT_KNOT: f64 = 0.05;
 /// Summary of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
@@ -310,6 +312,8 @@ impl Run<'_> {
         let mut rejections = 0;
         let mut repartitioned = false;
         let mut seen = true;
+        // Where a step is to end that was refused as it went beyond, and the step from there.
+        let mut knot = None;
         // Why the last attempt could not be evaluated.
         let mut unevaluated = None;
         while self.state.t < end {
@@ -362,6 +366,15 @@ impl Run<'_> {
             // Whether a refusal has to do with the largest error.
             let mut blames = true;
             let mut retry = if report.accepted { 0.5 * step } else { report.next_step };
+            if !report.accepted && !fixed {
+                // Up to a knot of a law nothing may be wrong: tried once, where the formula would not get as far.
+                let ahead = if rejections == 0 { self.next_knot(t, step) } else { None };
+                let counts = |at: &f64| at - t > retry && t_end - at > AT_KNOT * step;
+                knot = ahead.filter(counts).map(|ahead| {
+                    let part = std::mem::replace(&mut retry, ahead - t) / step;
+                    (ahead, (t_end - ahead) * part)
+                });
+            }
             if report.accepted {
                 rejection = self.accept(t, step, t_end).err().map(Rejection::Evaluation);
             }
@@ -479,6 +492,11 @@ impl Run<'_> {
                 return Err(Stop::Failed { cause: unevaluated, step_size: step });
             }
             h = self.options.fixed_step.unwrap_or(report.next_step);
+            if let Some((_, beyond)) =
+                knot.take().filter(|(at, _)| (at - t_end).abs() < AT_KNOT * step)
+            {
+                h = h.min(beyond);
+            }
             // What has just been refused is approached again by doubling.
             longest = (2.0 * longest).min(growth * step);
             if reaches && next < end {

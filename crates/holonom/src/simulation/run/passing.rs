@@ -10,6 +10,9 @@ use crate::system::{LawArgument, Measure};
 /// share of what the law deviates.
 const LOOKED_AT: usize = 3;
 
+/// Part of a step in which accelerations of arguments are told by their rates.
+const SHORT: f64 = 0.01;
+
 /// A part of a force law that a step has not seen, and that counts.
 pub(super) struct PassedOver {
     /// Where a step would see it, s.
@@ -52,6 +55,32 @@ impl Run<'_> {
         }
         (self.way, self.inspector) = (way, Some(inspector));
         found
+    }
+
+    /// The first time in the attempt from `t` over `step` at which the argument of a law passes a knot, by its rate and
+    /// acceleration at the start.
+    pub(super) fn next_knot(&mut self, t: f64, step: f64) -> Option<f64> {
+        let (system, state, moved) = (self.system.as_ref(), &self.state, &mut self.row);
+        let short = SHORT * step;
+        moved.copy_from(state);
+        for (q, v) in moved.q.iter_mut().zip(&state.v) {
+            *q += short * v;
+        }
+        for (v, a) in moved.v.iter_mut().zip(&state.a) {
+            *v += short * a;
+        }
+        let times = system.law_arguments().iter().filter_map(|argument| {
+            let [here, there] = [state, &*moved].map(|s| Place::of(system, argument, t, s));
+            let acceleration = (there.rate - here.rate) / short;
+            let knots = &argument.knots;
+            let below = knots.partition_point(|&knot| knot < here.value);
+            let above = knots.partition_point(|&knot| knot <= here.value);
+            let next = [knots[..below].last(), knots.get(above)].into_iter().flatten();
+            let ways = next.map(|knot| soonest(knot - here.value, here.rate, acceleration));
+            ways.reduce(f64::min)
+        });
+        let first = t + times.fold(f64::INFINITY, f64::min);
+        (first < t + step).then_some(first)
     }
 
     fn look_into(
@@ -216,4 +245,16 @@ impl Run<'_> {
         }
         Ok(())
     }
+}
+
+/// When something has come as far as `way`, s: the smallest τ > 0 with rate τ + ½ acceleration τ² = way; never is infinite.
+fn soonest(way: f64, rate: f64, acceleration: f64) -> f64 {
+    let square = rate * rate + 2.0 * acceleration * way;
+    if square < 0.0 {
+        return f64::INFINITY;
+    }
+    let sum = rate + square.sqrt().copysign(rate);
+    let times = [2.0 * way / sum, sum / acceleration];
+    let ahead = times.into_iter().filter(|time| *time > 0.0);
+    ahead.fold(f64::INFINITY, f64::min)
 }
