@@ -94,8 +94,8 @@ fn up_to_suspicious() -> f64 {
 }
 
 impl CarriedError {
-    /// Of a run with `dimension` unknowns that begins at `start`, without an error.
-    pub(super) fn new(dimension: usize, weights: &Weights, start: &State) -> Self {
+    /// Of a run with `ndof` independent variables and `dimension` unknowns that begins at `start`, without an error.
+    pub(super) fn new([ndof, dimension]: [usize; 2], weights: &Weights, start: &State) -> Self {
         let n = start.q.len();
         let none = || Carried { error: vec![0.0; dimension], spread: [vec![0.0; n], vec![0.0; n]] };
         Self {
@@ -114,13 +114,13 @@ impl CarriedError {
             room: vec![0.0; dimension],
             spread: false,
             missing: None,
-            longest: LongestStep::new(dimension, start),
+            longest: LongestStep::new([ndof, dimension], start),
         }
     }
 
-    /// Whether it can be one of a run of so many `bodies` with `dimension` unknowns whose states have as many numbers as
-    /// `state`.
-    pub(super) fn fits(&self, dimension: usize, bodies: usize, state: &State) -> bool {
+    /// Whether it can be one of a run of so many `bodies` with `ndof` independent variables and `dimension` unknowns, whose
+    /// states have as many numbers as `state`.
+    pub(super) fn fits(&self, [ndof, dimension]: [usize; 2], bodies: usize, state: &State) -> bool {
         let Self { sums, milestones, rates, speeds, .. } = self;
         let Milestones { start, times, places, velocities, .. } = milestones;
         let n = state.q.len();
@@ -137,7 +137,7 @@ impl CarriedError {
             && speeds.len() == bodies
             && rates.len() <= dimension
             && self.serving.steps <= MOST_WAITING
-            && self.longest.as_ref().is_none_or(|step| step.fits(state))
+            && self.longest.as_ref().is_none_or(|step| step.fits(ndof, state))
     }
 
     /// Whether it may be several tolerances.

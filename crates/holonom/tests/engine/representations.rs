@@ -41,8 +41,15 @@ fn agree(name: &str, end: f64, charts: &[Choice]) {
             let what = format!("{name}, {}, {}", code.info().name, parametrization.name());
             let steps = (dense.statistics.steps, sparse.statistics.steps);
             let low = matches!(code, Code::SspTrap | Code::InflTrap);
-            let (same, others) =
-                if low { (NEARLY_SAME.0, steps.0 / NEARLY_SAME.1) } else { (SAME, 0) };
+            // Where the bump or a stop is what ends steps, one correction more may end one elsewhere.
+            let corrected = dense.statistics.iterations != sparse.statistics.iterations;
+            let (same, others) = if low {
+                (NEARLY_SAME.0, steps.0 / NEARLY_SAME.1)
+            } else if corrected && steps.0 != steps.1 {
+                (NEARLY_SAME.0, 1)
+            } else {
+                (SAME, 0)
+            };
             assert!(steps.0.abs_diff(steps.1) <= others, "{what}: steps {steps:?}");
             let largest = |x: &[f64]| x.iter().fold(1.0f64, |m, x| m.max(x.abs()));
             for (a, b) in [(&dense.end.q, &sparse.end.q), (&dense.end.v, &sparse.end.v)] {

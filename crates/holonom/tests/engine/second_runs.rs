@@ -1,6 +1,8 @@
 //! Second runs: what asks for one, what they are held against, and what is told of them.
 
 use crate::amplified_errors::{AMPLIFIED, RIGHT, TOLERANCE, WRONG, asked, standing, warned};
+use crate::common::integrate::tight;
+use crate::common::table::{all_codes, times};
 use crate::common::{model_of, options, run_model};
 use holonom::method::{Code, DEFAULT_CODE};
 use holonom::model::Model;
@@ -193,4 +195,46 @@ fn velocities_that_are_off_for_moments_are_not_warned_of() {
         }
     }
     assert!(off_for_moments > 3, "{off_for_moments}");
+}
+
+/// A rod upright on a hinge with a spring and a damper, started 1e-3 rad off, whose load at the tip grows past what the spring
+/// holds: it stands the straighter for 20 s, and longer steps, and buckles then.
+const BUCKLES: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+rod = { mass = 1.0, inertia = 0.75, position = [0.0, 0.5] }
+[joints]
+hinge = { type = "revolute", between = ["ground", "rod"], point = [0.0, 0.0] }
+[forces]
+spring = { type = "rsda", between = ["ground", "rod"], stiffness = 10.0, damping = 2.0 }
+load = { type = "point_force", on = "rod", point = [0.0, 1.0], force = [0.0, { type = "polynomial", coefficients = [0.0, -0.5] }] }
+[initial.joints]
+hinge = { angle = 1e-3 }
+"#;
+
+#[test] // independent truth: its one equation by DOP853
+fn what_starts_to_grow_while_steps_are_long_is_warned_of() {
+    const END: f64 = 60.0;
+    let rate = |t: f64, y: &[f64]| vec![y[1], -10.0 * y[0] - 2.0 * y[1] + 0.5 * t * y[0].sin()];
+    let times = times(END, 200);
+    let truth = tight(&rate, &[1e-3, 0.0], &times);
+    let model = model_of(BUCKLES);
+    for code in all_codes() {
+        for tolerance in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6] {
+            let asked = Options {
+                channels: vec!["hinge.angle".to_owned()],
+                output: OutputTimes::Interval(END / 200.0),
+                ..options(code, tolerance, END)
+            };
+            let outcome = run_model(&model, &asked);
+            let angles = outcome.series("hinge.angle", 0);
+            let off = angles.iter().zip(&truth).map(|(angle, y)| (angle - y[0]).abs() / tolerance);
+            let worst = off.fold(0.0, f64::max);
+            let tells = ["simulation/amplified-error", "simulation/energy-imbalance"];
+            let told = outcome.summary.warnings.iter().any(|w| tells.contains(&w.code));
+            assert!(worst < 50.0 || told, "{code:?} at {tolerance:e}: {worst:.0} tolerances");
+        }
+    }
 }

@@ -216,13 +216,16 @@ impl Run<'_> {
         if by_stages || self.system.drivers_move(t_end) || t_end >= self.options.end_time {
             self.take_multipliers();
         }
-        self.w.copy_from_slice(&self.w_end);
-        self.g.copy_from_slice(&self.g_end);
         // `self.row` is now the state at the start, `self.state` the one at the end.
         self.system.update_windings(t_end, &self.state.q, &mut self.state.winding);
         if let Some(longest) = self.carried.as_mut().and_then(|carried| carried.longest.as_mut()) {
-            longest.take(self.options.end_time - self.started, &self.row, &self.state);
+            let ndof = self.form.second_order_split();
+            let independent = [&self.w[..ndof], &self.w_end[..ndof]];
+            let whole = [self.started, self.options.end_time];
+            longest.take(whole, [&self.row, &self.state], independent);
         }
+        self.w.copy_from_slice(&self.w_end);
+        self.g.copy_from_slice(&self.g_end);
         let energy = self.system.energy(&self.state);
         self.powers = self.powers_along(t, step, powers(&energy));
         let ledger = self.row.ledger;

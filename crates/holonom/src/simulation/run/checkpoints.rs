@@ -126,8 +126,9 @@ impl Run<'_> {
         let here = self.statistics;
         let Checkpoint { statistics, energy_scale, drift, carried, w, state, .. } = checkpoint;
         let bodies = self.system.structure().sizes.bodies;
+        let unknowns = [self.form.second_order_split(), w.len()];
         let carried_fits =
-            carried.as_ref().is_none_or(|carried| carried.fits(w.len(), bodies, state));
+            carried.as_ref().is_none_or(|carried| carried.fits(unknowns, bodies, state));
         if !(energy_scale.is_like(&self.energy_scale) && drift.is_like(&self.drift) && carried_fits)
         {
             return Err(foreign());

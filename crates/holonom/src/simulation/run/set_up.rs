@@ -185,7 +185,10 @@ pub(super) fn set_up<'a>(
         stage_powers: StagePowers::new(&drivers),
         drivers,
         drift: Drift::new(system.structure().sizes.bodies),
-        carried: follows.then(|| CarriedError::new(dimension, form.weights(), &state)),
+        carried: follows.then(|| {
+            let unknowns = [form.second_order_split(), dimension];
+            CarriedError::new(unknowns, form.weights(), &state)
+        }),
         powers: StepPowers::through([0.0; 2], &[], powers(&energy)),
         complete: true,
         passes_knot: false,
