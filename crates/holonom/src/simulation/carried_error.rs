@@ -291,6 +291,13 @@ impl CarriedError {
         known
     }
 
+    /// Takes what the step just followed is known to have missed of force laws.
+    pub(super) fn miss(&mut self, missed: &[f64]) {
+        if !self.is_beyond() {
+            self.sums.iter_mut().for_each(|Carried { error, .. }| add(error, 1.0, missed));
+        }
+    }
+
     /// Takes what waits for a matrix to the end of a run by an explicit formula, which is at (`t`, `w`).
     pub(super) fn end(&mut self, form: &mut dyn StateSpace, power: &mut [f64], t: f64, w: &[f64]) {
         let Serving { steps, span, .. } = self.serving;

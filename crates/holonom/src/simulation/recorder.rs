@@ -179,6 +179,15 @@ impl Recorder {
         Ok(())
     }
 
+    /// The state at w, without accelerations.
+    ///
+    /// # Errors
+    /// Where dependent coordinates are not found.
+    pub(super) fn state_at(&mut self, t: f64, w: &[f64]) -> Result<&State, EvaluationFailure> {
+        self.evaluate(&mut |_, to: &mut [f64]| to.copy_from_slice(w), t, 0.0, 0.0, false)?;
+        Ok(&self.point.state)
+    }
+
     /// Slope of an explicit formula at w, beside the run.
     ///
     /// # Errors

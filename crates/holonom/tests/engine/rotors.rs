@@ -478,6 +478,57 @@ fn a_driven_rotor_that_is_not_balanced_passes_the_resonance() {
     }
 }
 
+/// An arm that turns freely, whose tip touches the road with a small tyre for four degrees of each turn.
+const TOUCHES: &str = r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies]
+arm = { mass = 1.0, inertia = [[0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]], position = [0.0, 0.0, 1.048] }
+[joints]
+axle = { type = "revolute", between = ["ground", "arm"], point = [0.0, 0.0, 1.048], axis = [0.0, 1.0, 0.0] }
+[roads]
+road = { type = "flat" }
+[forces]
+tip = { type = "tyre", on = "arm", point = [1.0, 0.0, 1.048], radius = 0.05, stiffness = 5e4, damping = 15.8, smoothing = 1e-5, road = "road" }
+[initial.joints]
+axle = { angular_velocity = 30.0 }
+"#;
+
+#[test] // independent truth: its one equation by DOP853 in steps of a millisecond
+fn what_touches_for_a_few_degrees_of_each_turn_is_not_jumped_over() {
+    const END: f64 = 10.0;
+    const FINE: usize = 100;
+    let rate = |_: f64, y: &[f64]| {
+        let (sin, cos) = y[0].sin_cos();
+        let deflection = sin - 0.998;
+        let root = deflection.hypot(1e-5);
+        let force = 2.5e4 * (deflection + root) + 7.9 * (1.0 + deflection / root) * cos * y[1];
+        vec![y[1], -2.0 * force * cos]
+    };
+    let truth = tight(&rate, &[0.0, 30.0], &times(END, 100 * FINE));
+    let model = model_of(TOUCHES);
+    for code in all_codes() {
+        for tolerance in [1e-3, 1e-4] {
+            let options = Options {
+                channels: vec!["axle.angle".to_owned()],
+                output: OutputTimes::Interval(END / 100.0),
+                ..options(code, tolerance, END)
+            };
+            let outcome = try_run(&model, &options);
+            let angles = outcome.series("axle.angle", 0);
+            let off = angles
+                .iter()
+                .zip(truth.iter().step_by(FINE))
+                .map(|(angle, y)| (angle - y[0]).abs() / (tolerance * (1.0 + y[0].abs().min(PI))));
+            let worst = off.fold(0.0, f64::max);
+            let tells = ["simulation/amplified-error", "simulation/energy-imbalance"];
+            let warned = outcome.summary.warnings.iter().any(|w| tells.contains(&w.code));
+            assert!(worst < 50.0 || warned, "{code:?} at {tolerance:e}: {worst:.0} tolerances");
+        }
+    }
+}
+
 #[test] // independent truth: a balanced disc on its pin does not know how fast it turns, nor does its arm
 fn balanced_discs_on_an_arm_that_swings_leave_it_its_steps() {
     let model = |rate: f64| {

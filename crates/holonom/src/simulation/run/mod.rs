@@ -239,6 +239,8 @@ struct Run<'a> {
     scratch: [Vec<f64>; 2],
     /// What a step misses of force laws near its end, and further away from it.
     missed: [Vec<f64>; 2],
+    /// What the last attempt misses of all laws that it passed over.
+    passed: Vec<f64>,
     /// Arguments of force laws in the middle of the step just accepted, if it is known.
     halfway: Vec<Place>,
     /// Room for a dense output and for the way of a force law's argument.
@@ -475,6 +477,9 @@ impl Run<'_> {
                 let passes_knot = self.passes_knot;
                 let known =
                     carried.follow(stepper, form, power, iterated, passes_knot, turn, ended);
+                if passes_knot {
+                    carried.miss(&self.passed);
+                }
                 if known {
                     carried.look(form, moves);
                 } else {

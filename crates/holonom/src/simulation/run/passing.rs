@@ -31,6 +31,7 @@ impl Run<'_> {
     pub(super) fn passed_over(&mut self, t: f64, step: f64, t_end: f64) -> Option<PassedOver> {
         let unknown = PassedOver { time: t + 0.5 * step, error: f64::INFINITY };
         self.passes_knot = false;
+        self.passed.fill(0.0);
         if !self.may_pass_over(t, step, t_end) {
             return None;
         }
@@ -47,6 +48,7 @@ impl Run<'_> {
         let mut found = look(self);
         // What a matrix from inside a contact damps does not decay where the contact is left.
         if found.is_none() && self.is_damped {
+            self.passed.fill(0.0);
             found = match self.stepper.linearize_at_end(self.form.as_mut(), t_end, step) {
                 Ok(true) => look(self),
                 Ok(false) => None,
@@ -120,6 +122,15 @@ impl Run<'_> {
                 || arguments.iter().any(is_near_cusp))
     }
 
+    /// A change of the argument of a law that does not count: its absolute tolerance.
+    pub(super) fn negligible(&self, argument: &LawArgument) -> f64 {
+        let tolerance = &self.options.tolerance;
+        match argument.measure {
+            Measure::Length => tolerance.translation,
+            Measure::Angle => tolerance.rotation,
+        }
+    }
+
     /// Follows the argument of a law through the attempt.
     fn follow(
         &mut self,
@@ -130,11 +141,7 @@ impl Run<'_> {
         [t, step, t_end]: [f64; 3],
     ) -> Result<(), EvaluationFailure> {
         let system = self.system.as_ref();
-        let tolerance = &self.options.tolerance;
-        let negligible = match argument.measure {
-            Measure::Length => tolerance.translation,
-            Measure::Angle => tolerance.rotation,
-        };
+        let negligible = self.negligible(argument);
         let end = &self.form.point().state;
         let [first, last] = [(t, &self.state), (t_end, end)]
             .map(|(time, state)| Place::of(system, argument, time, state));
@@ -203,6 +210,7 @@ impl Run<'_> {
             near[k] += moved[ndof + k];
             near[ndof + k] += far[ndof + k];
         }
+        self.passed.iter_mut().zip(&*near).for_each(|(passed, missed)| *passed += missed);
         let error = self.form.error_norm(near, &self.w_end);
         self.is_damped |= error <= 1.0 && undamped > 1.0;
         Ok((error > 1.0).then_some(PassedOver { time: worst.time, error }))

@@ -204,6 +204,7 @@ pub(super) fn set_up<'a>(
         w_end: vec![0.0; dimension],
         g_end: vec![0.0; dimension],
         scratch: [vec![0.0; dimension], vec![0.0; dimension]],
+        passed: vec![0.0; dimension],
         missed: [vec![0.0; dimension], vec![0.0; dimension]],
         halfway: Vec::with_capacity(system.law_arguments().len()),
         coefficients: Vec::with_capacity(laws.map_or(0, |_| polynomial)),

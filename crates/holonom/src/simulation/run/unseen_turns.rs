@@ -18,6 +18,10 @@ const STEPS: u32 = 16;
 const SAME: f64 = 0.25;
 /// Places around an angle, in turns: waves of few periods to a turn differ there.
 const PLACES: [f64; 2] = [0.3, 0.62];
+/// Places around it at which arguments of laws are looked at, and the part of their range that these may miss on a wave of up to two
+/// periods to a turn.
+const PLACES_OF_LAWS: u32 = 16;
+const MISSED: f64 = 0.1;
 
 /// What is known of an angle for some steps.
 #[derive(Debug, Clone, Copy, Default)]
@@ -49,6 +53,8 @@ pub(super) struct UnseenTurns {
     signed: Vec<f64>,
     there: Vec<f64>,
     against: Vec<f64>,
+    /// Least and largest arguments of laws.
+    ranges: Vec<[f64; 2]>,
 }
 
 impl UnseenTurns {
@@ -75,6 +81,7 @@ impl UnseenTurns {
             signed: room(),
             there: room(),
             against: room(),
+            ranges: vec![[0.0; 2]; system.law_arguments().len()],
         }
     }
 
@@ -213,6 +220,7 @@ impl Run<'_> {
         } else {
             let moved = self.moves_by(turns, t_end, towards, slowest);
             moved.map_or(true, |moved| moved > UNSEEN)
+                || self.passes_knot_around(turns, t_end, towards).unwrap_or(true)
         };
         for i in 0..turns.known.len() {
             if i == k || !matters && turns.along[i] {
@@ -278,5 +286,41 @@ impl Run<'_> {
             motion[ndof + i] = rate * motion[i];
         }
         Ok(self.form.error_norm(motion, w_end))
+    }
+
+    /// Whether an argument of a law passes one of its knots as the angles go round: what lasts for a few degrees is in no wave.
+    ///
+    /// # Errors
+    /// Where the mechanism does not go there.
+    fn passes_knot_around(
+        &mut self,
+        turns: &mut UnseenTurns,
+        t: f64,
+        towards: f64,
+    ) -> Result<bool, EvaluationFailure> {
+        let system = self.system.as_ref();
+        let arguments = system.law_arguments();
+        if arguments.iter().all(|argument| argument.knots.is_empty()) {
+            return Ok(false);
+        }
+        let (w_end, recorder, at) = (&self.w_end, &mut self.recorder, &mut self.scratch[0]);
+        turns.ranges.fill([f64::INFINITY, f64::NEG_INFINITY]);
+        for k in 0..PLACES_OF_LAWS {
+            let by = towards * TAU * f64::from(k) / f64::from(PLACES_OF_LAWS);
+            for ((at, w), along) in at.iter_mut().zip(w_end).zip(&turns.direction) {
+                *at = w + by * along;
+            }
+            let state = recorder.state_at(t + by * turns.passing, at)?;
+            for ([least, largest], argument) in turns.ranges.iter_mut().zip(arguments) {
+                let [value, ..] = system.law_argument(argument, state);
+                (*least, *largest) = (least.min(value), largest.max(value));
+            }
+        }
+        Ok(turns.ranges.iter().zip(arguments).any(|([least, largest], argument)| {
+            let missed = MISSED * (largest - least);
+            let below = |value: f64| argument.knots.partition_point(|&knot| knot <= value);
+            let negligible = self.negligible(argument);
+            largest - least > negligible && below(least - missed) < below(largest + missed)
+        }))
     }
 }
