@@ -1,7 +1,7 @@
 //! Which force elements are stiff against the motion, and how they would vibrate in the mechanism.
 
 use crate::system::{Measure, RelativeKind, Resistance, State, System};
-use holonom_linalg::{BlockMatrix, SparseLu, SparsePattern};
+use holonom_linalg::{BlockMatrix, DenseLu, SparseLu, SparsePattern};
 
 /// A force element is stiff if the square of its frequency is more than this times that of the motion:
 /// it then keeps its deformation small and sets the pace if its direction turns.
@@ -10,6 +10,9 @@ pub(super) const STIFF: f64 = 100.0;
 pub(super) const STEPS: f64 = 10.0;
 /// What constraints that depend on others are softened by, against the size of their rows.
 const SOFTENED: f64 = 1e-12;
+
+/// Matrices of so many rows are factored faster as dense ones: a search for pivots in a sparse one costs about 10⁵ operations a row.
+const DENSE: usize = 300;
 
 /// The pace of the motion, 1/s: how fast bodies turn, or fall through the size of the model.
 pub(super) fn pace(system: &dyn System, state: &State) -> f64 {
@@ -136,6 +139,21 @@ pub(super) fn mobilities(
         };
         sides.filter_map(side).flatten().collect()
     };
+    let matrix = (entries.iter().copied()).zip(numbers.iter().copied());
+    if n + m <= DENSE
+        && let Some(lu) = dense(n + m, matrix)
+    {
+        let mobility = |(bodies, gradient): &([Option<usize>; 2], Vec<f64>)| {
+            let mut along = vec![0.0; n + m];
+            for (at, i) in columns(bodies) {
+                along[i] += gradient[at] * scale[i];
+            }
+            let mut moved = along.clone();
+            lu.solve(&mut moved);
+            along.iter().zip(moved).map(|(a, x)| a * x).sum::<f64>() / heaviest
+        };
+        return gradients.iter().map(mobility).collect();
+    }
     let stored = entries.len();
     for (bodies, gradient) in gradients {
         let mut used = columns(bodies);
@@ -165,6 +183,15 @@ pub(super) fn mobilities(
         sum / heaviest
     };
     gradients.iter().map(mobility).collect()
+}
+
+/// The factors of a matrix of n rows, if it has any.
+fn dense(n: usize, entries: impl Iterator<Item = ((usize, usize), f64)>) -> Option<DenseLu> {
+    let mut a = vec![0.0; n * n];
+    entries.for_each(|((i, j), x)| a[i * n + j] += x);
+    let mut lu = DenseLu::new(n);
+    lu.factor(&a).ok()?;
+    Some(lu)
 }
 
 fn norm(x: &[f64]) -> f64 {

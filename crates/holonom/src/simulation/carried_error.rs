@@ -204,6 +204,7 @@ impl CarriedError {
     pub(super) fn forget_variables(&mut self) {
         self.forget_matrix();
         self.rates.clear();
+        self.longest.iter_mut().for_each(LongestStep::forget_variables);
     }
 
     /// Takes the error over the step just accepted, in which laws may have passed knots; with the length of the step and the

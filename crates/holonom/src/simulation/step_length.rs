@@ -29,11 +29,16 @@ pub(super) fn longest(system: &dyn System, state: &State, tree: bool, h: f64) ->
         let all = 2.0 * turning(sizes, &state.v) * h;
         if all <= TURN_IN_LOOP { f64::INFINITY } else { untold(system, state) }
     } else if planar(sizes) {
-        f64::INFINITY
+        untold(system, state)
     } else {
         LARGEST_TURN / turning(sizes, &state.v)
     };
     system.longest_step(state).min(turn)
+}
+
+/// Time in which an angle of this rate, rad/s, that is told up to whole turns only turns by [`UNTOLD_TURN`].
+pub(super) fn untold_at(rate: f64) -> f64 {
+    UNTOLD_TURN / rate.abs()
 }
 
 /// Time in which two bodies whose relative angle is told by its branch alone turn by [`UNTOLD_TURN`], or by

@@ -14,8 +14,12 @@ const MOST_UNKNOWNS: usize = 200;
 const FEW_UNKNOWNS: usize = 50;
 /// Where no step takes this part of a run, it is not looked at: steps that show nothing are few.
 const LONG: f64 = 0.01;
-/// Of so many parts of a run the longest step is looked at.
+/// Of so many parts of a run the longest step is looked at, but of no more than are paid for by its steps: a look costs as many as
+/// there are unknowns, divided by this.
 const PARTS: usize = 4;
+const UNKNOWNS_PER_STEP: usize = 6;
+/// Steps that become so many times longer at once are those of a start, which show nothing.
+const STARTS: f64 = 2.0;
 /// Lengths of steps are told apart by this factor, down to about 1e-12 of a run.
 const APART: f64 = 1.2;
 const LENGTHS: usize = 152;
@@ -56,6 +60,11 @@ pub(super) struct LongestStep {
     /// Of parts of the run, where unknowns are few.
     #[serde(default)]
     parts: Vec<LongStep>,
+    /// Steps so far; length and end of the last one, s.
+    #[serde(default)]
+    steps: usize,
+    #[serde(default)]
+    before: [f64; 2],
     /// The end of the last step, s, that was shorter than the span of the run divided by a power of [`APART`], by that power; the start where
     /// there was none.
     #[serde(default)]
@@ -78,6 +87,8 @@ impl LongestStep {
             length: 0.0,
             ends: [state.clone(), state.clone()],
             parts: (0..parts).map(|_| part()).collect(),
+            steps: 0,
+            before: [0.0, state.t],
             shorter_until: vec![state.t; LENGTHS],
             last: None,
         })
@@ -88,6 +99,7 @@ impl LongestStep {
         let sizes = |s: &State| [&s.q, &s.v, &s.a, &s.lambda, &s.z, &s.winding].map(Vec::len);
         let alike = |ends: &[State; 2]| ends.iter().all(|end| sizes(end) == sizes(state));
         alike(&self.ends)
+            && self.parts.len() <= PARTS
             && self
                 .parts
                 .iter()
@@ -104,9 +116,13 @@ impl LongestStep {
     ) {
         let [start, end] = ends;
         let (length, span) = (end.t - start.t, finish - started);
-        let place = Self::place(span, length);
-        if let Some(until) = self.shorter_until.get_mut(place) {
-            *until = end.t;
+        self.steps += 1;
+        let [before, until] = std::mem::replace(&mut self.before, [length, end.t]);
+        let place = Self::place(span, before);
+        if length < STARTS * before
+            && let Some(latest) = self.shorter_until.get_mut(place)
+        {
+            *latest = until;
         }
         if length < LONG * span {
             return;
@@ -124,6 +140,11 @@ impl LongestStep {
         }
     }
 
+    /// Independent variables have got another meaning: what is kept of them says nothing any more.
+    pub(super) fn forget_variables(&mut self) {
+        self.parts.iter_mut().for_each(|part| part.length = 0.0);
+    }
+
     /// The place of a length among those that are told apart, the longest first.
     fn place(span: f64, length: f64) -> usize {
         ((span / length).ln() / APART.ln()) as usize
@@ -139,7 +160,9 @@ impl LongestStep {
     /// The run has ended at `state`, which the manifold stands at.
     pub(super) fn end(&mut self, manifold: &Manifold, state: &State, tolerance: &Tolerance) {
         let system = manifold.system().as_ref();
-        let long = self.parts.iter().any(|part| part.length > 0.0);
+        // Elsewhere than on the tree eigenvalues of what moves are those of its coordinates, too.
+        let tree = manifold.chart().parametrization().relatives().is_some();
+        let long = tree && self.parts.iter().any(|part| part.length > 0.0);
         let is_steady = |ends| Self::is_steady(ends, self.length, system, tolerance);
         let same = || {
             self.length > 0.0
@@ -158,7 +181,10 @@ impl LongestStep {
         started: f64,
     ) -> Option<f64> {
         let steady = self.hides_steadily(problem, options, started);
-        let parts = self.parts.iter().filter(|part| part.length > 0.0);
+        let long = LONG * (options.end_time - started);
+        let parts = self.parts.iter().rev().filter(|part| part.length > 0.0 && part.length >= long);
+        let unknowns = parts.clone().map(|part| 2 * part.independent[0].len()).max().unwrap_or(1);
+        let parts = parts.take(UNKNOWNS_PER_STEP * self.steps / unknowns);
         let rates = parts.filter_map(|part| self.hidden_in(part, options, started)).chain(steady);
         let fastest = rates.fold(0.0, f64::max);
         (fastest > 0.0).then(|| SHOWN / fastest)
@@ -183,9 +209,10 @@ impl LongestStep {
         };
         let finish = eigenvalues_at(1)?;
         // What is not there at the start has half of the step to grow.
+        let fastest = finish.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
         let begun = |(re, im): &(f64, f64)| {
             let rate = re.hypot(*im);
-            (re * 0.5 * length > GROWTH.ln()).then_some(rate)
+            (re * 0.5 * length > GROWTH.ln() && rate > KNOWN * fastest).then_some(rate)
         };
         let begun = finish.iter().filter_map(begun).reduce(f64::max);
         let grown = growing(finish, *length, left, ALIKE, || eigenvalues_at(0));

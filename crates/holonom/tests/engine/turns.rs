@@ -1,8 +1,9 @@
 //! Angles over many turns: joints and rotational springs in space, driven and free.
 
+use crate::common::table::all_codes;
 use crate::common::{model_of, options, run_model};
 use holonom::method::{Code, DEFAULT_CODE};
-use holonom::model::Model;
+use holonom::model::{Model, Tolerance};
 use holonom::reduction::{Choice, Coordinates};
 use holonom::simulation::{Options, OutputTimes};
 use std::f64::consts::TAU;
@@ -67,6 +68,46 @@ fn a_driven_run_goes_on_with_its_turns() {
         crate::common::run_from(&model, &with_output(6.0, 10.0, &["coil.angle"]), Some(&part));
     for (t, angle) in rest.times().iter().zip(rest.series("coil.angle", 0)) {
         assert!((angle - (7.0 + 2.0 * t)).abs() < 1e-9);
+    }
+}
+
+#[test] // independent truth: the driver's motion
+fn a_driven_angle_keeps_its_turns_in_every_chart() {
+    // A block rests on its spring, so that steps are as long as may be.
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+block = { mass = 9.0, inertia = 1.0, position = [0.0, 0.0] }
+rotor = { mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }
+[joints]
+guide = { type = "translational", between = ["ground", "block"], point = [0.0, 0.0], axis = [0.0, 1.0] }
+shaft = { type = "revolute", between = ["block", "rotor"], point = [0.0, 0.0] }
+[drivers]
+motor = { joint = "shaft", coordinate = "rotation", motion = { type = "polynomial", coefficients = [0.0, 10.0, -0.05] } }
+[forces]
+mount = { type = "tsda", between = ["ground", "block"], points = [[0.0, -1.0], [0.0, 0.0]], stiffness = 1000.0, free_length = 1.0 }
+"#,
+    );
+    for parametrization in
+        [Choice::Tree, Choice::Partitioning, Choice::TangentPlane, Choice::TangentPlaneSvd]
+    {
+        for code in all_codes() {
+            let asked = Options {
+                code,
+                parametrization,
+                tolerance: Tolerance::uniform(1e-3),
+                ..with_output(60.0, 60.0, &["shaft.angle"])
+            };
+            let outcome = run_model(&model, &asked);
+            for (t, angle) in outcome.times().iter().zip(outcome.series("shaft.angle", 0)) {
+                let truth = 10.0 * t - 0.05 * t * t;
+                let name = parametrization.name();
+                assert!((angle - truth).abs() < 1e-9, "{name} {code:?} {t}: {angle}");
+            }
+        }
     }
 }
 

@@ -336,6 +336,9 @@ impl Run<'_> {
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
                 h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree, h));
+                if !tree {
+                    h = h.min(self.longest_to_tell());
+                }
                 h = h
                     .min(self.longest_to_see())
                     .min(LONGEST_TURN / turning)

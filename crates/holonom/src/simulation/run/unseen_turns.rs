@@ -2,6 +2,7 @@
 
 use super::Run;
 use crate::error::EvaluationFailure;
+use crate::simulation::step_length;
 use crate::system::System;
 use std::f64::consts::TAU;
 
@@ -116,6 +117,14 @@ impl Run<'_> {
         let matter = |k: &usize| turns.known[*k].steps > 0 && turns.known[*k].matters;
         let longest = |k| LOOKED_AT / self.rate(turns, k, self.state.t, &self.w).abs();
         (0..turns.known.len()).filter(matter).map(longest).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The longest step, s, in which Newton's method tells how often driven angles have turned: on the tree the driver tells it.
+    pub(super) fn longest_to_tell(&self) -> f64 {
+        let drivers = self.unseen_turns.drivers.iter();
+        let times =
+            drivers.map(|row| step_length::untold_at(self.system.drive(*row, self.state.t)[1]));
+        times.fold(f64::INFINITY, f64::min)
     }
 
     /// A step has been accepted.
