@@ -48,13 +48,38 @@ impl FirstOrder {
         manifold: Manifold,
         state: &State,
     ) -> Result<Vec<(f64, f64)>, SpectrumError> {
+        Self::for_eigenvalues(manifold, state).eigenvalues_at(state)
+    }
+
+    /// A form whose weights are nobody's, at a consistent state whose factors the manifold holds.
+    pub fn for_eigenvalues(manifold: Manifold, state: &State) -> Self {
         let tolerance = Tolerance::uniform(1.0);
         let weights = Weights::new(tolerance, manifold.system().as_ref(), state);
-        let mut form = Self::new(manifold, weights, state);
-        let mut w = vec![0.0; form.dimension()];
-        form.pack(state, &mut w);
-        form.linearize(state.t, &w)?;
-        form.newton.blocks().eigenvalues()
+        Self::new(manifold, weights, state)
+    }
+
+    /// The same eigenvalues where the manifold stands now.
+    ///
+    /// # Errors
+    /// [`SpectrumError`].
+    pub fn eigenvalues_at(&mut self, state: &State) -> Result<Vec<(f64, f64)>, SpectrumError> {
+        let mut w = vec![0.0; self.dimension()];
+        self.pack(state, &mut w);
+        self.linearize(state.t, &w)?;
+        self.newton.blocks().eigenvalues()
+    }
+
+    /// Moves to a state with independent variables `p`, where rotation vectors are measured from.
+    ///
+    /// # Errors
+    /// As [`Manifold::stand_at`].
+    pub fn stand_at(&mut self, state: &State, p: &[f64]) -> Result<(), EvaluationFailure> {
+        let State { t, q, winding, .. } = state;
+        let manifold = &mut self.point.manifold;
+        manifold.stand_at(*t, q, p, winding, true, std::iter::empty())?;
+        self.at.fill(f64::NAN);
+        self.begin_step(state);
+        Ok(())
     }
 }
 

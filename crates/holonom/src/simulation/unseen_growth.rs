@@ -185,22 +185,31 @@ impl LongestStep {
         let parts = self.parts.iter().rev().filter(|part| part.length > 0.0 && part.length >= long);
         let unknowns = parts.clone().map(|part| 2 * part.independent[0].len()).max().unwrap_or(1);
         let parts = parts.take(UNKNOWNS_PER_STEP * self.steps / unknowns);
-        let rates = parts.filter_map(|part| self.hidden_in(part, options, started)).chain(steady);
+        let mut form: Option<FirstOrder> = None;
+        let hidden = |part: &LongStep| {
+            let (manifold, state) = self.last.as_deref()?;
+            let form =
+                form.get_or_insert_with(|| FirstOrder::for_eigenvalues(manifold.clone(), state));
+            self.hidden_in(part, form, options, started)
+        };
+        let rates = parts.filter_map(hidden).chain(steady);
         let fastest = rates.fold(0.0, f64::max);
         (fastest > 0.0).then(|| SHOWN / fastest)
     }
 
     /// Rate, 1/s, of the fastest that grows in a long step and is not shown by it: while it stays one that grows, from its start to
     /// the end of the run, or of the step where shorter ones show it later on.
-    fn hidden_in(&self, part: &LongStep, options: &Options, started: f64) -> Option<f64> {
+    fn hidden_in(
+        &self,
+        part: &LongStep,
+        form: &mut FirstOrder,
+        options: &Options,
+        started: f64,
+    ) -> Option<f64> {
         let LongStep { length, ends, independent } = part;
-        let (manifold, _) = self.last.as_deref()?;
-        let eigenvalues_at = |k: usize| {
-            let (mut manifold, state) = (manifold.clone(), &ends[k]);
-            let State { t, q, winding, .. } = state;
-            let stands =
-                manifold.stand_at(*t, q, &independent[k], winding, true, std::iter::empty());
-            stands.ok().and_then(|()| FirstOrder::eigenvalues(manifold, state).ok())
+        let mut eigenvalues_at = |k: usize| {
+            form.stand_at(&ends[k], &independent[k]).ok()?;
+            form.eigenvalues_at(&ends[k]).ok()
         };
         let span = options.end_time - started;
         let left = |rate: f64| {
