@@ -6,7 +6,7 @@ use crate::common::{Outcome, model_of, options, run_model};
 use holonom::method::{CODES, Code};
 use holonom::model::Model;
 use holonom::reduction::Choice;
-use holonom::simulation::{Options, OutputTimes, Problem};
+use holonom::simulation::{Options, OutputTimes, Problem, StepOutcome};
 
 /// Runs with the channels at ten times.
 #[track_caller]
@@ -389,5 +389,33 @@ spin = { joint = "axle", coordinate = "rotation", motion = { type = "polynomial"
         assert_eq!(run.summary.ndof, 0);
         let height = error(&run, "wheel.position", 2, |t| 0.3 * (200.0 * t).sin());
         assert!(height < 1e-9, "{code:?}: {height:.1e} m");
+    }
+}
+
+#[test] // independent truth: at 1 m/s the gap of 1 m ends after 1 s
+fn a_step_that_is_refused_ends_where_the_stop_begins() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+puck = { mass = 1.0, inertia = 0.01, position = [0.0, 0.0] }
+[joints]
+guide = { type = "translational", between = ["ground", "puck"], point = [0.0, 0.0], axis = [1.0, 0.0] }
+[forces]
+stop = { type = "tsda", between = ["ground", "puck"], points = [[-1.0, 0.0], [0.0, 0.0]], free_length = 1.0, force = { x = [-9.0, 1.0, 1.001, 2.0], y = [0.0, 0.0, 1.0, 1000.0] } }
+[initial.joints]
+guide = { velocity = 1.0 }
+"#,
+    );
+    // The other codes see the stop from steps that end elsewhere at this tolerance.
+    for code in [Code::ForRadau, Code::SspSdirk16, Code::InflSdirk, Code::SspTrap, Code::Dop853] {
+        let outcome = run_model(&model, &options(code, 1e-3, 3.0));
+        let steps = &outcome.rows.all.steps;
+        let accepted = steps.iter().filter(|step| step.outcome == StepOutcome::Accepted);
+        let ends = accepted.map(|step| (step.t + step.h - 1.0).abs());
+        let nearest = ends.fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-12, "{code:?}: {nearest:e} s from the stop");
     }
 }
