@@ -14,10 +14,10 @@ const MOST_UNKNOWNS: usize = 200;
 const FEW_UNKNOWNS: usize = 50;
 /// Where no step takes this part of a run, it is not looked at: steps that show nothing are few.
 const LONG: f64 = 0.01;
-/// Of so many parts of a run the longest step is looked at, but of no more than are paid for by its steps: a look costs as many as
-/// there are unknowns, divided by this.
+/// Of so many parts of a run the longest step is looked at, but of no more than are paid for by its steps: looks at both its ends cost as
+/// many as there are unknowns, divided by this.
 const PARTS: usize = 4;
-const UNKNOWNS_PER_STEP: usize = 6;
+const UNKNOWNS_PER_STEP: usize = 3;
 /// Steps that become so many times longer at once are those of a start, which show nothing.
 const STARTS: f64 = 2.0;
 /// Lengths of steps are told apart by this factor, down to about 1e-12 of a run.
@@ -216,16 +216,17 @@ impl LongestStep {
             let later = self.shown_until(span, SHOWN / rate).is_some_and(|t| t > ends[0].t);
             if later { *length } else { options.end_time - ends[0].t }
         };
-        let finish = eigenvalues_at(1)?;
-        // What is not there at the start has half of the step to grow.
-        let fastest = finish.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
-        let begun = |(re, im): &(f64, f64)| {
-            let rate = re.hypot(*im);
-            (re * 0.5 * length > GROWTH.ln() && rate > KNOWN * fastest).then_some(rate)
+        let [start, finish] = [eigenvalues_at(0)?, eigenvalues_at(1)?];
+        // What grows at one end alone has half of the step for it.
+        let half = |all: &[(f64, f64)]| {
+            let fastest = all.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
+            let grown = all.iter().filter(|z| z.0 * 0.5 * length > GROWTH.ln());
+            let rates = grown.map(|z| z.0.hypot(z.1)).filter(|rate| *rate > KNOWN * fastest);
+            rates.reduce(f64::max)
         };
-        let begun = finish.iter().filter_map(begun).reduce(f64::max);
-        let grown = growing(finish, *length, left, ALIKE, || eigenvalues_at(0));
-        [begun, grown].into_iter().flatten().reduce(f64::max)
+        let halves = [half(&start), half(&finish)];
+        let whole = growing(finish, *length, left, ALIKE, || Some(start));
+        halves.into_iter().chain([whole]).flatten().reduce(f64::max)
     }
 
     /// The same in the longest step of the run, where the motion is steady in it: then it goes on since steps showed it.
