@@ -279,6 +279,10 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         self.memory.contraction = f64::INFINITY;
     }
 
+    fn begin_trend(&mut self, h: f64) {
+        self.memory.history.accept(h, 1.0);
+    }
+
     fn discard(&mut self) {
         if std::mem::take(&mut self.pending) {
             self.memory = self.before;

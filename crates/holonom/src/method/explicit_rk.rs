@@ -261,6 +261,10 @@ impl Stepper for ExplicitRungeKuttaStepper {
         self.commit();
     }
 
+    fn begin_trend(&mut self, h: f64) {
+        self.history.accept(h, 1.0);
+    }
+
     fn discard(&mut self) {
         self.open = None;
         if std::mem::take(&mut self.pending) {

@@ -376,6 +376,9 @@ pub trait Stepper: Send {
         None
     }
 
+    /// The next step, of length h, is chosen by something else than errors: how these changed up to it says nothing of it.
+    fn begin_trend(&mut self, _h: f64) {}
+
     /// From now on errors count as many times as makes steps shorter by this factor, at least 1, as it is until this is called: where
     /// estimates are of order p̂ its power p̂ + 1.
     fn shorten(&mut self, by: f64);

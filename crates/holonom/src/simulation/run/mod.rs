@@ -504,6 +504,7 @@ impl Run<'_> {
                 knot.take().filter(|(at, _)| (at - t_end).abs() < AT_KNOT * step)
             {
                 h = h.min(beyond);
+                self.stepper.begin_trend(h);
             }
             // What has just been refused is approached again by doubling.
             longest = (2.0 * longest).min(growth * step);
