@@ -27,6 +27,8 @@ const SHORTENING: f64 = 0.75;
 const SEED: f64 = 0.003;
 /// States on its way, least and most, that a run keeps for the comparison with a second one, beside that at its end.
 const MILESTONES: [usize; 2] = [16, 1024];
+/// Parts of a run at whose ends it is compared at least: what has moved and is back at the end of a long step has moved.
+const PARTS: f64 = 32.0;
 /// Coordinates of all of them, so that checkpoints stay small.
 const COORDINATES: usize = 20_000;
 
@@ -475,6 +477,18 @@ impl Milestones {
             }
         }
         self.push(state);
+    }
+
+    /// Parts of a step of a run until `end`, s, at whose ends a comparison is to be made.
+    pub(super) fn parts(&self, step: f64, end: f64) -> u32 {
+        (PARTS * step / (end - self.start.t)).ceil() as u32
+    }
+
+    /// Takes a state within a step, of which there are few, while all steps are taken.
+    pub(super) fn pass_inside(&mut self, state: &State) {
+        if self.every == 1 && self.times.len() < Self::room(state.q.len()) {
+            self.push(state);
+        }
     }
 
     /// Takes the end of the run.

@@ -3,6 +3,7 @@
 use super::{Run, failed};
 use crate::error::EvaluationFailure;
 use crate::reduction::assembly::PROJECTED;
+use crate::simulation::carried_error::CarriedError;
 use crate::simulation::diagnosis::Stop;
 use crate::simulation::ledger::{QUARTERS, StepPowers, powers};
 use crate::simulation::passage::Place;
@@ -42,6 +43,7 @@ impl Run<'_> {
             || self.output.time() < t_end
             || !self.form.integrates_powers()
             || self.may_pass_over(t, step, t_end)
+            || self.parts_to_keep(step) > 1
         {
             let Self { stepper, recorder, state, form, .. } = self;
             let norm = &mut |change: &[f64]| form.norm(change);
@@ -51,6 +53,26 @@ impl Run<'_> {
         }
         self.look_inside(t, step, t_end);
         Ok(())
+    }
+
+    /// Parts of a step between which places are kept for the comparison with a second run.
+    fn parts_to_keep(&self, step: f64) -> u32 {
+        let parts = |carried: &CarriedError| carried.milestones.parts(step, self.options.end_time);
+        self.carried.as_ref().map_or(0, parts)
+    }
+
+    /// Keeps places within the step from `t` before it becomes the past, where it is long. One that is not found is left out.
+    pub(super) fn keep_places(&mut self, t: f64, step: f64) {
+        let parts = self.parts_to_keep(step);
+        let Some(carried) = self.carried.as_mut().filter(|_| parts > 1) else { return };
+        let stepper = &mut self.stepper;
+        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
+        for part in 1..parts {
+            let theta = f64::from(part) / f64::from(parts);
+            let found = self.recorder.state(interpolate, t, step, theta, false);
+            found.into_iter().for_each(|state| carried.milestones.pass_inside(state));
+        }
+        self.recorder.begin_again(&self.state);
     }
 
     /// Looks into the accepted step: powers, where the ledger needs them, and in its middle arguments of force laws.
