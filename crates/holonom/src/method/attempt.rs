@@ -15,6 +15,10 @@ use crate::control::{StepControl, StepLaw, StepVerdict};
 /// An estimate is to be at least 0.3 τ^(−1/4) times the error of a formula itself. With estimates of order 3 a motion of a
 /// few turns takes about 10 τ^(−1/4) steps, whose errors then add up to 30 tolerances, if they persist.
 const OWN_ERROR: f64 = 0.3;
+/// Tolerances below which changes are noise whatever the state is.
+const NOISE: f64 = 1e-9;
+/// Part of what a filter leaves by which accelerations may answer otherwise than its matrix says.
+const ANSWERS: f64 = 0.5;
 /// Part of those steps that a linearization serves at most, and the least of that, however small corrections are: carried
 /// errors grow as it says, and what makes them grow may turn and vibrate while iterations hardly see it.
 const SERVICE: f64 = 0.02;
@@ -44,6 +48,8 @@ pub struct ImplicitStepper<S> {
     ahead: Ahead,
     /// The last correction of an iteration, or the estimated error.
     change: Vec<f64>,
+    /// Of formulas that do not iterate: what is missing at the end, what a filter leaves of it, a state, and slopes.
+    at_end: [Vec<f64>; 5],
     /// Error of the formula itself, and how many times as large their orders promise an estimate to be.
     own: Vec<f64>,
     promised: Option<f64>,
@@ -63,6 +69,7 @@ impl<S: Stages> ImplicitStepper<S> {
     pub(super) fn of(stages: S, dimension: usize, options: StepperOptions) -> Self {
         let (p, below) = (stages.order(), stages.embedded_order());
         let exponent = f64::from(p - below) / f64::from(below + 1);
+        let room = if S::ITERATES { 0 } else { dimension };
         let law = if options.predictive { StepLaw::Predictive } else { StepLaw::Standard };
         Self {
             options,
@@ -82,6 +89,7 @@ impl<S: Stages> ImplicitStepper<S> {
             ahead: Ahead::new(dimension),
             change: vec![0.0; dimension],
             own: vec![0.0; dimension],
+            at_end: std::array::from_fn(|_| vec![0.0; room]),
             knows_own: false,
             strictness: 1.0,
             reuse_contraction: options.reuse_contraction,
@@ -211,6 +219,50 @@ impl<S: Stages> ImplicitStepper<S> {
         Ok(ode.error_norm(error, stages.end().w))
     }
 
+    /// What the accepted step of a formula that does not iterate has left at its end, scaled: accelerations of the equations beyond
+    /// those of the step, where the matrix damps them and they do not answer as it says, by the matrix of the end, or whole. Source:
+    /// `docs/theory/method.md` (11c).
+    fn hidden(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> Result<f64, EvaluationFailure> {
+        if S::ITERATES || self.options.fixed_step {
+            return Ok(0.0);
+        }
+        let Self { stages, at_end: [defect, left, state, slope, answer], .. } = self;
+        stages.end_defect(ode, step, defect);
+        let whole = ode.error_norm(defect, stages.end().w);
+        let noise = (1e5 * self.floor).max(NOISE);
+        let (t_end, gamma_h) = (step.t + step.h, stages.gamma() * step.h);
+        let mut of_start = None;
+        loop {
+            left.copy_from_slice(defect);
+            stages.filter(ode, left);
+            let w = stages.end().w;
+            let first = ode.error_norm(left, w);
+            if of_start.is_none() && whole - first <= 1.0 {
+                return Ok(0.0);
+            }
+            for (state, (w, left)) in state.iter_mut().zip(w.iter().zip(&*left)) {
+                *state = w + left;
+            }
+            ode.derivative(t_end, state, answer)?;
+            ode.derivative(t_end, w, slope)?;
+            for (k, left) in left.iter_mut().enumerate() {
+                *left = defect[k] - *left + gamma_h * (answer[k] - slope[k]);
+            }
+            stages.filter(ode, left);
+            let second = ode.error_norm(left, stages.end().w);
+            let answers = second <= noise.max(ANSWERS * first);
+            match of_start {
+                None if answers => return Ok(0.0),
+                Some(before) => return Ok(if answers { first - before } else { whole }),
+                None => of_start = Some(first),
+            }
+            state.copy_from_slice(stages.end().w);
+            self.matrices.forget();
+            ode.linearize(t_end, state)?;
+            stages.factor(ode, step.h)?;
+        }
+    }
+
     /// The attempt up to its judgement: error, and what follows from it.
     fn advance(
         &mut self,
@@ -310,9 +362,18 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         match self.advance(&mut ode, &step, &mut report) {
             Ok((error, StepVerdict::Accept { next })) => {
                 self.stages.finish(&mut ode, &step, &mut self.current);
-                self.pending = true;
-                self.memory.history.accept(h, error);
-                report.accept(error, next.min(self.options.max_step));
+                let hidden = self.hidden(&mut ode, &step).unwrap_or(f64::INFINITY);
+                if hidden <= 1.0 {
+                    self.pending = true;
+                    self.memory.history.accept(h, error);
+                    report.accept(error, next.min(self.options.max_step));
+                } else {
+                    self.matrices.forget();
+                    self.memory.history.reject();
+                    report.error = hidden;
+                    report.next_step = h * (0.9 / hidden.sqrt()).max(self.control.min_ratio);
+                    report.cause = Some(Rejection::ErrorTooLarge);
+                }
             }
             Ok((error, StepVerdict::Reject { retry })) => {
                 self.memory.history.reject();

@@ -321,7 +321,9 @@ impl<M: Matrix> Ode for FirstOrder<M> {
     fn derivative(&mut self, t: f64, w: &[f64], g: &mut [f64]) -> Result<(), EvaluationFailure> {
         let ndof = self.point.manifold.chart().ndof();
         require_finite(t, w)?;
-        self.evaluate(t, w, true)?;
+        if t != self.at_time || w != self.at {
+            self.evaluate(t, w, true)?;
+        }
         g[..ndof].copy_from_slice(&w[ndof..2 * ndof]);
         let Point { manifold, state, .. } = &mut self.point;
         manifold.independent_acceleration_anew(state, &mut g[ndof..2 * ndof]);

@@ -142,6 +142,16 @@ impl Stages for RosenbrockStages {
         StepEnd { w: &self.end, slope: &self.end_slope }
     }
 
+    fn end_defect(&mut self, ode: &Counted<'_>, step: &Step<'_>, defect: &mut [f64]) {
+        let (h, split) = (step.h, ode.second_order_split());
+        defect.fill(0.0);
+        for k in 0..split {
+            let parabola = parabola(step, &self.end, [k, split + k], true);
+            let beyond = self.end_slope[split + k] - parabola;
+            defect[split + k] = self.formula.gamma * h * beyond;
+        }
+    }
+
     fn finish(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, segment: &mut Segment) {
         let &Step { h, w, g, .. } = step;
         let split = ode.second_order_split();
@@ -160,11 +170,8 @@ impl Stages for RosenbrockStages {
             }
             self.state.fill(0.0);
             for k in 0..split {
-                let (x, v) = (self.end[k] - w[k], [w[split + k], self.end[split + k]]);
-                // That of the parabola with both rates that makes the change of the position.
-                let bend = 6.0 * x / h - 3.0 * (v[0] + v[1]);
-                let parabola = (v[1] - v[0] + if last { -bend } else { bend }) / h;
-                self.state[split + k] = slope[split + k] - parabola;
+                self.state[split + k] =
+                    slope[split + k] - parabola(step, &self.end, [k, split + k], last);
             }
             self.stage_slope.fill(0.0);
             keep_rough(ode, &mut self.state, &mut self.stage_slope);
@@ -184,6 +191,14 @@ impl Stages for RosenbrockStages {
             }
         }
     }
+}
+
+/// Slope of a rate at the start or, `last`, at the end of a step: that of the parabola with both rates that makes the change of
+/// the position. Both are named by their numbers in w.
+fn parabola(step: &Step<'_>, end: &[f64], [position, rate]: [usize; 2], last: bool) -> f64 {
+    let v = [step.w[rate], end[rate]];
+    let bend = 6.0 * (end[position] - step.w[position]) / step.h - 3.0 * (v[0] + v[1]);
+    (v[1] - v[0] + if last { -bend } else { bend }) / step.h
 }
 
 /// x ← (I − F)⁶ x with the filter F = (I − γhJ)⁻¹ of [`Counted::solve`], of F (x + y) in place of F x in the first pass.

@@ -114,6 +114,9 @@ pub trait Stages: Debug + Send {
         false
     }
 
+    /// After `finish`, where stages are not iterated: what the equations' slope at the end has beyond that of the step, times γh.
+    fn end_defect(&mut self, _ode: &Counted<'_>, _step: &Step<'_>, _defect: &mut [f64]) {}
+
     /// The end of the step, after `estimate`; its slope after `finish`.
     fn end(&self) -> StepEnd<'_>;
 

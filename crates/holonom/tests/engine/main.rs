@@ -23,6 +23,7 @@ mod determinism;
 mod documentation;
 mod driven_energies;
 mod energy_warning;
+mod friction;
 mod giving_up;
 mod honest_failures;
 mod initial_joints;
