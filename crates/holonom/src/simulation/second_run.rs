@@ -4,7 +4,7 @@ use super::carried_error::{CarriedError, Milestones, VELOCITIES};
 use super::checks::{RunError, SMALLEST_TOLERANCE};
 use super::options::{Options, OutputTimes};
 use super::problem::Problem;
-use super::run::{Start, Summary, once};
+use super::run::{Start, Summary, Task, once};
 use super::statistics::{RunWarning, Status};
 use super::trajectory::{Chunk, Flow, Sink};
 use crate::method::{Code, DEFAULT_CODE, Weights};
@@ -20,7 +20,7 @@ const MET: f64 = 20.0;
 const UNCERTAIN: f64 = 40.0;
 /// Tolerance of the second run as a part of that of the first.
 const PART: f64 = 0.1;
-/// Longest steps of the second run as a part of those that the first may take, where that is limited: errors of order 5 and more
+/// Longest steps of the second run as a part of those that the first may take, where these are limited: errors of order 5 and more
 /// fall as by its tolerance.
 const SHORTER: f64 = 0.6;
 /// Part of the run for which the velocity of a body must be off, beside the first time that it is found so: something sudden
@@ -93,14 +93,9 @@ pub(super) fn compare(
         largest: Vec::with_capacity(milestones.times.len()),
         worst: None,
     };
-    let outcome = once(
-        problem,
-        &tighter,
-        Start::At(&milestones.start),
-        "checking",
-        FAR / PART,
-        &mut comparison,
-    );
+    let task = Task { name: "checking", followed: FAR / PART, part: SHORTER };
+    let start = Start::At(&milestones.start);
+    let outcome = once(problem, &tighter, start, task, &mut comparison);
     let far = comparison.is_far();
     // What is not certain of itself vouches for less.
     let allowed = match outcome {

@@ -241,6 +241,26 @@ fn a_turn_about_the_middle_axis_is_right_or_warned_of() {
     table.finish();
 }
 
+#[test] // independent truth: Euler's equations by DOP853
+fn growth_in_steps_that_only_their_turn_limits_is_warned_of() {
+    // DOP853 takes the same steps at all tolerances: so would a second run that may take as long ones.
+    let inertia = [1.343735, 1.464425, 1.700006];
+    let body = Body { mass: 1.0, inertia, arm: [0.0; 3], gravity: [0.0; 3] };
+    let y = start(NO_TURN, [4.195e-7, 8.958939, -4.67e-8]);
+    let truths = body.truths(&y, &times(40.0, 100));
+    let case = Case::new(&body.text(NO_TURN, &y, false), 40.0, truths);
+    let mut table = Table::new("forty seconds about the middle axis");
+    for code in all_codes() {
+        for tolerance in [1e-3, 1e-4, 1e-5] {
+            let run = measure(&case, DEFAULT, code, tolerance);
+            let bounds =
+                Bounds { position: 100.0, velocity: 200.0, or_warned: true, or_stopped: false };
+            table.run(&line("", DEFAULT, code), &format!("{tolerance:.0e}"), &run, bounds);
+        }
+    }
+    table.finish();
+}
+
 #[test] // independent truth: a turn about a principal axis is steady, whatever carries it
 fn a_body_that_turns_steadily_is_exact() {
     let body = Body {

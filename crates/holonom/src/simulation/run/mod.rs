@@ -130,7 +130,8 @@ fn begin(
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
-    let (mut summary, carried) = once(problem, options, start, "running", SUSPICIOUS, sink)?;
+    let task = Task { name: "running", followed: SUSPICIOUS, part: 1.0 };
+    let (mut summary, carried) = once(problem, options, start, task, sink)?;
     let Some(carried) = carried else { return Ok(summary) };
     if summary.status == Status::Completed {
         let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
@@ -160,24 +161,34 @@ fn begin(
     Ok(summary)
 }
 
-/// A run, under the name of its `task` for those who watch, and what it knows of its error, which is `followed` up to so many
-/// tolerances.
+/// What a run is for.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::simulation) struct Task {
+    /// For those who watch.
+    pub(in crate::simulation) name: &'static str,
+    /// Tolerances up to which its error is followed.
+    pub(in crate::simulation) followed: f64,
+    /// Part of the steps that limits other than `max_step` allow it.
+    pub(in crate::simulation) part: f64,
+}
+
+/// A run for a `task`, and what it knows of its error.
 pub(in crate::simulation) fn once(
     problem: &Problem,
     options: &Options,
     start: Start<'_>,
-    task: &'static str,
-    followed: f64,
+    task: Task,
     sink: &mut dyn Sink,
 ) -> Result<(Summary, Option<CarriedError>), RunError> {
     let begun = Stopwatch::start();
     let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
     let mut run = within(limit, || set_up::set_up(problem, options, start, sink, begun))
         .map_err(|given_up| RunError::given_up(given_up, options))??;
-    run.carried.iter_mut().for_each(|carried| carried.follow_up_to(followed));
+    run.carried.iter_mut().for_each(|carried| carried.follow_up_to(task.followed));
+    run.part = task.part;
     run.looped = (Stopwatch::start(), Stopwatch::of_others(&options.threads));
     let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
-    let stop = within(left, || stage(task, || run.advance()))
+    let stop = within(left, || stage(task.name, || run.advance()))
         .unwrap_or_else(|given_up| Err(Stop::from(given_up)));
     let (status, stop) = run.finish(stop);
     let longest = run.carried.as_mut().and_then(|carried| carried.longest.as_mut());
@@ -260,6 +271,8 @@ struct Run<'a> {
     drift: Drift,
     /// Of runs that have one.
     carried: Option<CarriedError>,
+    /// Part of the steps that its limits allow.
+    part: f64,
     powers: StepPowers,
     /// Whether the present state has its multipliers: what needs them completes it.
     complete: bool,
@@ -335,14 +348,12 @@ impl Run<'_> {
             }
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
-                h = h.min(step_length::longest(self.system.as_ref(), &self.state, tree, h));
+                let mut most = step_length::longest(self.system.as_ref(), &self.state, tree, h);
                 if !tree {
-                    h = h.min(self.longest_to_tell());
+                    most = most.min(self.longest_to_tell());
                 }
-                h = h
-                    .min(self.longest_to_see())
-                    .min(LONGEST_TURN / turning)
-                    .min(step_length::ramped(&ramps, t, end));
+                most = most.min(self.longest_to_see()).min(LONGEST_TURN / turning);
+                h = h.min(self.part * most).min(step_length::ramped(&ramps, t, end));
                 if !self.drivers.is_empty() {
                     let most = h.min(next - t);
                     h = step_length::driven(self.system.as_ref(), &self.drivers, t, most, relative);
