@@ -48,6 +48,8 @@ pub struct ImplicitStepper<S> {
     ahead: Ahead,
     /// The last correction of an iteration, or the estimated error.
     change: Vec<f64>,
+    /// Length of the attempt before from the same state, and what of its estimate a filter may not take away, where there is such.
+    rough: Option<[f64; 2]>,
     /// Of formulas that do not iterate: what is missing at the end, what a filter leaves of it, a state, and slopes.
     at_end: [Vec<f64>; 5],
     /// Error of the formula itself, and how many times as large their orders promise an estimate to be.
@@ -89,6 +91,7 @@ impl<S: Stages> ImplicitStepper<S> {
             ahead: Ahead::new(dimension),
             change: vec![0.0; dimension],
             own: vec![0.0; dimension],
+            rough: None,
             at_end: std::array::from_fn(|_| vec![0.0; room]),
             knows_own: false,
             strictness: 1.0,
@@ -108,6 +111,7 @@ impl<S: Stages> ImplicitStepper<S> {
             self.predicts = true;
             self.stages.commit();
             self.matrices.grow_old();
+            self.rough = None;
         }
         self.are_of_end = false;
     }
@@ -210,7 +214,11 @@ impl<S: Stages> ImplicitStepper<S> {
         let least = S::LEAST_FILTERED.map(|part| part * ode.error_norm(error, stages.end().w));
         stages.filter(ode, error);
         let filtered = ode.error_norm(error, stages.end().w);
-        let found = least.map_or(filtered, |least| filtered.max(least));
+        // What does not fall as the step becomes shorter was there before it.
+        let before = least.and_then(|least| self.rough.replace([step.h, least]));
+        let falls =
+            |least: &f64| before.is_none_or(|[h, size]| *least < size * (step.h / h).sqrt());
+        let found = least.filter(falls).map_or(filtered, |least| filtered.max(least));
         let again = caution * found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
         if !(again && stages.estimate_again(ode, step, error)) {
             return Ok(found);
