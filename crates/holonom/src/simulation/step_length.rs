@@ -21,19 +21,19 @@ const KINEMATIC_TURN: f64 = 0.5;
 /// where bodies are placed along the forest (`tree`), but for angles whose turns it does not tell; in the other
 /// charts no body in space turns by more than its Euler parameters can tell apart, so that not every other
 /// step is refused where a rotor's tolerance is loose.
-/// One of `h` is what is asked for.
-pub(super) fn longest(system: &dyn System, state: &State, tree: bool, h: f64) -> f64 {
+/// One of `h` is what is asked for; turns may be this `part` of what they may be at most.
+pub(super) fn longest(system: &dyn System, state: &State, tree: bool, h: f64, part: f64) -> f64 {
     let sizes = &system.structure().sizes;
     let turn = if tree {
         // No two bodies turn faster against each other.
         let all = 2.0 * turning(sizes, &state.v) * h;
-        if all <= TURN_IN_LOOP { f64::INFINITY } else { untold(system, state) }
+        if all <= part * TURN_IN_LOOP { f64::INFINITY } else { untold(system, state) }
     } else if planar(sizes) {
         untold(system, state)
     } else {
         LARGEST_TURN / turning(sizes, &state.v)
     };
-    system.longest_step(state).min(turn)
+    system.longest_step(state).min(part * turn)
 }
 
 /// Time in which an angle of this rate, rad/s, that is told up to whole turns only turns by [`UNTOLD_TURN`].

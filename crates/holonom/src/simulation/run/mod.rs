@@ -168,7 +168,7 @@ pub(in crate::simulation) struct Task {
     pub(in crate::simulation) name: &'static str,
     /// Tolerances up to which its error is followed.
     pub(in crate::simulation) followed: f64,
-    /// Part of the steps that limits other than `max_step` allow it.
+    /// Part of the turn that bodies may make in a step.
     pub(in crate::simulation) part: f64,
 }
 
@@ -271,7 +271,7 @@ struct Run<'a> {
     drift: Drift,
     /// Of runs that have one.
     carried: Option<CarriedError>,
-    /// Part of the steps that its limits allow.
+    /// Part of the turn that bodies may make in a step.
     part: f64,
     powers: StepPowers,
     /// Whether the present state has its multipliers: what needs them completes it.
@@ -348,12 +348,15 @@ impl Run<'_> {
             }
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
-                let mut most = step_length::longest(self.system.as_ref(), &self.state, tree, h);
+                let (system, part) = (self.system.as_ref(), self.part);
+                h = h.min(step_length::longest(system, &self.state, tree, h, part));
                 if !tree {
-                    most = most.min(self.longest_to_tell());
+                    h = h.min(part * self.longest_to_tell());
                 }
-                most = most.min(self.longest_to_see()).min(LONGEST_TURN / turning);
-                h = h.min(self.part * most).min(step_length::ramped(&ramps, t, end));
+                h = h
+                    .min(part * self.longest_to_see())
+                    .min(part * LONGEST_TURN / turning)
+                    .min(step_length::ramped(&ramps, t, end));
                 if !self.drivers.is_empty() {
                     let most = h.min(next - t);
                     h = step_length::driven(self.system.as_ref(), &self.drivers, t, most, relative);
