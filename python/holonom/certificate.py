@@ -39,7 +39,7 @@ class ChannelError:
 
 @dataclass(frozen=True, slots=True)
 class Certification:
-    """What a second run at a tenth of the tolerance says about a result.
+    """What a second run at a tenth of the tolerance, with shorter steps, says about a result.
 
     Attributes
     ----------

@@ -48,6 +48,8 @@ if TYPE_CHECKING:
 
 #: The one limit that may end a run before its first step.
 _TIME_IS_UP = "simulation/max-seconds"
+#: Longest steps of a repetition that certifies a run, as a part of those of the run.
+_SHORTER = 0.6
 
 
 def run(
@@ -237,6 +239,11 @@ def _certify(
     """
     start = float(chosen["start_time"])
     second = chosen | {"tolerance": tightened(chosen["tolerance"]), "dense_output": False}
+    # Where something else than errors limits steps, a repetition would take the same ones.
+    longest = _SHORTER * reader.meta["statistics"]["largest_step"]
+    if longest > 0.0:
+        for name in {"max_step"} | ({"initial_step"} & chosen.keys()):
+            second[name] = min(longest, chosen.get(name, longest))
     times: list[float] = chosen.get("output_times") or [start]
     # Positions are measured by their movement since the start, which is then an output, too.
     ahead = int(times[0] > start)

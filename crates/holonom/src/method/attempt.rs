@@ -24,6 +24,26 @@ const ANSWERS: f64 = 0.5;
 const SERVICE: f64 = 0.02;
 const LEAST_SERVICE: f64 = 5.0;
 
+/// What the end of a step is asked for by (11c) of `docs/theory/method.md`.
+#[derive(Debug, Clone)]
+struct AtEnd {
+    /// d.
+    defect: Vec<f64>,
+    /// δ, then r.
+    change: Vec<f64>,
+    /// w₁ + δ, and the slopes there and at w₁.
+    state: Vec<f64>,
+    answer: Vec<f64>,
+    slope: Vec<f64>,
+}
+
+impl AtEnd {
+    fn new(dimension: usize) -> Self {
+        let [defect, change, state, answer, slope] = std::array::from_fn(|_| vec![0.0; dimension]);
+        Self { defect, change, state, answer, slope }
+    }
+}
+
 /// Stepper of an implicit formula with the stages `S`.
 #[derive(Debug, Clone)]
 pub struct ImplicitStepper<S> {
@@ -50,8 +70,8 @@ pub struct ImplicitStepper<S> {
     change: Vec<f64>,
     /// Length of the attempt before from the same state, and what of its estimate a filter may not take away, where there is such.
     rough: Option<[f64; 2]>,
-    /// Of formulas that do not iterate: what is missing at the end, what a filter leaves of it, a state, and slopes.
-    at_end: [Vec<f64>; 5],
+    /// Of formulas that do not iterate.
+    at_end: AtEnd,
     /// Error of the formula itself, and how many times as large their orders promise an estimate to be.
     own: Vec<f64>,
     promised: Option<f64>,
@@ -71,7 +91,6 @@ impl<S: Stages> ImplicitStepper<S> {
     pub(super) fn of(stages: S, dimension: usize, options: StepperOptions) -> Self {
         let (p, below) = (stages.order(), stages.embedded_order());
         let exponent = f64::from(p - below) / f64::from(below + 1);
-        let room = if S::ITERATES { 0 } else { dimension };
         let law = if options.predictive { StepLaw::Predictive } else { StepLaw::Standard };
         Self {
             options,
@@ -92,7 +111,7 @@ impl<S: Stages> ImplicitStepper<S> {
             change: vec![0.0; dimension],
             own: vec![0.0; dimension],
             rough: None,
-            at_end: std::array::from_fn(|_| vec![0.0; room]),
+            at_end: AtEnd::new(if S::ITERATES { 0 } else { dimension }),
             knows_own: false,
             strictness: 1.0,
             reuse_contraction: options.reuse_contraction,
@@ -214,11 +233,13 @@ impl<S: Stages> ImplicitStepper<S> {
         let least = S::LEAST_FILTERED.map(|part| part * ode.error_norm(error, stages.end().w));
         stages.filter(ode, error);
         let filtered = ode.error_norm(error, stages.end().w);
-        // What does not fall as the step becomes shorter was there before it.
+        // What the length of the step changes by less than half as much was there before it.
         let before = least.and_then(|least| self.rough.replace([step.h, least]));
-        let falls =
-            |least: &f64| before.is_none_or(|[h, size]| *least < size * (step.h / h).sqrt());
-        let found = least.filter(falls).map_or(filtered, |least| filtered.max(least));
+        let stays = |least: f64, [h, size]: [f64; 2]| {
+            (least - size).abs() <= 0.5 * (1.0 - step.h / h) * size
+        };
+        let counts = |least: &f64| !before.is_some_and(|before| stays(*least, before));
+        let found = least.filter(counts).map_or(filtered, |least| filtered.max(least));
         let again = caution * found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
         if !(again && stages.estimate_again(ode, step, error)) {
             return Ok(found);
@@ -234,41 +255,49 @@ impl<S: Stages> ImplicitStepper<S> {
         if S::ITERATES || self.options.fixed_step {
             return Ok(0.0);
         }
-        let Self { stages, at_end: [defect, left, state, slope, answer], .. } = self;
-        stages.end_defect(ode, step, defect);
-        let whole = ode.error_norm(defect, stages.end().w);
-        let noise = (1e5 * self.floor).max(NOISE);
-        let (t_end, gamma_h) = (step.t + step.h, stages.gamma() * step.h);
-        let mut of_start = None;
-        loop {
-            left.copy_from_slice(defect);
-            stages.filter(ode, left);
-            let w = stages.end().w;
-            let first = ode.error_norm(left, w);
-            if of_start.is_none() && whole - first <= 1.0 {
-                return Ok(0.0);
-            }
-            for (state, (w, left)) in state.iter_mut().zip(w.iter().zip(&*left)) {
-                *state = w + left;
-            }
-            ode.derivative(t_end, state, answer)?;
-            ode.derivative(t_end, w, slope)?;
-            for (k, left) in left.iter_mut().enumerate() {
-                *left = defect[k] - *left + gamma_h * (answer[k] - slope[k]);
-            }
-            stages.filter(ode, left);
-            let second = ode.error_norm(left, stages.end().w);
-            let answers = second <= noise.max(ANSWERS * first);
-            match of_start {
-                None if answers => return Ok(0.0),
-                Some(before) => return Ok(if answers { first - before } else { whole }),
-                None => of_start = Some(first),
-            }
-            state.copy_from_slice(stages.end().w);
-            self.matrices.forget();
-            ode.linearize(t_end, state)?;
-            stages.factor(ode, step.h)?;
+        self.stages.end_defect(ode, step, &mut self.at_end.defect);
+        let whole = ode.error_norm(&self.at_end.defect, self.stages.end().w);
+        let by_start = self.filter_defect(ode);
+        if whole - by_start <= 1.0 || self.answers(ode, step, by_start)? {
+            return Ok(0.0);
         }
+        self.matrices.forget();
+        ode.linearize(step.t + step.h, self.stages.end().w)?;
+        self.stages.factor(ode, step.h)?;
+        let by_end = self.filter_defect(ode);
+        Ok(if self.answers(ode, step, by_end)? { by_end - by_start } else { whole })
+    }
+
+    /// δ of (11c) by the matrix at hand. Returns its scaled size.
+    fn filter_defect(&mut self, ode: &mut Counted<'_>) -> f64 {
+        let Self { stages, at_end: AtEnd { defect, change, .. }, .. } = self;
+        change.copy_from_slice(defect);
+        stages.filter(ode, change);
+        ode.error_norm(change, stages.end().w)
+    }
+
+    /// Whether accelerations answer to δ, of this size, as the matrix says. What was evaluated last is the end.
+    fn answers(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+        size: f64,
+    ) -> Result<bool, EvaluationFailure> {
+        let Self { stages, at_end: AtEnd { defect, change, state, answer, slope }, .. } = self;
+        let (t_end, gamma_h) = (step.t + step.h, stages.gamma() * step.h);
+        let w = stages.end().w;
+        for (state, (w, change)) in state.iter_mut().zip(w.iter().zip(&*change)) {
+            *state = w + change;
+        }
+        ode.derivative(t_end, state, answer)?;
+        ode.derivative(t_end, w, slope)?;
+        for (k, change) in change.iter_mut().enumerate() {
+            *change = defect[k] - *change + gamma_h * (answer[k] - slope[k]);
+        }
+        stages.filter(ode, change);
+        let left = ode.error_norm(change, stages.end().w);
+        let noise = (1e5 * self.floor).max(NOISE);
+        Ok(left <= noise.max(ANSWERS * size))
     }
 
     /// The attempt up to its judgement: error, and what follows from it.
@@ -379,6 +408,7 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
                     self.matrices.forget();
                     self.memory.history.reject();
                     report.error = hidden;
+                    // What is moved by accelerations grows like the square of the step.
                     report.next_step = h * (0.9 / hidden.sqrt()).max(self.control.min_ratio);
                     report.cause = Some(Rejection::ErrorTooLarge);
                 }

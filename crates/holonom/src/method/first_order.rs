@@ -77,7 +77,7 @@ impl FirstOrder {
         let State { t, q, winding, .. } = state;
         let manifold = &mut self.point.manifold;
         manifold.stand_at(*t, q, p, winding, true, std::iter::empty())?;
-        self.at.fill(f64::NAN);
+        self.forget_evaluation();
         self.begin_step(state);
         Ok(())
     }
@@ -207,6 +207,12 @@ impl<M: Matrix> FirstOrder<M> {
         Ok(&self.point.state)
     }
 
+    /// The last evaluation is none of the present equations.
+    fn forget_evaluation(&mut self) {
+        self.at_time = f64::NAN;
+        self.at.fill(f64::NAN);
+    }
+
     /// Linearizes at (t, w).
     pub(super) fn linearize_at(&mut self, t: f64, w: &[f64]) -> Result<(), EvaluationFailure> {
         self.return_to(t, w)?;
@@ -257,7 +263,7 @@ impl<M: Matrix> FirstOrder<M> {
         let ndof = self.point.manifold.chart().ndof();
         self.set_matrix(self.newton.options());
         self.at.resize(2 * ndof + self.point.state.z.len(), f64::NAN);
-        self.at.fill(f64::NAN);
+        self.forget_evaluation();
         self.rates.resize(ndof, 0.0);
         self.stage.resize(ndof);
     }

@@ -27,7 +27,7 @@ const SHORTENING: f64 = 0.75;
 const SEED: f64 = 0.003;
 /// States on its way, least and most, that a run keeps for the comparison with a second one, beside that at its end.
 const MILESTONES: [usize; 2] = [16, 1024];
-/// Parts of a run at whose ends it is compared at least: what has moved and is back at the end of a long step has moved.
+/// Parts of a run at whose ends it is compared, or of half as many as there is room for: what has moved and is back at the end of a long step has moved.
 const PARTS: f64 = 32.0;
 /// Coordinates of all of them, so that checkpoints stay small.
 const COORDINATES: usize = 20_000;
@@ -479,14 +479,18 @@ impl Milestones {
         self.push(state);
     }
 
-    /// Parts of a step of a run until `end`, s, at whose ends a comparison is to be made.
+    /// Parts of a step of a run until `end`, s, at whose ends a comparison is to be made; none where there is no room for them.
     pub(super) fn parts(&self, step: f64, end: f64) -> u32 {
-        (PARTS * step / (end - self.start.t)).ceil() as u32
+        let room = Self::room(self.start.q.len());
+        // As many are left to the ends of steps.
+        let all = PARTS.min(0.5 * room as f64);
+        let has_room = self.every == 1 && self.times.len() < room;
+        if has_room { (all * step / (end - self.start.t)).ceil() as u32 } else { 0 }
     }
 
-    /// Takes a state within a step, of which there are few, while all steps are taken.
+    /// Takes a state within a step, where there is room.
     pub(super) fn pass_inside(&mut self, state: &State) {
-        if self.every == 1 && self.times.len() < Self::room(state.q.len()) {
+        if self.times.len() < Self::room(state.q.len()) {
             self.push(state);
         }
     }

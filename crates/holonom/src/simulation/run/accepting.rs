@@ -3,7 +3,6 @@
 use super::{Run, failed};
 use crate::error::EvaluationFailure;
 use crate::reduction::assembly::PROJECTED;
-use crate::simulation::carried_error::CarriedError;
 use crate::simulation::diagnosis::Stop;
 use crate::simulation::ledger::{QUARTERS, StepPowers, powers};
 use crate::simulation::passage::Place;
@@ -38,33 +37,39 @@ impl Run<'_> {
             return Err(failure);
         }
         self.check_residuals().inspect_err(|_| self.stepper.discard())?;
-        // Whoever looks into the step does so where one of these holds.
-        if self.options.stores_dense_output()
-            || self.output.time() < t_end
-            || !self.form.integrates_powers()
-            || self.may_pass_over(t, step, t_end)
-            || self.parts_to_keep(step) > 1
-        {
-            let Self { stepper, recorder, state, form, .. } = self;
-            let norm = &mut |change: &[f64]| form.norm(change);
-            let slope = &mut |t: f64, w: &[f64], g: &mut [f64]| recorder.slope_at(t, w, g);
-            stepper.complete_step(slope, norm).inspect_err(|_| stepper.discard())?;
-            recorder.begin_again(state);
+        if self.is_looked_into(t, step, t_end) {
+            self.complete_step().inspect_err(|_| self.stepper.discard())?;
         }
         self.look_inside(t, step, t_end);
         Ok(())
     }
 
-    /// Parts of a step between which places are kept for the comparison with a second run.
-    fn parts_to_keep(&self, step: f64) -> u32 {
-        let parts = |carried: &CarriedError| carried.milestones.parts(step, self.options.end_time);
-        self.carried.as_ref().map_or(0, parts)
+    /// Whether more is asked of the accepted step than its end.
+    fn is_looked_into(&self, t: f64, step: f64, t_end: f64) -> bool {
+        self.options.stores_dense_output()
+            || self.output.time() < t_end
+            || !self.form.integrates_powers()
+            || self.may_pass_over(t, step, t_end)
     }
 
-    /// Keeps places within the step from `t` before it becomes the past, where it is long. One that is not found is left out.
-    pub(super) fn keep_places(&mut self, t: f64, step: f64) {
-        let parts = self.parts_to_keep(step);
-        let Some(carried) = self.carried.as_mut().filter(|_| parts > 1) else { return };
+    /// Makes what the dense output of the accepted step needs beyond its stages.
+    fn complete_step(&mut self) -> Result<(), EvaluationFailure> {
+        let Self { stepper, recorder, state, form, .. } = self;
+        let norm = &mut |change: &[f64]| form.norm(change);
+        let slope = &mut |t: f64, w: &[f64], g: &mut [f64]| recorder.slope_at(t, w, g);
+        let completed = stepper.complete_step(slope, norm);
+        recorder.begin_again(state);
+        completed
+    }
+
+    /// Keeps places within the step from `t` before it becomes the past, where it is long, for the comparison with a second run. One
+    /// that is not found is left out.
+    pub(super) fn keep_places(&mut self, t: f64, step: f64, t_end: f64) {
+        let Some(carried) = &self.carried else { return };
+        let parts = carried.milestones.parts(step, self.options.end_time);
+        let completed =
+            parts > 1 && (self.is_looked_into(t, step, t_end) || self.complete_step().is_ok());
+        let Some(carried) = self.carried.as_mut().filter(|_| completed) else { return };
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         for part in 1..parts {

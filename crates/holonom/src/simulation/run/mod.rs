@@ -505,7 +505,7 @@ impl Run<'_> {
                     found.map_err(|f| failed(f, step))?;
                 }
             }
-            self.keep_places(t, step);
+            self.keep_places(t, step, t_end);
             let energy = self.emit(t, step)?;
             if let Some(carried) = &mut self.carried {
                 carried.pass(self.statistics.steps, &self.state, self.form.weights());
