@@ -3,7 +3,7 @@
 use super::cartesian_bodies::set;
 use super::cartesian_derivatives::set_rows;
 use super::compile::build;
-use super::forest::{PlacedEdge, PlacedRelative, RelativeGroup, ResistanceLaw, Tree};
+use super::forest::{PlacedEdges, PlacedRelative, RelativeGroup, ResistanceLaw, Tree};
 use super::passage::Passage;
 use super::placed::{PlacedBody, PlacedConstraint, PlacedForce, Slots};
 use super::quantities::Channels;
@@ -34,7 +34,7 @@ pub(super) struct Cartesian<S: Space<D, N, W>, const D: usize, const N: usize, c
     /// Their functions.
     pub(super) relatives: Vec<PlacedRelative<S::Relative>>,
     /// Kinematics of the edges of the tree.
-    pub(super) edges: Vec<PlacedEdge<S::Kinematics>>,
+    pub(super) edges: PlacedEdges<S::Kinematics>,
     /// Laws of the force elements of the tree.
     pub(super) resistances: Vec<ResistanceLaw>,
     /// Scalars along which forces have local features.

@@ -108,7 +108,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
 
     fn anchor_orientation(&self, edge: usize, form: usize, q: &[f64]) -> [f64; 4] {
         let placed = &self.edges[edge];
-        let child = Self::pose(q, Some(self.tree.edges[edge].body));
+        let child = Self::pose(q, Some(placed.body));
         placed.kinematics[form].orientation(Self::pair(q, placed.bodies), child)
     }
 
@@ -122,11 +122,11 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
         q: &mut [f64],
         stances: Option<&mut [Stance]>,
     ) {
-        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
-        let first = placed.bodies[0] == tree.parent;
-        let parent = Self::pose(q, tree.parent);
+        let placed = &self.edges[edge];
+        let first = placed.bodies[0] == placed.parent;
+        let parent = Self::pose(q, placed.parent);
         let own;
-        let stands = match (&stances, tree.parent) {
+        let stands = match (&stances, placed.parent) {
             (_, None) => const { &Stance::GROUND },
             (Some(stances), Some(b)) => &stances[b],
             (None, Some(_)) => {
@@ -136,12 +136,13 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
         };
         let from = (parent, stands);
         let kinematics = &placed.kinematics[form];
-        let direction = kinematics.direction().map(|own| &references[tree.forms[form].start + own]);
+        let first_group = || self.tree.edges[edge].forms[form].start;
+        let direction = kinematics.direction().map(|own| &references[first_group() + own]);
         let reference = direction.unwrap_or(const { &[0.0; 6] });
         let (child, stance) = kinematics.place(x, reference, anchor, from, first);
-        q[tree.body * N..(tree.body + 1) * N].copy_from_slice(&child);
+        q[placed.body * N..(placed.body + 1) * N].copy_from_slice(&child);
         if let Some(stances) = stances {
-            stances[tree.body] = stance;
+            stances[placed.body] = stance;
         }
     }
 
@@ -154,22 +155,22 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
     ) -> bool {
         let stance = |body: Option<usize>| body.map_or(const { &Stance::GROUND }, |b| &stances[b]);
         let placed = &self.edges[edge];
-        let child = &stances[self.tree.edges[edge].body];
+        let child = &stances[placed.body];
         placed.kinematics[form].screws(placed.bodies.map(stance), child, out)
     }
 
     fn edge_screws_at(&self, edge: usize, form: usize, q: &[f64], out: &mut EdgeScrews) -> bool {
-        let (placed, tree) = (&self.edges[edge], &self.tree.edges[edge]);
+        let placed = &self.edges[edge];
         let kinematics = &placed.kinematics[form];
         if kinematics.is_free() {
             (out.base, out.first, out.outward) = (None, None, true);
         } else {
-            (out.base, out.first) = (tree.parent, placed.bodies[0]);
-            out.outward = placed.bodies[0] == tree.parent;
+            (out.base, out.first) = (placed.parent, placed.bodies[0]);
+            out.outward = placed.bodies[0] == placed.parent;
         }
         let stance = |body| S::Kinematics::stance(Self::pose(q, body));
         let [first, second] = placed.bodies.map(stance);
-        kinematics.screws([&first, &second], &stance(Some(tree.body)), out)
+        kinematics.screws([&first, &second], &stance(Some(placed.body)), out)
     }
 
     fn resistance(&self, elastic: usize, row: usize, value: f64, rate: f64) -> Resistance {

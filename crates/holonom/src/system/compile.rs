@@ -3,7 +3,7 @@
 use super::cartesian::Cartesian;
 use super::cartesian_planar::Planar;
 use super::cartesian_spatial::Spatial;
-use super::forest::{self, ResistanceLaw};
+use super::forest::{self, PlacedEdges, ResistanceLaw};
 use super::placed::{Elements, Part, PlacedBody, PlacedConstraint, PlacedForce, Slots};
 use super::quantities::Channels;
 use super::space::Space;
@@ -155,6 +155,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
         of_force.map(move |(index, knots)| LawArgument { force, index, measure, knots })
     });
     let arguments = knots.collect();
+    let edges = PlacedEdges::along(&built.tree, &built.edges);
     Cartesian {
         arguments,
         structure,
@@ -165,7 +166,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
         tree: Arc::new(built.tree),
         groups: built.groups,
         relatives: built.relatives,
-        edges: built.edges,
+        edges,
         resistances,
         gravity,
         length: model.characteristic_length(),

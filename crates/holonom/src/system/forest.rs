@@ -129,11 +129,45 @@ pub(super) struct PlacedRelative<E> {
     pub(super) element: E,
 }
 
-/// Kinematics of an edge, one per form, with which body is first.
+/// Kinematics of an edge, one per form, with which body is first and which one it places.
 #[derive(Debug, Clone)]
 pub(super) struct PlacedEdge<K> {
     pub(super) kinematics: Vec<K>,
     pub(super) bodies: [Option<usize>; 2],
+    pub(super) body: usize,
+    pub(super) parent: Option<usize>,
+}
+
+/// Kinematics of all edges by their places in the tree. In memory they follow each other as in the walk along the forest, in which
+/// bodies are placed.
+#[derive(Debug, Clone)]
+pub(super) struct PlacedEdges<K> {
+    edges: Vec<PlacedEdge<K>>,
+    /// Of each edge among them.
+    at: Vec<u32>,
+}
+
+impl<K: Clone> PlacedEdges<K> {
+    pub(super) fn along(tree: &Tree, edges: &[PlacedEdge<K>]) -> Self {
+        let mut edge_of_body = vec![0; tree.forest.parent.len()];
+        edges.iter().enumerate().for_each(|(at, edge)| edge_of_body[edge.body] = at);
+        let mut at = vec![0; edges.len()];
+        let walk = tree.forest.walk().into_iter().enumerate();
+        let edges = walk.map(|(place, body)| {
+            let edge = edge_of_body[body];
+            at[edge] = place as u32;
+            edges[edge].clone()
+        });
+        Self { edges: edges.collect(), at }
+    }
+}
+
+impl<K> std::ops::Index<usize> for PlacedEdges<K> {
+    type Output = PlacedEdge<K>;
+
+    fn index(&self, edge: usize) -> &PlacedEdge<K> {
+        &self.edges[self.at[edge] as usize]
+    }
 }
 
 /// What [`build`] finds.
@@ -327,7 +361,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
             winding,
             driver: None,
         });
-        placed.push(PlacedEdge { kinematics, bodies: ends });
+        placed.push(PlacedEdge { kinematics, bodies: ends, body, parent: forest.parent[body] });
     }
 
     let mut edge_of_body = vec![0; model.bodies.len()];
