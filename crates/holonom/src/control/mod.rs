@@ -7,5 +7,5 @@ mod step;
 
 pub use contraction::Contractions;
 pub use initial_step::{starting_step, trial_step};
-pub use newton::{IterationVerdict, NewtonControl, NewtonMonitor};
+pub use newton::{IterationVerdict, NewtonControl, NewtonMonitor, noise};
 pub use step::{StepControl, StepHistory, StepLaw, StepVerdict};

@@ -71,6 +71,12 @@ pub struct NewtonMonitor {
 /// Tolerances below which corrections that do not fall are noise whatever the state is: one at rest has no round-off of
 /// its own.
 const NEGLIGIBLE: f64 = 1e-9;
+
+/// The weighted norm up to which changes may be noise: that of an evaluation is some thousand times that of the state, `floor`, at most.
+pub fn noise(floor: f64) -> f64 {
+    (1e5 * floor).max(NEGLIGIBLE)
+}
+
 /// η of a matrix made for the step of which nothing is known yet.
 const UNTOLD: f64 = 0.1;
 /// Fall of a correction to noise that tells a good matrix.
@@ -102,8 +108,7 @@ impl NewtonMonitor {
         if self.iterations > 1 {
             let tells = self.foreseen || self.iterations > 2;
             let theta = correction / last;
-            // Noise of an evaluation is some thousand times that of the state at most.
-            let noise = (1e5 * self.floor).max(NEGLIGIBLE);
+            let noise = noise(self.floor);
             // A ratio of noise says nothing about the matrix, a fall into noise how good it is at least.
             let seen = correction.max(noise) / last;
             if (tells || seen > UNTOLD) && (correction > noise || seen < TELLING) {

@@ -10,13 +10,11 @@ use super::ode::{EvaluationFailure, LinearizedOde};
 use super::segment::Segment;
 use super::stages::{Stages, Step};
 use super::stepper::{Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics};
-use crate::control::{StepControl, StepLaw, StepVerdict};
+use crate::control::{StepControl, StepLaw, StepVerdict, noise};
 
 /// An estimate is to be at least 0.3 τ^(−1/4) times the error of a formula itself. With estimates of order 3 a motion of a
 /// few turns takes about 10 τ^(−1/4) steps, whose errors then add up to 30 tolerances, if they persist.
 const OWN_ERROR: f64 = 0.3;
-/// Tolerances below which changes are noise whatever the state is.
-const NOISE: f64 = 1e-9;
 /// Part of what a filter leaves by which accelerations may answer otherwise than its matrix says.
 const ANSWERS: f64 = 0.5;
 /// Part of those steps that a linearization serves at most, and the least of that, however small corrections are: carried
@@ -296,8 +294,7 @@ impl<S: Stages> ImplicitStepper<S> {
         }
         stages.filter(ode, change);
         let left = ode.error_norm(change, stages.end().w);
-        let noise = (1e5 * self.floor).max(NOISE);
-        Ok(left <= noise.max(ANSWERS * size))
+        Ok(left <= noise(self.floor).max(ANSWERS * size))
     }
 
     /// The attempt up to its judgement: error, and what follows from it.
