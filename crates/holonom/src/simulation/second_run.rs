@@ -93,7 +93,7 @@ pub(super) fn compare(
         largest: Vec::with_capacity(milestones.times.len()),
         worst: None,
     };
-    let task = Task { name: "checking", followed: FAR / PART, part: SHORTER };
+    let task = Task { name: "checking", followed: FAR / PART, turn_part: SHORTER };
     let start = Start::At(&milestones.start);
     let outcome = once(problem, &tighter, start, task, &mut comparison);
     let far = comparison.is_far();

@@ -130,7 +130,7 @@ fn begin(
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
-    let task = Task { name: "running", followed: SUSPICIOUS, part: 1.0 };
+    let task = Task { name: "running", followed: SUSPICIOUS, turn_part: 1.0 };
     let (mut summary, carried) = once(problem, options, start, task, sink)?;
     let Some(carried) = carried else { return Ok(summary) };
     if summary.status == Status::Completed {
@@ -169,7 +169,7 @@ pub(in crate::simulation) struct Task {
     /// Tolerances up to which its error is followed.
     pub(in crate::simulation) followed: f64,
     /// Part of the turn that bodies may make in a step.
-    pub(in crate::simulation) part: f64,
+    pub(in crate::simulation) turn_part: f64,
 }
 
 /// A run for a `task`, and what it knows of its error.
@@ -185,7 +185,7 @@ pub(in crate::simulation) fn once(
     let mut run = within(limit, || set_up::set_up(problem, options, start, sink, begun))
         .map_err(|given_up| RunError::given_up(given_up, options))??;
     run.carried.iter_mut().for_each(|carried| carried.follow_up_to(task.followed));
-    run.part = task.part;
+    run.turn_part = task.turn_part;
     run.looped = (Stopwatch::start(), Stopwatch::of_others(&options.threads));
     let left = limit.map(|limit| limit.saturating_sub(begun.passed()));
     let stop = within(left, || stage(task.name, || run.advance()))
@@ -272,7 +272,7 @@ struct Run<'a> {
     /// Of runs that have one.
     carried: Option<CarriedError>,
     /// Part of the turn that bodies may make in a step.
-    part: f64,
+    turn_part: f64,
     powers: StepPowers,
     /// Whether the present state has its multipliers: what needs them completes it.
     complete: bool,
@@ -348,7 +348,7 @@ impl Run<'_> {
             }
             if !fixed {
                 let tree = self.options.parametrization == Choice::Tree;
-                let (system, part) = (self.system.as_ref(), self.part);
+                let (system, part) = (self.system.as_ref(), self.turn_part);
                 h = h.min(step_length::longest(system, &self.state, tree, h, part));
                 if !tree {
                     h = h.min(part * self.longest_to_tell());

@@ -189,7 +189,7 @@ pub(super) fn set_up<'a>(
             let unknowns = [form.second_order_split(), dimension];
             CarriedError::new(unknowns, form.weights(), &state)
         }),
-        part: 1.0,
+        turn_part: 1.0,
         powers: StepPowers::through([0.0; 2], &[], powers(&energy)),
         complete: true,
         passes_knot: false,
