@@ -18,7 +18,8 @@ pub fn trial_step(slope: f64, max_step: f64) -> f64 {
 /// `slope` = ‖g₀‖ and `slope_rate` = ‖(g₁ − g₀)/h_trial‖ are in tolerances per unit of time. This is
 /// the rule of Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*, section II.4,
 /// with the scale of time made explicit: theirs is 1 throughout. Here it is the limit, because a
-/// slope that happens not to change says nothing about the motion to come.
+/// slope that happens not to change says nothing about the motion to come. Nor does one that happens to be next to
+/// nothing: where next to nothing has moved when τ is over, what moves is its change, h² ‖dg/dt‖ = 0.01.
 pub fn starting_step(order: u32, slope: f64, slope_rate: f64, max_step: f64) -> f64 {
     if !(slope.is_finite() && slope_rate.is_finite()) {
         return (1e-6_f64).min(max_step);
@@ -26,12 +27,13 @@ pub fn starting_step(order: u32, slope: f64, slope_rate: f64, max_step: f64) -> 
     if slope.max(slope_rate) <= f64::MIN_POSITIVE {
         return (1e-3_f64).min(max_step); // nothing moves yet
     }
-    if slope <= f64::MIN_POSITIVE {
-        return (0.01 / slope_rate).sqrt().min(max_step); // error(h) ≈ h² ‖dg/dt‖
-    }
     let tau = if slope < slope_rate { slope / slope_rate } else { 1.0 };
+    let moved = slope * tau;
     let power = 1.0 / (f64::from(order) + 1.0);
-    (tau * (0.01 / (slope * tau)).powf(power)).min(max_step)
+    let by_slope = if moved > f64::MIN_POSITIVE { tau * (0.01 / moved).powf(power) } else { 0.0 };
+    let by_change =
+        if moved < 0.01 && tau < 1.0 { (0.01 / slope_rate).sqrt().min(1.0) } else { 0.0 };
+    by_slope.max(by_change).min(max_step)
 }
 
 #[cfg(test)]
@@ -55,6 +57,9 @@ mod tests {
             ("uniform motion", 3, 100.0, 0.0, 9.0, 0.1),
             ("capped", 1, 1.0, 1.0, 0.05, 0.05),
             ("starts at rest", 4, 0.0, 1.0, 9.0, 0.1),
+            ("starts next to rest", 4, 1e-80, 1.0, 9.0, 0.1),
+            ("starts next to rest, slowly", 4, 1e-200, 1e-4, 9.0, 1.0),
+            ("nothing has moved after τ", 4, 1e-3, 1.0, 9.0, 0.1),
             ("stays at rest", 4, 0.0, 0.0, 9.0, 1e-3),
             ("not a number", 4, f64::NAN, 1.0, 9.0, 1e-6),
         ] {

@@ -214,6 +214,22 @@ pub fn force_ramps(model: &Model) -> Vec<[f64; 2]> {
     out
 }
 
+/// Angular frequencies, rad/s, of the harmonic forces and torques, each once.
+pub fn force_frequencies(model: &Model) -> Vec<f64> {
+    let mut out = Vec::new();
+    for_motions(model, |path, function| {
+        if let TimeFunction::Harmonic { amplitude, angular_frequency, .. } = function
+            && *amplitude != 0.0
+            && *angular_frequency != 0.0
+            && path.starts_with("forces.")
+            && !out.contains(&angular_frequency.abs())
+        {
+            out.push(angular_frequency.abs());
+        }
+    });
+    out
+}
+
 /// Tells all functions of time with their paths.
 fn for_motions(model: &Model, mut add: impl FnMut(String, &TimeFunction)) {
     for driver in &model.drivers {

@@ -26,7 +26,7 @@ const SHORTENING: f64 = 0.75;
 /// ask for second runs of Andrews' mechanism, in vain.
 const SEED: f64 = 0.003;
 /// States on its way, least and most, that a run keeps for the comparison with a second one, beside that at its end.
-const MILESTONES: [usize; 2] = [16, 1024];
+const MILESTONES: [usize; 2] = [8, 1024];
 /// Parts of a run at whose ends it is compared at least, where there is room for twice as many states: what has moved and is
 /// back when a long step ends has moved.
 const PARTS: f64 = 32.0;

@@ -185,6 +185,42 @@ damper = {{ type = "tsda", between = ["ground", "slider"], points = [[-5.0, 0.0]
     assert!(steps[0] < steps[1] && steps[1] < steps[2] && steps[2] < 5_000, "{steps:?}");
 }
 
+#[test] // independent truth: where the driver says, after 160 turns
+fn nothing_is_behind_where_all_is_prescribed() {
+    let (rate, end) = (100.0, 10.0);
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+crank = {{ mass = 1.0, inertia = 0.01, position = [0.15, 0.0] }}
+coupler = {{ mass = 1.0, inertia = 0.1, position = [0.65, 0.3] }}
+rocker = {{ mass = 2.0, inertia = 0.1, position = [1.0, 0.3] }}
+[joints]
+bearing = {{ type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }}
+pin = {{ type = "revolute", between = ["crank", "coupler"], point = [0.3, 0.0] }}
+wrist = {{ type = "revolute", between = ["coupler", "rocker"], point = [1.0, 0.6] }}
+foot = {{ type = "revolute", between = ["ground", "rocker"], point = [1.0, 0.0] }}
+[drivers]
+motor = {{ joint = "bearing", coordinate = "rotation", motion = {{ type = "polynomial", coefficients = [0.0, {rate:?}] }} }}
+"#
+    ));
+    for code in all_codes() {
+        for tolerance in [1e-3, 1e-4] {
+            let options = Options {
+                channels: vec!["crank.angle".to_owned()],
+                output: OutputTimes::Interval(end),
+                ..options(code, tolerance, end)
+            };
+            let run = run_model(&model, &options);
+            let angle = *run.series("crank.angle", 0).last().unwrap();
+            assert!((angle - rate * end).abs() < 1e-9, "{code:?}, {tolerance:e}: {angle}");
+            assert!(run.summary.warnings.is_empty(), "{code:?}: {:?}", run.summary.warnings);
+        }
+    }
+}
+
 #[test] // truth: what turns steadily about the vertical works nothing; its powers are round-off of 1 MN
 fn a_heavy_mount_that_turns_slowly_takes_few_steps() {
     let model = model_of(

@@ -65,6 +65,33 @@ fn an_impulse_of_a_slow_motion_is_not_jumped_over() {
     }
 }
 
+#[test] // independent truth: the impulse F Δt of each sample, that of its cardinal spline
+fn a_pulse_among_samples_that_are_zero_is_met() {
+    let (end, mass_at_rest) = (1.0, 10.0);
+    for samples in [150u32, 300, 1000] {
+        let times = (0..=samples).map(|k| end * f64::from(k) / f64::from(samples));
+        let values =
+            times.clone().map(|t| if (0.85..0.88).contains(&t) { mass_at_rest } else { 0.0 });
+        let impulse = values.clone().sum::<f64>() * end / f64::from(samples);
+        let list = |values: Vec<f64>| format!("{values:?}");
+        let (x, y) = (list(times.collect()), list(values.collect()));
+        let model = model_of(&pushed(&[format!("type = \"table\", x = {x}, y = {y}")]));
+        for code in all_codes() {
+            let options = Options {
+                channels: vec!["body.velocity".to_owned()],
+                output: OutputTimes::Interval(end),
+                ..options(code, 1e-4, end)
+            };
+            let run = run_model(&model, &options);
+            let name = format!("{samples} samples, {code:?}");
+            let found = *run.series("body.velocity", 0).last().unwrap();
+            assert!((found / impulse - 1.0).abs() < 1e-3, "{name}: {found} of {impulse} m/s");
+            let steps = run.summary.statistics.steps;
+            assert!(steps < 20 * u64::from(samples), "{name}: {steps} steps");
+        }
+    }
+}
+
 #[test] // independent truth: F/ω (t − sin ωt/ω)
 fn a_wave_that_steps_of_whole_periods_do_not_see_is_told() {
     for (end, frequency, force, tolerance, code) in [
@@ -79,6 +106,31 @@ fn a_wave_that_steps_of_whole_periods_do_not_see_is_told() {
         let truth = force / frequency * (end - (frequency * end).sin() / frequency);
         let (off, warned) = off(&text, code, tolerance, end, truth);
         assert!(off < 40.0 || warned, "{code:?}, {frequency}: {off:.0}");
+    }
+}
+
+#[test] // independent truth: F/ω (t cos φ − (sin (ωt + φ) − sin φ)/ω)
+fn light_forces_of_high_frequency_add_up_to_nothing() {
+    for (end, frequency, phase, force, tolerance) in [
+        (30.0f64, 262.143_576f64, 3.373_600f64, 0.305_441_75, 1e-2),
+        (20.0, 259.672_877, 5.925_514, 0.241_387_52, 1e-2),
+        (20.916_298, 278.835_114, 6.024_954, 3.533_009e-3, 1e-3),
+        (23.402_089, 980.317_947, 2.531_908, 0.343_410_45, 1e-2),
+        (20.0, 402.0, 1.0, 1.5e-3, 1e-4),
+        (60.0, 100.0, 0.3, 7e-3, 1e-3),
+    ] {
+        let text = pushed(&[format!(
+            "type = \"harmonic\", amplitude = {force:?}, angular_frequency = {frequency:?}, phase = {phase:?}"
+        )]);
+        let swing = ((frequency * end + phase).sin() - phase.sin()) / frequency;
+        let truth = force / frequency * (end * phase.cos() - swing);
+        for code in all_codes() {
+            let (off, warned) = off(&text, code, tolerance, end, truth);
+            assert!(off < 50.0 || warned, "{frequency} rad/s, {code:?}: {off:.0}");
+            if [Code::ForRadau, Code::Dopri5, Code::Dop853].contains(&code) {
+                assert!(off < 5.0 && !warned, "{frequency} rad/s, {code:?}: {off:.1}");
+            }
+        }
     }
 }
 

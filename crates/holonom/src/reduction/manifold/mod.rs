@@ -72,6 +72,8 @@ pub struct Manifold {
     stale: bool,
     /// Whether the next recovery starts from another configuration than the last one left.
     returned: bool,
+    /// Whether it evaluates what steps have been through.
+    is_beside: bool,
     /// Where all edges stood when their references were last moved; no number where some were left behind.
     anchored: Vec<f64>,
     /// Whether accelerations came from joint coordinates, and multipliers of the tree's joints have not been asked for.
@@ -119,6 +121,7 @@ impl Manifold {
             at: Vec::new(),
             stale: false,
             returned: false,
+            is_beside: false,
             anchored: vec![f64::NAN; sizes.coordinates],
             multipliers_wait: false,
             moves_along: false,
@@ -185,6 +188,7 @@ impl Manifold {
     /// room until then.
     pub fn beside(&self) -> Self {
         let mut out = self.clone();
+        out.is_beside = true;
         if let Some(joint) = &mut out.joint {
             joint.keep_room_for_derivatives(false);
             out.give_up_factors();
@@ -317,7 +321,8 @@ impl Manifold {
         if self.orientation == 0.0 {
             self.orientation = sign;
         }
-        if sign != self.orientation {
+        // Of redundant rows those in use may be singular where the mechanism is not: steps part there.
+        if sign != self.orientation && !(self.is_beside && self.redundant.is_some()) {
             return Err(EvaluationFailure::new(
                 "simulation/branch",
                 "the mechanism would pass through a singular configuration onto another \

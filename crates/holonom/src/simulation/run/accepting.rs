@@ -18,6 +18,8 @@ use std::time::Instant;
 const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
 /// A velocity residual may reach this times max(1, ‖q̇‖∞).
 const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
+/// Growth of the condition of the constraints in use by which what violates those left out may be their round-off.
+const AMPLIFYING: f64 = 100.0;
 /// The place of the middle among [`QUARTERS`].
 const MIDDLE: usize = 1;
 /// The shortest step that powers make, as a part of the longest that such a run takes.
@@ -220,13 +222,23 @@ impl Run<'_> {
                 return Err(failure);
             }
         }
+        let ratio = (position / (POSITION_RESIDUAL_BOUND * length))
+            .max(velocity / (VELOCITY_RESIDUAL_BOUND * speed));
+        let manifold = &mut self.form.point_mut().manifold;
+        if ratio > 1.0
+            && !manifold.chart().parametrization().dropped.is_empty()
+            && manifold.condition() > AMPLIFYING * self.condition_reference
+        {
+            // Other rows are better there, or a little before.
+            return Err(EvaluationFailure::new(
+                "simulation/singular-configuration",
+                "of the redundant constraints those in use are singular, up to round-off",
+            ));
+        }
         let s = &mut self.statistics;
         s.position_residual = s.position_residual.max(position);
         s.velocity_residual = s.velocity_residual.max(velocity);
-        s.residual_ratio = s
-            .residual_ratio
-            .max(position / (POSITION_RESIDUAL_BOUND * length))
-            .max(velocity / (VELOCITY_RESIDUAL_BOUND * speed));
+        s.residual_ratio = s.residual_ratio.max(ratio);
         Ok(())
     }
 
@@ -329,8 +341,11 @@ impl Run<'_> {
         self.kinetic_range = (low.min(energy.kinetic), high.max(energy.kinetic));
         let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
         self.energy_scale.take(system, &self.state, energy);
-        let part = self.energy_scale.part_of_velocities(imbalance);
-        self.drift.follow(system, &self.state, step, part, tolerance);
+        // Where all is prescribed nothing can be behind.
+        if self.form.second_order_split() > 0 {
+            let part = self.energy_scale.part_of_velocities(imbalance);
+            self.drift.follow(system, &self.state, step, part, tolerance);
+        }
     }
 }
 

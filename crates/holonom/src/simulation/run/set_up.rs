@@ -4,6 +4,7 @@ use super::unseen_turns::UnseenTurns;
 use super::{Run, Start};
 use crate::method::stepper::{Stepper, StepperStatistics};
 use crate::method::{StateSpace, build_state_space, build_stepper};
+use crate::model::force_frequencies;
 use crate::newton::MatrixOptions;
 use crate::reduction::assembly::{AssemblyError, manifold_of};
 use crate::reduction::{Choice, Manifold};
@@ -172,7 +173,12 @@ pub(super) fn set_up<'a>(
         options,
         model: problem.model(),
         condition_reference: 0.0,
-        unseen_turns: UnseenTurns::new(system.as_ref(), form.second_order_split(), dimension),
+        unseen_turns: UnseenTurns::new(
+            system.as_ref(),
+            &force_frequencies(problem.model()),
+            form.second_order_split(),
+            dimension,
+        ),
         start_residuals: (0.0, 0.0),
         residual_rows: vec![0.0; state.lambda.len()],
         energy: EnergySummary {

@@ -10,13 +10,17 @@ use std::f64::consts::TAU;
 const SEEN: f64 = 2.0;
 /// Turn of a step that is to see it, rad.
 const LOOKED_AT: f64 = 1.5;
-/// Tolerances of a motion that goes round with an angle and is left alone.
+/// Tolerances of a motion that goes round with an angle and is left alone, or that a force seen at one phase makes in a step.
 const UNSEEN: f64 = 0.1;
 /// Angles that turn so many times faster or more slowly than another one are held when that one is turned.
 const FASTER: f64 = 2.0;
-/// Steps for which an angle is known to matter or not, and how much its rate may change meanwhile.
+/// Steps for which is known what turns of an angle are allowed, and how much its rate may change meanwhile.
 const STEPS: u32 = 16;
 const SAME: f64 = 0.25;
+/// Round-off of turns in a step.
+const ROUND_OFF: f64 = 1e-9;
+/// The part of a turn whose multiples are spread most evenly over it.
+const GOLDEN: f64 = 0.618_033_988_749_895;
 /// Places around an angle, in turns: waves of few periods to a turn differ there.
 const PLACES: [f64; 2] = [0.3, 0.62];
 /// Places around it at which arguments of laws are looked at, and the part of their range that these may miss on a wave of up to two
@@ -28,18 +32,27 @@ const MISSED: f64 = 0.1;
 #[derive(Debug, Clone, Copy, Default)]
 struct Known {
     steps: u32,
-    matters: bool,
+    /// Largest turn in a step, rad.
+    allowed: f64,
     /// rad/s.
     rate: f64,
 }
 
+/// An angle that time tells.
+#[derive(Debug, Clone, Copy)]
+enum Prescribed {
+    /// Of a joint that turns and closes no loop, by the row of its driver.
+    Driven(usize),
+    /// The phase of harmonic forces of an angular frequency, rad/s.
+    Phase(f64),
+}
+
 /// What is known of angles of any size, and room to look at them: first those among the independent variables, by their place, then
-/// those that drivers prescribe.
+/// those that are prescribed.
 #[derive(Debug, Clone, Default)]
 pub(super) struct UnseenTurns {
     known: Vec<Known>,
-    /// Rows of the drivers of joints that turn and close no loop.
-    drivers: Vec<usize>,
+    prescribed: Vec<Prescribed>,
     /// How variables move where an angle turns by one radian, and the time that passes, s/rad.
     direction: Vec<f64>,
     passing: f64,
@@ -59,20 +72,26 @@ pub(super) struct UnseenTurns {
 }
 
 impl UnseenTurns {
-    /// Of a system with so many independent variables and unknowns.
-    pub(super) fn new(system: &dyn System, ndof: usize, dimension: usize) -> Self {
+    /// Of a system with harmonic forces of these angular frequencies, rad/s, and so many independent variables and unknowns.
+    pub(super) fn new(
+        system: &dyn System,
+        frequencies: &[f64],
+        ndof: usize,
+        dimension: usize,
+    ) -> Self {
         let room = || vec![0.0; dimension];
         let (tree, groups) = (system.tree(), system.relative_groups());
         let driven = tree.edges.iter().filter_map(|edge| {
             let (row, coordinate, _) = edge.driver?;
             let group = &groups[edge.forms[0].clone().nth(coordinate)?];
-            (group.kind.turns() && group.reach.is_infinite()).then_some(row)
+            (group.kind.turns() && group.reach.is_infinite()).then_some(Prescribed::Driven(row))
         });
-        let drivers: Vec<usize> = driven.collect();
+        let phases = frequencies.iter().map(|&frequency| Prescribed::Phase(frequency));
+        let prescribed: Vec<Prescribed> = driven.chain(phases).collect();
         Self {
-            known: vec![Known::default(); ndof + drivers.len()],
-            along: vec![false; ndof + drivers.len()],
-            drivers,
+            known: vec![Known::default(); ndof + prescribed.len()],
+            along: vec![false; ndof + prescribed.len()],
+            prescribed,
             direction: room(),
             passing: 0.0,
             here: room(),
@@ -84,6 +103,11 @@ impl UnseenTurns {
             against: room(),
             ranges: vec![[0.0; 2]; system.law_arguments().len()],
         }
+    }
+
+    /// Whether `k` is the phase of a force.
+    fn is_phase(&self, ndof: usize, k: usize) -> bool {
+        k.checked_sub(ndof).is_some_and(|at| matches!(self.prescribed[at], Prescribed::Phase(_)))
     }
 
     /// Nothing is known, as at a start.
@@ -114,16 +138,21 @@ impl Run<'_> {
     /// The longest step, s, in which stages see what goes round with the angles that matter.
     pub(super) fn longest_to_see(&self) -> f64 {
         let turns = &self.unseen_turns;
-        let matter = |k: &usize| turns.known[*k].steps > 0 && turns.known[*k].matters;
-        let longest = |k| LOOKED_AT / self.rate(turns, k, self.state.t, &self.w).abs();
-        (0..turns.known.len()).filter(matter).map(longest).fold(f64::INFINITY, f64::min)
+        let is_limited =
+            |k: &usize| turns.known[*k].steps > 0 && turns.known[*k].allowed.is_finite();
+        let longest =
+            |k: usize| turns.known[k].allowed / self.rate(turns, k, self.state.t, &self.w).abs();
+        (0..turns.known.len()).filter(is_limited).map(longest).fold(f64::INFINITY, f64::min)
     }
 
     /// The longest step, s, in which Newton's method tells how often driven angles have turned: on the tree the driver tells it.
     pub(super) fn longest_to_tell(&self) -> f64 {
-        let drivers = self.unseen_turns.drivers.iter();
-        let times =
-            drivers.map(|row| step_length::untold_at(self.system.drive(*row, self.state.t)[1]));
+        let times = self.unseen_turns.prescribed.iter().filter_map(|prescribed| match prescribed {
+            Prescribed::Driven(row) => {
+                Some(step_length::untold_at(self.system.drive(*row, self.state.t)[1]))
+            }
+            Prescribed::Phase(_) => None,
+        });
         times.fold(f64::INFINITY, f64::min)
     }
 
@@ -147,11 +176,13 @@ impl Run<'_> {
         // The steps themselves have just been there.
         if self.recorder.slope_at(t_end, &self.w_end, &mut turns.here).is_ok() {
             for k in 0..count {
-                if self.is_to_be_looked_at(&turns, k, t_end, step)
-                    && self.matters(&mut turns, [t_end, next], k, step)
-                {
-                    let turn = step * self.mean_rates(&turns, k, t_end)[1];
-                    part = Some(part.unwrap_or(1.0).min(LOOKED_AT / turn));
+                if !self.is_to_be_looked_at(&turns, k, t_end, step) {
+                    continue;
+                }
+                let turn = step * self.mean_rates(&turns, k, t_end)[1];
+                let allowed = self.allowed(&mut turns, [t_end, next], k, step);
+                if allowed < turn {
+                    part = Some(part.unwrap_or(1.0).min(allowed / turn));
                 }
             }
         }
@@ -165,7 +196,10 @@ impl Run<'_> {
         let ndof = self.form.second_order_split();
         match k.checked_sub(ndof) {
             None => w[ndof + k],
-            Some(driver) => self.system.drive(turns.drivers[driver], t)[1],
+            Some(at) => match turns.prescribed[at] {
+                Prescribed::Driven(row) => self.system.drive(row, t)[1],
+                Prescribed::Phase(frequency) => frequency,
+            },
         }
     }
 
@@ -176,12 +210,12 @@ impl Run<'_> {
         [0.5 * (first + last), 0.5 * (first.abs() + last.abs())]
     }
 
-    /// Whether `k` is an angle that turns by more than stages see, of which nothing is known or that mattered before.
+    /// Whether `k` is an angle that turns by more than stages see and is known to be allowed.
     fn is_to_be_looked_at(&self, turns: &UnseenTurns, k: usize, t_end: f64, step: f64) -> bool {
         let ([_, rate], known) = (self.mean_rates(turns, k, t_end), &turns.known[k]);
-        let is_quiet = known.steps > 0 && !known.matters;
+        let is_known = known.steps > 0 && step * rate <= known.allowed * (1.0 + ROUND_OFF);
         step * rate > SEEN
-            && !(is_quiet && (rate - known.rate).abs() <= SAME * known.rate)
+            && !(is_known && (rate - known.rate).abs() <= SAME * known.rate)
             && self.is_endless(k)
     }
 
@@ -192,15 +226,15 @@ impl Run<'_> {
             || relatives.is_some_and(|some| some.is_endless_angle(self.system.as_ref(), k))
     }
 
-    /// Whether what goes round with angle `k` matters; what cannot be told may. What turns about as fast turns along: discs on one
-    /// shaft do not wind it up, and where none of them matters that is known of all.
-    fn matters(
+    /// The turn of angle `k` in a step, rad, by which what goes round with it does not matter; what cannot be told may. What turns
+    /// about as fast turns along: discs on one shaft do not wind it up, and where none of them matters that is known of all.
+    fn allowed(
         &mut self,
         turns: &mut UnseenTurns,
         [t_end, next]: [f64; 2],
         k: usize,
         step: f64,
-    ) -> bool {
+    ) -> f64 {
         let ndof = self.form.second_order_split();
         let [_, own] = self.mean_rates(turns, k, t_end);
         let mut slowest = own;
@@ -224,20 +258,32 @@ impl Run<'_> {
         // Times of the run, and none beyond a kink of what is prescribed, if may be.
         let turn = TAU * turns.passing;
         let towards = if t_end + turn <= next { 1.0 } else { -1.0 };
-        let matters = if towards < 0.0 && t_end - turn < self.started {
-            true
+        // Steps that come to be whole turns find the same force again and again.
+        let keeps_pace = turns.is_phase(ndof, k) || self.stepper.explicit();
+        let allowed = if towards < 0.0 && t_end - turn < self.started {
+            LOOKED_AT
         } else {
-            let moved = self.moves_by(turns, t_end, towards, slowest);
-            moved.map_or(true, |moved| moved > UNSEEN)
-                || self.passes_knot_around(turns, t_end, towards).unwrap_or(true)
+            let rate = if keeps_pace { slowest.min(step.recip()) } else { slowest };
+            let moved = self.moves_by(turns, t_end, towards, rate);
+            let moved = moved.ok().filter(|moved| keeps_pace || *moved <= UNSEEN);
+            match moved {
+                Some(moved) if !self.passes_knot_around(turns, t_end, towards).unwrap_or(true) => {
+                    if keeps_pace {
+                        spread(step * own * UNSEEN / moved).max(LOOKED_AT)
+                    } else {
+                        f64::INFINITY
+                    }
+                }
+                _ => LOOKED_AT,
+            }
         };
         for i in 0..turns.known.len() {
-            if i == k || !matters && turns.along[i] {
+            if i == k || allowed >= step * own && turns.along[i] {
                 let [_, rate] = self.mean_rates(turns, i, t_end);
-                turns.known[i] = Known { steps: STEPS, matters, rate };
+                turns.known[i] = Known { steps: STEPS, allowed: allowed * rate / own, rate };
             }
         }
-        matters
+        allowed
     }
 
     /// The motion, in tolerances, that goes round in the direction at `rate`, rad/s, seen ahead or, where `towards` is −1, behind.
@@ -264,8 +310,9 @@ impl Run<'_> {
             slope(turn * place, &turns.direction, passing, there)?;
         }
         turns.find_motion(ndof, rate, false);
-        if self.form.error_norm(&turns.motion, w_end) <= UNSEEN {
-            return Ok(0.0);
+        let moved = self.form.error_norm(&turns.motion, w_end);
+        if moved <= UNSEEN {
+            return Ok(moved);
         }
         // What does not come back after a turn, as the torque of a spring, is no wave; stages see it.
         slope(turn, &turns.direction, passing, &mut turns.again)?;
@@ -332,4 +379,10 @@ impl Run<'_> {
             largest - least > negligible && below(least - missed) < below(largest + missed)
         }))
     }
+}
+
+/// The largest turn up to this one, rad, whose repetition finds what goes round at all phases alike.
+fn spread(most: f64) -> f64 {
+    let whole = (most / TAU - GOLDEN).floor();
+    if whole >= 0.0 && whole.is_finite() { TAU * (whole + GOLDEN) } else { most }
 }
