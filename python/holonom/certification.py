@@ -28,6 +28,8 @@ Series = NDArray[np.float64]
 
 #: The tolerance of the second run is this part of the first one's.
 PART = 0.1
+#: The smallest relative tolerance of a run; stated along with others it means none.
+SMALLEST_RELATIVE = 1e-13
 #: Of a result that was to be certified, until the second run says something.
 NO_SECOND_RUN = {
     "code": "simulation/not-certified",
@@ -44,7 +46,8 @@ def tightened(tolerance: Mapping[str, float]) -> dict[str, float]:
     """Return the tolerance of the second run; each part in full."""
     parts = Tolerance(**tolerance)
     # Two decimal numbers: 1e-4 becomes 1e-5 and not 1.0000000000000001e-05.
-    return {name: float(f"{PART * getattr(parts, name):.15g}") for name in Tolerance.__slots__}
+    tighter = {name: float(f"{PART * getattr(parts, name):.15g}") for name in Tolerance.__slots__}
+    return tighter | {"relative": max(tighter["relative"], SMALLEST_RELATIVE)}
 
 
 def unfinished(failure: Mapping[str, Any]) -> dict[str, Any]:

@@ -356,6 +356,14 @@ def test_a_tolerance_that_has_no_tenth_leaves_the_result_not_certified() -> None
     assert "certify at a looser tolerance" in result.warnings[-1]["message"]
 
 
+def test_no_relative_tolerance_to_speak_of_is_certified() -> None:
+    model = holonom.Model.from_text(OSCILLATOR)
+    parts = {"relative": 1e-13, "translation": 1e-5, "rotation": 1e-5}
+    found = certification(model.simulate(certify=True, tolerance=parts, end_time=0.1))
+    assert found.certified
+    assert found.tolerance == {"relative": 1e-13, "translation": 1e-6, "rotation": 1e-6}
+
+
 def test_a_first_run_that_fails_is_not_repeated() -> None:
     model = holonom.Model.from_text(OSCILLATOR)
     result = model.simulate(certify=True, max_steps=10, on_failure="return")

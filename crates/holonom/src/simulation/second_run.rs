@@ -64,7 +64,8 @@ pub(super) fn compare(
     let tighter = Options {
         code: if explicit { Code::Dop853 } else { DEFAULT_CODE },
         tolerance: Tolerance {
-            relative: PART * relative,
+            // As good as none, and refused below that.
+            relative: (PART * relative).max(SMALLEST_TOLERANCE),
             translation: PART * translation,
             rotation: PART * rotation,
         },

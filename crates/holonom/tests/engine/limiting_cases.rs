@@ -419,3 +419,55 @@ guide = { velocity = 1.0 }
         assert!(nearest < 1e-12, "{code:?}: {nearest:e} s from the stop");
     }
 }
+
+/// A bar on equal parallel cranks from these pivots, which coasts: more than two are redundant.
+fn coasting(pivots: &[[f64; 2]], rate: f64) -> Model {
+    let [x, y] = [0.15, 0.15 * 3f64.sqrt()];
+    let mut text = format!(
+        "holonom = 1\ndimension = \"planar\"\ngravity = [0.0, 0.0]\n[bodies]\nbar = {{ mass = 2.0, inertia = 0.2, \
+         position = [{:?}, {:?}] }}\n",
+        0.4 + x,
+        0.2 + y
+    );
+    let mut joints = "[joints]\n".to_owned();
+    for (k, [px, py]) in pivots.iter().enumerate() {
+        let (middle, end) = ([px + 0.5 * x, py + 0.5 * y], [px + x, py + y]);
+        text += &format!("c{k} = {{ mass = 1.0, inertia = 0.01, position = {middle:?} }}\n");
+        joints += &format!(
+            "foot{k} = {{ type = \"revolute\", between = [\"ground\", \"c{k}\"], point = [{px:?}, {py:?}] }}\n\
+             head{k} = {{ type = \"revolute\", between = [\"c{k}\", \"bar\"], point = {end:?} }}\n"
+        );
+    }
+    model_of(&format!("{text}{joints}[initial.bodies]\nc0 = {{ angular_velocity = {rate:?} }}\n"))
+}
+
+#[test] // independent truth: all cranks turn steadily
+fn redundant_rows_in_use_may_be_singular_where_the_mechanism_is_not() {
+    const END: f64 = 3.0;
+    let three = [[0.0, 0.0], [1.0, 0.0], [0.4, 0.6]];
+    let five = [[-0.08, -0.75], [0.02, -0.21], [0.21, 0.57], [-0.39, -0.77], [-0.55, 0.78]];
+    let run = |pivots: &[[f64; 2]], rate: f64, code: Code, tolerance: f64| {
+        let options = Options {
+            output: OutputTimes::Interval(0.05),
+            channels: vec!["c0.angle".to_owned()],
+            ..options(code, tolerance, END)
+        };
+        let outcome = run_model(&coasting(pivots, rate), &options);
+        let name = format!("{} cranks at {rate} rad/s, {code:?}, {tolerance:e}", pivots.len());
+        let start = outcome.series("c0.angle", 0)[0];
+        let off = error(&outcome, "c0.angle", 0, |t| start + rate * t) / tolerance;
+        assert!(off < 1.0, "{name}: {off:.1} tolerances");
+        let codes: Vec<_> = outcome.summary.warnings.iter().map(|w| w.code).collect();
+        assert_eq!(codes, ["simulation/redundant"], "{name}");
+    };
+    for pivots in [&three[..], &five] {
+        for k in 0..20 {
+            for tolerance in [1e-2, 1e-3, 1e-4] {
+                run(pivots, 2.0 + 1.4 * f64::from(k), Code::ForRadau, tolerance);
+            }
+        }
+        for code in all_codes() {
+            run(pivots, 6.9, code, 1e-3);
+        }
+    }
+}
