@@ -129,6 +129,18 @@ between = ["ground", "c"]
 points = [[3.0, 1.0, 0.0], [3.0, 0.0, 0.0]]
 "#;
 
+#[test] // long steps of what turns fast fail now and then, or what rows need of them does
+fn outputs_change_no_bit_where_positions_may_not_be_found() {
+    let mut table = Table::new("outputs beside steps that fail");
+    let model = model_of(&LINKS.replace("[1.0, 0.5, 2.0]", "[10.0, 1.0, 2.0]"));
+    for code in all_codes() {
+        for &(choice, _) in Choice::ALL {
+            compare(&mut table, "links that turn fast", &model, code, choice, 0.5);
+        }
+    }
+    table.finish();
+}
+
 #[test] // rows at the ends of steps ask for reactions there, whichever way accelerations were found
 fn rows_at_the_ends_of_steps_change_no_bit() {
     let mut table = Table::new("rows at the ends of steps");

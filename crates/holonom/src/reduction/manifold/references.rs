@@ -74,22 +74,29 @@ impl Manifold {
         Ok(true)
     }
 
-    /// Takes over the references of another manifold in the same parametrization, and what it has factored in joint
-    /// coordinates.
+    /// Takes over the references of another manifold in the same parametrization, and what it has factored: what was evaluated
+    /// here before leaves no trace.
     pub fn follow(&mut self, other: &Self) {
-        let Some(from) = other.chart.parametrization().relatives() else { return };
-        if let Some(to) = self.chart.relatives_mut() {
+        let from = other.chart.parametrization().relatives();
+        if let (Some(from), Some(to)) = (from, self.chart.relatives_mut()) {
             to.references.copy_from_slice(&from.references);
             to.anchors.copy_from_slice(&from.anchors);
             self.anchored.copy_from_slice(&other.anchored);
         }
         self.orientation = if other.joint.is_some() { 0.0 } else { other.orientation };
-        if let (Some(own), Some(joint)) = (&mut self.joint, &other.joint)
-            && own.take_factors(joint.as_ref())
-        {
-            self.at.copy_from_slice(&other.at);
-            self.stale = true;
-            self.orientation = own.determinant_sign();
+        match (&mut self.joint, &other.joint) {
+            (None, None) => {
+                self.accelerator.forget();
+                self.chart.copy_from(&other.chart);
+            }
+            (Some(own), Some(joint)) => {
+                if own.take_factors(joint.as_ref()) {
+                    self.at.copy_from_slice(&other.at);
+                    self.stale = true;
+                    self.orientation = own.determinant_sign();
+                }
+            }
+            _ => {}
         }
         self.return_to_anchor();
     }

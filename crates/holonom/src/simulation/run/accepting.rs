@@ -26,24 +26,29 @@ const MIDDLE: usize = 1;
 const SHORTEST_OF_USUAL: f64 = 1e-3;
 
 impl Run<'_> {
-    /// Takes over the end of an accepted attempt from `t` over `step`: state with accelerations at `t_end`.
+    /// Takes over the end of an accepted attempt from `t` over `step`: state with accelerations at `t_end`. Where another end may
+    /// be `better`, it is refused if joints are met there by what is left of singular constraints alone, and `false` is returned.
     pub(super) fn accept(
         &mut self,
         t: f64,
         step: f64,
         t_end: f64,
-    ) -> Result<(), EvaluationFailure> {
+        better: bool,
+    ) -> Result<bool, EvaluationFailure> {
         self.w_end.copy_from_slice(self.stepper.end().w);
         if let Err(failure) = self.form.derivative(t_end, &self.w_end, &mut self.g_end) {
             self.stepper.discard();
             return Err(failure);
         }
-        self.check_residuals().inspect_err(|_| self.stepper.discard())?;
+        if !self.check_residuals(better).inspect_err(|_| self.stepper.discard())? {
+            self.stepper.discard();
+            return Ok(false);
+        }
         if self.is_looked_into(t, step, t_end) {
             self.complete_step().inspect_err(|_| self.stepper.discard())?;
         }
         self.look_inside(t, step, t_end);
-        Ok(())
+        Ok(true)
     }
 
     /// Whether more is asked of the accepted step than its end.
@@ -52,6 +57,14 @@ impl Run<'_> {
             || self.output.time() < t_end
             || !self.form.integrates_powers()
             || self.may_pass_over(t, step, t_end)
+            // Where that may fail, and the step with it, it does so whatever is written out.
+            || !self.is_always_found()
+    }
+
+    /// Whether a configuration follows from any independent variables.
+    fn is_always_found(&self) -> bool {
+        let parametrization = self.form.point().manifold.chart().parametrization();
+        parametrization.relatives().is_some_and(|relatives| relatives.exact)
     }
 
     /// Makes what the dense output of the accepted step needs beyond its stages.
@@ -203,11 +216,12 @@ impl Run<'_> {
         self.quadrature.along(ends, &self.inside, tolerance)
     }
 
-    /// Residuals of the state just evaluated, whose Jacobian is at hand.
+    /// Residuals of the state just evaluated, whose Jacobian is at hand; `false` where another state is asked for: see
+    /// [`Run::accept`].
     ///
     /// Redundant rows are left out of all solves: a row that is no longer redundant, as when a linkage
     /// leaves a flat position, shows by its residual only.
-    fn check_residuals(&mut self) -> Result<(), EvaluationFailure> {
+    fn check_residuals(&mut self, better: bool) -> Result<bool, EvaluationFailure> {
         let state = &self.form.point().state;
         let (position, velocity) = residuals(self.system.as_ref(), state, &mut self.residual_rows);
         let speed = state.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
@@ -225,21 +239,18 @@ impl Run<'_> {
         let ratio = (position / (POSITION_RESIDUAL_BOUND * length))
             .max(velocity / (VELOCITY_RESIDUAL_BOUND * speed));
         let manifold = &mut self.form.point_mut().manifold;
-        if ratio > 1.0
+        if better
+            && ratio > 1.0
             && !manifold.chart().parametrization().dropped.is_empty()
             && manifold.condition() > AMPLIFYING * self.condition_reference
         {
-            // Other rows are better there, or a little before.
-            return Err(EvaluationFailure::new(
-                "simulation/singular-configuration",
-                "of the redundant constraints those in use are singular, up to round-off",
-            ));
+            return Ok(false);
         }
         let s = &mut self.statistics;
         s.position_residual = s.position_residual.max(position);
         s.velocity_residual = s.velocity_residual.max(velocity);
         s.residual_ratio = s.residual_ratio.max(ratio);
-        Ok(())
+        Ok(true)
     }
 
     /// Output rows inside the step, then the new state. Returns the energy at its end.

@@ -45,6 +45,8 @@ use std::time::{Duration, Instant};
 use unseen_turns::UnseenTurns;
 
 pub(in crate::simulation) const MAX_REJECTIONS: u32 = 60;
+/// Attempts of a step whose ends may be refused for better ones.
+const MOST_BETTER: u32 = 4;
 /// Part of the step at which energies would be on tolerance, and the least of one, that follow a step of a run without unknowns.
 const SAFE_PART: f64 = 0.9;
 const SHORTEST_PART: f64 = 0.1;
@@ -395,7 +397,14 @@ impl Run<'_> {
                 });
             }
             if report.accepted {
-                rejection = self.accept(t, step, t_end).err().map(Rejection::Evaluation);
+                // On other charts what is a little before may be worse.
+                let tree = self.options.parametrization == Choice::Tree;
+                let better = rejections < MOST_BETTER && tree && !fixed;
+                match self.accept(t, step, t_end, better) {
+                    Ok(true) => {}
+                    Ok(false) => (rejection, blames) = (Some(Rejection::ErrorTooLarge), false),
+                    Err(failure) => rejection = Some(Rejection::Evaluation(failure)),
+                }
             }
             if report.accepted
                 && rejection.is_none()

@@ -169,13 +169,16 @@ pub(super) fn set_up<'a>(
     let follows = form.second_order_split() > 0 && options.fixed_step.is_none();
     let laws = system.law_arguments().iter().map(|a| a.knots.len()).max();
     let drivers = step_length::drivers(system.as_ref(), [started, options.end_time]);
+    // Implicit codes are for what holds light forces.
+    let explicit = stepper.explicit();
+    let frequencies = if explicit { force_frequencies(problem.model()) } else { Vec::new() };
     let mut run = Run {
         options,
         model: problem.model(),
         condition_reference: 0.0,
         unseen_turns: UnseenTurns::new(
             system.as_ref(),
-            &force_frequencies(problem.model()),
+            &frequencies,
             form.second_order_split(),
             dimension,
         ),

@@ -1,4 +1,4 @@
-//! Turns within a step whose forces no stage sees. Equations: `docs/theory/simulation.md` (6c).
+//! Turns within a step whose forces no stage sees. Equations: `docs/theory/simulation.md` (6c), (6e).
 
 use super::Run;
 use crate::error::EvaluationFailure;
@@ -17,8 +17,8 @@ const FASTER: f64 = 2.0;
 /// Steps for which is known what turns of an angle are allowed, and how much its rate may change meanwhile.
 const STEPS: u32 = 16;
 const SAME: f64 = 0.25;
-/// Round-off of turns in a step.
-const ROUND_OFF: f64 = 1e-9;
+/// What a step may be longer than it was to be, to end at a kink or at a time of few digits, as a part of it.
+const STRETCHED: f64 = 0.02;
 /// The part of a turn whose multiples are spread most evenly over it.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 /// Places around an angle, in turns: waves of few periods to a turn differ there.
@@ -181,7 +181,7 @@ impl Run<'_> {
                 }
                 let turn = step * self.mean_rates(&turns, k, t_end)[1];
                 let allowed = self.allowed(&mut turns, [t_end, next], k, step);
-                if allowed < turn {
+                if allowed * (1.0 + STRETCHED) < turn {
                     part = Some(part.unwrap_or(1.0).min(allowed / turn));
                 }
             }
@@ -210,10 +210,10 @@ impl Run<'_> {
         [0.5 * (first + last), 0.5 * (first.abs() + last.abs())]
     }
 
-    /// Whether `k` is an angle that turns by more than stages see and is known to be allowed.
+    /// Whether `k` is an angle that turns by more than stages see, by as much as is not known to be allowed.
     fn is_to_be_looked_at(&self, turns: &UnseenTurns, k: usize, t_end: f64, step: f64) -> bool {
         let ([_, rate], known) = (self.mean_rates(turns, k, t_end), &turns.known[k]);
-        let is_known = known.steps > 0 && step * rate <= known.allowed * (1.0 + ROUND_OFF);
+        let is_known = known.steps > 0 && step * rate <= known.allowed * (1.0 + STRETCHED);
         step * rate > SEEN
             && !(is_known && (rate - known.rate).abs() <= SAME * known.rate)
             && self.is_endless(k)
@@ -259,7 +259,7 @@ impl Run<'_> {
         let turn = TAU * turns.passing;
         let towards = if t_end + turn <= next { 1.0 } else { -1.0 };
         // Steps that come to be whole turns find the same force again and again.
-        let keeps_pace = turns.is_phase(ndof, k) || self.stepper.explicit();
+        let keeps_pace = turns.is_phase(ndof, k);
         let allowed = if towards < 0.0 && t_end - turn < self.started {
             LOOKED_AT
         } else {
@@ -278,7 +278,7 @@ impl Run<'_> {
             }
         };
         for i in 0..turns.known.len() {
-            if i == k || allowed >= step * own && turns.along[i] {
+            if i == k || allowed * (1.0 + STRETCHED) >= step * own && turns.along[i] {
                 let [_, rate] = self.mean_rates(turns, i, t_end);
                 turns.known[i] = Known { steps: STEPS, allowed: allowed * rate / own, rate };
             }
