@@ -432,11 +432,13 @@ fn coasting(pivots: &[[f64; 2]], rate: f64) -> Model {
     let mut joints = "[joints]\n".to_owned();
     for (k, [px, py]) in pivots.iter().enumerate() {
         let (middle, end) = ([px + 0.5 * x, py + 0.5 * y], [px + x, py + y]);
-        text += &format!("c{k} = {{ mass = 1.0, inertia = 0.01, position = {middle:?} }}\n");
-        joints += &format!(
+        let crank = format!("c{k} = {{ mass = 1.0, inertia = 0.01, position = {middle:?} }}\n");
+        text.push_str(&crank);
+        let hinges = format!(
             "foot{k} = {{ type = \"revolute\", between = [\"ground\", \"c{k}\"], point = [{px:?}, {py:?}] }}\n\
              head{k} = {{ type = \"revolute\", between = [\"c{k}\", \"bar\"], point = {end:?} }}\n"
         );
+        joints.push_str(&hinges);
     }
     model_of(&format!("{text}{joints}[initial.bodies]\nc0 = {{ angular_velocity = {rate:?} }}\n"))
 }

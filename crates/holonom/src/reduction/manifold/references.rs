@@ -84,19 +84,16 @@ impl Manifold {
             self.anchored.copy_from_slice(&other.anchored);
         }
         self.orientation = if other.joint.is_some() { 0.0 } else { other.orientation };
-        match (&mut self.joint, &other.joint) {
-            (None, None) => {
-                self.accelerator.forget();
-                self.chart.copy_from(&other.chart);
-            }
-            (Some(own), Some(joint)) => {
-                if own.take_factors(joint.as_ref()) {
-                    self.at.copy_from_slice(&other.at);
-                    self.stale = true;
-                    self.orientation = own.determinant_sign();
-                }
-            }
-            _ => {}
+        if let (Some(own), Some(joint)) = (&mut self.joint, &other.joint)
+            && own.take_factors(joint.as_ref())
+        {
+            self.at.copy_from_slice(&other.at);
+            self.stale = true;
+            self.orientation = own.determinant_sign();
+        }
+        if self.joint.is_none() && other.joint.is_none() {
+            self.accelerator.forget();
+            self.chart.copy_from(&other.chart);
         }
         self.return_to_anchor();
     }
