@@ -243,7 +243,9 @@ impl Run<'_> {
         for i in 0..turns.known.len() {
             let [signed, rate] = self.mean_rates(turns, i, t_end);
             let is_like = FASTER * rate >= own && rate <= FASTER * own;
-            let along = i == k || is_like && step * rate > SEEN && self.is_endless(i);
+            // A phase goes round alone, and is known by itself.
+            let alone = turns.is_phase(ndof, i) || turns.is_phase(ndof, k);
+            let along = i == k || !alone && is_like && step * rate > SEEN && self.is_endless(i);
             turns.along[i] = along;
             if !along {
                 continue;
