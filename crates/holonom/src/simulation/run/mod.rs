@@ -356,7 +356,7 @@ impl Run<'_> {
                     h = h.min(part * self.longest_to_tell());
                 }
                 h = h
-                    .min(part * self.longest_to_see())
+                    .min(self.longest_to_see())
                     .min(part * LONGEST_TURN / turning)
                     .min(step_length::ramped(&ramps, t, end));
                 if !self.drivers.is_empty() {

@@ -137,11 +137,14 @@ impl UnseenTurns {
 impl Run<'_> {
     /// The longest step, s, in which stages see what goes round with the angles that matter.
     pub(super) fn longest_to_see(&self) -> f64 {
-        let turns = &self.unseen_turns;
+        let (turns, ndof) = (&self.unseen_turns, self.form.second_order_split());
         let is_limited =
             |k: &usize| turns.known[*k].steps > 0 && turns.known[*k].allowed.is_finite();
-        let longest =
-            |k: usize| turns.known[k].allowed / self.rate(turns, k, self.state.t, &self.w).abs();
+        let longest = |k: usize| {
+            // A part of what keeps out of the pace of a force may keep it.
+            let part = if turns.is_phase(ndof, k) { 1.0 } else { self.turn_part };
+            part * turns.known[k].allowed / self.rate(turns, k, self.state.t, &self.w).abs()
+        };
         (0..turns.known.len()).filter(is_limited).map(longest).fold(f64::INFINITY, f64::min)
     }
 
