@@ -3,7 +3,7 @@
 //! Truth: a damper c on a motion A sin ωt takes c A² ω²/2 on average, on a smooth step by A in T 10 c A²/(7 T).
 
 use crate::common::table::all_codes;
-use crate::common::{model_of, options, run_model};
+use crate::common::{FOUR_BAR, model_of, options, run_model};
 use holonom::method::Code;
 use holonom::simulation::{Options, OutputTimes};
 
@@ -187,35 +187,21 @@ damper = {{ type = "tsda", between = ["ground", "slider"], points = [[-5.0, 0.0]
 
 #[test] // independent truth: where the driver says, after 160 turns
 fn nothing_is_behind_where_all_is_prescribed() {
-    let (rate, end) = (100.0, 10.0);
+    let (start, rate, end) = (std::f64::consts::FRAC_PI_2, 100.0, 10.0);
     let model = model_of(&format!(
-        r#"
-holonom = 1
-dimension = "planar"
-gravity = [0.0, -9.81]
-[bodies]
-crank = {{ mass = 1.0, inertia = 0.01, position = [0.15, 0.0] }}
-coupler = {{ mass = 1.0, inertia = 0.1, position = [0.65, 0.3] }}
-rocker = {{ mass = 2.0, inertia = 0.1, position = [1.0, 0.3] }}
-[joints]
-bearing = {{ type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }}
-pin = {{ type = "revolute", between = ["crank", "coupler"], point = [0.3, 0.0] }}
-wrist = {{ type = "revolute", between = ["coupler", "rocker"], point = [1.0, 0.6] }}
-foot = {{ type = "revolute", between = ["ground", "rocker"], point = [1.0, 0.0] }}
-[drivers]
-motor = {{ joint = "bearing", coordinate = "rotation", motion = {{ type = "polynomial", coefficients = [0.0, {rate:?}] }} }}
-"#
+        "{FOUR_BAR}[drivers]\nmotor = {{ joint = \"a\", coordinate = \"rotation\", motion = {{ type = \"polynomial\", \
+         coefficients = [{start:?}, {rate:?}] }} }}\n"
     ));
     for code in all_codes() {
         for tolerance in [1e-3, 1e-4] {
             let options = Options {
-                channels: vec!["crank.angle".to_owned()],
+                channels: vec!["left.angle".to_owned()],
                 output: OutputTimes::Interval(end),
                 ..options(code, tolerance, end)
             };
             let run = run_model(&model, &options);
-            let angle = *run.series("crank.angle", 0).last().unwrap();
-            assert!((angle - rate * end).abs() < 1e-9, "{code:?}, {tolerance:e}: {angle}");
+            let angle = *run.series("left.angle", 0).last().unwrap();
+            assert!((angle - start - rate * end).abs() < 1e-9, "{code:?}, {tolerance:e}: {angle}");
             assert!(run.summary.warnings.is_empty(), "{code:?}: {:?}", run.summary.warnings);
         }
     }

@@ -169,7 +169,7 @@ pub(super) fn set_up<'a>(
     let follows = form.second_order_split() > 0 && options.fixed_step.is_none();
     let laws = system.law_arguments().iter().map(|a| a.knots.len()).max();
     let drivers = step_length::drivers(system.as_ref(), [started, options.end_time]);
-    // Implicit codes are for what holds light forces.
+    // Implicit codes take long steps of what stiff springs and dampers hold: they are not limited.
     let explicit = stepper.explicit();
     let frequencies = if explicit { force_frequencies(problem.model()) } else { Vec::new() };
     let mut run = Run {
