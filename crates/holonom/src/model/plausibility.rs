@@ -230,8 +230,19 @@ pub fn force_frequencies(model: &Model) -> Vec<f64> {
     out
 }
 
+/// The functions of time, of drivers and applied forces, that are no constants.
+pub fn changing_motions(model: &Model) -> Vec<&TimeFunction> {
+    let mut out = Vec::new();
+    for_motions(model, |_, function| {
+        if !function.is_constant() {
+            out.push(function);
+        }
+    });
+    out
+}
+
 /// Tells all functions of time with their paths.
-fn for_motions(model: &Model, mut add: impl FnMut(String, &TimeFunction)) {
+fn for_motions<'a>(model: &'a Model, mut add: impl FnMut(String, &'a TimeFunction)) {
     for driver in &model.drivers {
         add(format!("drivers.{}.motion", driver.name), &driver.motion);
     }

@@ -42,6 +42,27 @@ pub(super) struct Carried {
     pub(super) spread: [Vec<f64>; 2],
 }
 
+/// A step just accepted.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Stepped<'a> {
+    /// Its end, s.
+    pub(super) t: f64,
+    /// Its length, s.
+    pub(super) step: f64,
+    /// Its end.
+    pub(super) w: &'a [f64],
+    /// Slopes of the equations at its start and its end.
+    pub(super) slopes: [&'a [f64]; 2],
+    /// Whether time takes no part in the equations there.
+    pub(super) autonomous: bool,
+    /// Whether what its iterations have left counts.
+    pub(super) iterated: bool,
+    /// Whether laws may have passed knots in it.
+    pub(super) passes_knot: bool,
+    /// By which bodies that turn freely turn in it, rad.
+    pub(super) turn: f64,
+}
+
 /// What a run knows of its error: that of its present state, as far as it is estimated, and how large it has been.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct CarriedError {
@@ -52,7 +73,13 @@ pub(super) struct CarriedError {
     #[serde(default = "of_before")]
     seeded: bool,
     /// The largest rate so far of each independent variable.
-    rates: Vec<f64>,
+    pub(super) rates: Vec<f64>,
+    /// What its rates count times as lengths.
+    #[serde(skip)]
+    pub(super) arms: Vec<f64>,
+    /// The largest of all rates so far, and of theirs, as lengths: m/s, m/s².
+    #[serde(default)]
+    pub(super) fastest: [f64; 2],
     /// Of the place of a body, in its tolerances, or of its velocity, in its wider ones: there, and the largest of all.
     present: f64,
     largest: f64,
@@ -107,6 +134,8 @@ impl CarriedError {
             serving: Serving { most: MOST_EVALUATIONS, ..Serving::NEW },
             seeded: false,
             rates: Vec::with_capacity(dimension),
+            arms: Vec::with_capacity(dimension),
+            fastest: [0.0; 2],
             present: 0.0,
             largest: 0.0,
             followed: SUSPICIOUS,
@@ -207,21 +236,18 @@ impl CarriedError {
     pub(super) fn forget_variables(&mut self) {
         self.forget_matrix();
         self.rates.clear();
+        self.arms.clear();
         self.longest.iter_mut().for_each(LongestStep::forget_variables);
     }
 
-    /// Takes the error over the step just accepted, in which laws may have passed knots; with the length of the step and the
-    /// slope of the equations at its end also what its iterations have left. Where there is no matrix to carry it with, it is suspicious, and the form may be elsewhere:
-    /// false.
+    /// Takes the error over the step just accepted. Where there is no matrix to carry it with, it is suspicious, and the form may be
+    /// elsewhere: false.
     pub(super) fn follow(
         &mut self,
         stepper: &mut dyn Stepper,
         form: &mut dyn StateSpace,
         power: &mut [f64],
-        iterated: Option<(f64, &[f64])>,
-        passes_knot: bool,
-        turn: f64,
-        (t, step, w): (f64, f64, &[f64]),
+        stepped: Stepped<'_>,
     ) -> bool {
         if self.is_beyond() {
             return true;
@@ -230,9 +256,16 @@ impl CarriedError {
         if !std::mem::replace(&mut self.seeded, true) {
             self.seed(form, power);
         }
+        let Stepped { step, slopes: [first, last], .. } = stepped;
+        let ndof = form.second_order_split();
+        self.rates.resize(ndof, 0.0);
+        self.take_slopes(form, stepped.slopes);
         if stepper.explicit() {
-            self.part_with_longer_steps(form, power, step);
-        } else {
+            self.part_with_longer_steps(form, power, stepped);
+        }
+        let since = stepped.t - self.milestones.start.t;
+        let ahead = self.begin_along(stepped.along(first), since);
+        if !stepper.explicit() {
             let [rest @ .., last] = transfer(stepper.filter_part());
             for Carried { error, .. } in &mut self.sums {
                 if error.iter().any(|&e| e != 0.0) {
@@ -249,37 +282,39 @@ impl CarriedError {
                 }
             }
         }
-        let ndof = form.second_order_split();
-        self.rates.resize(ndof, 0.0);
+        self.add_along(ahead, stepped.along(last));
         let change = stepper.last_change();
         let [mut errors, mut rates] = [0.0; 2];
         for (k, largest) in self.rates.iter_mut().enumerate() {
-            *largest = largest.max(w[ndof + k].abs());
+            *largest = largest.max(stepped.w[ndof + k].abs());
             let error = change[ndof + k].abs();
             errors += error * error;
             rates += error * *largest;
         }
         // At the knot of a law, or beside the other end of a line, no formula has its order.
-        let part = if passes_knot {
+        let part = if stepped.passes_knot {
             stepper.error_at_kinks()
         } else {
             // Zero where there is no error.
             let share = errors / rates.max(errors).max(f64::MIN_POSITIVE);
-            true_part(stepper.orders_of_error(), share, turn)
+            true_part(stepper.orders_of_error(), share, stepped.turn)
         };
         let part = stepper.own_error().map_or(part, |own| {
             let size = form.norm(change);
             if size > 0.0 { part.max(form.norm(own) / size) } else { part }
         });
+        // What an error along the motion makes is known, whatever its sign: the rest decides.
+        let ahead = self.leave_out(stepped.along(last), since);
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, part, change);
         // By rates: errors of places last, those of rates become more.
         let rates = other.error.iter().zip(change).skip(ndof).take(ndof);
         let product = rates.map(|(e, d)| e * d).sum();
         add(&mut other.error, part.copysign(product), change);
-        if let Some((step, slope)) = iterated {
+        self.add_along(ahead, stepped.along(last));
+        if stepped.iterated {
             let part = stepper.filter_part() * step;
-            for (x, (g, s)) in power.iter_mut().zip(slope.iter().zip(stepper.end().slope)) {
+            for (x, (g, s)) in power.iter_mut().zip(last.iter().zip(stepper.end().slope)) {
                 *x = part * (g - s);
             }
             stepper.filter(form, power);
@@ -287,8 +322,8 @@ impl CarriedError {
                 add(error, 1.0, power);
             }
         }
-        let known = !stepper.explicit()
-            || self.carry_if_due(stepper.evaluations(), form, power, (t, step, w));
+        let known =
+            !stepper.explicit() || self.carry_if_due(stepper.evaluations(), form, power, stepped);
         if !known {
             self.lose();
         }
@@ -303,12 +338,17 @@ impl CarriedError {
     }
 
     /// Takes what waits for a matrix to the end of a run by an explicit formula, which is at (`t`, `w`).
-    pub(super) fn end(&mut self, form: &mut dyn StateSpace, power: &mut [f64], t: f64, w: &[f64]) {
-        let Serving { steps, span, .. } = self.serving;
-        if steps == 0 || self.is_beyond() {
+    pub(super) fn end(
+        &mut self,
+        form: &mut dyn StateSpace,
+        power: &mut [f64],
+        (t, w): (f64, &[f64]),
+        along: Option<&[f64]>,
+    ) {
+        if self.serving.steps == 0 || self.is_beyond() {
             return;
         }
-        if form.linearize(t, w).is_ok() && self.carry_over(form, power, (steps, span)).is_some() {
+        if form.linearize(t, w).is_ok() && self.carry_over(form, power, along).is_some() {
             self.look(form, false);
         } else {
             self.lose();

@@ -1,7 +1,7 @@
 //! Errors of steps of explicit formulas, which have no matrix of their own, carried along. Equations:
 //! `docs/theory/simulation.md` (13).
 
-use super::carried_error::{Carried, CarriedError};
+use super::carried_error::{Carried, CarriedError, Stepped};
 use crate::method::StateSpace;
 use serde::{Deserialize, Serialize};
 
@@ -24,10 +24,14 @@ pub(super) struct Serving {
     pub(super) most: u64,
     /// Whether the last matrix is one of the present equations and variables.
     pub(super) known: bool,
+    /// By how many seconds both errors were ahead when the first of these steps began.
+    #[serde(default)]
+    pub(super) ahead: [f64; 2],
 }
 
 impl Serving {
-    pub(super) const NEW: Self = Self { steps: 0, span: 0.0, most: 1, known: false };
+    pub(super) const NEW: Self =
+        Self { steps: 0, span: 0.0, most: 1, known: false, ahead: [0.0; 2] };
 }
 
 impl CarriedError {
@@ -37,12 +41,13 @@ impl CarriedError {
         &mut self,
         form: &mut dyn StateSpace,
         power: &mut [f64],
-        step: f64,
+        stepped: Stepped<'_>,
     ) {
         let Serving { steps, span, known, .. } = self.serving;
-        let abrupt = known && steps > 0 && step < SHORTER * span / steps as f64;
+        let abrupt = known && steps > 0 && stepped.step < SHORTER * span / steps as f64;
+        let along = stepped.along(stepped.slopes[0]);
         // Where the matrix cannot be factored for them, they go on waiting.
-        if abrupt && self.carry_over(form, power, (steps, span)).is_some() {
+        if abrupt && self.carry_over(form, power, along).is_some() {
             self.serving = Serving { known: true, ..Serving::NEW };
         }
     }
@@ -54,19 +59,29 @@ impl CarriedError {
         evaluations: u64,
         form: &mut dyn StateSpace,
         power: &mut [f64],
-        (t, step, w): (f64, f64, &[f64]),
+        stepped: Stepped<'_>,
     ) -> bool {
+        let Stepped { t, step, w, slopes: [_, slope], .. } = stepped;
         let largest = (MOST_EVALUATIONS / evaluations).max(1);
-        let Serving { steps, span, most, .. } = &mut self.serving;
+        let Serving { steps, span, most, known, ahead } = &mut self.serving;
+        let (known, ahead) = (*known, *ahead);
         (*steps, *span) = (*steps + 1, *span + step);
-        let (steps, span, most) = (*steps, *span, (*most).min(largest));
-        if steps < most {
+        let (span, most) = (*span, (*most).min(largest));
+        if *steps < most {
             return true;
         }
+        let steps = *steps;
         let before = self.size(form, power, span);
-        if form.linearize(t, w).is_err() || self.carry_over(form, power, (steps, span)).is_none() {
+        let along = stepped.along(slope);
+        self.add_along(ahead.map(|ahead| -ahead), along);
+        // As far as the middle by the matrix of the start.
+        let halves = known && self.take_over(form, power, steps.div_ceil(4), 0.5 * span).is_some();
+        let (parts, rest) =
+            if halves { (steps.div_ceil(4), 0.5 * span) } else { (steps.div_ceil(2), span) };
+        if form.linearize(t, w).is_err() || self.take_over(form, power, parts, rest).is_none() {
             return false;
         }
+        self.add_along(ahead, along);
         let grows = self.size(form, power, span) > GROWTH * before;
         let next = if grows { most / 2 } else { 2 * most };
         let most = next.clamp(1, largest);
@@ -74,16 +89,39 @@ impl CarriedError {
         true
     }
 
-    /// Carries it over a number of steps with the matrix at hand, if that can be factored for them.
+    /// Carries it over the steps that wait for a matrix with the one at hand, if that can be factored for them; what it has `along`
+    /// the motion at their end is there already.
     pub(super) fn carry_over(
         &mut self,
         form: &mut dyn StateSpace,
         power: &mut [f64],
-        (steps, span): (u64, f64),
+        along: Option<&[f64]>,
     ) -> Option<()> {
-        let parts = steps.div_ceil(2);
+        let Serving { steps, span, ahead, .. } = self.serving;
+        self.add_along(ahead.map(|ahead| -ahead), along);
+        let taken = self.take_over(form, power, steps.div_ceil(2), span);
+        self.add_along(ahead, along);
+        taken
+    }
+
+    /// (2S − 1)ⁿ of both errors with n `parts` of a span, s, by the matrix at hand; none where that cannot be factored.
+    fn take_over(
+        &mut self,
+        form: &mut dyn StateSpace,
+        power: &mut [f64],
+        parts: u64,
+        span: f64,
+    ) -> Option<()> {
         form.factor(0.5 * span / parts as f64).ok()?;
-        self.sums.iter_mut().for_each(|sum| take_over(&mut sum.error, parts, form, power));
+        for Carried { error, .. } in &mut self.sums {
+            for _ in 0..parts {
+                power.copy_from_slice(error);
+                form.solve(power);
+                for (e, s) in error.iter_mut().zip(&*power) {
+                    *e = 2.0 * s - *e;
+                }
+            }
+        }
         Some(())
     }
 
@@ -98,16 +136,5 @@ impl CarriedError {
             form.weights().displacement(places)
         };
         of(&error[..ndof]) + span * of(&error[ndof..2 * ndof])
-    }
-}
-
-/// (2S − 1)ⁿ of an error, with the factors at hand.
-fn take_over(error: &mut [f64], parts: u64, form: &mut dyn StateSpace, power: &mut [f64]) {
-    for _ in 0..parts {
-        power.copy_from_slice(error);
-        form.solve(power);
-        for (e, s) in error.iter_mut().zip(&*power) {
-            *e = 2.0 * s - *e;
-        }
     }
 }

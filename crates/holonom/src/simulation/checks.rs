@@ -7,10 +7,9 @@ use crate::error::{shown, told};
 use crate::method::{Code, Newmark, UnknownMethod};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
 use crate::newton::{JacobianSource, Representation};
-use crate::reduction::Coordinates;
 use crate::reduction::accelerations::{Accelerations, Refusal};
 use crate::reduction::assembly::{AssemblyError, PROJECTED, unit_of_row};
-use crate::reduction::{Manifold, largest_index};
+use crate::reduction::{Choice, Coordinates, Manifold, largest_index};
 use crate::system::{Channel, State, System};
 use crate::watch::GivenUp;
 use std::sync::Arc;
@@ -21,6 +20,8 @@ pub(super) const SMALLEST_TOLERANCE: f64 = 1e-13;
 const LATEST: f64 = 1e12;
 /// Largest number of output rows of a run.
 const MOST_ROWS: f64 = 1e7;
+/// Largest dense matrix of a parametrization, GB: there are up to four of them.
+const MOST_GIGABYTES: f64 = 2.0;
 
 /// Why a run could not start.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -78,6 +79,16 @@ pub enum RunError {
         value: f64,
         /// What it must be.
         rule: &'static str,
+    },
+    /// A parametrization whose dense matrices would not fit into memory.
+    #[error(
+        "`parametrization = \"{name}\"` takes dense matrices of {gigabytes:.0} GB for this model; at most {MOST_GIGABYTES} GB are allowed"
+    )]
+    Parametrization {
+        /// Its name.
+        name: &'static str,
+        /// Size of one of them.
+        gigabytes: f64,
     },
     /// An end before the start.
     #[error("`end_time` is {} s; the run starts at {} s, and cannot end before", shown(*end), shown(*start))]
@@ -309,6 +320,9 @@ impl RunError {
             }
             Self::EndTime { .. } => "give an `end_time` that lies later",
             Self::InitialStep { .. } => "leave `initial_step` out: the run finds one",
+            Self::Parametrization { .. } => {
+                "state `parametrization = \"tree\"`, the default, which keeps no dense matrix"
+            }
             Self::Option { .. } => "change the option, or leave it out for its default",
             Self::InexactJacobian { .. } | Self::SparseDifferences => {
                 "leave `jacobian` out for the analytic one"
@@ -407,6 +421,16 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
         && !explicit
     {
         return Err(RunError::SimplifiedJacobian { code: options.code.info().name });
+    }
+    Ok(())
+}
+
+/// Refuses a parametrization whose matrices, made of all constraints by all coordinates, are too large.
+pub(super) fn check_parametrization(choice: Choice, system: &dyn System) -> Result<(), RunError> {
+    let sizes = &system.structure().sizes;
+    let gigabytes = 8e-9 * sizes.rows as f64 * sizes.coordinates as f64;
+    if choice != Choice::Tree && gigabytes > MOST_GIGABYTES {
+        return Err(RunError::Parametrization { name: choice.name(), gigabytes });
     }
     Ok(())
 }

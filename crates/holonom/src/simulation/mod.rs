@@ -1,5 +1,6 @@
 //! The run: loop, output, energy, statistics, diagnosis.
 
+mod carried_along;
 mod carried_error;
 mod carried_explicitly;
 mod checkpoint;

@@ -32,6 +32,7 @@ mod joint_coordinates;
 mod joint_derivatives;
 mod limiting_cases;
 mod local_error;
+mod long_motions;
 mod mechanisms;
 mod methods;
 mod model_files;

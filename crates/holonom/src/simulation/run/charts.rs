@@ -51,6 +51,9 @@ impl Run<'_> {
         if let Some(carried) = self.carried.as_mut() {
             if far {
                 carried.forget_variables();
+            } else if self.stepper.explicit() {
+                // The one at hand is in the variables of before.
+                carried.forget_matrix();
             }
             self.express_error();
         }

@@ -12,10 +12,10 @@ mod unseen_turns;
 use crate::error::EvaluationFailure;
 use crate::method::StateSpace;
 use crate::method::stepper::{Rejection, Stepper, StepperStatistics, initial_step};
-use crate::model::{Model, force_ramps};
+use crate::model::{Model, TimeFunction, force_ramps};
 use crate::reduction::Choice;
 use crate::reduction::assembly::AssemblyError;
-use crate::simulation::carried_error::{CarriedError, SUSPICIOUS};
+use crate::simulation::carried_error::{CarriedError, SUSPICIOUS, Stepped};
 use crate::simulation::checkpoint::{Checkpoint, Pace, foreign};
 use crate::simulation::checks::RunError;
 use crate::simulation::clock::{Elapsed, Stopwatch};
@@ -271,6 +271,8 @@ struct Run<'a> {
     energy_scale: EnergyScale,
     drivers: Vec<Driven>,
     drift: Drift,
+    /// What forces and drivers there are that change with time.
+    changing: Vec<&'a TimeFunction>,
     /// Of runs that have one.
     carried: Option<CarriedError>,
     /// Part of the turn that bodies may make in a step.
@@ -496,13 +498,14 @@ impl Run<'_> {
                 let chart = form.point().manifold.chart().parametrization();
                 let turn = step * turning;
                 // Where matrices do not turn along with bodies, or these turn far.
-                let far = chart.relatives().is_none() || turn > FAR;
-                let iterated = far.then_some((step, &self.g_end[..]));
-                let power = &mut self.scratch[0];
-                let ended = (t_end, step, &self.w_end[..]);
+                let iterated = chart.relatives().is_none() || turn > FAR;
                 let passes_knot = self.passes_knot;
-                let known =
-                    carried.follow(stepper, form, power, iterated, passes_knot, turn, ended);
+                let (w, slopes) = (&self.w_end[..], [&self.g[..], &self.g_end[..]]);
+                let autonomous = are_still(&self.changing, [t, t_end]);
+                let t = t_end;
+                let stepped =
+                    Stepped { t, step, w, slopes, autonomous, iterated, passes_knot, turn };
+                let known = carried.follow(stepper, form, &mut self.scratch[0], stepped);
                 if passes_knot {
                     carried.miss(&self.passed);
                 }
@@ -545,7 +548,9 @@ impl Run<'_> {
             self.flush_if_due()?;
         }
         if let Some(carried) = &mut self.carried {
-            carried.end(self.form.as_mut(), &mut self.scratch[0], self.state.t, &self.w);
+            let t = self.state.t;
+            let along = are_still(&self.changing, [t, t]).then_some(&self.g[..]);
+            carried.end(self.form.as_mut(), &mut self.scratch[0], (t, &self.w), along);
         }
         Ok(())
     }
@@ -611,6 +616,12 @@ impl Run<'_> {
             recorder.begin_step(self.form.point(), &self.state);
         }
     }
+}
+
+/// Whether none of them changes at these times.
+fn are_still(functions: &[&TimeFunction], times: [f64; 2]) -> bool {
+    let is_still = |function: &TimeFunction, t: f64| function.derivatives(t)[1..] == [0.0; 3];
+    functions.iter().all(|function| times.iter().all(|&t| is_still(function, t)))
 }
 
 fn failed(failure: EvaluationFailure, step_size: f64) -> Stop {

@@ -4,14 +4,15 @@ use super::unseen_turns::UnseenTurns;
 use super::{Run, Start};
 use crate::method::stepper::{Stepper, StepperStatistics};
 use crate::method::{StateSpace, build_state_space, build_stepper};
-use crate::model::force_frequencies;
+use crate::model::{changing_motions, force_frequencies};
 use crate::newton::MatrixOptions;
 use crate::reduction::assembly::{AssemblyError, manifold_of};
 use crate::reduction::{Choice, Manifold};
 use crate::simulation::carried_error::CarriedError;
 use crate::simulation::checkpoint::{Checkpoint, foreign};
 use crate::simulation::checks::{
-    RunError, check_options, check_tables, find_channels, set_accelerations, set_coordinates,
+    RunError, check_options, check_parametrization, check_tables, find_channels, set_accelerations,
+    set_coordinates,
 };
 use crate::simulation::clock::{Elapsed, Stopwatch};
 use crate::simulation::dense::{STEP_POWERS, Segments};
@@ -117,6 +118,7 @@ pub(super) fn set_up<'a>(
         }
     };
     check_options(options, started, system.characteristic_length())?;
+    check_parametrization(options.parametrization, system.as_ref())?;
     check_tables(problem.model(), started, options.end_time)?;
     let (mut manifold, mut state) = match given {
         Some(given) => given,
@@ -194,6 +196,7 @@ pub(super) fn set_up<'a>(
         stage_powers: StagePowers::new(&drivers),
         drivers,
         drift: Drift::new(system.structure().sizes.bodies),
+        changing: changing_motions(problem.model()),
         carried: follows.then(|| {
             let unknowns = [form.second_order_split(), dimension];
             CarriedError::new(unknowns, form.weights(), &state)
