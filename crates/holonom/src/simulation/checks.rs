@@ -20,7 +20,7 @@ pub(super) const SMALLEST_TOLERANCE: f64 = 1e-13;
 const LATEST: f64 = 1e12;
 /// Largest number of output rows of a run.
 const MOST_ROWS: f64 = 1e7;
-/// Largest dense matrix of a parametrization, GB: there are up to four of them.
+/// Largest matrix of all constraints by all coordinates that a parametrization may make dense, GB.
 const MOST_GIGABYTES: f64 = 2.0;
 
 /// Why a run could not start.
@@ -82,7 +82,7 @@ pub enum RunError {
     },
     /// A parametrization whose dense matrices would not fit into memory.
     #[error(
-        "`parametrization = \"{name}\"` takes dense matrices of {gigabytes:.0} GB for this model; at most {MOST_GIGABYTES} GB are allowed"
+        "`parametrization = \"{name}\"` takes dense matrices of {gigabytes:.1} GB for this model; at most {MOST_GIGABYTES} GB are allowed"
     )]
     Parametrization {
         /// Its name.

@@ -193,7 +193,7 @@ fn given_up_anywhere(problem: &Problem, options: &Options) {
     assert!(ended_inside >= 5, "{ended_inside}");
 }
 
-#[test] // truth: 16,000 constraints by 24,000 coordinates of 8 bytes are 3 GB
+#[test] // truth: 16,000 constraints by 24,000 coordinates of 8 bytes are 3.1 GB
 fn a_parametrization_that_takes_too_much_memory_is_refused() {
     let problem = Problem::new(read(&chain(8000)).unwrap());
     let dense = Options { parametrization: Choice::Partitioning, ..options() };
@@ -201,7 +201,7 @@ fn a_parametrization_that_takes_too_much_memory_is_refused() {
     assert_eq!(error.code(), "simulation/option");
     let message = error.to_string();
     assert!(
-        message.contains("`parametrization = \"partitioning\"`") && message.contains("3 GB"),
+        message.contains("`parametrization = \"partitioning\"`") && message.contains("3.1 GB"),
         "{message}"
     );
 }

@@ -51,8 +51,8 @@ impl Run<'_> {
         if let Some(carried) = self.carried.as_mut() {
             if far {
                 carried.forget_variables();
-            } else if self.stepper.explicit() {
-                // The one at hand is in the variables of before.
+            } else {
+                // That of an explicit formula is in the variables of before.
                 carried.forget_matrix();
             }
             self.express_error();
