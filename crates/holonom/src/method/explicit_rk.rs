@@ -51,6 +51,7 @@ pub struct ExplicitRungeKuttaStepper {
     k: Vec<Vec<f64>>,
     state: Vec<f64>,
     work: Vec<f64>,
+    room: Vec<f64>,
     error_at_kinks: f64,
     strictness: f64,
     current: Segment,
@@ -77,6 +78,7 @@ impl ExplicitRungeKuttaStepper {
             k: formula.a.iter().map(|_| vector()).collect(),
             state: vector(),
             work: vector(),
+            room: vector(),
             error_at_kinks: formula.error_at_kinks(),
             strictness: 1.0,
             current: Segment::new(dimension, OF_ENDS + formula.d.len()),
@@ -148,24 +150,29 @@ impl ExplicitRungeKuttaStepper {
     }
 
     /// h|λ| of what is fastest, from the two slopes at the end of a step, and the size that the system has there:
-    /// the smaller one of |Δk|/|Δw| of rates and, as λ², of positions, whose second derivatives k of rates are.
-    fn fastness(&self, h: f64, split: usize) -> f64 {
+    /// the smaller one of ‖Δk‖/‖Δw‖ of rates and, as λ², of positions, whose second derivatives k of rates are.
+    fn fastness(&mut self, ode: &mut dyn LinearizedOde, h: f64) -> f64 {
+        let split = ode.second_order_split();
         let rates = if split == 0 { 0..self.state.len() } else { split..2 * split };
         let ExplicitRungeKutta { a, end, .. } = *self.formula;
         let (last, before) = (a[end], a[end - 1]);
-        let [mut slopes, mut changes, mut positions] = [0.0; 3];
+        let Self { k, room, .. } = self;
         let change = |i: usize| {
             let weights = last.iter().enumerate();
-            weights.map(|(j, b)| (b - before.get(j).unwrap_or(&0.0)) * self.k[j][i]).sum::<f64>()
+            weights.map(|(j, b)| (b - before.get(j).unwrap_or(&0.0)) * k[j][i]).sum::<f64>()
         };
-        for i in rates {
-            slopes += (self.k[end][i] - self.k[end - 1][i]).powi(2);
-            changes += (h * change(i)).powi(2);
-            positions += (h * change(i.wrapping_sub(split))).powi(2);
+        // All as rates, so that what they count does not depend on units.
+        let mut size = |of: &dyn Fn(usize) -> f64| {
+            room.fill(0.0);
+            rates.clone().for_each(|i| room[i] = of(i));
+            ode.norm(room)
+        };
+        let slopes = size(&|i| k[end][i] - k[end - 1][i]);
+        let plain = slopes / size(&|i| h * change(i));
+        if split == 0 {
+            return h * plain;
         }
-        let plain = (slopes / changes).sqrt();
-        let second = if split == 0 { plain } else { (slopes / positions).sqrt().sqrt() };
-        h * plain.min(second)
+        h * plain.min((slopes / size(&|i| h * change(i - split))).sqrt())
     }
 
     /// How far the polynomial of the first terms misses the slope of the equations inside the step just accepted, as a
@@ -291,7 +298,7 @@ impl Stepper for ExplicitRungeKuttaStepper {
                 // What may grow is not held by anything.
                 if !self.options.fixed_step
                     && next < 2.0 * h
-                    && self.fastness(h, ode.second_order_split()) > self.formula.stiff
+                    && self.fastness(ode, h) > self.formula.stiff
                 {
                     self.statistics.stiff_steps += 1;
                 }

@@ -253,13 +253,13 @@ impl CarriedError {
             return true;
         }
         self.spread = false;
-        if !std::mem::replace(&mut self.seeded, true) {
-            self.seed(form, power);
-        }
         let Stepped { step, slopes: [first, last], .. } = stepped;
         let ndof = form.second_order_split();
         self.rates.resize(ndof, 0.0);
         self.take_slopes(form, stepped.slopes);
+        if !std::mem::replace(&mut self.seeded, true) {
+            self.seed(form, power);
+        }
         if stepper.explicit() {
             self.part_with_longer_steps(form, power, stepped);
         }
@@ -285,11 +285,11 @@ impl CarriedError {
         self.add_along(ahead, stepped.along(last));
         let change = stepper.last_change();
         let [mut errors, mut rates] = [0.0; 2];
-        for (k, largest) in self.rates.iter_mut().enumerate() {
+        for (k, (largest, arm)) in self.rates.iter_mut().zip(&self.arms).enumerate() {
             *largest = largest.max(stepped.w[ndof + k].abs());
-            let error = change[ndof + k].abs();
+            let error = arm * change[ndof + k].abs();
             errors += error * error;
-            rates += error * *largest;
+            rates += error * arm * *largest;
         }
         // At the knot of a law, or beside the other end of a line, no formula has its order.
         let part = if stepped.passes_knot {
@@ -308,8 +308,8 @@ impl CarriedError {
         let [sum, other] = &mut self.sums;
         add(&mut sum.error, part, change);
         // By rates: errors of places last, those of rates become more.
-        let rates = other.error.iter().zip(change).skip(ndof).take(ndof);
-        let product = rates.map(|(e, d)| e * d).sum();
+        let rates = other.error[ndof..].iter().zip(&change[ndof..]);
+        let product = rates.zip(&self.arms).map(|((e, d), arm)| arm * arm * e * d).sum();
         add(&mut other.error, part.copysign(product), change);
         self.add_along(ahead, stepped.along(last));
         if stepped.iterated {
@@ -419,6 +419,9 @@ impl CarriedError {
         for (Carried { error, .. }, phase) in self.sums.iter_mut().zip([0.0, FRAC_PI_2]) {
             for (k, x) in change.iter_mut().enumerate() {
                 *x = (1.0 + k as f64 + phase).sin();
+            }
+            for level in change.chunks_exact_mut(self.arms.len().max(1)).take(2) {
+                level.iter_mut().zip(&self.arms).for_each(|(x, arm)| *x /= arm);
             }
             let size = form.norm(change);
             if size > 0.0 && size.is_finite() {

@@ -4,7 +4,7 @@ use crate::amplified_errors::{WRONG, warned};
 use crate::common::integrate::tight;
 use crate::common::table::all_codes;
 use crate::common::{model_of, options, run_model};
-use holonom::model::Model;
+use holonom::model::{Model, Tolerance};
 use holonom::simulation::{Options, OutputTimes};
 use std::f64::consts::PI;
 
@@ -16,21 +16,24 @@ struct Cart {
 }
 
 impl Cart {
-    fn model(&self) -> Model {
+    /// `metre` units of length are a metre.
+    fn model(&self, metre: f64) -> Model {
         let Self { mass, stiffness, angle } = self;
+        let [gravity, inertia, own, length] =
+            [9.81 * metre, metre * metre, 0.01 * metre * metre, 10.0 * metre];
         model_of(&format!(
             r#"
 holonom = 1
 dimension = "planar"
-gravity = [0.0, -9.81]
+gravity = [0.0, -{gravity:e}]
 [bodies]
-cart = {{ mass = {mass:e}, inertia = 1.0, position = [0.0, 0.0] }}
-bob = {{ mass = 1.0, inertia = 0.01, position = [0.0, -1.0] }}
+cart = {{ mass = {mass:e}, inertia = {inertia:e}, position = [0.0, 0.0] }}
+bob = {{ mass = 1.0, inertia = {own:e}, position = [0.0, -{metre:e}] }}
 [joints]
 guide = {{ type = "translational", between = ["ground", "cart"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
 pin = {{ type = "revolute", between = ["cart", "bob"], point = [0.0, 0.0] }}
 [forces]
-spring = {{ type = "tsda", between = ["ground", "cart"], points = [[-10.0, 0.0], [0.0, 0.0]], stiffness = {stiffness:e}, free_length = 10.0 }}
+spring = {{ type = "tsda", between = ["ground", "cart"], points = [[-{length:e}, 0.0], [0.0, 0.0]], stiffness = {stiffness:e}, free_length = {length:e} }}
 [initial.joints]
 pin = {{ angle = {angle:e}, angular_velocity = 0.0 }}
 guide = {{ velocity = 0.0 }}
@@ -64,7 +67,7 @@ fn a_pendulum_on_a_cart_is_right_or_warned_of_after_minutes() {
     ] {
         let times: Vec<f64> = (0..=400).map(|k| f64::from(k) * end / 400.0).collect();
         let truth = tight(&|_, y: &[f64]| cart.rate(y), &[0.0, cart.angle, 0.0, 0.0], &times);
-        let model = cart.model();
+        let model = cart.model(1.0);
         for code in all_codes() {
             for tolerance in [2e-3, 1e-3] {
                 let asked = Options {
@@ -89,4 +92,17 @@ fn a_pendulum_on_a_cart_is_right_or_warned_of_after_minutes() {
         }
     }
     assert!(wrong > 20, "{wrong} wrong runs");
+}
+
+#[test] // independent truth: a unit of length is what somebody chose; powers of two change no digit
+fn errors_that_add_up_do_so_alike_in_all_units() {
+    let cart = Cart { mass: 46.0, stiffness: 59.0, angle: 1.925 };
+    for code in all_codes() {
+        let steps = [1.0, 1.0 / 1024.0, 1024.0].map(|metre| {
+            let tolerance = Tolerance { translation: 1e-3 * metre, ..Tolerance::uniform(1e-3) };
+            let asked = Options { tolerance, ..options(code, 1e-3, 40.0) };
+            run_model(&cart.model(metre), &asked).summary.statistics.steps
+        });
+        assert!(steps.iter().all(|n| *n == steps[0]), "{code:?}: {steps:?} steps");
+    }
 }
