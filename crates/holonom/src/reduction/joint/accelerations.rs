@@ -116,6 +116,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let mut left = std::mem::take(&mut self.zero_rates);
         self.project(&mut left);
         self.tell_multipliers(lambda);
+        // What is left of the forces was there as nowhere else is room: rates are zero again.
+        left.fill(0.0);
         self.zero_rates = left;
         // Deformations bear no force.
         for closure in &self.closures.all {
