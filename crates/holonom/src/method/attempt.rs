@@ -400,8 +400,7 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
                 if hidden <= 1.0 {
                     self.pending = true;
                     self.memory.history.accept(h, error);
-                    let longest = self.memory.barrier.pass(h).min(self.options.max_step);
-                    report.accept(error, next.min(longest));
+                    report.accept(error, next.min(self.options.max_step));
                 } else {
                     self.matrices.forget();
                     self.memory.history.reject();
@@ -418,9 +417,6 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
             }
             Err(failure) => {
                 self.predicts = false;
-                if failure.is_of_newton() {
-                    self.memory.barrier.fail(h, self.memory.history.rejected);
-                }
                 self.memory.history.reject();
                 self.memory.contraction = f64::INFINITY;
                 report.next_step = h * failure.ratio;

@@ -169,9 +169,9 @@ fn velocities_that_are_off_for_moments_are_not_warned_of() {
         output: OutputTimes::Interval(4.0 / f64::from(ROWS)),
         ..options(DEFAULT_CODE, tolerance, 4.0)
     };
-    let (mut runs, mut off_for_moments, mut rows_off, mut in_vain) = (0, 0, 0, 0);
-    // How far a step ends from the change point, and for how long the velocity is off behind it, is a matter of where the crank starts.
-    let starts = [1.0, 1.1, 1.2, 1.3, 1.4].into_iter();
+    let mut off_for_moments = 0;
+    // How far a step ends from the change point is a matter of where the crank starts.
+    let starts = [1.1, 1.3].into_iter();
     for (missed, crank) in starts.flat_map(|crank| [1e-5, 1e-6, 1e-7].map(|missed| (missed, crank)))
     {
         let model = change_point(missed, crank);
@@ -189,16 +189,12 @@ fn velocities_that_are_off_for_moments_are_not_warned_of() {
             assert!(angle < RIGHT, "{missed:e} m, {tolerance:e}: {angle}");
             let velocities = errors("rocker.angular_velocity", 1.0 + fastest);
             let off = velocities.iter().filter(|&&error| error > RIGHT).count();
-            assert!(off < ROWS as usize / 20, "{missed:e} m, {tolerance:e}: {off} rows");
+            assert!(off < ROWS as usize / 100, "{missed:e} m, {tolerance:e}: {off} rows");
             off_for_moments += usize::from(off > 0);
-            rows_off += off;
-            in_vain += usize::from(warned(&outcome.summary));
-            runs += 1;
+            assert!(!warned(&outcome.summary), "{missed:e} m, {tolerance:e}: {off} rows");
         }
     }
-    assert!(rows_off < runs * ROWS as usize / 250, "{rows_off} rows of {runs} runs");
-    assert!(in_vain <= 1, "{in_vain} of {runs} warned of");
-    assert!(off_for_moments > runs / 4, "{off_for_moments} of {runs}");
+    assert!(off_for_moments > 3, "{off_for_moments}");
 }
 
 /// A rod upright on a hinge with a spring and a damper, started 1e-3 rad off, whose load at the tip grows past what the spring
