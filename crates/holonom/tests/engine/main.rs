@@ -56,6 +56,7 @@ mod stiff_elements;
 mod stiff_sweep;
 mod travelling;
 mod turns;
+mod unit_invariance;
 mod units;
 mod unseen;
 mod viscoelastic;
