@@ -400,7 +400,8 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
                 if hidden <= 1.0 {
                     self.pending = true;
                     self.memory.history.accept(h, error);
-                    report.accept(error, next.min(self.options.max_step));
+                    let longest = self.memory.longest_after(h, report.contraction);
+                    report.accept(error, next.min(longest).min(self.options.max_step));
                 } else {
                     self.matrices.forget();
                     self.memory.history.reject();
@@ -417,6 +418,9 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
             }
             Err(failure) => {
                 self.predicts = false;
+                if failure.is_of_newton() {
+                    self.memory.failed = h;
+                }
                 self.memory.history.reject();
                 self.memory.contraction = f64::INFINITY;
                 report.next_step = h * failure.ratio;

@@ -58,13 +58,10 @@ pub struct RadauStages {
 }
 
 impl RadauStages {
-    /// Start values: the polynomial of the step before, continued.
-    fn predict(&mut self, h: f64, before: Option<&Segment>) {
+    /// Start values of the stages of `step`.
+    fn predict(&mut self, ode: &Counted<'_>, step: &Step<'_>, before: Option<&Segment>) {
         for (z, c) in self.z.iter_mut().zip(&self.formula.c) {
-            match before {
-                Some(before) => before.continue_by(c * h, z),
-                None => z.fill(0.0),
-            }
+            step.predict(*c, ode.second_order_split(), before, z);
         }
         transform(&self.formula.t_inverse, &self.z, &mut self.y);
     }
@@ -196,7 +193,7 @@ impl Stages for RadauStages {
         step: &Step<'_>,
         iteration: &mut Iteration<'_>,
     ) -> Result<u32, Failure> {
-        self.predict(step.h, iteration.before);
+        self.predict(ode, step, iteration.before);
         let foreseen = iteration.before.is_some();
         iteration.converge(0, 1.0, foreseen, |change| self.correct(ode, step, change))
     }

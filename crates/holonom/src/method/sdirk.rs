@@ -50,17 +50,15 @@ pub struct SdirkStages {
 
 impl SdirkStages {
     /// Start value of stage `i` and its past part.
-    fn predict(&mut self, i: usize, h: f64, before: Option<&Segment>) {
+    fn predict(&mut self, i: usize, ode: &Counted<'_>, step: &Step<'_>, before: Option<&Segment>) {
         let (known, rest) = self.z.split_at_mut(i);
         let z = &mut rest[0];
-        z.fill(0.0);
         self.past.fill(0.0);
         if i == 0 {
-            if let Some(before) = before {
-                before.continue_by(self.formula.c[0] * h, z);
-            }
+            step.predict(self.formula.c[0], ode.second_order_split(), before, z);
             return;
         }
+        z.fill(0.0);
         let weights =
             if i == STAGES - 1 { &self.formula.d_hat } else { &self.formula.predictor[i] };
         for (j, known) in known.iter().enumerate() {
@@ -136,7 +134,7 @@ impl Stages for SdirkStages {
     ) -> Result<u32, Failure> {
         let mut last_stage = 0;
         for i in 0..STAGES {
-            self.predict(i, step.h, iteration.before);
+            self.predict(i, ode, step, iteration.before);
             let effect = self.formula.effect(i);
             let correct = |change: &mut [f64]| self.correct(i, ode, step, change);
             // Later stages start from those before.

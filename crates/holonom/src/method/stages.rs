@@ -4,7 +4,7 @@ use super::counted::Counted;
 use super::iteration::{Failure, Iteration};
 use super::ode::EvaluationFailure;
 use super::segment::Segment;
-use super::stepper::StepEnd;
+use super::stepper::{StepEnd, add_scaled};
 use std::fmt::Debug;
 
 /// A step to be tried: from (t, w) with slope g over h.
@@ -14,6 +14,19 @@ pub struct Step<'a> {
     pub(super) h: f64,
     pub(super) w: &'a [f64],
     pub(super) g: &'a [f64],
+}
+
+impl Step<'_> {
+    /// What w changes by until c h is foreseen to be: the step `before`, continued, or else constant rates of `n` positions, which
+    /// turns take around but no vibration anywhere.
+    pub(super) fn predict(&self, c: f64, n: usize, before: Option<&Segment>, change: &mut [f64]) {
+        if let Some(before) = before {
+            before.continue_by(c * self.h, change);
+        } else {
+            change.fill(0.0);
+            add_scaled(&mut change[..n], c * self.h, &self.w[n..2 * n]);
+        }
+    }
 }
 
 /// The stages of an implicit formula and its buffers.

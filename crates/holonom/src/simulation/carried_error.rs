@@ -55,8 +55,6 @@ pub(super) struct Stepped<'a> {
     pub(super) slopes: [&'a [f64]; 2],
     /// Whether time takes no part in the equations there.
     pub(super) autonomous: bool,
-    /// Whether what its iterations have left counts.
-    pub(super) iterated: bool,
     /// Whether laws may have passed knots in it.
     pub(super) passes_knot: bool,
     /// By which bodies that turn freely turn in it, rad.
@@ -312,7 +310,8 @@ impl CarriedError {
         let product = rates.zip(&self.arms).map(|((e, d), arm)| arm * arm * e * d).sum();
         add(&mut other.error, part.copysign(product), change);
         self.add_along(ahead, stepped.along(last));
-        if stepped.iterated {
+        // What iterations have left: where nothing else is left of a motion that dies away, it is what may grow.
+        if !stepper.explicit() {
             let part = stepper.filter_part() * step;
             for (x, (g, s)) in power.iter_mut().zip(last.iter().zip(stepper.end().slope)) {
                 *x = part * (g - s);

@@ -556,3 +556,63 @@ fn what_a_strong_damper_holds_takes_no_more_steps_than_on_a_rod() {
         }
     }
 }
+
+/// Two discs on a shaft of bushings between two bearings in housings on soft ones, that a motor runs up to 250 rad/s.
+fn shaft_on_bushings() -> Model {
+    let body = |name: &str, mass: f64, [about, across]: [f64; 2], x: f64| {
+        format!(
+            "{name} = {{ mass = {mass:?}, position = [{x:?}, 0.0, 0.0], inertia = [[{about:?}, 0.0, 0.0], [0.0, {across:?}, 0.0], [0.0, 0.0, {across:?}]] }}\n"
+        )
+    };
+    let shaft = |name: &str, first: &str, second: &str, x: f64| {
+        format!(
+            "{name} = {{ type = \"bushing\", between = [\"{first}\", \"{second}\"], point = [{x:?}, 0.0, 0.0], \
+             stiffness = [1e8, 4e6, 4e6], damping = [1000.0, 40.0, 40.0], \
+             rotational_stiffness = [8e4, 1e5, 1e5], rotational_damping = [2.0, 1.0, 1.0] }}\n"
+        )
+    };
+    let mount = |name: &str, housing: &str, x: f64| {
+        format!(
+            "{name} = {{ type = \"bushing\", between = [\"ground\", \"{housing}\"], point = [{x:?}, 0.0, 0.0], \
+             stiffness = [1e6, 9e5, 1.4e6], damping = [300.0, 250.0, 400.0], \
+             rotational_stiffness = [1e4, 1e4, 1e4], rotational_damping = [10.0, 10.0, 10.0] }}\n"
+        )
+    };
+    let bearing = |name: &str, kind: &str, housing: &str, end: &str, x: f64| {
+        format!(
+            "{name} = {{ type = \"{kind}\", between = [\"{housing}\", \"{end}\"], point = [{x:?}, 0.0, 0.0], axis = [1.0, 0.0, 0.0] }}\n"
+        )
+    };
+    model_of(&[
+        "holonom = 1\ndimension = \"spatial\"\ngravity = [0.0, 0.0, -9.81]\n[bodies]\n",
+        &body("left", 3.0, [0.01, 0.01], 0.0),
+        &body("first", 20.0, [0.6, 0.32], 0.3),
+        &body("second", 15.0, [0.3, 0.17], 0.6),
+        &body("right", 3.0, [0.01, 0.01], 0.9),
+        &body("left_housing", 8.0, [0.05, 0.05], 0.0),
+        &body("right_housing", 8.0, [0.05, 0.05], 0.9),
+        "[joints]\n",
+        &bearing("left_bearing", "revolute", "left_housing", "left", 0.0),
+        &bearing("right_bearing", "cylindrical", "right_housing", "right", 0.9),
+        "[forces]\n",
+        &shaft("shaft_1", "left", "first", 0.15),
+        &shaft("shaft_2", "first", "second", 0.45),
+        &shaft("shaft_3", "second", "right", 0.75),
+        &mount("left_mount", "left_housing", 0.0),
+        &mount("right_mount", "right_housing", 0.9),
+        "motor = { type = \"torque\", on = \"left\", axes = \"body\", torque = [60.0, 0.0, 0.0] }\n",
+    ].concat())
+}
+
+#[test] // independent truth: what is less exact is to cost no more
+fn loose_tolerances_cost_no_more_where_iterations_limit_steps() {
+    let model = shaft_on_bushings();
+    for code in [Code::ForRadau, Code::ForSdirk, Code::InflSdirk] {
+        let evaluations = [1e-1, 1e-2, 1e-3].map(|tolerance| {
+            let outcome = run_model(&model, &options(code, tolerance, 4.0));
+            outcome.summary.statistics.evaluations
+        });
+        let [loosest, loose, tight] = evaluations;
+        assert!(loosest.max(loose) < tight * 6 / 5, "{code:?}: {evaluations:?}");
+    }
+}

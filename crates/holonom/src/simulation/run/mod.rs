@@ -121,8 +121,6 @@ pub(in crate::simulation) enum Start<'a> {
 
 /// The order of the rule that integrates powers in explicit steps.
 const LEDGER_ORDER: u32 = 6;
-/// Turn in a step from which what iterations leave counts among carried errors, rad.
-const FAR: f64 = 0.3;
 
 /// A run, and a second one where the errors of its steps may have grown beyond what they were allowed.
 fn begin(
@@ -495,16 +493,12 @@ impl Run<'_> {
                     carried.doubt(self.stepper.as_ref(), report.contraction);
                 }
                 let (stepper, form) = (self.stepper.as_mut(), self.form.as_mut());
-                let chart = form.point().manifold.chart().parametrization();
                 let turn = step * turning;
-                // Where matrices do not turn along with bodies, or these turn far.
-                let iterated = chart.relatives().is_none() || turn > FAR;
                 let passes_knot = self.passes_knot;
                 let (w, slopes) = (&self.w_end[..], [&self.g[..], &self.g_end[..]]);
                 let autonomous = are_still(&self.changing, [t, t_end]);
                 let t = t_end;
-                let stepped =
-                    Stepped { t, step, w, slopes, autonomous, iterated, passes_knot, turn };
+                let stepped = Stepped { t, step, w, slopes, autonomous, passes_knot, turn };
                 let known = carried.follow(stepper, form, &mut self.scratch[0], stepped);
                 if passes_knot {
                     carried.miss(&self.passed);
