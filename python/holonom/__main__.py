@@ -42,9 +42,13 @@ class _Process:
         self.ready = False
         #: Numbers of the signals that came.
         self.received: list[int] = []
+        #: Whether Ctrl-C is ignored, as of a job in the background; other signals then end it all
+        #: the same, so that a run is to hear of them in its way.
+        self._ignores_interrupts = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        signal.signal(signal.SIGINT, self._interrupt)
         for number in ENDING:
-            if signal.getsignal(number) is not signal.SIG_IGN:  # as of a job in the background
-                signal.signal(number, self._interrupt)
+            if number != signal.SIGINT and signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._end)
         self._unraisable = sys.unraisablehook
         sys.unraisablehook = self._raise_again
         _open_streams()
@@ -73,18 +77,25 @@ class _Process:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
         sys.exit(status)
 
-    def _interrupt(self, number: int, frame: FrameType | None) -> None:
+    def _interrupt(self, number: int, _: FrameType | None) -> None:
+        if number == signal.SIGINT and self._ignores_interrupts:
+            return
+        self._receive(number)
+        raise KeyboardInterrupt
+
+    def _end(self, number: int, frame: FrameType | None) -> None:
+        """End the command as Ctrl-C does, also where that is deferred, as in a run."""
+        handler = signal.getsignal(signal.SIGINT)
+        if not callable(handler):
+            handler = self._interrupt
+        self._receive(number)
+        handler(number, frame)
+
+    def _receive(self, number: int) -> None:
         self.received.append(number)
         if not self.ready:  # nothing is open yet, and imports do not like exceptions
             _say("error: interrupted\n")
             os._exit(128 + number)
-        if number != signal.SIGINT:
-            # The others end the command as Ctrl-C does, also where that is deferred, as in a run.
-            handler = signal.getsignal(signal.SIGINT)
-            if callable(handler) and handler != self._interrupt:
-                handler(signal.SIGINT, frame)
-                return
-        raise KeyboardInterrupt
 
     def _raise_again(self, unraisable: sys.UnraisableHookArgs) -> None:
         """Do not lose a Ctrl-C that met a destructor."""

@@ -516,9 +516,10 @@ def _require_word(name: str, value: object) -> str:
 
 
 def _require_flag(name: str, value: object) -> bool:
-    if not isinstance(value, bool):
+    # NumPy has a type of its own, and need not be imported for it.
+    if not (isinstance(value, bool) or type(value).__name__ in ("bool", "bool_")):
         raise UsageError(f"`{name}` is {quoted(repr(value))}", help="it must be True or False")
-    return value
+    return bool(value)
 
 
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {

@@ -74,14 +74,16 @@ def run(
     if certify:
         _require_error_control(chosen)
     continues = None
+    noted: list[dict[str, str]] = []
     if output is not None:
-        alone = keep or certify
+        asked, alone = output, keep or certify
         output, continues = destination(model, chosen, state, output, source, alone=alone)
+        if output != asked and not alone:
+            noted.append(_renamed(asked, output))
         output = files.numbered(output) if keep else output
         real = files.require_target(output, "result", inputs=model.sources, force=force)
         require_unwritten(real, output)
 
-    noted: list[dict[str, str]] = []
     if continues is not None:
         before = {"time": np.array([begun(continues)])}
         again, _, as_then = _resolved(model, options, before)
@@ -105,7 +107,7 @@ def run(
             except (NotRepeatedError, SimulationError) as error:
                 if isinstance(error, SimulationError) and error.code != "simulation/checkpoint":
                     raise
-                noted = _not_repeated(error)
+                noted.append(_not_repeated(error))
             finally:
                 recorder.release()
     recorder = _Recorder(model, chosen, requested, output, certify, continues, force)
@@ -142,9 +144,9 @@ def _recorded(
             summary = _simulate(model, text, state, append, progress, watch, interrupts, checkpoint)
             recorder.finish(summary)
             ended = True
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         if not ended:  # before the first row: there is nothing to store
-            recorder.close()
+            recorder.abandon(error)
             raise
         reason = {
             "code": "simulation/interrupted",
@@ -157,7 +159,7 @@ def _recorded(
         if returned and isinstance(error, SimulationError) and error.code == _TIME_IS_UP:
             return recorder.without_rows(error.reason)
         if not (isinstance(error, FileError) and recorder.rescued(error)):
-            recorder.close()
+            recorder.abandon(error)
         raise
     result = recorder.result()
     if summary["status"] != "completed":
@@ -300,17 +302,24 @@ def _certified(
         raise
 
 
-def _not_repeated(error: Exception) -> list[dict[str, str]]:
+def _renamed(asked: Path, output: Path) -> dict[str, str]:
+    return {
+        "code": "result/renamed",
+        "message": f"`{asked}` holds the result that this run starts from, and not where it ends: "
+        f"it stays, and this run is in `{output}`",
+        "path": "",
+    }
+
+
+def _not_repeated(error: Exception) -> dict[str, str]:
     what = f"`{error}` comes" if isinstance(error, NotRepeatedError) else "its steps come"
-    return [
-        {
-            "code": "result/not-repeated",
-            "message": f"{what} out otherwise here than when the run was stopped, on another "
-            "machine or by another build; it goes on from its last row, and from there on its rows "
-            "are not, to the last bit, those of a run that was never stopped",
-            "path": "",
-        }
-    ]
+    return {
+        "code": "result/not-repeated",
+        "message": f"{what} out otherwise here than when the run was stopped, on another "
+        "machine or by another build; it goes on from its last row, and from there on its rows "
+        "are not, to the last bit, those of a run that was never stopped",
+        "path": "",
+    }
 
 
 def _simulate(
@@ -439,7 +448,17 @@ class _Recorder:
             pass
         return error.result is not None
 
-    def close(self) -> None:
+    def abandon(self, error: BaseException) -> None:
+        """Close what was stored before something else ended the run; the file says what."""
+        if isinstance(self._writer, Writer) and not isinstance(error, FileError):
+            reason = {
+                "code": "simulation/interrupted",
+                "message": f"the run was ended by {type(error).__name__}: {error}",
+                "help": "the rows before that are whole",
+            }
+            meta = {"status": "interrupted", "stop_reason": reason, "finished": _now()}
+            with contextlib.suppress(FileError):
+                self._writer.fail(meta)
         if self._writer is not None:
             self._writer.close()
 

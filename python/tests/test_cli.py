@@ -143,7 +143,18 @@ def test_check_prints_counts_or_json(pendulum: Path, capsys: pytest.CaptureFixtu
     text = capsys.readouterr().out
     assert "degrees of freedom    1" in text
     assert invoke(["check", str(pendulum), "--json"]) == 0
-    assert output_json(capsys)["dof"] == 1
+    behind = output_json(capsys)
+    assert behind["dof"] == 1
+    assert invoke(["--json", "check", str(pendulum)]) == 0
+    assert output_json(capsys) == behind
+    # A table as a model file has it, and as JSON has it.
+    tables = (
+        "{mass = 2.0, inertia = 0.1, position = [0.8, 0.0]}",
+        '{"mass": 2.0, "inertia": 0.1, "position": [0.8, 0.0]}',
+    )
+    for table in tables:
+        assert invoke(["check", str(pendulum), "--set", f"bodies.rod={table}", "--json"]) == 0
+        assert output_json(capsys)["dof"] == 1
 
 
 def test_check_and_info_list_the_channels(

@@ -85,6 +85,7 @@ def test_channels_at_any_time_in_any_order(wheel: holonom.Model) -> None:
     np.testing.assert_array_equal(found["rod.position"][:, 2], found["rod.position[2]"])
     # The rod is 0.3 m long.
     np.testing.assert_allclose(np.hypot(*found["rod.position"][:, 1:].T), 0.3, atol=1e-13)
+    np.testing.assert_array_equal(result.sample(TIMES, ["time"])["time"], TIMES)
     at_rows = result.sample(result.time)
     assert list(at_rows) == ["time", *result.channels]
     for name in result.channels:

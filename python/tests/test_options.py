@@ -73,6 +73,18 @@ def test_what_cannot_be_used_is_named(choices: dict[str, Any], named: str) -> No
         Options(**choices)
 
 
+def test_truth_values_of_numpy_are_taken() -> None:
+    assert Options(dense_output=np.bool_(False)).dense_output is False
+
+
+@pytest.mark.parametrize("stated", ["newmark_gamma", "newmark_beta"])
+@pytest.mark.parametrize("value", [0.25, 0.5])
+def test_the_number_of_another_formula_is_named_as_it_was_stated(stated: str, value: float) -> None:
+    choices: dict[str, Any] = {"method": "ForSDIRK", stated: value}
+    with pytest.raises(UsageError, match=f"`{stated}` is {value}"):
+        holonom.Model.from_text(PENDULUM).simulate(**choices)
+
+
 def test_choices_that_a_model_keeps_are_those_of_the_call() -> None:
     """Runs in threads share the model; independent truth: a model of its own for each choice."""
     shared = holonom.Model.from_text(PENDULUM)

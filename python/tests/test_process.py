@@ -17,13 +17,15 @@ HOLONOM = [sys.executable, "-m", "holonom"]
 VEHICLE = MODELS / "hmmwv14" / "model.toml"
 
 
-def start(*arguments: object, **options: object) -> subprocess.Popen[str]:
+def start(
+    *arguments: object, interrupts: signal.Handlers = signal.SIG_DFL, **options: object
+) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [*HOLONOM, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL) and None,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, interrupts) and None,
         **options,
     )  # type: ignore[call-overload]
 
@@ -105,11 +107,14 @@ def test_a_signal_while_libraries_are_read_ends_at_once(vehicle: Path) -> None:
     assert end(process, signal.SIGINT, 0.0) in [(130, "error: interrupted\n"), (0, "")]
 
 
+@pytest.mark.parametrize("interrupts", [signal.SIG_DFL, signal.SIG_IGN])
 def test_a_run_ended_by_sigterm_keeps_and_marks_what_was_computed(
-    pendulum: Path, tmp_path: Path
+    pendulum: Path, tmp_path: Path, interrupts: signal.Handlers
 ) -> None:
+    """Also where Ctrl-C is ignored, as in the background of a script."""
     path = tmp_path / "rod.holonom"
-    process = start("run", pendulum, "-o", path, "--end-time", "9e4", "--tolerance", "1e-9")
+    line = ("run", pendulum, "-o", path, "--end-time", "9e4", "--tolerance", "1e-9")
+    process = start(*line, interrupts=interrupts)
     while not path.exists():
         time.sleep(0.02)
     status, err = end(process, signal.SIGTERM, 0.5)

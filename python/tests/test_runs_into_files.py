@@ -314,8 +314,40 @@ def test_python_continues_too(model: holonom.Model, older: Path) -> None:
         last, inner = result.state(), result.state(0.5)
     with model.simulate(start=last, end_time=1.5, output=older) as result:
         assert (result.path, result.time[0], result.time[-1]) == (older, 0.0, 1.5)
+        assert not [w for w in result.warnings if w["code"] == "result/renamed"]
     with model.simulate(start=inner, end_time=1.5, output=older) as result:
         assert result.path == older.with_name("rod-2.holonom")
+        assert [w["code"] for w in result.warnings] == ["result/renamed"]
+        assert "rod-2.holonom" in result.warnings[0]["message"]
+
+
+def test_a_result_without_rows_is_saved_and_read_back(model: holonom.Model, tmp_path: Path) -> None:
+    result = model.simulate(max_seconds=1e-9, on_failure="return")
+    if result.time.size:
+        pytest.skip("the machine is too fast to make a result without rows")
+    result.save(tmp_path / "none.holonom")
+    with Result.load(tmp_path / "none.holonom") as found:
+        assert (found.status, found.stop_reason) == (result.status, result.stop_reason)
+        with pytest.raises(AttributeError, match="there are none"):
+            _ = found.statistics.steps
+
+
+def test_a_run_that_something_else_ended_says_what(model: holonom.Model, tmp_path: Path) -> None:
+    path = tmp_path / "rod.holonom"
+    count = 0
+
+    def fail(_: object) -> None:
+        nonlocal count
+        count += 1
+        if count > 1:
+            raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        model.simulate(end_time=1e4, interval=0.01, max_steps=10**6, output=path, rows=fail)
+    with Result.load(path) as result:
+        assert result.status == "interrupted"
+        assert "RuntimeError: enough" in result.stop_reason["message"]
+        assert result.time.size > 1
 
 
 def test_what_another_run_replaced_meanwhile_is_not_continued(

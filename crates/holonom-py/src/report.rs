@@ -294,7 +294,5 @@ fn stop_reason(summary: &Summary) -> Value {
 }
 
 pub(crate) fn refusal(code: &str, message: &str, item: Option<&str>, help: &str) -> String {
-    json!({"code": code, "message": message, "time": null, "item": item, "help": help,
-           "details": {}})
-    .to_string()
+    json!({"code": code, "message": message, "time": null, "item": item, "help": help}).to_string()
 }

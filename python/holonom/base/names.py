@@ -91,6 +91,10 @@ COMMANDS = {
 }
 
 
+#: Letters from which a word may be the beginning of another one.
+_BEGINNING = 3
+
+
 def nearest(
     name: object, known: Collection[str], words: Mapping[str, str] | None = None, most: int = 1
 ) -> list[str]:
@@ -113,6 +117,8 @@ def nearest(
     for meant, others in (words or {}).items():
         if meant in known and plain in others.split():
             found.append(meant)
+    if len(plain) >= _BEGINNING:  # what begins so is meant rather than what looks like it
+        found += sorted((one for one in known if one.lower().startswith(plain)), key=len)
     found += difflib.get_close_matches(text, known, n=most, cutoff=0.55)
     if not found and words:  # a word of another code, mistyped
         of_word = {word: one for one in words if one in known for word in words[one].split()}

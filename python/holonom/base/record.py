@@ -29,7 +29,8 @@ class Record(Mapping[str, Any]):
         return self[name]
 
     def _absent(self, name: object) -> str:
-        near = did_you_mean(nearest(name, self._data), f"there are {', '.join(self._data)}")
+        there = f"there are {', '.join(self._data)}" if self._data else "there are none"
+        near = did_you_mean(nearest(name, self._data), there)
         return f"there is no entry {quoted(name)}; {near}"
 
     def __iter__(self) -> Iterator[str]:

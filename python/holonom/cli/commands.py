@@ -47,6 +47,8 @@ def command(
         print_version(json_)
         raise typer.Exit(Exit.OK)
     if context.invoked_subcommand is not None:
+        if json_:  # in front of a command it means what it does behind it
+            context.default_map = {context.invoked_subcommand: {"json_": True}}
         return
     if json_:
         raise UsageError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
@@ -160,11 +161,21 @@ def read_changes(texts: list[str]) -> dict[str, Any]:
 
 
 def read_value(text: str) -> Any:
-    """Return a number, a list, true or false; anything else is a text."""
+    """Return a number, a list, a table, true or false; anything else is a text."""
     try:
         return json.loads(text)
     except ValueError:
-        return text.strip()
+        return _toml_table(text.strip())
     except RecursionError:
         tip = "take fewer levels"
         raise UsageError(f"{quoted(text)} is nested too deeply", help=tip) from None
+
+
+def _toml_table(text: str) -> Any:
+    """Return a table or list as model files have it, ``{mass = 1}``; anything else is a text."""
+    if not text.startswith(("{", "[")):
+        return text
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return text

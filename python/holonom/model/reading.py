@@ -139,7 +139,11 @@ def _unreadable(path: Path, error: OSError) -> FileError:
     if not isinstance(error, FileNotFoundError):
         return files.unusable(path, error)
     name = path.stem if path.name != "model.toml" else path.parent.name
-    if name in library.names():
+    try:
+        is_of_library = name in library.names()
+    except FileError:  # this installation has none
+        is_of_library = False
+    if is_of_library:
         return FileError(
             f"{path}: there is no such file",
             f"that of the library is `library:{name}`, or `Model.library({name!r})`",

@@ -205,7 +205,7 @@ class Arrays(Facts):
         """
         wanted = vector(times)
         names = self.channels if channels is None else require_names(channels)
-        states = [name for name in names if name in STATE]
+        states = [name for name in names if name in STATE and name != "time"]
         names = self.model.expand([name for name in names if name not in STATE])
         parts = states_at(self._reader, self.model, wanted)
         whole = list(dict.fromkeys(split_component(name)[0] for name in names))

@@ -334,6 +334,9 @@ impl RunError {
     }
 }
 
+/// What Newmark's numbers must be beside other formulas.
+pub(super) const NOT_NEWMARK: &str = "left out: it is for SspTrap and InflTrap";
+
 /// Checks choices of a run from `start`, s; `length` is the model's characteristic length, m.
 pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Result<(), RunError> {
     let refuse = |option, value, rule| Err(RunError::Option { option, value, rule });
@@ -359,11 +362,7 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
     positive("fixed_step", options.fixed_step.unwrap_or(1.0))?;
     if let Some(Newmark { gamma, beta }) = options.newmark {
         if options.code.info().formula != "trapezoidal" {
-            let rule = "left out: it is for SspTrap and InflTrap";
-            // The one that is not what stands where nothing is stated.
-            let (option, value) =
-                if gamma == 0.5 { ("newmark_beta", beta) } else { ("newmark_gamma", gamma) };
-            return refuse(option, value, rule);
+            return refuse("newmark_gamma", gamma, NOT_NEWMARK);
         }
         if !(0.5..=1.0).contains(&gamma) {
             return refuse("newmark_gamma", gamma, "from 0.5 to 1");

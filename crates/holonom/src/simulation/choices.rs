@@ -1,6 +1,6 @@
 //! What is stated of a run, and what becomes of it: the call first, then the model file, then defaults.
 
-use super::checks::RunError;
+use super::checks::{NOT_NEWMARK, RunError};
 use super::options::{Options, OutputTimes};
 use crate::error::told;
 use crate::method::{CODES, Code, Newmark, Profile};
@@ -148,6 +148,13 @@ impl Choices {
         if !(1..=MOST_THREADS).contains(&threads) {
             let rule = "from 1 to 1024";
             return Err(RunError::Option { option: "threads", value: threads as f64, rule });
+        }
+        if code.info().formula != "trapezoidal" {
+            let options =
+                [("newmark_gamma", self.newmark_gamma), ("newmark_beta", self.newmark_beta)];
+            if let Some((option, value)) = options.into_iter().find_map(|(o, v)| Some((o, v?))) {
+                return Err(RunError::Option { option, value, rule: NOT_NEWMARK });
+            }
         }
         let newmark = self.newmark_gamma.or(self.newmark_beta).map(|_| {
             let newmark = Newmark::damping(self.newmark_gamma.unwrap_or(0.5));

@@ -162,6 +162,33 @@ fn drivers_that_contradict_each_other_are_both_named() {
     assert_eq!(error.code(), "assembly/inconsistent", "{error}");
 }
 
+#[test] // truth: one degree of freedom, which two drivers move
+fn what_contradicts_is_named_however_short_its_lever_is() {
+    let error = refusal(&Problem::new(model_of(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+eccentric = { mass = 1.0, inertia = 1e-3, position = [0.0, 0.0] }
+rod = { mass = 1.0, inertia = 0.1, position = [0.5, 0.005] }
+slider = { mass = 1.0, inertia = 0.1, position = [1.0, 0.0] }
+[joints]
+bearing = { type = "revolute", between = ["ground", "eccentric"], point = [0.0, 0.0] }
+pin = { type = "revolute", between = ["eccentric", "rod"], point = [0.0, 0.01] }
+wrist = { type = "revolute", between = ["rod", "slider"], point = [1.0, 0.0] }
+guide = { type = "translational", between = ["ground", "slider"], point = [1.0, 0.0], axis = [1.0, 0.0] }
+[drivers]
+turn = { joint = "bearing", coordinate = "rotation", motion = { type = "polynomial", coefficients = [0.0, 1.0] } }
+hold = { joint = "guide", coordinate = "translation", motion = { type = "constant", value = 0.0 } }
+"#,
+    )));
+    assert_eq!(error.code(), "assembly/contradiction", "{error}");
+    let named = named(&error);
+    assert!(named.iter().any(|name| name == "turn"), "{error}");
+    assert!(named.iter().any(|name| name == "hold"), "{error}");
+}
+
 #[test] // truth: four joints with parallel axes keep a loop in a plane; the pendulum hangs beside it
 fn a_loop_in_space_that_cannot_close_names_its_joints() {
     for last in [

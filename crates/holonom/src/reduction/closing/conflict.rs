@@ -13,29 +13,40 @@ pub struct Conflict(pub Vec<String>);
 
 /// Constraints that a message names.
 pub(super) const SHOWN: usize = 6;
-/// Part of the largest entry below which a row takes no part in a contradiction.
-const PART: f64 = 0.05;
+/// Parts of the largest entry below which a row takes no part in a contradiction: where the iteration of a closure has stopped, which it does not
+/// do at once, and where equations are linear. A driver on a small lever is little beside lengths.
+const PART_OPEN: f64 = 0.05;
+const PART_LINEAR: f64 = 1e-4;
 
 impl Conflict {
     /// Those that with `row` take part in a [`contradiction`].
     pub(in crate::reduction) fn of(system: &dyn System, left: &[f64], row: usize) -> Self {
-        Self::named(system, &Self::rows(system, left, row))
+        Self::named(system, &Self::rows_of(system, left, PART_LINEAR, row))
     }
 
     pub(super) fn named(system: &dyn System, rows: &[usize]) -> Self {
         Self(rows.iter().map(|&k| system.row_name(k)).collect())
     }
 
-    /// The rows of a contradiction.
+    /// The rows of what a closure has left.
     pub(super) fn taking_part(left: &[f64]) -> impl Iterator<Item = usize> {
-        let most = left.iter().fold(0.0f64, |m, x| m.max(x.abs()));
-        left.iter().enumerate().filter(move |(_, x)| x.abs() > PART * most).map(|(k, _)| k)
+        Self::above(left, PART_OPEN)
     }
 
-    /// One row of each.
-    pub(super) fn rows(system: &dyn System, left: &[f64], row: usize) -> Vec<usize> {
+    fn above(left: &[f64], part: f64) -> impl Iterator<Item = usize> {
+        let most = left.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        left.iter().enumerate().filter(move |(_, x)| x.abs() > part * most).map(|(k, _)| k)
+    }
+
+    /// One row of each that takes part in what a closure of positions or velocities has left.
+    pub(super) fn rows(system: &dyn System, left: &[f64], level: Level, row: usize) -> Vec<usize> {
+        let part = if level == Level::Position { PART_OPEN } else { PART_LINEAR };
+        Self::rows_of(system, left, part, row)
+    }
+
+    fn rows_of(system: &dyn System, left: &[f64], part: f64, row: usize) -> Vec<usize> {
         let mut largest: Vec<(&str, usize)> = Vec::new();
-        for k in Self::taking_part(left) {
+        for k in Self::above(left, part) {
             let item = system.row_item(k).0;
             match largest.last_mut() {
                 Some((last, at)) if *last == item => {

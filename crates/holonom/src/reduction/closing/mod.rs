@@ -97,7 +97,7 @@ pub(super) fn closed(
     };
     let found = found.map(|(row, residual)| (row, residual.abs()));
     let (worst, residual) = found.filter(|found| found.1 > PROJECTED).unwrap_or((worst, left));
-    let rows = Conflict::rows(system.as_ref(), &open, worst);
+    let rows = Conflict::rows(system.as_ref(), &open, level, worst);
     let axes = FrameAxes::of(system.as_ref(), rows.iter().take(SHOWN).chain([&worst]));
     let others = Conflict::named(system.as_ref(), &rows);
     let (row, item) = (system.row_name(worst), system.row_item(worst).0.to_owned());
