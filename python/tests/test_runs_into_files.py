@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import MODELS
 
 import holonom
 from holonom.base.errors import FileError, UsageError
@@ -321,10 +322,10 @@ def test_python_continues_too(model: holonom.Model, older: Path) -> None:
         assert "rod-2.holonom" in result.warnings[0]["message"]
 
 
-def test_a_result_without_rows_is_saved_and_read_back(model: holonom.Model, tmp_path: Path) -> None:
-    result = model.simulate(max_seconds=1e-9, on_failure="return")
-    if result.time.size:
-        pytest.skip("the machine is too fast to make a result without rows")
+def test_a_result_without_rows_is_saved_and_read_back(tmp_path: Path) -> None:
+    vehicle = holonom.Model.load(MODELS / "hmmwv14" / "model.toml")
+    result = vehicle.simulate(end_time=1.0, max_seconds=1e-9, on_failure="return")
+    assert result.time.size == 0
     result.save(tmp_path / "none.holonom")
     with Result.load(tmp_path / "none.holonom") as found:
         assert (found.status, found.stop_reason) == (result.status, result.stop_reason)
