@@ -96,6 +96,9 @@ pub(super) struct CarriedError {
     /// Room for a change of w.
     #[serde(skip)]
     pub(super) room: Vec<f64>,
+    /// γh times the slope that iterations have left at the end of a step.
+    #[serde(skip)]
+    left: Vec<f64>,
     /// Whether the error stands on coordinates and velocities as it is.
     #[serde(skip)]
     spread: bool,
@@ -142,6 +145,7 @@ impl CarriedError {
             milestones: Milestones::new(start),
             speeds: weights.speeds(&start.v).collect(),
             room: vec![0.0; dimension],
+            left: Vec::with_capacity(dimension),
             spread: false,
             missing: None,
             longest: LongestStep::new([ndof, dimension], start),
@@ -264,20 +268,26 @@ impl CarriedError {
         let since = stepped.t - self.milestones.start.t;
         let ahead = self.begin_along(stepped.along(first), since);
         if !stepper.explicit() {
-            let [rest @ .., last] = transfer(stepper.filter_part());
+            // What iterations have left: where nothing else is left of a motion that dies away, it is what may grow.
+            let part = stepper.filter_part() * step;
+            let slopes = last.iter().zip(stepper.end().slope);
+            self.left.clear();
+            self.left.extend(slopes.map(|(g, s)| part * (g - s)));
+            let [rest @ .., highest] = transfer(stepper.filter_part());
             for Carried { error, .. } in &mut self.sums {
-                if error.iter().any(|&e| e != 0.0) {
-                    // By Horner's rule in S − I.
-                    let products = power.iter_mut().zip(&*error);
-                    products.for_each(|(x, e)| *x = last * e);
-                    for c in rest.into_iter().rev() {
-                        power.clone_into(&mut self.room);
-                        stepper.filter(form, power);
-                        let before = self.room.iter().zip(&*error);
-                        power.iter_mut().zip(before).for_each(|(x, (y, e))| *x += c * e - y);
+                // By Horner's rule in S − I; S of what is left with the last of it.
+                let products = power.iter_mut().zip(&*error);
+                products.for_each(|(x, e)| *x = highest * e);
+                for (j, c) in rest.into_iter().enumerate().rev() {
+                    power.clone_into(&mut self.room);
+                    if j == 0 {
+                        add(power, 1.0, &self.left);
                     }
-                    error.copy_from_slice(power);
+                    stepper.filter(form, power);
+                    let before = self.room.iter().zip(&*error);
+                    power.iter_mut().zip(before).for_each(|(x, (y, e))| *x += c * e - y);
                 }
+                error.copy_from_slice(power);
             }
         }
         self.add_along(ahead, stepped.along(last));
@@ -310,17 +320,6 @@ impl CarriedError {
         let product = rates.zip(&self.arms).map(|((e, d), arm)| arm * arm * e * d).sum();
         add(&mut other.error, part.copysign(product), change);
         self.add_along(ahead, stepped.along(last));
-        // What iterations have left: where nothing else is left of a motion that dies away, it is what may grow.
-        if !stepper.explicit() {
-            let part = stepper.filter_part() * step;
-            for (x, (g, s)) in power.iter_mut().zip(last.iter().zip(stepper.end().slope)) {
-                *x = part * (g - s);
-            }
-            stepper.filter(form, power);
-            for Carried { error, .. } in &mut self.sums {
-                add(error, 1.0, power);
-            }
-        }
         let known =
             !stepper.explicit() || self.carry_if_due(stepper.evaluations(), form, power, stepped);
         if !known {
