@@ -78,7 +78,7 @@ def run(
     if output is not None:
         asked, alone = output, keep or certify
         output, continues = destination(model, chosen, state, output, source, alone=alone)
-        if output != asked and not alone:
+        if output != asked:
             noted.append(_renamed(asked, output))
         output = files.numbered(output) if keep else output
         real = files.require_target(output, "result", inputs=model.sources, force=force)
@@ -305,7 +305,7 @@ def _certified(
 def _renamed(asked: Path, output: Path) -> dict[str, str]:
     return {
         "code": "result/renamed",
-        "message": f"`{asked}` holds the result that this run starts from, and not where it ends: "
+        "message": f"`{asked}` holds the result that this run starts from and does not continue: "
         f"it stays, and this run is in `{output}`",
         "path": "",
     }
@@ -449,18 +449,25 @@ class _Recorder:
         return error.result is not None
 
     def abandon(self, error: BaseException) -> None:
-        """Close what was stored before something else ended the run; the file says what."""
-        if isinstance(self._writer, Writer) and not isinstance(error, FileError):
-            reason = {
-                "code": "simulation/interrupted",
-                "message": f"the run was ended by {type(error).__name__}: {error}",
-                "help": "the rows before that are whole",
-            }
-            meta = {"status": "interrupted", "stop_reason": reason, "finished": _now()}
-            with contextlib.suppress(FileError):
-                self._writer.fail(meta)
-        if self._writer is not None:
-            self._writer.close()
+        """Close what was stored before something else ended the run; the file says what.
+
+        It is taken up as that of a run that was killed.
+        """
+        try:
+            # What the file itself refused it has said, or cannot say.
+            if isinstance(self._writer, Writer) and error is not self.failure:
+                what = ": ".join(filter(None, (type(error).__name__, str(error))))
+                reason = {
+                    "code": "simulation/interrupted",
+                    "message": f"the run was ended by {what.encode(errors='replace').decode()}",
+                    "help": "the rows before that are whole",
+                }
+                self._writer.fail({"stop_reason": reason})
+        except Exception:  # noqa: BLE001, S110 - the error that ended the run is the one to tell
+            pass
+        finally:
+            if self._writer is not None:
+                self._writer.close()
 
     def release(self) -> None:
         """Let other runs write the file."""

@@ -316,6 +316,10 @@ def test_python_continues_too(model: holonom.Model, older: Path) -> None:
     with model.simulate(start=last, end_time=1.5, output=older) as result:
         assert (result.path, result.time[0], result.time[-1]) == (older, 0.0, 1.5)
         assert not [w for w in result.warnings if w["code"] == "result/renamed"]
+    with model.simulate(start=last, end_time=1.5, output=older, certify=True) as result:
+        assert [w["code"] for w in result.warnings] == ["result/renamed"]
+        assert result.path is not None
+        result.path.unlink()
     with model.simulate(start=inner, end_time=1.5, output=older) as result:
         assert result.path == older.with_name("rod-2.holonom")
         assert [w["code"] for w in result.warnings] == ["result/renamed"]
@@ -346,9 +350,29 @@ def test_a_run_that_something_else_ended_says_what(model: holonom.Model, tmp_pat
     with pytest.raises(RuntimeError, match="enough"):
         model.simulate(end_time=1e4, interval=0.01, max_steps=10**6, output=path, rows=fail)
     with Result.load(path) as result:
-        assert result.status == "interrupted"
+        assert result.status == "killed"  # it is taken up as one that was
         assert "RuntimeError: enough" in result.stop_reason["message"]
         assert result.time.size > 1
+
+
+class _Speechless(Exception):
+    def __str__(self) -> str:
+        raise ValueError
+
+
+@pytest.mark.parametrize("error", [RuntimeError("x\udcff"), _Speechless(), FileNotFoundError("y")])
+def test_the_error_that_ended_a_run_is_raised_as_it_is(
+    model: holonom.Model, tmp_path: Path, error: Exception
+) -> None:
+    path = tmp_path / "rod.holonom"
+
+    def fail(_: object) -> None:
+        raise error
+
+    with pytest.raises(type(error)) as caught:
+        model.simulate(end_time=1e3, interval=0.01, output=path, rows=fail)
+    assert caught.value is error
+    assert not list(tmp_path.glob("rod.holonom-*"))
 
 
 def test_what_another_run_replaced_meanwhile_is_not_continued(

@@ -173,7 +173,7 @@ def read_value(text: str) -> Any:
 
 def _toml_table(text: str) -> Any:
     """Return a table or list as model files have it, ``{mass = 1}``; anything else is a text."""
-    if not text.startswith(("{", "[")):
+    if not text.startswith(("{", "[")) or "\n" in text:
         return text
     try:
         return tomllib.loads(f"value = {text}")["value"]

@@ -387,7 +387,7 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         g: &[f64],
     ) -> StepReport {
         self.commit();
-        let step = Step { t, h, w, g };
+        let step = Step { t, h, w, g, is_fixed: self.options.fixed_step };
         let mut ode = Counted::new(ode, self.statistics);
         let mut report = StepReport::rejected(h);
         self.before = self.memory;

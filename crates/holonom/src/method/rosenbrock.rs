@@ -91,7 +91,7 @@ impl Stages for RosenbrockStages {
     fn iterate(
         &mut self,
         ode: &mut Counted<'_>,
-        &Step { t, h, w, g }: &Step<'_>,
+        &Step { t, h, w, g, .. }: &Step<'_>,
         _iteration: &mut Iteration<'_>,
     ) -> Result<u32, Failure> {
         let f = self.formula;

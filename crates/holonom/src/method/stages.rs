@@ -14,16 +14,19 @@ pub struct Step<'a> {
     pub(super) h: f64,
     pub(super) w: &'a [f64],
     pub(super) g: &'a [f64],
+    /// Its length cannot be changed.
+    pub(super) is_fixed: bool,
 }
 
 impl Step<'_> {
     /// What w changes by until c h is foreseen to be: the step `before`, continued, or else constant rates of `n` positions, which
-    /// turns take around but no vibration anywhere.
+    /// turns take around but no vibration anywhere. A step that cannot be made shorter starts from nothing instead, its last resort.
     pub(super) fn predict(&self, c: f64, n: usize, before: Option<&Segment>, change: &mut [f64]) {
         if let Some(before) = before {
             before.continue_by(c * self.h, change);
         } else {
             change.fill(0.0);
+            let n = if self.is_fixed { 0 } else { n };
             add_scaled(&mut change[..n], c * self.h, &self.w[n..2 * n]);
         }
     }
