@@ -148,3 +148,23 @@ pub trait Stages: Debug + Send {
     /// What came before does not continue.
     fn restart(&mut self) {}
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test] // independent truth: what moves by 3 and −2 m/s for 0.2 of half a second
+    fn what_nothing_foresees_goes_on_at_constant_rates() {
+        let (w, g) = ([7.0, 8.0, 3.0, -2.0, 5.0], [9.0; 5]);
+        let predicted = |is_fixed: bool| {
+            let mut change = [f64::NAN; 5];
+            Step { t: 0.0, h: 0.5, w: &w, g: &g, is_fixed }.predict(0.2, 2, None, &mut change);
+            change
+        };
+        let expected = [0.3, -0.2, 0.0, 0.0, 0.0];
+        for (found, expected) in predicted(false).iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-15, "{found} instead of {expected}");
+        }
+        assert_eq!(predicted(true), [0.0; 5], "a step that cannot be made shorter");
+    }
+}
