@@ -1,5 +1,5 @@
 use crate::error::SingularMatrix;
-use crate::lanes::{Wide, run_wide};
+use crate::lanes::{Arithmetic, Wide, run_wide};
 use crate::scalar::Scalar;
 use std::ops::Range;
 
@@ -118,13 +118,13 @@ struct Elimination<'a> {
 
 impl Wide for Elimination<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         let Self { rows: [re, im], n, p, inverse, pivots } = self;
         for (re, im) in re.chunks_exact_mut(n).zip(im.chunks_exact_mut(n)) {
             if re[p] != 0.0 || im[p] != 0.0 {
                 let l = Complex64::new(re[p], im[p]) * inverse;
                 (re[p], im[p]) = (l.re, l.im);
-                subtract(&mut re[p + 1..], &mut im[p + 1..], l, pivots);
+                subtract::<A>(&mut re[p + 1..], &mut im[p + 1..], l, pivots);
             }
         }
     }
@@ -132,10 +132,15 @@ impl Wide for Elimination<'_> {
 
 /// x −= l y, real and imaginary parts apart.
 #[inline(always)]
-fn subtract(re: &mut [f64], im: &mut [f64], l: Complex64, [y_re, y_im]: [&[f64]; 2]) {
+fn subtract<A: Arithmetic>(
+    re: &mut [f64],
+    im: &mut [f64],
+    l: Complex64,
+    [y_re, y_im]: [&[f64]; 2],
+) {
     for ((re, im), (y_re, y_im)) in re.iter_mut().zip(im).zip(y_re.iter().zip(y_im)) {
-        *re -= l.re * y_re - l.im * y_im;
-        *im -= l.re * y_im + l.im * y_re;
+        *re = A::multiply_add(l.im, *y_im, A::multiply_add(-l.re, *y_re, *re));
+        *im = A::multiply_add(-l.im, *y_re, A::multiply_add(-l.re, *y_im, *im));
     }
 }
 

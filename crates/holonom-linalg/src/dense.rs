@@ -9,7 +9,7 @@ use faer::{MatMut, MatRef, Par, Spec};
 use crate::error::{NotPositiveDefinite, SingularMatrix};
 use crate::few_rows;
 use crate::gram::gram_add;
-use crate::lanes::{Wide, dot, run_wide};
+use crate::lanes::{Arithmetic, Wide, dot, run_wide};
 
 /// A pivot below this fraction of the numbers it is made of is cancellation noise.
 pub(crate) const NEGLIGIBLE: f64 = 32.0 * f64::EPSILON;
@@ -247,7 +247,7 @@ struct Elimination<'a> {
 
 impl Wide for Elimination<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         let Self { a, permutation } = self;
         let n = permutation.len();
         (0..n).for_each(|p| permutation[p] = p);
@@ -275,7 +275,7 @@ impl Wide for Elimination<'_> {
                 let factor = column[p];
                 // Branches of a tree have nothing to do with each other.
                 if factor != 0.0 {
-                    subtract_by_fours(&mut column[p + 1..], factor, &lower[1..]);
+                    subtract_by_fours::<A>(&mut column[p + 1..], factor, &lower[1..]);
                 }
             }
         }
@@ -284,23 +284,23 @@ impl Wide for Elimination<'_> {
 
 /// out −= factor · x, by fours, as both are short.
 #[inline(always)]
-fn subtract_by_fours(out: &mut [f64], factor: f64, x: &[f64]) {
+fn subtract_by_fours<A: Arithmetic>(out: &mut [f64], factor: f64, x: &[f64]) {
     let (fours, last) = x.as_chunks::<4>();
     let (out_fours, out_last) = out.as_chunks_mut::<4>();
     for (out, x) in out_fours.iter_mut().zip(fours) {
         for l in 0..4 {
-            out[l] -= factor * x[l];
+            out[l] = A::multiply_add(-factor, x[l], out[l]);
         }
     }
     for (out, x) in out_last.iter_mut().zip(last) {
-        *out -= factor * x;
+        *out = A::multiply_add(-factor, *x, *out);
     }
 }
 
 /// Factor of a symmetric matrix whose lower triangle is given by columns; returns how many pivots are positive. Each column
 /// takes what those before it leave of it, by fours: columns are short.
 #[inline(always)]
-fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
+fn eliminate_symmetric<A: Arithmetic>(a: &mut [f64], n: usize) -> usize {
     for p in 0..n {
         let (known, rest) = a.split_at_mut(p * n);
         let own = &mut rest[p..n];
@@ -308,7 +308,7 @@ fn eliminate_symmetric(a: &mut [f64], n: usize) -> usize {
             let factor = column[p];
             // What hangs on other branches of a tree is zero.
             if factor != 0.0 {
-                subtract_by_fours(own, factor, &column[p..]);
+                subtract_by_fours::<A>(own, factor, &column[p..]);
             }
         }
         if own[0].is_nan() || own[0] <= 0.0 {
@@ -332,8 +332,8 @@ struct SymmetricElimination<'a> {
 
 impl Wide for SymmetricElimination<'_> {
     #[inline(always)]
-    fn run(self) {
-        *self.done = eliminate_symmetric(self.a, self.n);
+    fn run<A: Arithmetic>(self) {
+        *self.done = eliminate_symmetric::<A>(self.a, self.n);
     }
 }
 
@@ -346,7 +346,7 @@ struct Substitution<'a> {
 
 impl Wide for Substitution<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         let Self { factors, inverses, b } = self;
         let n = b.len();
         for i in 0..n {
@@ -373,7 +373,7 @@ struct Product<'a> {
 
 impl Wide for Product<'_> {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         let Self { a, alpha, x, y } = self;
         for (row, y) in a.chunks_exact(x.len().max(1)).zip(y) {
             *y += alpha * dot(row, x);

@@ -11,7 +11,7 @@
 
 use crate::condition::condition_estimate;
 use crate::error::SingularMatrix;
-use crate::lanes::{LaneKernel, MOST_LANES, lanes, lanes_mut, run_lanes};
+use crate::lanes::{Arithmetic, LaneKernel, MOST_LANES, Plain, lanes, lanes_mut, run_lanes};
 use crate::sparse::parity;
 use std::sync::Arc;
 
@@ -278,7 +278,7 @@ impl ForestLu {
             work: &mut self.work,
         };
         if k == 1 {
-            kernel.run::<1>(0);
+            kernel.run::<Plain, 1>(0);
         } else {
             run_lanes(k, &mut kernel);
         }
@@ -343,12 +343,12 @@ struct Substitution<'a> {
 
 impl LaneKernel for Substitution<'_> {
     #[inline(always)]
-    fn run<const W: usize>(&mut self, from: usize) {
+    fn run<A: Arithmetic, const W: usize>(&mut self, from: usize) {
         match (self.forest.size, self.transposed) {
-            (3, false) => self.forward::<3, W>(from),
-            (3, true) => self.backward::<3, W>(from),
-            (_, false) => self.forward::<7, W>(from),
-            (_, true) => self.backward::<7, W>(from),
+            (3, false) => self.forward::<A, 3, W>(from),
+            (3, true) => self.backward::<A, 3, W>(from),
+            (_, false) => self.forward::<A, 7, W>(from),
+            (_, true) => self.backward::<A, 7, W>(from),
         }
     }
 }
@@ -356,7 +356,7 @@ impl LaneKernel for Substitution<'_> {
 impl Substitution<'_> {
     /// x_b = E⁻¹(r_b − F x_parent), parents first.
     #[inline(always)]
-    fn forward<const N: usize, const W: usize>(&mut self, from: usize) {
+    fn forward<A: Arithmetic, const N: usize, const W: usize>(&mut self, from: usize) {
         let (values, _) = self.values.as_chunks::<N>();
         let (factors, _) = self.factors.as_chunks::<N>();
         let (pivots, _) = self.pivots.as_chunks::<N>();
@@ -374,7 +374,7 @@ impl Substitution<'_> {
                 for i in 0..N {
                     for j in 0..N {
                         for w in 0..W {
-                            r[i][w] -= f[i][j] * above[j][w];
+                            r[i][w] = A::multiply_add(-f[i][j], above[j][w], r[i][w]);
                         }
                     }
                 }
@@ -383,14 +383,14 @@ impl Substitution<'_> {
             for i in 1..N {
                 for j in 0..i {
                     for w in 0..W {
-                        y[i][w] -= e[i][j] * y[j][w];
+                        y[i][w] = A::multiply_add(-e[i][j], y[j][w], y[i][w]);
                     }
                 }
             }
             for i in (0..N).rev() {
                 for j in i + 1..N {
                     for w in 0..W {
-                        y[i][w] -= e[i][j] * y[j][w];
+                        y[i][w] = A::multiply_add(-e[i][j], y[j][w], y[i][w]);
                     }
                 }
                 for w in 0..W {
@@ -406,7 +406,7 @@ impl Substitution<'_> {
 
     /// y_b = E⁻ᵀ c_b, then c_parent −= Fᵀ y_b, children first.
     #[inline(always)]
-    fn backward<const N: usize, const W: usize>(&mut self, from: usize) {
+    fn backward<A: Arithmetic, const N: usize, const W: usize>(&mut self, from: usize) {
         let (values, _) = self.values.as_chunks::<N>();
         let (factors, _) = self.factors.as_chunks::<N>();
         let (pivots, _) = self.pivots.as_chunks::<N>();
@@ -423,7 +423,7 @@ impl Substitution<'_> {
             for i in 0..N {
                 for j in 0..i {
                     for w in 0..W {
-                        y[i][w] -= e[j][i] * y[j][w];
+                        y[i][w] = A::multiply_add(-e[j][i], y[j][w], y[i][w]);
                     }
                 }
                 for w in 0..W {
@@ -433,7 +433,7 @@ impl Substitution<'_> {
             for i in (0..N).rev() {
                 for j in i + 1..N {
                     for w in 0..W {
-                        y[i][w] -= e[j][i] * y[j][w];
+                        y[i][w] = A::multiply_add(-e[j][i], y[j][w], y[i][w]);
                     }
                 }
             }
@@ -447,7 +447,7 @@ impl Substitution<'_> {
                 for i in 0..N {
                     for j in 0..N {
                         for w in 0..W {
-                            above[j][w] -= f[i][j] * out[i][w];
+                            above[j][w] = A::multiply_add(-f[i][j], out[i][w], above[j][w]);
                         }
                     }
                 }

@@ -6,7 +6,9 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use crate::lanes::{MOST_LANES, QuadKernel, Span, add_transposed, marks, rows_of, run_quads};
+use crate::lanes::{
+    Arithmetic, MOST_LANES, QuadKernel, Span, add_transposed, marks, rows_of, run_quads,
+};
 
 /// Rows that [`gram_add`] takes at a time: as many as a body in space has, whose zeros are in the same columns.
 pub const GRAM_ROWS: usize = 7;
@@ -26,7 +28,7 @@ struct GramProduct<'a> {
 impl GramProduct<'_> {
     /// What N rows add.
     #[inline(always)]
-    fn add_rows<const H: usize, const N: usize>(&mut self, at: [usize; 2]) {
+    fn add_rows<A: Arithmetic, const H: usize, const N: usize>(&mut self, at: [usize; 2]) {
         let Self { k, a, b, rows: Range { start, .. }, ref mut c, .. } = *self;
         let b = rows_of::<H, N>(b, k, start, at);
         let (row, mut rest) = a[start * k..].split_at(k);
@@ -44,32 +46,39 @@ impl GramProduct<'_> {
                     four[i][j] = 0.0;
                 }
             }
-            add_transposed(1.0, (&four, &marks(&four)), &b, &mut c[from * k..], k, at);
+            add_transposed::<A, H, N, 4>(
+                1.0,
+                (&four, &marks(&four)),
+                &b,
+                &mut c[from * k..],
+                k,
+                at,
+            );
         }
     }
 }
 
 impl QuadKernel for GramProduct<'_> {
     #[inline(always)]
-    fn run_group(&mut self, from: usize, group: Span) {
+    fn run_group<A: Arithmetic>(&mut self, from: usize, group: Span) {
         let count = self.a.len() / self.k;
         let whole = count - count % GRAM_ROWS;
         for (part, first) in (0..whole).step_by(GRAM_ROWS).enumerate() {
             self.rows = first..first + GRAM_ROWS;
-            self.spans.get(part).unwrap_or(&group).run(from, self);
+            self.spans.get(part).unwrap_or(&group).run::<A>(from, self);
         }
         for row in whole..count {
             self.rows = row..row + 1;
-            group.run(from, self);
+            group.run::<A>(from, self);
         }
     }
 
     #[inline(always)]
-    fn run<const H: usize>(&mut self, from: usize, width: usize) {
+    fn run<A: Arithmetic, const H: usize>(&mut self, from: usize, width: usize) {
         if self.rows.len() == GRAM_ROWS {
-            self.add_rows::<H, GRAM_ROWS>([from, width]);
+            self.add_rows::<A, H, GRAM_ROWS>([from, width]);
         } else {
-            self.add_rows::<H, 1>([from, width]);
+            self.add_rows::<A, H, 1>([from, width]);
         }
     }
 

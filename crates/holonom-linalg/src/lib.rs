@@ -54,7 +54,7 @@ pub use full_pivot::{FullPivot, full_pivot_elimination};
 pub use general::GeneralSparseLu;
 pub use gram::{GRAM_ROWS, gram_add, gram_spans_add};
 pub use independent_rows::{Claim, IndependentRows, OfferedRow, independent_rows};
-pub use lanes::{Span, Wide, add_entries, dot, run_wide, scale_rows};
+pub use lanes::{Arithmetic, Span, Wide, add_entries, dot, run_wide, scale_rows};
 pub use rank::{
     LeastNorm, ThinSvd, eigenvalues, least_norm, orthonormal_null_space, orthonormal_null_space_qr,
     singular_values, thin_svd,

@@ -4,9 +4,29 @@ use num_complex::Complex64;
 use std::ops::{Add, Mul, Sub};
 
 mod sealed {
-    pub trait Sealed {}
-    impl Sealed for f64 {}
-    impl Sealed for num_complex::Complex64 {}
+    use crate::lanes::Arithmetic;
+    use num_complex::Complex64;
+
+    pub trait Sealed {
+        /// x − a b.
+        fn minus_product<A: Arithmetic>(self, a: Self, b: Self) -> Self;
+    }
+
+    impl Sealed for f64 {
+        #[inline(always)]
+        fn minus_product<A: Arithmetic>(self, a: f64, b: f64) -> f64 {
+            A::multiply_add(-a, b, self)
+        }
+    }
+
+    impl Sealed for Complex64 {
+        #[inline(always)]
+        fn minus_product<A: Arithmetic>(self, a: Self, b: Self) -> Self {
+            let re = self.re.minus_product::<A>(a.re, b.re);
+            let im = self.im.minus_product::<A>(a.re, b.im);
+            Self::new(A::multiply_add(a.im, b.im, re), im.minus_product::<A>(a.im, b.re))
+        }
+    }
 }
 
 /// A real or complex number, [`f64`] or [`Complex64`].

@@ -2,7 +2,8 @@
 
 use super::{Block, BlockMatrix};
 use crate::lanes::{
-    QuadKernel, Span, add_column, add_multiple, add_quads, add_transposed, marks, quads, rows_of,
+    Arithmetic, QuadKernel, Span, add_column, add_multiple, add_quads, add_transposed, marks,
+    quads, rows_of,
 };
 
 /// Y += α A X for k columns.
@@ -17,16 +18,16 @@ pub(super) struct Product<'a> {
 // Loops of a known length cost a fraction of those over blocks of any size.
 impl QuadKernel for Product<'_> {
     #[inline(always)]
-    fn run<const H: usize>(&mut self, from: usize, width: usize) {
+    fn run<A: Arithmetic, const H: usize>(&mut self, from: usize, width: usize) {
         for &b in self.matrix.pattern.blocks.iter() {
             match b.columns {
                 0 => {}
-                1 => self.add_block::<H, 1>(b, [from, width]),
-                2 => self.add_block::<H, 2>(b, [from, width]),
-                3 => self.add_block::<H, 3>(b, [from, width]),
-                4 => self.add_block::<H, 4>(b, [from, width]),
-                7 => self.add_block::<H, 7>(b, [from, width]),
-                _ => self.add_any::<H>(b, [from, width]),
+                1 => self.add_block::<A, H, 1>(b, [from, width]),
+                2 => self.add_block::<A, H, 2>(b, [from, width]),
+                3 => self.add_block::<A, H, 3>(b, [from, width]),
+                4 => self.add_block::<A, H, 4>(b, [from, width]),
+                7 => self.add_block::<A, H, 7>(b, [from, width]),
+                _ => self.add_any::<A, H>(b, [from, width]),
             }
         }
     }
@@ -85,7 +86,11 @@ impl Product<'_> {
 
     /// The product with a block of N columns.
     #[inline(always)]
-    fn add_block<const H: usize, const N: usize>(&mut self, b: Block, at: [usize; 2]) {
+    fn add_block<A: Arithmetic, const H: usize, const N: usize>(
+        &mut self,
+        b: Block,
+        at: [usize; 2],
+    ) {
         let (first_row, first_column, _, _) = b.place();
         let (rows, _) = self.matrix.values[b.values()].as_chunks::<N>();
         // Numbers of its own, which are not read again after every store.
@@ -95,27 +100,27 @@ impl Product<'_> {
             let (mut sums, mut end) = ([[0.0; 4]; H], [0.0; 4]);
             for j in 0..N {
                 for h in 0..H {
-                    add_multiple(&mut sums[h], row[j], &x[j].0[h]);
+                    add_multiple::<A>(&mut sums[h], row[j], &x[j].0[h]);
                 }
-                add_multiple(&mut end, row[j], x[j].1);
+                add_multiple::<A>(&mut end, row[j], x[j].1);
             }
-            add_quads(alpha, (&sums, &end), y, k, first_row + i, at);
+            add_quads::<A, H>(alpha, (&sums, &end), y, k, first_row + i, at);
         }
     }
 
     #[inline(always)]
-    fn add_any<const H: usize>(&mut self, b: Block, at: [usize; 2]) {
+    fn add_any<A: Arithmetic, const H: usize>(&mut self, b: Block, at: [usize; 2]) {
         let (first_row, first_column, _, columns) = b.place();
         for (i, row) in self.matrix.values[b.values()].chunks_exact(columns).enumerate() {
             let (mut sums, mut end) = ([[0.0; 4]; H], [0.0; 4]);
             for (j, a) in row.iter().enumerate() {
                 let x = quads::<H>(self.x, self.k, first_column + j, at);
                 for h in 0..H {
-                    add_multiple(&mut sums[h], *a, &x.0[h]);
+                    add_multiple::<A>(&mut sums[h], *a, &x.0[h]);
                 }
-                add_multiple(&mut end, *a, x.1);
+                add_multiple::<A>(&mut end, *a, x.1);
             }
-            add_quads(self.alpha, (&sums, &end), self.y, self.k, first_row + i, at);
+            add_quads::<A, H>(self.alpha, (&sums, &end), self.y, self.k, first_row + i, at);
         }
     }
 }
@@ -134,32 +139,32 @@ pub(super) struct TransposedProduct<'a> {
 
 impl QuadKernel for TransposedProduct<'_> {
     #[inline(always)]
-    fn run_group(&mut self, from: usize, group: Span) {
+    fn run_group<A: Arithmetic>(&mut self, from: usize, group: Span) {
         let matrix = self.matrix;
         for (k, block) in matrix.pattern.blocks.iter().enumerate() {
             self.block = block;
-            self.spans.get(k).unwrap_or(&group).run(from, self);
+            self.spans.get(k).unwrap_or(&group).run::<A>(from, self);
         }
     }
 
     #[inline(always)]
-    fn run<const H: usize>(&mut self, from: usize, width: usize) {
+    fn run<A: Arithmetic, const H: usize>(&mut self, from: usize, width: usize) {
         let (b, at) = (*self.block, [from, width]);
         match (b.rows, b.columns) {
-            (1, 3) => self.add_block::<H, 1, 3>(b, at),
-            (2, 3) => self.add_block::<H, 2, 3>(b, at),
-            (3, 3) => self.add_block::<H, 3, 3>(b, at),
-            (1, 4) => self.add_block::<H, 1, 4>(b, at),
-            (4, 4) => self.add_block::<H, 4, 4>(b, at),
-            (1, 7) => self.add_block::<H, 1, 7>(b, at),
-            (2, 7) => self.add_block::<H, 2, 7>(b, at),
-            (3, 7) => self.add_block::<H, 3, 7>(b, at),
-            (4, 7) => self.add_block::<H, 4, 7>(b, at),
-            (5, 7) => self.add_block::<H, 5, 7>(b, at),
-            (6, 7) => self.add_block::<H, 6, 7>(b, at),
-            (7, 7) => self.add_block::<H, 7, 7>(b, at),
+            (1, 3) => self.add_block::<A, H, 1, 3>(b, at),
+            (2, 3) => self.add_block::<A, H, 2, 3>(b, at),
+            (3, 3) => self.add_block::<A, H, 3, 3>(b, at),
+            (1, 4) => self.add_block::<A, H, 1, 4>(b, at),
+            (4, 4) => self.add_block::<A, H, 4, 4>(b, at),
+            (1, 7) => self.add_block::<A, H, 1, 7>(b, at),
+            (2, 7) => self.add_block::<A, H, 2, 7>(b, at),
+            (3, 7) => self.add_block::<A, H, 3, 7>(b, at),
+            (4, 7) => self.add_block::<A, H, 4, 7>(b, at),
+            (5, 7) => self.add_block::<A, H, 5, 7>(b, at),
+            (6, 7) => self.add_block::<A, H, 6, 7>(b, at),
+            (7, 7) => self.add_block::<A, H, 7, 7>(b, at),
             (0, _) | (_, 0) => {}
-            _ => self.add_any::<H>(b, at),
+            _ => self.add_any::<A, H>(b, at),
         }
     }
 
@@ -205,7 +210,7 @@ fn add_columns<const N: usize>(alpha: f64, values: &[f64], x: &[f64], y: &mut [f
 impl TransposedProduct<'_> {
     /// The product with a block of N rows and M columns.
     #[inline(always)]
-    fn add_block<const H: usize, const N: usize, const M: usize>(
+    fn add_block<A: Arithmetic, const H: usize, const N: usize, const M: usize>(
         &mut self,
         b: Block,
         at: [usize; 2],
@@ -224,17 +229,24 @@ impl TransposedProduct<'_> {
         }
         let Self { alpha, k, x, ref mut y, .. } = *self;
         let x = rows_of::<H, N>(x, k, first_row, at);
-        add_transposed(alpha, (values, &marks), &x, &mut y[first_column * k..], k, at);
+        add_transposed::<A, H, N, M>(
+            alpha,
+            (values, &marks),
+            &x,
+            &mut y[first_column * k..],
+            k,
+            at,
+        );
     }
 
     #[inline(always)]
-    fn add_any<const H: usize>(&mut self, b: Block, at: [usize; 2]) {
+    fn add_any<A: Arithmetic, const H: usize>(&mut self, b: Block, at: [usize; 2]) {
         let (first_row, first_column, _, columns) = b.place();
         let Self { alpha, k, x, ref mut y, .. } = *self;
         for (i, row) in self.matrix.values[b.values()].chunks_exact(columns).enumerate() {
             let x = rows_of::<H, 1>(x, k, first_row + i, at);
             for (j, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
-                add_column(&[alpha * a], &x, y, k, first_column + j, at);
+                add_column::<A, H, 1>(&[alpha * a], &x, y, k, first_column + j, at);
             }
         }
     }

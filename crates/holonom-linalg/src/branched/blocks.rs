@@ -2,6 +2,7 @@
 
 use super::plan::BLOCK;
 use crate::error::NotPositiveDefinite;
+use crate::lanes::Arithmetic;
 use std::array;
 
 /// Pivots below this part of their diagonal entry are round-off.
@@ -44,7 +45,7 @@ pub(super) fn pivot<const W: usize>(
 
 /// What a block of an eliminated column changes in blocks of the coordinates above.
 #[inline(always)]
-pub(super) fn spread<const W: usize>(
+pub(super) fn spread<A: Arithmetic, const W: usize>(
     targets: &mut [Block<W>],
     factors: &[Lanes<W>],
     block: Block<W>,
@@ -54,11 +55,11 @@ pub(super) fn spread<const W: usize>(
     let (fours, others) = factors.as_chunks::<BLOCK>();
     for (tile, four) in tiles.iter_mut().zip(fours) {
         for k in 0..BLOCK {
-            subtract_scaled(&mut tile[k], &four[k], &block);
+            subtract_scaled::<A, W>(&mut tile[k], &four[k], &block);
         }
     }
     for (x, factor) in rest.iter_mut().zip(others) {
-        subtract_scaled(x, factor, &block);
+        subtract_scaled::<A, W>(x, factor, &block);
     }
 }
 
@@ -78,26 +79,38 @@ pub(super) fn scaled<const W: usize>(x: &Block<W>, factor: &Lanes<W>) -> Block<W
 }
 
 #[inline(always)]
-pub(super) fn add_scaled<const W: usize>(x: &mut Block<W>, factor: &Lanes<W>, y: &Block<W>) {
+pub(super) fn add_scaled<A: Arithmetic, const W: usize>(
+    x: &mut Block<W>,
+    factor: &Lanes<W>,
+    y: &Block<W>,
+) {
     for i in 0..BLOCK {
         for w in 0..W {
-            x[i][w] += factor[w] * y[i][w];
+            x[i][w] = A::multiply_add(factor[w], y[i][w], x[i][w]);
         }
     }
 }
 
 #[inline(always)]
-pub(super) fn subtract_scaled<const W: usize>(x: &mut Block<W>, factor: &Lanes<W>, y: &Block<W>) {
+pub(super) fn subtract_scaled<A: Arithmetic, const W: usize>(
+    x: &mut Block<W>,
+    factor: &Lanes<W>,
+    y: &Block<W>,
+) {
     for i in 0..BLOCK {
-        subtract_product(&mut x[i], factor, &y[i]);
+        subtract_product::<A, W>(&mut x[i], factor, &y[i]);
     }
 }
 
 #[inline(always)]
-pub(super) fn add_products<const W: usize>(sum: &mut Block<W>, x: &Block<W>, y: &Block<W>) {
+pub(super) fn add_products<A: Arithmetic, const W: usize>(
+    sum: &mut Block<W>,
+    x: &Block<W>,
+    y: &Block<W>,
+) {
     for i in 0..BLOCK {
         for w in 0..W {
-            sum[i][w] += x[i][w] * y[i][w];
+            sum[i][w] = A::multiply_add(x[i][w], y[i][w], sum[i][w]);
         }
     }
 }
@@ -117,8 +130,12 @@ pub(super) fn multiply<const W: usize>(x: &mut Lanes<W>, y: &Lanes<W>) {
 }
 
 #[inline(always)]
-pub(super) fn subtract_product<const W: usize>(x: &mut Lanes<W>, a: &Lanes<W>, b: &Lanes<W>) {
+pub(super) fn subtract_product<A: Arithmetic, const W: usize>(
+    x: &mut Lanes<W>,
+    a: &Lanes<W>,
+    b: &Lanes<W>,
+) {
     for w in 0..W {
-        x[w] -= a[w] * b[w];
+        x[w] = A::multiply_add(-a[w], b[w], x[w]);
     }
 }

@@ -6,6 +6,7 @@ use super::blocks::{
 };
 use super::plan::{BLOCK, BranchedPlan};
 use crate::error::NotPositiveDefinite;
+use crate::lanes::Arithmetic;
 use std::array;
 use std::sync::Arc;
 
@@ -91,7 +92,7 @@ impl<const W: usize> BranchedCholesky<W> {
     }
 
     #[inline(always)]
-    fn eliminate(&mut self, m: &[Lanes<W>]) -> Result<(), NotPositiveDefinite> {
+    fn eliminate<A: Arithmetic>(&mut self, m: &[Lanes<W>]) -> Result<(), NotPositiveDefinite> {
         let (plan, depth) = (&*self.plan, self.depth);
         let m = m.as_chunks::<BLOCK>().0;
         for c in 0..plan.len() {
@@ -106,7 +107,7 @@ impl<const W: usize> BranchedCholesky<W> {
                 let x = own[j];
                 let from = (j * BLOCK).min(above);
                 let factors = &own.as_flattened()[from..above];
-                spread(&mut change[from..above], factors, scaled(&x, &pivot.inverse));
+                spread::<A, W>(&mut change[from..above], factors, scaled(&x, &pivot.inverse));
                 own[j] = scaled(&x, &pivot.root);
             }
         }
@@ -126,7 +127,7 @@ impl<const W: usize> BranchedCholesky<W> {
     }
 
     #[inline(always)]
-    fn solve_rows(&mut self, rows: &[Lanes<W>]) {
+    fn solve_rows<A: Arithmetic>(&mut self, rows: &[Lanes<W>]) {
         let plan = &*self.plan;
         let (depth, width) = (self.depth, plan.width() / BLOCK);
         let rows = rows.as_chunks::<BLOCK>().0;
@@ -142,14 +143,14 @@ impl<const W: usize> BranchedCholesky<W> {
                     let above = l.len();
                     let x = sum(&rows[c * width + b as usize], &take(&mut change[above]));
                     *t = scaled(&x, &self.inverse[c]);
-                    spread(&mut change[..above], l, *t);
+                    spread::<A, W>(&mut change[..above], l, *t);
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn multiply_rows(&mut self) {
+    fn multiply_rows<A: Arithmetic>(&mut self) {
         let plan = &*self.plan;
         let width = plan.width() / BLOCK;
         self.s.fill([Self::ZERO; BLOCK]);
@@ -163,7 +164,7 @@ impl<const W: usize> BranchedCholesky<W> {
                     let mut sum = *tile;
                     for (x, y) in t[i * count..][..count].iter().zip(&t[j * count..][..count]) {
                         for k in 0..BLOCK {
-                            add_scaled(&mut sum[k], &x[k], y);
+                            add_scaled::<A, W>(&mut sum[k], &x[k], y);
                         }
                     }
                     *tile = sum;
@@ -173,7 +174,7 @@ impl<const W: usize> BranchedCholesky<W> {
     }
 
     #[inline(always)]
-    fn factor_products(&mut self) -> Result<(), NotPositiveDefinite> {
+    fn factor_products<A: Arithmetic>(&mut self) -> Result<(), NotPositiveDefinite> {
         let width = self.plan.width() / BLOCK;
         for p in 0..width {
             let diagonal = &self.s[row_start(p, width)];
@@ -196,7 +197,7 @@ impl<const W: usize> BranchedCholesky<W> {
                 };
                 let factors = scaled(&x, &pivot.inverse);
                 for r in k + 1..BLOCK {
-                    subtract_scaled(&mut tile[r], &factors[r], &x);
+                    subtract_scaled::<A, W>(&mut tile[r], &factors[r], &x);
                 }
                 tile[k] = scaled(&x, &pivot.root);
                 inverse[k] = pivot.root;
@@ -206,7 +207,7 @@ impl<const W: usize> BranchedCholesky<W> {
                 for k in 0..BLOCK {
                     let x = scaled(&tile[k], &inverse[k]);
                     for r in k + 1..BLOCK {
-                        subtract_scaled(&mut tile[r], &diagonal[k][r], &x);
+                        subtract_scaled::<A, W>(&mut tile[r], &diagonal[k][r], &x);
                     }
                     tile[k] = x;
                 }
@@ -218,7 +219,7 @@ impl<const W: usize> BranchedCholesky<W> {
                     let mut sum = *target;
                     for k in 0..BLOCK {
                         for r in 0..BLOCK {
-                            subtract_scaled(&mut sum[r], &x[k][r], &y[k]);
+                            subtract_scaled::<A, W>(&mut sum[r], &x[k][r], &y[k]);
                         }
                     }
                     *target = sum;
@@ -251,7 +252,7 @@ impl<const W: usize> BranchedCholesky<W> {
     }
 
     #[inline(always)]
-    fn substitute(&mut self) {
+    fn substitute<A: Arithmetic>(&mut self) {
         let plan = &*self.plan;
         let (z, l) = (&mut self.z, self.l.as_flattened());
         for c in 0..z.len() {
@@ -259,7 +260,7 @@ impl<const W: usize> BranchedCholesky<W> {
             let own = z[c];
             let (places, path) = plan.above(c);
             for (l, &i) in l[places].iter().zip(path) {
-                subtract_product(&mut z[i as usize], l, &own);
+                subtract_product::<A, W>(&mut z[i as usize], l, &own);
             }
         }
         self.lambda.as_flattened_mut().as_flattened_mut().iter_mut().for_each(|x| *x = -*x);
@@ -271,19 +272,19 @@ impl<const W: usize> BranchedCholesky<W> {
                 rest = behind;
                 let mut sum = self.lambda[b as usize];
                 for (t, z) in t.iter().zip(z) {
-                    add_scaled(&mut sum, z, t);
+                    add_scaled::<A, W>(&mut sum, z, t);
                 }
                 self.lambda[b as usize] = sum;
             }
         }
-        substitute_products(&self.s, &self.s_inverse, &mut self.lambda);
+        substitute_products::<A, W>(&self.s, &self.s_inverse, &mut self.lambda);
         for (panel, blocks) in plan.panels() {
             let z = &mut z[panel.coordinates.clone()];
             let t = &self.t[panel.places.clone()];
             for i in 0..z.len() {
                 let mut sum = Self::ZERO;
                 for (t, &b) in t[i..].iter().step_by(z.len()).zip(blocks) {
-                    add_products(&mut sum, t, &self.lambda[b as usize]);
+                    add_products::<A, W>(&mut sum, t, &self.lambda[b as usize]);
                 }
                 subtract_sum(&mut z[i], &sum);
             }
@@ -292,7 +293,7 @@ impl<const W: usize> BranchedCholesky<W> {
             let mut sum = z[c];
             let (places, path) = plan.above(c);
             for (l, &i) in l[places].iter().zip(path) {
-                subtract_product(&mut sum, l, &z[i as usize]);
+                subtract_product::<A, W>(&mut sum, l, &z[i as usize]);
             }
             multiply(&mut sum, &self.inverse[c]);
             z[c] = sum;
@@ -302,7 +303,11 @@ impl<const W: usize> BranchedCholesky<W> {
 
 /// UᵀU x = y in place.
 #[inline(always)]
-fn substitute_products<const W: usize>(s: &[Tile<W>], inverse: &[Block<W>], x: &mut [Block<W>]) {
+fn substitute_products<A: Arithmetic, const W: usize>(
+    s: &[Tile<W>],
+    inverse: &[Block<W>],
+    x: &mut [Block<W>],
+) {
     let width = x.len();
     let mut row = s;
     for p in 0..width {
@@ -313,13 +318,13 @@ fn substitute_products<const W: usize>(s: &[Tile<W>], inverse: &[Block<W>], x: &
             multiply(&mut y[k], &inverse[p][k]);
             for r in k + 1..BLOCK {
                 let known = y[k];
-                subtract_product(&mut y[r], &own[0][k][r], &known);
+                subtract_product::<A, W>(&mut y[r], &own[0][k][r], &known);
             }
         }
         x[p] = y;
         for (x, tile) in x[p + 1..].iter_mut().zip(&own[1..]) {
             for k in 0..BLOCK {
-                subtract_scaled(x, &y[k], &tile[k]);
+                subtract_scaled::<A, W>(x, &y[k], &tile[k]);
             }
         }
     }
@@ -328,7 +333,7 @@ fn substitute_products<const W: usize>(s: &[Tile<W>], inverse: &[Block<W>], x: &
         let mut sums = [[[0.0; W]; BLOCK]; BLOCK];
         for (x, tile) in x[p + 1..].iter().zip(&own[1..]) {
             for k in 0..BLOCK {
-                add_products(&mut sums[k], &tile[k], x);
+                add_products::<A, W>(&mut sums[k], &tile[k], x);
             }
         }
         let mut y = x[p];
@@ -336,7 +341,7 @@ fn substitute_products<const W: usize>(s: &[Tile<W>], inverse: &[Block<W>], x: &
             subtract_sum(&mut y[k], &sums[k]);
             for r in k + 1..BLOCK {
                 let known = y[r];
-                subtract_product(&mut y[k], &own[0][k][r], &known);
+                subtract_product::<A, W>(&mut y[k], &own[0][k][r], &known);
             }
             multiply(&mut y[k], &inverse[p][k]);
         }
@@ -363,14 +368,14 @@ impl<const W: usize> pulp::WithSimd for Run<'_, W> {
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> Self::Output {
         match self.task {
-            Task::Factor(m) => self.on.eliminate(m),
+            Task::Factor(m) => self.on.eliminate::<S>(m),
             Task::FactorRows(rows) => {
-                self.on.solve_rows(rows);
-                self.on.multiply_rows();
-                self.on.factor_products()
+                self.on.solve_rows::<S>(rows);
+                self.on.multiply_rows::<S>();
+                self.on.factor_products::<S>()
             }
             Task::Solve => {
-                self.on.substitute();
+                self.on.substitute::<S>();
                 Ok(())
             }
         }

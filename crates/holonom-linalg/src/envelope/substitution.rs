@@ -2,7 +2,7 @@
 
 use super::plan::Line;
 use super::{EnvelopePlan, by_rows};
-use crate::lanes::{LaneKernel, lanes, lanes_mut};
+use crate::lanes::{Arithmetic, LaneKernel, lanes, lanes_mut};
 
 /// L D Lᵀ x = b in place, in the order of the plan; what [`forward`] does may have been done.
 pub(super) struct SolveOne<'a> {
@@ -100,7 +100,7 @@ pub(super) struct Lanes<'a> {
 
 impl LaneKernel for Lanes<'_> {
     #[inline(always)]
-    fn run<const K: usize>(&mut self, from: usize) {
+    fn run<A: Arithmetic, const K: usize>(&mut self, from: usize) {
         let plan = self.plan;
         let (x, _) = self.work[..plan.n() * K].as_chunks_mut::<K>();
         for (x, &row) in x.iter_mut().zip(&plan.row_at) {
@@ -113,7 +113,7 @@ impl LaneKernel for Lanes<'_> {
                 for c in line.start..line.begin + r {
                     let l = numbers[(c - line.start) * line.rows + r];
                     for w in 0..K {
-                        a[w] -= l * x[c][w];
+                        a[w] = A::multiply_add(-l, x[c][w], a[w]);
                     }
                 }
                 x[line.begin + r] = a;
@@ -129,7 +129,7 @@ impl LaneKernel for Lanes<'_> {
                 for c in line.start..line.begin + r {
                     let l = numbers[(c - line.start) * line.rows + r];
                     for w in 0..K {
-                        x[c][w] -= l * a[w];
+                        x[c][w] = A::multiply_add(-l, a[w], x[c][w]);
                     }
                 }
             }

@@ -15,7 +15,7 @@ mod wide_search;
 use crate::complex::Complex64;
 use crate::condition::condition_estimate;
 use crate::error::SingularMatrix;
-use crate::lanes::{LaneKernel, MOST_LANES, run_lanes};
+use crate::lanes::{LaneKernel, MOST_LANES, Plain, run_lanes};
 use crate::scalar::Scalar;
 use crate::watch::{checkpoint, stage};
 use std::sync::Arc;
@@ -302,7 +302,7 @@ impl<T: Scalar> SparseLu<T> {
         let mut kernel =
             Substitution { factors, source, target, scales, transposed, columns, b, k, work };
         if k == 1 {
-            kernel.run::<1>(0);
+            kernel.run::<Plain, 1>(0);
         } else {
             run_lanes(k, &mut kernel);
         }

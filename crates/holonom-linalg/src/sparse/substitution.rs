@@ -1,6 +1,6 @@
 //! Forward and backward substitution with several right-hand sides at a time.
 
-use crate::lanes::{LaneKernel, lanes, lanes_mut};
+use crate::lanes::{Arithmetic, LaneKernel, lanes, lanes_mut};
 use crate::scalar::Scalar;
 use crate::sparse::elimination::{Columns, Factors, Side};
 
@@ -22,7 +22,7 @@ pub(super) struct Substitution<'a, T> {
 
 impl<T: Scalar> LaneKernel for Substitution<'_, T> {
     #[inline(always)]
-    fn run<const W: usize>(&mut self, from: usize) {
+    fn run<A: Arithmetic, const W: usize>(&mut self, from: usize) {
         let (f, transposed) = (self.factors, self.transposed);
         let (x, _) = self.work[..f.inverse_pivot.len() * W].as_chunks_mut::<W>();
         let [before, after] = self.scales.unwrap_or_default();
@@ -36,25 +36,25 @@ impl<T: Scalar> LaneKernel for Substitution<'_, T> {
         // Loops, as closures would be compiled for the plain processor.
         if !transposed {
             for side in &f.plan.left {
-                subtract_row(f, side, x);
+                subtract_row::<A, T, W>(f, side, x);
             }
             for side in f.plan.right.iter().rev() {
-                subtract_row(f, side, x);
+                subtract_row::<A, T, W>(f, side, x);
             }
         } else if let Some(columns) = self.columns {
             let (numbers, entries) = (&f.numbers[..], &columns.entries[..]);
             for side in &columns.right {
-                subtract_listed(numbers, entries, side, x);
+                subtract_listed::<A, T, W>(numbers, entries, side, x);
             }
             for side in columns.left.iter().rev() {
-                subtract_listed(numbers, entries, side, x);
+                subtract_listed::<A, T, W>(numbers, entries, side, x);
             }
         } else {
             for side in &f.plan.right {
-                subtract_column(f, side, x);
+                subtract_column::<A, T, W>(f, side, x);
             }
             for side in f.plan.left.iter().rev() {
-                subtract_column(f, side, x);
+                subtract_column::<A, T, W>(f, side, x);
             }
         }
         let places = self.target.0.iter().zip(self.target.1).zip(&f.inverse_pivot);
@@ -85,7 +85,11 @@ fn entries<'a, T>(f: &'a Factors<T>, side: &Side) -> (&'a [u32], &'a [T]) {
 
 /// xᵢ ← xᵢ − Σ valueⱼ xⱼ for the row i.
 #[inline(always)]
-fn subtract_row<T: Scalar, const W: usize>(f: &Factors<T>, side: &Side, x: &mut [[T; W]]) {
+fn subtract_row<A: Arithmetic, T: Scalar, const W: usize>(
+    f: &Factors<T>,
+    side: &Side,
+    x: &mut [[T; W]],
+) {
     let (columns, values) = entries(f, side);
     let mut row = x[side.row as usize];
     if W == 1 && columns.len() >= 8 {
@@ -95,18 +99,18 @@ fn subtract_row<T: Scalar, const W: usize>(f: &Factors<T>, side: &Side, x: &mut 
         let (values, last_values) = values.as_chunks::<4>();
         for (j, a) in columns.iter().zip(values) {
             for s in 0..4 {
-                sums[s] = sums[s] + a[s] * x[j[s] as usize][0];
+                sums[s] = sums[s].minus_product::<A>(a[s], x[j[s] as usize][0]);
             }
         }
         for (s, (&j, a)) in last_columns.iter().zip(last_values).enumerate() {
-            sums[s] = sums[s] + *a * x[j as usize][0];
+            sums[s] = sums[s].minus_product::<A>(*a, x[j as usize][0]);
         }
-        row[0] = row[0] - ((sums[0] + sums[1]) + (sums[2] + sums[3]));
+        row[0] = row[0] + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
     } else {
         for (&j, a) in columns.iter().zip(values) {
             let other = &x[j as usize];
             for w in 0..W {
-                row[w] = row[w] - *a * other[w];
+                row[w] = row[w].minus_product::<A>(*a, other[w]);
             }
         }
     }
@@ -115,20 +119,24 @@ fn subtract_row<T: Scalar, const W: usize>(f: &Factors<T>, side: &Side, x: &mut 
 
 /// xⱼ ← xⱼ − valueⱼ xᵢ for the row i.
 #[inline(always)]
-fn subtract_column<T: Scalar, const W: usize>(f: &Factors<T>, side: &Side, x: &mut [[T; W]]) {
+fn subtract_column<A: Arithmetic, T: Scalar, const W: usize>(
+    f: &Factors<T>,
+    side: &Side,
+    x: &mut [[T; W]],
+) {
     let (columns, values) = entries(f, side);
     let row = x[side.row as usize];
     for (&j, a) in columns.iter().zip(values) {
         let other = &mut x[j as usize];
         for w in 0..W {
-            other[w] = other[w] - *a * row[w];
+            other[w] = other[w].minus_product::<A>(*a, row[w]);
         }
     }
 }
 
 /// The same for all rows i of one column j: several right-hand sides are not stored in between.
 #[inline(always)]
-fn subtract_listed<T: Scalar, const W: usize>(
+fn subtract_listed<A: Arithmetic, T: Scalar, const W: usize>(
     numbers: &[T],
     entries: &[(u32, u32)],
     side: &Side,
@@ -138,7 +146,7 @@ fn subtract_listed<T: Scalar, const W: usize>(
     for &(i, place) in &entries[side.start as usize..side.end as usize] {
         let (a, other) = (numbers[place as usize], &x[i as usize]);
         for w in 0..W {
-            own[w] = own[w] - a * other[w];
+            own[w] = own[w].minus_product::<A>(a, other[w]);
         }
     }
     x[side.row as usize] = own;

@@ -7,7 +7,7 @@ use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, Manifold, Point};
 use crate::system::System;
 use crate::threads::Threads;
-use holonom_linalg::{Wide, run_wide};
+use holonom_linalg::{Arithmetic, Wide, run_wide};
 use std::sync::Arc;
 
 /// The blocks of the last linearization with the coefficients of the last factor.
@@ -235,7 +235,7 @@ struct Spread<'a, const N: usize, const M: usize> {
 
 impl<const N: usize, const M: usize> Wide for Spread<'_, N, M> {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         let Self { by, change: [p, v], to: [dq, dv] } = self;
         let (columns, _) = by.moved.as_chunks::<M>();
         let (columns, _) = columns.as_chunks::<2>();
@@ -246,8 +246,9 @@ impl<const N: usize, const M: usize> Wide for Spread<'_, N, M> {
             for ([d, rates], &k) in columns[first..end].iter().zip(&by.movers[first..end]) {
                 let (p, v) = (p[k], v[k]);
                 for i in 0..M {
-                    change[i] += p * d[i];
-                    rate_change[i] += v * d[i] + p * rates[i];
+                    change[i] = A::multiply_add(p, d[i], change[i]);
+                    let moved = A::multiply_add(v, d[i], rate_change[i]);
+                    rate_change[i] = A::multiply_add(p, rates[i], moved);
                 }
             }
             dq.copy_from_slice(&change[..N]);

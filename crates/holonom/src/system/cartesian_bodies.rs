@@ -7,7 +7,7 @@ use super::{Bodies, BodyPose, MotionRows, Resistance, Stance, State};
 use crate::elements::RowBlocks;
 use crate::elements::kinematics::{Anchor, EdgeKinematics, EdgeScrews};
 use crate::elements::relative::{Reference, RelativeElement};
-use holonom_linalg::{Wide, run_wide};
+use holonom_linalg::{Arithmetic, Wide, run_wide};
 
 impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Bodies
     for Cartesian<S, D, N, W>
@@ -199,7 +199,7 @@ struct OfRelative<'a, E, const N: usize> {
 
 impl<E: RelativeElement<N>, const N: usize> Wide for OfRelative<'_, E, N> {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         let [q, v, a] = self.at;
         self.element.rate_blocks(q, v, a, self.reference, self.rows);
     }

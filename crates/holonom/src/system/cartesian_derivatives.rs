@@ -9,7 +9,7 @@ use crate::elements::{
     ConstraintElement, ForceBlocks, ForceElement, ForceInput, PairBlocks, RowBlocks,
 };
 use crate::threads::Threads;
-use holonom_linalg::{BlockId, BlocksMut, Wide, run_wide};
+use holonom_linalg::{Arithmetic, BlockId, BlocksMut, Wide, run_wide};
 use std::marker::PhantomData;
 
 /// The blocks of consecutive parts.
@@ -203,7 +203,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Wide
     for OfInertia<'_, S, D, N, W>
 {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         let [q, v, a] = self.at;
         S::inertia_blocks(self.inertia, q, v, a, self.k, self.c);
     }
@@ -225,7 +225,7 @@ impl<C: ConstraintElement<N>, const D: usize, const N: usize> Wide
     for OfConstraint<'_, '_, C, D, N>
 {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         let [q, v, a] = self.at;
         self.element.rate_blocks(q, v, a, self.rows);
         self.element.hessian(q, self.multipliers, self.pairs);
@@ -245,7 +245,7 @@ impl<F: ForceElement<D, N, W>, const D: usize, const N: usize, const W: usize> W
     for OfForce<'_, F, D, N, W>
 {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         self.element.blocks(self.input, self.out);
         if let Some(sum) = self.sum {
             sum.add(self.out);
@@ -264,7 +264,7 @@ struct OnCoordinates<'a, 'b, P, const N: usize, const W: usize> {
 
 impl<P: Passage<N, W>, const N: usize, const W: usize> Wide for OnCoordinates<'_, '_, P, N, W> {
     #[inline(always)]
-    fn run(self) {
+    fn run<A: Arithmetic>(self) {
         let Self { blocks, passages, slots, .. } = self;
         for felt in 0..2 {
             let own = &passages[felt];
