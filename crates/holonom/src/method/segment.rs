@@ -76,6 +76,11 @@ impl Segment {
         self.powers[4][i] = 6.0 * gap - 3.0 * turn + 0.5 * bend;
     }
 
+    /// Adds x in the middle and nothing at the ends.
+    pub(super) fn bulge(&mut self, x: &[f64]) {
+        self.add(4.0, &[1.0, -1.0], x);
+    }
+
     /// w(θ).
     pub(super) fn interpolate(&self, theta: f64, w: &mut [f64]) {
         w.copy_from_slice(&self.start);
