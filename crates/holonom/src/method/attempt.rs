@@ -223,7 +223,8 @@ impl<S: Stages> ImplicitStepper<S> {
         step: &Step<'_>,
     ) -> Result<f64, EvaluationFailure> {
         let caution = self.caution();
-        let (stages, error) = (&mut self.stages, &mut self.change);
+        let (stages, error, imbalance) =
+            (&mut self.stages, &mut self.change, &mut self.at_end.change);
         stages.estimate(ode, step, error)?;
         if !self.options.filter_error {
             return Ok(ode.error_norm(error, stages.end().w));
@@ -237,7 +238,11 @@ impl<S: Stages> ImplicitStepper<S> {
             (least - size).abs() <= 0.5 * (1.0 - step.h / h) * size
         };
         let counts = |least: &f64| !before.is_some_and(|before| stays(*least, before));
-        let found = least.filter(counts).map_or(filtered, |least| filtered.max(least));
+        let mut found = least.filter(counts).map_or(filtered, |least| filtered.max(least));
+        if stages.imbalance(ode, step, imbalance) {
+            let part = S::LEAST_FILTERED.unwrap_or(1.0);
+            found = found.max(part * ode.error_norm(imbalance, stages.end().w));
+        }
         let again = caution * found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
         if !(again && stages.estimate_again(ode, step, error)) {
             return Ok(found);

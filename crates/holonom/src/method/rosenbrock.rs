@@ -36,6 +36,7 @@ impl RosenbrockStepper {
             end: vector(),
             end_slope: vector(),
             smooth: [vector(), vector()],
+            rough: vector(),
         };
         Self::of(stages, dimension, options)
     }
@@ -54,6 +55,23 @@ pub struct RosenbrockStages {
     end_slope: Vec<f64>,
     /// Slopes of dense output at both ends.
     smooth: [Vec<f64>; 2],
+    /// What rates at the end would change by, which stiff components do not leave there.
+    rough: Vec<f64>,
+}
+
+impl RosenbrockStages {
+    /// The rough part of what the slope of rates at the start, or `last`, at the end has beyond the parabola.
+    fn rough_slope(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, last: bool) {
+        let split = ode.second_order_split();
+        let slope = if last { &self.end_slope[..] } else { step.g };
+        self.rough.fill(0.0);
+        for k in 0..split {
+            self.rough[split + k] =
+                slope[split + k] - parabola(step, &self.end, [k, split + k], last);
+        }
+        self.stage_slope.fill(0.0);
+        keep_rough(ode, &mut self.rough, &mut self.stage_slope);
+    }
 }
 
 impl Stages for RosenbrockStages {
@@ -132,6 +150,15 @@ impl Stages for RosenbrockStages {
         }
         // Dense output needs this slope, and it is the first stage of the next step.
         ode.derivative(step.t + step.h, &self.end, &mut self.end_slope)
+    }
+
+    fn imbalance(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, error: &mut [f64]) -> bool {
+        self.rough_slope(ode, step, true);
+        for (error, rough) in error.iter_mut().zip(&self.rough) {
+            *error = self.formula.gamma * step.h * rough;
+        }
+        ode.solve(error);
+        true
     }
 
     fn estimate_again(&mut self, _: &mut Counted<'_>, _: &Step<'_>, _: &mut [f64]) -> bool {

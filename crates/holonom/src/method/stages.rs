@@ -125,6 +125,11 @@ pub trait Stages: Debug + Send {
         true
     }
 
+    /// After `estimate`: how far from balance stiff components are at the end; false where the formula leaves them in it.
+    fn imbalance(&mut self, _ode: &mut Counted<'_>, _step: &Step<'_>, _error: &mut [f64]) -> bool {
+        false
+    }
+
     /// Finds the error that the formula itself leaves at the end of a step of length h; false where it cannot tell.
     fn own_error(&mut self, _ode: &mut Counted<'_>, _h: f64, _error: &mut [f64]) -> bool {
         false

@@ -65,8 +65,9 @@ pub(super) fn least_change(
     for (at, &i) in unknowns.free.iter().enumerate() {
         column[i] = Some(at);
     }
+    let measure = |i: usize| system.structure().coordinate_measure(i);
     let weights: Vec<f64> =
-        unknowns.free.iter().map(|&i| 1.0 / weight(system, i, by.lengths)).collect();
+        unknowns.free.iter().map(|&i| unit(system, measure(i), by.lengths)).collect();
     let mut coupled = vec![None; sizes.bodies];
     for (b, w) in &couplings {
         coupled[*b] = Some(w);
@@ -87,11 +88,16 @@ pub(super) fn least_change(
         }
     }
     let solution = if (m * m) as f64 * k as f64 <= by.dense {
+        // A rank is told from rows that compare: those of joints of a machine of 1e-9 m stand beside angles.
+        let measures = &system.structure().row_measure;
+        let scales: Vec<f64> =
+            measures.iter().map(|row| 1.0 / unit(system, *row, by.lengths)).collect();
         let mut a = vec![0.0; m * k];
         for (row, at, x) in entries {
-            a[row * k + at] += x;
+            a[row * k + at] += scales[row] * x;
         }
-        least_norm(m, k, &a, r, by.rank).ok()?.x
+        let r: Vec<f64> = r.iter().zip(&scales).map(|(r, scale)| r * scale).collect();
+        least_norm(m, k, &a, &r, by.rank).ok()?.x
     } else {
         sparse_least_norm(m, k, &entries, r).ok()?
     };
@@ -155,8 +161,13 @@ fn norm(x: &[f64]) -> f64 {
 
 /// What makes changes of a coordinate comparable, lengths measured in so many characteristic ones.
 fn weight(system: &dyn System, coordinate: usize, lengths: f64) -> f64 {
-    match system.structure().coordinate_measure(coordinate) {
-        Measure::Length => 1.0 / (lengths * system.characteristic_length()),
+    1.0 / unit(system, system.structure().coordinate_measure(coordinate), lengths)
+}
+
+/// What of a measure compares with a radian, lengths measured in so many characteristic ones.
+fn unit(system: &dyn System, measure: Measure, lengths: f64) -> f64 {
+    match measure {
+        Measure::Length => lengths * system.characteristic_length(),
         Measure::Angle => 1.0,
     }
 }
