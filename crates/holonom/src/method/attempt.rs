@@ -272,14 +272,16 @@ impl<S: Stages> ImplicitStepper<S> {
     }
 
     /// Brings the middle of the dense output nearer to what the equations say, where rates that are right within the tolerance
-    /// would not tell where positions are inside: a step of many times what motions take. Source:
-    /// `docs/theory/method.md` (14).
-    fn balance_inside(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) {
-        let Self { stages, at_end: AtEnd { defect, change, state, slope, .. }, current, .. } = self;
-        let (split, end) = (ode.second_order_split(), stages.end().w);
+    /// would not tell where positions are inside: a step of many times what motions take. Returns how far off it is
+    /// at a quarter then, scaled; 0 where rates do tell. Source: `docs/theory/method.md` (13).
+    fn balance_inside(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> f64 {
+        let (split, end) = (ode.second_order_split(), self.stages.end().w);
+        let change = &mut self.at_end.change;
         change.fill(0.0);
-        for k in split..2 * split {
-            change[k] = end[k] - step.w[k];
+        for k in 0..split {
+            let [first, last] = [&step.w[..], end].map(|w| w[split + k].abs());
+            let mean = (end[k] - step.w[k]).abs() / step.h;
+            change[split + k] = first.max(last).max(mean);
         }
         let of_rates = ode.error_norm(change, end);
         let (positions, rates) = change.split_at_mut(split);
@@ -289,20 +291,38 @@ impl<S: Stages> ImplicitStepper<S> {
         // Written so that a NaN is left alone.
         let counts = ode.error_norm(change, end) > of_rates.max(1.0);
         if !counts {
-            return;
+            return 0.0;
         }
-        current.interpolate(0.5, state);
-        current.slope_beyond(-0.5 * step.h, slope);
-        if ode.derivative(step.t + 0.5 * step.h, state, defect).is_ok() {
-            let gamma_h = stages.gamma() * step.h;
-            for (defect, slope) in defect.iter_mut().zip(&*slope) {
-                *defect = gamma_h * (*defect - slope);
-            }
-            stages.filter(ode, defect);
-            current.bulge(defect);
+        let middle = self.find_defect_at(0.5, ode, step);
+        if middle.is_ok() {
+            self.current.bulge(&self.at_end.defect);
         }
+        let left = middle.and_then(|()| self.find_defect_at(0.25, ode, step)).map(|()| {
+            let end = self.stages.end().w;
+            ode.error_norm(&self.at_end.defect, end)
+        });
         // What was evaluated last is the end, as it would be without this; what is wrong there shows where the step is taken.
-        let _ = ode.derivative(step.t + step.h, stages.end().w, slope);
+        let _ = ode.derivative(step.t + step.h, self.stages.end().w, &mut self.at_end.slope);
+        left.unwrap_or(0.0)
+    }
+
+    /// What would bring the dense output into balance at θ, as far as the matrix tells.
+    fn find_defect_at(
+        &mut self,
+        theta: f64,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> Result<(), EvaluationFailure> {
+        let Self { stages, at_end: AtEnd { defect, state, slope, .. }, current, .. } = self;
+        current.interpolate(theta, state);
+        current.slope_beyond((theta - 1.0) * step.h, slope);
+        ode.derivative(step.t + theta * step.h, state, defect)?;
+        let gamma_h = stages.gamma() * step.h;
+        for (defect, slope) in defect.iter_mut().zip(&*slope) {
+            *defect = gamma_h * (*defect - slope);
+        }
+        stages.filter(ode, defect);
+        Ok(())
     }
 
     /// δ of (11c) by the matrix at hand. Returns its scaled size.
@@ -436,19 +456,25 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
             Ok((error, StepVerdict::Accept { next })) => {
                 self.stages.finish(&mut ode, &step, &mut self.current);
                 let hidden = self.hidden(&mut ode, &step).unwrap_or(f64::INFINITY);
-                if hidden <= 1.0 {
-                    self.balance_inside(&mut ode, &step);
-                    self.pending = true;
-                    self.memory.history.accept(h, error);
-                    let longest = self.memory.longest_after(h, report.contraction);
-                    report.accept(error, next.min(longest).min(self.options.max_step));
-                } else {
+                let inside = if hidden <= 1.0 { self.balance_inside(&mut ode, &step) } else { 0.0 };
+                // A parabola is off like the third power of the step.
+                let by_inside = h * (0.9 / inside.cbrt()).max(self.control.min_ratio);
+                if hidden > 1.0 {
                     self.matrices.forget();
                     self.memory.history.reject();
                     report.error = hidden;
                     // What is moved by accelerations grows like the square of the step.
                     report.next_step = h * (0.9 / hidden.sqrt()).max(self.control.min_ratio);
                     report.cause = Some(Rejection::ErrorTooLarge);
+                } else if inside > 1.0 && !self.options.fixed_step {
+                    self.memory.history.reject();
+                    (report.error, report.next_step) = (inside, by_inside);
+                    report.cause = Some(Rejection::ErrorTooLarge);
+                } else {
+                    self.pending = true;
+                    self.memory.history.accept(h, error);
+                    let longest = self.memory.longest_after(h, report.contraction).min(by_inside);
+                    report.accept(error, next.min(longest).min(self.options.max_step));
                 }
             }
             Ok((error, StepVerdict::Reject { retry })) => {

@@ -1,10 +1,11 @@
 //! Velocities and forces far below the tolerance, which move things far in the end, and times far from zero.
 
-use crate::common::table::all_codes;
+use crate::common::table::{all_codes, implicit};
 use crate::common::{model_of, options, run_model};
 use holonom::method::Code;
 use holonom::model::Model;
 use holonom::simulation::{Options, OutputTimes};
+use std::f64::consts::PI;
 
 /// A body of 1 kg that forces along x push.
 fn pushed(forces: &[String]) -> String {
@@ -230,6 +231,72 @@ fn a_short_transient_of_a_long_run_is_stepped_through() {
             let x = *run.series("body.position", 0).last().unwrap();
             assert!((x - 0.5).abs() < 1e-3, "{rate:e}, {code:?}: {x}");
             assert!(run.summary.statistics.steps < 1_000, "{rate:e}, {code:?}");
+        }
+    }
+}
+
+/// Largest distance of rows of x after `rest` s from `truth`, in tolerances; `way` is how far the body goes, m.
+fn rows_off(
+    model: &Model,
+    (code, tolerance): (Code, f64),
+    end: f64,
+    rest: f64,
+    (truth, way): (impl Fn(f64) -> f64, f64),
+) -> f64 {
+    let options = Options {
+        channels: vec!["body.position".to_owned()],
+        output: OutputTimes::Interval(end / 500.0),
+        ..options(code, tolerance, end)
+    };
+    let run = run_model(model, &options);
+    let rows = run.times().iter().zip(run.series("body.position", 0)).filter(|(t, _)| **t >= rest);
+    let off = rows.map(|(t, x)| (x - truth(*t)).abs()).fold(0.0, f64::max);
+    off / (tolerance * (1.0 + way))
+}
+
+#[test] // independent truth: 1 + 0.5 exp(−dt/2) is 1 + 1e-9 after 40/d
+fn what_has_come_to_rest_is_at_rest_between_steps() {
+    for (damping, end) in [(1.0, 1e4), (1.0, 1e5), (5.0, 1e5)] {
+        let model = on_a_spring([(2.0 * PI).powi(2), damping], 0.5, 0.0);
+        for code in implicit() {
+            for tolerance in [1e-3, 1e-4] {
+                let off = rows_off(&model, (code, tolerance), end, 40.0 / damping, (|_| 0.5, 0.5));
+                assert!(off < 3.0, "{damping}, {end:e} s, {code:?}, {tolerance:e}: {off:.1}");
+            }
+        }
+    }
+}
+
+#[test] // independent truth: (40 (u + 1.2) + 10 + 2 (u̇ − ẋ))/50, ẋ = 0.8 u̇, with 1e-7 for ẍ
+fn a_slow_drive_of_what_springs_hold_is_met_in_every_row() {
+    let (end, way) = (1e5, 0.5);
+    let frequency = 2.0 * PI / 4e4;
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+support = {{ mass = 1.0, inertia = 0.01, position = [0.0, 0.0] }}
+body = {{ mass = 1.0, inertia = 0.01, position = [1.0, 0.0] }}
+[joints]
+rail = {{ type = "translational", between = ["ground", "support"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+slide = {{ type = "translational", between = ["support", "body"], point = [1.0, 0.0], axis = [1.0, 0.0] }}
+[drivers]
+u = {{ joint = "rail", coordinate = "translation", motion = {{ type = "harmonic", amplitude = {way:?}, angular_frequency = {frequency:?} }} }}
+[forces]
+pull = {{ type = "tsda", between = ["support", "body"], points = [[0.0, 0.0], [1.0, 0.0]], stiffness = 40.0, damping = 2.0, free_length = 1.2 }}
+hold = {{ type = "tsda", between = ["ground", "body"], points = [[3.0, 0.0], [1.0, 0.0]], stiffness = 10.0, free_length = 2.0 }}
+"#
+    ));
+    let truth = |t: f64| {
+        let (u, rate) = (way * (frequency * t).sin(), way * frequency * (frequency * t).cos());
+        (40.0 * (u + 1.2) + 10.0 + 2.0 * 0.2 * rate) / 50.0
+    };
+    for code in implicit() {
+        for tolerance in [1e-4, 1e-6] {
+            let off = rows_off(&model, (code, tolerance), end, 100.0, (truth, 0.8 * way));
+            assert!(off < 30.0, "{code:?}, {tolerance:e}: {off:.1}");
         }
     }
 }

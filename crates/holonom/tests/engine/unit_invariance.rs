@@ -66,6 +66,11 @@ impl Units {
             stated.angular_velocity = stated.angular_velocity.map(|w| w.map(|x| x / time));
         }
         let frame = |frame: &mut Frame| frame.point = self.points(frame.point);
+        for stated in &mut out.initial.coordinates {
+            stated.frames.iter_mut().for_each(frame);
+            let unit = if stated.kind == DriverKind::Translation { length } else { 1.0 };
+            stated.value *= if stated.is_rate { unit / time } else { unit };
+        }
         for joint in &mut out.joints {
             joint.frames.iter_mut().for_each(frame);
             if let JointKind::Distance { length: distance } = &mut joint.kind {
@@ -262,6 +267,42 @@ fn heavy_loops_in_joint_coordinates_are_as_light_ones() {
             positions_within(&there, code, tolerance, 0.5, Representation::Auto).1
         });
         assert!(steps.iter().all(|n| n.abs_diff(steps[0]) <= 1), "{code:?}: {steps:?}");
+    }
+}
+
+/// A crank whose speed is stated, and a pendulum on its slider, which has to be found one.
+const CRANK: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+crank = { mass = 1.0, inertia = 0.02, position = [0.1, 0.1] }
+rod = { mass = 1.0, inertia = 0.05, position = [0.4, 0.1] }
+slider = { mass = 2.0, inertia = 0.01, position = [0.6, 0.0] }
+pendulum = { mass = 1.0, inertia = 0.02, position = [0.7, -0.2] }
+[joints]
+a = { type = "revolute", between = ["ground", "crank"], point = [0.0, 0.0] }
+b = { type = "revolute", between = ["crank", "rod"], point = [0.2, 0.2] }
+c = { type = "revolute", between = ["rod", "slider"], point = [0.6, 0.0] }
+d = { type = "translational", between = ["ground", "slider"], point = [0.6, 0.0], axis = [1.0, 0.0] }
+e = { type = "revolute", between = ["slider", "pendulum"], point = [0.6, 0.0] }
+[initial.joints]
+a = { angular_velocity = 5.0 }
+"#;
+
+#[test] // powers of two change no digit
+fn rates_that_nobody_states_are_found_in_all_units() {
+    let model = model_of(CRANK);
+    let rates = [0, -10, -20, -30, -40, 20].map(|power| {
+        let there = Units { length: 2f64.powi(power), mass: 1.0, time: 1.0 }.model(&model);
+        let problem = Problem::new(there);
+        let v = &problem.assemble().expect("can be assembled").state.v;
+        [v[2], v[5], v[11]]
+    });
+    assert!(rates[0][2].abs() > 0.1, "a pendulum that hangs still says nothing");
+    for other in rates {
+        let off = (0..3).map(|k| (other[k] - rates[0][k]).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-9, "{other:?} and {:?} rad/s", rates[0]);
     }
 }
 
