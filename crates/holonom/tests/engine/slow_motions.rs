@@ -261,7 +261,7 @@ fn what_has_come_to_rest_is_at_rest_between_steps() {
         for code in implicit() {
             for tolerance in [1e-3, 1e-4] {
                 let off = rows_off(&model, (code, tolerance), end, 40.0 / damping, (|_| 0.5, 0.5));
-                assert!(off < 3.0, "{damping}, {end:e} s, {code:?}, {tolerance:e}: {off:.1}");
+                assert!(off < 10.0, "{damping}, {end:e} s, {code:?}, {tolerance:e}: {off:.1}");
             }
         }
     }

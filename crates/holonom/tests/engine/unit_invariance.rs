@@ -66,7 +66,7 @@ impl Units {
             stated.angular_velocity = stated.angular_velocity.map(|w| w.map(|x| x / time));
         }
         let frame = |frame: &mut Frame| frame.point = self.points(frame.point);
-        for stated in &mut out.initial.coordinates {
+        for stated in &mut out.initial.joints {
             stated.frames.iter_mut().for_each(frame);
             let unit = if stated.kind == DriverKind::Translation { length } else { 1.0 };
             stated.value *= if stated.is_rate { unit / time } else { unit };

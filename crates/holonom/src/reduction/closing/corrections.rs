@@ -1,6 +1,8 @@
 //! Corrections that close positions and velocities.
 
-use super::least_change::{PLAIN, Solve, USUAL, Unknowns, largest, least_change, limited, scale};
+use super::least_change::{
+    PLAIN, RATES, Solve, USUAL, Unknowns, largest, least_change, limited, scale,
+};
 use crate::model::Model;
 use crate::reduction::assembly::PROJECTED;
 use crate::reduction::parametrization::largest_index;
@@ -192,7 +194,7 @@ impl Solver<'_> {
             if unknowns.free.is_empty() || residual.iter().all(|x| x.abs() < 1e-14) {
                 break;
             }
-            let Some(step) = least_change(self.system, g, &residual, unknowns, &state.q, USUAL)
+            let Some(step) = least_change(self.system, g, &residual, unknowns, &state.q, RATES)
             else {
                 break;
             };

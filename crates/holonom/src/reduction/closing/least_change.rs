@@ -11,13 +11,16 @@ pub(super) struct Solve {
     pub(super) lengths: f64,
     /// Relative rank tolerance.
     pub(super) rank: f64,
+    /// Whether rows of lengths count by the characteristic length there; else in metres.
+    pub(super) alike: bool,
     /// Beyond about as many operations it comes from a sparse matrix, which knows no rank but damps what depends on other
     /// rows.
     pub(super) dense: f64,
 }
 
-/// For a few solves, for many, and for steps that make a residual smaller where it cannot vanish.
-pub(super) const USUAL: Solve = Solve { lengths: 1.0, rank: 1e-10, dense: 1e8 };
+/// For a few solves, for those of rates, for many, and for steps that make a residual smaller where it cannot vanish.
+pub(super) const USUAL: Solve = Solve { lengths: 1.0, rank: 1e-10, alike: false, dense: 1e8 };
+pub(super) const RATES: Solve = Solve { alike: true, ..USUAL };
 pub(super) const OFTEN: Solve = Solve { dense: 1e6, ..USUAL };
 pub(super) const PLAIN: Solve = Solve { rank: 1e-2, ..OFTEN };
 /// By how much a step may turn a body, rad (|δp|), or slide it, characteristic lengths, where it turns it, too.
@@ -88,10 +91,9 @@ pub(super) fn least_change(
         }
     }
     let solution = if (m * m) as f64 * k as f64 <= by.dense {
-        // A rank is told from rows that compare: those of joints of a machine of 1e-9 m stand beside angles.
-        let measures = &system.structure().row_measure;
-        let scales: Vec<f64> =
-            measures.iter().map(|row| 1.0 / unit(system, *row, by.lengths)).collect();
+        let scale =
+            |row: &Measure| if by.alike { 1.0 / unit(system, *row, by.lengths) } else { 1.0 };
+        let scales: Vec<f64> = system.structure().row_measure.iter().map(scale).collect();
         let mut a = vec![0.0; m * k];
         for (row, at, x) in entries {
             a[row * k + at] += scales[row] * x;
