@@ -18,6 +18,7 @@ mod nystrom_start;
 pub mod ode;
 pub mod radau;
 mod residuals;
+mod response;
 pub mod rosenbrock;
 pub mod sdirk;
 mod segment;

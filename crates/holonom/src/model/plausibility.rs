@@ -216,12 +216,21 @@ pub fn force_ramps(model: &Model) -> Vec<[f64; 2]> {
 
 /// Angular frequencies, rad/s, of the harmonic forces and torques, each once.
 pub fn force_frequencies(model: &Model) -> Vec<f64> {
+    frequencies_where(model, |path| path.starts_with("forces."))
+}
+
+/// The same of drivers, too.
+pub fn frequencies(model: &Model) -> Vec<f64> {
+    frequencies_where(model, |_| true)
+}
+
+fn frequencies_where(model: &Model, counts: impl Fn(&str) -> bool) -> Vec<f64> {
     let mut out = Vec::new();
     for_motions(model, |path, function| {
         if let TimeFunction::Harmonic { amplitude, angular_frequency, .. } = function
             && *amplitude != 0.0
             && *angular_frequency != 0.0
-            && path.starts_with("forces.")
+            && counts(&path)
             && !out.contains(&angular_frequency.abs())
         {
             out.push(angular_frequency.abs());

@@ -1,9 +1,9 @@
-//! Growth that long steps do not see. Equations: `docs/theory/simulation.md` (14).
+//! Growth and resonance that long steps do not see. Equations: `docs/theory/simulation.md` (14), (14a).
 
 use super::options::Options;
 use super::problem::Problem;
-use crate::method::FirstOrder;
-use crate::model::Tolerance;
+use crate::method::{FirstOrder, Weights};
+use crate::model::{Tolerance, frequencies};
 use crate::reduction::Manifold;
 use crate::system::{State, System};
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,8 @@ const LENGTHS: usize = 152;
 const SHOWN: f64 = 0.5;
 /// Growth of what a step may leave, which is a tolerance, from which it is suspicious.
 const GROWTH: f64 = 10.0;
+/// An eigenvalue and what it resonates with differ by less than this part.
+const RESONANT: f64 = 0.1;
 /// Relative difference of an eigenvalue at both ends of a step in which it stays the same, and in which it is the same one.
 const SAME: f64 = 0.1;
 const ALIKE: f64 = 0.5;
@@ -186,11 +188,15 @@ impl LongestStep {
         let unknowns = parts.clone().map(|part| 2 * part.independent[0].len()).max().unwrap_or(1);
         let parts = parts.take(UNKNOWNS_PER_STEP * self.steps / unknowns);
         let mut form: Option<FirstOrder> = None;
+        let frequencies = frequencies(problem.model());
         let hidden = |part: &LongStep| {
             let (manifold, state) = self.last.as_deref()?;
-            let form =
-                form.get_or_insert_with(|| FirstOrder::for_eigenvalues(manifold.clone(), state));
-            self.hidden_in(part, form, options, started)
+            let form = form.get_or_insert_with(|| {
+                let system = manifold.system().as_ref();
+                let weights = Weights::new(options.tolerance, system, state);
+                FirstOrder::new(manifold.clone(), weights, state)
+            });
+            self.hidden_in(part, form, &frequencies, options, started)
         };
         let rates = parts.filter_map(hidden).chain(steady);
         let fastest = rates.fold(0.0, f64::max);
@@ -203,6 +209,7 @@ impl LongestStep {
         &self,
         part: &LongStep,
         form: &mut FirstOrder,
+        frequencies: &[f64],
         options: &Options,
         started: f64,
     ) -> Option<f64> {
@@ -217,6 +224,17 @@ impl LongestStep {
             if later { *length } else { options.end_time - ends[0].t }
         };
         let [start, finish] = [eigenvalues_at(0)?, eigenvalues_at(1)?];
+        // What resonates grows by its distance from the pole, until that is all.
+        let resonates = |&frequency: &f64| {
+            let off = |z: &(f64, f64)| z.0.hypot(z.1 - frequency);
+            let nearest = finish.iter().map(off).fold(f64::INFINITY, f64::min);
+            length * frequency > SHOWN
+                && nearest < RESONANT * frequency
+                && form
+                    .response(&ends[1], frequency)
+                    .is_ok_and(|size| size * (nearest * left(frequency)).min(1.0) > GROWTH)
+        };
+        let resonance = frequencies.iter().copied().filter(resonates).reduce(f64::max);
         // What grows at one end alone has half of the step for it.
         let half = |all: &[(f64, f64)]| {
             let fastest = all.iter().map(|z| z.0.hypot(z.1)).fold(0.0, f64::max);
@@ -226,7 +244,7 @@ impl LongestStep {
         };
         let halves = [half(&start), half(&finish)];
         let whole = growing(finish, *length, left, ALIKE, || Some(start));
-        halves.into_iter().chain([whole]).flatten().reduce(f64::max)
+        halves.into_iter().chain([resonance, whole]).flatten().reduce(f64::max)
     }
 
     /// The same in the longest step of the run, where the motion is steady in it: then it goes on since steps showed it.

@@ -235,6 +235,36 @@ fn a_short_transient_of_a_long_run_is_stepped_through() {
     }
 }
 
+#[test] // independent truth: the closed form of m ẍ + d ẋ + k x = F sin Ωt from rest
+fn what_a_light_force_builds_up_is_told() {
+    let (stiffness, damping, end) = (400.0f64, 0.002f64, 600.0);
+    for (force, frequency, tolerance) in
+        [(1e-3f64, 20.0f64, 1e-4f64), (1e-2, 20.0, 1e-3), (1e-4, 20.0, 1e-5), (0.1, 20.02, 1e-3)]
+    {
+        // x = a sin Ωt + b cos Ωt + e^(−δt) (c cos νt + e sin νt)
+        let (shift, loss) = (stiffness - frequency.powi(2), damping * frequency);
+        let size = force / shift.hypot(loss).powi(2);
+        let (a, b) = (size * shift, -size * loss);
+        let decay = 0.5 * damping;
+        let own = (stiffness - decay.powi(2)).sqrt();
+        let (c, e) = (-b, -(frequency * a + decay * b) / own);
+        let [(sin, cos), (own_sin, own_cos)] = [frequency, own].map(|rate| (rate * end).sin_cos());
+        let truth = a * sin + b * cos + (-decay * end).exp() * (c * own_cos + e * own_sin);
+        let text = pushed(&[format!(
+            "type = \"harmonic\", amplitude = {force:?}, angular_frequency = {frequency:?}"
+        )]);
+        let text = format!(
+            "{text}spring = {{ type = \"tsda\", between = [\"ground\", \"body\"], points = [[-5.0, 0.0], [0.0, 0.0]], stiffness = {stiffness:?}, damping = {damping:?}, free_length = 5.0 }}\n\
+             [joints]\nrail = {{ type = \"translational\", between = [\"ground\", \"body\"], point = [0.0, 0.0], axis = [1.0, 0.0] }}\n"
+        );
+        assert!(truth.abs() > 60.0 * tolerance, "{truth:e} m say nothing at {tolerance:e}");
+        for code in implicit() {
+            let (off, warned) = off(&text, code, tolerance, end, truth);
+            assert!(off < 60.0 || warned, "{frequency} rad/s, {code:?}, {tolerance:e}: {off:.0}");
+        }
+    }
+}
+
 /// Largest distance of rows of x after `rest` s from `truth`, in tolerances; `way` is how far the body goes, m.
 fn rows_off(
     model: &Model,
