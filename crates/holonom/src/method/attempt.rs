@@ -279,7 +279,7 @@ impl<S: Stages> ImplicitStepper<S> {
         let change = &mut self.at_end.change;
         change.fill(0.0);
         for k in 0..split {
-            let [first, last] = [&step.w[..], end].map(|w| w[split + k].abs());
+            let [first, last] = [step.w, end].map(|w| w[split + k].abs());
             let mean = (end[k] - step.w[k]).abs() / step.h;
             change[split + k] = first.max(last).max(mean);
         }

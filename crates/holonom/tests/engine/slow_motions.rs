@@ -2,9 +2,9 @@
 
 use crate::common::table::{all_codes, implicit};
 use crate::common::{model_of, options, run_model};
-use holonom::method::Code;
-use holonom::model::Model;
-use holonom::simulation::{Options, OutputTimes};
+use holonom::method::{Code, FirstOrder, Weights};
+use holonom::model::{Model, Tolerance};
+use holonom::simulation::{Options, OutputTimes, Problem};
 use std::f64::consts::PI;
 
 /// A body of 1 kg that forces along x push.
@@ -235,6 +235,40 @@ fn a_short_transient_of_a_long_run_is_stepped_through() {
     }
 }
 
+#[test] // independent truth: F/|k − mΩ² + idΩ|, up to the weights of a body at rest
+fn the_answer_to_a_vibration_is_that_of_an_oscillator() {
+    let (force, frequency) = (0.3f64, 7.0f64);
+    let sizes = [[50.0, 0.1], [45.0, 2.0], [1e4, 30.0]].map(|[stiffness, damping]: [f64; 2]| {
+        let model = model_of(&forced([stiffness, damping], force, frequency));
+        let problem = Problem::new(model);
+        let assembled = problem.assemble().expect("can be assembled");
+        let (state, system) = (&assembled.state, problem.system().as_ref());
+        let weights = Weights::new(Tolerance::uniform(1.0), system, state);
+        let mut form = FirstOrder::new(assembled.manifold().clone(), weights, state);
+        form.eigenvalues_at(state).expect("of one mass");
+        let size = form.response(state, frequency).expect("no pole");
+        size * (stiffness - frequency.powi(2)).hypot(damping * frequency) / force
+    });
+    for size in sizes {
+        assert!((size / sizes[0] - 1.0).abs() < 1e-9, "{sizes:?}");
+    }
+    // A position and a rate, of which the mean square counts.
+    let expected = ((1.0 + frequency.powi(2)) / 2.0).sqrt();
+    assert!((sizes[0] / expected - 1.0).abs() < 0.5, "{} and {expected}", sizes[0]);
+}
+
+/// A mass of 1 kg on a rail and a spring, which a harmonic force pushes.
+fn forced([stiffness, damping]: [f64; 2], force: f64, frequency: f64) -> String {
+    let text = pushed(&[format!(
+        "type = \"harmonic\", amplitude = {force:?}, angular_frequency = {frequency:?}"
+    )]);
+    format!(
+        "{text}spring = {{ type = \"tsda\", between = [\"ground\", \"body\"], points = [[-5.0, 0.0], [0.0, 0.0]], \
+         stiffness = {stiffness:?}, damping = {damping:?}, free_length = 5.0 }}\n\
+         [joints]\nrail = {{ type = \"translational\", between = [\"ground\", \"body\"], point = [0.0, 0.0], axis = [1.0, 0.0] }}\n"
+    )
+}
+
 #[test] // independent truth: the closed form of m ẍ + d ẋ + k x = F sin Ωt from rest
 fn what_a_light_force_builds_up_is_told() {
     let (stiffness, damping, end) = (400.0f64, 0.002f64, 600.0);
@@ -250,13 +284,7 @@ fn what_a_light_force_builds_up_is_told() {
         let (c, e) = (-b, -(frequency * a + decay * b) / own);
         let [(sin, cos), (own_sin, own_cos)] = [frequency, own].map(|rate| (rate * end).sin_cos());
         let truth = a * sin + b * cos + (-decay * end).exp() * (c * own_cos + e * own_sin);
-        let text = pushed(&[format!(
-            "type = \"harmonic\", amplitude = {force:?}, angular_frequency = {frequency:?}"
-        )]);
-        let text = format!(
-            "{text}spring = {{ type = \"tsda\", between = [\"ground\", \"body\"], points = [[-5.0, 0.0], [0.0, 0.0]], stiffness = {stiffness:?}, damping = {damping:?}, free_length = 5.0 }}\n\
-             [joints]\nrail = {{ type = \"translational\", between = [\"ground\", \"body\"], point = [0.0, 0.0], axis = [1.0, 0.0] }}\n"
-        );
+        let text = forced([stiffness, damping], force, frequency);
         assert!(truth.abs() > 60.0 * tolerance, "{truth:e} m say nothing at {tolerance:e}");
         for code in implicit() {
             let (off, warned) = off(&text, code, tolerance, end, truth);
