@@ -15,8 +15,8 @@ use std::sync::Arc;
 /// M is given by the columns of its lower triangle at the places of the [`BranchedPlan`], Φ by coordinates in
 /// the plan's numbering of both: [`BranchedPlan::width`] numbers for each, zero where the coordinate cannot appear
 /// and where a last block is filled up. What fills up columns of M is not looked at. Nothing is exchanged for size:
-/// M must be positive definite and Φ have full rank, which the pivots show. The same input gives the same bits on
-/// every processor, whatever `W`.
+/// M must be positive definite and Φ have full rank, which the pivots show. The same input gives the same bits
+/// whatever `W`.
 #[derive(Debug, Clone)]
 pub struct BranchedCholesky<const W: usize> {
     plan: Arc<BranchedPlan>,

@@ -22,7 +22,7 @@ const ANSWERS: f64 = 0.5;
 const SERVICE: f64 = 0.02;
 const LEAST_SERVICE: f64 = 5.0;
 
-/// What the end of a step is asked for by (11c) of `docs/theory/method.md`.
+/// What the end of a step is asked for by (11c) of `docs/theory/method.md`, its inside by (13), and room for both.
 #[derive(Debug, Clone)]
 struct AtEnd {
     /// d.
@@ -68,7 +68,6 @@ pub struct ImplicitStepper<S> {
     change: Vec<f64>,
     /// Length of the attempt before from the same state, and what of its estimate a filter may not take away, where there is such.
     rough: Option<[f64; 2]>,
-    /// Of formulas that do not iterate.
     at_end: AtEnd,
     /// Error of the formula itself, and how many times as large their orders promise an estimate to be.
     own: Vec<f64>,
@@ -239,8 +238,9 @@ impl<S: Stages> ImplicitStepper<S> {
         };
         let counts = |least: &f64| !before.is_some_and(|before| stays(*least, before));
         let mut found = least.filter(counts).map_or(filtered, |least| filtered.max(least));
-        if stages.imbalance(ode, step, imbalance) {
-            let part = S::LEAST_FILTERED.unwrap_or(1.0);
+        if let Some(part) = S::LEAST_FILTERED
+            && stages.imbalance(ode, step, imbalance)
+        {
             found = found.max(part * ode.error_norm(imbalance, stages.end().w));
         }
         let again = caution * found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
@@ -295,25 +295,25 @@ impl<S: Stages> ImplicitStepper<S> {
         }
         let mut left = self.find_defect_at(0.5, ode, step);
         // Where the dense output passes through stages that are in balance, there is nothing to correct.
-        if left.is_ok() && self.stages.collocation_places().is_none() {
+        if left.as_ref().is_ok_and(|left| *left > 1.0) && self.stages.collocation_places().is_none()
+        {
             // Rates add up to what positions change by: the work of a force is that of both.
             self.at_end.defect[split..2 * split].fill(0.0);
             self.current.bulge(&self.at_end.defect);
             left = self.find_defect_at(0.25, ode, step);
         }
-        let size = left.map(|()| ode.error_norm(&self.at_end.defect, self.stages.end().w));
         // What was evaluated last is the end, as it would be without this; what is wrong there shows where the step is taken.
         let _ = ode.derivative(step.t + step.h, self.stages.end().w, &mut self.at_end.slope);
-        size.unwrap_or(0.0)
+        left.unwrap_or(f64::INFINITY)
     }
 
-    /// What would bring the dense output into balance at θ, as far as the matrix tells.
+    /// What would bring the dense output into balance at θ, as far as the matrix tells. Returns its scaled size.
     fn find_defect_at(
         &mut self,
         theta: f64,
         ode: &mut Counted<'_>,
         step: &Step<'_>,
-    ) -> Result<(), EvaluationFailure> {
+    ) -> Result<f64, EvaluationFailure> {
         let Self { stages, at_end: AtEnd { defect, state, slope, .. }, current, .. } = self;
         current.interpolate(theta, state);
         current.slope_beyond((theta - 1.0) * step.h, slope);
@@ -323,7 +323,7 @@ impl<S: Stages> ImplicitStepper<S> {
             *defect = gamma_h * (*defect - slope);
         }
         stages.filter(ode, defect);
-        Ok(())
+        Ok(ode.error_norm(defect, stages.end().w))
     }
 
     /// δ of (11c) by the matrix at hand. Returns its scaled size.
@@ -460,6 +460,8 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
                 let inside = if hidden <= 1.0 { self.balance_inside(&mut ode, &step) } else { 0.0 };
                 // A parabola is off like the third power of the step.
                 let by_inside = h * (0.9 / inside.cbrt()).max(self.control.min_ratio);
+                // Written so that a NaN fails.
+                let is_right_inside = inside <= 1.0 || self.options.fixed_step;
                 if hidden > 1.0 {
                     self.matrices.forget();
                     self.memory.history.reject();
@@ -467,7 +469,7 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
                     // What is moved by accelerations grows like the square of the step.
                     report.next_step = h * (0.9 / hidden.sqrt()).max(self.control.min_ratio);
                     report.cause = Some(Rejection::ErrorTooLarge);
-                } else if inside > 1.0 && !self.options.fixed_step {
+                } else if !is_right_inside {
                     self.memory.history.reject();
                     (report.error, report.next_step) = (inside, by_inside);
                     report.cause = Some(Rejection::ErrorTooLarge);

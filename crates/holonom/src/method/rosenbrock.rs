@@ -37,6 +37,7 @@ impl RosenbrockStepper {
             end_slope: vector(),
             smooth: [vector(), vector()],
             rough: vector(),
+            knows_rough: false,
         };
         Self::of(stages, dimension, options)
     }
@@ -55,12 +56,14 @@ pub struct RosenbrockStages {
     end_slope: Vec<f64>,
     /// Slopes of dense output at both ends.
     smooth: [Vec<f64>; 2],
-    /// What rates at the end would change by, which stiff components do not leave there.
+    /// The rough part of what the slope of rates at an end of the step has beyond the parabola, and whether it is that at the end of
+    /// the present attempt.
     rough: Vec<f64>,
+    knows_rough: bool,
 }
 
 impl RosenbrockStages {
-    /// The rough part of what the slope of rates at the start, or `last`, at the end has beyond the parabola.
+    /// What the slope of rates at the start, or `last`, at the end has beyond the parabola, without what is smooth.
     fn rough_slope(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, last: bool) {
         let split = ode.second_order_split();
         let slope = if last { &self.end_slope[..] } else { step.g };
@@ -113,6 +116,7 @@ impl Stages for RosenbrockStages {
         _iteration: &mut Iteration<'_>,
     ) -> Result<u32, Failure> {
         let f = self.formula;
+        self.knows_rough = false;
         self.stage_slope.copy_from_slice(g);
         for i in 0..STAGES {
             let (known, rest) = self.u.split_at_mut(i);
@@ -154,6 +158,7 @@ impl Stages for RosenbrockStages {
 
     fn imbalance(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, error: &mut [f64]) -> bool {
         self.rough_slope(ode, step, true);
+        self.knows_rough = true;
         for (error, rough) in error.iter_mut().zip(&self.rough) {
             *error = self.formula.gamma * step.h * rough;
         }
@@ -183,7 +188,9 @@ impl Stages for RosenbrockStages {
         let &Step { h, w, g, .. } = step;
         let split = ode.second_order_split();
         let own = 2 * split..w.len();
-        for (slope, last) in [(g, false), (&self.end_slope, true)] {
+        // The end first: the estimate has left what it needs.
+        for last in [true, false] {
+            let slope = if last { &self.end_slope[..] } else { g };
             let smooth = &mut self.smooth[usize::from(last)];
             if !own.is_empty() {
                 // Its balance with what changes it by itself is a matter of the first pass.
@@ -195,15 +202,12 @@ impl Stages for RosenbrockStages {
                     smooth[k] = slope[k] - self.state[k];
                 }
             }
-            self.state.fill(0.0);
-            for k in 0..split {
-                self.state[split + k] =
-                    slope[split + k] - parabola(step, &self.end, [k, split + k], last);
+            if !(last && self.knows_rough) {
+                self.rough_slope(ode, step, last);
             }
-            self.stage_slope.fill(0.0);
-            keep_rough(ode, &mut self.state, &mut self.stage_slope);
+            let slope = if last { &self.end_slope[..] } else { g };
             for k in split..2 * split {
-                smooth[k] = slope[k] - self.state[k];
+                self.smooth[usize::from(last)][k] = slope[k] - self.rough[k];
             }
         }
         segment.begin(h, w);

@@ -54,8 +54,8 @@ pub(super) fn compare(
     let shows = max_step < options.max_step;
     if shows && options.end_time - milestones.start.t > MOST_STEPS * max_step {
         return Found::told(format!(
-            "whatever disturbs this motion grows in it, which steps of this length do not show: set `max_step` to {max_step:.1e} s \
-             at most to see what becomes of it, and end the run earlier"
+            "whatever disturbs this motion grows in it, or a vibration is built up, which steps of this length do not show: set `max_step` to \
+             {max_step:.1e} s at most to see what becomes of it, and end the run earlier"
         ));
     }
     let Tolerance { relative, translation, rotation } = options.tolerance;

@@ -224,15 +224,13 @@ impl LongestStep {
             if later { *length } else { options.end_time - ends[0].t }
         };
         let [start, finish] = [eigenvalues_at(0)?, eigenvalues_at(1)?];
-        // What resonates grows by its distance from the pole, until that is all.
         let resonates = |&frequency: &f64| {
-            let off = |z: &(f64, f64)| z.0.hypot(z.1 - frequency);
-            let nearest = finish.iter().map(off).fold(f64::INFINITY, f64::min);
+            let near = |z: &(f64, f64)| z.0.hypot(z.1 - frequency) < RESONANT * frequency;
             length * frequency > SHOWN
-                && nearest < RESONANT * frequency
+                && finish.iter().any(near)
                 && form
-                    .response(&ends[1], frequency)
-                    .is_ok_and(|size| size * (nearest * left(frequency)).min(1.0) > GROWTH)
+                    .response(&ends[1], frequency, left(frequency))
+                    .is_ok_and(|size| size > GROWTH)
         };
         let resonance = frequencies.iter().copied().filter(resonates).reduce(f64::max);
         // What grows at one end alone has half of the step for it.
