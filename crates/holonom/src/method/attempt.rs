@@ -293,18 +293,31 @@ impl<S: Stages> ImplicitStepper<S> {
         if !counts {
             return 0.0;
         }
-        let mut left = self.find_defect_at(0.5, ode, step);
-        // Where the dense output passes through stages that are in balance, there is nothing to correct.
-        if left.as_ref().is_ok_and(|left| *left > 1.0) && self.stages.collocation_places().is_none()
-        {
-            // Rates add up to what positions change by: the work of a force is that of both.
-            self.at_end.defect[split..2 * split].fill(0.0);
-            self.current.bulge(&self.at_end.defect);
-            left = self.find_defect_at(0.25, ode, step);
-        }
+        let left = self.balance_middle(ode, step);
         // What was evaluated last is the end, as it would be without this; what is wrong there shows where the step is taken.
         let _ = ode.derivative(step.t + step.h, self.stages.end().w, &mut self.at_end.slope);
         left.unwrap_or(f64::INFINITY)
+    }
+
+    /// [`Self::balance_inside`] where it counts.
+    fn balance_middle(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> Result<f64, EvaluationFailure> {
+        let middle = self.find_defect_at(0.5, ode, step)?;
+        // Where the dense output passes through stages that are in balance, there is nothing to correct.
+        if self.stages.collocation_places().is_some() {
+            return Ok(middle);
+        }
+        if middle <= 1.0 {
+            return Ok(middle.max(self.find_defect_at(0.25, ode, step)?));
+        }
+        // Rates add up to what positions change by: the work of a force is that of both.
+        let split = ode.second_order_split();
+        self.at_end.defect[split..2 * split].fill(0.0);
+        self.current.bulge(&self.at_end.defect);
+        self.find_defect_at(0.25, ode, step)
     }
 
     /// What would bring the dense output into balance at θ, as far as the matrix tells. Returns its scaled size.

@@ -374,6 +374,41 @@ hold = {{ type = "tsda", between = ["ground", "body"], points = [[3.0, 0.0], [1.
     }
 }
 
+#[test] // independent truth: sin φ = d (u̇ − φ̇)/(m g l), φ̇ of 1e-7 rad/s left out
+fn a_gondola_on_a_wheel_that_turns_to_and_fro_hangs_still() {
+    let (damping, arm, end) = (10.0, 0.5, 1e5);
+    let frequency = 2.0 * PI / 4e4;
+    for way in [0.5, 2.0, 10.0] {
+        let model = model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+wheel = {{ mass = 1.0, inertia = 1.0, position = [0.0, 0.0] }}
+body = {{ mass = 1.0, inertia = 0.01, position = [0.0, -{arm:?}] }}
+[joints]
+axle = {{ type = "revolute", between = ["ground", "wheel"], point = [0.0, 0.0] }}
+pin = {{ type = "revolute", between = ["wheel", "body"], point = [0.0, 0.0] }}
+[drivers]
+u = {{ joint = "axle", coordinate = "rotation", motion = {{ type = "harmonic", amplitude = {way:?}, angular_frequency = {frequency:?} }} }}
+[forces]
+drag = {{ type = "rsda", between = ["wheel", "body"], stiffness = 0.0, damping = {damping:?} }}
+"#
+        ));
+        let truth = |t: f64| {
+            let rate = way * frequency * (frequency * t).cos();
+            arm * (damping * rate / (9.81 * arm))
+        };
+        for code in implicit() {
+            for tolerance in [1e-3, 1e-5] {
+                let off = rows_off(&model, (code, tolerance), end, 100.0, (truth, 0.0));
+                assert!(off < 30.0, "{way} rad, {code:?}, {tolerance:e}: {off:.1}");
+            }
+        }
+    }
+}
+
 #[test] // independent truth: a ramp that times cannot tell is a jump of the force: ½ F (T − t)² / m
 fn a_ramp_of_one_rounding_is_a_jump() {
     for width in [2.3e-16, 4.5e-16, 2e-15] {
