@@ -258,7 +258,7 @@ fn the_answer_to_a_vibration_is_that_of_an_oscillator() {
         assert!((size / sizes[0] - 1.0).abs() < 1e-6, "{sizes:?}");
     }
     // A position and a rate, of which the mean square counts.
-    let expected = ((1.0 + frequency.powi(2)) / 2.0).sqrt();
+    let expected = f64::midpoint(1.0, frequency.powi(2)).sqrt();
     assert!((sizes[0] / expected - 1.0).abs() < 0.5, "{} and {expected}", sizes[0]);
 }
 
