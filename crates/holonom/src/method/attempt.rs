@@ -313,7 +313,7 @@ impl<S: Stages> ImplicitStepper<S> {
         if middle <= 1.0 {
             return Ok(middle.max(self.find_defect_at(0.25, ode, step)?));
         }
-        // Rates add up to what positions change by: the work of a force is that of both.
+        // Rates stay: they add up to what positions change by, or the work of forces would not be that of the motion.
         let split = ode.second_order_split();
         self.at_end.defect[split..2 * split].fill(0.0);
         self.current.bulge(&self.at_end.defect);

@@ -52,7 +52,7 @@ impl FirstOrder {
     }
 
     /// A form whose weights are nobody's, at a consistent state whose factors the manifold holds.
-    pub fn for_eigenvalues(manifold: Manifold, state: &State) -> Self {
+    fn for_eigenvalues(manifold: Manifold, state: &State) -> Self {
         let tolerance = Tolerance::uniform(1.0);
         let weights = Weights::new(tolerance, manifold.system().as_ref(), state);
         Self::new(manifold, weights, state)
