@@ -286,7 +286,7 @@ pub fn build_stepper(
     (options.fixed_step, options.max_step) = (fixed_step, max_step);
     let manifold = &form.point().manifold;
     if manifold.chart().parametrization().relatives().is_none()
-        && manifold.system().structure().sizes.translations == 3
+        && !manifold.system().structure().sizes.is_planar()
     {
         // Matrices in coordinates of the ground do not turn along with bodies: an old one is large about the axis
         // that a slender body has now, corrections of its spin are too small, and iterations seem to have converged.

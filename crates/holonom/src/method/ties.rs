@@ -65,8 +65,8 @@ struct Change {
 impl Ties {
     /// The ties of a run that starts at `start`.
     pub(super) fn new(structure: &Structure, start: &State) -> Self {
-        let n = structure.sizes.per_body;
-        let coupled = structure.stiffness_pattern.shapes().map(|(i, j, ..)| [i / n, j / n]);
+        let body = |coordinate: usize| structure.sizes.place_of(coordinate).0;
+        let coupled = structure.stiffness_pattern.shapes().map(|(i, j, ..)| [body(i), body(j)]);
         let joined = structure.joints.iter().filter_map(|joint| match joint.bodies {
             [Some(first), Some(second)] => Some([first, second]),
             _ => None,
@@ -75,7 +75,7 @@ impl Ties {
         let mut pairs: Vec<_> = pairs.map(|[a, b]| [a.min(b), a.max(b)]).collect();
         pairs.sort_unstable();
         pairs.dedup();
-        Self::of(pairs, structure.sizes.translations == 2, structure.sizes.bodies, start)
+        Self::of(pairs, structure.sizes.is_planar(), structure.sizes.bodies, start)
     }
 
     fn of(pairs: Vec<[usize; 2]>, planar: bool, bodies: usize, start: &State) -> Self {

@@ -20,8 +20,7 @@ type BodyWeights = [f64; 4];
 pub struct Weights {
     tolerance: Tolerance,
     start: Vec<f64>,
-    per_body: usize,
-    translations: usize,
+    sizes: Sizes,
     /// 2 for Euler parameters, 1 for an angle.
     angle_factor: f64,
     bodies: Vec<BodyWeights>,
@@ -66,9 +65,8 @@ impl Weights {
         let mut out = Self {
             tolerance,
             start: start.q.clone(),
-            per_body: sizes.per_body,
-            translations: sizes.translations,
-            angle_factor: if sizes.per_body == 7 { 2.0 } else { 1.0 },
+            sizes: *sizes,
+            angle_factor: if sizes.is_planar() { 1.0 } else { 2.0 },
             bodies: vec![[1.0; 4]; sizes.bodies],
             extra_scales,
             extra: vec![1.0; sizes.extra_states],
@@ -119,23 +117,24 @@ impl Weights {
     /// Takes the scales of the state that a step starts from.
     pub fn set(&mut self, state: &State) {
         let Tolerance { relative, translation, rotation } = self.tolerance;
-        let (n, d) = (self.per_body, self.translations);
-        for (b, weights) in self.bodies.iter_mut().enumerate() {
-            let (q, q0) = (&state.q[b * n..(b + 1) * n], &self.start[b * n..(b + 1) * n]);
-            let v = &state.v[b * n..(b + 1) * n];
-            let moved = q[..d].iter().zip(q0).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
-            let turned = if self.angle_factor == 1.0 {
-                let angle = (q[d] - q0[d]).abs() % TAU;
+        let [places, starts, velocities] =
+            [&state.q, &self.start, &state.v].map(|x| self.sizes.by_body(x));
+        for (((weights, [r, p]), [r0, p0]), [v, w]) in
+            self.bodies.iter_mut().zip(places).zip(starts).zip(velocities)
+        {
+            let moved = r.iter().zip(r0).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
+            let turned = if self.sizes.is_planar() {
+                let angle = (p[0] - p0[0]).abs() % TAU;
                 angle.min(TAU - angle)
             } else {
-                let cosine: f64 = q[d..].iter().zip(&q0[d..]).map(|(x, y)| x * y).sum();
+                let cosine: f64 = p.iter().zip(p0).map(|(x, y)| x * y).sum();
                 2.0 * cosine.abs().min(1.0).acos()
             };
             *weights = [
                 translation + relative * moved,
                 rotation + relative * turned,
-                translation + relative * length(&v[..d]),
-                rotation + relative * self.angle_factor * length(&v[d..]),
+                translation + relative * length(v),
+                rotation + relative * self.angle_factor * length(w),
             ]
             .map(|scale| scale.powi(-2));
         }
@@ -150,10 +149,10 @@ impl Weights {
     /// Weighted norm of a change of positions, velocities and extra states; 1 is on tolerance. `at` are the
     /// coordinates and velocities that change, where they are known.
     pub fn norm(&mut self, at: Option<[&[f64]; 2]>, [dq, dv]: [&[f64]; 2], dz: &[f64]) -> f64 {
-        let largest = if self.per_body == 7 {
-            largest_square::<7, 3>(dq, dv, &self.bodies)
-        } else {
+        let largest = if self.sizes.is_planar() {
             largest_square::<3, 2>(dq, dv, &self.bodies)
+        } else {
+            largest_square::<7, 3>(dq, dv, &self.bodies)
         };
         let mut largest = 0.5 * largest.sqrt();
         if let Some(at) = at {
@@ -167,11 +166,9 @@ impl Weights {
 
     /// A change of positions alone, body by body: the larger of the weighted translation and rotation.
     pub fn displacements(&self, dq: &[f64]) -> impl Iterator<Item = f64> {
-        let d = self.translations;
         let turns = self.angle_factor * self.angle_factor;
-        dq.chunks_exact(self.per_body).zip(&self.bodies).map(move |(q, weights)| {
-            let translation = weights[0] * square(&q[..d]);
-            keep_larger(translation, weights[1] * turns * square(&q[d..])).sqrt()
+        self.sizes.by_body(dq).zip(&self.bodies).map(move |([r, p], weights)| {
+            keep_larger(weights[0] * square(r), weights[1] * turns * square(p)).sqrt()
         })
     }
 
@@ -182,8 +179,8 @@ impl Weights {
 
     /// Speed, m/s, and rate of turning, rad/s, of each body.
     pub fn speeds(&self, v: &[f64]) -> impl Iterator<Item = [f64; 2]> {
-        let (d, turns) = (self.translations, self.angle_factor);
-        v.chunks_exact(self.per_body).map(move |v| [length(&v[..d]), turns * length(&v[d..])])
+        let turns = self.angle_factor;
+        self.sizes.by_body(v).map(move |[v, w]| [length(v), turns * length(w)])
     }
 
     /// A change of velocities, body by body, against absolute + relative × its largest speed: the larger of translation and

@@ -265,23 +265,15 @@ impl ReducedBlocks {
 
     fn evaluate_extra_states(&mut self, manifold: &mut Manifold) {
         let system = manifold.system().clone();
-        let (bodies, per_body) =
-            (&system.structure().extra_bodies, system.structure().sizes.per_body);
+        let structure = system.structure();
         let ndof = manifold.chart().ndof();
         let linear = manifold.chart().parametrization().linear();
         self.take_extra_squares();
-        for (k, ends) in bodies.iter().enumerate() {
+        for k in 0..structure.sizes.extra_states {
             let range = k * ndof..(k + 1) * ndof;
             let place = |source: &[f64], target: &mut [f64]| {
                 target.fill(0.0);
-                for (side, body) in ends.iter().enumerate() {
-                    if let Some(b) = body {
-                        let at = (2 * k + side) * per_body;
-                        for i in 0..per_body {
-                            target[b * per_body + i] += source[at + i];
-                        }
-                    }
-                }
+                structure.extra_entries(k).for_each(|(at, j)| target[j] += source[at]);
             };
             place(&self.blocks.force_extra, &mut self.coordinates);
             multiply_transposed(&self.d, &self.coordinates, &mut self.force_extra[range.clone()]);
@@ -344,10 +336,8 @@ impl ReducedBlocks {
         manifold.chart_mut().solve_transposed(&self.coordinates, &mut self.rows, force);
         force.iter_mut().for_each(|x| *x = -*x);
         for (k, out) in z_t.iter_mut().enumerate() {
-            let ends = &structure.extra_bodies[k];
-            let per_body = structure.sizes.per_body;
             *out = self.blocks.extra_time[k]
-                + self.blocks.extra_rate(k, ends, per_body, &self.q_t, &self.v_t);
+                + self.blocks.extra_rate(structure, k, &self.q_t, &self.v_t);
         }
     }
 }

@@ -43,12 +43,13 @@ pub(super) fn prefers_simplified(manifold: &Manifold) -> bool {
 
 /// How many bodies each one is tied to when it is eliminated with its rows of joints, in an order of least degree.
 fn widths(structure: &Structure) -> Vec<usize> {
-    let (bodies, n) = (structure.sizes.bodies, structure.sizes.per_body);
+    let bodies = structure.sizes.bodies;
+    let body = |coordinate: usize| structure.sizes.place_of(coordinate).0;
     let mut touched = vec![Vec::new(); structure.sizes.rows];
     for (row, column, rows, _) in structure.constraint_pattern.shapes() {
-        touched[row..row + rows].iter_mut().for_each(|bodies| bodies.push(column / n));
+        touched[row..row + rows].iter_mut().for_each(|bodies| bodies.push(body(column)));
     }
-    let by_forces = structure.stiffness_pattern.shapes().map(|(i, j, ..)| [i / n, j / n]);
+    let by_forces = structure.stiffness_pattern.shapes().map(|(i, j, ..)| [body(i), body(j)]);
     let by_joints = touched.iter().flat_map(|ends| ends.windows(2).map(|pair| [pair[0], pair[1]]));
     let edges: Vec<[usize; 2]> = by_forces.chain(by_joints).collect();
     let graph = BlockGraph::new(&vec![1; bodies], &edges);

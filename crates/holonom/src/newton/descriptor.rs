@@ -236,27 +236,23 @@ impl DescriptorMatrix {
     /// ż_v = g_q D + g_q̇ 𝒥 and ż_v̇ = g_q̇ D.
     fn reduce_extra_states(&self, system: &dyn System, reduced: &mut ReducedBlocks) {
         let structure = system.structure();
-        let (per_body, k) = (structure.sizes.per_body, self.ndof);
+        let k = self.ndof;
         reduced.take_extra_squares();
         reduced.extra_position.fill(0.0);
         reduced.extra_velocity.fill(0.0);
-        for (e, ends) in structure.extra_bodies.iter().enumerate() {
+        for e in 0..structure.sizes.extra_states {
             let range = e * k..(e + 1) * k;
-            for (side, body) in ends.iter().enumerate() {
-                let Some(body) = body else { continue };
-                for i in 0..per_body {
-                    let at = (2 * e + side) * per_body + i;
-                    let by_q = reduced.blocks.extra_position[at];
-                    let by_v = reduced.blocks.extra_velocity[at];
-                    let row = (body * per_body + i) * k;
-                    let (d, j) = (&reduced.d[row..row + k], &self.rate_by_position[row..row + k]);
-                    let position = &mut reduced.extra_position[range.clone()];
-                    for ((x, d), j) in position.iter_mut().zip(d).zip(j) {
-                        *x += by_q * d + by_v * j;
-                    }
-                    for (x, d) in reduced.extra_velocity[range.clone()].iter_mut().zip(d) {
-                        *x += by_v * d;
-                    }
+            for (at, coordinate) in structure.extra_entries(e) {
+                let by_q = reduced.blocks.extra_position[at];
+                let by_v = reduced.blocks.extra_velocity[at];
+                let row = coordinate * k..(coordinate + 1) * k;
+                let (d, j) = (&reduced.d[row.clone()], &self.rate_by_position[row]);
+                let position = &mut reduced.extra_position[range.clone()];
+                for ((x, d), j) in position.iter_mut().zip(d).zip(j) {
+                    *x += by_q * d + by_v * j;
+                }
+                for (x, d) in reduced.extra_velocity[range.clone()].iter_mut().zip(d) {
+                    *x += by_v * d;
                 }
             }
         }
@@ -348,15 +344,10 @@ pub(super) fn add_force_of_extra_states(
     out: &mut [f64],
     stride: usize,
 ) {
-    let per_body = structure.sizes.per_body;
-    for (e, ends) in structure.extra_bodies.iter().enumerate() {
+    for e in 0..structure.sizes.extra_states {
         let scale = scale(e);
-        for (side, body) in ends.iter().enumerate() {
-            let Some(body) = body else { continue };
-            for i in 0..per_body {
-                let at = (2 * e + side) * per_body + i;
-                out[(body * per_body + i) * stride] += scale * blocks.force_extra[at];
-            }
+        for (at, j) in structure.extra_entries(e) {
+            out[j * stride] += scale * blocks.force_extra[at];
         }
     }
 }

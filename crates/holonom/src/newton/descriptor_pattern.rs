@@ -140,9 +140,8 @@ fn part_nonzeros(system: &dyn System, manifold: &Manifold, q: &[f64]) -> Vec<boo
     propagate(&structure.stiffness_pattern, 0);
     propagate(&structure.constraint_pattern, n);
     // F_z times the effect of v on z: all coordinates of an element's bodies move with all others.
-    let per_body = structure.sizes.per_body;
-    for ends in &structure.extra_bodies {
-        let coordinates = || ends.iter().flatten().flat_map(|b| b * per_body..(b + 1) * per_body);
+    for state in 0..structure.sizes.extra_states {
+        let coordinates = || structure.extra_entries(state).map(|(_, j)| j);
         for column in 0..k {
             if coordinates().any(|j| d[j * k + column]) {
                 coordinates().for_each(|i| nonzero[i * k + column] = true);

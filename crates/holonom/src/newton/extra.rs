@@ -15,8 +15,6 @@ use holonom_linalg::{Scalar, dot};
 #[derive(Debug, Clone)]
 pub(super) struct Elimination<T> {
     blocks: Vec<ExtraBlock>,
-    /// Coordinates of a body, where rows are by coordinates.
-    per_body: usize,
     /// L without its unit diagonal, and U with the inverses of its diagonal.
     factors: Vec<T>,
     /// The row that each row of its element was exchanged with.
@@ -32,7 +30,6 @@ impl<T: Scalar> Elimination<T> {
         let last = blocks.last().copied().unwrap_or_default();
         Self {
             blocks: blocks.clone(),
-            per_body: structure.sizes.per_body,
             factors: vec![T::ZERO; last.own().end],
             exchanges: vec![0; last.states().end],
             by_position: Vec::new(),
@@ -64,18 +61,11 @@ impl<T: Scalar> Elimination<T> {
         [self.by_position, self.by_velocity] = all;
     }
 
-    /// E⁻¹ (g_q δq + g_q̇ δq̇) of state `k` with the bodies `ends`.
-    pub(super) fn rate(&self, k: usize, ends: &[Option<usize>; 2], dq: &[T], dv: &[T]) -> T {
-        let n = self.per_body;
-        let mut sum = T::ZERO;
-        for (side, body) in ends.iter().enumerate() {
-            let Some(b) = body else { continue };
-            for i in 0..n {
-                let (at, j) = ((2 * k + side) * n + i, b * n + i);
-                sum = sum + self.by_position[at] * dq[j] + self.by_velocity[at] * dv[j];
-            }
-        }
-        sum
+    /// E⁻¹ (g_q δq + g_q̇ δq̇) of state `k`, where rows are by coordinates.
+    pub(super) fn rate(&self, structure: &Structure, k: usize, dq: &[T], dv: &[T]) -> T {
+        structure.extra_entries(k).fold(T::ZERO, |sum, (at, j)| {
+            sum + self.by_position[at] * dq[j] + self.by_velocity[at] * dv[j]
+        })
     }
 
     /// x ← E⁻¹ x for rows of numbers, as many for each state.
@@ -159,7 +149,6 @@ mod tests {
         by_z.values[0] = 1.0;
         let mut elimination = Elimination {
             blocks: blocks.to_vec(),
-            per_body: 1,
             factors: vec![T::ZERO; last.own().end],
             exchanges: vec![0; last.states().end],
             by_position: Vec::new(),

@@ -146,7 +146,7 @@ impl Linearization {
         self.mover_ends.clear();
         self.moved.clear();
         for b in 0..sizes.bodies {
-            let own = b * sizes.per_body..(b + 1) * sizes.per_body;
+            let own = sizes.of_body(b);
             for (k, column) in self.columns.chunks_exact(2 * n).enumerate() {
                 let (d, rates) = (&column[own.clone()], &column[n..][own.clone()]);
                 if d.iter().chain(rates).any(|x| *x != 0.0) {
@@ -189,7 +189,7 @@ impl Linearization {
         self.spread(p, v, &mut dq, &mut dv);
         let structure = self.system.structure();
         for (k, z) in z.iter_mut().enumerate() {
-            *z += self.gamma_h * self.extra.rate(k, &structure.extra_bodies[k], &dq, &dv);
+            *z += self.gamma_h * self.extra.rate(structure, k, &dq, &dv);
         }
         (self.dq, self.dv) = (dq, dv);
     }
@@ -208,9 +208,9 @@ impl Linearization {
     /// Changes of v and v̇ on all coordinates.
     pub(super) fn spread(&mut self, p: &[f64], v: &[f64], dq: &mut [f64], dv: &mut [f64]) {
         if self.made && self.maps {
-            match self.system.structure().sizes.per_body {
-                7 => run_wide(Spread::<7, 8> { by: self, change: [p, v], to: [dq, dv] }),
-                _ => run_wide(Spread::<3, 4> { by: self, change: [p, v], to: [dq, dv] }),
+            match self.system.structure().sizes.is_planar() {
+                true => run_wide(Spread::<3, 4> { by: self, change: [p, v], to: [dq, dv] }),
+                false => run_wide(Spread::<7, 8> { by: self, change: [p, v], to: [dq, dv] }),
             }
             return;
         }

@@ -159,25 +159,19 @@ impl Simplified {
             }
         }
         let (structure, blocks) = (parts.system.structure(), &parts.blocks.blocks);
-        let per_body = structure.sizes.per_body;
-        let own = |side: usize, b: usize, k: usize| {
-            (0..per_body).map(move |i| ((2 * k + side) * per_body + i, b * per_body + i))
-        };
-        for (k, ends) in structure.extra_bodies.iter().enumerate() {
-            let ends = || ends.iter().enumerate().filter_map(|(s, body)| body.map(|b| (s, b)));
+        for k in 0..structure.sizes.extra_states {
             // r_z + γh E⁻¹ g_q D r_p, which the last lines need too.
-            for (at, j) in ends().flat_map(|(s, b)| own(s, b, k)) {
+            for (at, j) in structure.extra_entries(k) {
                 side.z[k] += gh * Complex64::new(re[j], im[j]) * side.extra.by_position[at];
             }
-            for (at, j) in ends().flat_map(|(s, b)| own(s, b, k)) {
+            for (at, j) in structure.extra_entries(k) {
                 right[j] -= gh * side.z[k] * blocks.force_extra[at];
             }
         }
         elimination.as_mut().expect("factored before").solve_complex(right);
-        for (k, ends) in structure.extra_bodies.iter().enumerate() {
-            let ends = ends.iter().enumerate().filter_map(|(s, body)| body.map(|b| (s, b)));
+        for k in 0..structure.sizes.extra_states {
             let mut z = side.z[k];
-            for (at, j) in ends.flat_map(|(s, b)| own(s, b, k)) {
+            for (at, j) in structure.extra_entries(k) {
                 let by = gh * side.extra.by_position[at] + side.extra.by_velocity[at];
                 z += gh * by * right[j];
             }
@@ -265,7 +259,7 @@ fn sum(x: &[f64], alpha: f64, y: &[f64], out: &mut [f64]) {
 
 /// E⁻¹ (g_q δq + g_q̇ δq̇) of an extra state.
 fn extra_rate(parts: &Linearization, k: usize, dq: &[f64], dv: &[f64]) -> f64 {
-    parts.extra.rate(k, &parts.system.structure().extra_bodies[k], dq, dv)
+    parts.extra.rate(parts.system.structure(), k, dq, dv)
 }
 
 /// p = P x.

@@ -347,15 +347,10 @@ impl FirstOrderMatrix for SparseMatrix {
             }
         }
         let structure = parts.system.structure();
-        let (blocks, per_body) = (&parts.blocks.blocks, structure.sizes.per_body);
-        for (k, ends) in structure.extra_bodies.iter().enumerate() {
-            let scale = gh * z[k];
-            for (side, body) in ends.iter().enumerate() {
-                let Some(b) = body else { continue };
-                for i in 0..per_body {
-                    let by_z = blocks.force_extra[(2 * k + side) * per_body + i];
-                    force[b * per_body + i] -= scale * by_z;
-                }
+        for (k, z) in z.iter().enumerate() {
+            let scale = gh * z;
+            for (at, j) in structure.extra_entries(k) {
+                force[j] -= scale * parts.blocks.blocks.force_extra[at];
             }
         }
         match &mut self.elimination {
@@ -379,8 +374,8 @@ impl FirstOrderMatrix for SparseMatrix {
             dq.iter_mut().for_each(|x| *x *= scales[0]);
             let dv = &mut dv[..n];
             dv.iter_mut().for_each(|x| *x *= scales[1]);
-            for (k, ends) in structure.extra_bodies.iter().enumerate() {
-                let z = z[k] + gh * extra.rate(k, ends, dq, dv);
+            for (k, z) in z.iter().enumerate() {
+                let z = z + gh * extra.rate(structure, k, dq, dv);
                 (x[2 * ndof + k], y[2 * ndof + k]) = (z.re, z.im);
             }
         }
@@ -475,7 +470,7 @@ impl SparseMatrix {
         blocks.damping.multiply_add(-1.0, dv, left);
         blocks.stiffness.multiply_add(-1.0, dq, left);
         let structure = parts.system.structure();
-        let by_change = |k: usize| -gh * parts.extra.rate(k, &structure.extra_bodies[k], dq, dv);
+        let by_change = |k: usize| -gh * parts.extra.rate(structure, k, dq, dv);
         add_extra_force(parts, None, by_change, left, 1);
         parts.chart.solve_transposed(left, &mut x.rows, &mut x.rate);
         x.force.iter_mut().zip(da).for_each(|(out, a)| *out += a);

@@ -187,18 +187,9 @@ impl SumPattern {
         let transposed = |e| row_of(e).map(|(k, j)| (force + j, columns[3] + k));
         terms.add((Source::Jacobian, Coefficient::One), placed(&jacobian, transposed));
         let mut extra = Vec::new();
-        let per_body = structure.sizes.per_body;
-        for (state, ends) in structure.extra_bodies.iter().enumerate() {
-            let places = || {
-                ends.iter().enumerate().filter_map(|(side, body)| body.map(|b| (side, b))).flat_map(
-                    move |(side, b)| {
-                        (0..per_body)
-                            .map(move |i| ((2 * state + side) * per_body + i, b * per_body + i))
-                    },
-                )
-            };
-            for (by, i) in places() {
-                for (rate, j) in places() {
+        for state in 0..structure.sizes.extra_states {
+            for (by, i) in structure.extra_entries(state) {
+                for (rate, j) in structure.extra_entries(state) {
                     extra.push((by, rate, (force + i, j)));
                 }
             }

@@ -88,9 +88,8 @@ impl Tangent {
         y[..ndof].copy_from_slice(v);
         manifold.respond(&point.state.q, &self.force, &mut y[ndof..2 * ndof])?;
         for (k, out) in y[2 * ndof..].iter_mut().enumerate() {
-            let (ends, per_body) = (&structure.extra_bodies[k], structure.sizes.per_body);
             let own: f64 = b.extra_extra.row(k).map(|(l, by)| by * z[l]).sum();
-            *out = b.extra_rate(k, ends, per_body, &self.dq, &self.dv) + own;
+            *out = b.extra_rate(structure, k, &self.dq, &self.dv) + own;
         }
         Ok(())
     }

@@ -449,7 +449,7 @@ fn check_dropped(
 /// A coordinate in words: one of four Euler parameters says little.
 fn direction(system: &dyn System, coordinate: usize) -> String {
     let sizes = system.structure().sizes;
-    if sizes.translations == 3 && coordinate % sizes.per_body >= sizes.translations {
+    if !sizes.is_planar() && sizes.place_of(coordinate).1 >= sizes.translations {
         format!("a rotation of `{}`", system.coordinate_item(coordinate))
     } else {
         format!("`{}`", system.coordinate_name(coordinate))
@@ -573,13 +573,12 @@ fn adjustments(
     state: &State,
 ) -> Vec<Adjustment> {
     let sizes = system.structure().sizes;
-    let (n, d) = (sizes.per_body, sizes.translations);
-    let angle = if n == 7 { 2.0 } else { 1.0 };
+    let angle = if sizes.is_planar() { 1.0 } else { 2.0 };
     let distance =
         |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
     let mut out = Vec::new();
     for (b, stated) in model.initial.bodies.iter().enumerate() {
-        let (r, p) = (b * n..b * n + d, b * n + d..(b + 1) * n);
+        let (r, p) = (sizes.translations_of(b), sizes.rotations_of(b));
         let moved = |is_stated: bool, x: f64| if is_stated { x } else { 0.0 };
         let adjustment = Adjustment {
             item: model.bodies[b].name.clone(),

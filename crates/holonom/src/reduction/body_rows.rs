@@ -36,10 +36,9 @@ impl BodyRows {
         for (row, (group, _)) in relatives.rows.iter().enumerate() {
             for (side, body) in system.relative_groups()[*group].bodies.into_iter().enumerate() {
                 let Some(body) = body else { continue };
-                for i in 0..n {
-                    let at = (2 * row + side) * n + i;
+                for (at, i) in ((2 * row + side) * n..).zip(sizes.of_body(body)) {
                     if out.values[at] != 0.0 {
-                        entries.push([at, row, body * n + i].map(|x| x as u32).into());
+                        entries.push([at, row, i].map(|x| x as u32).into());
                     }
                 }
             }

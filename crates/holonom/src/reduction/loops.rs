@@ -153,8 +153,8 @@ impl<'a> Loops<'a> {
         let found =
             independent_rows(bodies.len(), sizes.per_body, &rows, RANK_TOLERANCE, NEARLY_BEST);
         let found = found.map_err(|e| {
-            let column =
-                bodies[e.column / sizes.per_body] * sizes.per_body + e.column % sizes.per_body;
+            let (place, own) = sizes.place_of(e.column);
+            let column = sizes.of_body(bodies[place]).start + own;
             let name = system.coordinate_name(column);
             EvaluationFailure::new(
                 "simulation/singular-configuration",
@@ -192,18 +192,17 @@ impl<'a> Loops<'a> {
     ) {
         let (system, tree) = (self.system, self.system.tree());
         let structure = system.structure();
-        let per_body = structure.sizes.per_body;
         let mut ends = vec![[None; 2]; structure.sizes.rows];
         let mut entries = vec![Vec::new(); structure.sizes.rows];
         for ((row, column), x) in g.entries(0, 0).into_iter().zip(g.values()) {
-            let body = column / per_body;
+            let (body, own) = structure.sizes.place_of(column);
             match ends[row] {
                 [None, _] => ends[row][0] = Some(body),
                 [Some(first), None] if first != body => ends[row][1] = Some(body),
                 _ => {}
             }
             let length = self.length(structure.row_measure[row]);
-            self.push(place, body, column % per_body, x / length, &mut entries[row]);
+            self.push(place, body, own, x / length, &mut entries[row]);
         }
         let mut closing = vec![false; structure.sizes.rows];
         for closure in &tree.closures {
@@ -321,13 +320,13 @@ impl<'a> Loops<'a> {
         let sizes = self.system.structure().sizes;
         let unit = if at < sizes.translations {
             self.system.characteristic_length()
-        } else if sizes.per_body - sizes.translations == 1 {
+        } else if sizes.is_planar() {
             1.0
         } else {
             0.5
         };
         if (x * unit).abs() > NEGLIGIBLE {
-            entries.push((block * sizes.per_body + at, x * unit));
+            entries.push((sizes.of_body(block).start + at, x * unit));
         }
     }
 }

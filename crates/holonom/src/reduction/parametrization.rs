@@ -44,8 +44,10 @@ impl Parametrization {
             Projection::Relative(relatives) => {
                 let group = &system.relative_groups()[relatives.rows[k].0];
                 let [first, second] = group.bodies;
-                let skipped = if group.kind.turns() { sizes.translations } else { 0 };
-                second.or(first).map_or(0, |body| body * sizes.per_body + skipped)
+                let turns = usize::from(group.kind.turns());
+                second.or(first).map_or(0, |body| {
+                    [sizes.translations_of(body), sizes.rotations_of(body)][turns].start
+                })
             }
         }
     }

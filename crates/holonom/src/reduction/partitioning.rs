@@ -24,10 +24,9 @@ pub fn partition(system: &dyn System, q: &[f64], g: &BlockMatrix) -> Parametriza
     let mut a = scaled_jacobian(system, g);
     let mut fixed = Vec::new();
     for (body, row) in (structure.normalization_start..m).enumerate() {
-        let first = body * sizes.per_body + sizes.translations;
-        let last = (body + 1) * sizes.per_body;
-        let largest =
-            (first..last).fold(first, |best, i| if q[i].abs() > q[best].abs() { i } else { best });
+        let own = sizes.rotations_of(body);
+        let larger = |best: usize, i: usize| if q[i].abs() > q[best].abs() { i } else { best };
+        let largest = own.clone().fold(own.start, larger);
         fixed.push((row, largest));
     }
     let pivots = full_pivot_elimination(m, n, &mut a, &fixed, RANK_TOLERANCE);

@@ -117,11 +117,11 @@ pub(super) fn place(system: &dyn System, model: &Model, design: &[f64], state: &
 /// driven body, or only hangs on it, turns along; what is in a loop keeps its angle, as it does where the driver has come there.
 pub(super) fn turn(system: &dyn System, model: &Model, design: &[f64], state: &mut State) {
     let (sizes, tree) = (system.structure().sizes, system.tree());
-    let at = |body: usize| body * sizes.per_body + sizes.translations;
+    let at = |body: usize| sizes.rotations_of(body).start;
     let rotations = model.drivers.iter().filter(|driver| driver.kind == DriverKind::Rotation);
     let mut turns = Turns::new(sizes.bodies);
     let mut any = false;
-    for driver in rotations.filter(|_| sizes.translations == 2) {
+    for driver in rotations.filter(|_| sizes.is_planar()) {
         let [first, second] = driver.frames.map(|frame| {
             let turned = frame.body.map_or(0.0, |body| state.q[at(body)]);
             turned + frame.axes[1][0].atan2(frame.axes[0][0])
@@ -232,7 +232,7 @@ pub(super) fn wind(system: &dyn System, model: &Model, state: &mut State) {
 /// their own are not stated.
 pub(super) fn carry(system: &dyn System, model: &Model, state: &mut State) {
     let none = InitialBody::default();
-    let planar = system.structure().sizes.translations == 2;
+    let planar = system.structure().sizes.is_planar();
     let ground = BodyPose {
         position: [0.0; 3],
         orientation: if planar { [0.0; 4] } else { [1.0, 0.0, 0.0, 0.0] },

@@ -58,7 +58,7 @@ pub(super) fn could_be_stiff(
     pace: f64,
 ) -> bool {
     let sizes = system.structure().sizes;
-    let (n, d) = (sizes.per_body, sizes.translations);
+    let n = sizes.per_body;
     let mut first = 0;
     for &group in &system.tree().elastic[elastic].groups {
         let info = &system.relative_groups()[group];
@@ -75,9 +75,10 @@ pub(super) fn could_be_stiff(
             for (side, body) in info.bodies.into_iter().enumerate() {
                 let Some(body) = body else { continue };
                 let part = &gradient[side * n..(side + 1) * n];
-                let scale = if n - d == 1 { 1.0 } else { 0.25 };
-                mobility += norm(&part[..d]).powi(2) / system.mass(body)
-                    + scale * norm(&part[d..]).powi(2) / system.least_inertia(body);
+                let scale = if sizes.is_planar() { 1.0 } else { 0.25 };
+                let [r, p] = part.split_at(sizes.translations).into();
+                mobility += norm(r).powi(2) / system.mass(body)
+                    + scale * norm(p).powi(2) / system.least_inertia(body);
             }
             let strength = stiffness * mobility;
             let motion = [values[row], rate_along(gradient, info.bodies, &state.v)];
@@ -108,8 +109,7 @@ pub(super) fn mobilities(
     gradients: &[([Option<usize>; 2], Vec<f64>)],
 ) -> Vec<f64> {
     let structure = system.structure();
-    let (n, m, per_body) =
-        (structure.sizes.coordinates, structure.sizes.rows, structure.sizes.per_body);
+    let (n, m) = (structure.sizes.coordinates, structure.sizes.rows);
     let length = system.characteristic_length();
     let scale_of = |measure| if measure == Measure::Length { length } else { 1.0 };
     let scale: Vec<f64> = (0..n).map(|i| scale_of(structure.coordinate_measure(i))).collect();
@@ -135,7 +135,7 @@ pub(super) fn mobilities(
     let columns = |bodies: &[Option<usize>; 2]| -> Vec<(usize, usize)> {
         let sides = bodies.iter().enumerate();
         let side = |(side, body): (usize, &Option<usize>)| {
-            body.map(|b| (0..per_body).map(move |i| (side * per_body + i, b * per_body + i)))
+            body.map(|b| (side * structure.sizes.per_body..).zip(structure.sizes.of_body(b)))
         };
         sides.filter_map(side).flatten().collect()
     };

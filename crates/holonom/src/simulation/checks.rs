@@ -496,7 +496,7 @@ fn pays(manifold: &Manifold, explicit: bool) -> Option<usize> {
     if relatives.exact {
         return Some(usize::MAX);
     }
-    let planar = manifold.system().structure().sizes.translations == 2;
+    let planar = manifold.system().structure().sizes.is_planar();
     let freedoms = if explicit { LARGEST_EXPLICIT } else { LARGEST_IMPLICIT };
     let together = if planar { TOGETHER_IN_A_PLANE } else { TOGETHER_IN_SPACE };
     let equations: usize =
@@ -514,7 +514,7 @@ const EQUATIONS: usize = 1000;
 
 /// Why there is no reduced matrix, or no null space, in words of the model.
 pub(super) fn why(system: &dyn System, refusal: Refusal) -> String {
-    let name = |body: usize| system.coordinate_item(body * system.structure().sizes.per_body);
+    let name = |body: usize| system.coordinate_item(system.structure().sizes.of_body(body).start);
     match refusal {
         Refusal::Massless { body } => {
             format!("body `{}` has no mass, or no inertia about some axis", name(body))

@@ -72,8 +72,8 @@ impl EnergyScale {
         let ends: Vec<_> = model.joints.iter().map(|j| j.frames.map(|f| f.body)).collect();
         let mut travelling = Vec::new();
         for group in Shape::new(sizes.bodies, &ends).floating {
-            let bodies: Vec<(usize, f64)> =
-                group.iter().map(|&b| (b * sizes.per_body, model.bodies[b].mass)).collect();
+            let own = |&b: &usize| (sizes.of_body(b).start, model.bodies[b].mass);
+            let bodies: Vec<(usize, f64)> = group.iter().map(own).collect();
             let mass = bodies.iter().map(|(_, mass)| mass).sum();
             let mut group = Travelling { bodies, mass, velocity: [0.0; 3] };
             if mass > 0.0 {

@@ -268,11 +268,10 @@ impl Comparison<'_> {
         }
         self.weights.set(&self.place);
         let sizes = self.system.structure().sizes;
-        for own in (0..n).step_by(sizes.per_body).map(|own| own..own + sizes.per_body) {
+        for (own, turns) in (0..sizes.bodies).map(|b| (sizes.of_body(b), sizes.rotations_of(b))) {
             // Both signs of Euler parameters are one orientation.
-            let turns = own.start + sizes.translations..own.end;
             let dot: f64 = turns.clone().map(|k| q[k] * first[0][k]).sum();
-            let sign = if turns.len() == 4 && dot < 0.0 { -1.0 } else { 1.0 };
+            let sign = if !sizes.is_planar() && dot < 0.0 { -1.0 } else { 1.0 };
             for ((out, x), first) in self.differences.iter_mut().zip([q, v]).zip(first) {
                 for k in own.clone() {
                     let sign = if turns.contains(&k) { sign } else { 1.0 };
@@ -298,13 +297,13 @@ impl Comparison<'_> {
         let largest = shares.reduce(|a, b| if b.1.0 > a.1.0 { b } else { a });
         let (body, (counted, share, of_velocity)) = largest.unwrap_or_default();
         if self.worst.as_ref().is_none_or(|worst| counted > worst.counted) {
-            let first = body * sizes.per_body;
-            let item = self.system.coordinate_item(first).to_owned();
-            let own = &self.differences[usize::from(of_velocity)][first..first + sizes.per_body];
-            let [moved, turned] = <[&[f64]; 2]>::from(own.split_at(sizes.translations))
-                .map(|x| x.iter().map(|x| x * x).sum::<f64>().sqrt());
+            let [translations, rotations] = [sizes.translations_of(body), sizes.rotations_of(body)];
+            let item = self.system.coordinate_item(translations.start).to_owned();
+            let change = &self.differences[usize::from(of_velocity)];
+            let [moved, turned] = [translations, rotations]
+                .map(|own| change[own].iter().map(|x| x * x).sum::<f64>().sqrt());
             // Euler parameters turn by half the angle.
-            let turned = if own.len() == 7 { 2.0 * turned } else { turned };
+            let turned = if sizes.is_planar() { turned } else { 2.0 * turned };
             let per = if of_velocity { "/s" } else { "" };
             let by = format!("{moved:.1e} m{per}, {turned:.1e} rad{per}");
             let before = self.half_before(t);

@@ -28,7 +28,7 @@ pub(super) fn longest(system: &dyn System, state: &State, tree: bool, h: f64, pa
         // No two bodies turn faster against each other.
         let all = 2.0 * turning(sizes, &state.v) * h;
         if all <= part * TURN_IN_LOOP { f64::INFINITY } else { untold(system, state) }
-    } else if planar(sizes) {
+    } else if sizes.is_planar() {
         untold(system, state)
     } else {
         LARGEST_TURN / turning(sizes, &state.v)
@@ -159,15 +159,10 @@ pub(super) fn driven(
     longest
 }
 
-fn planar(sizes: &Sizes) -> bool {
-    sizes.per_body - sizes.translations == 1
-}
-
 /// Largest rotation among the bodies of a change of the coordinates, rad.
 fn turning(sizes: &Sizes, x: &[f64]) -> f64 {
-    let bodies = x.chunks_exact(sizes.per_body);
-    let turns = bodies.map(|b| b[sizes.translations..].iter().map(|x| x * x).sum::<f64>().sqrt());
-    let per_unit = if planar(sizes) { 1.0 } else { 2.0 };
+    let turns = sizes.by_body(x).map(|[_, p]| p.iter().map(|x| x * x).sum::<f64>().sqrt());
+    let per_unit = if sizes.is_planar() { 1.0 } else { 2.0 };
     per_unit * turns.fold(0.0, f64::max)
 }
 

@@ -286,10 +286,8 @@ impl LongestStep {
     ) -> bool {
         let sizes = system.structure().sizes;
         let [start, end] = ends.map(|state| {
-            state.v.chunks_exact(sizes.per_body).map(|v| {
-                <[&[f64]; 2]>::from(v.split_at(sizes.translations))
-                    .map(|v| v.iter().map(|v| v * v).sum::<f64>().sqrt())
-            })
+            let length = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+            sizes.by_body(&state.v).map(move |parts| parts.map(length))
         });
         let (mut fastest, mut change) = ([0.0f64; 2], [0.0f64; 2]);
         for (start, end) in start.zip(end) {

@@ -129,6 +129,39 @@ pub struct Structure {
 }
 
 impl Sizes {
+    /// Whether bodies move in a plane.
+    pub fn is_planar(&self) -> bool {
+        self.translations == 2
+    }
+
+    /// The coordinates of a body: its translations, then its angle or Euler parameters.
+    pub fn of_body(&self, body: usize) -> Range<usize> {
+        body * self.per_body..(body + 1) * self.per_body
+    }
+
+    /// Those that say where it stands.
+    pub fn translations_of(&self, body: usize) -> Range<usize> {
+        let own = self.of_body(body);
+        own.start..own.start + self.translations
+    }
+
+    /// Those that say how it is turned.
+    pub fn rotations_of(&self, body: usize) -> Range<usize> {
+        let own = self.of_body(body);
+        own.start + self.translations..own.end
+    }
+
+    /// The parts of a vector over all coordinates that belong to single bodies: of their translations and of their rotations.
+    pub fn by_body<'a>(&self, x: &'a [f64]) -> impl Iterator<Item = [&'a [f64]; 2]> + use<'a> {
+        let translations = self.translations;
+        x.chunks_exact(self.per_body).map(move |own| own.split_at(translations).into())
+    }
+
+    /// The body that a coordinate belongs to, and its place there.
+    pub fn place_of(&self, coordinate: usize) -> (usize, usize) {
+        (coordinate / self.per_body, coordinate % self.per_body)
+    }
+
     /// Numbers of a twist.
     fn per_twist(&self) -> usize {
         self.translations * (self.translations + 1) / 2
@@ -138,11 +171,19 @@ impl Sizes {
 impl Structure {
     /// What a coordinate measures.
     pub fn coordinate_measure(&self, coordinate: usize) -> Measure {
-        if coordinate % self.sizes.per_body < self.sizes.translations {
+        if self.sizes.place_of(coordinate).1 < self.sizes.translations {
             Measure::Length
         } else {
             Measure::Angle
         }
+    }
+
+    /// Entries of extra state `k` in F_z, g_q and g_q̇ that are not zero for good, with the coordinates that they belong to.
+    pub fn extra_entries(&self, k: usize) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let n = self.sizes.per_body;
+        let ends = self.extra_bodies[k].iter().enumerate();
+        ends.filter_map(|(side, body)| body.map(|b| (side, self.sizes.of_body(b))))
+            .flat_map(move |(side, own)| ((2 * k + side) * n..).zip(own))
     }
 
     /// Pairs of joints (by their place in `among`) that share a body: places of the blocks of G M⁻¹ Gᵀ off
@@ -248,25 +289,10 @@ impl DerivativeBlocks {
         ExtraRows { force, by_displacement, by_twist, own, time }
     }
 
-    /// g_q δq + g_q̇ δq̇ of extra state `k` with the bodies `ends` of `per_body` coordinates each.
-    pub fn extra_rate<T: Scalar>(
-        &self,
-        k: usize,
-        ends: &[Option<usize>; 2],
-        per_body: usize,
-        dq: &[T],
-        dv: &[T],
-    ) -> T {
-        let mut sum = T::ZERO;
-        for (side, body) in ends.iter().enumerate() {
-            let Some(b) = body else { continue };
-            for i in 0..per_body {
-                let (at, j) = ((2 * k + side) * per_body + i, b * per_body + i);
-                sum = sum
-                    + dq[j].scaled(self.extra_position[at])
-                    + dv[j].scaled(self.extra_velocity[at]);
-            }
-        }
-        sum
+    /// g_q δq + g_q̇ δq̇ of extra state `k`.
+    pub fn extra_rate<T: Scalar>(&self, structure: &Structure, k: usize, dq: &[T], dv: &[T]) -> T {
+        structure.extra_entries(k).fold(T::ZERO, |sum, (at, j)| {
+            sum + dq[j].scaled(self.extra_position[at]) + dv[j].scaled(self.extra_velocity[at])
+        })
     }
 }

@@ -47,10 +47,11 @@ impl Plan {
         let mut blocks = vec![[NONE; 3]; count];
         let mut offset = 0;
         for (row, column, rows, columns) in structure.stiffness_pattern.shapes() {
-            if (rows, columns, row % n, column % n) != (n, n, 0, 0) {
+            let [(i, first), (j, first_of_j)] =
+                [row, column].map(|at| structure.sizes.place_of(at));
+            if (rows, columns, first, first_of_j) != (n, n, 0, 0) {
                 return None;
             }
-            let (i, j) = (row / n, column / n);
             let (block, at) = match (i == j, forest.parent(i) == Some(j)) {
                 (true, _) => (i, 0),
                 (false, true) => (i, 1),

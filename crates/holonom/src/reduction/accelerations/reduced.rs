@@ -114,7 +114,7 @@ impl ReducedMatrix {
     /// [`Refusal`] when M has no inverse.
     pub fn new(system: &dyn System, kept: &[usize]) -> Result<Self, Refusal> {
         let structure = system.structure();
-        let planar = structure.sizes.translations == 2;
+        let planar = structure.sizes.is_planar();
         Self::check(system, kept)?;
         let inertia = inverse_roots(system)?;
         let (mut joints, mut begin) = (Vec::new(), vec![0]);
@@ -160,7 +160,7 @@ impl ReducedMatrix {
     pub fn check(system: &dyn System, kept: &[usize]) -> Result<(), Refusal> {
         inverse_roots(system)?;
         let structure = system.structure();
-        let planar = structure.sizes.translations == 2;
+        let planar = structure.sizes.is_planar();
         let mut normalized = 0..if planar { 0 } else { structure.sizes.bodies };
         let is_dropped =
             |body: &usize| kept.binary_search(&(structure.normalization_start + body)).is_err();
@@ -179,7 +179,7 @@ impl ReducedMatrix {
     /// kept rows: joints that share both bodies are counted twice. Nothing of that size is built.
     pub fn least_size(system: &dyn System, kept: &[usize]) -> [f64; 3] {
         let structure = system.structure();
-        let free = if structure.sizes.translations == 2 { 3.0 } else { 6.0 };
+        let free = if structure.sizes.is_planar() { 3.0 } else { 6.0 };
         let mut rows_of_body = vec![0.0; structure.sizes.bodies];
         let mut sides = 0;
         for (k, joint) in structure.joints.iter().enumerate() {
@@ -481,7 +481,7 @@ fn kept_rows<'a>(structure: &Structure, joint: usize, kept: &'a [usize]) -> &'a 
 /// The inertia of every body, as far as it does not move.
 fn inverse_roots(system: &dyn System) -> Result<Arc<[Inertia]>, Refusal> {
     let sizes = &system.structure().sizes;
-    let planar = sizes.translations == 2;
+    let planar = sizes.is_planar();
     (0..sizes.bodies)
         .map(|body| {
             let own = inverse_root(planar, system.mass(body), &system.inertia(body));

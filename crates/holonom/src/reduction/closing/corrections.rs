@@ -163,9 +163,9 @@ impl Solver<'_> {
     /// Gives free Euler parameters unit length.
     fn restore_lengths(&self, state: &mut State, unknowns: &Unknowns) {
         let sizes = self.system.structure().sizes;
-        let (n, d) = (sizes.per_body, sizes.translations);
-        for at in unknowns.free.iter().filter(|&&i| i % n == d) {
-            let p = &mut state.q[*at..at + n - d];
+        let places = unknowns.free.iter().map(|&i| sizes.place_of(i));
+        for (body, _) in places.filter(|(_, own)| *own == sizes.translations) {
+            let p = &mut state.q[sizes.rotations_of(body)];
             let length = p.iter().map(|x| x * x).sum::<f64>().sqrt();
             if length > 0.0 {
                 p.iter_mut().for_each(|x| *x /= length);

@@ -62,7 +62,6 @@ pub(super) fn least_change(
     let sizes = system.structure().sizes;
     let (m, n, k) = (sizes.rows, sizes.coordinates, unknowns.free.len());
     checkpoint(m * k);
-    let (per_body, d) = (sizes.per_body, sizes.translations);
     let couplings = unknowns.couplings(system, q);
     let mut column = vec![None; n];
     for (at, &i) in unknowns.free.iter().enumerate() {
@@ -83,11 +82,11 @@ pub(super) fn least_change(
             }
         };
         add(i, *x);
-        if let (Some(w), true) = (coupled[i / per_body], i % per_body < d) {
-            for c in 0..per_body - d {
-                let factor = w[i % per_body * (per_body - d) + c];
-                add(i / per_body * per_body + d + c, x * factor);
-            }
+        let (body, place) = sizes.place_of(i);
+        if let (Some(w), true) = (coupled[body], place < sizes.translations) {
+            let turns = sizes.rotations_of(body);
+            let factors = &w[place * turns.len()..];
+            turns.zip(factors).for_each(|(i, factor)| add(i, x * factor));
         }
     }
     let solution = if (m * m) as f64 * k as f64 <= by.dense {
@@ -114,38 +113,39 @@ pub(super) fn least_change(
 /// Moves the translations in a change `x` of coordinates with the orientations that they are coupled to.
 fn follow(system: &dyn System, couplings: &[(usize, Vec<f64>)], x: &mut [f64]) {
     let sizes = system.structure().sizes;
-    let (n, d) = (sizes.per_body, sizes.translations);
     for (b, w) in couplings {
-        let (translation, rotation) = x[b * n..(b + 1) * n].split_at_mut(d);
-        for (x, w) in translation.iter_mut().zip(w.chunks_exact(n - d)) {
+        let turns = sizes.rotations_of(*b).len();
+        let (translation, rotation) = x[sizes.of_body(*b)].split_at_mut(sizes.translations);
+        for (x, w) in translation.iter_mut().zip(w.chunks_exact(turns)) {
             *x = w.iter().zip(&*rotation).map(|(w, x)| w * x).sum();
         }
     }
 }
 
-/// ∂(A c)/∂p of a body, D×(N−D) by rows; A is quadratic in the Euler parameters, so central
+/// ∂(A c)/∂p of a body, a row for each translation; A is quadratic in the Euler parameters, so central
 /// differences are exact for them and accurate to 1e-10 for an angle.
 fn coupling(system: &dyn System, body: usize, q: &[f64]) -> Vec<f64> {
     let sizes = system.structure().sizes;
-    let (n, d) = (sizes.per_body, sizes.translations);
+    let (d, turns) = (sizes.translations, sizes.rotations_of(body));
+    let n = turns.len();
     let h = 1e-5;
     let arm = |shift: f64, c: usize| {
         let mut moved = q.to_vec();
-        moved[body * n + d + c] += shift;
+        moved[turns.start + c] += shift;
         let rest = vec![0.0; q.len()];
         let pose = system.body(body, &moved, &rest);
-        let r = &moved[body * n..];
+        let r = &moved[sizes.translations_of(body)];
         [
             r[0] - pose.position[0],
             r[1] - pose.position[1],
             r.get(2).unwrap_or(&0.0) - pose.position[2],
         ]
     };
-    let mut w = vec![0.0; d * (n - d)];
-    for c in 0..n - d {
+    let mut w = vec![0.0; d * n];
+    for c in 0..n {
         let (plus, minus) = (arm(h, c), arm(-h, c));
         for i in 0..d {
-            w[i * (n - d) + c] = (plus[i] - minus[i]) / (2.0 * h);
+            w[i * n + c] = (plus[i] - minus[i]) / (2.0 * h);
         }
     }
     w
@@ -194,8 +194,7 @@ pub(super) fn limited(system: &dyn System, mut step: Vec<f64>, lengths: f64) -> 
 /// sizes of vectors, which a common rotation of the model does not change.
 pub(super) fn largest(system: &dyn System, step: &[f64], lengths: f64) -> [f64; 2] {
     let sizes = system.structure().sizes;
-    step.chunks_exact(sizes.per_body).fold([0.0, 0.0], |[slid, turned]: [f64; 2], x| {
-        let (r, p) = x.split_at(sizes.translations);
+    sizes.by_body(step).fold([0.0, 0.0], |[slid, turned]: [f64; 2], [r, p]| {
         [slid.max(scale(system, 0) / lengths * norm(r)), turned.max(norm(p))]
     })
 }

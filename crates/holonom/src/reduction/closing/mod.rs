@@ -215,7 +215,6 @@ fn solve(
 /// Coordinates that are not stated; all of them where stated values are guesses.
 pub(super) fn unknowns(system: &dyn System, model: &Model, level: Level) -> Unknowns {
     let sizes = system.structure().sizes;
-    let (n, d) = (sizes.per_body, sizes.translations);
     let keep = model.initial.assembly == Assembly::Keep;
     let none = InitialBody::default();
     let mut out = Unknowns { free: Vec::new(), coupled: Vec::new() };
@@ -227,10 +226,10 @@ pub(super) fn unknowns(system: &dyn System, model: &Model, level: Level) -> Unkn
             Level::Velocity => (own.velocity.is_some(), own.angular_velocity.is_some()),
         };
         if !translation {
-            out.free.extend(b * n..b * n + d);
+            out.free.extend(sizes.translations_of(b));
         }
         if !rotation {
-            out.free.extend(b * n + d..(b + 1) * n);
+            out.free.extend(sizes.rotations_of(b));
         }
         if translation && !rotation && body.center_of_mass.iter().any(|c| *c != 0.0) {
             out.coupled.push(b);

@@ -239,7 +239,7 @@ pub(super) fn joint_form(
     parametrization: &Parametrization,
     q: &[f64],
 ) -> Option<Box<dyn JointForm>> {
-    if system.structure().sizes.translations == 2 {
+    if system.structure().sizes.is_planar() {
         let engine = Engine::<algebra::Planar, 3, 3>::new(system, parametrization, q)?;
         Some(Box::new(engine))
     } else {

@@ -307,8 +307,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         let info = &self.system.relative_groups()[group];
         let sizes = self.system.structure().sizes;
         let body = self.edges.iter().find(|edge| edge.range.contains(&k)).map_or(0, |e| e.body);
-        let first = if info.kind.turns() { sizes.translations } else { 0 };
-        let coordinate = body * sizes.per_body + first;
+        let own = [sizes.translations_of(body), sizes.rotations_of(body)];
+        let coordinate = own[usize::from(info.kind.turns())].start;
         (Relatives::name_of(self.system.as_ref(), group, row), coordinate)
     }
 

@@ -39,8 +39,7 @@ impl Manifold {
         // On bits, so that NaN is larger than every number.
         let bits = |x: f64| x.to_bits() & !(1 << 63);
         let mut largest = 0;
-        for body in x.chunks_exact(sizes.per_body) {
-            let (lengths, angles) = body.split_at(sizes.translations);
+        for [lengths, angles] in sizes.by_body(x) {
             for x in lengths {
                 largest = largest.max(bits(x * inverse));
             }
@@ -55,10 +54,10 @@ impl Manifold {
     /// Largest angle of a change of coordinates, rad.
     fn turned_by(&self, x: &[f64]) -> f64 {
         let sizes = &self.system.structure().sizes;
-        let angles = x.chunks_exact(sizes.per_body).flat_map(|body| &body[sizes.translations..]);
+        let angles = sizes.by_body(x).flat_map(|[_, angles]| angles);
         let largest = angles.fold(0.0f64, |most, x| most.max(x.abs()));
         // Euler parameters turn by half the angle.
-        if sizes.translations == 3 { 2.0 * largest } else { largest }
+        if sizes.is_planar() { largest } else { 2.0 * largest }
     }
 
     /// Solves Φ(q, t) = 0, v(q) = p from the guess in `q`, which must be a point of the branch that is
