@@ -65,11 +65,13 @@ class CoreModel:
         on_progress: Callable[[float, float, int], None],
         on_stage: Callable[[str], None],
         checkpoint: str | None = None,
+        repeats: bool = False,
     ) -> dict[str, Any]:
         """Run and return a summary; chunks of results go to ``on_chunk``.
 
         With the entry ``checkpoint`` of a chunk, the run that made it is taken up at the end of
-        that chunk: the same chunks follow, to the last bit.
+        that chunk: the same chunks follow, to the last bit. A run that `repeats` another one, which
+        it is compared with, does not look for what it may be wrong about.
 
         ``on_progress`` is called between steps, ``on_stage`` also within: what it raises ends the
         run at once.

@@ -175,8 +175,8 @@ class Options:
     )
     repartition_factor: float | None = _choice(
         "factor",
-        "Growth of the condition at which a partition or a tangent plane is chosen anew; more than "
-        "1. The tree has a factor of its own, 2.5.",
+        "Growth of the condition at which independent variables are chosen anew; more than 1. By "
+        "default 2.5 on the tree, 1.25 for a partition, 2 for a tangent plane.",
     )
     dense_output: bool | None = _choice(
         "flag",

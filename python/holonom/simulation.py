@@ -261,7 +261,9 @@ def _certify(
             progress(start, 0.0, 0)
         with _DeferredInterrupts() as interrupts:
             text = _encode(second)
-            summary = _simulate(model, text, state, measurement.append, progress, watch, interrupts)
+            summary = _simulate(
+                model, text, state, measurement.append, progress, watch, interrupts, repeats=True
+            )
     except KeyboardInterrupt:
         interrupted = True
     except HolonomError as error:
@@ -331,6 +333,8 @@ def _simulate(
     watch: Watch | None,
     interrupts: _DeferredInterrupts,
     checkpoint: str | None = None,
+    *,
+    repeats: bool = False,
 ) -> dict[str, Any]:
     def on_progress(time: float, step_size: float, steps: int) -> None:
         with interrupts.heeded():
@@ -343,7 +347,9 @@ def _simulate(
                 watch(stage)
 
     with translated():
-        summary = model._core.simulate(chosen, state, on_chunk, on_progress, on_stage, checkpoint)
+        summary = model._core.simulate(
+            chosen, state, on_chunk, on_progress, on_stage, checkpoint, repeats
+        )
     if summary["status"] == "interrupted":
         interrupts.settle()
     return summary

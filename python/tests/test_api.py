@@ -584,7 +584,15 @@ def test_what_the_pages_name_is_there() -> None:
     result = holonom.Model.library("double_pendulum").simulate(end_time=0.5)
     assert result.limited_by == result.meta["limited_by"]
     assert result.limited_by.steps <= result.limited_by.of
-    # The tree has a factor of its own, which no choice changes.
-    assert "repartition_factor" not in result.options
-    other = result.model.simulate(end_time=0.5, parametrization="partitioning")
-    assert other.options["repartition_factor"] == 1.25
+
+
+def test_a_stated_growth_of_the_condition_holds_for_every_parametrization() -> None:
+    model = holonom.Model.library("spatial_four_bar")
+    for parametrization, usual in (("tree", 2.5), ("partitioning", 1.25), ("tangent_plane", 2.0)):
+        usually = model.simulate(parametrization=parametrization)
+        assert usually.options["repartition_factor"] == usual
+        stated = model.simulate(parametrization=parametrization, repartition_factor=1e9)
+        assert stated.options["repartition_factor"] == 1e9
+        assert stated.statistics["reparametrizations"] == 0
+        often = model.simulate(parametrization=parametrization, repartition_factor=1.01)
+        assert often.statistics["reparametrizations"] >= usually.statistics["reparametrizations"]

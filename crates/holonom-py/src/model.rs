@@ -8,7 +8,7 @@ use holonom::analysis::spectrum;
 use holonom::error::{Diagnostic, ModelErrors};
 use holonom::io::{Document, Syntax};
 use holonom::simulation::{
-    Checkpoint, Choices, DenseOutput, Options, Problem, RunError, RunWarning, check_run, resume,
+    Checkpoint, Choices, DenseOutput, Options, Problem, RunError, RunWarning, check_run, repeat, resume,
     run,
 };
 use holonom::system::Sample;
@@ -226,7 +226,7 @@ impl CoreModel {
         report::to_python(py, &serde_json::json!(Choices::of(&options, start)))
     }
 
-    #[pyo3(signature = (options_json, start, on_chunk, on_progress, on_stage, checkpoint=None))]
+    #[pyo3(signature = (options_json, start, on_chunk, on_progress, on_stage, checkpoint=None, repeats=false))]
     #[expect(clippy::too_many_arguments, reason = "those of one call from Python")]
     fn simulate(
         &self,
@@ -237,6 +237,7 @@ impl CoreModel {
         on_progress: Py<PyAny>,
         on_stage: Py<PyAny>,
         checkpoint: Option<&str>,
+        repeats: bool,
     ) -> PyResult<Py<PyAny>> {
         let refused = |error| not_run(error, &self.document);
         let taken_up = checkpoint.map(Checkpoint::from_text).transpose().map_err(refused)?;
@@ -261,6 +262,7 @@ impl CoreModel {
         let mut sink = Callbacks { on_chunk, on_progress, sizes, channels, error: None };
         let work = || match &taken_up {
             Some(checkpoint) => resume(&problem, &options, checkpoint, &mut sink),
+            None if repeats => repeat(&problem, &options, from.as_ref(), &mut sink),
             None => run(&problem, &options, from.as_ref(), &mut sink),
         };
         let mut outcome = watched(py, Some(&on_stage), work);

@@ -77,7 +77,7 @@ fn assert_steps_do_not_allocate(
             // At rest one step might be all.
             initial_step: Some(1e-4 * end),
             // No change of the partition, which may allocate.
-            repartition_factor: 1e12,
+            repartition_factor: Some(1e12),
             // A checkpoint sets everything up anew.
             checkpoint_steps: Some(u64::MAX),
             ..options(code, tolerance, end_time)

@@ -139,14 +139,8 @@ class Facts:
 
     @property
     def options(self) -> dict[str, Any]:
-        """What the run used: the choices stated, the rest from the model or by default.
-
-        ``repartition_factor`` is left out of runs on the tree, which has a factor of its own, 2.5.
-        """
-        used = dict(self.meta.get("options") or {})
-        if used.get("parametrization") == "tree":
-            used.pop("repartition_factor", None)
-        return used
+        """What the run used: the choices stated, the rest from the model or by default."""
+        return dict(self.meta.get("options") or {})
 
     @property
     def steps(self) -> dict[str, NDArray[Any]]:

@@ -375,8 +375,9 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
             return refuse("newmark_gamma", gamma, rule);
         }
     }
-    if !(options.repartition_factor.is_finite() && options.repartition_factor > 1.0) {
-        return refuse("repartition_factor", options.repartition_factor, "above 1");
+    let factor = options.repartition_factor();
+    if !(factor.is_finite() && factor > 1.0) {
+        return refuse("repartition_factor", factor, "above 1");
     }
     positive("max_seconds", options.max_seconds)?;
     if options.max_steps == 0 {

@@ -189,8 +189,7 @@ impl Choices {
             coordinates: word("coordinates", coordinates, Coordinates::ALL)?
                 .unwrap_or(usual.coordinates),
             threads: Threads::new(threads),
-            repartition_factor: (self.repartition_factor.or(file.repartition_factor))
-                .unwrap_or(usual.repartition_factor),
+            repartition_factor: self.repartition_factor.or(file.repartition_factor),
             dense_output: self.dense_output.or(file.dense_output),
         })
     }
@@ -239,7 +238,7 @@ impl Choices {
             accelerations: Some(options.accelerations.name().into()),
             coordinates: Some(options.coordinates.name().into()),
             threads: Some(options.threads.count()),
-            repartition_factor: Some(options.repartition_factor),
+            repartition_factor: Some(options.repartition_factor()),
             dense_output: Some(options.stores_dense_output()),
             profile: Some(options.profile.name().into()),
             newmark_gamma: options.newmark.map(|newmark| newmark.gamma),

@@ -37,7 +37,7 @@ pub use options::{Options, OutputTimes};
 pub use problem::{
     AccelerationSummary, EdgeCoordinate, EdgeSummary, ModelSummary, Problem, RedundantRow,
 };
-pub use run::{Summary, check_run, resume, run};
+pub use run::{Summary, check_run, repeat, resume, run};
 pub use slowness::{LimitedBy, Limits};
 pub use statistics::{EnergySummary, RunWarning, Statistics, Status, StopReason};
 pub use trajectory::{Chunk, EventKind, EventRecord, Flow, Memory, Sink, StepOutcome, StepRecord};

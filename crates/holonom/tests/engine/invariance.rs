@@ -341,7 +341,7 @@ fn numbering_of_bodies_changes_round_off_only_where_steps_and_partition_are_pres
                 // The formula's own error depends on the partition: it stays.
                 let options = Options {
                     fixed_step: Some(step),
-                    repartition_factor: 1e12,
+                    repartition_factor: Some(1e12),
                     ..options(code, 1e-6, end)
                 };
                 let end = run_model(model, &options).summary.end;

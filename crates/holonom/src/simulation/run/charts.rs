@@ -10,17 +10,12 @@ use crate::simulation::trajectory::EventKind;
 
 /// The partition is left alone while the condition of [G; P] is below this.
 const CONDITION_FLOOR: f64 = 10.0;
-/// Relative coordinates are chosen anew when the condition of [G; P] has grown by this factor: on a circle
-/// limits of 2.5, 10 and 100 cost 178, 314 and 676 steps.
-const TREE_GROWTH: f64 = 2.5;
 /// Largest change of a direction or rotation in a step, rad: what is about to tumble swings about a steady turn as fast as
 /// it turns, which no error shows before it has grown.
 pub(super) const LONGEST_TURN: f64 = 0.9;
 /// References of directions and rotations move at every step; those of a multistep formula, whose history
 /// would have to move along, when they are this far, rad, or where variables would be chosen anew and the same come out.
 const MULTISTEP_TURN: f64 = 1.5;
-/// A tangent plane is renewed when the condition of [G; P] has grown by this factor at least.
-const TANGENT_GROWTH: f64 = 2.0;
 
 impl Run<'_> {
     /// Measures relative orientations and directions from the new state, whose independent variables and
@@ -90,18 +85,14 @@ impl Run<'_> {
         }
         // What was the best of bad variables may have become good: it is not kept until it is as bad again.
         self.condition_reference = self.condition_reference.min(condition);
-        let factor = self.options.repartition_factor;
+        let relatives = self.form.point().manifold.chart().parametrization().relatives();
+        if relatives.is_some_and(|relatives| !relatives.has_alternatives) {
+            return Ok(());
+        }
+        let grown = self.options.repartition_factor() * self.condition_reference;
         let limit = match self.options.parametrization {
-            Choice::Tree => {
-                let parametrization = self.form.point().manifold.chart().parametrization();
-                if !parametrization.relatives().is_some_and(|r| r.has_alternatives) {
-                    return Ok(());
-                }
-                TREE_GROWTH * self.condition_reference
-            }
-            Choice::Partitioning => (factor * self.condition_reference).max(CONDITION_FLOOR),
-            // A tangent plane can always be renewed, and is best near its point of contact.
-            _ => factor.max(TANGENT_GROWTH) * self.condition_reference,
+            Choice::Partitioning => grown.max(CONDITION_FLOOR),
+            _ => grown,
         };
         if condition > limit {
             self.repartition(condition)?;

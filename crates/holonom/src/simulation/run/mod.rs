@@ -94,6 +94,20 @@ pub fn run(
     begin(problem, options, from.map_or(Start::Assembled, Start::At), sink)
 }
 
+/// Runs a problem as [`run`], but whatever its errors may have grown to: who compares it with another run sees that.
+///
+/// # Errors
+/// As [`run`].
+pub fn repeat(
+    problem: &Problem,
+    options: &Options,
+    from: Option<&State>,
+    sink: &mut dyn Sink,
+) -> Result<Summary, RunError> {
+    let start = from.map_or(Start::Assembled, Start::At);
+    once(problem, options, start, RUNNING, sink).map(|(summary, _)| summary)
+}
+
 /// Takes up a run of the same problem with the same options: its rows and steps from the checkpoint on are
 /// those of the run that made it, to the last bit, and its summary is that of the whole.
 ///
@@ -130,8 +144,7 @@ fn begin(
     sink: &mut dyn Sink,
 ) -> Result<Summary, RunError> {
     let begun = Stopwatch::start();
-    let task = Task { name: "running", followed: SUSPICIOUS, turn_part: 1.0 };
-    let (mut summary, carried) = once(problem, options, start, task, sink)?;
+    let (mut summary, carried) = once(problem, options, start, RUNNING, sink)?;
     let Some(carried) = carried else { return Ok(summary) };
     if summary.status == Status::Completed {
         let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
@@ -171,6 +184,8 @@ pub(in crate::simulation) struct Task {
     /// Part of the turn that bodies may make in a step.
     pub(in crate::simulation) turn_part: f64,
 }
+
+const RUNNING: Task = Task { name: "running", followed: SUSPICIOUS, turn_part: 1.0 };
 
 /// A run for a `task`, and what it knows of its error.
 pub(in crate::simulation) fn once(
