@@ -8,8 +8,8 @@ use holonom::analysis::spectrum;
 use holonom::error::{Diagnostic, ModelErrors};
 use holonom::io::{Document, Syntax};
 use holonom::simulation::{
-    Checkpoint, Choices, DenseOutput, Options, Problem, RunError, RunWarning, check_run, repeat, resume,
-    run,
+    Checkpoint, Choices, DenseOutput, Options, Problem, RunError, RunWarning, check_run, repeat,
+    resume, run,
 };
 use holonom::system::Sample;
 use holonom::watch::unwatched;

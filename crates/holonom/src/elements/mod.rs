@@ -221,12 +221,17 @@ pub trait ForceElement<const D: usize, const N: usize, const W: usize> {
         f64::INFINITY
     }
     /// Knots, increasing, of each scalar along which the law has local features: the deformation of a law through a
-    /// table, what a tyre is pressed in, its way along a road with an obstacle. None of them for a line whose law is
-    /// smooth: that has a local feature where it is short.
+    /// table, what a tyre is pressed in, its way along a road with an obstacle, the velocities of its slip. None of them
+    /// for a line whose law is smooth: that has a local feature where it is short.
     fn knots(&self) -> Vec<Vec<f64>> {
         Vec::new()
     }
-    /// One of these scalars, its rate, and how fast the direction may turn that it depends on, rad/s.
+    /// How many of these scalars are velocities, the last ones.
+    fn velocities(&self) -> usize {
+        0
+    }
+    /// One of these scalars, its rate, and how fast the direction may turn that it depends on, rad/s. Of a velocity, whose rate
+    /// would take accelerations, the velocity, no number, and up to which size of it the law has no feature.
     fn argument(&self, _index: usize, _input: &ForceInput<f64, D, N, W>) -> [f64; 3] {
         [0.0; 3]
     }

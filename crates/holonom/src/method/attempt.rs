@@ -576,6 +576,40 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         Ok(true)
     }
 
+    fn answers_inside(
+        &mut self,
+        ode: &mut dyn LinearizedOde,
+        t_end: f64,
+        h: f64,
+        theta: f64,
+    ) -> Result<bool, EvaluationFailure> {
+        let (time, gamma_h) = (t_end + (theta - 1.0) * h, self.stages.gamma() * h);
+        let AtEnd { defect, state, slope, .. } = &mut self.at_end;
+        let last = if self.pending { &self.current } else { &self.previous };
+        last.interpolate(theta, state);
+        last.slope_beyond((theta - 1.0) * h, defect);
+        ode.derivative(time, state, slope)?;
+        for (defect, slope) in defect.iter_mut().zip(&*slope) {
+            *defect = gamma_h * (slope - *defect);
+        }
+        let mut change = std::mem::take(&mut self.at_end.change);
+        change.copy_from_slice(&self.at_end.defect);
+        self.filter(ode, &mut change);
+        let size = ode.error_norm(&change, self.stages.end().w);
+        let AtEnd { defect, state, slope, answer, .. } = &mut self.at_end;
+        state.iter_mut().zip(&change).for_each(|(state, change)| *state += change);
+        let evaluated = ode.derivative(time, state, answer);
+        for (k, change) in change.iter_mut().enumerate() {
+            *change = defect[k] - *change + gamma_h * (answer[k] - slope[k]);
+        }
+        self.filter(ode, &mut change);
+        let left = ode.error_norm(&change, self.stages.end().w);
+        self.at_end.change = change;
+        // What was evaluated last is the end.
+        ode.derivative(t_end, self.stages.end().w, &mut self.at_end.slope)?;
+        evaluated.map(|()| left <= noise(self.floor).max(ANSWERS * size))
+    }
+
     fn last_change(&self) -> &[f64] {
         &self.change
     }

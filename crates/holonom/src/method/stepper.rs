@@ -355,6 +355,21 @@ pub trait Stepper: Send {
         Ok(false)
     }
 
+    /// Whether inside the last accepted step, of length h to `t_end`, accelerations answer to what [`Stepper::filter`] makes of their
+    /// defect at θ as J says: whether it tells what becomes of that. Source: `docs/theory/method.md` (11c).
+    ///
+    /// # Errors
+    /// Where the system cannot be evaluated.
+    fn answers_inside(
+        &mut self,
+        _ode: &mut dyn LinearizedOde,
+        _t_end: f64,
+        _h: f64,
+        _theta: f64,
+    ) -> Result<bool, EvaluationFailure> {
+        Ok(true)
+    }
+
     /// What a formula that keeps slopes of earlier steps has kept, as numbers; empty for others.
     fn history(&self) -> Vec<f64> {
         Vec::new()

@@ -25,7 +25,7 @@ pub(super) struct Place {
     pub(super) time: f64,
     pub(super) value: f64,
     pub(super) rate: f64,
-    /// How fast the direction may turn that it depends on, rad/s.
+    /// How fast the direction may turn that it depends on, rad/s; of a velocity, up to which size the law has no feature.
     pub(super) turning: f64,
 }
 
@@ -39,6 +39,24 @@ impl Place {
     ) -> Self {
         let [value, rate, turning] = system.law_argument(argument, state);
         Self { time, value, rate, turning }
+    }
+
+    /// The same of a velocity, whose rate follows from its value `by` seconds away.
+    pub(super) fn with_rate(self, other: &Self) -> Self {
+        let rate = (other.value - self.value) / (other.time - self.time);
+        Self { rate, turning: 0.0, ..self }
+    }
+
+    /// Whether a velocity may pass one of the knots near these places of a step.
+    pub(super) fn may_pass(places: &[Self; 3], knots: &[f64]) -> bool {
+        let bends = places.iter().any(|place| place.value.abs() > place.turning);
+        let [least, largest] =
+            places.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, largest], place| {
+                [least.min(place.value), largest.max(place.value)]
+            });
+        let spread = largest - least;
+        let below = |value: f64| knots.partition_point(|&knot| knot <= value);
+        bends && below(least - spread) < below(largest + spread)
     }
 
     /// Whether the line that it depends on may be next to its other end within `step` of here.
@@ -187,6 +205,12 @@ impl Way {
         }
     }
 
+    /// Nothing is on the way.
+    pub(super) fn clear(&mut self) {
+        self.marks.clear();
+        self.cusps.clear();
+    }
+
     /// Follows an argument through the start, the middle and the end of a step, and looks at more of its states where
     /// these do not say whether a knot is passed between them.
     ///
@@ -307,6 +331,10 @@ impl Way {
     pub(super) fn passages(&mut self, system: &dyn System, argument: &LawArgument) -> &[Passage] {
         let mut passages = std::mem::take(&mut self.passages);
         passages.clear();
+        if self.marks.is_empty() {
+            self.passages = passages;
+            return &self.passages;
+        }
         let profile = |time: f64| system.law_profile(argument, self.value(time));
         let [from, to] = [self.places[0].time, self.places[self.places.len() - 1].time];
         let [start, end] = [from, to].map(profile);

@@ -152,7 +152,14 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
             | ForceKind::Tyre(_)
             | ForceKind::PointForce { .. } => Measure::Length,
         };
-        of_force.map(move |(index, knots)| LawArgument { force, index, measure, knots })
+        let others = of_force.len() - f.element.velocities();
+        of_force.map(move |(index, knots)| LawArgument {
+            force,
+            index,
+            measure,
+            is_velocity: index >= others,
+            knots,
+        })
     });
     let arguments = knots.collect();
     let edges = PlacedEdges::along(&built.tree, &built.edges);

@@ -124,7 +124,7 @@ pub struct EnergyBalance {
 }
 
 /// A scalar along which a force law has local features: deformation of a law through a table, deflection of a
-/// tyre, its way along a road with an obstacle.
+/// tyre, its way along a road with an obstacle, velocities of its slip.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawArgument {
     /// Place of the force among those of the system.
@@ -133,6 +133,8 @@ pub struct LawArgument {
     pub(crate) index: usize,
     /// What it measures.
     pub measure: Measure,
+    /// Whether it is a velocity.
+    pub is_velocity: bool,
     /// Values between which the law is smooth, increasing; none for a line that has a cusp only.
     pub knots: Vec<f64>,
 }
@@ -260,7 +262,8 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// Scalars along which forces have local features, such as a stop or a bump of the road.
     fn law_arguments(&self) -> &[LawArgument];
 
-    /// One of them at a state, its rate, and how fast the direction may turn that it depends on, rad/s.
+    /// One of them at a state, its rate, and how fast the direction may turn that it depends on, rad/s; of a velocity, no rate, and
+    /// up to which size of it the law has no feature.
     fn law_argument(&self, argument: &LawArgument, state: &State) -> [f64; 3];
 
     /// What the law makes of a value of the scalar, in whatever unit.

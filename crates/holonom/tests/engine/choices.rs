@@ -80,6 +80,7 @@ fn options_told_as_choices_are_the_same_options() {
         let mut options = call.resolve(&model, 1.0).unwrap();
         let told = Choices::of(&options, 1.0);
         options.dense_output = Some(options.stores_dense_output());
+        options.repartition_factor = Some(options.repartition_factor());
         assert_eq!(told.resolve(&stating(""), 1.0), Ok(options));
     }
 }

@@ -48,6 +48,7 @@ mod rosenbrock;
 mod rotors;
 mod shapes;
 mod simplified;
+mod slipping_tyres;
 mod slow_motions;
 mod slowness;
 mod spectrum;

@@ -114,6 +114,9 @@ macro_rules! by_variant {
             fn knots(&self) -> Vec<Vec<f64>> {
                 match self { $(Self::$variant(e) => e.knots(),)+ }
             }
+            fn velocities(&self) -> usize {
+                match self { $(Self::$variant(e) => e.velocities(),)+ }
+            }
             fn argument(&self, index: usize, input: &ForceInput<f64, $d, $n, $w>) -> [f64; 3] {
                 match self { $(Self::$variant(e) => e.argument(index, input),)+ }
             }

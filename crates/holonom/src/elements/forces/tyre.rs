@@ -50,6 +50,17 @@ struct Contact<T> {
     vertical: T,
 }
 
+/// Scalars along which the law has local features.
+#[derive(Debug, Clone, Copy)]
+enum Scalar {
+    Deflection,
+    /// Of the wheel centre along the road.
+    Way,
+    /// Velocities of the slip.
+    Across,
+    Along,
+}
+
 /// Heading of the wheel and lateral force.
 struct Lateral<T> {
     t: [T; 3],
@@ -111,6 +122,15 @@ impl Tyre {
         let slip = across.atan2(regular);
         let force = slip * contact.onset[1] * -law.cornering_stiffness;
         Lateral { t, l, heading_gradient, along, across, regular, slip, force }
+    }
+
+    /// What a place among the arguments of the law is.
+    fn scalar(&self, index: usize) -> Scalar {
+        let along_road = road::knots(&self.law.road, self.law.radius).map(|_| Scalar::Way);
+        let mut all = [Scalar::Deflection].into_iter().chain(along_road);
+        let rest = [Scalar::Across, Scalar::Along];
+        let before = 1 + usize::from(along_road.is_some());
+        all.nth(index).unwrap_or_else(|| rest[(index - before).min(1)])
     }
 
     /// Moment arm of the lateral force below the wheel centre.
@@ -293,25 +313,43 @@ impl ForceElement<3, 7, 6> for Tyre {
         road::time_into_obstacle(&self.law.road, self.law.radius, contact.x, contact.speed[0])
     }
 
-    /// Deflection, whose sign tells contact, and the wheel centre's way along the road.
+    /// Deflection, whose sign tells contact, the wheel centre's way along the road where that has an obstacle, and the velocities
+    /// across and along the wheel.
     fn knots(&self) -> Vec<Vec<f64>> {
         let obstacle = road::knots(&self.law.road, self.law.radius);
-        std::iter::once(vec![0.0]).chain(obstacle).collect()
+        let slip = |law: &model::LateralTyre| {
+            let v0 = law.regularization_speed;
+            [vec![-v0, v0], vec![0.0]]
+        };
+        let velocities = self.law.lateral.as_ref().map(slip).into_iter().flatten();
+        std::iter::once(vec![0.0]).chain(obstacle).chain(velocities).collect()
+    }
+
+    fn velocities(&self) -> usize {
+        if self.law.lateral.is_some() { 2 } else { 0 }
     }
 
     fn argument(&self, index: usize, input: &ForceInput<f64, 3, 7, 6>) -> [f64; 3] {
-        let contact = self.contact(&input.bodies[1]);
-        if index == 0 {
-            return [contact.deflection, contact.rate, 0.0];
+        let body = &input.bodies[1];
+        let contact = self.contact(body);
+        match (self.scalar(index), self.with_lateral(body, &contact)) {
+            // The force is straight in the velocity across up to 45° of slip; next to 90° it has an edge in the one along.
+            (Scalar::Across, Some(lateral)) => [lateral.across, f64::NAN, lateral.regular],
+            (Scalar::Along, Some(lateral)) => [lateral.along, f64::NAN, 0.0],
+            (Scalar::Way, _) => [contact.x, contact.speed[0], 0.0],
+            _ => [contact.deflection, contact.rate, 0.0],
         }
-        [contact.x, contact.speed[0], 0.0]
     }
 
     fn profile(&self, index: usize, argument: f64) -> f64 {
-        if index == 0 {
-            argument.max(0.0)
-        } else {
-            road::height(&self.law.road, self.law.radius, argument)[0]
+        match self.scalar(index) {
+            Scalar::Deflection => argument.max(0.0),
+            Scalar::Way => road::height(&self.law.road, self.law.radius, argument)[0],
+            Scalar::Across => {
+                let law = self.law.lateral.as_ref();
+                law.map_or(0.0, |law| argument.atan2(law.regularization_speed))
+            }
+            Scalar::Along => argument.abs(),
         }
     }
 

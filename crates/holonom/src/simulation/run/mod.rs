@@ -296,7 +296,7 @@ struct Run<'a> {
     /// Whether a law has passed a knot in the step just accepted, or a line its other end.
     passes_knot: bool,
     /// Something that it passes over is small only because the matrix of the step damps it.
-    is_damped: bool,
+    damped: Option<passing::PassedOver>,
     /// Powers inside the step just accepted, as far as they are known: as [`StepPowers::through`] takes them.
     inside: Vec<[f64; 2]>,
     quadrature: Quadrature,

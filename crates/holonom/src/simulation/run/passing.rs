@@ -12,6 +12,8 @@ const LOOKED_AT: usize = 3;
 
 /// Part of a step in which accelerations of arguments are told by their rates.
 const SHORT: f64 = 0.01;
+/// Part of a step in which rates of velocities are told by their values.
+const NEXT: f64 = 1e-3;
 
 /// A part of a force law that a step has not seen, and that counts.
 pub(super) struct PassedOver {
@@ -44,14 +46,25 @@ impl Run<'_> {
             let found = run.look_into([t, step, t_end], &mut inspector, &mut way);
             found.unwrap_or(Some(PassedOver { ..unknown }))
         };
-        self.is_damped = false;
+        self.damped = None;
         let mut found = look(self);
         // What a matrix from inside a contact damps does not decay where the contact is left.
-        if found.is_none() && self.is_damped {
+        if found.is_none() && self.damped.is_some() {
+            self.damped = None;
             self.passed.fill(0.0);
             found = match self.stepper.linearize_at_end(self.form.as_mut(), t_end, step) {
                 Ok(true) => look(self),
                 Ok(false) => None,
+                Err(_) => Some(PassedOver { ..unknown }),
+            };
+        }
+        // Nor where friction that holds at both ends lets go in between.
+        if let (None, Some(damped)) = (&found, self.damped.take()) {
+            let theta = ((damped.time - t) / step).clamp(0.0, 1.0);
+            let form = self.form.as_mut();
+            found = match self.stepper.answers_inside(form, t_end, step, theta) {
+                Ok(true) => None,
+                Ok(false) => Some(damped),
                 Err(_) => Some(PassedOver { ..unknown }),
             };
         }
@@ -72,8 +85,14 @@ impl Run<'_> {
             *v += short * a;
         }
         let times = system.law_arguments().iter().filter_map(|argument| {
-            let [here, there] = [state, &*moved].map(|s| Place::of(system, argument, t, s));
-            let acceleration = (there.rate - here.rate) / short;
+            let [mut here, there] = [state, &*moved].map(|s| Place::of(system, argument, t, s));
+            let mut acceleration = (there.rate - here.rate) / short;
+            if argument.is_velocity {
+                if here.value.abs() <= here.turning {
+                    return None;
+                }
+                (here.rate, acceleration) = ((there.value - here.value) / short, 0.0);
+            }
             let knots = &argument.knots;
             let below = knots.partition_point(|&knot| knot < here.value);
             let above = knots.partition_point(|&knot| knot <= here.value);
@@ -122,9 +141,13 @@ impl Run<'_> {
                 || arguments.iter().any(is_near_cusp))
     }
 
-    /// A change of the argument of a law that does not count: its absolute tolerance.
+    /// A change of the argument of a law that does not count: its absolute tolerance. Friction changes from one side to the other
+    /// within any velocity.
     pub(super) fn negligible(&self, argument: &LawArgument) -> f64 {
         let tolerance = &self.options.tolerance;
+        if argument.is_velocity {
+            return 0.0;
+        }
         match argument.measure {
             Measure::Length => tolerance.translation,
             Measure::Angle => tolerance.rotation,
@@ -147,12 +170,28 @@ impl Run<'_> {
             .map(|(time, state)| Place::of(system, argument, time, state));
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
-        let inside = &mut |time: f64| {
+        let mut at = |time: f64| {
             let state = inspector.state(interpolate, t, step, (time - t) / step, false)?;
             Ok(Place::of(system, argument, time, state))
         };
         let knots = &argument.knots;
-        way.follow(Looking { knots, negligible, inside }, [first, halfway, last])
+        let mut places = [first, halfway, last];
+        if !argument.is_velocity {
+            return way.follow(Looking { knots, negligible, inside: &mut at }, places);
+        }
+        if !Place::may_pass(&places, knots) {
+            way.clear();
+            return Ok(());
+        }
+        let next_to = |time: f64| time + NEXT * if time - t < 0.5 * step { step } else { -step };
+        for place in &mut places {
+            *place = place.with_rate(&at(next_to(place.time))?);
+        }
+        let inside = &mut |time: f64| {
+            let next = at(next_to(time))?;
+            Ok(at(time)?.with_rate(&next))
+        };
+        way.follow(Looking { knots, negligible, inside }, places)
     }
 
     /// Where a law deviates most, if what the attempt misses of it exceeds the tolerance.
@@ -212,7 +251,9 @@ impl Run<'_> {
         }
         self.passed.iter_mut().zip(&*near).for_each(|(passed, missed)| *passed += missed);
         let error = self.form.error_norm(near, &self.w_end);
-        self.is_damped |= error <= 1.0 && undamped > 1.0;
+        if error <= 1.0 && undamped > self.damped.as_ref().map_or(1.0, |damped| damped.error) {
+            self.damped = Some(PassedOver { time: worst.time, error: undamped });
+        }
         Ok((error > 1.0).then_some(PassedOver { time: worst.time, error }))
     }
 

@@ -205,7 +205,7 @@ pub(super) fn set_up<'a>(
         powers: StepPowers::through([0.0; 2], &[], powers(&energy)),
         complete: true,
         passes_knot: false,
-        is_damped: false,
+        damped: None,
         inside: Vec::with_capacity(QUARTERS.len()),
         quadrature: Quadrature::default(),
         stall: Stall::default(),
