@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use criterion::{Criterion, criterion_group, criterion_main};
 use holonom::io::{Document, Syntax};
 use holonom::method::ode::{Ode, SecondOrder};
-use holonom::method::{Descriptor, FirstOrder, Iterate, StateSpace, Weights};
+use holonom::method::{Descriptor, EquationForm, FirstOrder, Iterate, Weights};
 use holonom::model::Tolerance;
 use holonom::newton::{JacobianSource, MatrixOptions};
 use holonom::simulation::Problem;

@@ -248,7 +248,7 @@ pub type Warning = Diagnostic;
 impl Diagnostic {
     /// A finding without a location yet.
     pub fn new(code: Code, path: impl Into<String>, message: impl Into<String>) -> Self {
-        let message = told(&message.into());
+        let message = printable(&message.into());
         let help = code.usual_help().to_owned();
         Self { code, path: path.into(), message, help, location: None }
     }
@@ -258,7 +258,7 @@ impl Diagnostic {
     pub fn help(mut self, help: impl Into<String>) -> Self {
         let help = help.into();
         if !help.is_empty() {
-            self.help = told(&help);
+            self.help = printable(&help);
         }
         self
     }
@@ -273,7 +273,7 @@ impl Diagnostic {
         if let Some(at) = &self.location {
             lines.push(at.render());
         } else if !self.path.is_empty() {
-            lines.push(format!("  at {}", told(&self.path)));
+            lines.push(format!("  at {}", printable(&self.path)));
         }
         if !self.help.is_empty() {
             lines.push(format!("  help: {}", self.help));
@@ -319,7 +319,7 @@ const WORD: usize = 160;
 
 /// Text of a file or a caller as messages show it: control characters escaped, endless words cut in the
 /// middle.
-pub fn told(text: &str) -> String {
+pub fn printable(text: &str) -> String {
     if text.len() <= WORD && !text.contains(char::is_control) {
         return text.to_owned();
     }
@@ -402,13 +402,13 @@ mod tests {
 
     #[test]
     fn texts_of_others_are_told_without_control_characters_and_endless_words() {
-        assert_eq!(told("a \u{1b}[31mred\n"), "a \\u{1b}[31mred\\n");
-        let long = told(&format!("the name `{}` is long", "é".repeat(100_000)));
+        assert_eq!(printable("a \u{1b}[31mred\n"), "a \\u{1b}[31mred\\n");
+        let long = printable(&format!("the name `{}` is long", "é".repeat(100_000)));
         assert!(
             long.chars().count() < 200 && long.starts_with("the name `é") && long.contains('…')
         );
         let plain = "a sentence of ordinary words ".repeat(20);
-        assert_eq!(told(&plain), plain);
+        assert_eq!(printable(&plain), plain);
     }
 
     #[test] // independent truth: no code is without

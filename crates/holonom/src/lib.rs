@@ -1,7 +1,7 @@
 //! Holonom: implicit integration of constrained multibody systems.
 //!
-//! Rooms, in the order in which a model becomes a trajectory; a room uses only rooms that stand
-//! before it (`ARCHITECTURE.md` has the table, `tests/architecture.rs` keeps it).
+//! Rooms, in the order in which a model becomes a trajectory. Which room may use which others is told
+//! by the table in `ARCHITECTURE.md`, which `tests/engine/architecture.rs` keeps.
 
 pub mod error;
 pub use holonom_linalg::{threads, watch};

@@ -99,7 +99,7 @@ fn assert_steps_do_not_allocate(
 /// All codes with every source of the Jacobian that they take.
 fn everything() -> impl Iterator<Item = (Code, JacobianSource)> {
     CODES.iter().flat_map(|info| {
-        let choice = info.family != "explicit" && info.code != Code::ForRosen;
+        let choice = !info.code.is_explicit() && info.code != Code::ForRosen;
         let sources = JacobianSource::ALL.iter().take(if choice { 2 } else { 1 });
         sources.map(|&(source, _)| (info.code, source))
     })

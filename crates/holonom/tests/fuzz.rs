@@ -8,7 +8,7 @@ mod random;
 use std::time::{Duration, Instant};
 
 use holonom::io::{Document, Syntax};
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{Memory, Options, Problem, Status, run};
 use proptest::prelude::*;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestRng, TestRunner};
@@ -160,7 +160,7 @@ fn random_mechanisms_run_in_every_chart() {
         };
         let Ok((model, _)) = document.build() else { return Ok(()) };
         let problem = Problem::new(model);
-        for (parametrization, name) in Choice::ALL {
+        for (parametrization, name) in ParametrizationKind::ALL {
             let mut rows = Memory::default();
             let options =
                 Options { parametrization: *parametrization, max_steps: 200, ..Options::new(0.02) };

@@ -18,7 +18,7 @@ use super::schema::ModelFile;
 use super::set::set;
 use super::tree::{Node, Places, Source, Span, Value, join, location, marks_key, node_at, span_of};
 use super::units::Units;
-use crate::error::{Code, Diagnostic, Location, ModelErrors, Severity, Warning, told};
+use crate::error::{Code, Diagnostic, Location, ModelErrors, Severity, Warning, printable};
 use crate::model::Model;
 use crate::simulation::Problem;
 use crate::watch::{NAMED, checkpoint, stage};
@@ -225,7 +225,7 @@ impl Document {
         let mut errors = Vec::with_capacity(placed.len());
         for (span, mut error) in placed {
             error.location = location(span, &self.sources);
-            error.path = told(&error.path);
+            error.path = printable(&error.path);
             errors.push(error);
         }
         ModelErrors { errors, omitted }
@@ -263,7 +263,7 @@ impl Document {
             out.push((span, finding));
         }
         for (_, finding) in &mut out {
-            let note = told(&self.note(finding));
+            let note = printable(&self.note(finding));
             finding.message += &note;
         }
         for Repeated { index, more, pattern, at } in seen.into_values() {

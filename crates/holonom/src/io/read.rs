@@ -6,7 +6,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::limits;
 use super::tree::{Entry, Node, Span, Table, Value, join};
-use crate::error::{Code, Diagnostic, Location, ModelErrors, told};
+use crate::error::{Code, Diagnostic, Location, ModelErrors, printable};
 use crate::watch::{NAMED, checkpoint};
 
 /// Syntax of a model file.
@@ -72,7 +72,7 @@ impl Reader<'_> {
         }
         let Span { start, end, .. } = span;
         let location = Some(Location::of(&self.source.name, &self.source.text, start, end));
-        let path = told(&error.path);
+        let path = printable(&error.path);
         self.errors.push(Diagnostic { path, location, ..error });
     }
 

@@ -7,15 +7,15 @@ use super::radau::RadauStepper;
 use super::rosenbrock::RosenbrockStepper;
 use super::sdirk::SdirkStepper;
 use super::stepper::{Stepper, StepperOptions};
-use super::{Descriptor, ExplicitForm, FirstOrder, Iterate, StateSpace, Weights};
+use super::{Descriptor, EquationForm, ExplicitForm, FirstOrder, Iterate, Weights};
 use crate::control::NewtonControl;
-use crate::error::told;
+use crate::error::printable;
 use crate::formula::{
     DOP853, DOPRI5, Nystrom, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16,
 };
 use crate::model::Tolerance;
 use crate::newton::{Chosen, ReducedMatrix};
-use crate::reduction::{Choice, Manifold};
+use crate::reduction::{Manifold, ParametrizationKind};
 use crate::system::State;
 
 /// A code: a method with a formula.
@@ -127,10 +127,10 @@ impl Profile {
         [(Self::Improved, "improved"), (Self::Thesis, "thesis")];
 
     /// What the independent variables are unless stated: the thesis partitions coordinates.
-    pub fn parametrization(self) -> Choice {
+    pub fn parametrization(self) -> ParametrizationKind {
         match self {
-            Self::Thesis => Choice::Partitioning,
-            Self::Improved => Choice::Tree,
+            Self::Thesis => ParametrizationKind::Partitioning,
+            Self::Improved => ParametrizationKind::Tree,
         }
     }
 
@@ -170,13 +170,23 @@ pub struct UnknownMethod {
 }
 
 impl Code {
+    /// Whether its formula is an explicit one.
+    pub fn is_explicit(self) -> bool {
+        self.info().family == "explicit"
+    }
+
+    /// Whether its formula is the trapezoidal rule, of order 2 and with stages at both ends of a step alone.
+    pub fn is_trapezoidal(self) -> bool {
+        self.info().formula == "trapezoidal"
+    }
+
     /// Name, family, formula and title.
     pub fn info(self) -> &'static CodeInfo {
         CODES.iter().find(|i| i.code == self).expect("every code is listed")
     }
 
-    /// Whether its results depend on the integration Jacobian, or its stages on more than corrections of first-order form: then
-    /// nothing of it can be left out.
+    /// Whether the simplified Jacobian does not serve: its results depend on the Jacobian (Rosenbrock), or its form has no simplified
+    /// one (descriptor).
     pub fn needs_full_jacobian(self) -> bool {
         self == Self::ForRosen || !matches!(self.info().family, "first_order" | "state_space")
     }
@@ -197,7 +207,7 @@ impl Code {
             })
             .map(|i| i.code)
             .ok_or_else(|| UnknownMethod {
-                asked: told(&formula.map_or(method.into(), |f| format!("{method} with {f}"))),
+                asked: printable(&formula.map_or(method.into(), |f| format!("{method} with {f}"))),
                 known: CODES
                     .iter()
                     .map(|i| format!("{} ({} with {})", i.name, i.family, i.formula))
@@ -208,14 +218,14 @@ impl Code {
 }
 
 /// The form of the equations that a code integrates, from `state` in a run that began with the coordinates `origin`.
-pub fn build_state_space(
+pub fn build_form(
     code: Code,
     profile: Profile,
     manifold: Manifold,
     tolerance: Tolerance,
     state: &State,
     origin: &[f64],
-) -> Box<dyn StateSpace> {
+) -> Box<dyn EquationForm> {
     let start = State { q: origin.to_vec(), ..state.clone() };
     let mut weights = Weights::new(tolerance, manifold.system().as_ref(), &start);
     weights.set(state);
@@ -250,7 +260,7 @@ pub fn build_state_space(
 pub fn build_stepper(
     code: Code,
     profile: Profile,
-    form: &mut dyn StateSpace,
+    form: &mut dyn EquationForm,
     tolerance: Tolerance,
     newmark: Option<Newmark>,
     fixed_step: bool,

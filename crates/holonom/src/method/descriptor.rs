@@ -16,7 +16,7 @@
 use super::first_order::residual_rates;
 use super::ode::{EvaluationFailure, LinearizedOde, Ode, SecondOrder, Stage};
 use super::state_space_method::add;
-use super::{FirstOrder, StateSpace, Weights};
+use super::{EquationForm, FirstOrder, Weights};
 use crate::newton::{Chosen, DescriptorMatrix, MatrixOptions, Unknowns};
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
@@ -249,7 +249,7 @@ impl LinearizedOde for Descriptor {
     }
 }
 
-impl StateSpace for Descriptor {
+impl EquationForm for Descriptor {
     fn begin_step(&mut self, state: &State) {
         self.base.begin_step(state);
     }

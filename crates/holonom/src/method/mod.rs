@@ -7,6 +7,7 @@ pub mod attempt;
 mod codes;
 mod counted;
 mod descriptor;
+mod equation_form;
 mod explicit_form;
 pub mod explicit_rk;
 mod first_order;
@@ -25,7 +26,6 @@ mod segment;
 mod simplification;
 mod stage_errors;
 mod stages;
-mod state_space;
 mod state_space_method;
 pub mod stepper;
 mod ties;
@@ -41,12 +41,11 @@ mod stiff_tests;
 mod test_systems;
 
 pub use codes::{
-    CODES, Code, CodeInfo, DEFAULT_CODE, Newmark, Profile, UnknownMethod, build_state_space,
-    build_stepper,
+    CODES, Code, CodeInfo, DEFAULT_CODE, Newmark, Profile, UnknownMethod, build_form, build_stepper,
 };
 pub use descriptor::{Descriptor, Iterate};
+pub use equation_form::EquationForm;
 pub use explicit_form::ExplicitForm;
 pub use first_order::FirstOrder;
 pub use segment::interpolate;
-pub use state_space::StateSpace;
 pub use weights::Weights;

@@ -394,12 +394,12 @@ pub trait Stepper: Send {
     /// The next step, of length h, is chosen by something else than errors: how these changed up to it says nothing of it.
     fn begin_trend(&mut self, _h: f64) {}
 
-    /// From now on errors count as many times as makes steps shorter by this factor, at least 1, as it is until this is called: where
-    /// estimates are of order p̂ its power p̂ + 1.
+    /// Multiplies error estimates by `by`^(p̂ + 1), p̂ their order, so that steps become shorter by this factor, at least 1; 1 until
+    /// this is called.
     fn shorten(&mut self, by: f64);
 
-    /// From now on a linearization serves a next step only where contractions stay at or below this, too, beside what the options
-    /// say; explicit formulas have none.
+    /// Lowers the contraction up to which a linearization serves the next step, where the options allow more; explicit formulas have
+    /// no linearization.
     fn reuse_below(&mut self, _contraction: f64) {}
 
     /// Work since construction.

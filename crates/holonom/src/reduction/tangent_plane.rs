@@ -1,7 +1,7 @@
 //! Choice of the parametrization: independent coordinates, or a basis of the tangent plane.
 
 use super::manifold::Manifold;
-use super::parametrization::{Parametrization, Projection};
+use super::parametrization::{Parametrization, ParametrizationKind, Projection};
 use super::partitioning::partition;
 use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
@@ -9,40 +9,6 @@ use crate::system::{Measure, State, System};
 use holonom_linalg::{
     BlockMatrix, DecompositionError, orthonormal_null_space, orthonormal_null_space_qr, thin_svd,
 };
-
-/// What the independent variables are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Choice {
-    /// Relative coordinates of a spanning forest.
-    #[default]
-    Tree,
-    /// Independent coordinates.
-    Partitioning,
-    /// An orthonormal basis of null(G) at the last re-parametrization, by QR.
-    TangentPlane,
-    /// The same plane by SVD.
-    TangentPlaneSvd,
-}
-
-impl Choice {
-    /// All choices with their names in options.
-    pub const ALL: &'static [(Self, &'static str)] = &[
-        (Self::Tree, "tree"),
-        (Self::Partitioning, "partitioning"),
-        (Self::TangentPlane, "tangent_plane"),
-        (Self::TangentPlaneSvd, "tangent_plane_svd"),
-    ];
-
-    /// The choice of this name.
-    pub fn find(name: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, n)| *n == name).map(|(choice, _)| *choice)
-    }
-
-    /// Name in options.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
-    }
-}
 
 /// A direction of the tangent plane is followed by its rotations when they are more than this part
 /// of it, with lengths measured against the characteristic length.
@@ -75,18 +41,18 @@ const NEGLIGIBLE: f64 = 1e-13;
 /// # Errors
 /// `simulation/singular-configuration` when G is not finite or the decomposition fails.
 pub fn choose(
-    choice: Choice,
+    choice: ParametrizationKind,
     manifold: &Manifold,
     state: &State,
     g: &BlockMatrix,
 ) -> Result<Parametrization, EvaluationFailure> {
     let system = manifold.system().as_ref();
-    if choice == Choice::Tree {
+    if choice == ParametrizationKind::Tree {
         let present = manifold.chart().parametrization().relatives();
         return choose_tree(system, state, g, present);
     }
     let mut parametrization = partition(system, &state.q, g);
-    if choice != Choice::Partitioning {
+    if choice != ParametrizationKind::Partitioning {
         let rows = tangent_plane(choice, system, &parametrization, g).map_err(|error| {
             EvaluationFailure::new(
                 "simulation/singular-configuration",
@@ -100,7 +66,7 @@ pub fn choose(
 
 /// P by rows.
 fn tangent_plane(
-    choice: Choice,
+    choice: ParametrizationKind,
     system: &dyn System,
     parametrization: &Parametrization,
     g: &BlockMatrix,
@@ -123,7 +89,7 @@ fn tangent_plane(
     }
     let plane = match choice {
         // The kept rows are independent: none of their singular values counts as zero.
-        Choice::TangentPlaneSvd => orthonormal_null_space(rank, n, &a, 0.0)?.0,
+        ParametrizationKind::TangentPlaneSvd => orthonormal_null_space(rank, n, &a, 0.0)?.0,
         _ => orthonormal_null_space_qr(rank, n, &a)?,
     };
     let (rotations, translations): (Vec<_>, Vec<_>) = (0..n).partition(|&i| turns(i));

@@ -2,7 +2,7 @@
 //! `docs/theory/simulation.md` (12c).
 
 use super::carried_error::{Carried, CarriedError, Stepped, add};
-use crate::method::StateSpace;
+use crate::method::EquationForm;
 use crate::system::Measure;
 
 /// Square of the part of the fastest motion so far below which what moves has come to rest: the direction of the little that
@@ -18,7 +18,7 @@ impl<'a> Stepped<'a> {
 
 impl CarriedError {
     /// Takes slopes for the fastest motion so far.
-    pub(super) fn take_slopes(&mut self, form: &dyn StateSpace, slopes: [&[f64]; 2]) {
+    pub(super) fn take_slopes(&mut self, form: &dyn EquationForm, slopes: [&[f64]; 2]) {
         let (manifold, ndof) = (&form.point().manifold, self.rates.len());
         if self.arms.len() != ndof {
             let (system, chart) = (manifold.system().as_ref(), manifold.chart().parametrization());

@@ -6,7 +6,7 @@ use super::problem::Problem;
 use super::statistics::RunWarning;
 use super::unseen_growth::LongestStep;
 use crate::method::stepper::Stepper;
-use crate::method::{StateSpace, Weights};
+use crate::method::{EquationForm, Weights};
 use crate::system::State;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
@@ -247,7 +247,7 @@ impl CarriedError {
     pub(super) fn follow(
         &mut self,
         stepper: &mut dyn Stepper,
-        form: &mut dyn StateSpace,
+        form: &mut dyn EquationForm,
         power: &mut [f64],
         stepped: Stepped<'_>,
     ) -> bool {
@@ -338,7 +338,7 @@ impl CarriedError {
     /// Takes what waits for a matrix to the end of a run by an explicit formula, which is at (`t`, `w`).
     pub(super) fn end(
         &mut self,
-        form: &mut dyn StateSpace,
+        form: &mut dyn EquationForm,
         power: &mut [f64],
         (t, w): (f64, &[f64]),
         along: Option<&[f64]>,
@@ -355,7 +355,7 @@ impl CarriedError {
 
     /// Keeps it on coordinates and velocities, by which independent variables with another meaning are told, if it is not
     /// kept there already; the form is at the present state.
-    pub(super) fn spread(&mut self, form: &mut dyn StateSpace) {
+    pub(super) fn spread(&mut self, form: &mut dyn EquationForm) {
         if self.is_beyond() || std::mem::replace(&mut self.spread, true) {
             return;
         }
@@ -372,7 +372,7 @@ impl CarriedError {
 
     /// How large it is at the end of the step that was followed last. Where independent variables are about to get another
     /// meaning, it `moves` along, and is kept on velocities, too.
-    pub(super) fn look(&mut self, form: &mut dyn StateSpace, moves: bool) {
+    pub(super) fn look(&mut self, form: &mut dyn EquationForm, moves: bool) {
         if self.is_beyond() {
             return;
         }
@@ -412,7 +412,7 @@ impl CarriedError {
 
 impl CarriedError {
     /// A run starts from values that are known to no more than a part of the tolerance, whatever they are.
-    fn seed(&mut self, form: &mut dyn StateSpace, change: &mut [f64]) {
+    fn seed(&mut self, form: &mut dyn EquationForm, change: &mut [f64]) {
         // What grows may hide from one direction, hardly from two.
         for (Carried { error, .. }, phase) in self.sums.iter_mut().zip([0.0, FRAC_PI_2]) {
             for (k, x) in change.iter_mut().enumerate() {

@@ -2,7 +2,7 @@
 //! `docs/theory/simulation.md` (13).
 
 use super::carried_error::{Carried, CarriedError, Stepped};
-use crate::method::StateSpace;
+use crate::method::EquationForm;
 use serde::{Deserialize, Serialize};
 
 /// Evaluations of an explicit formula after which a matrix is made at the latest: it costs as much as some of them.
@@ -39,7 +39,7 @@ impl CarriedError {
     /// there before: they get the matrix of their time.
     pub(super) fn part_with_longer_steps(
         &mut self,
-        form: &mut dyn StateSpace,
+        form: &mut dyn EquationForm,
         power: &mut [f64],
         stepped: Stepped<'_>,
     ) {
@@ -57,7 +57,7 @@ impl CarriedError {
     pub(super) fn carry_if_due(
         &mut self,
         evaluations: u64,
-        form: &mut dyn StateSpace,
+        form: &mut dyn EquationForm,
         power: &mut [f64],
         stepped: Stepped<'_>,
     ) -> bool {
@@ -93,7 +93,7 @@ impl CarriedError {
     /// the motion at their end is there already.
     pub(super) fn carry_over(
         &mut self,
-        form: &mut dyn StateSpace,
+        form: &mut dyn EquationForm,
         power: &mut [f64],
         along: Option<&[f64]>,
     ) -> Option<()> {
@@ -107,7 +107,7 @@ impl CarriedError {
     /// (2S − 1)ⁿ of both errors with n `parts` of a span, s, by the matrix at hand; none where that cannot be factored.
     fn take_over(
         &mut self,
-        form: &mut dyn StateSpace,
+        form: &mut dyn EquationForm,
         power: &mut [f64],
         parts: u64,
         span: f64,
@@ -127,7 +127,7 @@ impl CarriedError {
 
     /// Of the places that it makes, in tolerances, with those that its rates make within `span`, s. `room` is for a change
     /// of w.
-    fn size(&mut self, form: &mut dyn StateSpace, room: &mut [f64], span: f64) -> f64 {
+    fn size(&mut self, form: &mut dyn EquationForm, room: &mut [f64], span: f64) -> f64 {
         let ndof = form.second_order_split();
         let [Carried { error, spread: [places, _] }, _] = &mut self.sums;
         let mut of = |part: &[f64]| {

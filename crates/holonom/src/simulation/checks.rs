@@ -3,13 +3,13 @@
 use super::options::{Options, OutputTimes};
 use super::output::OUTPUT_SLACK;
 use super::step_length::smallest_step;
-use crate::error::{shown, told};
+use crate::error::{printable, shown};
 use crate::method::{Code, Newmark, UnknownMethod};
 use crate::model::{Model, MotionTable, Tolerance, motion_tables};
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::accelerations::{Accelerations, Refusal};
 use crate::reduction::assembly::{AssemblyError, PROJECTED, unit_of_row};
-use crate::reduction::{Choice, Coordinates, Manifold, largest_index};
+use crate::reduction::{Coordinates, Manifold, ParametrizationKind, largest_index};
 use crate::system::{Channel, State, System};
 use crate::watch::GivenUp;
 use std::sync::Arc;
@@ -361,7 +361,7 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
     positive("initial_step", options.initial_step.unwrap_or(1.0))?;
     positive("fixed_step", options.fixed_step.unwrap_or(1.0))?;
     if let Some(Newmark { gamma, beta }) = options.newmark {
-        if options.code.info().formula != "trapezoidal" {
+        if !options.code.is_trapezoidal() {
             return refuse("newmark_gamma", gamma, NOT_NEWMARK);
         }
         if !(0.5..=1.0).contains(&gamma) {
@@ -415,7 +415,7 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
         return Err(RunError::SparseDifferences);
     }
     // Explicit codes, which only carry their errors by a matrix, take the inflated one.
-    let explicit = options.code.info().family == "explicit";
+    let explicit = options.code.is_explicit();
     if options.newton == Representation::Simplified
         && options.code.needs_full_jacobian()
         && !explicit
@@ -426,10 +426,13 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
 }
 
 /// Refuses a parametrization whose matrices, made of all constraints by all coordinates, are too large.
-pub(super) fn check_parametrization(choice: Choice, system: &dyn System) -> Result<(), RunError> {
+pub(super) fn check_parametrization(
+    choice: ParametrizationKind,
+    system: &dyn System,
+) -> Result<(), RunError> {
     let sizes = &system.structure().sizes;
     let gigabytes = 8e-9 * sizes.rows as f64 * sizes.coordinates as f64;
-    if choice != Choice::Tree && gigabytes > MOST_GIGABYTES {
+    if choice != ParametrizationKind::Tree && gigabytes > MOST_GIGABYTES {
         return Err(RunError::Parametrization { name: choice.name(), gigabytes });
     }
     Ok(())
@@ -462,7 +465,7 @@ pub(super) fn set_coordinates(
         Coordinates::Cartesian => {}
         Coordinates::Auto => {
             let dense = !options.newton.is_sparse();
-            let explicit = options.code.info().family == "explicit";
+            let explicit = options.code.is_explicit();
             if !stated
                 && dense
                 && let Some(together) = pays(manifold, explicit)
@@ -627,7 +630,7 @@ pub(super) fn find_channels(
         .iter()
         .map(|name| {
             let nearest = || nearest(name, system.channels());
-            let unknown = || RunError::UnknownChannel { name: told(name), nearest: nearest() };
+            let unknown = || RunError::UnknownChannel { name: printable(name), nearest: nearest() };
             system.channel_named(name).ok_or_else(unknown)
         })
         .collect()

@@ -2,12 +2,12 @@
 
 use super::checks::{NOT_NEWMARK, RunError};
 use super::options::{Options, OutputTimes};
-use crate::error::told;
+use crate::error::printable;
 use crate::method::{CODES, Code, Newmark, Profile};
 use crate::model::{Model, Tolerance};
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::accelerations::Accelerations;
-use crate::reduction::{Choice, Coordinates};
+use crate::reduction::{Coordinates, ParametrizationKind};
 use crate::threads::Threads;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -149,7 +149,7 @@ impl Choices {
             let rule = "from 1 to 1024";
             return Err(RunError::Option { option: "threads", value: threads as f64, rule });
         }
-        if code.info().formula != "trapezoidal" {
+        if !code.is_trapezoidal() {
             let options =
                 [("newmark_gamma", self.newmark_gamma), ("newmark_beta", self.newmark_beta)];
             if let Some((option, value)) = options.into_iter().find_map(|(o, v)| Some((o, v?))) {
@@ -180,7 +180,7 @@ impl Choices {
             max_seconds: self.max_seconds.or(file.max_seconds).unwrap_or(usual.max_seconds),
             checkpoint_steps: usual.checkpoint_steps,
             newmark,
-            parametrization: word("parametrization", parametrization, Choice::ALL)?
+            parametrization: word("parametrization", parametrization, ParametrizationKind::ALL)?
                 .unwrap_or(profile.parametrization()),
             jacobian: word("jacobian", jacobian, JacobianSource::ALL)?.unwrap_or(usual.jacobian),
             newton: word("newton", newton, Representation::ALL)?.unwrap_or(usual.newton),
@@ -272,7 +272,7 @@ fn word<T: Copy>(
     let meant = |word: &str| {
         let known = || all.iter().map(|entry| entry.1).collect::<Vec<_>>().join(", ");
         let found = all.iter().find(|entry| entry.1 == word).map(|entry| entry.0);
-        found.ok_or_else(|| RunError::Word { option, word: told(word), known: known() })
+        found.ok_or_else(|| RunError::Word { option, word: printable(word), known: known() })
     };
     stated.map(meant).transpose()
 }

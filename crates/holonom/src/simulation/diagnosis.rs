@@ -2,7 +2,7 @@
 
 use super::options::Options;
 use super::statistics::{Status, StopReason};
-use crate::method::StateSpace;
+use crate::method::EquationForm;
 use crate::method::stepper::{Rejection, Stepper};
 use crate::reduction::singular_elements::ASIDE;
 use crate::system::{Measure, State, System};
@@ -64,7 +64,7 @@ pub(super) struct Suspects {
 
 impl Suspects {
     /// Reads the last attempt of a stepper from `state`, the last good one.
-    pub(super) fn find(form: &mut dyn StateSpace, stepper: &dyn Stepper, state: &State) -> Self {
+    pub(super) fn find(form: &mut dyn EquationForm, stepper: &dyn Stepper, state: &State) -> Self {
         let system = form.point().manifold.system().clone();
         let n = system.structure().sizes.coordinates;
         let parametrization = form.point().manifold.chart().parametrization();
@@ -199,7 +199,7 @@ fn ended(
         Err(Stop::MaxSteps) => {
             let limit = options.max_steps;
             let message = format!("`max_steps` = {limit} reached at t = {time:.6} s");
-            let help = if options.code.info().family == "explicit" {
+            let help = if options.code.is_explicit() {
                 "raise `max_steps`, loosen the tolerance, or use an implicit code"
             } else {
                 "raise `max_steps`, loosen the tolerance, or look for what makes steps short near this time"

@@ -4,7 +4,7 @@ use crate::method::{Code, DEFAULT_CODE, Newmark, Profile};
 use crate::model::Tolerance;
 use crate::newton::{JacobianSource, Representation};
 use crate::reduction::accelerations::Accelerations;
-use crate::reduction::{Choice, Coordinates};
+use crate::reduction::{Coordinates, ParametrizationKind};
 use crate::threads::Threads;
 
 /// Steps between checkpoints of explicit codes, which take many cheap ones.
@@ -67,7 +67,7 @@ pub struct Options {
     /// Another member of Newmark's family in place of the trapezoidal rule, for its codes.
     pub newmark: Option<Newmark>,
     /// What the independent variables are.
-    pub parametrization: Choice,
+    pub parametrization: ParametrizationKind,
     /// Where the integration Jacobian comes from.
     pub jacobian: JacobianSource,
     /// How the integration Jacobian is represented.
@@ -103,7 +103,7 @@ impl Options {
             checkpoint_steps: None,
             max_seconds: f64::INFINITY,
             newmark: None,
-            parametrization: Choice::default(),
+            parametrization: ParametrizationKind::default(),
             jacobian: JacobianSource::default(),
             newton: Representation::default(),
             accelerations: Accelerations::default(),
@@ -116,7 +116,7 @@ impl Options {
 
     /// Accepted steps from one checkpoint to the next.
     pub(super) fn steps_between_checkpoints(&self) -> u64 {
-        let explicit = self.code.info().family == "explicit";
+        let explicit = self.code.is_explicit();
         self.checkpoint_steps.unwrap_or(if explicit { EXPLICIT_STEPS } else { IMPLICIT_STEPS })
     }
 
@@ -124,14 +124,14 @@ impl Options {
     /// cost 178, 314 and 676 steps on the tree; a tangent plane can always be renewed, and is best near its point of contact.
     pub fn repartition_factor(&self) -> f64 {
         self.repartition_factor.unwrap_or(match self.parametrization {
-            Choice::Tree => 2.5,
-            Choice::Partitioning => 1.25,
-            Choice::TangentPlane | Choice::TangentPlaneSvd => 2.0,
+            ParametrizationKind::Tree => 2.5,
+            ParametrizationKind::Partitioning => 1.25,
+            ParametrizationKind::TangentPlane | ParametrizationKind::TangentPlaneSvd => 2.0,
         })
     }
 
     /// Whether steps are handed out with what the states inside them are made of.
     pub fn stores_dense_output(&self) -> bool {
-        self.dense_output.unwrap_or(self.code.info().family != "explicit")
+        self.dense_output.unwrap_or(!self.code.is_explicit())
     }
 }

@@ -60,7 +60,7 @@ pub(super) fn compare(
     }
     let Tolerance { relative, translation, rotation } = options.tolerance;
     // What is not stiff is told best by a code that none of its kind surpasses.
-    let explicit = options.code.info().family == "explicit";
+    let explicit = options.code.is_explicit();
     let tighter = Options {
         code: if explicit { Code::Dop853 } else { DEFAULT_CODE },
         tolerance: Tolerance {

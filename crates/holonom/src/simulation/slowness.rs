@@ -32,8 +32,8 @@ pub struct Limits {
 
 impl Limits {
     /// What limited most steps of a run of `system` that ended in `state`.
-    pub fn told(&self, system: &dyn System, state: &State) -> LimitedBy {
-        self.counts.clone().told(system, &self.chart, state)
+    pub fn named(&self, system: &dyn System, state: &State) -> LimitedBy {
+        self.counts.clone().named(system, &self.chart, state)
     }
 }
 
@@ -139,7 +139,7 @@ impl Slowness {
     }
 
     /// What limited most steps; `chart` and `state` are the last ones.
-    fn told(mut self, system: &dyn System, chart: &Parametrization, state: &State) -> LimitedBy {
+    fn named(mut self, system: &dyn System, chart: &Parametrization, state: &State) -> LimitedBy {
         self.name(system, chart, state);
         let most = |count: fn(&Named) -> u64| {
             self.named.iter().filter(|n| count(n) > 0).max_by_key(|n| count(n))

@@ -21,7 +21,7 @@ const KINEMATIC_TURN: f64 = 0.5;
 /// where bodies are placed along the forest (`tree`), but for angles whose turns it does not tell; in the other
 /// charts no body in space turns by more than its Euler parameters can tell apart, so that not every other
 /// step is refused where a rotor's tolerance is loose.
-/// One of `h` is what is asked for; turns may be this `part` of what they may be at most.
+/// `h` is the step intended; every limit on turning is multiplied by `part`.
 pub(super) fn longest(system: &dyn System, state: &State, tree: bool, h: f64, part: f64) -> f64 {
     let sizes = &system.structure().sizes;
     let turn = if tree {
@@ -166,9 +166,9 @@ fn turning(sizes: &Sizes, x: &[f64]) -> f64 {
     per_unit * turns.fold(0.0, f64::max)
 }
 
-/// A step as times up to `end`, s, can tell it, so that steps of one length stay so far from zero, where times are rounded;
-/// itself where that would make another step of it.
-pub(super) fn told(step: f64, t: f64, end: f64) -> f64 {
+/// The step rounded to the resolution of times near `end`, s, so that equal steps stay equal; unrounded where that changes it by more
+/// than a thousandth.
+pub(super) fn representable(step: f64, t: f64, end: f64) -> f64 {
     const SAME: f64 = 1e-3;
     let far = t.abs().max(end.abs());
     let told = (far + step) - far;

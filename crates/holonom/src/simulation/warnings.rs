@@ -4,7 +4,7 @@ use super::energy_scale::EnergyScale;
 use super::options::Options;
 use super::statistics::{EnergySummary, RunWarning, Statistics};
 use crate::error::shown;
-use crate::reduction::{Choice, ChosenVelocity};
+use crate::reduction::{ChosenVelocity, ParametrizationKind};
 use crate::system::System;
 
 /// Share of the energy moved that may be missing without a warning, however tight the tolerance.
@@ -118,8 +118,11 @@ fn missing(e: &EnergySummary, share: f64) -> String {
 
 /// Says how far what turns is behind by the energy that is missing.
 fn behind(e: &EnergySummary, drift: f64, options: &Options) -> String {
-    let coordinates =
-        if options.parametrization == Choice::Tree { "" } else { " use tree coordinates," };
+    let coordinates = if options.parametrization == ParametrizationKind::Tree {
+        ""
+    } else {
+        " use tree coordinates,"
+    };
     format!(
         "the energy balance does not close: {:.1e} J are missing of {:.1e} J that moved; in what turns many times \
          this adds up to about {drift:.0} tolerances of an angle or of a place along a path, and to more where small \

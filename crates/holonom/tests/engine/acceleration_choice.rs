@@ -136,7 +136,7 @@ fn an_elimination_that_cannot_tell_a_body_is_left_to_another_order() {
     };
     let off = |a: (f64, f64), b: (f64, f64)| (a.0 - b.0).abs().max((a.1 - b.1).abs());
     let truth = end(&bar(""), &options(Code::ForRadau, 1e-9, 1.0));
-    for code in CODES.iter().filter(|info| info.family != "explicit").map(|info| info.code) {
+    for code in CODES.iter().filter(|info| !info.code.is_explicit()).map(|info| info.code) {
         let tolerance = 1e-6;
         let with = |newton: Representation, fixed_step: Option<f64>| {
             end(&bar(WASHER), &Options { newton, fixed_step, ..options(code, tolerance, 1.0) })

@@ -5,7 +5,7 @@ use crate::common::integrate::{dop853, tight};
 use crate::common::{model_of, options, run_model};
 use holonom::method::{CODES, Code, DEFAULT_CODE};
 use holonom::model::Model;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{
     Checkpoint, Chunk, Flow, Memory, Options, OutputTimes, Problem, RunWarning, Sink, Summary,
     resume, run,
@@ -431,7 +431,10 @@ fn growth_is_seen_where_iterations_hardly_see_the_matrix_change() {
         output: OutputTimes::Interval(0.1),
         ..options(code, tolerance, 3.0)
     };
-    let tight = Options { parametrization: Choice::Partitioning, ..asked(Code::Dopri5, 1e-12) };
+    let tight = Options {
+        parametrization: ParametrizationKind::Partitioning,
+        ..asked(Code::Dopri5, 1e-12)
+    };
     let truth = run_model(&model, &tight);
     let (mut unseen, mut deserved) = (0, 0);
     for code in

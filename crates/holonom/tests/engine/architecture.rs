@@ -65,6 +65,25 @@ fn every_room_has_a_row() {
     assert_eq!(built, known);
 }
 
+#[test] // else a newcomer would not find them
+fn every_file_stands_in_the_table_of_its_room() {
+    let mut missing = String::new();
+    for &(room, _) in MAY_USE {
+        let folder = source().join(room);
+        let Ok(table) = fs::read_to_string(folder.join("README.md")) else { continue };
+        visit(&folder, &mut |file, _| {
+            let within = file.strip_prefix(&folder).unwrap();
+            let name = file.file_name().unwrap().to_string_lossy();
+            let first = within.iter().next().unwrap().to_string_lossy();
+            let told = table.contains(&*name) || table.contains(&format!("{first}/"));
+            if !told && name != "mod.rs" && !name.contains("test") {
+                writeln!(missing, "{}", within.display()).unwrap();
+            }
+        });
+    }
+    assert!(missing.is_empty(), "in no README of its room:\n{missing}");
+}
+
 #[test] // a check that finds nothing in a faulty tree would be worth nothing
 fn a_wrong_arrow_is_named_with_its_file_and_line() {
     let tree = Path::new(env!("CARGO_TARGET_TMPDIR")).join("faulty");

@@ -7,7 +7,7 @@ use holonom::simulation::{Options, OutputTimes};
 
 /// Codes that iterate, or solve with a matrix.
 fn implicit() -> impl Iterator<Item = Code> {
-    all_codes().into_iter().filter(|code| code.info().family != "explicit")
+    all_codes().into_iter().filter(|code| !code.is_explicit())
 }
 
 /// A body of `heavy` kg on a ball joint on one of `light` kg, which a bushing holds.

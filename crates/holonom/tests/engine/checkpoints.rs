@@ -7,7 +7,7 @@ use crate::common::{
 use holonom::method::{Code, DEFAULT_CODE};
 use holonom::model::Model;
 use holonom::newton::Representation;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::reduction::accelerations::Accelerations;
 use holonom::simulation::{
     Checkpoint, Chunk, Flow, LimitedBy, Memory, Options, OutputTimes, Problem, Sink, Statistics,
@@ -169,7 +169,7 @@ fn every_code_goes_on_as_if_nothing_had_happened() {
     for (name, model, end, steps) in &cases {
         for code in all_codes() {
             // Explicit ones take thousands of steps of a stiff model.
-            let explicit = code.info().family == "explicit" && *name == "hmmwv14";
+            let explicit = code.is_explicit() && *name == "hmmwv14";
             let (end, steps) = if explicit { (0.01, 20) } else { (*end, *steps) };
             assert_taken_up(name, model, &with_rows(code, 1e-3, end, steps), 1);
         }
@@ -180,7 +180,7 @@ fn every_code_goes_on_as_if_nothing_had_happened() {
 fn every_choice_of_variables_and_solvers_is_taken_up() {
     let four_bar = model_of(FOUR_BAR);
     let everything = everything();
-    for &(parametrization, _) in Choice::ALL {
+    for &(parametrization, _) in ParametrizationKind::ALL {
         for code in [DEFAULT_CODE, Code::SspTrap, Code::Deabm] {
             let options = Options { parametrization, ..with_rows(code, 1e-4, 1.0, 2) };
             assert_taken_up("four-bar", &four_bar, &options, 2);

@@ -3,7 +3,7 @@
 use crate::common::model_of;
 use holonom::method::Code;
 use holonom::model::{Model, Tolerance};
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{
     Choices, Memory, Options, OutputTimes, Problem, RunError, ToleranceParts, run,
 };
@@ -39,7 +39,7 @@ fn the_call_comes_before_the_file() {
     assert_eq!((file.end_time, file.max_steps, file.code), (3.0, 7, Code::SspSdirk16));
     assert_eq!(file.output, OutputTimes::Interval(0.5));
     assert_eq!(file.channels, ["rod.position"]);
-    assert_eq!(file.parametrization, Choice::Partitioning, "that of its profile");
+    assert_eq!(file.parametrization, ParametrizationKind::Partitioning, "that of its profile");
 
     let call = Choices {
         end_time: Some(4.0),
@@ -54,7 +54,10 @@ fn the_call_comes_before_the_file() {
     assert_eq!((both.end_time, both.max_steps, both.tolerance), (4.0, 7, tolerance));
     assert_eq!(both.code, Code::InflSdirk, "a method of the call takes no formula of the file");
     assert_eq!(both.output, OutputTimes::Listed(vec![2.0]));
-    assert_eq!((both.parametrization, both.profile), (Choice::TangentPlane, file.profile));
+    assert_eq!(
+        (both.parametrization, both.profile),
+        (ParametrizationKind::TangentPlane, file.profile)
+    );
     let formula = Choices { formula: Some("sdirk4_15".into()), ..Choices::default() };
     assert_eq!(formula.resolve(&model, 1.0).unwrap().code, Code::SspSdirk15);
 

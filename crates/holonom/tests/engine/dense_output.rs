@@ -8,7 +8,7 @@ use crate::common::{
 };
 use holonom::method::{CODES, Code, DEFAULT_CODE};
 use holonom::model::Model;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{
     ChartRecord, Chunk, DenseOutput, Flow, Options, OutputTimes, Problem, Segments, Sink, run,
 };
@@ -33,7 +33,7 @@ fn scattered(count: usize, end: f64) -> Vec<f64> {
     times
 }
 
-fn with(code: Code, choice: Choice, tolerance: f64, end: f64) -> Options {
+fn with(code: Code, choice: ParametrizationKind, tolerance: f64, end: f64) -> Options {
     Options {
         parametrization: choice,
         dense_output: Some(true),
@@ -81,7 +81,7 @@ fn compare(
     name: &str,
     model: &Model,
     code: Code,
-    choice: Choice,
+    choice: ParametrizationKind,
     end: f64,
 ) -> u64 {
     let line = format!("{name}, {choice:?}, {}", code.info().name);
@@ -148,22 +148,26 @@ fn states_at_any_time_are_the_rows_of_a_run_with_output_there() {
         ("turning", turning(), 1.0),
     ] {
         for code in all_codes() {
-            for &(choice, _) in Choice::ALL {
+            for &(choice, _) in ParametrizationKind::ALL {
                 let changes = compare(&mut table, name, &model, code, choice, end);
                 // Charts change within these runs, or on the tree never.
-                assert_eq!(changes == 0, choice == Choice::Tree, "{name}, {code:?}, {choice:?}");
+                assert_eq!(
+                    changes == 0,
+                    choice == ParametrizationKind::Tree,
+                    "{name}, {code:?}, {choice:?}"
+                );
             }
         }
     }
     for (name, text) in [("redundant", PLATFORM), ("kinematic", &format!("{FOUR_BAR}{MOTOR}"))] {
         for code in all_codes() {
-            for &(choice, _) in Choice::ALL {
+            for &(choice, _) in ParametrizationKind::ALL {
                 compare(&mut table, name, &model_of(text), code, choice, 1.0);
             }
         }
     }
     for (name, end) in [("slider_crank", 0.3), ("hmmwv14", 1.0), ("hmmwv14_bushing", 0.5)] {
-        compare(&mut table, name, &model(name), DEFAULT_CODE, Choice::default(), end);
+        compare(&mut table, name, &model(name), DEFAULT_CODE, ParametrizationKind::default(), end);
     }
     table.finish();
 }
@@ -183,7 +187,7 @@ fn states_between_steps_are_as_accurate_as_at_steps() {
             output: OutputTimes::Listed(times.to_vec()),
             channels: names.map(str::to_owned).to_vec(),
             dense_output: Some(false),
-            ..with(Code::Dopri5, Choice::Tree, 1e-10, end)
+            ..with(Code::Dopri5, ParametrizationKind::Tree, 1e-10, end)
         };
         run_from(&model, &options, None).rows.all.channels
     };
@@ -191,7 +195,7 @@ fn states_between_steps_are_as_accurate_as_at_steps() {
     let truth_between = truth(&between);
     let (angle, mirror) = (channel("bearing.angle"), channel("coil.angle"));
     for code in all_codes() {
-        let options = with(code, Choice::Tree, tolerance, end);
+        let options = with(code, ParametrizationKind::Tree, tolerance, end);
         let outcome = run_from(&model, &options, None);
         let log = &outcome.rows.all.steps;
         let starts: Vec<f64> =
@@ -241,7 +245,7 @@ fn a_run_goes_on_from_a_state_inside_a_step() {
     let model = model_of(SPATIAL_SLIDER_CRANK);
     let (end, tolerance) = (1.0, 1e-6);
     for code in all_codes() {
-        for &(choice, _) in Choice::ALL {
+        for &(choice, _) in ParametrizationKind::ALL {
             let options = with(code, choice, tolerance, end);
             let outcome = run_from(&model, &options, None);
             let problem = Problem::new(model.clone());
@@ -275,7 +279,7 @@ fn a_state_does_not_depend_on_what_was_asked_before() {
         (turning(), DEFAULT_CODE),
         (model_of(SPATIAL_SLIDER_CRANK), DEFAULT_CODE),
     ] {
-        for &(choice, _) in Choice::ALL {
+        for &(choice, _) in ParametrizationKind::ALL {
             let times = scattered(30, 1.0);
             let (mut dense, _) = dense(&model, &with(code, choice, 1e-4, 1.0));
             let up: Vec<State> = times.iter().map(|&t| dense.state(t).unwrap()).collect();
@@ -313,8 +317,10 @@ impl Sink for Pieces {
 #[test] // independent truth: all steps together
 fn chunks_serve_by_themselves() {
     let model = model_of(SPATIAL_SLIDER_CRANK);
-    let options =
-        Options { fixed_step: Some(4e-4), ..with(Code::Deabm, Choice::Partitioning, 1e-6, 1.0) };
+    let options = Options {
+        fixed_step: Some(4e-4),
+        ..with(Code::Deabm, ParametrizationKind::Partitioning, 1e-6, 1.0)
+    };
     let problem = Problem::new(model.clone());
     let mut pieces = Pieces::default();
     let steps = run(&problem, &options, None, &mut pieces).expect("runs").statistics.steps;
@@ -342,7 +348,7 @@ fn chunks_serve_by_themselves() {
 #[test]
 fn what_is_not_there_is_refused() {
     let model = model_of(SPATIAL_SLIDER_CRANK);
-    let options = with(DEFAULT_CODE, Choice::Tree, 1e-4, 0.1);
+    let options = with(DEFAULT_CODE, ParametrizationKind::Tree, 1e-4, 0.1);
     let (mut there, _) = dense(&model, &options);
     for t in [-1e-9, 0.1 + 1e-9, f64::NAN] {
         assert_eq!(there.state(t).unwrap_err().code, "simulation/dense-output", "{t}");
@@ -382,7 +388,7 @@ a = {{ velocity = [0.1, 0.2, 0.3], angular_velocity = [0.5, 0.2, 0.1] }}
     let times = scattered(20, 1.0);
     let options = Options {
         output: OutputTimes::Listed(times.clone()),
-        ..with(DEFAULT_CODE, Choice::Tree, 1e-6, 1.0)
+        ..with(DEFAULT_CODE, ParametrizationKind::Tree, 1e-6, 1.0)
     };
     run(&sweep, &options, None, &mut rows).expect("runs");
     let mut dense = DenseOutput::new(&alone, rows.all.dense).expect("steps of the model");
@@ -484,7 +490,7 @@ fn steps_whose_rotations_were_along_other_axes_are_refused() {
              \"b\"], point = [0.0, 0.0, 0.0], {axes}, stiffness = [1e3, 2e3, 1e3], rotational_stiffness = [10.0, 20.0, 5.0] }}\n"
         ));
         let problem = Problem::new(model.clone());
-        let outcome = run_model(&model, &with(DEFAULT_CODE, Choice::Tree, 1e-4, 0.2));
+        let outcome = run_model(&model, &with(DEFAULT_CODE, ParametrizationKind::Tree, 1e-4, 0.2));
         let mut segments = outcome.rows.all.dense;
         assert!(DenseOutput::new(&problem, segments.clone()).is_ok(), "{axes}");
         segments.charts.iter_mut().for_each(|chart| chart.own_axes = false);
@@ -516,7 +522,7 @@ b = {{ velocity = [-2.0, 6.02], angular_velocity = 1.0 }}
     let mut table = Table::new("two links that turn as one, by explicit codes");
     for (damping, inertia) in [(0.1, 2e-5), (0.02, 2e-5), (0.3, 5e-5), (0.1, 1e-4)] {
         let model = pair(damping, inertia);
-        for code in CODES.iter().filter(|info| info.family == "explicit").map(|info| info.code) {
+        for code in CODES.iter().filter(|info| info.code.is_explicit()).map(|info| info.code) {
             for tolerance in [1e-2, 1e-3, 1e-4, 1e-5] {
                 let asked = Options {
                     channels: vec!["a.angular_velocity".to_owned(), "a.angle".to_owned()],

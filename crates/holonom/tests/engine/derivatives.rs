@@ -8,7 +8,7 @@ use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{Code, FirstOrder, Weights};
 use holonom::model::{Model, Tolerance};
 use holonom::newton::ReducedBlocks;
-use holonom::reduction::{Choice, choose, disturb};
+use holonom::reduction::{ParametrizationKind, choose, disturb};
 use holonom::simulation::Problem;
 use holonom::threads::Threads;
 
@@ -21,7 +21,7 @@ struct Reduced {
 
 impl Reduced {
     /// In one choice of independent variables.
-    fn at(model: &Model, t: f64, choice: Choice) -> Self {
+    fn at(model: &Model, t: f64, choice: ParametrizationKind) -> Self {
         let problem = Problem::new(model.clone());
         let end = run_model(model, &options(Code::ForSdirk, 1e-6, t)).summary.end;
         let (mut manifold, state) = problem.start_from(&end).expect("a consistent state");
@@ -111,7 +111,8 @@ fn norm(x: impl Iterator<Item = f64>) -> f64 {
 /// stiff system carry round-off of its stiffest part: 5e-11 of all columns together is allowed.
 #[track_caller]
 fn assert_derivatives(model: &Model, times: &[f64], step: f64) {
-    for (&t, &(choice, name)) in times.iter().flat_map(|t| Choice::ALL.iter().map(move |c| (t, c)))
+    for (&t, &(choice, name)) in
+        times.iter().flat_map(|t| ParametrizationKind::ALL.iter().map(move |c| (t, c)))
     {
         let mut reduced = Reduced::at(model, t, choice);
         let n = reduced.w.len() / 2;
@@ -255,7 +256,7 @@ fn springs_that_turn() {
     let without_creep = TURNING_SPRINGS.lines().filter(|line| !line.starts_with("creep"));
     let model = model_of(&without_creep.collect::<Vec<_>>().join("\n"));
     assert_derivatives(&model, &[0.0, 0.4], 1e-3);
-    let reduced = Reduced::at(&model, 0.4, Choice::Tree);
+    let reduced = Reduced::at(&model, 0.4, ParametrizationKind::Tree);
     let manifold = &reduced.form.point().manifold;
     let parametrization = manifold.chart().parametrization();
     let name = |k: usize| parametrization.name(manifold.system().as_ref(), k);
@@ -266,8 +267,11 @@ fn springs_that_turn() {
 
 #[test] // independent truth: differences of the whole slope
 fn extra_states_on_springs_that_turn() {
-    let mut reduced =
-        Reduced::at(&model_of(&format!("{TURNING_SPRINGS}{RUBBER}")), 0.4, Choice::Tree);
+    let mut reduced = Reduced::at(
+        &model_of(&format!("{TURNING_SPRINGS}{RUBBER}")),
+        0.4,
+        ParametrizationKind::Tree,
+    );
     let jacobian = reduced.form.newton().blocks().jacobian().expect("a regular mass matrix");
     let n = reduced.w.len();
     let size = norm(jacobian.iter().copied());

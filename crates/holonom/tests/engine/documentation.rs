@@ -94,7 +94,8 @@ fn the_page_of_errors_lists_every_code_of_runs_files_and_commands() {
 fn the_readme_names_every_code_and_parametrization() {
     let text = std::fs::read_to_string(page("../README.md")).unwrap();
     let codes = holonom::method::CODES.iter().map(|i| format!("`{}`", i.name));
-    let choices = holonom::reduction::Choice::ALL.iter().map(|(_, name)| format!("\"{name}\""));
+    let choices =
+        holonom::reduction::ParametrizationKind::ALL.iter().map(|(_, name)| format!("\"{name}\""));
     for name in codes.chain(choices) {
         assert!(text.contains(&name), "{name}");
     }

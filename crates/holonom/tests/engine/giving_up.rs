@@ -5,7 +5,7 @@ use holonom::error::ModelErrors;
 use holonom::io::{Document, Syntax};
 use holonom::method::Code;
 use holonom::model::Model;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, Status, Summary, run};
 use holonom::watch::{Flow, GivenUp, Observer, observed};
 use std::cell::Cell;
@@ -196,7 +196,7 @@ fn given_up_anywhere(problem: &Problem, options: &Options) {
 #[test] // truth: 16,000 constraints by 24,000 coordinates of 8 bytes are 3.1 GB
 fn a_parametrization_that_takes_too_much_memory_is_refused() {
     let problem = Problem::new(read(&chain(8000)).unwrap());
-    let dense = Options { parametrization: Choice::Partitioning, ..options() };
+    let dense = Options { parametrization: ParametrizationKind::Partitioning, ..options() };
     let Err(error) = simulate(&problem, &dense).0 else { panic!("it is not refused") };
     assert_eq!(error.code(), "simulation/option");
     let message = error.to_string();

@@ -6,7 +6,7 @@ use crate::random::{Mechanism, numbers::Random};
 use holonom::method::{CODES, Code};
 use holonom::model::Model;
 use holonom::newton::Representation;
-use holonom::reduction::{Choice, Coordinates, Manifold, Point};
+use holonom::reduction::{Coordinates, Manifold, ParametrizationKind, Point};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, Status, Summary, run};
 use holonom::system::State;
 use std::fmt::Write;
@@ -172,7 +172,7 @@ fn all_codes_give_the_same_motion_in_both_forms() {
     for name in ["spatial_four_bar", "slider_crank", "double_pendulum_w10", "hmmwv14_bushing"] {
         let model = model(name);
         for info in CODES {
-            if info.family == "explicit" && stiff.contains(&name) {
+            if info.code.is_explicit() && stiff.contains(&name) {
                 continue;
             }
             let run = |form| end(&model, &with(form, info.code, 1e-5, 0.2), None);
@@ -414,8 +414,10 @@ fn the_sparse_matrix_serves_in_joint_coordinates() {
 #[test]
 fn what_has_no_joint_form_is_refused_with_the_reason() {
     let options = with(Coordinates::Joint, Code::ForRadau, 1e-4, 0.1);
-    let thesis =
-        Options { parametrization: holonom::reduction::Choice::Partitioning, ..options.clone() };
+    let thesis = Options {
+        parametrization: holonom::reduction::ParametrizationKind::Partitioning,
+        ..options.clone()
+    };
     let problem = Problem::new(model("spatial_four_bar"));
     let error = run(&problem, &thesis, None, &mut Memory::default()).expect_err("refused");
     assert!(
@@ -609,7 +611,7 @@ arm = { angular_velocity = [-3.6, -0.83, 3.0] }
 fn references_of_a_multistep_formula_move_where_the_same_coordinates_serve_better_from_there() {
     let model = model_of(ACROSS_A_BALL);
     let ground = Options {
-        parametrization: Choice::Partitioning,
+        parametrization: ParametrizationKind::Partitioning,
         ..with(Coordinates::Cartesian, Code::Dopri5, 1e-10, 0.6)
     };
     let truth = end(&model, &ground, None).end;

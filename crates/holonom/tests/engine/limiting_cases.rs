@@ -5,7 +5,7 @@ use crate::common::table::all_codes;
 use crate::common::{Outcome, model_of, options, run_model};
 use holonom::method::{CODES, Code};
 use holonom::model::Model;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{Options, OutputTimes, Problem, StepOutcome};
 
 /// Runs with the channels at ten times.
@@ -256,7 +256,7 @@ top = { velocity = [0.0, 0.0, 0.0], angular_velocity = [2.0, 0.0, 1.0] }
         // Its rotation vector is measured from the present orientation: nothing is chosen again.
         assert_eq!(outcome.summary.statistics.reparametrizations, 0, "{code:?}");
         // The largest Euler parameter changes: a partition must follow.
-        let parametrization = Choice::Partitioning;
+        let parametrization = ParametrizationKind::Partitioning;
         let partitioned = Options { parametrization, ..options(code, 1e-6, 20.0) };
         let changes = run_model(&model, &partitioned).summary.statistics.reparametrizations;
         assert!(changes > 2, "{code:?}: {changes}");
@@ -319,10 +319,10 @@ element = {{ between = ["ground", "bar"], points = [[0.0, 2.0], [1.6, 0.0]], dam
     for stiffness in ["1e6", "1e9", "1e12"] {
         let stiff =
             bar(&format!(r#"type = "maxwell", stiffness = {stiffness}, free_length = 2.0"#));
-        for info in CODES.iter().filter(|info| info.family != "explicit") {
+        for info in CODES.iter().filter(|info| !info.code.is_explicit()) {
             let run = ten(&stiff, info.code);
             let steps = run.summary.statistics.steps;
-            let most = if info.formula == "trapezoidal" { 400 } else { 60 };
+            let most = if info.code.is_trapezoidal() { 400 } else { 60 };
             assert!(steps < most, "{} at {stiffness} N/m: {steps} steps", info.name);
             let last = |outcome: &Outcome, channel| outcome.series(channel, 0).pop().unwrap();
             let (angle, force) = (last(&run, "bar.angle"), last(&run, "element.force"));
@@ -354,7 +354,7 @@ wheel = { angular_velocity = [500.0, 0.0, 0.0] }
     );
     for info in CODES {
         for tolerance in [1e-2, 1e-3, 1e-4] {
-            if info.formula == "trapezoidal" && tolerance < 1e-2 {
+            if info.code.is_trapezoidal() && tolerance < 1e-2 {
                 continue; // 10⁵ steps
             }
             let channels = ["energy.kinetic", "energy.potential"];

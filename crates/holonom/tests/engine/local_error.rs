@@ -229,7 +229,7 @@ fn the_estimate_holds_what_it_says() {
     let codes =
         if cfg!(feature = "long") { all_codes() } else { vec![DEFAULT_CODE, Code::ForSdirk] };
     for code in codes {
-        let explicit = code.info().family == "explicit";
+        let explicit = code.is_explicit();
         let (mut count, mut above) = (0, 0);
         for (i, (name, model, end)) in cases.iter().enumerate() {
             let stiff = name.contains("1e")

@@ -193,7 +193,7 @@ fn the_four_bars_pass_their_singular_positions_on_the_same_branch() {
     ];
     for code in crate::common::table::all_codes() {
         // Steps as short as those of second order at 1e-6 end where round-off beside the singular position is all there is.
-        let second_order = code.info().formula == "trapezoidal";
+        let second_order = code.is_trapezoidal();
         let options = Options {
             output: OutputTimes::Interval(1.0),
             channels: vec!["upright_0.position".into()],

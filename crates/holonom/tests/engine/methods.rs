@@ -6,12 +6,12 @@ use holonom::method::nystrom::NystromStepper;
 use holonom::method::ode::{LinearizedOde, Ode, SecondOrder};
 use holonom::method::stepper::{Stepper, StepperOptions};
 use holonom::method::{
-    CODES, Code, CodeInfo, Descriptor, FirstOrder, Iterate, Profile, StateSpace, Weights,
-    build_state_space, build_stepper,
+    CODES, Code, CodeInfo, Descriptor, EquationForm, FirstOrder, Iterate, Profile, Weights,
+    build_form, build_stepper,
 };
 use holonom::model::{Model, Tolerance};
 use holonom::newton::{JacobianSource, MatrixOptions};
-use holonom::reduction::{Choice, choose};
+use holonom::reduction::{ParametrizationKind, choose};
 use holonom::simulation::{Options, OutputTimes, Problem};
 use holonom::system::State;
 
@@ -101,7 +101,7 @@ series = { type = "maxwell", between = ["ground", "plate"], points = [[1.0, 1.0]
 "#;
 
 fn implicit() -> impl Iterator<Item = &'static CodeInfo> {
-    CODES.iter().filter(|info| info.family != "explicit")
+    CODES.iter().filter(|info| !info.code.is_explicit())
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
@@ -170,7 +170,7 @@ fn one_trapezoidal_step_is_the_same_by_all_three_methods() {
         let h = if name == "andrews" { 1e-5 } else { 1e-3 };
         let t = case.state.t;
         let first = trapezoid(&mut case.first_order.clone(), t, h, &case.w, &case.g);
-        let step = |form: &mut dyn StateSpace| {
+        let step = |form: &mut dyn EquationForm| {
             form.begin_step(&case.state);
             let unknowns = form.second_order().unwrap().unknowns();
             let options = StepperOptions { fixed_step: true, ..StepperOptions::thesis() };
@@ -360,10 +360,11 @@ fn all_codes_agree_on_every_model_of_the_library() {
         let model = model(name);
         assert_all_agree(name, &model, reference, end, bounds);
         let truth = solution(&model, options(reference, 1e-8, end));
-        for &(parametrization, choice) in Choice::ALL {
+        for &(parametrization, choice) in ParametrizationKind::ALL {
             let run = Options { parametrization, ..options(Code::ForSdirk, 1e-4, end) };
             let found = measure(&model, run, &truth);
-            let bounds = if parametrization == Choice::default() { bounds } else { [100.0; 2] };
+            let bounds =
+                if parametrization == ParametrizationKind::default() { bounds } else { [100.0; 2] };
             assert!(found[0] < bounds[0] && found[1] < bounds[1], "{name}, {choice}: {found:.1?}");
         }
     }
@@ -390,7 +391,7 @@ fn parametrizations_jacobians_and_profiles_go_with_every_method() {
         let model = model_of(text);
         let truth = solution(&model, options(Code::Deabm, 1e-10, 0.5));
         for info in implicit() {
-            for &(parametrization, choice) in Choice::ALL {
+            for &(parametrization, choice) in ParametrizationKind::ALL {
                 for &(jacobian, source) in JacobianSource::ALL {
                     for (profile, profile_name) in Profile::ALL {
                         if info.code == Code::ForRosen && jacobian == JacobianSource::Differences {
@@ -434,8 +435,8 @@ fn a_rejected_step_costs_no_jacobian() {
                 s.jacobians,
                 s.steps
             );
-            assert!(rejected > 0 || info.formula == "trapezoidal", "{} on {name}", info.name);
-            if info.family != "explicit" {
+            assert!(rejected > 0 || info.code.is_trapezoidal(), "{} on {name}", info.name);
+            if !info.code.is_explicit() {
                 assert!(s.factorizations >= s.jacobians + s.rejected_error, "{}", info.name);
             }
         }
@@ -453,7 +454,7 @@ fn prescribed(model: &Model, code: Code, steps: &[f64], detour: Option<f64>) -> 
     let chart = choose(profile.parametrization(), &manifold, &state, g)
         .and_then(|p| manifold.chart().with_parametrization(system, p, &state.q, g));
     manifold.set_chart(chart.unwrap());
-    let mut form = build_state_space(code, profile, manifold, tolerance, &state, &state.q);
+    let mut form = build_form(code, profile, manifold, tolerance, &state, &state.q);
     let mut stepper =
         build_stepper(code, profile, form.as_mut(), tolerance, None, false, f64::INFINITY);
     let mut w = vec![0.0; form.dimension()];
@@ -485,7 +486,7 @@ fn prescribed(model: &Model, code: Code, steps: &[f64], detour: Option<f64>) -> 
 fn a_step_rejected_and_repeated_gives_the_same_trajectory() {
     let model = model("slider_crank");
     for info in implicit() {
-        let h = if info.formula == "trapezoidal" { 1e-6 } else { 2e-4 };
+        let h = if info.code.is_trapezoidal() { 1e-6 } else { 2e-4 };
         let steps: Vec<f64> = (0..40).map(|k| h * (1.0 + 0.3 * f64::from(k % 3))).collect();
         let (straight, _) = prescribed(&model, info.code, &steps, None);
         let (detour, rejected) = prescribed(&model, info.code, &steps, Some(40.0));

@@ -8,7 +8,7 @@ use holonom::model::{
     Road,
 };
 use holonom::newton::JacobianSource;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::Problem;
 use serde_json::json;
 
@@ -627,7 +627,7 @@ fn choices_of_a_run_are_the_words_of_the_options() {
         build(&DOUBLE_PENDULUM.replace(end, &format!("{end}\n{field} = \"{word}\"")))
     };
     assert!(DOUBLE_PENDULUM.contains("[simulation]"));
-    for (_, word) in Choice::ALL {
+    for (_, word) in ParametrizationKind::ALL {
         assert_eq!(with("parametrization", word).unwrap().simulation.parametrization, Some(*word));
     }
     for (_, word) in JacobianSource::ALL {

@@ -11,7 +11,7 @@ use crate::random::numbers::Random;
 use holonom::io::{Document, Syntax};
 use holonom::method::{CODES, Code, CodeInfo};
 use holonom::model::Model;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, RunError, Status, run};
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -219,7 +219,7 @@ fn pairs(explicit: bool) -> Vec<[&'static CodeInfo; 2]> {
     let mut out = Vec::new();
     for (i, a) in CODES.iter().enumerate() {
         for b in &CODES[..i] {
-            let allowed = explicit || (a.family != "explicit" && b.family != "explicit");
+            let allowed = explicit || (!a.code.is_explicit() && !b.code.is_explicit());
             if allowed && a.family != b.family && a.formula != b.formula {
                 out.push([a, b]);
             }
@@ -234,8 +234,8 @@ fn truths(seed: u64, nonstiff: bool, used: &[&CodeInfo; 2], span: f64) -> Vec<Op
         let names = ["tangent_plane", "partitioning", "tangent_plane_svd"];
         let start = (seed / 3 + k) as usize;
         (0..3)
-            .filter_map(|i| Choice::find(names[(start + i) % 3]))
-            .find(|choice| *choice != Choice::default())
+            .filter_map(|i| ParametrizationKind::find(names[(start + i) % 3]))
+            .find(|choice| *choice != ParametrizationKind::default())
             .expect("another parametrization")
     };
     let codes: &[(Code, f64)] = if nonstiff {
@@ -575,7 +575,7 @@ fn no_wrong_success(count: u64, draw: Draw, in_vain: usize) {
                 "defect: seed {}, {} on {}: {:.0} tolerances, a nudge grows {:.0}-fold ({})",
                 finding.seed,
                 trial.code,
-                Choice::default().name(),
+                ParametrizationKind::default().name(),
                 trial.error,
                 finding.growth.unwrap_or(f64::NAN),
                 finding.truths.join(", "),

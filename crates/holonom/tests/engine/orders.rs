@@ -4,7 +4,7 @@
 use crate::common::{model, model_of, options, run_model};
 use holonom::method::{CODES, Code, CodeInfo, Newmark};
 use holonom::model::Model;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, run};
 use std::fmt::Write as _;
 
@@ -94,7 +94,7 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 fn implicit() -> impl Iterator<Item = &'static CodeInfo> {
-    CODES.iter().filter(|info| info.family != "explicit")
+    CODES.iter().filter(|info| !info.code.is_explicit())
 }
 
 fn order_of(info: &CodeInfo) -> f64 {
@@ -192,7 +192,7 @@ fn formulas_keep_their_order_over_changes_of_the_partition() {
         let steps = 4 * steps_of(info, 320);
         let error = |steps: u32| {
             let fixed_step = Some(1.0 / f64::from(steps));
-            let parametrization = Choice::Partitioning;
+            let parametrization = ParametrizationKind::Partitioning;
             let fixed = Options { fixed_step, parametrization, ..options(info.code, 1e-6, 1.0) };
             let changes = run_model(&model, &fixed).summary.statistics.reparametrizations;
             assert!(changes >= 4, "{}: {changes} changes", info.name);

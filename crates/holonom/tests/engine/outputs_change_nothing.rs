@@ -8,7 +8,7 @@ use crate::common::{
 use holonom::method::{Code, DEFAULT_CODE};
 use holonom::model::Model;
 use holonom::reduction::accelerations::Accelerations;
-use holonom::reduction::{Choice, Coordinates};
+use holonom::reduction::{Coordinates, ParametrizationKind};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, StepRecord, run};
 
 /// Time, length, error and outcome of all attempts, as bits.
@@ -19,7 +19,14 @@ fn bits(steps: &[StepRecord]) -> Vec<(u64, u64, u64, &'static str)> {
 
 /// Runs a model without outputs, with coarse and with fine ones, with no channels and with all; with dense
 /// output where there are rows or nothing else is written, and without.
-fn compare(table: &mut Table, name: &str, model: &Model, code: Code, choice: Choice, end: f64) {
+fn compare(
+    table: &mut Table,
+    name: &str,
+    model: &Model,
+    code: Code,
+    choice: ParametrizationKind,
+    end: f64,
+) {
     let channels: Vec<String> =
         Problem::new(model.clone()).channels().iter().map(|c| c.name.clone()).collect();
     let some = channels.iter().step_by(5).cloned().collect();
@@ -77,7 +84,7 @@ fn outputs_change_no_bit_of_the_library() {
     for name in LIBRARY {
         let model = model(name);
         let end = end(name, &model);
-        compare(&mut table, name, &model, DEFAULT_CODE, Choice::default(), end);
+        compare(&mut table, name, &model, DEFAULT_CODE, ParametrizationKind::default(), end);
     }
     table.finish();
 }
@@ -91,9 +98,9 @@ fn outputs_change_no_bit_of_any_code() {
         ("slider_crank", model("slider_crank")),
     ] {
         for code in all_codes() {
-            compare(&mut table, name, &model, code, Choice::default(), 1.0);
-            for &(choice, _) in Choice::ALL {
-                if cfg!(feature = "long") && choice != Choice::default() {
+            compare(&mut table, name, &model, code, ParametrizationKind::default(), 1.0);
+            for &(choice, _) in ParametrizationKind::ALL {
+                if cfg!(feature = "long") && choice != ParametrizationKind::default() {
                     compare(&mut table, name, &model, code, choice, 1.0);
                 }
             }
@@ -134,7 +141,7 @@ fn outputs_change_no_bit_where_positions_may_not_be_found() {
     let mut table = Table::new("outputs beside steps that fail");
     let model = model_of(&LINKS.replace("[1.0, 0.5, 2.0]", "[10.0, 1.0, 2.0]"));
     for code in all_codes() {
-        for &(choice, _) in Choice::ALL {
+        for &(choice, _) in ParametrizationKind::ALL {
             compare(&mut table, "links that turn fast", &model, code, choice, 0.5);
         }
     }

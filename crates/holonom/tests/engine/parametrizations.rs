@@ -5,10 +5,14 @@ use crate::common::{FOUR_BAR, model, model_of, options, reference, run_model, tr
 use crate::random::numbers::{Random, V3, cross, norm};
 use holonom::method::Code;
 use holonom::model::Model;
-use holonom::reduction::{Choice, Coordinates};
+use holonom::reduction::{Coordinates, ParametrizationKind};
 use holonom::simulation::{Memory, Options, OutputTimes, Problem, Statistics, Status, run};
 
-const CHOICES: [Choice; 3] = [Choice::Partitioning, Choice::TangentPlane, Choice::TangentPlaneSvd];
+const CHOICES: [ParametrizationKind; 3] = [
+    ParametrizationKind::Partitioning,
+    ParametrizationKind::TangentPlane,
+    ParametrizationKind::TangentPlaneSvd,
+];
 
 /// A four-bar whose independent coordinates have to change as its crank turns.
 fn turning() -> Model {
@@ -37,7 +41,13 @@ elbow = { type = "revolute", between = ["upper", "lower"], point = [1.0, 0.0, 0.
 upper = { angular_velocity = [3.0, 1.0, 2.0] }
 "#;
 
-fn with(choice: Choice, code: Code, tolerance: f64, end: f64, channels: &[&str]) -> Options {
+fn with(
+    choice: ParametrizationKind,
+    code: Code,
+    tolerance: f64,
+    end: f64,
+    channels: &[&str],
+) -> Options {
     Options {
         parametrization: choice,
         channels: channels.iter().map(ToString::to_string).collect(),
@@ -93,9 +103,10 @@ fn all_codes_give_the_same_motion_in_every_parametrization() {
         ("spatial", &spatial, 1.0, &["lower.position", "lower.velocity", "upper.euler_parameters"]),
     ] {
         for code in all_codes() {
-            for choice in [Choice::TangentPlane, Choice::TangentPlaneSvd] {
+            for choice in [ParametrizationKind::TangentPlane, ParametrizationKind::TangentPlaneSvd]
+            {
                 let tolerance = 1e-7;
-                let one = with(Choice::Partitioning, code, tolerance, end, channels);
+                let one = with(ParametrizationKind::Partitioning, code, tolerance, end, channels);
                 let other = with(choice, code, tolerance, end, channels);
                 let (difference, _) = distance(model, &one, &other);
                 assert!(
@@ -111,7 +122,7 @@ fn all_codes_give_the_same_motion_in_every_parametrization() {
 fn a_run_goes_on_over_changes_of_the_parametrization() {
     let model = model_of(SPATIAL);
     let channels = ["lower.position", "lower.velocity"];
-    let truth = with(Choice::Tree, Code::Deabm, 1e-11, 2.0, &channels);
+    let truth = with(ParametrizationKind::Tree, Code::Deabm, 1e-11, 2.0, &channels);
     for code in all_codes() {
         for choice in CHOICES {
             let tolerance = 1e-6;
@@ -135,7 +146,7 @@ fn formulas_keep_their_order_on_the_tangent_plane() {
             let end = 0.5;
             let options = Options {
                 fixed_step: Some(end / (steps * factor)),
-                ..with(Choice::TangentPlane, code, 1e-6, end, &channels)
+                ..with(ParametrizationKind::TangentPlane, code, 1e-6, end, &channels)
             };
             run_model(&model, &options)
         };
@@ -161,7 +172,7 @@ fn legal_extremes_run_on_the_tangent_plane() {
                   { type = \"polynomial\", coefficients = [0.0, 2.0] } }\n";
     for (text, expected) in [(free, [1.0, 2.0]), (driven, [2f64.cos(), 2f64.sin()])] {
         for code in all_codes() {
-            let options = with(Choice::TangentPlane, code, 1e-8, 1.0, &["b.position"]);
+            let options = with(ParametrizationKind::TangentPlane, code, 1e-8, 1.0, &["b.position"]);
             let outcome = try_run(&model_of(text), &options);
             for (i, expected) in expected.into_iter().enumerate() {
                 let found = *outcome.series("b.position", i).last().unwrap();
@@ -227,8 +238,14 @@ fn bodies_that_only_forces_tie_move_alike_in_tree_coordinates() {
             ] {
                 let model = tied_by(force, between, second, spatial);
                 for code in [Code::ForRadau, Code::ForSdirk] {
-                    let tree = with(Choice::Tree, code, 1e-7, 2.0, channels);
-                    let ground = with(Choice::Partitioning, Code::ForRadau, 1e-9, 2.0, channels);
+                    let tree = with(ParametrizationKind::Tree, code, 1e-7, 2.0, channels);
+                    let ground = with(
+                        ParametrizationKind::Partitioning,
+                        Code::ForRadau,
+                        1e-9,
+                        2.0,
+                        channels,
+                    );
                     let (difference, _) = distance(&model, &tree, &ground);
                     assert!(difference < 3e-5, "{force}, {between:?}, {code:?}: {difference:.1e}");
                 }
@@ -257,10 +274,10 @@ rotor = { angular_velocity = [5.0, 14.0, 3.0] }
 fn every_code_closes_loops_far_from_where_rotations_are_measured_from() {
     let model = model_of(CLOSED);
     let channels = &["arm.position", "rotor.position", "rotor.euler_parameters"][..];
-    let ground = with(Choice::Partitioning, Code::ForRadau, 1e-9, 1.0, channels);
+    let ground = with(ParametrizationKind::Partitioning, Code::ForRadau, 1e-9, 1.0, channels);
     for code in all_codes() {
         for tolerance in [1e-4, 1e-6] {
-            let tree = with(Choice::Tree, code, tolerance, 1.0, channels);
+            let tree = with(ParametrizationKind::Tree, code, tolerance, 1.0, channels);
             let (difference, _) = distance(&model, &tree, &ground);
             assert!(difference < 100.0 * tolerance, "{code:?} at {tolerance}: {difference:.1e}");
         }
@@ -316,11 +333,13 @@ fn a_closed_chain_of_stiff_hinges_takes_steps_as_on_its_tangent_plane() {
     {
         let model = closed_chain(n, stiffness, free);
         let middle = format!("link_{}.position", n / 2);
-        let truth = with(Choice::TangentPlane, Code::ForRadau, 1e-7, 1.0, &[&middle]);
+        let truth = with(ParametrizationKind::TangentPlane, Code::ForRadau, 1e-7, 1.0, &[&middle]);
         for code in [Code::ForRadau, Code::ForSdirk] {
-            let plane =
-                run_model(&model, &with(Choice::TangentPlane, code, tolerance, 1.0, &[&middle]));
-            let run = with(Choice::Tree, code, tolerance, 1.0, &[&middle]);
+            let plane = run_model(
+                &model,
+                &with(ParametrizationKind::TangentPlane, code, tolerance, 1.0, &[&middle]),
+            );
+            let run = with(ParametrizationKind::Tree, code, tolerance, 1.0, &[&middle]);
             let (difference, [tree, _]) = distance(&model, &run, &truth);
             let (steps, allowed) = (tree.steps, plane.summary.statistics.steps * 5 / 4);
             assert!(steps <= allowed, "{n} links, {code:?}: {steps} steps, {allowed} allowed");
@@ -414,7 +433,9 @@ fn delta_robot(bushed: bool, beside: Option<f64>, seed: u64) -> Model {
 
 #[test] // independent truth: the robot with ball joints at a tighter tolerance; 1e9 N/m yield less than 1e-6 m
 fn stiff_deformations_are_variables_however_a_model_is_listed_and_measured() {
-    let with = |code, tolerance| with(Choice::Tree, code, tolerance, 1.0, &["platform.position"]);
+    let with = |code, tolerance| {
+        with(ParametrizationKind::Tree, code, tolerance, 1.0, &["platform.position"])
+    };
     let truth = run_model(&delta_robot(false, None, 0), &with(Code::ForRadau, 1e-7));
     for (code, tolerance) in [(Code::ForRadau, 1e-4), (Code::ForSdirk, 1e-5)] {
         let mut steps = Vec::new();
@@ -468,7 +489,7 @@ fn fixed_steps_keep_good_variables_in_both_forms() {
         let options = |coordinates, fixed_step| Options {
             coordinates,
             fixed_step,
-            ..with(Choice::Tree, code, 1e-8, 1.0, &channels)
+            ..with(ParametrizationKind::Tree, code, 1e-8, 1.0, &channels)
         };
         let exact = options(Coordinates::Cartesian, None);
         for coordinates in [Coordinates::Cartesian, Coordinates::Joint] {
@@ -518,10 +539,11 @@ fn what_hangs_on_two_lines_swings_through_all_that_their_directions_can_be() {
     for seed in [0, 1, 32, 60, 62, 64, 66] {
         for springs in [None, Some([1e6, 1e3])] {
             let model = model_of(&hung(seed, springs));
-            let truth = with(Choice::TangentPlane, Code::ForRadau, 1e-8, 3.0, &channels);
+            let truth =
+                with(ParametrizationKind::TangentPlane, Code::ForRadau, 1e-8, 3.0, &channels);
             let rods = springs.is_none() && seed == 32;
             for code in if rods { all_codes() } else { vec![Code::ForRadau] } {
-                let run = with(Choice::Tree, code, 1e-5, 3.0, &channels);
+                let run = with(ParametrizationKind::Tree, code, 1e-5, 3.0, &channels);
                 let (difference, _) = distance(&model, &truth, &run);
                 assert!(difference < 60e-5, "{seed}, {springs:?}, {code:?}: {difference:.1e}");
             }
@@ -550,7 +572,7 @@ fn new_numbers_may_change_what_can_be_an_edge() {
         ))
     };
     let linear = "stiffness = 100.0";
-    let options = with(Choice::Tree, Code::ForRadau, 1e-6, 0.5, &["b.position"]);
+    let options = with(ParametrizationKind::Tree, Code::ForRadau, 1e-6, 0.5, &["b.position"]);
     let end = |problem: &Problem| {
         let mut rows = Memory::default();
         let summary = run(problem, &options, None, &mut rows).unwrap();
@@ -609,7 +631,8 @@ fn dampers_may_come_to_length_zero() {
                 run_model(&model, &with(choice, Code::ForRadau, 1e-6, 3.0, &["b.position"]));
             (outcome.series("b.position", 0), outcome.summary.statistics.steps)
         };
-        let ((truth, _), (found, steps)) = (run(Choice::Partitioning), run(Choice::Tree));
+        let ((truth, _), (found, steps)) =
+            (run(ParametrizationKind::Partitioning), run(ParametrizationKind::Tree));
         for (x, y) in truth.iter().zip(&found) {
             assert!((x - y).abs() < 100e-6 * (1.0 + x.abs()), "{damping} {load}: {x} {y}");
         }

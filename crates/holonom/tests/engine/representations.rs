@@ -5,12 +5,12 @@ use holonom::method::ode::{LinearizedOde, Ode};
 use holonom::method::{CODES, Code, FirstOrder, Weights};
 use holonom::model::Tolerance;
 use holonom::newton::{Chosen, Complex64, MatrixOptions, ReducedMatrix, Representation};
-use holonom::reduction::{Choice, Coordinates};
+use holonom::reduction::{Coordinates, ParametrizationKind};
 use holonom::simulation::{Options, Problem};
 use std::fmt::Write as _;
 
 fn implicit() -> impl Iterator<Item = Code> {
-    CODES.iter().filter(|info| info.family != "explicit").map(|info| info.code)
+    CODES.iter().filter(|info| !info.code.is_explicit()).map(|info| info.code)
 }
 
 /// What two representations may differ by at tolerance 1e-4, against the largest entry of a state. Round-off does as much
@@ -22,7 +22,7 @@ const SAME: f64 = 1e-9;
 const NEARLY_SAME: (f64, u64) = (5e-6, 400);
 
 /// Truth: the same run with the dense matrix. Steps are the same, and results agree.
-fn agree(name: &str, end: f64, charts: &[Choice]) {
+fn agree(name: &str, end: f64, charts: &[ParametrizationKind]) {
     let model = crate::common::model(name);
     for code in implicit() {
         for &parametrization in charts {
@@ -77,7 +77,7 @@ fn all_codes_take_the_same_steps_on_the_library() {
         ("hmmwv14", 1.0),
         ("hmmwv14_bushing", 0.2),
     ] {
-        agree(name, end, &[Choice::Tree]);
+        agree(name, end, &[ParametrizationKind::Tree]);
         models.push(name);
     }
     assert!(crate::common::LIBRARY.iter().all(|name| models.contains(name)), "a model is missing");
@@ -86,7 +86,11 @@ fn all_codes_take_the_same_steps_on_the_library() {
 #[test]
 fn on_all_charts() {
     for (name, end) in [("slider_crank", 0.1), ("spatial_four_bar", 0.3)] {
-        agree(name, end, &Choice::ALL.iter().map(|(chart, _)| *chart).collect::<Vec<_>>());
+        agree(
+            name,
+            end,
+            &ParametrizationKind::ALL.iter().map(|(chart, _)| *chart).collect::<Vec<_>>(),
+        );
     }
 }
 

@@ -62,7 +62,7 @@ fn assert_steady(name: &str, case: &Case, rate: f64, angle: f64, steps: u64) {
                 or_stopped: false,
             };
             table.run(&line, &format!("{tolerance:.0e}"), &run, bounds);
-            let few = run.steps <= steps || code.info().family == "explicit";
+            let few = run.steps <= steps || code.is_explicit();
             table.claim(few, || format!("{line} at {tolerance:.0e}: {} steps", run.steps));
         }
     }
@@ -425,7 +425,7 @@ fn a_rotor_that_is_balanced_runs_up_in_long_steps() {
     for code in all_codes() {
         let statistics = run_model(&model, &options(code, 1e-3, 50.0)).summary.statistics;
         // Codes of second order follow its slow speeding up with hundreds.
-        let most = if code.info().formula == "trapezoidal" { 600 } else { 40 };
+        let most = if code.is_trapezoidal() { 600 } else { 40 };
         assert!(statistics.steps < most, "{code:?}: {} steps", statistics.steps);
     }
 }

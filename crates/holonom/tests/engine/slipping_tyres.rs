@@ -149,7 +149,7 @@ fn no_step_passes_over_a_change_of_direction() {
         for code in implicit() {
             for tolerance in [1e-3, 1e-4, 1e-5] {
                 // A stage each at the ends tells the least of what is between.
-                let most = if code.info().formula == "trapezoidal" { 60.0 } else { 30.0 };
+                let most = if code.is_trapezoidal() { 60.0 } else { 30.0 };
                 let worst = block.errors(12.0, code, tolerance, &truth);
                 assert!(
                     worst[0] <= most && worst[1] <= 60.0,

@@ -13,7 +13,7 @@ use crate::stiff_systems::{
 };
 use holonom::method::{Code, DEFAULT_CODE, Profile};
 use holonom::model::Model;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{Options, OutputTimes, Status};
 use std::fmt::Write as _;
 
@@ -462,7 +462,7 @@ fn the_profile_of_the_thesis_is_right_on_the_stiff_slider_or_says_so() {
         for tolerance in [1e-2, 1e-3, 1e-4, 1e-6] {
             let options = Options {
                 profile: Profile::Thesis,
-                parametrization: Choice::Partitioning,
+                parametrization: ParametrizationKind::Partitioning,
                 channels: channels.clone(),
                 output: OutputTimes::Listed(reference.times.clone()),
                 max_steps: 20_000,

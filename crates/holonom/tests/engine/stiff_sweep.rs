@@ -4,7 +4,7 @@
 use crate::common::{Outcome, model_of, options, try_run};
 use holonom::method::{CODES, Code};
 use holonom::model::Model;
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{Options, OutputTimes, Status};
 
 const TOLERANCE: f64 = 1e-4;
@@ -161,7 +161,7 @@ body = {{ position = [{:e}, {:e}], angle = {angle:e}, velocity = [{:e}, {:e}], a
 }
 
 fn implicit() -> impl Iterator<Item = Code> {
-    CODES.iter().filter(|i| i.family != "explicit").map(|i| i.code)
+    CODES.iter().filter(|i| !i.code.is_explicit()).map(|i| i.code)
 }
 
 /// Largest error of position and velocity of the body against the polar equations, over the
@@ -240,7 +240,7 @@ const POWERS: &[i32] = &[3, 4, 6, 9, 12];
 type Run = Option<(u64, f64)>;
 
 fn sweep(
-    choice: Choice,
+    choice: ParametrizationKind,
     code: Code,
     damping: f64,
     inertia: f64,
@@ -253,7 +253,7 @@ fn sweep(
         let options = Options { max_steps: 4000, parametrization: choice, ..with_rows(code) };
         let outcome = try_run(&build(k, c), &options);
         let summary = &outcome.summary;
-        let vouched = choice == Choice::default() || summary.warnings.is_empty();
+        let vouched = choice == ParametrizationKind::default() || summary.warnings.is_empty();
         let completed = summary.status == Status::Completed && vouched;
         completed.then(|| (summary.statistics.steps, error(&outcome, &truth)))
     };
@@ -293,7 +293,7 @@ fn assert_honest(what: &str, code: Code, runs: &[Run], allowed: f64) {
 #[test] // independent truth: the polar equations of motion
 fn a_damped_slider_needs_steps_that_do_not_know_its_stiffness() {
     for code in implicit() {
-        let runs = sweep(Choice::default(), code, 0.1, INERTIA, slider);
+        let runs = sweep(ParametrizationKind::default(), code, 0.1, INERTIA, slider);
         assert_independent_of_stiffness("slider", code, &runs, 30.0);
     }
 }
@@ -301,7 +301,7 @@ fn a_damped_slider_needs_steps_that_do_not_know_its_stiffness() {
 #[test] // independent truth: the polar equations of motion
 fn an_undamped_slider_is_right_or_fails() {
     for code in implicit() {
-        let runs = sweep(Choice::default(), code, 0.0, INERTIA, slider);
+        let runs = sweep(ParametrizationKind::default(), code, 0.0, INERTIA, slider);
         assert_honest("slider", code, &runs, 60.0);
     }
 }
@@ -313,7 +313,7 @@ fn a_body_on_a_spring_alone_is_right() {
             for spatial in [false, true] {
                 let what = if spatial { "spring in space" } else { "spring in the plane" };
                 let build = |k, c| swing(k, c, spatial);
-                let runs = sweep(Choice::default(), code, damping, 0.0, build);
+                let runs = sweep(ParametrizationKind::default(), code, damping, 0.0, build);
                 assert_honest(what, code, &runs, 60.0);
                 // Below 1e4 N/m the spring is not yet stiff against the turning.
                 assert!(runs[1..].iter().all(Option::is_some), "{what}, {code:?}: {runs:?}");
@@ -325,7 +325,7 @@ fn a_body_on_a_spring_alone_is_right() {
 #[test] // independent truth: the polar equations of motion
 fn other_charts_are_right_or_warned() {
     for code in implicit() {
-        for choice in [Choice::Partitioning, Choice::TangentPlane] {
+        for choice in [ParametrizationKind::Partitioning, ParametrizationKind::TangentPlane] {
             for damping in [0.1, 0.0] {
                 let runs = sweep(choice, code, damping, INERTIA, slider);
                 assert_honest(choice.name(), code, &runs, 100.0);

@@ -4,7 +4,7 @@ use crate::common::table::all_codes;
 use crate::common::{model_of, options, run_model};
 use holonom::method::{Code, DEFAULT_CODE};
 use holonom::model::{Model, Tolerance};
-use holonom::reduction::{Choice, Coordinates};
+use holonom::reduction::{Coordinates, ParametrizationKind};
 use holonom::simulation::{Options, OutputTimes};
 use std::f64::consts::TAU;
 
@@ -91,9 +91,12 @@ motor = { joint = "shaft", coordinate = "rotation", motion = { type = "polynomia
 mount = { type = "tsda", between = ["ground", "block"], points = [[0.0, -1.0], [0.0, 0.0]], stiffness = 1000.0, free_length = 1.0 }
 "#,
     );
-    for parametrization in
-        [Choice::Tree, Choice::Partitioning, Choice::TangentPlane, Choice::TangentPlaneSvd]
-    {
+    for parametrization in [
+        ParametrizationKind::Tree,
+        ParametrizationKind::Partitioning,
+        ParametrizationKind::TangentPlane,
+        ParametrizationKind::TangentPlaneSvd,
+    ] {
         for code in all_codes() {
             let asked = Options {
                 code,
@@ -188,11 +191,11 @@ fn no_turn_of_a_shaft_in_a_loop_is_lost() {
         for (rate, inertia) in [(3.0, 1e-9), (60.0, 1e-3), (-300.0, 1e-9)] {
             let model = hooke(rate, bend, inertia, 0.0);
             for (code, coordinates, choice) in [
-                (DEFAULT_CODE, Coordinates::Joint, Choice::Tree),
-                (DEFAULT_CODE, Coordinates::Cartesian, Choice::Tree),
-                (DEFAULT_CODE, Coordinates::Cartesian, Choice::Partitioning),
-                (Code::Dopri5, Coordinates::Joint, Choice::Tree),
-                (Code::SspTrap, Coordinates::Joint, Choice::Tree),
+                (DEFAULT_CODE, Coordinates::Joint, ParametrizationKind::Tree),
+                (DEFAULT_CODE, Coordinates::Cartesian, ParametrizationKind::Tree),
+                (DEFAULT_CODE, Coordinates::Cartesian, ParametrizationKind::Partitioning),
+                (Code::Dopri5, Coordinates::Joint, ParametrizationKind::Tree),
+                (Code::SspTrap, Coordinates::Joint, ParametrizationKind::Tree),
             ] {
                 let options = Options {
                     coordinates,

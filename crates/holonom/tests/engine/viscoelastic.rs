@@ -63,7 +63,7 @@ fn a_mass_on_a_standard_linear_solid_follows_its_closed_solution() {
     for z in [0.0, 0.05] {
         let (model, [k0, k1]) = solid(z);
         for info in CODES {
-            let tolerance = if info.formula == "trapezoidal" { 1e-5 } else { 1e-7 };
+            let tolerance = if info.code.is_trapezoidal() { 1e-5 } else { 1e-7 };
             let options = Options {
                 output: OutputTimes::Interval(0.1),
                 channels: ["mass.position", "mass.velocity", "solid.force", "solid.branch_force"]
@@ -280,7 +280,7 @@ fn a_body_on_a_coupled_viscoelastic_bushing_moves_as_its_equations_say() {
     let (model, truth) = (laws.model(), laws.truth(1.0));
     let coordinates = [Coordinates::Cartesian, Coordinates::Joint];
     for info in CODES {
-        let tolerance = if info.formula == "trapezoidal" { 1e-5 } else { 1e-7 };
+        let tolerance = if info.code.is_trapezoidal() { 1e-5 } else { 1e-7 };
         for coordinates in coordinates {
             for newton in
                 [Representation::Dense, Representation::Inflated, Representation::Simplified]
@@ -337,7 +337,7 @@ rubber = {{ type = "bushing", between = ["arm", "tip"], point = [0.9, 0.0, 0.0],
         body(&format!(", branches = {{ only = {{ stiffness = {k:?}, damping = {c:?} }} }}"), 1.0e6)
     };
     let end = |model: &Model, code: Code| run_model(model, &options(code, 1e-5, 0.5)).summary;
-    for info in CODES.iter().filter(|info| info.family != "explicit") {
+    for info in CODES.iter().filter(|info| !info.code.is_explicit()) {
         for (found, truth) in [(branch(3.0e12), body("", 4.0e6)), (branch(3.0e-3), body("", 1.0e6))]
         {
             let (found, truth) = (end(&found, info.code), end(&truth, info.code));

@@ -2,7 +2,7 @@
 
 use super::Run;
 use crate::error::EvaluationFailure;
-use crate::reduction::{Chart, Choice};
+use crate::reduction::{Chart, ParametrizationKind};
 use crate::simulation::carried_error::CarriedError;
 use crate::simulation::dense::ChartRecord;
 use crate::simulation::reparametrization::new_chart;
@@ -78,7 +78,7 @@ impl Run<'_> {
     }
 
     /// Chooses another partition when the present one has become ill-conditioned.
-    pub(super) fn check_partition(&mut self) -> Result<(), EvaluationFailure> {
+    pub(super) fn check_parametrization(&mut self) -> Result<(), EvaluationFailure> {
         let condition = self.form.point_mut().manifold.condition();
         if let Some(last) = self.output.chunk.steps.last_mut() {
             last.condition = condition;
@@ -91,17 +91,17 @@ impl Run<'_> {
         }
         let grown = self.options.repartition_factor() * self.condition_reference;
         let limit = match self.options.parametrization {
-            Choice::Partitioning => grown.max(CONDITION_FLOOR),
+            ParametrizationKind::Partitioning => grown.max(CONDITION_FLOOR),
             _ => grown,
         };
         if condition > limit {
-            self.repartition(condition)?;
+            self.reparametrize(condition)?;
         }
         Ok(())
     }
 
     /// New partition at the present state.
-    pub(super) fn repartition(&mut self, condition: f64) -> Result<(), EvaluationFailure> {
+    pub(super) fn reparametrize(&mut self, condition: f64) -> Result<(), EvaluationFailure> {
         match new_chart(self.options, &self.form.point().manifold, &self.state)? {
             Some(chart) => self.set_chart(chart),
             None => {
@@ -166,11 +166,11 @@ impl Run<'_> {
     }
 
     /// After a failed recovery: another partition at the step's start, if there is a better one.
-    pub(super) fn repartition_at_start(&mut self) -> Result<(), EvaluationFailure> {
+    pub(super) fn reparametrize_at_start(&mut self) -> Result<(), EvaluationFailure> {
         self.form.begin_step(&self.state);
         self.form.pack(&self.state, &mut self.w);
         self.evaluate_slope()?;
         let condition = self.form.point_mut().manifold.condition();
-        self.repartition(condition)
+        self.reparametrize(condition)
     }
 }

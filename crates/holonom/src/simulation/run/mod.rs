@@ -10,10 +10,10 @@ mod set_up;
 mod unseen_turns;
 
 use crate::error::EvaluationFailure;
-use crate::method::StateSpace;
+use crate::method::EquationForm;
 use crate::method::stepper::{Rejection, Stepper, StepperStatistics, initial_step};
 use crate::model::{Model, TimeFunction, force_ramps};
-use crate::reduction::Choice;
+use crate::reduction::ParametrizationKind;
 use crate::reduction::assembly::AssemblyError;
 use crate::simulation::carried_error::{CarriedError, SUSPICIOUS, Stepped};
 use crate::simulation::checkpoint::{Checkpoint, Pace, foreign};
@@ -76,7 +76,7 @@ pub struct Summary {
 impl Summary {
     /// What limited the steps of this run of `system`, by names.
     pub fn limited_by(&self, system: &dyn System) -> LimitedBy {
-        self.limits.told(system, &self.end)
+        self.limits.named(system, &self.end)
     }
 }
 
@@ -250,7 +250,7 @@ struct Run<'a> {
     options: &'a Options,
     model: &'a Model,
     system: Arc<dyn System>,
-    form: Box<dyn StateSpace>,
+    form: Box<dyn EquationForm>,
     stepper: Box<dyn Stepper>,
     state: State,
     row: State,
@@ -336,10 +336,9 @@ impl Run<'_> {
         let fixed = self.options.fixed_step.is_some();
         let relative = self.options.tolerance.relative;
         // Formulas that evaluate forces at the ends of steps alone.
-        let ends_only =
-            self.stepper.multistep() || self.options.code.info().formula == "trapezoidal";
+        let ends_only = self.stepper.multistep() || self.options.code.is_trapezoidal();
         // Formulas that damp nothing let accelerations ring, and a new matrix is made for where these lead.
-        let doubts = !self.stepper.explicit() && self.options.code.info().formula != "trapezoidal";
+        let doubts = !self.stepper.explicit() && !self.options.code.is_trapezoidal();
         let ramps = force_ramps(self.model);
         let mut rejections = 0;
         let mut repartitioned = false;
@@ -364,7 +363,7 @@ impl Run<'_> {
                 h = h.min(0.5 * (next - t));
             }
             if !fixed {
-                let tree = self.options.parametrization == Choice::Tree;
+                let tree = self.options.parametrization == ParametrizationKind::Tree;
                 let (system, part) = (self.system.as_ref(), self.turn_part);
                 h = h.min(step_length::longest(system, &self.state, tree, h, part));
                 if !tree {
@@ -384,7 +383,7 @@ impl Run<'_> {
                 }
             }
             let (step, reaches) = clip(t, h, next, fixed);
-            let t_end = if reaches { next } else { t + step_length::told(step, t, end) };
+            let t_end = if reaches { next } else { t + step_length::representable(step, t, end) };
             if t_end <= t {
                 return Err(Stop::Failed { cause: None, step_size: step });
             }
@@ -413,7 +412,7 @@ impl Run<'_> {
             }
             if report.accepted {
                 // On other charts what is a little before may be worse.
-                let tree = self.options.parametrization == Choice::Tree;
+                let tree = self.options.parametrization == ParametrizationKind::Tree;
                 let better = rejections < MOST_BETTER && tree && !fixed;
                 match self.accept(t, step, t_end, better) {
                     Ok(true) => {}
@@ -434,7 +433,9 @@ impl Run<'_> {
             if report.accepted && rejection.is_none() && !fixed {
                 let states = [&self.state, &self.form.point().state];
                 let turned = match self.options.parametrization {
-                    Choice::Tree => step_length::turned(self.system.as_ref(), states, step),
+                    ParametrizationKind::Tree => {
+                        step_length::turned(self.system.as_ref(), states, step)
+                    }
                     _ => 0.0,
                 };
                 if turned > 1.0 {
@@ -478,7 +479,7 @@ impl Run<'_> {
                 let lost = matches!(&cause, Rejection::Evaluation(_));
                 let before = self.statistics.reparametrizations;
                 if lost && !std::mem::replace(&mut repartitioned, true) {
-                    self.repartition_at_start().map_err(|f| failed(f, step))?;
+                    self.reparametrize_at_start().map_err(|f| failed(f, step))?;
                 }
                 let renewed = self.statistics.reparametrizations > before;
                 // A step of prescribed length gets one more chance, with another partition.
@@ -551,7 +552,7 @@ impl Run<'_> {
                 self.form.begin_step(&self.state);
                 h = self.first_step().map_err(|f| failed(f, 0.0))?;
             } else {
-                self.check_partition().map_err(|f| failed(f, step))?;
+                self.check_parametrization().map_err(|f| failed(f, step))?;
             }
             self.checkpoint_if_due(Pace { next: h, longest, attempts })?;
             self.flush_if_due()?;

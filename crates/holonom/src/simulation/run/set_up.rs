@@ -3,11 +3,11 @@
 use super::unseen_turns::UnseenTurns;
 use super::{Run, Start};
 use crate::method::stepper::{Stepper, StepperStatistics};
-use crate::method::{StateSpace, build_state_space, build_stepper};
+use crate::method::{EquationForm, build_form, build_stepper};
 use crate::model::{changing_motions, force_frequencies};
 use crate::newton::MatrixOptions;
 use crate::reduction::assembly::{AssemblyError, manifold_of};
-use crate::reduction::{Choice, Manifold};
+use crate::reduction::{Manifold, ParametrizationKind};
 use crate::simulation::carried_error::CarriedError;
 use crate::simulation::checkpoint::{Checkpoint, foreign};
 use crate::simulation::checks::{
@@ -40,7 +40,7 @@ const COPIED: usize = 500;
 
 /// The equations and the formula of a run, with what records its states.
 pub(super) struct Machinery {
-    pub(super) form: Box<dyn StateSpace>,
+    pub(super) form: Box<dyn EquationForm>,
     pub(super) stepper: Box<dyn Stepper>,
     pub(super) recorder: Recorder,
     pub(super) inspector: Option<Recorder>,
@@ -62,7 +62,7 @@ impl Machinery {
         let copied = || checkpoint(COPIED * state.q.len());
         let (code, profile, tolerance) = (options.code, options.profile, options.tolerance);
         copied();
-        let mut form = build_state_space(code, profile, manifold, tolerance, state, origin);
+        let mut form = build_form(code, profile, manifold, tolerance, state, origin);
         copied();
         let matrix = MatrixOptions {
             source: options.jacobian,
@@ -70,7 +70,7 @@ impl Machinery {
             exact: code.needs_full_jacobian(),
             threads: options.threads.clone(),
         };
-        let explicit = code.info().family == "explicit";
+        let explicit = code.is_explicit();
         let asked = MatrixOptions { exact: matrix.exact && !explicit, ..matrix.clone() };
         if asked != MatrixOptions::default() || (explicit && options.fixed_step.is_none()) {
             form.set_matrix(matrix);
@@ -129,7 +129,7 @@ pub(super) fn set_up<'a>(
     };
     // Assembly has chosen among the coordinates of the tree already.
     if taken_up.is_none()
-        && options.parametrization != Choice::Tree
+        && options.parametrization != ParametrizationKind::Tree
         && let Some(chart) = new_chart(options, &manifold, &state)
             .map_err(|failure| RunError::Assembly(AssemblyError::Evaluation(failure)))?
     {

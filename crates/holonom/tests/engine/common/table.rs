@@ -3,7 +3,7 @@
 use super::{model_of, options, run_from};
 use holonom::method::{CODES, Code, Profile};
 use holonom::model::{Model, Tolerance};
-use holonom::reduction::Choice;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{Options, OutputTimes, Status};
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -16,7 +16,7 @@ pub(crate) const TOLERANCES: &[f64] = &[1e-4];
 
 /// Implicit codes.
 pub(crate) fn implicit() -> Vec<Code> {
-    CODES.iter().filter(|i| i.family != "explicit").map(|i| i.code).collect()
+    CODES.iter().filter(|i| !i.code.is_explicit()).map(|i| i.code).collect()
 }
 
 /// Every code.
@@ -29,7 +29,7 @@ pub(crate) fn all_codes() -> Vec<Code> {
 pub(crate) struct Manner {
     pub(crate) name: &'static str,
     /// The engine's default if none.
-    pub(crate) choice: Option<Choice>,
+    pub(crate) choice: Option<ParametrizationKind>,
     pub(crate) profile: Profile,
 }
 
@@ -38,18 +38,26 @@ pub(crate) const DEFAULT: Manner = Manner { name: "", choice: None, profile: Pro
 
 /// Everything else, which may be less exact, or say that it is.
 pub(crate) const OTHERS: [Manner; 4] = [
-    Manner { name: "partitioning", choice: Some(Choice::Partitioning), profile: Profile::Improved },
+    Manner {
+        name: "partitioning",
+        choice: Some(ParametrizationKind::Partitioning),
+        profile: Profile::Improved,
+    },
     Manner {
         name: "tangent plane",
-        choice: Some(Choice::TangentPlane),
+        choice: Some(ParametrizationKind::TangentPlane),
         profile: Profile::Improved,
     },
     Manner {
         name: "tangent plane, SVD",
-        choice: Some(Choice::TangentPlaneSvd),
+        choice: Some(ParametrizationKind::TangentPlaneSvd),
         profile: Profile::Improved,
     },
-    Manner { name: "thesis", choice: Some(Choice::Partitioning), profile: Profile::Thesis },
+    Manner {
+        name: "thesis",
+        choice: Some(ParametrizationKind::Partitioning),
+        profile: Profile::Thesis,
+    },
 ];
 
 /// What a channel is, for its tolerance.

@@ -7,7 +7,7 @@ use crate::reduction::Point;
 use crate::system::State;
 
 /// A form of the equations that formulas integrate, tied to states of the system.
-pub trait StateSpace: LinearizedOde + Send {
+pub trait EquationForm: LinearizedOde + Send {
     /// The state that the next step starts from: weights, windings and fall-back follow it.
     fn begin_step(&mut self, state: &State);
 
@@ -48,9 +48,9 @@ pub trait StateSpace: LinearizedOde + Send {
     fn integrates_powers(&self) -> bool;
 }
 
-macro_rules! state_space {
+macro_rules! equation_form {
     ([$($parameters:tt)*] $type:ty) => {
-        impl<$($parameters)*> StateSpace for $type {
+        impl<$($parameters)*> EquationForm for $type {
             fn begin_step(&mut self, state: &State) {
                 Self::begin_step(self, state);
             }
@@ -96,5 +96,5 @@ macro_rules! state_space {
     };
 }
 
-state_space!([M: FirstOrderMatrix] FirstOrder<M>);
-state_space!([] ExplicitForm);
+equation_form!([M: FirstOrderMatrix] FirstOrder<M>);
+equation_form!([] ExplicitForm);
