@@ -208,9 +208,10 @@ impl Linearization {
     /// Changes of v and v̇ on all coordinates.
     pub(super) fn spread(&mut self, p: &[f64], v: &[f64], dq: &mut [f64], dv: &mut [f64]) {
         if self.made && self.maps {
-            match self.system.structure().sizes.is_planar() {
-                true => run_wide(Spread::<3, 4> { by: self, change: [p, v], to: [dq, dv] }),
-                false => run_wide(Spread::<7, 8> { by: self, change: [p, v], to: [dq, dv] }),
+            if self.system.structure().sizes.is_planar() {
+                run_wide(Spread::<3, 4> { by: self, change: [p, v], to: [dq, dv] });
+            } else {
+                run_wide(Spread::<7, 8> { by: self, change: [p, v], to: [dq, dv] });
             }
             return;
         }

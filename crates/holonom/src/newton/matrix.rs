@@ -52,11 +52,6 @@ impl Representation {
         !matches!(self, Self::Auto | Self::Dense)
     }
 
-    /// The representation of this name.
-    pub fn find(name: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, n)| *n == name).map(|(choice, _)| *choice)
-    }
-
     /// Name in options.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)

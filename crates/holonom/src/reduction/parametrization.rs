@@ -28,11 +28,6 @@ impl ParametrizationKind {
         (Self::TangentPlaneSvd, "tangent_plane_svd"),
     ];
 
-    /// The choice of this name.
-    pub fn find(name: &str) -> Option<Self> {
-        Self::ALL.iter().find(|(_, n)| *n == name).map(|(choice, _)| *choice)
-    }
-
     /// Name in options.
     pub fn name(self) -> &'static str {
         Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)

@@ -5,10 +5,11 @@ use holonom::io::{Document, Syntax};
 use holonom::method::Profile;
 use holonom::model::{
     DriverKind, ElasticLaw, ForceKind, Frame, InitialExtraState, JointKind, Model, Orientation,
-    Road,
+    Road, SimulationDefaults,
 };
-use holonom::newton::JacobianSource;
-use holonom::reduction::ParametrizationKind;
+use holonom::newton::{JacobianSource, Representation};
+use holonom::reduction::accelerations::Accelerations;
+use holonom::reduction::{Coordinates, ParametrizationKind};
 use holonom::simulation::Problem;
 use serde_json::json;
 
@@ -622,21 +623,27 @@ fn a_tiny_model_far_away_brings_a_warning_with_the_numbers() {
 
 #[test]
 fn choices_of_a_run_are_the_words_of_the_options() {
+    fn words<T>(all: &[(T, &'static str)]) -> Vec<&'static str> {
+        all.iter().map(|(_, word)| *word).collect()
+    }
+    type Stated = fn(&SimulationDefaults) -> Option<&'static str>;
     let with = |field: &str, word: &str| {
         let end = "[simulation]";
         build(&DOUBLE_PENDULUM.replace(end, &format!("{end}\n{field} = \"{word}\"")))
     };
     assert!(DOUBLE_PENDULUM.contains("[simulation]"));
-    for (_, word) in ParametrizationKind::ALL {
-        assert_eq!(with("parametrization", word).unwrap().simulation.parametrization, Some(*word));
-    }
-    for (_, word) in JacobianSource::ALL {
-        assert_eq!(with("jacobian", word).unwrap().simulation.jacobian, Some(*word));
-    }
-    for (_, word) in Profile::ALL {
-        assert_eq!(with("profile", word).unwrap().simulation.profile, Some(word));
-    }
-    for field in ["parametrization", "jacobian", "profile"] {
+    let fields: [(&str, Vec<&str>, Stated); 6] = [
+        ("parametrization", words(ParametrizationKind::ALL), |s| s.parametrization),
+        ("jacobian", words(JacobianSource::ALL), |s| s.jacobian),
+        ("profile", words(&Profile::ALL), |s| s.profile),
+        ("newton", words(Representation::ALL), |s| s.newton),
+        ("accelerations", words(Accelerations::ALL), |s| s.accelerations),
+        ("coordinates", words(Coordinates::ALL), |s| s.coordinates),
+    ];
+    for (field, words, stated) in fields {
+        for word in words {
+            assert_eq!(stated(&with(field, word).unwrap().simulation), Some(word));
+        }
         let errors = with(field, "something").unwrap_err();
         assert_eq!(errors.errors[0].code, Code::UnknownChoice);
         assert_eq!(errors.errors[0].path, format!("simulation.{field}"));
