@@ -90,63 +90,6 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
             motion: Some(motion),
         }
     }
-
-    /// Whether u is an angle whose whole turns have no meaning: then u − s(t) is to be reduced to
-    /// (−π, π].
-    pub fn wraps(&self) -> bool {
-        matches!(self.rows, Rows::Angle(_))
-    }
-
-    /// The joint's point on the second body, m, body axes, from its centre of mass: the place to
-    /// which reaction force and torque refer.
-    pub fn point_on_second(&self) -> [f64; 3] {
-        self.point_on_second
-    }
-
-    /// Relative coordinates of the joint and their rates, offered as channels.
-    pub fn quantities(&self) -> &'static [Quantity] {
-        self.quantities
-    }
-
-    /// Whether a relative coordinate is an angle that a pose tells up to whole turns only.
-    pub fn counts_turns(&self) -> bool {
-        S::Angle::COUNTS_TURNS && self.coordinates.iter().any(|c| matches!(c, Coordinate::Angle(_)))
-    }
-
-    /// The joint's angle on the branch nearest to `winding`, rad; 0 for joints without one.
-    pub fn angle(&self, q: [&[f64; N]; 2], winding: f64) -> f64 {
-        let angle = |c: &Coordinate<S, D, N, R>| match c {
-            Coordinate::Angle(angle) => Some(angle.nearest(q, winding)),
-            Coordinate::Displacement(_) => None,
-        };
-        self.coordinates.iter().find_map(angle).unwrap_or(0.0)
-    }
-
-    /// Value of quantity `index`; an angle is that on the branch nearest to `winding`.
-    pub fn quantity(
-        &self,
-        index: usize,
-        q: [&[f64; N]; 2],
-        v: [&[f64; N]; 2],
-        winding: f64,
-        out: &mut [f64],
-    ) {
-        let rate = index % 2 == 1;
-        out[0] = match &self.coordinates[index / 2] {
-            Coordinate::Displacement(measure) if rate => {
-                let mut rows = RowBlocks::zero();
-                measure.jacobian(q, &mut rows);
-                product(&[rows.0[0][0], rows.0[1][0]], v)
-            }
-            Coordinate::Displacement(measure) => {
-                let mut u = [0.0; 6];
-                measure.value(q, &mut u);
-                u[0]
-            }
-            Coordinate::Angle(angle) if rate => product(&angle.gradient(q), v),
-            Coordinate::Angle(angle) => angle.nearest(q, winding),
-        };
-    }
 }
 
 fn point<const D: usize>(frames: &[Triad<D>; 2]) -> [f64; 3] {
@@ -261,5 +204,54 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
             Rows::Measure(measure) => Some(measure),
             Rows::Angle(_) => None,
         }
+    }
+
+    fn wraps(&self) -> bool {
+        matches!(self.rows, Rows::Angle(_))
+    }
+
+    fn point_on_second(&self) -> [f64; 3] {
+        self.point_on_second
+    }
+
+    fn quantities(&self) -> &'static [Quantity] {
+        self.quantities
+    }
+
+    fn counts_turns(&self) -> bool {
+        S::Angle::COUNTS_TURNS && self.coordinates.iter().any(|c| matches!(c, Coordinate::Angle(_)))
+    }
+
+    fn angle(&self, q: [&[f64; N]; 2], winding: f64) -> f64 {
+        let angle = |c: &Coordinate<S, D, N, R>| match c {
+            Coordinate::Angle(angle) => Some(angle.nearest(q, winding)),
+            Coordinate::Displacement(_) => None,
+        };
+        self.coordinates.iter().find_map(angle).unwrap_or(0.0)
+    }
+
+    fn quantity(
+        &self,
+        index: usize,
+        q: [&[f64; N]; 2],
+        v: [&[f64; N]; 2],
+        winding: f64,
+        out: &mut [f64],
+    ) {
+        let rate = index % 2 == 1;
+        out[0] = match &self.coordinates[index / 2] {
+            Coordinate::Displacement(measure) if rate => {
+                let mut rows = RowBlocks::zero();
+                measure.jacobian(q, &mut rows);
+                product(&[rows.0[0][0], rows.0[1][0]], v)
+            }
+            Coordinate::Displacement(measure) => {
+                let mut u = [0.0; 6];
+                measure.value(q, &mut u);
+                u[0]
+            }
+            Coordinate::Angle(angle) if rate => product(&angle.gradient(q), v),
+            Coordinate::Angle(angle) => angle.nearest(q, winding),
+        };
     }
 }

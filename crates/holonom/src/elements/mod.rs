@@ -77,6 +77,27 @@ pub trait ConstraintElement<const N: usize> {
     fn is_driven(&self) -> bool;
     /// u from how the bodies stand and move; not for angles, whose turns a stance does not tell.
     fn on_motions(&self) -> Option<&dyn MotionRows>;
+    /// Whether u is an angle whose whole turns have no meaning: then u − s(t) is to be reduced to
+    /// (−π, π].
+    fn wraps(&self) -> bool;
+    /// The joint's point on the second body, m, body axes, from its centre of mass: the place to
+    /// which reaction force and torque refer.
+    fn point_on_second(&self) -> [f64; 3];
+    /// Relative coordinates of the joint and their rates, offered as channels.
+    fn quantities(&self) -> &'static [Quantity];
+    /// Whether a relative coordinate is an angle that a pose tells up to whole turns only.
+    fn counts_turns(&self) -> bool;
+    /// The joint's angle on the branch nearest to `winding`, rad; 0 for joints without one.
+    fn angle(&self, q: [&[f64; N]; 2], winding: f64) -> f64;
+    /// Value of quantity `index`; an angle is that on the branch nearest to `winding`.
+    fn quantity(
+        &self,
+        index: usize,
+        q: [&[f64; N]; 2],
+        v: [&[f64; N]; 2],
+        winding: f64,
+        out: &mut [f64],
+    );
 }
 
 /// What a force sees.

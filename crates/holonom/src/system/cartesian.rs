@@ -220,7 +220,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         c.element.value(q, u);
         if let Some(s) = c.element.drive(t) {
             u[0] -= s[0];
-            if S::wraps(&c.element) {
+            if c.element.wraps() {
                 u[0] -= (u[0] / std::f64::consts::TAU).round() * std::f64::consts::TAU;
             }
         }
@@ -253,7 +253,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
             }
         }
         let (force, about_center) = S::wrench(q[1], &generalized);
-        let arm = S::rotate(q[1], &S::point_on_second(&constraint.element));
+        let arm = S::rotate(q[1], &constraint.element.point_on_second());
         let moment = cross(arm, force);
         let torque = std::array::from_fn(|k| about_center[k] - moment[k]);
         (force, torque)
@@ -539,7 +539,7 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Equation
         for c in &self.constraints {
             if let Some(turns) = &c.turns {
                 let near = turns.near(t, winding);
-                winding[turns.index] = S::joint_angle(&c.element, Self::pair(q, c.bodies), near);
+                winding[turns.index] = c.element.angle(Self::pair(q, c.bodies), near);
             }
         }
     }

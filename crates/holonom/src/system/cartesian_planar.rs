@@ -3,7 +3,6 @@
 use super::BodyPose;
 use super::passage::Direct;
 use super::space::{FormOf, Space};
-use crate::elements::Quantity;
 use crate::elements::body::{Body, Rigid};
 use crate::elements::kinematics::{self, Kinematics, Orientation};
 use crate::elements::planar::{Constraint, Force};
@@ -68,37 +67,6 @@ impl Space<2, 3, 3> for Planar {
     #[inline(always)]
     fn moving(q: &[f64; 3], v: &[f64; 3]) -> Body<f64, 2, 3, 3> {
         space::Planar::body(q, v)
-    }
-
-    fn wraps(constraint: &Constraint) -> bool {
-        constraint.wraps()
-    }
-
-    fn joint_quantities(constraint: &Constraint) -> &'static [Quantity] {
-        constraint.quantities()
-    }
-
-    fn joint_quantity(
-        constraint: &Constraint,
-        index: usize,
-        q: [&[f64; 3]; 2],
-        v: [&[f64; 3]; 2],
-        winding: f64,
-        out: &mut [f64],
-    ) {
-        constraint.quantity(index, q, v, winding, out);
-    }
-
-    fn joint_counts_turns(constraint: &Constraint) -> bool {
-        constraint.counts_turns()
-    }
-
-    fn joint_angle(constraint: &Constraint, q: [&[f64; 3]; 2], winding: f64) -> f64 {
-        constraint.angle(q, winding)
-    }
-
-    fn point_on_second(constraint: &Constraint) -> [f64; 3] {
-        constraint.point_on_second()
     }
 
     fn rotational_mass(inertia: &[[f64; 3]; 3], _: &[f64; 3], out: &mut [f64]) {

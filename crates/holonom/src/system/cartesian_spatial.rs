@@ -8,7 +8,6 @@ use super::BodyPose;
 use super::cartesian::cross;
 use super::passage::ByEuler;
 use super::space::{FormOf, Space};
-use crate::elements::Quantity;
 use crate::elements::body::{Body, Rigid};
 use crate::elements::kinematics::{self, Kinematics, Orientation};
 use crate::elements::relative;
@@ -150,37 +149,6 @@ impl Space<3, 7, 6> for Spatial {
     #[inline(always)]
     fn moving(q: &[f64; 7], v: &[f64; 7]) -> Body<f64, 3, 7, 6> {
         space::Spatial::body(q, v)
-    }
-
-    fn wraps(constraint: &Constraint) -> bool {
-        constraint.wraps()
-    }
-
-    fn joint_quantities(constraint: &Constraint) -> &'static [Quantity] {
-        constraint.quantities()
-    }
-
-    fn joint_quantity(
-        constraint: &Constraint,
-        index: usize,
-        q: [&[f64; 7]; 2],
-        v: [&[f64; 7]; 2],
-        winding: f64,
-        out: &mut [f64],
-    ) {
-        constraint.quantity(index, q, v, winding, out);
-    }
-
-    fn joint_counts_turns(constraint: &Constraint) -> bool {
-        constraint.counts_turns()
-    }
-
-    fn joint_angle(constraint: &Constraint, q: [&[f64; 7]; 2], winding: f64) -> f64 {
-        constraint.angle(q, winding)
-    }
-
-    fn point_on_second(constraint: &Constraint) -> [f64; 3] {
-        constraint.point_on_second()
     }
 
     fn rotational_mass(inertia: &[[f64; 3]; 3], q: &[f64; 7], out: &mut [f64]) {

@@ -104,7 +104,7 @@ pub(super) fn build<S: Space<D, N, W>, const D: usize, const N: usize, const W: 
         forces.push(PlacedForce { name: f.name.clone(), element, bodies: ends, extra, turns });
     }
     for (c, joint) in constraints.iter_mut().zip(&model.joints) {
-        if S::joint_counts_turns(&c.element) {
+        if c.element.counts_turns() {
             c.turns = Some(Turns::new(post_increment(&mut windings), &joint.frames, model));
         }
     }

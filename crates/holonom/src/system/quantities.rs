@@ -3,7 +3,7 @@
 use super::cartesian::Cartesian;
 use super::space::Space;
 use super::{EnergyBalance, Equations, State};
-use crate::elements::ForceElement;
+use crate::elements::{ConstraintElement, ForceElement};
 use std::cell::OnceCell;
 use std::sync::OnceLock;
 
@@ -223,7 +223,7 @@ fn add_channels<S: Space<D, N, W>, const D: usize, const N: usize, const W: usiz
             let k = k as usize;
             add("force", "N", "ground", vector, ChannelSource::ReactionForce(k));
             add("torque", "N m", "ground", angular, ChannelSource::ReactionTorque(k));
-            let quantities = S::joint_quantities(&system.constraints[k].element);
+            let quantities = system.constraints[k].element.quantities();
             for (i, quantity) in quantities.iter().enumerate() {
                 let (size, source) = (shape(quantity.size), ChannelSource::Joint(k, i));
                 add(quantity.name, quantity.unit, quantity.frame, size, source);
@@ -301,7 +301,7 @@ pub(super) fn evaluate_channel<
             let c = &system.constraints[k];
             let (q, v) = pair(c.bodies);
             let near = c.turns.as_ref().map_or(0.0, |turns| turns.near(state.t, &state.winding));
-            S::joint_quantity(&c.element, i, q, v, near, out);
+            c.element.quantity(i, q, v, near, out);
         }
         ChannelSource::Force(k, i) => {
             let f = &system.forces[k];

@@ -34,20 +34,6 @@ pub(super) trait Space<const D: usize, const N: usize, const W: usize>:
     fn relative_angle(frames: &[Frame; 2], centers: [[f64; 3]; 2]) -> Self::Relative;
     /// A body at a pose with its rates, as forces see it.
     fn moving(q: &[f64; N], v: &[f64; N]) -> Body<f64, D, N, W>;
-    fn wraps(constraint: &Self::Constraint) -> bool;
-    fn joint_quantities(constraint: &Self::Constraint) -> &'static [crate::elements::Quantity];
-    fn joint_quantity(
-        constraint: &Self::Constraint,
-        index: usize,
-        q: [&[f64; N]; 2],
-        v: [&[f64; N]; 2],
-        winding: f64,
-        out: &mut [f64],
-    );
-    fn joint_counts_turns(constraint: &Self::Constraint) -> bool;
-    fn joint_angle(constraint: &Self::Constraint, q: [&[f64; N]; 2], winding: f64) -> f64;
-    /// Point of the joint on its second body, relative to the centre of mass, body axes.
-    fn point_on_second(constraint: &Self::Constraint) -> [f64; 3];
     /// Rotational block of M, (N−D)×(N−D) row-major at the end of a body's coordinates.
     fn rotational_mass(inertia: &[[f64; 3]; 3], q: &[f64; N], out: &mut [f64]);
     /// Adds velocity-quadratic inertia terms to Q.
