@@ -4,6 +4,7 @@ mod accepting;
 mod carrying;
 mod charts;
 mod checkpoints;
+mod limits;
 mod passing;
 mod reporting;
 mod set_up;
@@ -39,7 +40,7 @@ use crate::simulation::warnings::chosen;
 use crate::system::{State, System};
 use crate::watch::{stage, within};
 use accepting::residuals;
-use charts::LONGEST_TURN;
+use limits::Attempted;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use unseen_turns::UnseenTurns;
@@ -47,9 +48,6 @@ use unseen_turns::UnseenTurns;
 pub(in crate::simulation) const MAX_REJECTIONS: u32 = 60;
 /// Attempts of a step whose ends may be refused for better ones.
 const MOST_BETTER: u32 = 4;
-/// Part of the step at which energies would be on tolerance, and the least of one, that follow a step of a run without unknowns.
-const SAFE_PART: f64 = 0.9;
-const SHORTEST_PART: f64 = 0.1;
 /// Part of a step within which it ends at a knot, and beyond which it goes past it.
 const AT_KNOT: f64 = 0.05;
 /// Summary of a run.
@@ -132,9 +130,6 @@ pub(in crate::simulation) enum Start<'a> {
     At(&'a State),
     Checkpoint(&'a Checkpoint),
 }
-
-/// The order of the rule that integrates powers in explicit steps.
-const LEDGER_ORDER: u32 = 6;
 
 /// A run, and a second one where the errors of its steps may have grown beyond what they were allowed.
 fn begin(
@@ -331,12 +326,7 @@ impl Run<'_> {
             None => self.begin()?,
         };
         let breakpoints = self.system.breakpoints();
-        let span = end - self.started;
-        let kinematic = self.form.point().manifold.chart().ndof() == 0;
         let fixed = self.options.fixed_step.is_some();
-        let relative = self.options.tolerance.relative;
-        // Formulas that evaluate forces at the ends of steps alone.
-        let ends_only = self.stepper.multistep() || self.options.code.is_trapezoidal();
         // Formulas that damp nothing let accelerations ring, and a new matrix is made for where these lead.
         let doubts = !self.stepper.explicit() && !self.options.code.is_trapezoidal();
         let ramps = force_ramps(self.model);
@@ -358,29 +348,8 @@ impl Run<'_> {
                 .first()
                 .map_or(end, |&b| b.min(end));
             let turning = self.turning();
-            if !fixed && ends_only && breakpoints.binary_search_by(|b| b.total_cmp(&t)).is_ok() {
-                // A curve may begin and end with nothing and be large between.
-                h = h.min(0.5 * (next - t));
-            }
             if !fixed {
-                let tree = self.options.parametrization == ParametrizationKind::Tree;
-                let (system, part) = (self.system.as_ref(), self.turn_part);
-                h = h.min(step_length::longest(system, &self.state, tree, h, part));
-                if !tree {
-                    h = h.min(part * self.longest_to_tell());
-                }
-                h = h
-                    .min(self.longest_to_see())
-                    .min(part * LONGEST_TURN / turning)
-                    .min(step_length::ramped(&ramps, t, end));
-                if !self.drivers.is_empty() {
-                    let most = h.min(next - t);
-                    h = step_length::driven(self.system.as_ref(), &self.drivers, t, most, relative);
-                }
-                if kinematic {
-                    let most = step_length::kinematic(self.system.as_ref(), &self.state, span);
-                    h = h.min(most).min(longest);
-                }
+                h = self.longest_admissible(h, longest, next, &ramps);
             }
             let (step, reaches) = clip(t, h, next, fixed);
             let t_end = if reaches { next } else { t + step_length::representable(step, t, end) };
@@ -420,53 +389,15 @@ impl Run<'_> {
                     Err(failure) => rejection = Some(Rejection::Evaluation(failure)),
                 }
             }
-            if report.accepted
-                && rejection.is_none()
-                && let Some(passed) = self.passed_over(t, step, t_end)
-            {
-                self.stepper.discard();
-                (rejection, report.error) = (Some(Rejection::ErrorTooLarge), passed.error);
-                // The next attempt ends where it sees what this one did not, the one after that is shorter still.
-                let first = std::mem::replace(&mut seen, false);
-                retry = (passed.time - t).min(if first { step } else { 0.5 * step });
-            }
-            if report.accepted && rejection.is_none() && !fixed {
-                let states = [&self.state, &self.form.point().state];
-                let turned = match self.options.parametrization {
-                    ParametrizationKind::Tree => {
-                        step_length::turned(self.system.as_ref(), states, step)
-                    }
-                    _ => 0.0,
-                };
-                if turned > 1.0 {
-                    self.stepper.discard();
-                    (rejection, report.error) = (Some(Rejection::ErrorTooLarge), turned);
-                    retry = step * (0.5 / turned).max(0.1);
-                }
-            }
-            if report.accepted
-                && rejection.is_none()
-                && !fixed
-                && let Some(part) = self.unseen_turn(t_end, step, next)
-            {
-                self.stepper.discard();
-                (rejection, report.error) = (Some(Rejection::ErrorTooLarge), part.recip());
-                retry = part * step;
-                blames = false;
-            }
             let mut growth = f64::INFINITY;
-            // Steps of one-step formulas of high order are longer than what integrates the powers in them is good for.
-            let one_step = self.stepper.explicit() && !self.stepper.multistep();
-            let long = one_step && self.stepper.order() > LEDGER_ORDER;
-            // Nothing else tells of a bump under a wheel that is driven over it.
-            let follows = kinematic || (self.passes_knot || long) && self.system.drivers_move(t);
-            if report.accepted && rejection.is_none() && follows && !fixed {
-                let missed = self.missed_powers(t, step, span);
-                growth = (SAFE_PART * missed.powf(-0.25)).max(SHORTEST_PART);
-                if missed > 1.0 {
-                    self.stepper.discard();
-                    (rejection, report.error) = (Some(Rejection::ErrorTooLarge), missed);
-                    retry = growth * step;
+            if report.accepted && rejection.is_none() {
+                match self.veto(&Attempted { t, step, t_end, next }, &mut seen) {
+                    Ok(most) => growth = most,
+                    Err(veto) => {
+                        self.stepper.discard();
+                        rejection = Some(Rejection::ErrorTooLarge);
+                        (report.error, retry, blames) = (veto.error, veto.retry, veto.blames);
+                    }
                 }
             }
             self.record(t, step, &report, rejection.as_ref());
