@@ -100,6 +100,22 @@ pub trait ConstraintElement<const N: usize> {
     );
 }
 
+/// Scalars of one force along which its law has local features, at most.
+pub const MOST_ARGUMENTS: usize = 4;
+
+/// Where a scalar stands along which a force law has local features.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LawPlace {
+    /// Its value.
+    pub value: f64,
+    /// Its rate; 0 for a velocity, whose rate would take accelerations.
+    pub rate: f64,
+    /// How fast the direction may turn that it depends on, rad/s.
+    pub turning: f64,
+    /// Up to which size of a velocity the law has no feature as things stand; 0 for others.
+    pub smooth: f64,
+}
+
 /// What a force sees.
 #[derive(Debug, Clone, Copy)]
 pub struct ForceInput<'a, T, const D: usize, const N: usize, const W: usize> {
@@ -251,11 +267,8 @@ pub trait ForceElement<const D: usize, const N: usize, const W: usize> {
     fn velocities(&self) -> usize {
         0
     }
-    /// One of these scalars, its rate, and how fast the direction may turn that it depends on, rad/s. Of a velocity, whose rate
-    /// would take accelerations, the velocity, no number, and up to which size of it the law has no feature.
-    fn argument(&self, _index: usize, _input: &ForceInput<f64, D, N, W>) -> [f64; 3] {
-        [0.0; 3]
-    }
+    /// Where these scalars stand, in their order.
+    fn arguments(&self, _input: &ForceInput<f64, D, N, W>, _out: &mut [LawPlace]) {}
     /// What the law makes of the scalar, in whatever unit: the measure of what a step may pass over.
     fn profile(&self, _index: usize, _argument: f64) -> f64 {
         0.0

@@ -584,6 +584,7 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         theta: f64,
     ) -> Result<bool, EvaluationFailure> {
         let (time, gamma_h) = (t_end + (theta - 1.0) * h, self.stages.gamma() * h);
+        self.statistics.derivatives += 3;
         let AtEnd { defect, state, slope, .. } = &mut self.at_end;
         let last = if self.pending { &self.current } else { &self.previous };
         last.interpolate(theta, state);

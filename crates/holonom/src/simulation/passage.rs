@@ -1,7 +1,7 @@
 //! Parts of force laws that a step passes over.
 
 use crate::error::EvaluationFailure;
-use crate::system::{LawArgument, State, System};
+use crate::system::{LawArgument, LawPlace, State, System};
 use std::f64::consts::PI;
 
 /// Halvings of a piece of a cubic in search of a knot: round-off.
@@ -25,8 +25,10 @@ pub(super) struct Place {
     pub(super) time: f64,
     pub(super) value: f64,
     pub(super) rate: f64,
-    /// How fast the direction may turn that it depends on, rad/s; of a velocity, up to which size the law has no feature.
+    /// How fast the direction may turn that it depends on, rad/s.
     pub(super) turning: f64,
+    /// Up to which size of a velocity the law has no feature.
+    pub(super) smooth: f64,
 }
 
 impl Place {
@@ -37,19 +39,23 @@ impl Place {
         time: f64,
         state: &State,
     ) -> Self {
-        let [value, rate, turning] = system.law_argument(argument, state);
-        Self { time, value, rate, turning }
+        Self::at(time, system.law_place(argument, state))
     }
 
-    /// The same of a velocity, whose rate follows from its value `by` seconds away.
+    /// The argument where it stands so at a time, s.
+    pub(super) fn at(time: f64, LawPlace { value, rate, turning, smooth }: LawPlace) -> Self {
+        Self { time, value, rate, turning, smooth }
+    }
+
+    /// A velocity with its rate, which the value at another time tells.
     pub(super) fn with_rate(self, other: &Self) -> Self {
         let rate = (other.value - self.value) / (other.time - self.time);
-        Self { rate, turning: 0.0, ..self }
+        Self { rate, ..self }
     }
 
     /// Whether a velocity may pass one of the knots near these places of a step.
     pub(super) fn may_pass(places: &[Self; 3], knots: &[f64]) -> bool {
-        let bends = places.iter().any(|place| place.value.abs() > place.turning);
+        let bends = places.iter().any(|place| place.value.abs() > place.smooth);
         let [least, largest] =
             places.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[least, largest], place| {
                 [least.min(place.value), largest.max(place.value)]
@@ -362,6 +368,7 @@ mod tests {
     fn crossings(length: f64, ends: [[f64; 2]; 2], knots: &[f64]) -> Vec<f64> {
         let [start, end] = [(0.0, ends[0]), (length, ends[1])].map(|(time, [value, rate])| Place {
             turning: 0.0,
+            smooth: 0.0,
             time,
             value,
             rate,
@@ -404,6 +411,7 @@ mod tests {
             value: (time - 1.0 / 3.0).abs(),
             rate: (time - 1.0 / 3.0).signum(),
             turning: 0.0,
+            smooth: 0.0,
         };
         let mut way = Way::with_room(Some(1));
         let mut asked = 0;
@@ -420,7 +428,10 @@ mod tests {
         assert!(asked > 0 && asked < 30, "{asked}");
         // Nothing is asked for where a parabola tells everything, or where nothing is near.
         let mut no = |_: f64| -> Result<Place, EvaluationFailure> { panic!("no need to ask") };
-        let fall = |time: f64| Place { time, value: -time * time, rate: -2.0 * time, turning: 0.0 };
+        let fall = |time: f64| {
+            let place = LawPlace { value: -time * time, rate: -2.0 * time, ..LawPlace::default() };
+            Place::at(time, place)
+        };
         let looking = Looking { knots: &[-0.3], negligible: 1e-6, inside: &mut no };
         way.follow(looking, [-1.0, 0.25, 1.5].map(fall)).unwrap();
         assert_eq!(way.marks.len(), 5);

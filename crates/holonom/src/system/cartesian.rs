@@ -15,7 +15,8 @@ use super::{
 };
 use crate::elements::body::Body;
 use crate::elements::{
-    ConstraintElement, ForceBlocks, ForceElement, ForceInput, PairBlocks, RowBlocks,
+    ConstraintElement, ForceBlocks, ForceElement, ForceInput, LawPlace, MOST_ARGUMENTS, PairBlocks,
+    RowBlocks,
 };
 use crate::model::{Dimension, Model};
 use crate::watch::checkpoint;
@@ -569,9 +570,23 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Equation
         &self.arguments
     }
 
-    fn law_argument(&self, argument: &LawArgument, state: &State) -> [f64; 3] {
+    fn law_place(&self, argument: &LawArgument, state: &State) -> LawPlace {
         let force = &self.forces[argument.force];
-        force.element.argument(argument.index, &Self::input(force, state))
+        let mut places = [LawPlace::default(); MOST_ARGUMENTS];
+        force.element.arguments(&Self::input(force, state), &mut places[..=argument.index]);
+        places[argument.index]
+    }
+
+    fn law_places(&self, state: &State, out: &mut Vec<LawPlace>) {
+        out.clear();
+        out.resize(self.arguments.len(), LawPlace::default());
+        let mut rest = &mut out[..];
+        for arguments in self.arguments.chunk_by(|a, b| a.force == b.force) {
+            let force = &self.forces[arguments[0].force];
+            let (own, others) = rest.split_at_mut(arguments.len());
+            force.element.arguments(&Self::input(force, state), own);
+            rest = others;
+        }
     }
 
     fn law_profile(&self, argument: &LawArgument, value: f64) -> f64 {

@@ -28,11 +28,11 @@ pub use structure::{
 
 use crate::model::Model;
 
-pub use crate::elements::ExtraStateScale;
 pub use crate::elements::kinematics::{Anchor, EdgeScrews};
 pub use crate::elements::motion::{Motion, MotionRows, Stance, Wrench};
 pub use crate::elements::relative::{Reference, RelativeKind};
 pub use crate::elements::row::RowKind;
+pub use crate::elements::{ExtraStateScale, LawPlace};
 use holonom_linalg::BlockMatrix;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -262,9 +262,11 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
     /// Scalars along which forces have local features, such as a stop or a bump of the road.
     fn law_arguments(&self) -> &[LawArgument];
 
-    /// One of them at a state, its rate, and how fast the direction may turn that it depends on, rad/s; of a velocity, no rate, and
-    /// up to which size of it the law has no feature.
-    fn law_argument(&self, argument: &LawArgument, state: &State) -> [f64; 3];
+    /// Where one of them stands at a state.
+    fn law_place(&self, argument: &LawArgument, state: &State) -> LawPlace;
+
+    /// Where all of them stand.
+    fn law_places(&self, state: &State, out: &mut Vec<LawPlace>);
 
     /// What the law makes of a value of the scalar, in whatever unit.
     fn law_profile(&self, argument: &LawArgument, value: f64) -> f64;

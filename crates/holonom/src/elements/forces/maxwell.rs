@@ -3,7 +3,8 @@ use super::quantity;
 use crate::elements::body::Rigid;
 use crate::elements::space::Triad;
 use crate::elements::{
-    Energy, ExtraRows, ExtraStateScale, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches,
+    Energy, ExtraRows, ExtraStateScale, ForceBlocks, ForceElement, ForceInput, LawPlace, Quantity,
+    Wrenches,
 };
 use crate::math::Real;
 use crate::math::vector::scaled;
@@ -99,9 +100,11 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceEle
         vec![Vec::new()]
     }
 
-    fn argument(&self, _: usize, input: &ForceInput<f64, D, N, W>) -> [f64; 3] {
+    fn arguments(&self, input: &ForceInput<f64, D, N, W>, out: &mut [LawPlace]) {
         let span = self.line.span(input.pair());
-        [span.length, span.rate, Line::<S, D, N, W>::turning(&span, input)]
+        let turning = Line::<S, D, N, W>::turning(&span, input);
+        let place = LawPlace { value: span.length, rate: span.rate, turning, smooth: 0.0 };
+        out.iter_mut().for_each(|out| *out = place);
     }
 
     fn quantities(&self) -> &'static [Quantity] {

@@ -117,8 +117,12 @@ macro_rules! by_variant {
             fn velocities(&self) -> usize {
                 match self { $(Self::$variant(e) => e.velocities(),)+ }
             }
-            fn argument(&self, index: usize, input: &ForceInput<f64, $d, $n, $w>) -> [f64; 3] {
-                match self { $(Self::$variant(e) => e.argument(index, input),)+ }
+            fn arguments(
+                &self,
+                input: &ForceInput<f64, $d, $n, $w>,
+                out: &mut [crate::elements::LawPlace],
+            ) {
+                match self { $(Self::$variant(e) => e.arguments(input, out),)+ }
             }
             fn profile(&self, index: usize, argument: f64) -> f64 {
                 match self { $(Self::$variant(e) => e.profile(index, argument),)+ }

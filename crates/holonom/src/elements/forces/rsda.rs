@@ -3,7 +3,8 @@ use crate::elements::angle::on_branch;
 use crate::elements::body::{Body, angular};
 use crate::elements::space::Triad;
 use crate::elements::{
-    Energy, ForceBlocks, ForceElement, ForceInput, PairBlocks, Quantity, Wrenches, product,
+    Energy, ForceBlocks, ForceElement, ForceInput, LawPlace, PairBlocks, Quantity, Wrenches,
+    product,
 };
 use crate::math::Real;
 use crate::math::spatial::cross;
@@ -273,10 +274,11 @@ impl<A: Between<D, N, W>, const D: usize, const N: usize, const W: usize> ForceE
         law::knots(&self.law)
     }
 
-    fn argument(&self, _: usize, input: &ForceInput<f64, D, N, W>) -> [f64; 3] {
+    fn arguments(&self, input: &ForceInput<f64, D, N, W>, out: &mut [LawPlace]) {
         let angle = self.angle.nearest(input.pair(), input.winding);
         let rate = product(&self.angle.rows(input.pair()), input.twists());
-        [angle - self.free_angle, rate, 0.0]
+        let place = LawPlace { value: angle - self.free_angle, rate, ..LawPlace::default() };
+        out.iter_mut().for_each(|out| *out = place);
     }
 
     fn profile(&self, _: usize, argument: f64) -> f64 {

@@ -2,7 +2,9 @@ use super::line::Line;
 use super::{law, quantity};
 use crate::elements::body::Rigid;
 use crate::elements::space::Triad;
-use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches};
+use crate::elements::{
+    Energy, ForceBlocks, ForceElement, ForceInput, LawPlace, Quantity, Wrenches,
+};
 use crate::math::Real;
 use crate::math::vector::scaled;
 use crate::model::ElasticLaw;
@@ -91,9 +93,16 @@ impl<S: Rigid<D, N, W>, const D: usize, const N: usize, const W: usize> ForceEle
         law::knots_along_line(&self.law)
     }
 
-    fn argument(&self, _: usize, input: &ForceInput<f64, D, N, W>) -> [f64; 3] {
+    fn arguments(&self, input: &ForceInput<f64, D, N, W>, out: &mut [LawPlace]) {
         let span = self.line.span(input.pair());
-        [span.length - self.free_length, span.rate, Line::<S, D, N, W>::turning(&span, input)]
+        let turning = Line::<S, D, N, W>::turning(&span, input);
+        let place = LawPlace {
+            value: span.length - self.free_length,
+            rate: span.rate,
+            turning,
+            smooth: 0.0,
+        };
+        out.iter_mut().for_each(|out| *out = place);
     }
 
     fn profile(&self, _: usize, argument: f64) -> f64 {

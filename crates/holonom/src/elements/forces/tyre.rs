@@ -1,7 +1,9 @@
 use super::{quantity, road};
 use crate::elements::body::{Body, Rigid, angular};
 use crate::elements::space::{Spatial, from_center};
-use crate::elements::{Energy, ForceBlocks, ForceElement, ForceInput, Quantity, Wrenches};
+use crate::elements::{
+    Energy, ForceBlocks, ForceElement, ForceInput, LawPlace, Quantity, Wrenches,
+};
 use crate::math::Real;
 use crate::math::spatial::cross;
 use crate::math::vector::{dot, sum};
@@ -31,6 +33,7 @@ const QUANTITIES: &[Quantity] = &[
 pub struct Tyre {
     center: [f64; 3],
     law: model::Tyre,
+    has_obstacle: bool,
 }
 
 /// On displacement or twist of the wheel's body.
@@ -75,7 +78,9 @@ struct Lateral<T> {
 
 impl Tyre {
     pub(in crate::elements) fn new(tyre: &model::Tyre, centers: &[[f64; 3]; 2]) -> Self {
-        Self { center: from_center(&tyre.frame.point, &centers[1]), law: tyre.clone() }
+        let has_obstacle = road::knots(&tyre.road, tyre.radius).is_some();
+        let center = from_center(&tyre.frame.point, &centers[1]);
+        Self { center, law: tyre.clone(), has_obstacle }
     }
 
     #[inline(always)]
@@ -126,11 +131,13 @@ impl Tyre {
 
     /// What a place among the arguments of the law is.
     fn scalar(&self, index: usize) -> Scalar {
-        let along_road = road::knots(&self.law.road, self.law.radius).map(|_| Scalar::Way);
-        let mut all = [Scalar::Deflection].into_iter().chain(along_road);
-        let rest = [Scalar::Across, Scalar::Along];
-        let before = 1 + usize::from(along_road.is_some());
-        all.nth(index).unwrap_or_else(|| rest[(index - before).min(1)])
+        let way = usize::from(self.has_obstacle);
+        match index {
+            0 => Scalar::Deflection,
+            1 if way == 1 => Scalar::Way,
+            _ if index == 1 + way => Scalar::Across,
+            _ => Scalar::Along,
+        }
     }
 
     /// Moment arm of the lateral force below the wheel centre.
@@ -329,15 +336,34 @@ impl ForceElement<3, 7, 6> for Tyre {
         if self.law.lateral.is_some() { 2 } else { 0 }
     }
 
-    fn argument(&self, index: usize, input: &ForceInput<f64, 3, 7, 6>) -> [f64; 3] {
+    fn arguments(&self, input: &ForceInput<f64, 3, 7, 6>, out: &mut [LawPlace]) {
         let body = &input.bodies[1];
         let contact = self.contact(body);
-        match (self.scalar(index), self.with_lateral(body, &contact)) {
-            // The force is straight in the velocity across up to 45° of slip; next to 90° it has an edge in the one along.
-            (Scalar::Across, Some(lateral)) => [lateral.across, f64::NAN, lateral.regular],
-            (Scalar::Along, Some(lateral)) => [lateral.along, f64::NAN, 0.0],
-            (Scalar::Way, _) => [contact.x, contact.speed[0], 0.0],
-            _ => [contact.deflection, contact.rate, 0.0],
+        let lateral = self.with_lateral(body, &contact);
+        // A wheel off the road slips without a force.
+        let loaded = contact.deflection > 0.0;
+        let velocity = |value: f64, smooth: f64| {
+            let smooth = if loaded { smooth } else { f64::INFINITY };
+            LawPlace { value, smooth, ..LawPlace::default() }
+        };
+        for (index, out) in out.iter_mut().enumerate() {
+            *out = match (self.scalar(index), &self.law.lateral, &lateral) {
+                // The force is straight in the velocity across up to 45° of slip.
+                (Scalar::Across, _, Some(side)) => velocity(side.across, side.regular),
+                // Next to 90° it has an edge in the one along.
+                (Scalar::Along, Some(law), Some(side)) => {
+                    let v0 = law.regularization_speed;
+                    velocity(side.along, if side.across.abs() > v0 { v0 } else { f64::INFINITY })
+                }
+                (Scalar::Way, ..) => {
+                    LawPlace { value: contact.x, rate: contact.speed[0], ..LawPlace::default() }
+                }
+                _ => LawPlace {
+                    value: contact.deflection,
+                    rate: contact.rate,
+                    ..LawPlace::default()
+                },
+            };
         }
     }
 

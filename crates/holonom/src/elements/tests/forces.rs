@@ -9,8 +9,8 @@ use super::*;
 use crate::elements::body::Rigid;
 use crate::elements::space::{Planar, Spatial};
 use crate::elements::{
-    Energy, ExtraRows, ForceBlocks, ForceElement, ForceInput, planar, product as pair_product,
-    spatial,
+    Energy, ExtraRows, ForceBlocks, ForceElement, ForceInput, LawPlace, MOST_ARGUMENTS, planar,
+    product as pair_product, spatial,
 };
 use crate::math::spatial::rotate;
 use crate::math::turn::exponential;
@@ -208,9 +208,18 @@ fn check<S: Displaced<D, N, W>, const D: usize, const N: usize, const W: usize>(
     let noise = (1e-14 * potential.abs() + 1e-15 * largest) / h;
     assert!(balance.abs() <= 1e-7 * size + noise, "{name}: energy {balance:e} of {size:e}");
 
-    for index in 0..e.knots().len() {
-        let [value, rate, _] = e.argument(index, &at.input::<S, D>());
-        let found = richardson(h, |s| vec![e.argument(index, &after(s).input::<S, D>())[0]])[0];
+    // Rates of velocities take accelerations.
+    let count = e.knots().len();
+    let places = |at: &ForceInput<f64, D, N, W>| {
+        let mut out = [LawPlace::default(); MOST_ARGUMENTS];
+        e.arguments(at, &mut out[..count]);
+        out
+    };
+    let here = places(&at.input::<S, D>());
+    for (index, LawPlace { value, rate, .. }) in
+        here[..count - e.velocities()].iter().copied().enumerate()
+    {
+        let found = richardson(h, |s| vec![places(&after(s).input::<S, D>())[index].value])[0];
         let noise = 1e-14 * value.abs().max(1.0) / h;
         let error = (rate - found).abs();
         assert!(

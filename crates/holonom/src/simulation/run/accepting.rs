@@ -5,7 +5,6 @@ use crate::error::EvaluationFailure;
 use crate::reduction::assembly::PROJECTED;
 use crate::simulation::diagnosis::Stop;
 use crate::simulation::ledger::{QUARTERS, StepPowers, powers};
-use crate::simulation::passage::Place;
 use crate::simulation::recorder::Inside;
 use crate::simulation::reparametrization::no_longer_redundant;
 use crate::simulation::stage_powers::{self, Look, StagePowers};
@@ -99,7 +98,7 @@ impl Run<'_> {
     fn look_inside(&mut self, t: f64, step: f64, t_end: f64) {
         self.inside.clear();
         self.stage_powers.begin();
-        self.halfway.clear();
+        self.law_places[1].clear();
         let powered = !self.form.integrates_powers();
         let looks = self.may_pass_over(t, step, t_end);
         if !powered && !looks {
@@ -122,18 +121,17 @@ impl Run<'_> {
             _ => &mut self.recorder,
         };
         let mut found = [None; QUARTERS.len()];
-        for (k, time) in times.into_iter().enumerate() {
+        for (k, theta) in QUARTERS.into_iter().enumerate() {
             let in_middle = k == MIDDLE;
             if !quarters && !(in_middle && (looks || collocation.is_none())) {
                 continue;
             }
             // One that is not found is a rare thing: the middle serves, or a line.
-            let (theta, full) = (QUARTERS[k], driven && collocation.is_none());
+            let full = driven && collocation.is_none();
             let Ok(state) = recorder.state(interpolate, t, step, theta, full) else { continue };
             found[k] = powered.then(|| powers(&system.energy(state)));
             if looks && in_middle {
-                let places = system.law_arguments().iter();
-                self.halfway.extend(places.map(|a| Place::of(system.as_ref(), a, time, state)));
+                system.law_places(state, &mut self.law_places[1]);
             }
         }
         if let Some(nodes) = collocation {

@@ -33,8 +33,8 @@ pub(super) struct Veto {
 }
 
 impl Run<'_> {
-    /// The longest step of `h` at most, and where no error tells of `longest`, from the present state, whatever the formula says of
-    /// its error, where time functions have their next kink at `next`, s.
+    /// Shortens a step `h` from the present state to what turns, force laws, drivers and ramps allow, and to `longest` where there is
+    /// nothing to integrate. Time functions have their next kink at `next`, s.
     pub(super) fn longest_admissible(
         &self,
         h: f64,

@@ -26,7 +26,7 @@ use crate::simulation::energy_scale::EnergyScale;
 use crate::simulation::ledger::{Quadrature, StepPowers};
 use crate::simulation::options::Options;
 use crate::simulation::output::Output;
-use crate::simulation::passage::{Place, Way};
+use crate::simulation::passage::Way;
 use crate::simulation::problem::Problem;
 use crate::simulation::recorder::Recorder;
 use crate::simulation::second_run;
@@ -37,7 +37,7 @@ use crate::simulation::statistics::{EnergySummary, RunWarning, Statistics, Statu
 use crate::simulation::step_length::{self, Driven, clip, smallest_step};
 use crate::simulation::trajectory::{EventKind, Memory, Sink};
 use crate::simulation::warnings::chosen;
-use crate::system::{State, System};
+use crate::system::{LawPlace, State, System};
 use crate::watch::{stage, within};
 use accepting::residuals;
 use limits::Attempted;
@@ -262,8 +262,8 @@ struct Run<'a> {
     missed: [Vec<f64>; 2],
     /// What the last attempt misses of all laws that it passed over.
     passed: Vec<f64>,
-    /// Arguments of force laws in the middle of the step just accepted, if it is known.
-    halfway: Vec<Place>,
+    /// Where arguments of laws stand at the start, in the middle and at the end of the attempt.
+    law_places: [Vec<LawPlace>; 3],
     /// Room for a dense output and for the way of a force law's argument.
     coefficients: Vec<f64>,
     way: Way,
@@ -290,8 +290,8 @@ struct Run<'a> {
     complete: bool,
     /// Whether a law has passed a knot in the step just accepted, or a line its other end.
     passes_knot: bool,
-    /// Something that it passes over is small only because the matrix of the step damps it.
-    damped: Option<passing::PassedOver>,
+    /// What it passes over that is small only because the matrix of the step damps it, undamped.
+    damped: Vec<passing::PassedOver>,
     /// Powers inside the step just accepted, as far as they are known: as [`StepPowers::through`] takes them.
     inside: Vec<[f64; 2]>,
     quadrature: Quadrature,

@@ -37,20 +37,23 @@ impl Run<'_> {
         if !self.may_pass_over(t, step, t_end) {
             return None;
         }
-        if self.halfway.is_empty() {
+        let [first, halfway, last] = &mut self.law_places;
+        if halfway.is_empty() {
             return Some(unknown);
         }
+        self.system.law_places(&self.state, first);
+        self.system.law_places(&self.form.point().state, last);
         let mut inspector = self.inspector.take()?;
         let mut way = std::mem::take(&mut self.way);
         let mut look = |run: &mut Self| {
             let found = run.look_into([t, step, t_end], &mut inspector, &mut way);
             found.unwrap_or(Some(PassedOver { ..unknown }))
         };
-        self.damped = None;
+        self.damped.clear();
         let mut found = look(self);
         // What a matrix from inside a contact damps does not decay where the contact is left.
-        if found.is_none() && self.damped.is_some() {
-            self.damped = None;
+        if found.is_none() && !self.damped.is_empty() {
+            self.damped.clear();
             self.passed.fill(0.0);
             found = match self.stepper.linearize_at_end(self.form.as_mut(), t_end, step) {
                 Ok(true) => look(self),
@@ -59,7 +62,7 @@ impl Run<'_> {
             };
         }
         // Nor where friction that holds at both ends lets go in between.
-        if let (None, Some(damped)) = (&found, self.damped.take()) {
+        while let (None, Some(damped)) = (&found, self.damped.pop()) {
             let theta = ((damped.time - t) / step).clamp(0.0, 1.0);
             let form = self.form.as_mut();
             found = match self.stepper.answers_inside(form, t_end, step, theta) {
@@ -76,6 +79,7 @@ impl Run<'_> {
     /// acceleration at the start.
     pub(super) fn next_knot(&mut self, t: f64, step: f64) -> Option<f64> {
         let (system, state, moved) = (self.system.as_ref(), &self.state, &mut self.row);
+        let [here, _, there] = &mut self.law_places;
         let short = SHORT * step;
         moved.copy_from(state);
         for (q, v) in moved.q.iter_mut().zip(&state.v) {
@@ -84,11 +88,14 @@ impl Run<'_> {
         for (v, a) in moved.v.iter_mut().zip(&state.a) {
             *v += short * a;
         }
-        let times = system.law_arguments().iter().filter_map(|argument| {
-            let [mut here, there] = [state, &*moved].map(|s| Place::of(system, argument, t, s));
+        system.law_places(state, here);
+        system.law_places(moved, there);
+        let places = here.iter().copied().zip(&*there);
+        let times = system.law_arguments().iter().zip(places).filter_map(|(argument, places)| {
+            let (mut here, there) = places;
             let mut acceleration = (there.rate - here.rate) / short;
             if argument.is_velocity {
-                if here.value.abs() <= here.turning {
+                if here.value.abs() <= here.smooth {
                     return None;
                 }
                 (here.rate, acceleration) = ((there.value - here.value) / short, 0.0);
@@ -113,8 +120,7 @@ impl Run<'_> {
         let system = self.system.clone();
         let mut found: Option<PassedOver> = None;
         for (k, argument) in system.law_arguments().iter().enumerate() {
-            let halfway = self.halfway[k];
-            self.follow(way, inspector, argument, halfway, times)?;
+            self.follow(way, inspector, (k, argument), times)?;
             self.passes_knot |= way.passes_knot();
             let step = [times[0], times[1]];
             let at_cusps = self.missed(inspector, step, way.cusps())?;
@@ -159,15 +165,13 @@ impl Run<'_> {
         &mut self,
         way: &mut Way,
         inspector: &mut Recorder,
-        argument: &LawArgument,
-        halfway: Place,
+        (k, argument): (usize, &LawArgument),
         [t, step, t_end]: [f64; 3],
     ) -> Result<(), EvaluationFailure> {
         let system = self.system.as_ref();
         let negligible = self.negligible(argument);
-        let end = &self.form.point().state;
-        let [first, last] = [(t, &self.state), (t_end, end)]
-            .map(|(time, state)| Place::of(system, argument, time, state));
+        let mut places = [(t, 0), (t + 0.5 * step, 1), (t_end, 2)]
+            .map(|(time, at): (f64, usize)| Place::at(time, self.law_places[at][k]));
         let stepper = &mut self.stepper;
         let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
         let mut at = |time: f64| {
@@ -175,7 +179,6 @@ impl Run<'_> {
             Ok(Place::of(system, argument, time, state))
         };
         let knots = &argument.knots;
-        let mut places = [first, halfway, last];
         if !argument.is_velocity {
             return way.follow(Looking { knots, negligible, inside: &mut at }, places);
         }
@@ -251,8 +254,8 @@ impl Run<'_> {
         }
         self.passed.iter_mut().zip(&*near).for_each(|(passed, missed)| *passed += missed);
         let error = self.form.error_norm(near, &self.w_end);
-        if error <= 1.0 && undamped > self.damped.as_ref().map_or(1.0, |damped| damped.error) {
-            self.damped = Some(PassedOver { time: worst.time, error: undamped });
+        if error <= 1.0 && undamped > 1.0 {
+            self.damped.push(PassedOver { time: worst.time, error: undamped });
         }
         Ok((error > 1.0).then_some(PassedOver { time: worst.time, error }))
     }

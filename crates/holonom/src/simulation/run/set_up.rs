@@ -205,7 +205,8 @@ pub(super) fn set_up<'a>(
         powers: StepPowers::through([0.0; 2], &[], powers(&energy)),
         complete: true,
         passes_knot: false,
-        damped: None,
+        // One at a cusp and one between knots.
+        damped: Vec::with_capacity(2 * system.law_arguments().len()),
         inside: Vec::with_capacity(QUARTERS.len()),
         quadrature: Quadrature::default(),
         stall: Stall::default(),
@@ -219,7 +220,7 @@ pub(super) fn set_up<'a>(
         scratch: [vec![0.0; dimension], vec![0.0; dimension]],
         passed: vec![0.0; dimension],
         missed: [vec![0.0; dimension], vec![0.0; dimension]],
-        halfway: Vec::with_capacity(system.law_arguments().len()),
+        law_places: [(); 3].map(|()| Vec::with_capacity(system.law_arguments().len())),
         coefficients: Vec::with_capacity(laws.map_or(0, |_| polynomial)),
         way: Way::with_room(laws),
         row: state.clone(),

@@ -3,7 +3,7 @@
 use super::Run;
 use crate::error::EvaluationFailure;
 use crate::simulation::step_length;
-use crate::system::System;
+use crate::system::{LawPlace, System};
 use std::f64::consts::TAU;
 
 /// Largest turn of an angle in a step whose stages see what goes round with it, rad.
@@ -373,8 +373,10 @@ impl Run<'_> {
             }
             let state = recorder.state_at(t + by * turns.passing, at)?;
             for ([least, largest], argument) in turns.ranges.iter_mut().zip(arguments) {
-                let [value, ..] = system.law_argument(argument, state);
-                (*least, *largest) = (least.min(value), largest.max(value));
+                let LawPlace { value, smooth, .. } = system.law_place(argument, state);
+                if value.abs() >= smooth {
+                    (*least, *largest) = (least.min(value), largest.max(value));
+                }
             }
         }
         Ok(turns.ranges.iter().zip(arguments).any(|([least, largest], argument)| {
