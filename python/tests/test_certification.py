@@ -324,6 +324,39 @@ def test_a_certified_run_says_so(oscillator: Path, capsys: pytest.CaptureFixture
         assert "Certified: yes" in render(result)
 
 
+def test_a_repetition_does_not_look_for_what_it_may_be_wrong_about() -> None:
+    # A rod that stands nearly upright: whatever is wrong at the start grows a millionfold.
+    model = holonom.Model.from_text(
+        """
+        holonom = 1
+        dimension = "planar"
+        gravity = [0.0, -9.81]
+        [bodies.rod]
+        mass = 1.0
+        inertia = 0.1
+        position = [0.0, 0.5]
+        [joints.pin]
+        type = "revolute"
+        between = ["ground", "rod"]
+        point = [0.0, 0.0]
+        [initial.bodies.rod]
+        angular_velocity = 1e-5
+        velocity = [-5e-6, 0.0]
+        [simulation]
+        end_time = 6.0
+        tolerance = 1e-4
+        """
+    )
+
+    def codes(*, repeats: bool) -> list[str]:
+        quiet = [lambda _: None, lambda *_: None, lambda _: None]
+        summary = model._core.simulate("{}", None, *quiet, None, repeats)
+        return [warning["code"] for warning in summary["warnings"]]
+
+    assert codes(repeats=False) == ["simulation/amplified-error"]
+    assert codes(repeats=True) == []
+
+
 def test_a_second_run_that_fails_leaves_the_result_not_certified() -> None:
     model = holonom.Model.from_text(OSCILLATOR)
     steps = model.simulate().statistics
