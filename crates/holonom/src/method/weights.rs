@@ -66,7 +66,7 @@ impl Weights {
             tolerance,
             start: start.q.clone(),
             sizes: *sizes,
-            angle_factor: if sizes.is_planar() { 1.0 } else { 2.0 },
+            angle_factor: sizes.angle_factor(),
             bodies: vec![[1.0; 4]; sizes.bodies],
             extra_scales,
             extra: vec![1.0; sizes.extra_states],

@@ -573,7 +573,7 @@ fn adjustments(
     state: &State,
 ) -> Vec<Adjustment> {
     let sizes = system.structure().sizes;
-    let angle = if sizes.is_planar() { 1.0 } else { 2.0 };
+    let angle = sizes.angle_factor();
     let distance =
         |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt();
     let mut out = Vec::new();

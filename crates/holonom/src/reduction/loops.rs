@@ -320,10 +320,8 @@ impl<'a> Loops<'a> {
         let sizes = self.system.structure().sizes;
         let unit = if at < sizes.translations {
             self.system.characteristic_length()
-        } else if sizes.is_planar() {
-            1.0
         } else {
-            0.5
+            sizes.angle_factor().recip()
         };
         if (x * unit).abs() > NEGLIGIBLE {
             entries.push((sizes.of_body(block).start + at, x * unit));

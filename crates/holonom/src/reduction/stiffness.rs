@@ -75,7 +75,7 @@ pub(super) fn could_be_stiff(
             for (side, body) in info.bodies.into_iter().enumerate() {
                 let Some(body) = body else { continue };
                 let part = &gradient[side * n..(side + 1) * n];
-                let scale = if sizes.is_planar() { 1.0 } else { 0.25 };
+                let scale = sizes.angle_factor().powi(-2);
                 let [r, p] = part.split_at(sizes.translations).into();
                 mobility += norm(r).powi(2) / system.mass(body)
                     + scale * norm(p).powi(2) / system.least_inertia(body);

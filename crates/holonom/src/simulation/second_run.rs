@@ -302,8 +302,7 @@ impl Comparison<'_> {
             let change = &self.differences[usize::from(of_velocity)];
             let [moved, turned] = [translations, rotations]
                 .map(|own| change[own].iter().map(|x| x * x).sum::<f64>().sqrt());
-            // Euler parameters turn by half the angle.
-            let turned = if sizes.is_planar() { turned } else { 2.0 * turned };
+            let turned = sizes.angle_factor() * turned;
             let per = if of_velocity { "/s" } else { "" };
             let by = format!("{moved:.1e} m{per}, {turned:.1e} rad{per}");
             let before = self.half_before(t);

@@ -162,8 +162,7 @@ pub(super) fn driven(
 /// Largest rotation among the bodies of a change of the coordinates, rad.
 fn turning(sizes: &Sizes, x: &[f64]) -> f64 {
     let turns = sizes.by_body(x).map(|[_, p]| p.iter().map(|x| x * x).sum::<f64>().sqrt());
-    let per_unit = if sizes.is_planar() { 1.0 } else { 2.0 };
-    per_unit * turns.fold(0.0, f64::max)
+    sizes.angle_factor() * turns.fold(0.0, f64::max)
 }
 
 /// The step rounded to the resolution of times near `end`, s, so that equal steps stay equal; unrounded where that changes it by more

@@ -134,6 +134,11 @@ impl Sizes {
         self.translations == 2
     }
 
+    /// Angle, rad, of a change by 1 of the coordinates that say how a body is turned: Euler parameters turn by half the angle.
+    pub fn angle_factor(&self) -> f64 {
+        if self.is_planar() { 1.0 } else { 2.0 }
+    }
+
     /// The coordinates of a body: its translations, then its angle or Euler parameters.
     pub fn of_body(&self, body: usize) -> Range<usize> {
         body * self.per_body..(body + 1) * self.per_body

@@ -56,8 +56,7 @@ impl Manifold {
         let sizes = &self.system.structure().sizes;
         let angles = sizes.by_body(x).flat_map(|[_, angles]| angles);
         let largest = angles.fold(0.0f64, |most, x| most.max(x.abs()));
-        // Euler parameters turn by half the angle.
-        if sizes.is_planar() { largest } else { 2.0 * largest }
+        sizes.angle_factor() * largest
     }
 
     /// Solves Φ(q, t) = 0, v(q) = p from the guess in `q`, which must be a point of the branch that is
