@@ -70,13 +70,14 @@ fn every_file_stands_in_the_table_of_its_room() {
     let mut missing = String::new();
     for &(room, _) in MAY_USE {
         let folder = source().join(room);
-        let Ok(table) = fs::read_to_string(folder.join("README.md")) else { continue };
+        let table = fs::read_to_string(folder.join("README.md")).unwrap_or_default();
         visit(&folder, &mut |file, _| {
             let within = file.strip_prefix(&folder).unwrap();
             let name = file.file_name().unwrap().to_string_lossy();
             let first = within.iter().next().unwrap().to_string_lossy();
             let told = table.contains(&*name) || table.contains(&format!("{first}/"));
-            if !told && name != "mod.rs" && !name.contains("test") {
+            let is_test = name.starts_with("test") || name.ends_with("tests.rs");
+            if !told && name != "mod.rs" && !is_test && first != "tests" {
                 writeln!(missing, "{}", within.display()).unwrap();
             }
         });
