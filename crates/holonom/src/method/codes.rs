@@ -13,7 +13,7 @@ use crate::error::printable;
 use crate::formula::{
     DOP853, DOPRI5, Nystrom, RADAU_IIA_5, ROSENBROCK_NYSTROM_4, SDIRK4_15, SDIRK4_16,
 };
-use crate::model::Tolerance;
+use crate::model::{Profile, Tolerance};
 use crate::newton::{Chosen, ReducedMatrix};
 use crate::reduction::{Manifold, ParametrizationKind};
 use crate::system::State;
@@ -109,36 +109,12 @@ pub const CODES: &[CodeInfo] = &[
 /// (docs/methods.md).
 pub const DEFAULT_CODE: Code = Code::ForRadau;
 
-/// Choices that belong together in a code.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Profile {
-    /// Those of the thesis: norm of the independent coordinates, a linearization at every accepted
-    /// step, standard step selection, unfiltered estimates but in ForSDIRK.
-    Thesis,
-    /// Norm of all coordinates, filtered estimates, linearizations and factors kept while the
-    /// iteration is fast.
-    #[default]
-    Improved,
-}
-
 impl Profile {
-    /// Both, with their names in options.
-    pub const ALL: [(Self, &'static str); 2] =
-        [(Self::Improved, "improved"), (Self::Thesis, "thesis")];
-
     /// What the independent variables are unless stated: the thesis partitions coordinates.
     pub fn parametrization(self) -> ParametrizationKind {
         match self {
             Self::Thesis => ParametrizationKind::Partitioning,
             Self::Improved => ParametrizationKind::Tree,
-        }
-    }
-
-    /// Name in options.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Improved => "improved",
-            Self::Thesis => "thesis",
         }
     }
 }

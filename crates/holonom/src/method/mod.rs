@@ -40,8 +40,9 @@ mod stiff_tests;
 #[cfg(test)]
 mod test_systems;
 
+pub use crate::model::Profile;
 pub use codes::{
-    CODES, Code, CodeInfo, DEFAULT_CODE, Newmark, Profile, UnknownMethod, build_form, build_stepper,
+    CODES, Code, CodeInfo, DEFAULT_CODE, Newmark, UnknownMethod, build_form, build_stepper,
 };
 pub use descriptor::{Descriptor, Iterate};
 pub use equation_form::EquationForm;

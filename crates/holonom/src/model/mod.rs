@@ -8,6 +8,7 @@ mod branches;
 mod plausibility;
 mod shapes;
 mod validation;
+mod words;
 
 use crate::math::{planar, spatial, vector};
 
@@ -19,6 +20,9 @@ pub use plausibility::{
 };
 pub use shapes::{Shape, ShapeKind, Surface};
 pub use validation::{FARTHEST, validate};
+pub use words::{
+    Accelerations, Coordinates, JacobianSource, ParametrizationKind, Profile, Representation,
+};
 
 /// Planar models move in x-y and turn about z; spatial models use Euler parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -504,20 +508,20 @@ pub struct SimulationDefaults {
     pub repartition_factor: Option<f64>,
     /// Whether dense output is stored.
     pub dense_output: Option<bool>,
-    /// Name of the parametrization.
-    pub parametrization: Option<&'static str>,
-    /// Name of the source of the integration Jacobian.
-    pub jacobian: Option<&'static str>,
-    /// Name of the representation of the integration Jacobian.
-    pub newton: Option<&'static str>,
-    /// Name of the way to accelerations.
-    pub accelerations: Option<&'static str>,
-    /// Name of the coordinates.
-    pub coordinates: Option<&'static str>,
+    /// What the independent variables are.
+    pub parametrization: Option<ParametrizationKind>,
+    /// Where the integration Jacobian comes from.
+    pub jacobian: Option<JacobianSource>,
+    /// How it is represented.
+    pub newton: Option<Representation>,
+    /// Where accelerations and multipliers come from.
+    pub accelerations: Option<Accelerations>,
+    /// Which coordinates recoveries and derivatives go through.
+    pub coordinates: Option<Coordinates>,
     /// Joints that are no edges of the spanning forest, by their places in [`Model::joints`].
     pub cut: Vec<usize>,
-    /// Name of the profile of the code.
-    pub profile: Option<&'static str>,
+    /// Choices that go with a code.
+    pub profile: Option<Profile>,
 }
 
 /// Tolerances of a run; 1e-4 unless stated.

@@ -1,12 +1,12 @@
 //! Which representation a run uses.
 
 use super::descriptor::Unknowns;
-use super::differences::JacobianSource;
 use super::forest::ForestElimination;
 use super::linearization::Linearization;
-use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Representation};
+use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions};
 use super::sparse::SparseMatrix;
 use crate::error::EvaluationFailure;
+use crate::model::{JacobianSource, Representation};
 use crate::reduction::{Manifold, Point};
 use crate::system::Structure;
 use holonom_linalg::{BlockGraph, Complex64, SingularMatrix, least_degree};

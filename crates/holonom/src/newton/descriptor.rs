@@ -2,10 +2,10 @@
 
 use super::blocks::ReducedBlocks;
 use super::descriptor_pattern::DescriptorPattern;
-use super::differences::JacobianSource;
 use super::linearization::Linearization;
 use super::matrix::{DescriptorForm, Matrix, MatrixOptions};
 use super::units::Units;
+use crate::model::JacobianSource;
 use crate::reduction::{BodyRows, Manifold, Point, Projection};
 use crate::system::{DerivativeBlocks, Structure, System};
 use holonom_linalg::{BlockMatrix, FrozenLu, SingularMatrix, dot};

@@ -5,27 +5,6 @@ use crate::error::EvaluationFailure;
 use crate::reduction::{Manifold, Point, Projection};
 use crate::system::Measure;
 
-/// Where M̂₁, M̂₂ and the blocks of extra states come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum JacobianSource {
-    /// Derivatives of the equations.
-    #[default]
-    Analytic,
-    /// Differences of v̈ and ż with all dependent variables solved anew.
-    Differences,
-}
-
-impl JacobianSource {
-    /// All sources with their names in options.
-    pub const ALL: &'static [(Self, &'static str)] =
-        &[(Self::Analytic, "analytic"), (Self::Differences, "differences")];
-
-    /// Name in options.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|(source, _)| *source == self).map_or("", |(_, name)| name)
-    }
-}
-
 /// Forward differences over the entries of w = (v, v̇, z):
 ///
 /// ```text

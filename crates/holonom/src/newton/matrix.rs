@@ -1,9 +1,9 @@
 //! What a representation of the matrix supplies.
 
 use super::descriptor::Unknowns;
-use super::differences::JacobianSource;
 use super::linearization::Linearization;
 use crate::error::EvaluationFailure;
+use crate::model::{JacobianSource, Representation};
 use crate::reduction::{Manifold, Point};
 use crate::threads::Threads;
 use holonom_linalg::{Complex64, SingularMatrix};
@@ -21,40 +21,10 @@ pub struct MatrixOptions {
     pub threads: Threads,
 }
 
-/// Representations of the integration Jacobian.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Representation {
-    /// By predicted cost.
-    #[default]
-    Auto,
-    /// Reduced blocks, dense of order ndof.
-    Dense,
-    /// Sparse, with the pattern of the mechanism: simplified where loops are closed, inflated on trees.
-    Sparse,
-    /// Sparse and without how joints turn, while iterations with it contract.
-    Simplified,
-    /// Sparse, with all that the Jacobian contains.
-    Inflated,
-}
-
 impl Representation {
-    /// All representations with their names in options.
-    pub const ALL: &'static [(Self, &'static str)] = &[
-        (Self::Auto, "auto"),
-        (Self::Dense, "dense"),
-        (Self::Sparse, "sparse"),
-        (Self::Simplified, "simplified"),
-        (Self::Inflated, "inflated"),
-    ];
-
     /// Whether it is one with the pattern of the mechanism.
     pub fn is_sparse(self) -> bool {
         !matches!(self, Self::Auto | Self::Dense)
-    }
-
-    /// Name in options.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
     }
 }
 

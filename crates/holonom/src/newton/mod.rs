@@ -22,13 +22,13 @@ mod tangent;
 mod units;
 mod zeros;
 
+pub use crate::model::{JacobianSource, Representation};
 pub use blocks::ReducedBlocks;
 pub use chosen::Chosen;
 pub use descriptor::{DescriptorMatrix, Unknowns};
-pub use differences::JacobianSource;
 pub use holonom_linalg::Complex64;
 pub use linearization::Linearization;
-pub use matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Representation};
+pub use matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions};
 pub use reduced::ReducedMatrix;
 pub use solver::Newton;
 pub use sparse::SparseMatrix;

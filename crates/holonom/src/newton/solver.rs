@@ -3,10 +3,11 @@
 use super::alignment::Alignment;
 use super::blocks::ReducedBlocks;
 use super::descriptor::Unknowns;
-use super::differences::{Differences, JacobianSource};
+use super::differences::Differences;
 use super::linearization::Linearization;
-use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions, Representation};
+use super::matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions};
 use crate::error::EvaluationFailure;
+use crate::model::{JacobianSource, Representation};
 use crate::reduction::{Chart, Manifold, Point};
 use holonom_linalg::{Complex64, SingularMatrix};
 

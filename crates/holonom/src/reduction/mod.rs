@@ -27,13 +27,14 @@ mod structural;
 mod tangent_plane;
 mod tree;
 
+pub use crate::model::{Coordinates, ParametrizationKind};
 pub use body_rows::BodyRows;
 pub use body_tree::{BodyTree, ByPosition, parts_of_forest};
 pub use chart::Chart;
 pub use chosen::{ChosenVelocity, chosen_velocities};
-pub use joint::{Coordinates, ReducedDerivatives};
+pub use joint::ReducedDerivatives;
 pub use manifold::{Manifold, RecoveryCounters};
-pub use parametrization::{Parametrization, ParametrizationKind, Projection, largest_index};
+pub use parametrization::{Parametrization, Projection, largest_index};
 pub use partitioning::{RANK_TOLERANCE, partition, scaled_jacobian};
 pub use point::Point;
 pub use relatives::{Relatives, Source};

@@ -6,35 +6,6 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// What the independent variables are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum ParametrizationKind {
-    /// Relative coordinates of a spanning forest.
-    #[default]
-    Tree,
-    /// Independent coordinates.
-    Partitioning,
-    /// An orthonormal basis of null(G) at the last re-parametrization, by QR.
-    TangentPlane,
-    /// The same plane by SVD.
-    TangentPlaneSvd,
-}
-
-impl ParametrizationKind {
-    /// All choices with their names in options.
-    pub const ALL: &'static [(Self, &'static str)] = &[
-        (Self::Tree, "tree"),
-        (Self::Partitioning, "partitioning"),
-        (Self::TangentPlane, "tangent_plane"),
-        (Self::TangentPlaneSvd, "tangent_plane_svd"),
-    ];
-
-    /// Name in options.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
-    }
-}
-
-/// What the independent variables are.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Projection {
     /// Coordinate partitioning: the independent coordinates, ascending.

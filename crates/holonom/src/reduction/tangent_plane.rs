@@ -1,10 +1,11 @@
 //! Choice of the parametrization: independent coordinates, or a basis of the tangent plane.
 
 use super::manifold::Manifold;
-use super::parametrization::{Parametrization, ParametrizationKind, Projection};
+use super::parametrization::{Parametrization, Projection};
 use super::partitioning::partition;
 use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
+use crate::model::ParametrizationKind;
 use crate::system::{Measure, State, System};
 use holonom_linalg::{
     BlockMatrix, DecompositionError, orthonormal_null_space, orthonormal_null_space_qr, thin_svd,

@@ -137,13 +137,14 @@ impl Choices {
             (None, None) => usual.code,
             _ => Code::find(method.map_or(FAMILY, String::as_str), formula)?,
         };
-        let profile = self.profile.as_deref().or(file.profile);
-        let profile = word("profile", profile, &Profile::ALL)?.unwrap_or(usual.profile);
-        let parametrization = self.parametrization.as_deref().or(file.parametrization);
-        let jacobian = self.jacobian.as_deref().or(file.jacobian);
-        let newton = self.newton.as_deref().or(file.newton);
-        let accelerations = self.accelerations.as_deref().or(file.accelerations);
-        let coordinates = self.coordinates.as_deref().or(file.coordinates);
+        let profile = word("profile", self.profile.as_ref(), Profile::ALL)?;
+        let profile = profile.or(file.profile).unwrap_or(usual.profile);
+        let parametrization =
+            word("parametrization", self.parametrization.as_ref(), ParametrizationKind::ALL)?;
+        let jacobian = word("jacobian", self.jacobian.as_ref(), JacobianSource::ALL)?;
+        let newton = word("newton", self.newton.as_ref(), Representation::ALL)?;
+        let accelerations = word("accelerations", self.accelerations.as_ref(), Accelerations::ALL)?;
+        let coordinates = word("coordinates", self.coordinates.as_ref(), Coordinates::ALL)?;
         let threads = self.threads.unwrap_or(1);
         if !(1..=MOST_THREADS).contains(&threads) {
             let rule = "from 1 to 1024";
@@ -180,14 +181,13 @@ impl Choices {
             max_seconds: self.max_seconds.or(file.max_seconds).unwrap_or(usual.max_seconds),
             checkpoint_steps: usual.checkpoint_steps,
             newmark,
-            parametrization: word("parametrization", parametrization, ParametrizationKind::ALL)?
+            parametrization: parametrization
+                .or(file.parametrization)
                 .unwrap_or(profile.parametrization()),
-            jacobian: word("jacobian", jacobian, JacobianSource::ALL)?.unwrap_or(usual.jacobian),
-            newton: word("newton", newton, Representation::ALL)?.unwrap_or(usual.newton),
-            accelerations: word("accelerations", accelerations, Accelerations::ALL)?
-                .unwrap_or(usual.accelerations),
-            coordinates: word("coordinates", coordinates, Coordinates::ALL)?
-                .unwrap_or(usual.coordinates),
+            jacobian: jacobian.or(file.jacobian).unwrap_or(usual.jacobian),
+            newton: newton.or(file.newton).unwrap_or(usual.newton),
+            accelerations: accelerations.or(file.accelerations).unwrap_or(usual.accelerations),
+            coordinates: coordinates.or(file.coordinates).unwrap_or(usual.coordinates),
             threads: Threads::new(threads),
             repartition_factor: self.repartition_factor.or(file.repartition_factor),
             dense_output: self.dense_output.or(file.dense_output),
@@ -266,7 +266,7 @@ where
 /// What a word stated for an option means.
 fn word<T: Copy>(
     option: &'static str,
-    stated: Option<&str>,
+    stated: Option<&String>,
     all: &[(T, &'static str)],
 ) -> Result<Option<T>, RunError> {
     let meant = |word: &str| {
@@ -274,5 +274,5 @@ fn word<T: Copy>(
         let found = all.iter().find(|entry| entry.1 == word).map(|entry| entry.0);
         found.ok_or_else(|| RunError::Word { option, word: printable(word), known: known() })
     };
-    stated.map(meant).transpose()
+    stated.map(|word| meant(word)).transpose()
 }

@@ -2,7 +2,7 @@
 
 use super::checks::{RunError, check_state, why};
 use crate::model::{Dimension, Model};
-use crate::reduction::accelerations::{AccelerationCosts, Accelerations};
+use crate::reduction::accelerations::AccelerationCosts;
 use crate::reduction::assembly::{Assembled, AssemblyError, assemble, start};
 use crate::reduction::{
     ChosenVelocity, Manifold, Parametrization, Relatives, Source, chosen_velocities,
@@ -284,9 +284,7 @@ impl Problem {
 
     /// Where accelerations come from when a run states no more than the model.
     fn accelerations(&self, mut manifold: Manifold) -> AccelerationSummary {
-        let name = self.model.simulation.accelerations.unwrap_or_default();
-        let known = Accelerations::ALL.iter().find(|(_, known)| *known == name);
-        let stated = known.map_or(Accelerations::Auto, |(way, _)| *way);
+        let stated = self.model.simulation.accelerations.unwrap_or_default();
         let outcome = manifold.set_accelerations(stated);
         let accelerator = manifold.accelerator();
         let refusal = outcome.err().or(accelerator.costs().refusal);

@@ -13,7 +13,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("elements", &["math", "model"]),
     ("system", &["elements", "topology", "model", "math"]),
     ("reduction", &["system", "model", "math"]),
-    ("newton", &["reduction", "system", "math"]),
+    ("newton", &["reduction", "system", "model", "math"]),
     ("formula", &[]),
     ("control", &[]),
     ("method", &["newton", "reduction", "system", "formula", "control", "model", "math"]),

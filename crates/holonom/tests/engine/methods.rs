@@ -393,7 +393,7 @@ fn parametrizations_jacobians_and_profiles_go_with_every_method() {
         for info in implicit() {
             for &(parametrization, choice) in ParametrizationKind::ALL {
                 for &(jacobian, source) in JacobianSource::ALL {
-                    for (profile, profile_name) in Profile::ALL {
+                    for &(profile, profile_name) in Profile::ALL {
                         if info.code == Code::ForRosen && jacobian == JacobianSource::Differences {
                             continue;
                         }

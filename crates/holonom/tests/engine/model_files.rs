@@ -633,12 +633,14 @@ fn choices_of_a_run_are_the_words_of_the_options() {
     };
     assert!(DOUBLE_PENDULUM.contains("[simulation]"));
     let fields: [(&str, Vec<&str>, Stated); 6] = [
-        ("parametrization", words(ParametrizationKind::ALL), |s| s.parametrization),
-        ("jacobian", words(JacobianSource::ALL), |s| s.jacobian),
-        ("profile", words(&Profile::ALL), |s| s.profile),
-        ("newton", words(Representation::ALL), |s| s.newton),
-        ("accelerations", words(Accelerations::ALL), |s| s.accelerations),
-        ("coordinates", words(Coordinates::ALL), |s| s.coordinates),
+        ("parametrization", words(ParametrizationKind::ALL), |s| {
+            s.parametrization.map(ParametrizationKind::name)
+        }),
+        ("jacobian", words(JacobianSource::ALL), |s| s.jacobian.map(JacobianSource::name)),
+        ("profile", words(Profile::ALL), |s| s.profile.map(Profile::name)),
+        ("newton", words(Representation::ALL), |s| s.newton.map(Representation::name)),
+        ("accelerations", words(Accelerations::ALL), |s| s.accelerations.map(Accelerations::name)),
+        ("coordinates", words(Coordinates::ALL), |s| s.coordinates.map(Coordinates::name)),
     ];
     for (field, words, stated) in fields {
         for word in words {

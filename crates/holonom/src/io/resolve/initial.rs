@@ -312,13 +312,13 @@ impl Context<'_> {
             max_seconds: stated.max_seconds,
             repartition_factor: stated.repartition_factor,
             dense_output: stated.dense_output,
-            parametrization: stated.parametrization.map(schema::Parametrization::name),
-            jacobian: stated.jacobian.map(schema::JacobianSource::name),
-            newton: stated.newton.map(schema::Newton::name),
-            accelerations: stated.accelerations.map(schema::Accelerations::name),
-            coordinates: stated.coordinates.map(schema::Coordinates::name),
+            parametrization: stated.parametrization,
+            jacobian: stated.jacobian,
+            newton: stated.newton,
+            accelerations: stated.accelerations,
+            coordinates: stated.coordinates,
             cut,
-            profile: stated.profile.map(schema::Profile::name),
+            profile: stated.profile,
         }
     }
 }

@@ -1,5 +1,8 @@
 //! Outputs and run defaults.
 
+use crate::model::{
+    Accelerations, Coordinates, JacobianSource, ParametrizationKind, Profile, Representation,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -55,11 +58,11 @@ pub(crate) struct Simulation {
     /// implicit.
     pub(crate) dense_output: Option<bool>,
     /// What the independent variables are; unless stated tree, with the profile `thesis` partitioning.
-    pub(crate) parametrization: Option<Parametrization>,
+    pub(crate) parametrization: Option<ParametrizationKind>,
     /// Where the integration Jacobian comes from; analytic unless stated.
     pub(crate) jacobian: Option<JacobianSource>,
     /// How the integration Jacobian is represented; by predicted cost unless stated.
-    pub(crate) newton: Option<Newton>,
+    pub(crate) newton: Option<Representation>,
     /// Where accelerations and multipliers come from; by predicted cost unless stated.
     pub(crate) accelerations: Option<Accelerations>,
     /// Which coordinates recoveries and derivatives go through; unless stated joint for trees, and
@@ -72,154 +75,6 @@ pub(crate) struct Simulation {
     pub(crate) cut: Vec<String>,
     /// Choices that go with a code; improved unless stated.
     pub(crate) profile: Option<Profile>,
-}
-
-/// What the independent variables are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Parametrization {
-    /// Relative coordinates of a spanning forest of the bodies.
-    Tree,
-    /// Some of the coordinates.
-    Partitioning,
-    /// Combinations of coordinates along the tangent plane of the constraints, by QR.
-    TangentPlane,
-    /// The same by singular values.
-    TangentPlaneSvd,
-}
-
-impl Parametrization {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Tree => "tree",
-            Self::Partitioning => "partitioning",
-            Self::TangentPlane => "tangent_plane",
-            Self::TangentPlaneSvd => "tangent_plane_svd",
-        }
-    }
-}
-
-/// Where the integration Jacobian comes from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum JacobianSource {
-    /// Derivatives of the elements' equations.
-    Analytic,
-    /// Differences of accelerations; not for ForRosen.
-    Differences,
-}
-
-impl JacobianSource {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Analytic => "analytic",
-            Self::Differences => "differences",
-        }
-    }
-}
-
-/// How the integration Jacobian is represented.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Newton {
-    /// By predicted cost.
-    Auto,
-    /// Of the independent variables alone.
-    Dense,
-    /// With the graph of the mechanism: its cost grows like the number of bodies.
-    Sparse,
-    /// The sparse one without how joints turn, while iterations with it contract.
-    Simplified,
-    /// The sparse one with all of it.
-    Inflated,
-}
-
-impl Newton {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Dense => "dense",
-            Self::Sparse => "sparse",
-            Self::Simplified => "simplified",
-            Self::Inflated => "inflated",
-        }
-    }
-}
-
-/// Where accelerations and multipliers come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Accelerations {
-    /// By predicted cost.
-    Auto,
-    /// From body to body along a tree; there are no loops.
-    Recursive,
-    /// A dense matrix of the independent variables alone.
-    NullSpace,
-    /// A matrix of the multipliers alone, by blocks of joints; every body needs mass and inertia.
-    Reduced,
-    /// A sparse matrix of accelerations and multipliers.
-    Augmented,
-}
-
-impl Accelerations {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Recursive => "recursive",
-            Self::NullSpace => "null_space",
-            Self::Reduced => "reduced",
-            Self::Augmented => "augmented",
-        }
-    }
-}
-
-/// Which coordinates recoveries and derivatives go through.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Coordinates {
-    /// Joint for trees, and for models with loops of up to 200 degrees of freedom where few loops hang together; else
-    /// Cartesian.
-    Auto,
-    /// Poses of bodies, with equations for every joint.
-    Cartesian,
-    /// Relative coordinates along the spanning tree, with equations for what closes loops.
-    Joint,
-}
-
-impl Coordinates {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Cartesian => "cartesian",
-            Self::Joint => "joint",
-        }
-    }
-}
-
-/// Choices that go with a code.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Profile {
-    /// Norm over all coordinates, filtered estimates, reuse of Jacobians.
-    Improved,
-    /// As in the thesis that the codes come from.
-    Thesis,
-}
-
-impl Profile {
-    /// Name in files and options.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Improved => "improved",
-            Self::Thesis => "thesis",
-        }
-    }
 }
 
 /// Tolerances of a run.

@@ -2,40 +2,9 @@
 
 use super::solvers::envelope_multiplications;
 use super::{Numbering, ReducedEnvelope, ReducedMatrix, Refusal};
+use crate::model::Accelerations;
 use crate::system::System;
 use holonom_linalg::EnvelopePlan;
-
-/// Where accelerations and multipliers come from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Accelerations {
-    /// By predicted cost.
-    #[default]
-    Auto,
-    /// Along the tree, by articulated bodies.
-    Recursive,
-    /// M̂ = DᵀMD of the independent variables, dense.
-    NullSpace,
-    /// B = G M⁻¹ Gᵀ of the multipliers, by blocks of joints within an envelope.
-    Reduced,
-    /// The augmented matrix [M Gᵀ; G 0], sparse.
-    Augmented,
-}
-
-impl Accelerations {
-    /// All of them with their names in options.
-    pub const ALL: &'static [(Self, &'static str)] = &[
-        (Self::Auto, "auto"),
-        (Self::Recursive, "recursive"),
-        (Self::NullSpace, "null_space"),
-        (Self::Reduced, "reduced"),
-        (Self::Augmented, "augmented"),
-    ];
-
-    /// Name in options.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
-    }
-}
 
 /// Predicted operations of one solve, in multiplications of a sparse elimination.
 #[derive(Debug, Clone, Copy, PartialEq)]

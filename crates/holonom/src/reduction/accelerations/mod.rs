@@ -8,9 +8,10 @@ mod products;
 mod reduced;
 mod solvers;
 
+pub use crate::model::Accelerations;
 pub use accelerator::Accelerator;
 pub(in crate::reduction) use accelerator::Known;
-pub use choice::{AccelerationCosts, Accelerations};
+pub use choice::AccelerationCosts;
 pub use reduced::{ReducedMatrix, Refusal};
 
 use crate::error::EvaluationFailure;

@@ -37,29 +37,6 @@ use engine::Engine;
 use std::any::Any;
 use std::sync::Arc;
 
-/// Which coordinates recoveries and derivatives go through.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Coordinates {
-    /// By predicted cost.
-    #[default]
-    Auto,
-    /// Poses of bodies, with equations for every joint.
-    Cartesian,
-    /// Relative coordinates along the tree, with equations for what closes loops.
-    Joint,
-}
-
-impl Coordinates {
-    /// All of them with their names in options.
-    pub const ALL: &'static [(Self, &'static str)] =
-        &[(Self::Auto, "auto"), (Self::Cartesian, "cartesian"), (Self::Joint, "joint")];
-
-    /// Name in options.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|(choice, _)| *choice == self).map_or("", |(_, name)| name)
-    }
-}
-
 /// Where derivatives of the reduced equations go: square of order ndof by rows, or for each extra state one number per
 /// independent variable.
 #[derive(Debug)]
