@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,17 +53,35 @@ _TIME_IS_UP = "simulation/max-seconds"
 _SHORTER = 0.6
 
 
+@dataclass(frozen=True)
+class Observers:
+    """Who is told of a run while it goes on; see `Model.simulate`."""
+
+    progress: Progress | None = None
+    watch: Watch | None = None
+    rows: Rows | None = None
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What the core is asked for: `text` is `chosen` as JSON."""
+
+    model: Model
+    chosen: dict[str, Any]
+    text: str
+    state: dict[str, NDArray[np.float64]] | None
+    checkpoint: str | None = None
+
+
 def run(
     model: Model,
     options: Options,
     start: Mapping[str, NDArray[np.float64]] | None,
     output: Path | None,
     raise_failure: bool,
-    progress: Progress | None,
-    watch: Watch | None,
     certify: bool,
+    observers: Observers,
     *,
-    rows: Rows | None = None,
     keep: bool = False,
     force: bool = False,
     source: Path | None = None,
@@ -91,19 +110,8 @@ def run(
             recorder = _Recorder(model, again, requested, output, False, continues, force, place)
             try:
                 first = None if place.text else first_state(continues, place)
-                return _recorded(
-                    model,
-                    again,
-                    as_then,
-                    first,
-                    recorder,
-                    raise_failure,
-                    progress,
-                    watch,
-                    rows,
-                    False,
-                    place.text,
-                )
+                job = _Job(model, again, as_then, first, place.text)
+                return _recorded(job, recorder, observers, raise_failure, False)
             except (NotRepeatedError, SimulationError) as error:
                 if isinstance(error, SimulationError) and error.code != "simulation/checkpoint":
                     raise
@@ -113,35 +121,24 @@ def run(
     recorder = _Recorder(model, chosen, requested, output, certify, continues, force)
     recorder.warnings += noted
     try:
-        return _recorded(
-            model, chosen, text, state, recorder, raise_failure, progress, watch, rows, certify
-        )
+        job = _Job(model, chosen, text, state)
+        return _recorded(job, recorder, observers, raise_failure, certify)
     finally:
         recorder.release()
 
 
 def _recorded(
-    model: Model,
-    chosen: dict[str, Any],
-    text: str,
-    state: dict[str, NDArray[np.float64]] | None,
-    recorder: _Recorder,
-    raise_failure: bool,
-    progress: Progress | None,
-    watch: Watch | None,
-    rows: Rows | None,
-    certify: bool,
-    checkpoint: str | None = None,
+    job: _Job, recorder: _Recorder, observers: Observers, raise_failure: bool, certify: bool
 ) -> Result:
     def append(chunk: dict[str, Any]) -> None:
         recorder.append(chunk)
-        if rows is not None:
-            rows(chunk)
+        if observers.rows is not None:
+            observers.rows(chunk)
 
     ended = False
     try:
         with _DeferredInterrupts() as interrupts:
-            summary = _simulate(model, text, state, append, progress, watch, interrupts, checkpoint)
+            summary = _simulate(job, append, observers, interrupts)
             recorder.finish(summary)
             ended = True
     except KeyboardInterrupt as error:
@@ -168,7 +165,7 @@ def _recorded(
             raise Interrupted({"code": "simulation/interrupted", **reason}, result)
         if raise_failure:
             raise SimulationError(reason, result)
-    elif certify and _certified(model, chosen, state, recorder.reader, result, progress, watch):
+    elif certify and _certified(job, recorder.reader, result, observers):
         message = "interrupted in the second run, which certifies; the result of the first is whole"
         raise Interrupted(
             {
@@ -224,14 +221,7 @@ def _require_error_control(chosen: Mapping[str, Any]) -> None:
         )
 
 
-def _certify(
-    model: Model,
-    chosen: dict[str, Any],
-    state: dict[str, NDArray[np.float64]] | None,
-    reader: Stored,
-    progress: Progress | None,
-    watch: Watch | None,
-) -> bool:
+def _certify(job: _Job, reader: Stored, observers: Observers) -> bool:
     """Run a second time at a tenth of the tolerance and add what it says to the first run's store.
 
     Returns
@@ -239,6 +229,7 @@ def _certify(
     bool
         Whether Ctrl-C was pressed.
     """
+    chosen = job.chosen
     start = float(chosen["start_time"])
     second = chosen | {"tolerance": tightened(chosen["tolerance"]), "dense_output": False}
     # Where something else than errors limits steps, a repetition would take the same ones.
@@ -251,19 +242,17 @@ def _certify(
     ahead = int(times[0] > start)
     if ahead:
         second["output_times"] = [start, *times]
-    names = certified_channels(model, reader.meta["requested"])
-    measurement = Measurement(model, names, reader, chosen["tolerance"], ahead)
+    names = certified_channels(job.model, reader.meta["requested"])
+    measurement = Measurement(job.model, names, reader, chosen["tolerance"], ahead)
     summary: dict[str, Any] = {}
     failure: dict[str, Any] | None = None
     interrupted = False
     try:
-        if progress is not None:
-            progress(start, 0.0, 0)
+        if observers.progress is not None:
+            observers.progress(start, 0.0, 0)
+        again = replace(job, chosen=second, text=_encode(second))
         with _DeferredInterrupts() as interrupts:
-            text = _encode(second)
-            summary = _simulate(
-                model, text, state, measurement.append, progress, watch, interrupts, repeats=True
-            )
+            summary = _simulate(again, measurement.append, observers, interrupts, repeats=True)
     except KeyboardInterrupt:
         interrupted = True
     except HolonomError as error:
@@ -287,18 +276,10 @@ def _certify(
     return interrupted
 
 
-def _certified(
-    model: Model,
-    chosen: dict[str, Any],
-    state: dict[str, NDArray[np.float64]] | None,
-    reader: Stored,
-    result: Result,
-    progress: Progress | None,
-    watch: Watch | None,
-) -> bool:
+def _certified(job: _Job, reader: Stored, result: Result, observers: Observers) -> bool:
     """Do what `_certify` does; where its finding cannot be stored, the first run is not lost."""
     try:
-        return _certify(model, chosen, state, reader, progress, watch)
+        return _certify(job, reader, observers)
     except FileError as error:
         error.result = result
         raise
@@ -325,30 +306,26 @@ def _not_repeated(error: Exception) -> dict[str, str]:
 
 
 def _simulate(
-    model: Model,
-    chosen: str,
-    state: dict[str, NDArray[np.float64]] | None,
+    job: _Job,
     on_chunk: Callable[[dict[str, Any]], None],
-    progress: Progress | None,
-    watch: Watch | None,
+    observers: Observers,
     interrupts: _DeferredInterrupts,
-    checkpoint: str | None = None,
     *,
     repeats: bool = False,
 ) -> dict[str, Any]:
     def on_progress(time: float, step_size: float, steps: int) -> None:
         with interrupts.heeded():
-            if progress is not None:
-                progress(time, step_size, steps)
+            if observers.progress is not None:
+                observers.progress(time, step_size, steps)
 
     def on_stage(stage: str) -> None:
         with interrupts.heeded():
-            if watch is not None:
-                watch(stage)
+            if observers.watch is not None:
+                observers.watch(stage)
 
     with translated():
-        summary = model._core.simulate(
-            chosen, state, on_chunk, on_progress, on_stage, checkpoint, repeats
+        summary = job.model._core.simulate(
+            job.text, job.state, on_chunk, on_progress, on_stage, job.checkpoint, repeats
         )
     if summary["status"] == "interrupted":
         interrupts.settle()

@@ -340,7 +340,7 @@ class Model(Compiled):
             If Ctrl-C ended the run; likewise. In the second run of `certify` the ``result`` is
             whole, and not certified.
         """
-        from holonom.simulation import run  # here, because it needs `Model` itself
+        from holonom.simulation import Observers, run  # here, because it needs `Model` itself
 
         if on_failure not in ("raise", "return"):
             raise UsageError(
@@ -367,10 +367,8 @@ class Model(Compiled):
             start,
             target,
             on_failure == "raise",
-            progress,
-            watch,
             certify,
-            rows=rows,
+            Observers(progress, watch, rows),
             keep=keep,
             force=force,
             source=None if source is None else as_path(source),
