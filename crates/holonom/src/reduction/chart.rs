@@ -464,9 +464,8 @@ fn singular(system: &dyn System, e: holonom_linalg::SingularMatrix) -> Evaluatio
     EvaluationFailure::new(
         "simulation/singular-configuration",
         format!(
-            "the joints leave coordinate `{}` undetermined here (pivot {:.1e})",
-            system.coordinate_name(e.column),
-            e.pivot
+            "the joints leave coordinate `{}` undetermined here",
+            system.coordinate_name(e.column)
         ),
     )
     .of_coordinate(e.column)

@@ -286,6 +286,12 @@ impl Way {
         &self.cusps
     }
 
+    /// How fast the line passes its other end, m/s, if [`Way::follow`] has found that it does.
+    pub(super) fn speed_at_cusp(&self) -> Option<f64> {
+        let fastest = self.places.iter().fold(0.0f64, |most, place| most.max(place.rate.abs()));
+        (!self.cusps.is_empty()).then_some(fastest)
+    }
+
     /// Whether [`Way::follow`] has found a knot or such a place.
     pub(super) fn passes_knot(&self) -> bool {
         !self.marks.is_empty()

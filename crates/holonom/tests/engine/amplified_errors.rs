@@ -2,6 +2,7 @@
 
 use crate::common::integrate::space::{pose, pose_rate, vector};
 use crate::common::integrate::{dop853, tight};
+use crate::common::table::all_codes;
 use crate::common::{model_of, options, run_model};
 use holonom::method::{CODES, Code, DEFAULT_CODE};
 use holonom::model::Model;
@@ -238,6 +239,109 @@ slide = {{ displacement = 0.0, velocity = {} }}
         warnings += usize::from(warned);
     }
     assert_eq!(warnings, 1, "the longest one is warned of, the others are not");
+}
+
+/// What a spring with a free length of 0.5 m pulls a slider of 1 kg with along a line, and one to a place of rest.
+const STIFFNESS: [f64; 2] = [265.84, 13.918];
+/// Amplitude and angular frequency of the slider at its other end.
+const SHAKEN: [f64; 2] = [0.587, 32.18];
+
+/// Place and velocity at each time of the slider that begins at 0.5 m at rest, by its harmonic motions between the moments at
+/// which the ends of the spring pass each other, and how often they do.
+fn passing(times: &[f64]) -> (Vec<[f64; 2]>, u32) {
+    let [k, rest] = STIFFNESS;
+    let [a, frequency] = SHAKEN;
+    let own = (k + rest).sqrt();
+    let forced = k * a / (own * own - frequency * frequency);
+    let piece = |from: f64, [x, v]: [f64; 2], side: f64, t: f64| {
+        let center = (0.5 * side * k + 0.5 * rest) / (own * own);
+        let wave = |t: f64| {
+            let (sin, cos) = (frequency * t).sin_cos();
+            [center + forced * sin, forced * frequency * cos]
+        };
+        let [free, rate] = [x - wave(from)[0], v - wave(from)[1]];
+        let (sin, cos) = (own * (t - from)).sin_cos();
+        let [x, v] = wave(t);
+        [x + free * cos + rate / own * sin, v + rate * cos - own * free * sin]
+    };
+    let (mut from, mut state, mut side, mut passings) = (0.0, [0.5, 0.0], 1.0, 0);
+    let mut all = Vec::new();
+    for &time in times {
+        let mut at = from;
+        while at < time {
+            let next = (at + 1e-4).min(time);
+            let apart =
+                |t: f64| side * (piece(from, state, side, t)[0] - a * (frequency * t).sin());
+            if at > from && apart(next) < 0.0 {
+                let (mut before, mut after) = (at, next);
+                for _ in 0..50 {
+                    let middle = 0.5 * (before + after);
+                    if apart(middle) > 0.0 { before = middle } else { after = middle }
+                }
+                (state, from) = (piece(from, state, side, after), after);
+                (side, passings) = (-side, passings + 1);
+            }
+            at = next;
+        }
+        all.push(piece(from, state, side, time));
+    }
+    (all, passings)
+}
+
+#[test] // independent truth: harmonic motions between the passings, which are found by halving
+fn lines_whose_ends_pass_each_other_are_right_or_warned_of() {
+    let [[k, rest], [a, frequency]] = [STIFFNESS, SHAKEN];
+    let model = model_of(&format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+shaken = {{ mass = 1.0, inertia = 0.1, position = [0.0, 0.0] }}
+slider = {{ mass = 1.0, inertia = 0.1, position = [0.5, 0.0] }}
+[joints]
+rail = {{ type = "translational", between = ["ground", "shaken"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+guide = {{ type = "translational", between = ["ground", "slider"], point = [0.5, 0.0], axis = [1.0, 0.0] }}
+[forces]
+spring = {{ type = "tsda", between = ["shaken", "slider"], points = [[0.0, 0.0], [0.5, 0.0]], stiffness = {k}, free_length = 0.5 }}
+rest = {{ type = "tsda", between = ["ground", "slider"], points = [[20.0, 0.0], [0.5, 0.0]], stiffness = {rest}, free_length = 19.5 }}
+[drivers]
+motor = {{ joint = "rail", coordinate = "translation", motion = {{ type = "harmonic", amplitude = {a}, angular_frequency = {frequency} }} }}
+[initial.bodies]
+slider = {{ velocity = [0.0, 0.0] }}
+"#
+    ));
+    let end = 4.03;
+    let mut wrong = 0;
+    for code in all_codes() {
+        for tolerance in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6] {
+            let options = Options {
+                channels: ["slider.position", "slider.velocity"].map(str::to_owned).to_vec(),
+                output: OutputTimes::Interval(end / 200.0),
+                ..options(code, tolerance, end)
+            };
+            let outcome = run_model(&model, &options);
+            let (truth, passings) = passing(outcome.times());
+            assert_eq!(passings, 36);
+            let [places, rates] =
+                ["slider.position", "slider.velocity"].map(|channel| outcome.series(channel, 0));
+            let (mut farthest, mut fastest) = (0.0f64, 0.0f64);
+            let errors = truth.iter().zip(places.iter().zip(&rates)).map(|(truth, (x, v))| {
+                farthest = farthest.max((truth[0] - 0.5).abs());
+                fastest = fastest.max(truth[1].abs());
+                let of_rate = (v - truth[1]).abs() / (1.0 + fastest);
+                ((x - truth[0]).abs() / (1.0 + farthest)).max(0.5 * of_rate) / tolerance
+            });
+            let error = errors.fold(0.0, f64::max);
+            let name = code.info().name;
+            assert!(
+                error <= WRONG || warned(&outcome.summary),
+                "{name}, {tolerance:e}: {error} without a warning"
+            );
+            wrong += usize::from(error > WRONG);
+        }
+    }
+    assert!(wrong > 0, "nothing to warn of");
 }
 
 #[test] // independent truth: the run as a whole

@@ -49,8 +49,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> JointForm for Engine<A, N
         self.closures.factor().map_err(|e| {
             let (group, row) = self.names[self.closures.dependent[e.column]];
             let name = Relatives::name_of(self.system.as_ref(), group, row);
-            let message =
-                format!("the joints leave `{name}` undetermined here (pivot {:.1e})", e.pivot);
+            let message = format!("the joints leave `{name}` undetermined here");
             EvaluationFailure::new("simulation/singular-configuration", message).of_group(group)
         })
     }
