@@ -275,12 +275,13 @@ def _facts(result: Result) -> dict[str, str]:
 
 def _library(name: str, what: str, extra: str) -> Any:
     """Import a library that comes with an extra, or say how to get it."""
+    package = name.partition(".")[0]
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] != name.partition(".")[0]:
+        if (error.name or "").partition(".")[0] != package:
             raise
         raise UsageError(
-            f"{what} need {name.partition('.')[0]}, which is not installed",
-            help=f"it comes with the extra `{extra}`: `pip install 'holonom[{extra}]'`",
+            f"{what} need {package}, which is not installed",
+            help=f"it comes with the extra `{extra}`, or by `pip install {package}`",
         ) from None

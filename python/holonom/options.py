@@ -120,7 +120,7 @@ class Options:
     )
     max_step: float | None = _choice("positive", "Largest step size.", "s")
     initial_step: float | None = _choice("positive", "First step size.", "s")
-    max_steps: int | None = _choice("count", "Largest number of steps.")
+    max_steps: int | None = _choice("count", "Largest number of attempted steps.")
     max_seconds: float | None = _choice(
         "positive",
         "Largest wall time from the call on: assembly and every part of a step count, reading the "

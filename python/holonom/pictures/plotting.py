@@ -228,6 +228,6 @@ def _require_matplotlib(what: str) -> None:
         if (error.name or "").partition(".")[0] != "matplotlib":
             raise
         raise UsageError(
-            f"{what} need matplotlib, which is not installed; it comes with the extra `plot`, as "
-            "in `pip install 'holonom[plot]'`\n  help: pictures that end in .svg need nothing else"
+            f"{what} need matplotlib, which is not installed; it comes with the extra `plot`, or "
+            "by `pip install matplotlib`\n  help: pictures that end in .svg need nothing else"
         ) from None

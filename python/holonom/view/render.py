@@ -209,7 +209,8 @@ def _pillow() -> Any:
         from PIL import Image
     except ImportError:
         raise FileError(
-            "films as GIF need the package pillow", help="pip install 'holonom[render]'"
+            "films as GIF need the package pillow",
+            help="it comes with the extra `render`, or by `pip install pillow`",
         ) from None
     return Image
 

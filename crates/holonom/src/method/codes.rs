@@ -260,7 +260,7 @@ pub fn build_stepper(
                 Code::Dopri5 | Code::Dop853 => 32.0,
                 _ => 1.0,
             };
-            // That of carried errors: `docs/theory/simulation.md` (11).
+            // Source: `docs/theory/method.md` (11b).
             let own_error = Some(tolerance.relative.max(tolerance.rotation));
             StepperOptions { caution, own_error, ..StepperOptions::improved(tolerance.relative) }
         }

@@ -11,7 +11,7 @@ use holonom_linalg::{Scalar, dot};
 ///
 /// With r_z ← E⁻¹ r_z done first no other E⁻¹ is left: F_z, F_z E⁻¹ g_q and F_z E⁻¹ g_q̇ are sums over single states.
 ///
-/// Source: `docs/theory/newton.md` (5), (6).
+/// Source: `docs/theory/newton.md` (2), (4), (6).
 #[derive(Debug, Clone)]
 pub(super) struct Elimination<T> {
     blocks: Vec<ExtraBlock>,

@@ -14,7 +14,7 @@ pub(crate) struct Outputs {
     /// Channels `item.quantity`; `item.*` stands for all quantities of the item.
     #[serde(default)]
     pub(crate) channels: Vec<String>,
-    /// Time between two outputs, positive.
+    /// Time between two outputs, positive. Default: 1/200 of the run.
     #[schemars(extend("x-unit" = "s"))]
     pub(crate) interval: Option<f64>,
 }
@@ -30,9 +30,9 @@ pub(crate) struct Simulation {
     /// End, not before the start.
     #[schemars(extend("x-unit" = "s"))]
     pub(crate) end_time: Option<f64>,
-    /// One number for all parts, or some of them.
+    /// One number for all parts, or some of them. Default: 1e-4.
     pub(crate) tolerance: Option<Tolerance>,
-    /// Name of a code (`ForSDIRK`) or of a family of methods (`first_order`).
+    /// Name of a code (`ForSDIRK`) or of a family of methods (`first_order`). Default: `ForRadau`.
     pub(crate) method: Option<String>,
     /// Formula within a family of methods.
     pub(crate) formula: Option<String>,
@@ -45,7 +45,7 @@ pub(crate) struct Simulation {
     /// First step size, positive.
     #[schemars(extend("x-unit" = "s"))]
     pub(crate) initial_step: Option<f64>,
-    /// Largest number of steps.
+    /// Largest number of attempted steps, refused ones included. Default: 10,000,000.
     #[schemars(range(min = 1))]
     pub(crate) max_steps: Option<u64>,
     /// Largest wall time of a run with its assembly, positive.
