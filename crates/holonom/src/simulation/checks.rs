@@ -493,7 +493,7 @@ pub(super) fn set_coordinates(
 
 /// How many equations that close loops may be solved together where joint coordinates cost less; `None` where they do not
 /// anyway. A rule from measurements (`benchmarks/coordinates`): on trees they take 0.45 to 0.85 of the time, whether or not drivers
-/// move them. Where loops are closed their matrices are dense: up to ten equations in a plane and about 60 in space,
+/// move them. Where loops are closed their matrices are dense: up to 30 equations in a plane and 120 in space,
 /// and as many freedoms as a dense mass matrix is worth at each evaluation, which implicit codes have more use for.
 fn pays(manifold: &Manifold, explicit: bool) -> Option<usize> {
     let relatives = manifold.chart().parametrization().relatives()?;
@@ -511,8 +511,8 @@ fn pays(manifold: &Manifold, explicit: bool) -> Option<usize> {
 /// Degrees of freedom of a model with loops, and equations that are solved together, up to which dense matrices cost less.
 const LARGEST_EXPLICIT: usize = 100;
 const LARGEST_IMPLICIT: usize = 200;
-const TOGETHER_IN_A_PLANE: usize = 10;
-const TOGETHER_IN_SPACE: usize = 60;
+const TOGETHER_IN_A_PLANE: usize = 30;
+const TOGETHER_IN_SPACE: usize = 120;
 /// Equations up to which it is found out which of them are solved together.
 const EQUATIONS: usize = 1000;
 

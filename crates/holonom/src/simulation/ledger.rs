@@ -92,6 +92,20 @@ impl StepPowers {
     }
 }
 
+/// Means by Boole's rule in parts of four of moments in equal distances, W.
+pub(super) fn mean_of_parts(moments: &[[f64; 2]]) -> [f64; 2] {
+    let parts = (moments.len() - 1) / 4;
+    let mut sum = [0.0; 2];
+    for part in 0..parts {
+        let mean = StepPowers { at: std::array::from_fn(|k| moments[4 * part + k]) }.mean();
+        sum = std::array::from_fn(|k| sum[k] + mean[k]);
+    }
+    sum.map(|x| x / parts as f64)
+}
+
+/// What a step has been looked at in vain for counts twice, and after each step by this part of it.
+const FORGOTTEN: f64 = 0.95;
+
 /// How many tolerances of a power Simpson's rule may miss of what the longest steps let drivers do:
 /// [`step_length::driven`](super::step_length::driven).
 pub(super) const WAVES: f64 = 10.0;
@@ -103,9 +117,23 @@ pub(super) struct Quadrature {
     largest: [f64; 2],
     /// Those that were believed.
     seen: [f64; 2],
+    /// What may be missing after a step without being looked for, J: some was, in vain.
+    #[serde(default)]
+    unexplained: f64,
 }
 
 impl Quadrature {
+    /// Whether what is missing after a step, J, is to be looked for.
+    pub(super) fn is_to_be_found(&mut self, missing: f64) -> bool {
+        self.unexplained *= FORGOTTEN;
+        missing > self.unexplained
+    }
+
+    /// It was not found.
+    pub(super) fn give_up(&mut self, missing: f64) {
+        self.unexplained = 2.0 * missing;
+    }
+
     /// Powers along a step, as [`StepPowers::through`] gives them. At quarters they are believed up to twice what drivers make
     /// of them: what is stiff, which only implicit codes step over, makes much of the error of a state inside a step.
     pub(super) fn along(

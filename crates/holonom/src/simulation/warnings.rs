@@ -66,6 +66,11 @@ pub(super) fn warnings(
     out
 }
 
+/// Part of the energy that moved from which on what is missing of it is told, by the relative tolerance.
+pub(super) fn missing_share(tolerance: f64) -> f64 {
+    LARGEST_IMBALANCE.max(TOLERANCES * tolerance)
+}
+
 /// What the energy of a run says that is missing. Equations: `docs/theory/simulation.md` (4), (4a), (4b).
 #[derive(Debug)]
 pub(super) struct MissingEnergy {
@@ -85,7 +90,7 @@ impl MissingEnergy {
         drift: f64,
         options: &Options,
     ) -> Self {
-        let share = LARGEST_IMBALANCE.max(TOLERANCES * options.tolerance.relative);
+        let share = missing_share(options.tolerance.relative);
         let warning = |message| RunWarning { code: IMBALANCE, message };
         let allowed = (share * e.moved).max(negligible);
         if e.largest_imbalance > allowed {

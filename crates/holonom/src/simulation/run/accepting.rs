@@ -4,25 +4,22 @@ use super::{Run, failed};
 use crate::error::EvaluationFailure;
 use crate::reduction::assembly::PROJECTED;
 use crate::simulation::diagnosis::Stop;
-use crate::simulation::ledger::{QUARTERS, StepPowers, powers};
+use crate::simulation::ledger::{QUARTERS, powers};
 use crate::simulation::recorder::Inside;
 use crate::simulation::reparametrization::no_longer_redundant;
-use crate::simulation::stage_powers::{self, Look, StagePowers};
-use crate::simulation::step_length;
+use crate::simulation::stage_powers::{self, Look};
 use crate::system::{EnergyBalance, State, System};
 use crate::watch::unwatched;
 use std::time::Instant;
 
 /// A position residual may reach this times max(1, L).
-const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
+pub(super) const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
 /// A velocity residual may reach this times max(1, ‖q̇‖∞).
 const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
 /// Growth of the condition of the constraints in use by which what violates those left out may be their round-off.
 const AMPLIFYING: f64 = 100.0;
 /// The place of the middle among [`QUARTERS`].
 const MIDDLE: usize = 1;
-/// The shortest step that powers make, as a part of the longest that such a run takes.
-const SHORTEST_OF_USUAL: f64 = 1e-3;
 
 impl Run<'_> {
     /// Takes over the end of an accepted attempt from `t` over `step`: state with accelerations at `t_end`. Where another end may
@@ -155,65 +152,6 @@ impl Run<'_> {
         self.recorder.begin_again(&self.state);
     }
 
-    /// How many tolerances of its energies the accepted step of a run of `span` seconds misses. Nothing where one cannot look
-    /// into it.
-    pub(super) fn missed_powers(&mut self, t: f64, step: f64, span: f64) -> f64 {
-        // Where a power jumps, nothing else ends the refinement.
-        let shortest = SHORTEST_OF_USUAL * span / step_length::KINEMATIC_STEPS;
-        let quarters = self.inside.len() == QUARTERS.len();
-        if step < shortest || !(quarters || self.stage_powers.inner_are_known()) {
-            return 0.0;
-        }
-        let stepper = &mut self.stepper;
-        let interpolate = &mut |theta: f64, w: &mut [f64]| stepper.interpolate(theta, w);
-        let mut at = |theta: f64| {
-            let state = self.recorder.state(interpolate, t, step, theta, true).ok()?;
-            Some(powers(&self.system.energy(state)))
-        };
-        // The stages have no second rule beside theirs.
-        let inside = if quarters { [None; 3] } else { QUARTERS.map(&mut at) };
-        let end = at(1.0);
-        self.recorder.begin_again(&self.state);
-        let Some(end) = end else { return 0.0 };
-        let along = match inside {
-            [Some(before), Some(middle), Some(after)] => {
-                StepPowers::through(self.powers.at[4], &[before, middle, after], end)
-            }
-            _ => StepPowers::through(self.powers.at[4], &self.inside, end),
-        };
-        // Powers are those of joints that are met to so much.
-        let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
-        // What turns steadily has powers of round-off only, and what is heavy large ones.
-        let negligible =
-            self.energy_scale.negligible(self.system.as_ref(), &self.options.tolerance);
-        let rate = (tolerance * self.energy_scale.moved()).max(negligible) / span;
-        self.quadrature.missed(&along, rate, tolerance)
-    }
-
-    /// Nodes in a step at which its formula tells powers.
-    fn collocation(&self) -> Option<[f64; stage_powers::NODES]> {
-        let free = self.form.point().manifold.chart().ndof() > 0;
-        self.stepper.collocation_places().filter(|_| free).map(|places| StagePowers::nodes(*places))
-    }
-
-    /// Powers along the accepted step from `t`, which ends at the present state with those of `end`.
-    fn powers_along(&mut self, t: f64, step: f64, end: [f64; 2]) -> StepPowers {
-        let ends = [self.powers.at[4], end];
-        let known = self.stage_powers.inner_are_known();
-        if let Some(nodes) = self.collocation().filter(|_| known) {
-            let (system, drivers) = (self.system.as_ref(), &self.drivers[..]);
-            let look = Look { system, drivers, t, step, nodes };
-            self.stage_powers.take(stage_powers::END, &look, &self.state);
-            return self.stage_powers.advance(&look);
-        }
-        self.stage_powers.restart();
-        if self.stepper.explicit() {
-            return StepPowers::through(ends[0], &self.inside, ends[1]);
-        }
-        let tolerance = self.options.tolerance.relative.max(POSITION_RESIDUAL_BOUND);
-        self.quadrature.along(ends, &self.inside, tolerance)
-    }
-
     /// Residuals of the state just evaluated, whose Jacobian is at hand; `false` where another state is asked for: see
     /// [`Run::accept`].
     ///
@@ -276,6 +214,7 @@ impl Run<'_> {
         self.g.copy_from_slice(&self.g_end);
         let energy = self.system.energy(&self.state);
         self.powers = self.powers_along(t, step, powers(&energy));
+        self.close_balance(t, step, &energy);
         let ledger = self.row.ledger;
         if !self.form.integrates_powers() {
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);

@@ -6,6 +6,7 @@ mod charts;
 mod checkpoints;
 mod limits;
 mod passing;
+mod powers;
 mod reporting;
 mod set_up;
 mod unseen_turns;
@@ -297,6 +298,8 @@ struct Run<'a> {
     /// Powers inside the step just accepted, as far as they are known: as [`StepPowers::through`] takes them.
     inside: Vec<[f64; 2]>,
     quadrature: Quadrature,
+    /// Powers at moments in equal distances along the step, with room for all that may be looked at.
+    moments: Vec<[f64; 2]>,
     stage_powers: StagePowers,
     stall: Stall,
     output: Output,

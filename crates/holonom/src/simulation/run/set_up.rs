@@ -210,6 +210,7 @@ pub(super) fn set_up<'a>(
         damped: Vec::with_capacity(2 * system.law_arguments().len()),
         inside: Vec::with_capacity(QUARTERS.len()),
         quadrature: Quadrature::default(),
+        moments: Vec::with_capacity(super::powers::MOST_MOMENTS),
         stall: Stall::default(),
         output,
         recorder,
