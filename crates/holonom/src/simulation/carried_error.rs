@@ -314,10 +314,8 @@ impl CarriedError {
         } else {
             // Zero where there is no error.
             let share = errors / rates.max(errors).max(f64::MIN_POSITIVE);
-            // Half a period ago was another motion.
-            let [_, estimated] = stepper.orders_of_error();
-            let turned = share.powf(f64::from(estimated + 1).recip()) / TURNED;
-            self.rates.iter_mut().for_each(|rate| *rate *= 1.0 - turned.min(1.0) / PI);
+            let kept = kept_part(stepper.orders_of_error(), share);
+            self.rates.iter_mut().for_each(|rate| *rate *= kept);
             true_part(stepper.orders_of_error(), share, stepped.turn)
         };
         let part = stepper.own_error().map_or(part, |own| {
@@ -490,6 +488,13 @@ fn true_part([order, estimated]: [u32; 2], share: f64, turn: f64) -> f64 {
     part.min(1.0)
 }
 
+/// What is left after a step of the largest rate lately, where estimates of rates are `share` of those: half a period ago was another
+/// motion. Source: `docs/theory/simulation.md` (11).
+fn kept_part([_, estimated]: [u32; 2], share: f64) -> f64 {
+    let turned = share.powf(f64::from(estimated + 1).recip()) / TURNED;
+    1.0 - turned.min(1.0) / PI
+}
+
 /// Where a run began and has been.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct Milestones {
@@ -601,6 +606,17 @@ mod tests {
             assert!(vibrations.fold(0.0, f64::max) < 1.0 + 1e-12, "γ = {gamma}");
             assert!(growth(Complex64::new(-1e9, 0.0)).norm() < 1e-8);
         }
+    }
+
+    #[test] // truth: (1 − x/π)^(π/x) is near 1/e, and estimates that are those of Radau's formula by hλ
+    fn half_a_period_later_a_third_of_a_rate_is_left() {
+        for turned in [0.05, 0.3, 1.0f64] {
+            let share = (TURNED * turned).powi(4);
+            let left = kept_part([5, 3], share).powf(PI / turned);
+            assert!((0.25..0.4).contains(&left), "{turned} rad: {left}");
+        }
+        assert!(kept_part([5, 3], 1.0) > 0.5, "a step forgets no more than one of a radian");
+        assert_eq!(kept_part([5, 3], 0.0), 1.0);
     }
 
     #[test] // independent truth: the definition
