@@ -59,8 +59,8 @@ pub(super) struct Stepped<'a> {
     pub(super) autonomous: bool,
     /// Whether laws may have passed knots in it.
     pub(super) passes_knot: bool,
-    /// By how much the moment comes late at which a line passes its other end, s, where places are a tolerance off; 0 where it
-    /// does not.
+    /// By how much the moment comes late at which the force of a line turns round, s, where places are a tolerance off; 0 where
+    /// none does.
     pub(super) delay: f64,
     /// By which bodies that turn freely turn in it, rad.
     pub(super) turn: f64,
@@ -77,6 +77,9 @@ pub(super) struct CarriedError {
     seeded: bool,
     /// The largest rate lately of each independent variable.
     pub(super) rates: Vec<f64>,
+    /// Whether the motion may have made more of it than any matrix tells.
+    #[serde(default)]
+    hidden: bool,
     /// What its rates count times as lengths.
     #[serde(skip)]
     pub(super) arms: Vec<f64>,
@@ -140,6 +143,7 @@ impl CarriedError {
             serving: Serving { most: MOST_EVALUATIONS, ..Serving::NEW },
             seeded: false,
             rates: Vec::with_capacity(dimension),
+            hidden: false,
             arms: Vec::with_capacity(dimension),
             fastest: [0.0; 2],
             present: 0.0,
@@ -181,7 +185,12 @@ impl CarriedError {
 
     /// Whether it may be several tolerances.
     pub(super) fn is_suspicious(&self) -> bool {
-        self.largest > SUSPICIOUS
+        self.largest > SUSPICIOUS || self.hidden
+    }
+
+    /// Whether the motion may have made more of it than it tells.
+    pub(super) fn is_hidden(&self) -> bool {
+        self.hidden
     }
 
     /// Follows it up to so many tolerances, where it is more than suspicious.
@@ -270,10 +279,7 @@ impl CarriedError {
         if stepper.explicit() {
             self.part_with_longer_steps(form, power, stepped);
         }
-        if self.is_turned_round(form, stepped) {
-            self.lose();
-            return true;
-        }
+        self.hidden |= self.is_turned_round(form, stepped);
         let since = stepped.t - self.milestones.start.t;
         let ahead = self.begin_along(stepped.along(first), since);
         if !stepper.explicit() {

@@ -1,4 +1,4 @@
-//! Energy bookkeeping along a run. Equations: `docs/theory/simulation.md` (3), (3a), (3b).
+//! Energy bookkeeping along a run. Equations: `docs/theory/simulation.md` (3), (3a), (3b), (3e).
 
 use crate::system::{EnergyBalance, Ledger};
 use serde::{Deserialize, Serialize};
@@ -103,7 +103,7 @@ pub(super) fn mean_of_parts(moments: &[[f64; 2]]) -> [f64; 2] {
     sum.map(|x| x / parts as f64)
 }
 
-/// What a step has been looked at in vain for counts twice, and after each step by this part of it.
+/// Twice what was looked for in vain is not looked for again; this part of that limit is left after each step.
 const FORGOTTEN: f64 = 0.95;
 
 /// How many tolerances of a power Simpson's rule may miss of what the longest steps let drivers do:

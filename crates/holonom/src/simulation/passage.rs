@@ -286,10 +286,21 @@ impl Way {
         &self.cusps
     }
 
-    /// How fast the line passes its other end, m/s, if [`Way::follow`] has found that it does.
-    pub(super) fn speed_at_cusp(&self) -> Option<f64> {
-        let fastest = self.places.iter().fold(0.0f64, |most, place| most.max(place.rate.abs()));
-        (!self.cusps.is_empty()).then_some(fastest)
+    /// How much later, s, the force of the line turns round for each metre that places are off, where [`Way::follow`] has found that it
+    /// passes its other end; less where the force hardly does so for what it changes in the step.
+    pub(super) fn delay_at_cusps(&self, system: &dyn System, argument: &LawArgument) -> f64 {
+        let force = |place: &Place| system.law_profile(argument, place.value).abs();
+        let delays = self.cusps.iter().map(|cusp| {
+            let after = self.places.partition_point(|place| place.time <= cusp.time);
+            let there = after.saturating_sub(1);
+            let beside = [there.saturating_sub(1), after.min(self.places.len() - 1)];
+            let speed = beside.map(|at| self.places[at].rate.abs()).into_iter().fold(0.0, f64::max);
+            let ends = [&self.places[0], &self.places[self.places.len() - 1]];
+            let most = ends.into_iter().map(force).sum::<f64>();
+            let turned = 2.0 * force(&self.places[there]);
+            if turned > 0.0 && speed > 0.0 { turned / turned.max(most) / speed } else { 0.0 }
+        });
+        delays.fold(0.0, f64::max)
     }
 
     /// Whether [`Way::follow`] has found a knot or such a place.

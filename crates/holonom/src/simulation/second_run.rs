@@ -102,7 +102,7 @@ pub(super) fn compare(
     let allowed = match outcome {
         _ if far => FAR,
         Ok((Summary { status: Status::Completed, .. }, second)) => match second {
-            Some(second) if second.is_beyond() => MET,
+            Some(second) if second.is_beyond() || second.is_hidden() => MET,
             Some(second) if second.is_suspicious() => UNCERTAIN,
             _ => FAR,
         },

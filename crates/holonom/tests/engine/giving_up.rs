@@ -37,6 +37,31 @@ fn chain(links: usize) -> String {
     )
 }
 
+/// Cranks that pass their dead points closely, beside a mass on a spring.
+const CRANKS: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[patterns.row]
+over.i = { from = 1, to = 40 }
+bodies."crank_{i}" = { mass = 1.0, inertia = 0.1, position = [0.25, "=i"] }
+bodies."rod_{i}" = { mass = 0.5, inertia = 0.02, position = [0.755, "=i"] }
+bodies."slider_{i}" = { mass = 1.0, inertia = 0.1, position = [1.01, "=i"] }
+joints."bearing_{i}" = { type = "revolute", between = ["ground", "crank_{i}"], point = [0.0, "=i"] }
+joints."pin_{i}" = { type = "revolute", between = ["crank_{i}", "rod_{i}"], point = [0.5, "=i"] }
+joints."wrist_{i}" = { type = "revolute", between = ["rod_{i}", "slider_{i}"], point = [1.01, "=i"] }
+joints."guide_{i}" = { type = "translational", between = ["ground", "slider_{i}"], point = [1.01, "=i"], axis = [1.0, 0.0] }
+drivers."motor_{i}" = { joint = "bearing_{i}", coordinate = "rotation", motion = { type = "polynomial", coefficients = [0.0, 3.0] } }
+[bodies]
+free = { mass = 1.0, inertia = 0.1, position = [0.0, -5.0] }
+[joints]
+rail = { type = "translational", between = ["ground", "free"], point = [0.0, -5.0], axis = [1.0, 0.0] }
+[forces]
+spring = { type = "tsda", between = ["ground", "free"], points = [[-5.0, -5.0], [0.0, -5.0]], stiffness = 4.0, free_length = 5.0 }
+[initial.bodies]
+free = { velocity = [1.0, 0.0] }
+"#;
+
 fn read(text: &str) -> Result<Model, ModelErrors> {
     let mut none = |_: &str| Err("the chain extends nothing".to_owned());
     Ok(Document::parse(text, Syntax::Toml, "chain.toml", &mut none)?.build()?.0)
@@ -136,6 +161,12 @@ fn a_run_given_up_anywhere_keeps_what_the_whole_run_has_up_to_there() {
     for code in [Code::Deabm, Code::Dopri5, Code::Dop853] {
         let longer = Options { end_time: 1.0, output: OutputTimes::Interval(0.02), ..options() };
         given_up_anywhere(&soft, &Options { code, dense_output: Some(true), ..longer });
+    }
+    // Drivers whose powers are looked at after a step has been accepted.
+    let driven = Problem::new(read(CRANKS).unwrap());
+    for code in [Code::ForRadau, Code::InflSdirk] {
+        let asked = Options { output: OutputTimes::Interval(0.05), code, ..Options::new(6.0) };
+        given_up_anywhere(&driven, &asked);
     }
 }
 

@@ -214,7 +214,7 @@ impl Run<'_> {
         self.g.copy_from_slice(&self.g_end);
         let energy = self.system.energy(&self.state);
         self.powers = self.powers_along(t, step, powers(&energy));
-        self.close_balance(t, step, &energy);
+        unwatched(|| self.close_balance(t, step, &energy));
         let ledger = self.row.ledger;
         if !self.form.integrates_powers() {
             self.state.ledger = self.powers.advance(&ledger, step, 1.0);

@@ -291,8 +291,8 @@ struct Run<'a> {
     complete: bool,
     /// Whether a law has passed a knot in the step just accepted, or a line its other end.
     passes_knot: bool,
-    /// How fast such a line has, m/s.
-    passes_end: Option<f64>,
+    /// By how much the moment of that comes late, s, where places are a tolerance off; 0 where no force turns round.
+    delay: f64,
     /// What it passes over that is small only because the matrix of the step damps it, undamped.
     damped: Vec<passing::PassedOver>,
     /// Powers inside the step just accepted, as far as they are known: as [`StepPowers::through`] takes them.
@@ -449,8 +449,7 @@ impl Run<'_> {
                 let passes_knot = self.passes_knot;
                 let (w, slopes) = (&self.w_end[..], [&self.g[..], &self.g_end[..]]);
                 let autonomous = are_still(&self.changing, [t, t_end]);
-                let late = |speed: f64| self.options.tolerance.translation / speed;
-                let delay = self.passes_end.map_or(0.0, late);
+                let delay = self.delay;
                 let t = t_end;
                 let stepped = Stepped { t, step, w, slopes, autonomous, passes_knot, delay, turn };
                 let known = carried.follow(stepper, form, &mut self.scratch[0], stepped);

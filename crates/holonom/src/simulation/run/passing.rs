@@ -33,7 +33,7 @@ impl Run<'_> {
     pub(super) fn passed_over(&mut self, t: f64, step: f64, t_end: f64) -> Option<PassedOver> {
         let unknown = PassedOver { time: t + 0.5 * step, error: f64::INFINITY };
         self.passes_knot = false;
-        self.passes_end = None;
+        self.delay = 0.0;
         self.passed.fill(0.0);
         if !self.may_pass_over(t, step, t_end) {
             return None;
@@ -123,8 +123,8 @@ impl Run<'_> {
         for (k, argument) in system.law_arguments().iter().enumerate() {
             self.follow(way, inspector, (k, argument), times)?;
             self.passes_knot |= way.passes_knot();
-            let speeds = [self.passes_end, way.speed_at_cusp()];
-            self.passes_end = speeds.into_iter().flatten().reduce(f64::min);
+            let delay = way.delay_at_cusps(system.as_ref(), argument);
+            self.delay = self.delay.max(self.options.tolerance.translation * delay);
             let step = [times[0], times[1]];
             let at_cusps = self.missed(inspector, step, way.cusps())?;
             let between = self.missed(inspector, step, way.passages(system.as_ref(), argument))?;

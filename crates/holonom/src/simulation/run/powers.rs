@@ -77,9 +77,9 @@ impl Run<'_> {
         self.quadrature.along(ends, &self.inside, tolerance)
     }
 
-    /// Where energy is missing after the step just accepted, from `self.row` to the present state with `energy`, a driver's power may peak where no
-    /// node is, as beside a dead point: more of its moments are looked at, and believed as far as they close the balance.
-    /// Source: `docs/theory/simulation.md` (3e).
+    /// Where energy is missing after the step just accepted, from `self.row` to the present state with `energy`, a driver's
+    /// power may peak where no node is, as beside a dead point: more of its moments are looked at, and believed as far as
+    /// they close the balance. Source: `docs/theory/simulation.md` (3e).
     pub(super) fn close_balance(&mut self, t: f64, step: f64, energy: &EnergyBalance) {
         let driven = !self.form.integrates_powers()
             && self.form.point().manifold.chart().ndof() > 0

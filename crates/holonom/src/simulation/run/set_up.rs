@@ -205,7 +205,7 @@ pub(super) fn set_up<'a>(
         powers: StepPowers::through([0.0; 2], &[], powers(&energy)),
         complete: true,
         passes_knot: false,
-        passes_end: None,
+        delay: 0.0,
         // One at a cusp and one between knots.
         damped: Vec::with_capacity(2 * system.law_arguments().len()),
         inside: Vec::with_capacity(QUARTERS.len()),
