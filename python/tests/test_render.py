@@ -70,7 +70,7 @@ def test_what_is_missing_is_named_with_how_to_get_it(
     with pytest.raises(FileError, match=r"ffmpeg(.|\n)*apt install ffmpeg"):
         crank.render(tmp_path / "a.mp4")
     monkeypatch.setitem(sys.modules, "PIL", None)
-    with pytest.raises(FileError, match=r"pillow(.|\n)*holonom\[render\]"):
+    with pytest.raises(FileError, match=r"pillow(.|\n)*pip install pillow"):
         crank.render(tmp_path / "a.gif")
     assert not list(tmp_path.iterdir())
 
