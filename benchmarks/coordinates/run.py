@@ -140,9 +140,9 @@ def models() -> Iterator[tuple[str, holonom.Model, str, float]]:
     space = 'holonom = 1\ndimension = "spatial"\ngravity = [0.0, -9.81, 0.0]\n'
     for family, head, code, end, sizes in (
         (closed_chain, plane, "ForRadau", 1.0, (5, 20, 100, 200)),
-        (four_bars, plane, "ForRadau", 1.0, (1, 3, 10)),
-        (scissors, plane, "ForRadau", 1.0, (1, 3, 5, 10, 30)),
-        (spatial_four_bars, space, "ForRadau", 1.0, (1, 4, 6, 10)),
+        (four_bars, plane, "ForRadau", 1.0, (1, 3, 6, 10, 20)),
+        (scissors, plane, "ForRadau", 1.0, (1, 3, 5, 10, 15, 30)),
+        (spatial_four_bars, space, "ForRadau", 1.0, (1, 4, 6, 10, 20)),
         (closed_chain, plane, "DEABM", 0.3, (20, 50, 100, 150, 200)),
     ):
         for size in sizes:
