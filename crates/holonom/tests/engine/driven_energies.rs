@@ -5,6 +5,7 @@
 use crate::common::table::all_codes;
 use crate::common::{FOUR_BAR, model_of, options, run_model};
 use holonom::method::Code;
+use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{Options, OutputTimes};
 
 const DAMPING: f64 = 3.0;
@@ -232,17 +233,21 @@ free = {{ velocity = [1.0, 0.0] }}
         let times = (0..=1000).map(|k| END * f64::from(k) / 1000.0);
         let largest = times.map(|t| (kinetic(t) - kinetic(0.0)).abs()).fold(0.0, f64::max);
         for code in all_codes() {
-            for tolerance in [1e-3, 1e-4] {
+            let charts = ParametrizationKind::ALL.iter().map(|(chart, _)| *chart);
+            for (parametrization, tolerance) in
+                charts.flat_map(|chart| [1e-3, 1e-4].map(|tolerance| (chart, tolerance)))
+            {
                 let channel = "energy.driver_work";
                 let options = Options {
                     channels: vec![channel.to_owned()],
                     output: OutputTimes::Interval(END),
+                    parametrization,
                     ..options(code, tolerance, END)
                 };
                 let run = run_model(&model, &options);
                 let found = *run.series(channel, 0).last().unwrap();
                 let error = (found - (kinetic(END) - kinetic(0.0))).abs() / largest;
-                let name = code.info().name;
+                let name = format!("{} {parametrization:?}", code.info().name);
                 // What may be missing of ten steps: `docs/theory/simulation.md` (3e).
                 let most = 0.2 * (10.0 * tolerance).max(0.005);
                 assert!(error < most, "rod {l}, {name}, {tolerance:e}: {error:.4}");
