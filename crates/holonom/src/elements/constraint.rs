@@ -149,6 +149,25 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Constrai
         }
     }
 
+    #[inline(always)]
+    fn value_and_rates<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
+    ) -> [[T; 6]; 3] {
+        match &self.rows {
+            Rows::Measure(measure) => measure.value_and_rates(q, v, a),
+            Rows::Angle(angle) => {
+                let gradient = angle.gradient(q);
+                let second = product(&gradient, a) + angle.curvature(q, v);
+                let mut u = [[T::zero(); 6]; 3];
+                (u[0][0], u[1][0], u[2][0]) = (angle.value(q), product(&gradient, v), second);
+                u
+            }
+        }
+    }
+
     fn curvature<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]) {
         match &self.rows {
             Rows::Measure(measure) => measure.curvature(q, v, out),

@@ -150,6 +150,31 @@ impl<S: Space<D, N, R>, const D: usize, const N: usize, const R: usize> Measure<
         }
     }
 
+    /// u, G v, and G a + (G v)_q v, from the same vectors.
+    #[inline(always)]
+    pub(super) fn value_and_rates<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
+    ) -> [[T; 6]; 3] {
+        let mut out = [[T::zero(); 6]; 3];
+        let along = |x: &Vector<D>| x.along::<T, S, N, R>(&self.points, q, v, a);
+        let link = if self.uses_link { along(&Vector::Link) } else { [[T::zero(); D]; 3] };
+        if self.coincide {
+            out.iter_mut().zip(&link).for_each(|(out, link)| out[..D].copy_from_slice(link));
+        }
+        let pick = |x: &Vector<D>| if *x == Vector::Link { link } else { along(x) };
+        for (row, d) in (self.first_dot()..).zip(&self.dots) {
+            let (x, y) = (pick(&d.x), pick(&d.y));
+            out[0][row] = (dot(&x[0], &y[0]) - d.offset) * d.scale;
+            out[1][row] = (dot(&x[0], &y[1]) + dot(&x[1], &y[0])) * d.scale;
+            let mixed = dot(&x[1], &y[1]) * 2.0;
+            out[2][row] = (dot(&x[0], &y[2]) + dot(&x[2], &y[0]) + mixed) * d.scale;
+        }
+        out
+    }
+
     #[inline(always)]
     pub(super) fn directional<T: Real>(
         &self,

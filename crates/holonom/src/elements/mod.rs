@@ -55,6 +55,13 @@ pub trait ConstraintElement<const N: usize> {
     fn jacobian<T: Real>(&self, q: [&[T; N]; 2], out: &mut RowBlocks<T, N>);
     /// G v.
     fn rate<T: Real>(&self, q: [&[T; N]; 2], v: [&[T; N]; 2], out: &mut [T; 6]);
+    /// u, G v, and G a + (G v)_q v, from the same vectors.
+    fn value_and_rates<T: Real>(
+        &self,
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
+    ) -> [[T; 6]; 3];
     /// (G w)_q: row k is wᵀ H_k.
     fn directional<T: Real>(&self, q: [&[T; N]; 2], w: [&[T; N]; 2], out: &mut RowBlocks<T, N>);
     /// (G v)_q v.

@@ -248,6 +248,24 @@ impl<const D: usize> Vector<D> {
         Jet { x, d: self.columns::<T, S, N, R, 1>(points, q, q) }
     }
 
+    /// x, D_x v, and D²_x\[v] v + D_x a.
+    #[inline(always)]
+    pub(super) fn along<T: Real, S, const N: usize, const R: usize>(
+        &self,
+        points: &[[f64; D]; 2],
+        q: [&[T; N]; 2],
+        v: [&[T; N]; 2],
+        a: [&[T; N]; 2],
+    ) -> [[T; D]; 3]
+    where
+        S: Space<D, N, R>,
+    {
+        let Jet { x, d } = self.jet::<T, S, N, R>(points, q);
+        let bent = self.second::<T, S, N, R>(points, q, v).times(v);
+        let along = d.times(a);
+        [x, d.times(v), std::array::from_fn(|k| bent[k] + along[k])]
+    }
+
     /// D²_x\[w].
     #[inline(always)]
     pub(super) fn second<T: Real, S, const N: usize, const R: usize>(

@@ -174,23 +174,13 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
     /// ‖Φ‖∞, ‖G q̇ − ν‖∞ and ‖G q̈ − τ‖∞ over all rows, redundant ones included.
     pub(super) fn largest_residuals(&self, state: &State) -> [f64; 3] {
         let mut largest = [0.0f64; 3];
-        let mut g = RowBlocks([[[0.0; N]; 6]; 2]);
         for c in &self.constraints {
             let q = Self::pair(&state.q, c.bodies);
-            let v = Self::rates(&state.v, c.bodies);
+            let [v, a] = [&state.v, &state.a].map(|rates| Self::rates(rates, c.bodies));
             let rows = c.element.rows();
-            let mut u = [[0.0; 6]; 3];
-            Self::constraint_value(c, state.t, q, &mut u[0]);
-            c.element.curvature(q, v, &mut u[2]);
-            c.element.jacobian(q, &mut g);
-            for (u, rates) in u[1..].iter_mut().zip([v, Self::rates(&state.a, c.bodies)]) {
-                for side in 0..2 {
-                    for (u, row) in u.iter_mut().zip(&g.0[side]).take(rows) {
-                        *u += row.iter().zip(rates[side]).map(|(g, v)| g * v).sum::<f64>();
-                    }
-                }
-            }
+            let mut u = c.element.value_and_rates(q, v, a);
             if let Some(drive) = c.element.drive(state.t) {
+                Self::take_drive(c, &drive, &mut u[0]);
                 u[1][0] -= drive[1];
                 u[2][0] -= drive[2];
             }
@@ -219,11 +209,16 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Cartesia
         u: &mut [f64; 6],
     ) {
         c.element.value(q, u);
-        if let Some(s) = c.element.drive(t) {
-            u[0] -= s[0];
-            if c.element.wraps() {
-                u[0] -= (u[0] / std::f64::consts::TAU).round() * std::f64::consts::TAU;
-            }
+        if let Some(drive) = c.element.drive(t) {
+            Self::take_drive(c, &drive, u);
+        }
+    }
+
+    /// Takes what a driver prescribes from its coordinate; angles up to whole turns.
+    fn take_drive(c: &PlacedConstraint<S::Constraint>, drive: &[f64; 4], u: &mut [f64; 6]) {
+        u[0] -= drive[0];
+        if c.element.wraps() {
+            u[0] -= (u[0] / std::f64::consts::TAU).round() * std::f64::consts::TAU;
         }
     }
 

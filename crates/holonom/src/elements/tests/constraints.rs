@@ -57,6 +57,32 @@ pub(super) fn reaction<T: Real, const N: usize>(
     (0..2 * N).map(entry).collect()
 }
 
+/// A motion through q, with the velocities v and the accelerations a there: each level is the change of the one before.
+fn check_levels<const N: usize>(
+    name: &str,
+    e: &impl ConstraintElement<N>,
+    q: &Pair<f64, N>,
+    [v, a]: [&Pair<f64, N>; 2],
+) {
+    let moving = |x: &Pair<f64, N>, rates: &Pair<f64, N>| {
+        let mut out = lifted(x);
+        for (out, rate) in out.as_flattened_mut().iter_mut().zip(rates.as_flattened()) {
+            out.eps = *rate;
+        }
+        out
+    };
+    let levels = e.value_and_rates(refs(q), refs(v), refs(a));
+    assert_eq!(levels[0].to_vec(), value(e, q), "{name}, value");
+    let truth = e.value_and_rates(refs(&moving(q, v)), refs(&moving(v, a)), refs(&lifted(a)));
+    for [before, after] in [[0, 1], [1, 2]] {
+        let size = levels[after].iter().fold(1.0, |size: f64, u| size.max(u.abs()));
+        for (rate, truth) in levels[after].iter().zip(&truth[before]) {
+            let off = (rate - truth.eps).abs();
+            assert!(off <= 1e-12 * size, "{name}, level {after}: {rate} {}", truth.eps);
+        }
+    }
+}
+
 fn check<const N: usize>(
     name: &str,
     e: &impl ConstraintElement<N>,
@@ -78,6 +104,7 @@ fn check<const N: usize>(
     for (rate, truth) in rate.iter().zip(times(e, q, &v)) {
         assert!((rate - truth).abs() <= 1e-13 * (1.0 + length), "{}", label("G v"));
     }
+    check_levels(name, e, q, [&w, &v]);
     check_block(&label("jacobian"), q, h, rows_of(&rows), |q| value(e, q), |q| value(e, q));
 
     e.directional(refs(q), refs(&w), &mut rows);
