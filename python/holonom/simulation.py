@@ -91,7 +91,7 @@ def run(
     chosen, requested, text = _resolved(model, options, state)
 
     if certify:
-        _require_error_control(chosen)
+        _require_certifiable(chosen)
     continues = None
     noted: list[dict[str, str]] = []
     if output is not None:
@@ -212,8 +212,13 @@ def _resolved(
 _encode = json.JSONEncoder(check_circular=False, separators=(",", ":")).encode
 
 
-def _require_error_control(chosen: Mapping[str, Any]) -> None:
-    """Refuse to certify steps that no tolerance controls."""
+def _require_certifiable(chosen: Mapping[str, Any]) -> None:
+    """Refuse to certify steps that no tolerance controls, and runs without steps."""
+    if chosen["end_time"] <= chosen["start_time"]:
+        raise UsageError(
+            "`certify` compares a run with a second one, and this one ends where it starts: at "
+            f"t = {chosen['end_time']:g} s\n  help: leave `certify` out, or set a later `end_time`"
+        )
     if "fixed_step" in chosen:
         raise UsageError(
             "`certify` repeats the run at a tenth of the tolerance, and a fixed step follows none"

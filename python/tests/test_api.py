@@ -102,6 +102,18 @@ def test_a_changed_model_that_goes_on_is_no_imbalance(model: holonom.Model) -> N
     assert float(dict(summarize(second))["energy imbalance"].split()[0]) < 1e-3 * scale
 
 
+def test_the_energy_of_a_state_without_a_ledger_is_balanced_from_there(
+    model: holonom.Model,
+) -> None:
+    state = model.simulate(end_time=0.4).state()
+    del state["ledger"]
+    # Independent truth: no force but gravity.
+    result = model.simulate(start=state, end_time=1.0)
+    scale = float(result["energy.kinetic"].max())
+    assert np.abs(result["energy.imbalance"]).max() < 1e-3 * scale
+    assert result.energy["initial"] == pytest.approx(result["energy.total"][0], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("start", "named"),
     [

@@ -389,6 +389,11 @@ def test_a_tolerance_that_has_no_tenth_leaves_the_result_not_certified() -> None
     assert "certify at a looser tolerance" in result.warnings[-1]["message"]
 
 
+def test_a_run_of_no_length_is_not_certified() -> None:
+    with pytest.raises(holonom.UsageError, match="ends where it starts"):
+        holonom.Model.from_text(OSCILLATOR).simulate(end_time=0.0, certify=True)
+
+
 def test_no_relative_tolerance_to_speak_of_is_certified() -> None:
     model = holonom.Model.from_text(OSCILLATOR)
     parts = {"relative": 1e-13, "translation": 1e-5, "rotation": 1e-5}

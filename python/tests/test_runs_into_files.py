@@ -277,6 +277,12 @@ def test_what_is_continued_is_appended(
         assert result.time[-1] == 3.0
         assert np.all(np.diff(result.time) > 0.0)
         assert len(result.meta["parts"]) == 2
+        assert result.statistics.outputs == result.time.size
+        smallest = result.statistics.smallest_step
+    assert invoke([*line[:-1], "3"]) == 0  # of no length
+    with Result.load(older) as result:
+        assert result.statistics.outputs == result.time.size
+        assert result.statistics.smallest_step == smallest > 0.0
 
 
 def test_by_default_a_run_goes_on_into_the_file_it_starts_from(

@@ -251,7 +251,15 @@ impl CoreModel {
                         format!("`start` holds {} states; it must hold one", states.len());
                     return Err(foreign(&message));
                 }
-                states.pop()
+                let mut state = states.pop();
+                if let Some(state) =
+                    state.as_mut().filter(|_| !data.contains("ledger").is_ok_and(|is| is))
+                {
+                    // Without a history the balance begins here.
+                    let energy = self.problem.system().energy(state);
+                    state.ledger.initial = energy.kinetic + energy.potential;
+                }
+                state
             }
         };
         let (first, options) = self.resolve(options_json, from.as_ref().map(|state| state.t))?;

@@ -121,10 +121,17 @@ def merged(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]
     whole = dict(newer)
     before, after = older.get("statistics") or {}, newer.get("statistics") or {}
     whole["statistics"] = after | {
-        key: _EXTREMES.get(key, lambda a, b: a + b)(value, after[key])
-        for key, value in before.items()
-        if key in after
+        key: value + after[key] for key, value in before.items() if key in after
     }
+    for key, choose in _EXTREMES.items():
+        # A part without steps has none that is smallest.
+        known = [part[key] for part in (before, after) if key in part and part.get("steps")]
+        if known:
+            whole["statistics"][key] = choose(known)
+    if "outputs" in before and "outputs" in after:
+        whole["statistics"]["outputs"] -= (
+            1  # the first row of the new part is the last of the older
+        )
     for key, number in _MEANS.items():
         if key in before and key in after:
             counts = before.get(number) or 0, after.get(number) or 0

@@ -37,6 +37,9 @@ pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
             _ => (
                 format!("`{path}` names the channel `{wanted}`, which is not there"),
                 match nearest(whole, known.iter().copied()) {
+                    Some(meant) if meant == whole && whole == quantity => {
+                        format!("no item has a name like `{item}`")
+                    }
                     Some(meant) if errors.len() < ERRORS_WITH_HELP => {
                         let component = format!("{item}.{meant}{}", &quantity[whole.len()..]);
                         let fits = component.ends_with(']') && is_there(problem, &component);

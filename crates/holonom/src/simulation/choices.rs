@@ -137,6 +137,10 @@ impl Choices {
             (None, None) => usual.code,
             _ => Code::find(method.map_or(FAMILY, String::as_str), formula)?,
         };
+        // Nor are steps of the call controlled by what the file says of others.
+        let controlled = self.max_step.or(self.initial_step).is_some();
+        let [max_step, initial_step] = [file.max_step, file.initial_step]
+            .map(|step| step.filter(|_| self.fixed_step.is_none()));
         let profile = word("profile", self.profile.as_ref(), Profile::ALL)?;
         let profile = profile.or(file.profile).unwrap_or(usual.profile);
         let parametrization =
@@ -174,9 +178,9 @@ impl Choices {
             profile,
             output,
             channels: self.channels.as_ref().unwrap_or(&model.outputs.channels).clone(),
-            fixed_step: self.fixed_step.or(file.fixed_step),
-            max_step: self.max_step.or(file.max_step).unwrap_or(usual.max_step),
-            initial_step: self.initial_step.or(file.initial_step),
+            fixed_step: self.fixed_step.or(file.fixed_step.filter(|_| !controlled)),
+            max_step: self.max_step.or(max_step).unwrap_or(usual.max_step),
+            initial_step: self.initial_step.or(initial_step),
             max_steps: self.max_steps.or(file.max_steps).unwrap_or(usual.max_steps),
             max_seconds: self.max_seconds.or(file.max_seconds).unwrap_or(usual.max_seconds),
             checkpoint_steps: usual.checkpoint_steps,

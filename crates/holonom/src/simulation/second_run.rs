@@ -36,6 +36,8 @@ pub(super) struct Found {
     pub(super) warning: Option<RunWarning>,
     /// Whether stiff elements hold other energies, though the motion is right: the missing energy is missing.
     pub(super) potentials_differ: bool,
+    /// Whether it was to end before it could tell.
+    pub(super) interrupted: bool,
 }
 
 /// What is found of a run by `options` that is suspicious: a warning where it is far from a run by the default code, of explicit codes by the
@@ -106,12 +108,18 @@ pub(super) fn compare(
             Some(second) if second.is_suspicious() => UNCERTAIN,
             _ => FAR,
         },
-        outcome => return Found::told(unfinished(outcome)),
+        outcome => {
+            let interrupted = match &outcome {
+                Ok((summary, _)) => summary.status == Status::Interrupted,
+                Err(error) => *error == RunError::Interrupted,
+            };
+            return Found { interrupted, ..Found::told(unfinished(outcome)) };
+        }
     };
     let doubtful = allowed < FAR;
     let potentials_differ = comparison.potentials_differ;
     let Some(far) = comparison.worst.filter(|worst| worst.counted > allowed) else {
-        return Found { warning: None, potentials_differ };
+        return Found { warning: None, potentials_differ, interrupted: false };
     };
     let doubt = if doubtful { ", which may be off itself" } else { "" };
     let shorter = if shows {
@@ -138,7 +146,7 @@ pub(super) fn compare(
 impl Found {
     fn told(message: String) -> Self {
         let warning = RunWarning { code: "simulation/amplified-error", message };
-        Self { warning: Some(warning), potentials_differ: false }
+        Self { warning: Some(warning), potentials_differ: false, interrupted: false }
     }
 }
 

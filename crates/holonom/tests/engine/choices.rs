@@ -70,6 +70,21 @@ fn the_call_comes_before_the_file() {
 }
 
 #[test]
+fn a_fixed_step_and_the_control_of_steps_replace_each_other() {
+    let steps = |model: &Model, call: Choices| {
+        let options = Choices { end_time: Some(1.0), ..call }.resolve(model, 0.0).unwrap();
+        (options.fixed_step, options.max_step, options.initial_step)
+    };
+    let fixed = stating("[simulation]\nfixed_step = 0.1");
+    let most = Choices { max_step: Some(0.01), ..Choices::default() };
+    assert_eq!(steps(&fixed, most), (None, 0.01, None));
+    let controlled = stating("[simulation]\nmax_step = 0.1\ninitial_step = 0.01");
+    let by = Choices { fixed_step: Some(0.5), ..Choices::default() };
+    assert_eq!(steps(&controlled, by), (Some(0.5), f64::INFINITY, None));
+    assert_eq!(steps(&controlled, Choices::default()), (None, 0.1, Some(0.01)));
+}
+
+#[test]
 fn options_told_as_choices_are_the_same_options() {
     let model = stating("[simulation]\nend_time = 3.0\nmethod = \"DEABM\"");
     for call in [

@@ -289,6 +289,13 @@ impl Context<'_> {
                 cut.extend(joints.iter().position(|joint| joint.name == *name));
             }
         }
+        let beside = [("max_step", stated.max_step), ("initial_step", stated.initial_step)];
+        for (field, _) in beside.iter().filter(|(_, step)| stated.fixed_step.and(*step).is_some()) {
+            let path = format!("simulation.{field}");
+            let message =
+                format!("`simulation` has both `fixed_step` and `{field}`; expected one of them");
+            self.refuse(Code::ConflictingFields, path, message, "leave one of them out");
+        }
         let unknown = unknown_method(stated.method.as_deref(), stated.formula.as_deref());
         if let Some(UnknownWord { option, word, known }) = unknown {
             let path = format!("simulation.{option}");

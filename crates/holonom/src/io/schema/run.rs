@@ -36,7 +36,8 @@ pub(crate) struct Simulation {
     pub(crate) method: Option<String>,
     /// Formula within a family of methods.
     pub(crate) formula: Option<String>,
-    /// Step size of a run without step-size control, positive.
+    /// Step size of a run without step-size control, positive; not beside `max_step` or `initial_step`, and replaced where a call states one
+    /// of these.
     #[schemars(extend("x-unit" = "s"))]
     pub(crate) fixed_step: Option<f64>,
     /// Largest step size, positive.

@@ -39,7 +39,7 @@ use crate::simulation::step_length::{self, Driven, clip, smallest_step};
 use crate::simulation::trajectory::{EventKind, Memory, Sink};
 use crate::simulation::warnings::chosen;
 use crate::system::{LawPlace, State, System};
-use crate::watch::{stage, within};
+use crate::watch::{GivenUp, stage, within};
 use accepting::residuals;
 use limits::Attempted;
 use std::sync::Arc;
@@ -76,6 +76,17 @@ impl Summary {
     /// What limited the steps of this run of `system`, by names.
     pub fn limited_by(&self, system: &dyn System) -> LimitedBy {
         self.limits.named(system, &self.end)
+    }
+
+    /// What was computed is whole, but what was to be said of it is not known.
+    fn interrupt(&mut self) {
+        self.status = Status::Interrupted;
+        self.stop.code = "simulation/interrupted";
+        self.stop.message =
+            "interrupted at the end, while a second run was to tell how far errors have grown"
+                .to_owned();
+        self.stop.help =
+            "all rows are there; a run that is taken up here makes the second one again";
     }
 }
 
@@ -146,7 +157,6 @@ fn begin(
         let limit = Duration::try_from_secs_f64(options.max_seconds).ok();
         let left = || limit.map(|limit| limit.saturating_sub(begun.passed()));
         let checked = Stopwatch::start();
-        // Where this is given up, the run is whole all the same.
         let look = || stage("checking", || carried.longest_step_to_tell(problem, options));
         let missing =
             |told: bool| carried.missing.as_ref().filter(|_| told).map(|(w, _)| w.clone());
@@ -157,9 +167,17 @@ fn begin(
                 let told = found.warning.is_some() || found.potentials_differ;
                 summary.warnings.extend(missing(told));
                 summary.warnings.extend(found.warning);
+                if found.interrupted {
+                    summary.interrupt();
+                }
             }
             Ok(None) => {}
-            Err(_) => summary.warnings.extend(missing(true)),
+            Err(given_up) => {
+                summary.warnings.extend(missing(true));
+                if given_up == GivenUp::Asked {
+                    summary.interrupt();
+                }
+            }
         }
         let took = checked.elapsed();
         summary.statistics.run_seconds += took.wall.as_secs_f64();
