@@ -84,6 +84,13 @@ pub(super) struct Passage {
     pub(super) is_first: bool,
 }
 
+impl Passage {
+    /// What the law deviates in all of it.
+    pub(super) fn weight(&self) -> f64 {
+        self.duration * self.deviation
+    }
+}
+
 /// The cubic through two places, in 0 ≤ θ ≤ 1: s(θ) = Σ cₖ θᵏ.
 #[derive(Debug, Clone, Copy)]
 struct Course([f64; 4]);
@@ -175,7 +182,7 @@ impl Course {
 pub(super) struct Looking<'a> {
     /// Knots of the law.
     pub(super) knots: &'a [f64],
-    /// Changes of the argument that do not count.
+    /// What courses of the argument may be wrong by.
     pub(super) negligible: f64,
     /// The argument at a time inside the step.
     pub(super) inside: &'a mut dyn FnMut(f64) -> Result<Place, EvaluationFailure>,
@@ -233,14 +240,6 @@ impl Way {
         self.halves(&mut looking, places, 0)?;
         self.find_cusps();
         self.marks.clear();
-        let [least, largest] =
-            self.pairs().fold([f64::INFINITY, f64::NEG_INFINITY], |all, pair| {
-                let [least, largest] = Course::through(pair).range();
-                [all[0].min(least), all[1].max(largest)]
-            });
-        if largest - least <= looking.negligible {
-            return Ok(());
-        }
         let Self { places, marks, cusps, .. } = self;
         let mut passes = !cusps.is_empty();
         let mut cusps = cusps.iter().map(|cusp| cusp.time).peekable();
@@ -335,10 +334,6 @@ impl Way {
             }
         }
         Ok(())
-    }
-
-    fn pairs(&self) -> impl Iterator<Item = [&Place; 2]> {
-        self.places.windows(2).map(|pair| [&pair[0], &pair[1]])
     }
 
     /// The argument at a time, s.

@@ -338,6 +338,36 @@ fn nothing_is_jumped_over_wherever_a_step_begins() {
     table.finish();
 }
 
+#[test] // truth: energy tells whether a block comes back from a hill, and how fast it is behind
+fn hills_that_are_narrower_than_the_tolerance_are_seen() {
+    let speed = 1.88;
+    let mut lost = Vec::new();
+    for (width, far) in [(3e-4, 1.4), (1.2e-3, 1.9), (5e-3, 1.1), (2.4e-2, 1.63)] {
+        for (height, falls_again) in
+            [(2.0, true), (1.1, true), (1.1, false), (0.6, false), (0.6, true)]
+        {
+            let force = height * speed * speed / width; // over half its width on both sides
+            let x = [0.0, 1.0, 1.5, 2.0, 2.5, 3.0].map(|part| far + width * (part - 1.0));
+            let y = [0.0, 0.0, force, 0.0, if falls_again { -force } else { 0.0 }, 0.0];
+            let x = [&[-1.0], &x[..], &[20.0]].concat();
+            let y = [&[0.0], &y[..], &[0.0]].concat();
+            let model = model_of(&slider([1.0, 0.0], [0.0, speed], [-1.0, 0.0], 1.0, [&x, &y]));
+            let behind = if falls_again { speed } else { speed * (1.0 - height).max(0.0).sqrt() };
+            let expected = if height > 1.0 { -speed } else { behind };
+            for code in all_codes() {
+                for tolerance in [1e-2, 1e-3, 1e-4] {
+                    let run = run_model(&model, &options(code, tolerance, 2.0));
+                    let found = run.summary.end.v[0];
+                    if (found - expected).abs() > 60.0 * tolerance * (1.0 + speed) {
+                        lost.push(format!("{width}, {height}, {code:?} {tolerance:.0e}: {found} for {expected} m/s"));
+                    }
+                }
+            }
+        }
+    }
+    assert!(lost.is_empty(), "{lost:#?}");
+}
+
 #[test] // truth: without damping the block rises to its start, 1.6 m, again and again
 fn a_block_bounces_for_ever() {
     for code in of_high_order() {

@@ -6,14 +6,16 @@ use crate::simulation::passage::{Looking, Passage, Place, Way};
 use crate::simulation::recorder::Recorder;
 use crate::system::{LawArgument, Measure};
 
-/// Moments at which accelerations are compared: in all parts of a step, or, where these are more, each for an equal
-/// share of what the law deviates.
+/// Moments at which accelerations are compared: in all parts of a step, or, where these are more, each in one that deviates much, or for an
+/// equal share of what the law deviates in the others.
 const LOOKED_AT: usize = 3;
 
 /// Part of a step in which accelerations of arguments are told by their rates.
 const SHORT: f64 = 0.01;
 /// Part of a step in which rates of velocities are told by their values.
 const NEXT: f64 = 1e-3;
+/// Part of the rate of an argument within which it keeps its way through a law; by a half of it a hill would turn it back.
+const KEEPS_WAY: f64 = 0.25;
 
 /// A part of a force law that a step has not seen, and that counts.
 pub(super) struct PassedOver {
@@ -126,8 +128,10 @@ impl Run<'_> {
             let delay = way.delay_at_cusps(system.as_ref(), argument);
             self.delay = self.delay.max(self.options.tolerance.translation * delay);
             let step = [times[0], times[1]];
-            let at_cusps = self.missed(inspector, step, way.cusps())?;
-            let between = self.missed(inspector, step, way.passages(system.as_ref(), argument))?;
+            let at_cusps = self.missed(inspector, step, None, way.cusps())?;
+            let passages = way.passages(system.as_ref(), argument);
+            let held = (!argument.is_velocity).then_some(argument);
+            let between = self.missed(inspector, step, held, passages)?;
             let passed = [at_cusps, between].into_iter().flatten().chain(found);
             found =
                 passed.reduce(|first, other| if other.time < first.time { other } else { first });
@@ -200,40 +204,46 @@ impl Run<'_> {
         way.follow(Looking { knots, negligible, inside }, places)
     }
 
-    /// Where a law deviates most, if what the attempt misses of it exceeds the tolerance.
+    /// Where a law deviates most, if what the attempt misses of it exceeds the tolerance; or where that would change the rate of
+    /// its argument so much that this would not go on as it does, whatever else makes up for it.
     fn missed(
         &mut self,
         inspector: &mut Recorder,
         [t, step]: [f64; 2],
+        argument: Option<&LawArgument>,
         passages: &[Passage],
     ) -> Result<Option<PassedOver>, EvaluationFailure> {
         if passages.is_empty() {
             return Ok(None);
         }
-        let weight = |p: &Passage| p.duration * p.deviation;
-        let share = passages.iter().map(weight).sum::<f64>() / LOOKED_AT as f64;
-        let few = passages.len() <= LOOKED_AT;
+        let (alone, share) = looked_at_alone(passages);
         self.missed.iter_mut().for_each(|missed| missed.fill(0.0));
         let (mut sum, mut looked, mut worst) = (0.0, 0.5, &passages[0]);
-        for passage in passages {
-            if weight(passage) > weight(worst) {
+        let mut turned: Option<PassedOver> = None;
+        for (k, passage) in passages.iter().enumerate() {
+            if passage.weight() > worst.weight() {
                 worst = passage;
             }
-            sum += weight(passage);
-            let mut shares = 0.0;
-            while looked < LOOKED_AT as f64 && looked * share <= sum {
-                looked += 1.0;
-                shares += share;
-            }
-            // Before the first knot formulas without a stage at the start of a step know nothing.
-            let duration = if few {
+            let duration = if alone.contains(&Some(k)) {
                 passage.duration
             } else {
-                let share = shares / passage.deviation;
-                if passage.is_first { share.max(passage.duration) } else { share }
+                sum += passage.weight();
+                let mut shares = 0.0;
+                while looked * share <= sum {
+                    looked += 1.0;
+                    shares += share;
+                }
+                let duration = shares / passage.deviation;
+                // Before the first knot formulas without a stage at the start of a step know nothing.
+                if passage.is_first { duration.max(passage.duration) } else { duration }
             };
             if duration > 0.0 {
                 self.miss(inspector, [t, step], passage.time, duration)?;
+                if let (None, Some(argument)) = (&turned, argument) {
+                    let part = self.turned_part(inspector, [t, step], argument, passage.time)?;
+                    let error = part / KEEPS_WAY;
+                    turned = (error > 1.0).then_some(PassedOver { time: passage.time, error });
+                }
             }
         }
         let [near, far] = &mut self.missed;
@@ -260,7 +270,39 @@ impl Run<'_> {
         if error <= 1.0 && undamped > 1.0 {
             self.damped.push(PassedOver { time: worst.time, error: undamped });
         }
-        Ok((error > 1.0).then_some(PassedOver { time: worst.time, error }))
+        Ok((error > 1.0).then_some(PassedOver { time: worst.time, error }).or(turned))
+    }
+
+    /// By which part of its rate at `time` an argument would be slower or faster for what is missed until then; 0 where that is within
+    /// the tolerance of velocities.
+    fn turned_part(
+        &mut self,
+        inspector: &mut Recorder,
+        [t, step]: [f64; 2],
+        argument: &LawArgument,
+        time: f64,
+    ) -> Result<f64, EvaluationFailure> {
+        let ndof = self.form.second_order_split();
+        let (change, [near, far]) = (&mut self.scratch[1], &self.missed);
+        change.fill(0.0);
+        for k in ndof..2 * ndof {
+            change[k] = near[k] + far[k];
+        }
+        if self.form.error_norm(change, &self.w_end) <= 1.0 {
+            return Ok(0.0);
+        }
+        let (system, stepper, theta) = (self.system.as_ref(), &mut self.stepper, (time - t) / step);
+        let mut rate = |part: f64| {
+            let interpolate = &mut |theta: f64, w: &mut [f64]| {
+                stepper.interpolate(theta, w);
+                w.iter_mut().zip(&*change).for_each(|(w, change)| *w += part * change);
+            };
+            let state = inspector.state(interpolate, t, step, theta, false)?;
+            Ok(Place::of(system, argument, time, state).rate)
+        };
+        let (before, after) = (rate(0.0)?, rate(1.0)?);
+        let part = ((after - before) / before).abs();
+        Ok(if part.is_nan() { 0.0 } else { part })
     }
 
     /// Adds what the end of the attempt misses if its accelerations miss those of the equations for `duration` seconds
@@ -300,6 +342,24 @@ impl Run<'_> {
         }
         Ok(())
     }
+}
+
+/// The parts that are looked at for themselves, since they are more than others could have an equal share of, and what the others
+/// share: one look each.
+fn looked_at_alone(passages: &[Passage]) -> ([Option<usize>; LOOKED_AT], f64) {
+    let mut alone = [None; LOOKED_AT];
+    for taken in 0..LOOKED_AT {
+        let others = || passages.iter().enumerate().filter(|(k, _)| !alone.contains(&Some(*k)));
+        let share = others().map(|(_, p)| p.weight()).sum::<f64>() / (LOOKED_AT - taken) as f64;
+        let largest = others().max_by(|(_, a), (_, b)| a.weight().total_cmp(&b.weight()));
+        match largest {
+            Some((k, passage)) if passages.len() <= LOOKED_AT || passage.weight() >= share => {
+                alone[taken] = Some(k);
+            }
+            _ => return (alone, share),
+        }
+    }
+    (alone, f64::INFINITY)
 }
 
 /// When something has come as far as `way`, s: the smallest τ > 0 with rate τ + ½ acceleration τ² = way; never is infinite.
