@@ -184,6 +184,8 @@ pub(super) struct Looking<'a> {
     pub(super) knots: &'a [f64],
     /// What courses of the argument may be wrong by.
     pub(super) negligible: f64,
+    /// Whether the law bends beside its knots, too, so that what passes none is looked at as well.
+    pub(super) bends: bool,
     /// The argument at a time inside the step.
     pub(super) inside: &'a mut dyn FnMut(f64) -> Result<Place, EvaluationFailure>,
 }
@@ -199,6 +201,8 @@ pub(super) struct Way {
     passages: Vec<Passage>,
     /// Where the line is next to its other end.
     cusps: Vec<Passage>,
+    /// Whether it passes a knot or the other end of its line.
+    passes: bool,
     /// States that may still be asked for.
     left: usize,
 }
@@ -214,6 +218,7 @@ impl Way {
             marks: Vec::with_capacity(marks),
             passages: Vec::with_capacity(marks),
             cusps: Vec::with_capacity(places),
+            passes: false,
             left: 0,
         }
     }
@@ -222,6 +227,7 @@ impl Way {
     pub(super) fn clear(&mut self) {
         self.marks.clear();
         self.cusps.clear();
+        self.passes = false;
     }
 
     /// Follows an argument through the start, the middle and the end of a step, and looks at more of its states where
@@ -254,9 +260,10 @@ impl Way {
             marks.extend(cusps.next_if(|&cusp| cusp <= pair[1].time));
         }
         marks.push(places[places.len() - 1].time);
-        if !passes {
+        if !passes && !looking.bends {
             marks.clear();
         }
+        self.passes = passes;
         Ok(())
     }
 
@@ -304,7 +311,7 @@ impl Way {
 
     /// Whether [`Way::follow`] has found a knot or such a place.
     pub(super) fn passes_knot(&self) -> bool {
-        !self.marks.is_empty()
+        self.passes
     }
 
     /// Goes on over the middle of a part to its end, in smaller parts if need be.
@@ -431,7 +438,7 @@ mod tests {
             asked += 1;
             Ok(place(time))
         };
-        let looking = Looking { knots: &[0.1], negligible: 1e-6, inside };
+        let looking = Looking { knots: &[0.1], negligible: 1e-6, bends: false, inside };
         way.follow(looking, [0.0, 0.5, 1.0].map(place)).unwrap();
         assert_eq!(way.marks.len(), 5);
         for (found, truth) in way.marks.iter().zip([0.0, 7.0, 10.0, 13.0, 30.0].map(|t| t / 30.0)) {
@@ -444,10 +451,10 @@ mod tests {
             let place = LawPlace { value: -time * time, rate: -2.0 * time, ..LawPlace::default() };
             Place::at(time, place)
         };
-        let looking = Looking { knots: &[-0.3], negligible: 1e-6, inside: &mut no };
+        let looking = Looking { knots: &[-0.3], negligible: 1e-6, bends: false, inside: &mut no };
         way.follow(looking, [-1.0, 0.25, 1.5].map(fall)).unwrap();
         assert_eq!(way.marks.len(), 5);
-        let looking = Looking { knots: &[-9.0], negligible: 1e-6, inside: &mut no };
+        let looking = Looking { knots: &[-9.0], negligible: 1e-6, bends: false, inside: &mut no };
         way.follow(looking, [0.0, 0.5, 1.0].map(place)).unwrap();
         assert!(way.marks.is_empty());
     }

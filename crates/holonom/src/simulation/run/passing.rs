@@ -187,7 +187,8 @@ impl Run<'_> {
         };
         let knots = &argument.knots;
         if !argument.is_velocity {
-            return way.follow(Looking { knots, negligible, inside: &mut at }, places);
+            let looking = Looking { knots, negligible, bends: false, inside: &mut at };
+            return way.follow(looking, places);
         }
         if !Place::may_pass(&places, knots) {
             way.clear();
@@ -201,7 +202,7 @@ impl Run<'_> {
             let next = at(next_to(time))?;
             Ok(at(time)?.with_rate(&next))
         };
-        way.follow(Looking { knots, negligible, inside }, places)
+        way.follow(Looking { knots, negligible, bends: true, inside }, places)
     }
 
     /// Where a law deviates most, if what the attempt misses of it exceeds the tolerance; or where that would change the rate of
@@ -344,22 +345,25 @@ impl Run<'_> {
     }
 }
 
-/// The parts that are looked at for themselves, since they are more than others could have an equal share of, and what the others
-/// share: one look each.
+/// The parts that are looked at for themselves, since they are more than an equal share of what others have, and such a share.
 fn looked_at_alone(passages: &[Passage]) -> ([Option<usize>; LOOKED_AT], f64) {
     let mut alone = [None; LOOKED_AT];
-    for taken in 0..LOOKED_AT {
+    let mut share = f64::INFINITY;
+    for taken in 0..=LOOKED_AT {
         let others = || passages.iter().enumerate().filter(|(k, _)| !alone.contains(&Some(*k)));
-        let share = others().map(|(_, p)| p.weight()).sum::<f64>() / (LOOKED_AT - taken) as f64;
-        let largest = others().max_by(|(_, a), (_, b)| a.weight().total_cmp(&b.weight()));
-        match largest {
-            Some((k, passage)) if passages.len() <= LOOKED_AT || passage.weight() >= share => {
-                alone[taken] = Some(k);
-            }
-            _ => return (alone, share),
+        let Some((k, largest)) =
+            others().max_by(|(_, a), (_, b)| a.weight().total_cmp(&b.weight()))
+        else {
+            break;
+        };
+        share = others().map(|(_, p)| p.weight()).sum::<f64>() / LOOKED_AT as f64;
+        let few = passages.len() <= LOOKED_AT;
+        match alone.get_mut(taken) {
+            Some(place) if few || largest.weight() >= share => *place = Some(k),
+            _ => break,
         }
     }
-    (alone, f64::INFINITY)
+    (alone, share)
 }
 
 /// When something has come as far as `way`, s: the smallest τ > 0 with rate τ + ½ acceleration τ² = way; never is infinite.
