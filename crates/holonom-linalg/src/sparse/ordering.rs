@@ -28,8 +28,10 @@ pub(super) enum Search {
 const SEARCH: usize = 4;
 
 /// A row longer than this is not searched for what it has in common with others, which would make
-/// the choice quadratic where one body meets thousands.
+/// the choice quadratic where one body meets thousands; all or nothing is told by its signature.
 const LONG: usize = 128;
+/// Rows of a column in which an entry that may be the pivot is looked for: in a full block all are alike.
+const ROWS: usize = 64;
 
 const NONE: u32 = u32::MAX;
 /// Numbers in whose time a pivot is chosen, about.
@@ -109,6 +111,8 @@ pub(super) struct Active {
     row_peak: Vec<f64>,
     /// Rows (0..n) and columns (n..2n) in doubly linked lists by count.
     lists: CountLists,
+    /// Tells rows with the same columns from others, but for one case in 2⁶⁴.
+    signatures: Vec<u64>,
     /// Position of a column in the pivot row while it is eliminated.
     place: Vec<u32>,
     /// Columns of the row looked at: those with the current stamp.
@@ -133,6 +137,8 @@ impl Active {
             }
         }
         let row_max: Vec<f64> = rows.iter().map(|row| largest(row)).collect();
+        let signed = |row: &Vec<(u32, f64)>| row.iter().fold(0, |sum, &(j, _)| sum ^ signature(j));
+        let signatures = rows.iter().map(signed).collect();
         let mut lists = CountLists::new(n);
         // Backwards, so that each list begins with its smallest index.
         for i in (0..n).rev() {
@@ -146,6 +152,7 @@ impl Active {
             row_peak: row_max.clone(),
             row_max,
             lists,
+            signatures,
             place: vec![NONE; n],
             marked: vec![0; n],
             stamp: 0,
@@ -214,23 +221,35 @@ impl Active {
 
     /// The entry of a column in its shortest row, of such rows the one in which it is the largest.
     pub(super) fn shortest_in_column(&mut self, j: usize) -> Option<Candidate> {
-        let mut shortest: Option<(usize, f64, usize, f64)> = None;
-        for &i in &self.columns[j] {
-            let row = &self.rows[i as usize];
-            let length = row.len();
-            if shortest.is_some_and(|(least, ..)| length > least) {
-                continue;
+        let column = &self.columns[j];
+        let length = |i: u32| self.rows[i as usize].len();
+        let mut shortest: Option<(usize, f64)> = None;
+        let mut least = column.iter().map(|&i| length(i)).min()?;
+        loop {
+            let mut looked_at = 0;
+            for &i in column.iter().filter(|&&i| length(i) == least) {
+                checkpoint(least);
+                let row = &self.rows[i as usize];
+                let entry = row.iter().find(|&&(c, _)| c as usize == j);
+                let &(_, v) = entry.expect("column is listed");
+                let size = |v: f64, i: usize| v.abs() / self.row_max[i];
+                if !self.admits(i as usize, j, v) {
+                    continue;
+                }
+                if shortest.is_none_or(|(k, of_k)| size(v, i as usize) > size(of_k, k)) {
+                    shortest = Some((i as usize, v));
+                }
+                looked_at += 1;
+                if looked_at == ROWS {
+                    break;
+                }
             }
-            let entry = row.iter().find(|&&(c, _)| c as usize == j);
-            let &(_, v) = entry.expect("column is listed");
-            let size = v.abs() / self.row_max[i as usize];
-            let better =
-                shortest.is_none_or(|(least, largest, ..)| length < least || size > largest);
-            if better && self.admits(i as usize, j, v) {
-                shortest = Some((length, size, i as usize, v));
+            if shortest.is_some() {
+                break;
             }
+            least = column.iter().map(|&i| length(i)).filter(|&n| n > least).min()?;
         }
-        let (_, _, i, v) = shortest?;
+        let (i, v) = shortest?;
         self.mark(i);
         self.rate(i, j, v, usize::MAX)
     }
@@ -269,7 +288,9 @@ impl Active {
         let mut fill = 0;
         for &r in self.columns[j].iter().filter(|&&r| r as usize != i) {
             let row = &self.rows[r as usize];
-            let common = if row.len() > LONG {
+            let common = if self.signatures[r as usize] == self.signatures[i] {
+                others + 1
+            } else if row.len() > LONG {
                 1
             } else {
                 row.iter().filter(|&&(c, _)| self.marked[c as usize] == self.stamp).count()
@@ -308,12 +329,14 @@ impl Active {
                 column.swap_remove(here);
             }
         }
+        checkpoint(pivot_row.len() * pivot_column.len());
         let mut touched = vec![false; pivot_row.len()];
         for &i in pivot_column.iter().filter(|&&i| i as usize != p) {
             touched.fill(false);
             let row = &mut self.rows[i as usize];
             let here = row.iter().position(|&(j, _)| j as usize == q).expect("column is listed");
             let factor = row.swap_remove(here).1 / pivot;
+            let mut signed = self.signatures[i as usize] ^ signature(q as u32);
             let mut size = 0.0;
             for (j, v) in row.iter_mut() {
                 let at = self.place[*j as usize];
@@ -328,10 +351,12 @@ impl Active {
             for (at, &(j, v)) in pivot_row.iter().enumerate() {
                 if j as usize != q && !touched[at] {
                     row.push((j, -factor * v));
+                    signed ^= signature(j);
                     size = size.max((factor * v).abs());
                     self.columns[j as usize].push(i);
                 }
             }
+            self.signatures[i as usize] = signed;
             self.row_max[i as usize] = size;
             self.row_peak[i as usize] = self.row_peak[i as usize].max(size);
             self.lists.remove(i as usize);
@@ -360,6 +385,15 @@ impl Active {
         }
         worst
     }
+}
+
+/// A number for a column, all of whose digits depend on all of its own. Source: Steele, Lea & Flood, Fast splittable pseudorandom
+/// number generators, 2014.
+fn signature(column: u32) -> u64 {
+    let mut z = (u64::from(column) + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
 }
 
 fn least_fill(a: Option<Candidate>, b: Option<Candidate>) -> usize {
