@@ -81,12 +81,14 @@ impl Summary {
     /// What was computed is whole, but what was to be said of it is not known.
     fn interrupt(&mut self) {
         self.status = Status::Interrupted;
-        self.stop.code = "simulation/interrupted";
-        self.stop.message =
-            "interrupted at the end, while a second run was to tell how far errors have grown"
-                .to_owned();
-        self.stop.help =
-            "all rows are there; a run that is taken up here makes the second one again";
+        self.stop = StopReason {
+            code: "simulation/interrupted",
+            message:
+                "interrupted at the end, while a second run was to tell how far errors have grown"
+                    .to_owned(),
+            help: "all rows are there; a run that is taken up here makes the second one again",
+            ..self.stop.clone()
+        };
     }
 }
 
