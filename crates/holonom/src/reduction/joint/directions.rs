@@ -23,8 +23,8 @@ struct Moved {
     /// Column of each of the base's directions.
     from_base: Vec<usize>,
     parts: Vec<Part>,
-    /// Places in M̂ of each variable with itself and those after it.
-    entries: Vec<usize>,
+    /// Place in M̂ of each variable with the first one of all; with variable p, not behind it, it is by p smaller.
+    places: Vec<usize>,
     /// Its first direction among all.
     first: usize,
 }
@@ -143,10 +143,8 @@ impl<const W: usize> Directions<W> {
             let from_base = from_base.iter().map(|&p| column(p)).collect();
             let first = count;
             count += variables.len();
-            let pairs = variables.iter().enumerate();
-            let pairs = pairs.flat_map(|(at, &p)| variables[at..].iter().map(move |&q| (p, q)));
-            let entries = pairs.map(|(p, q)| ReducedMass::place(ndof, p, q)).collect();
-            moved[body] = Moved { variables, from_base, parts, entries, first };
+            let places = variables.iter().map(|&p| ReducedMass::place(ndof, p, 0)).collect();
+            moved[body] = Moved { variables, from_base, parts, places, first };
         }
         // Variables of loops that move a body or something that hangs on it.
         let mut below: Vec<Vec<usize>> = moved.iter().map(|own| own.variables.clone()).collect();
@@ -227,12 +225,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 *about = A::moved_twist(column, &self.origin[b], &place);
             }
             let BodyInertia { mass: m, turned, .. } = &self.inertias[b];
-            let mut entries = own.entries.iter();
             for (i, (&p, column)) in own.variables.iter().zip(&*columns).enumerate() {
                 let own_felt = A::inertia_about_center(*m, turned, column);
                 add(&mut felt[p], 1.0, &A::moved(&own_felt, &place, &self.origin[b]));
-                for (column, &at) in columns[i..].iter().zip(&mut entries) {
-                    mass.entries[at] += dot(&own_felt, column);
+                for (column, &place) in columns[i..].iter().zip(&own.places[i..]) {
+                    mass.entries[place - p] += dot(&own_felt, column);
                 }
             }
         }
