@@ -36,7 +36,15 @@ from holonom.certification import (
 from holonom.channels import split_component
 from holonom.result import Result
 from holonom.states import start_state
-from holonom.store.continuation import begun, destination, first_state, merged, part, rewind
+from holonom.store.continuation import (
+    before_part,
+    begun,
+    destination,
+    first_state,
+    merged,
+    part,
+    rewind,
+)
 from holonom.store.locks import require_unwritten
 from holonom.store.memory import Memory, Stored
 from holonom.store.reader import Reader
@@ -354,6 +362,8 @@ class _Recorder:
         self._continues = continues
         self._place = place
         self._older = dict(continues.meta) if continues is not None else {}
+        if place is not None and not place.is_whole:
+            self._older = before_part(self._older)
         self._force = force
         self._model = model
         self._chosen = chosen
@@ -389,6 +399,7 @@ class _Recorder:
         summary |= {"warnings": warnings, "finished": _now()}
         if self._older and not (self._place is not None and self._place.is_whole):
             summary = merged(self._older, summary)
+            summary["statistics"]["outputs"] = self._open().count
         with self._noted():
             self._open().finish(summary)
 

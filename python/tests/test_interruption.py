@@ -2,6 +2,7 @@
 
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -101,8 +102,9 @@ def test_ctrl_c_is_heeded_at_any_moment_of_ten_thousand_bodies(tmp_path: Path) -
 
 
 @pytest.mark.parametrize("pressed", [True, False])
+@pytest.mark.parametrize("part", [1, 2])
 def test_ctrl_c_is_heeded_while_a_run_is_checked_by_a_second_one(
-    tmp_path: Path, pressed: bool
+    tmp_path: Path, pressed: bool, part: int
 ) -> None:
     text = oscillator_text(mass=1.0, x=1.0, stiffness=100.0, free_length=1.0)
     model = holonom.Model.from_text(text)
@@ -117,9 +119,13 @@ def test_ctrl_c_is_heeded_while_a_run_is_checked_by_a_second_one(
             os.kill(os.getpid(), signal.SIGINT)
 
     options: Any = {"tolerance": 1e-4, "end_time": end, "interval": 1.0}
-    path = tmp_path / "checked.holonom"
+    path, other = tmp_path / "checked.holonom", tmp_path / "whole.holonom"
+    start: Any = {}
+    if part == 2:
+        start = {"start": model.simulate(**options | {"end_time": 9.0}, output=path).state()}
+        shutil.copy(path, other)
     with pytest.raises(holonom.Interrupted, match="all rows are there") as caught:
-        model.simulate(**options, progress=progress, output=path)
+        model.simulate(**options, **start, progress=progress, output=path)
     result = caught.value.result
     assert result is not None
     assert result.status == "interrupted"
@@ -129,7 +135,7 @@ def test_ctrl_c_is_heeded_while_a_run_is_checked_by_a_second_one(
     )
     # Taken up, it is checked: all is as if nobody had asked.
     again = model.simulate(**options, start=result.state(), output=path)
-    whole = model.simulate(**options)
+    whole = model.simulate(**options, **start, output=other)
     assert again.status == "completed"
     assert list(again.warnings) == list(whole.warnings)
     assert np.array_equal(again.time, whole.time)
@@ -139,6 +145,8 @@ def test_ctrl_c_is_heeded_while_a_run_is_checked_by_a_second_one(
         for found in (again, whole)
     ]
     assert counts[0] == counts[1]
+    assert again.energy == whole.energy
+    assert again.statistics.outputs == again.time.size == 2_001
 
 
 def test_what_is_being_done_is_told() -> None:

@@ -285,6 +285,13 @@ def test_what_is_continued_is_appended(
         assert result.statistics.smallest_step == smallest > 0.0
 
 
+def test_rows_at_listed_times_are_counted(model: holonom.Model, older: Path) -> None:
+    with Result.load(older) as first:
+        rows, state = first.time.size, first.state()
+    with model.simulate(start=state, output=older, output_times=[1.5, 2.0], end_time=2.0) as result:
+        assert result.statistics.outputs == result.time.size == rows + 2
+
+
 def test_by_default_a_run_goes_on_into_the_file_it_starts_from(
     pendulum: Path,
     model: holonom.Model,

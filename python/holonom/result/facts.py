@@ -76,7 +76,13 @@ class Facts:
                     "stored channels can be read all the same; run the model again for others",
                     code="result/damaged",
                 )
-            text = json.dumps(self.meta["model"], ensure_ascii=False)
+            model = dict(self.meta["model"])
+            steps = dict(model.get("simulation") or {})
+            if "fixed_step" in steps:
+                # Earlier versions took them beside it, and did nothing by them.
+                unused = ("max_step", "initial_step")
+                model["simulation"] = {k: v for k, v in steps.items() if k not in unused}
+            text = json.dumps(model, ensure_ascii=False)
             name = str(self.meta.get("name", "model"))
             self._model = Model.from_text(text, "json", name)
         return self._model

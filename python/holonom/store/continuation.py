@@ -24,6 +24,9 @@ State = Mapping[str, NDArray[np.float64]]
 #: Options that change no number of a run.
 _FREE = ("start_time", "max_steps", "max_seconds", "threads")
 
+#: What describes the whole up to the last part beside statistics, for one that is taken up.
+_OF_PARTS = ("residuals", "energy", "cpu_seconds", "warnings")
+
 #: Statistics that are not summed over the parts of a result.
 _EXTREMES = {"smallest_step": min, "largest_step": max, "largest_contraction": max}
 #: Those that are means, with the number of what they are means of.
@@ -96,7 +99,9 @@ def rewind(older: Reader, chosen: Mapping[str, Any]) -> Rewind | None:
     is_whole = not meta.get("parts")
     # Of those that failed, only ones whose rows could not be stored have a checkpoint.
     stopped = meta.get("status") in ("killed", "failed")
-    stopped |= meta.get("status") == "interrupted" and is_whole
+    # Of a part the description of those before it is needed, which earlier versions did not keep.
+    known = is_whole or "energy" in meta["parts"][-1]
+    stopped |= meta.get("status") == "interrupted" and known
     if place is None or not stopped or meta.get("holonom") != _core.version():
         return None
     found, asked = (
@@ -106,6 +111,12 @@ def rewind(older: Reader, chosen: Mapping[str, Any]) -> Rewind | None:
     if found != asked or not 0 <= place["chunk"] <= older.last_chunk["id"]:
         return None
     return Rewind(place["chunk"], place["text"], is_whole)
+
+
+def before_part(older: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the description of a result without its last part."""
+    last = older["parts"][-1]
+    return {**older, **{key: last[key] for key in ("statistics", *_OF_PARTS) if key in last}}
 
 
 def first_state(older: Reader, place: Rewind) -> dict[str, NDArray[np.float64]] | None:
@@ -128,10 +139,6 @@ def merged(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]
         known = [part[key] for part in (before, after) if key in part and part.get("steps")]
         if known:
             whole["statistics"][key] = choose(known)
-    if "outputs" in before and "outputs" in after:
-        whole["statistics"]["outputs"] -= (
-            1  # the first row of the new part is the last of the older
-        )
     for key, number in _MEANS.items():
         if key in before and key in after:
             counts = before.get(number) or 0, after.get(number) or 0
@@ -155,7 +162,8 @@ def merged(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]
 def part(meta: Mapping[str, Any], until: float) -> dict[str, Any]:
     """Return what is kept of the description of a part: how it was run, and how far (s)."""
     keys = ("options", "status", "stop_reason", "statistics", "started", "finished", "holonom")
-    return {key: meta[key] for key in keys if key in meta} | {"until": until}
+    kept = {key: meta[key] for key in (*keys, *_OF_PARTS) if key in meta}
+    return kept | {"until": until}
 
 
 def _largest(

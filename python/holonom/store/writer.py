@@ -146,6 +146,11 @@ class Writer:
                 self.close()
                 raise
 
+    @property
+    def count(self) -> int:
+        """Number of output times written, those of older parts included."""
+        return int(self._last["first"] + self._last["count"])
+
     def append(self, chunk: Mapping[str, Any]) -> None:
         """Store and commit one chunk as the core delivers it: all of it or nothing."""
         if self._until is not None:

@@ -219,7 +219,8 @@ impl Active {
         best
     }
 
-    /// The entry of a column in its shortest row, of such rows the one in which it is the largest.
+    /// The entry of a column in the shortest of its rows in which it may be the pivot; where there are several, of the first [`ROWS`] the
+    /// one in which it is the largest.
     pub(super) fn shortest_in_column(&mut self, j: usize) -> Option<Candidate> {
         let column = &self.columns[j];
         let length = |i: u32| self.rows[i as usize].len();
@@ -460,5 +461,63 @@ impl CountLists {
             self.previous[next as usize] = previous;
         }
         self.count[line] = NONE;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::SparsePattern;
+
+    /// A matrix with `per_row` entries in each row beside its diagonal, and their values.
+    fn scattered(n: usize, per_row: usize) -> (SparsePattern, Vec<f64>) {
+        let mut seed = 7u64;
+        let mut next = |below: usize| {
+            seed = seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 33) as usize % below
+        };
+        let mut entries: Vec<(usize, usize)> =
+            (0..n).flat_map(|i| (0..per_row).map(move |_| i)).map(|i| (i, next(n))).collect();
+        entries.extend((0..n).map(|i| (i, i)));
+        entries.sort_unstable();
+        entries.dedup();
+        let values = entries.iter().map(|_| 0.05 + next(1000) as f64 / 1000.0).collect();
+        (SparsePattern::new(n, n, &entries).0, values)
+    }
+
+    #[test] // independent truth: all rows of the column, and all columns of the row, one by one
+    fn pivots_and_signatures_are_those_of_the_rows_that_are_left() {
+        let (pattern, values) = scattered(60, 3);
+        let mut active = Active::new(&pattern, &values);
+        let mut wide = WideSearch::new(60);
+        for left in (1..=60).rev() {
+            for i in (0..60).filter(|&i| active.lists.contains(i)) {
+                let signed = active.rows[i].iter().fold(0, |sum, &(j, _)| sum ^ signature(j));
+                assert_eq!(active.signatures[i], signed);
+            }
+            let columns: Vec<usize> = (0..60).filter(|j| active.lists.contains(60 + j)).collect();
+            for j in columns {
+                let best = {
+                    let active = &active;
+                    let size = |i: usize| {
+                        let entry = active.rows[i].iter().find(|entry| entry.0 as usize == j);
+                        entry.map_or(0.0, |entry| entry.1)
+                    };
+                    let rows = active.columns[j].iter().map(|&i| i as usize);
+                    let admitted = rows.filter(|&i| active.admits(i, j, size(i)));
+                    let order =
+                        |i: usize| (active.rows[i].len(), -size(i).abs() / active.row_max[i]);
+                    admitted.map(order).min_by(|a, b| a.partial_cmp(b).unwrap())
+                };
+                let found = active.shortest_in_column(j);
+                let found = found.map(|found| (active.rows[found.row].len(), -found.size));
+                assert_eq!(found, best, "column {j}, {left} left");
+            }
+            let pivot = wide.best_pivot(&mut active).unwrap();
+            let eliminated = active.eliminate(pivot.row, pivot.column);
+            wide.note(&active, &eliminated);
+        }
     }
 }

@@ -37,9 +37,7 @@ pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
             _ => (
                 format!("`{path}` names the channel `{wanted}`, which is not there"),
                 match nearest(whole, known.iter().copied()) {
-                    Some(meant) if meant == whole && whole == quantity => {
-                        format!("no item has a name like `{item}`")
-                    }
+                    _ if fits_none(problem, item) => format!("no item has a name like `{item}`"),
                     Some(meant) if errors.len() < ERRORS_WITH_HELP => {
                         let component = format!("{item}.{meant}{}", &quantity[whole.len()..]);
                         let fits = component.ends_with(']') && is_there(problem, &component);
@@ -53,6 +51,13 @@ pub(super) fn unknown_channels(problem: &Problem) -> Vec<Diagnostic> {
         errors.push(Diagnostic::new(Code::UnknownName, path, message).help(help));
     }
     errors
+}
+
+/// Whether an item's name is a pattern, and that of no item.
+fn fits_none(problem: &Problem, item: &str) -> bool {
+    let items = || problem.channels().iter().filter_map(|channel| channel.name.rsplit_once('.'));
+    item.contains(PATTERN)
+        && Pattern::new(item).is_ok_and(|pattern| !items().any(|(item, _)| pattern.matches(item)))
 }
 
 /// Whether a name is that of a channel or of a component, or a pattern that fits one.

@@ -216,7 +216,7 @@ impl Way {
         Self {
             places: Vec::with_capacity(places),
             marks: Vec::with_capacity(marks),
-            passages: Vec::with_capacity(marks),
+            passages: Vec::with_capacity(2 * marks),
             cusps: Vec::with_capacity(places),
             passes: false,
             left: 0,
@@ -351,8 +351,8 @@ impl Way {
         Course::through([start, end]).at((time - start.time) / (end.time - start.time))
     }
 
-    /// The parts between the marks of the step, but for those in which the law is as both ends of the step let
-    /// expect: on the line between them.
+    /// The parts between the marks of the step, halved where the law deviates to both sides of what both ends of the step let expect, the line between
+    /// them; but for those in which it does not deviate.
     pub(super) fn passages(&mut self, system: &dyn System, argument: &LawArgument) -> &[Passage] {
         let mut passages = std::mem::take(&mut self.passages);
         passages.clear();
@@ -363,17 +363,26 @@ impl Way {
         let profile = |time: f64| system.law_profile(argument, self.value(time));
         let [from, to] = [self.places[0].time, self.places[self.places.len() - 1].time];
         let [start, end] = [from, to].map(profile);
-        passages.extend(self.marks.windows(2).enumerate().filter_map(|(k, between)| {
-            let (time, duration) = (0.5 * (between[0] + between[1]), between[1] - between[0]);
-            let expected = start + (time - from) / (to - from) * (end - start);
-            let deviation = (profile(time) - expected).abs();
-            (duration * deviation > 0.0).then_some(Passage {
-                time,
-                duration,
-                deviation,
-                is_first: k == 0,
-            })
-        }));
+        let deviation =
+            |time: f64| profile(time) - (start + (time - from) / (to - from) * (end - start));
+        for (k, between) in self.marks.windows(2).enumerate() {
+            let duration = between[1] - between[0];
+            let at = |part: f64| between[0] + part * duration;
+            let mut add = |time: f64, duration: f64, is_first: bool| {
+                let deviation = deviation(time).abs();
+                let passage = Passage { time, duration, deviation, is_first };
+                if passage.weight().is_normal() {
+                    passages.push(passage);
+                }
+            };
+            // Where the law deviates to both sides its middle may tell nothing.
+            if deviation(at(0.25)) * deviation(at(0.75)) < 0.0 {
+                add(at(0.25), 0.5 * duration, k == 0);
+                add(at(0.75), 0.5 * duration, false);
+            } else {
+                add(at(0.5), duration, k == 0);
+            }
+        }
         self.passages = passages;
         &self.passages
     }

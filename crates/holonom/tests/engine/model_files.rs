@@ -300,6 +300,7 @@ fn an_output_channel_that_is_not_there_is_refused_at_its_place() {
         ("upper.angle[0]", "leave the index out"),
         ("*.positon", "did you mean `*.position`?"),
         ("zz*.position", "no item has a name like `zz*`"),
+        ("zz*.position[0]", "no item has a name like `zz*`"),
         ("pivot.x*", "`angle`"),
     ] {
         let errors = with(&format!("\n  \"{unknown}\"")).unwrap_err();

@@ -338,28 +338,47 @@ fn nothing_is_jumped_over_wherever_a_step_begins() {
     table.finish();
 }
 
+/// What a block spends at most, and in all, on its way through a law.
+fn climbs(law: Law<'_>, parts: u32) -> [f64; 2] {
+    let ([x, _], force) = (law, function(law));
+    let (from, length) = (x[0], (x[x.len() - 1] - x[0]) / f64::from(parts));
+    let at = |k: u32| force(from + length * (f64::from(k) + 0.5)) * length;
+    (0..parts)
+        .map(at)
+        .fold([0.0, 0.0], |[most, all]: [f64; 2], part| [most.max(all + part), all + part])
+}
+
 #[test] // truth: energy tells whether a block comes back from a hill, and how fast it is behind
 fn hills_that_are_narrower_than_the_tolerance_are_seen() {
     let speed = 1.88;
     let mut lost = Vec::new();
+    let shapes: [Law; 4] = [
+        [&[-1.0, 0.0, 0.5, 1.0, 2.0], &[0.0, 0.0, 1.0, 0.0, 0.0]],
+        [&[-1.0, 0.0, 0.5, 1.0, 1.5, 2.0, 3.0], &[0.0, 0.0, 1.0, 0.0, -1.0, 0.0, 0.0]],
+        // In the middle between two knots is nothing.
+        [&[-1.0, 0.0, 0.25, 1.75, 2.0, 3.0], &[0.0, 0.0, 1.0, -1.0, 0.0, 0.0]],
+        [&[-1.0, 0.0, 0.05, 1.95, 2.0, 3.0], &[0.0, 0.0, 1.0, -1.0, 0.0, 0.0]],
+    ];
     for (width, far) in [(3e-4, 1.4), (1.2e-3, 1.9), (5e-3, 1.1), (2.4e-2, 1.63)] {
-        for (height, falls_again) in
-            [(2.0, true), (1.1, true), (1.1, false), (0.6, false), (0.6, true)]
-        {
-            let force = height * speed * speed / width; // over half its width on both sides
-            let x = [0.0, 1.0, 1.5, 2.0, 2.5, 3.0].map(|part| far + width * (part - 1.0));
-            let y = [0.0, 0.0, force, 0.0, if falls_again { -force } else { 0.0 }, 0.0];
+        for (shape, height) in shapes.iter().flat_map(|s| [2.0, 1.1, 0.6].map(|h| (s, h))) {
+            let [most, all] = climbs(*shape, 100_000);
+            let force = height * 0.5 * speed * speed / (most * width);
+            let x: Vec<f64> = shape[0].iter().map(|part| far + width * part).collect();
+            let y: Vec<f64> = shape[1].iter().map(|part| force * part).collect();
             let x = [&[-1.0], &x[..], &[20.0]].concat();
             let y = [&[0.0], &y[..], &[0.0]].concat();
             let model = model_of(&slider([1.0, 0.0], [0.0, speed], [-1.0, 0.0], 1.0, [&x, &y]));
-            let behind = if falls_again { speed } else { speed * (1.0 - height).max(0.0).sqrt() };
+            let behind = (speed * speed - 2.0 * force * width * all).max(0.0).sqrt();
             let expected = if height > 1.0 { -speed } else { behind };
             for code in all_codes() {
                 for tolerance in [1e-2, 1e-3, 1e-4] {
                     let run = run_model(&model, &options(code, tolerance, 2.0));
                     let found = run.summary.end.v[0];
-                    if (found - expected).abs() > 60.0 * tolerance * (1.0 + speed) {
-                        lost.push(format!("{width}, {height}, {code:?} {tolerance:.0e}: {found} for {expected} m/s"));
+                    // Unseen hills are off by 0.69 m/s at least.
+                    if (found - expected).abs() > (60.0 * tolerance * (1.0 + speed)).min(0.4) {
+                        lost.push(format!(
+                            "{width}, {shape:?} by {height}, {code:?} {tolerance:.0e}: {found} for {expected} m/s"
+                        ));
                     }
                 }
             }

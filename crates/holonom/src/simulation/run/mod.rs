@@ -86,7 +86,7 @@ impl Summary {
             message:
                 "interrupted at the end, while a second run was to tell how far errors have grown"
                     .to_owned(),
-            help: "all rows are there; a run that is taken up here makes the second one again",
+            help: "all rows are there; the same run into the same file, started from it, makes the second one again",
             ..self.stop.clone()
         };
     }

@@ -8,7 +8,9 @@ use crate::system::{LawArgument, Measure};
 
 /// Moments at which accelerations are compared: in all parts of a step, or, where these are more, each in one that deviates much, or for an
 /// equal share of what the law deviates in the others.
-const LOOKED_AT: usize = 3;
+const ALONE: usize = 3;
+/// Shares.
+const SHARES: f64 = 3.0;
 
 /// Part of a step in which accelerations of arguments are told by their rates.
 const SHORT: f64 = 0.01;
@@ -230,7 +232,7 @@ impl Run<'_> {
             } else {
                 sum += passage.weight();
                 let mut shares = 0.0;
-                while looked * share <= sum {
+                while looked < SHARES && looked * share <= sum {
                     looked += 1.0;
                     shares += share;
                 }
@@ -274,8 +276,8 @@ impl Run<'_> {
         Ok((error > 1.0).then_some(PassedOver { time: worst.time, error }).or(turned))
     }
 
-    /// By which part of its rate at `time` an argument would be slower or faster for what is missed until then; 0 where that is within
-    /// the tolerance of velocities.
+    /// By which part of its rate at `time`, up to all of it, an argument would be slower or faster for what is missed up to the end of the part of
+    /// the step there; 0 where that is within the tolerance of velocities.
     fn turned_part(
         &mut self,
         inspector: &mut Recorder,
@@ -302,7 +304,8 @@ impl Run<'_> {
             Ok(Place::of(system, argument, time, state).rate)
         };
         let (before, after) = (rate(0.0)?, rate(1.0)?);
-        let part = ((after - before) / before).abs();
+        let change = (after - before).abs();
+        let part = change / before.abs().max(change);
         Ok(if part.is_nan() { 0.0 } else { part })
     }
 
@@ -346,18 +349,19 @@ impl Run<'_> {
 }
 
 /// The parts that are looked at for themselves, since they are more than an equal share of what others have, and such a share.
-fn looked_at_alone(passages: &[Passage]) -> ([Option<usize>; LOOKED_AT], f64) {
-    let mut alone = [None; LOOKED_AT];
+fn looked_at_alone(passages: &[Passage]) -> ([Option<usize>; ALONE], f64) {
+    let mut alone = [None; ALONE];
     let mut share = f64::INFINITY;
-    for taken in 0..=LOOKED_AT {
+    for taken in 0..=ALONE {
         let others = || passages.iter().enumerate().filter(|(k, _)| !alone.contains(&Some(*k)));
+        let weights = others().map(|(_, passage)| passage.weight());
         let Some((k, largest)) =
             others().max_by(|(_, a), (_, b)| a.weight().total_cmp(&b.weight()))
         else {
             break;
         };
-        share = others().map(|(_, p)| p.weight()).sum::<f64>() / LOOKED_AT as f64;
-        let few = passages.len() <= LOOKED_AT;
+        share = weights.sum::<f64>() / SHARES;
+        let few = passages.len() <= ALONE;
         match alone.get_mut(taken) {
             Some(place) if few || largest.weight() >= share => *place = Some(k),
             _ => break,
