@@ -399,9 +399,11 @@ class _Recorder:
         summary |= {"warnings": warnings, "finished": _now()}
         if self._older and not (self._place is not None and self._place.is_whole):
             summary = merged(self._older, summary)
-            summary["statistics"]["outputs"] = self._open().count
         with self._noted():
-            self._open().finish(summary)
+            written = self._open()
+            if "statistics" in summary:
+                summary["statistics"]["outputs"] = written.count
+            written.finish(summary)
 
     @contextlib.contextmanager
     def _noted(self) -> Iterator[None]:

@@ -252,8 +252,8 @@ impl CoreModel {
                     return Err(foreign(&message));
                 }
                 let mut state = states.pop();
-                if let Some(state) =
-                    state.as_mut().filter(|_| !data.contains("ledger").is_ok_and(|is| is))
+                if !data.contains("ledger")?
+                    && let Some(state) = &mut state
                 {
                     // Without a history the balance begins here.
                     let energy = self.problem.system().energy(state);

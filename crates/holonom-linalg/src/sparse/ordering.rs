@@ -487,6 +487,17 @@ mod tests {
         (SparsePattern::new(n, n, &entries).0, values)
     }
 
+    #[test] // independent truth: nothing can fill a full matrix
+    fn long_rows_of_a_full_block_cause_no_fill() {
+        let n = LONG + ROWS;
+        let entries: Vec<(usize, usize)> =
+            (0..n).flat_map(|i| (0..n).map(move |j| (i, j))).collect();
+        let pattern = SparsePattern::new(n, n, &entries).0;
+        let values: Vec<f64> = (0..n * n).map(|k| 1.0 + (k % 97) as f64).collect();
+        let mut active = Active::new(&pattern, &values);
+        assert_eq!(active.shortest_in_column(n / 2).map(|found| found.fill), Some(0));
+    }
+
     #[test] // independent truth: all rows of the column, and all columns of the row, one by one
     fn pivots_and_signatures_are_those_of_the_rows_that_are_left() {
         let (pattern, values) = scattered(60, 3);

@@ -6,10 +6,9 @@ use crate::simulation::passage::{Looking, Passage, Place, Way};
 use crate::simulation::recorder::Recorder;
 use crate::system::{LawArgument, Measure};
 
-/// Moments at which accelerations are compared: in all parts of a step, or, where these are more, each in one that deviates much, or for an
-/// equal share of what the law deviates in the others.
+/// Most parts of a step in whose middles accelerations are compared for these parts alone, since they deviate much.
 const ALONE: usize = 3;
-/// Shares.
+/// Moments at which they are compared for all other parts, each for an equal share of what the law deviates in these.
 const SHARES: f64 = 3.0;
 
 /// Part of a step in which accelerations of arguments are told by their rates.
