@@ -9,6 +9,7 @@ pub use super::closing::{Conflict, FrameAxes};
 use super::closing::{closed, contradiction, scale};
 use super::manifold::Manifold;
 use super::parametrization::Parametrization;
+use super::partitioning::RANK_TOLERANCE;
 use super::saddle::Saddle;
 use super::singular_elements::{ASIDE, coincident_ends, opposite_axes};
 use super::stated_joints::{Level, carry, moved, place, turn, wind};
@@ -359,7 +360,7 @@ pub fn start(
             (g, Some(m))
         }
     };
-    let parametrization = choose_tree(system.as_ref(), &state, &g, None)?;
+    let parametrization = choose_tree(system.as_ref(), &state, &g, None, RANK_TOLERANCE)?;
     let known = match template {
         Some(m) => m.chart().with_values(system.as_ref(), &parametrization, &state.q, &g)?,
         None => None,

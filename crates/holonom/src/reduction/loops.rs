@@ -7,7 +7,6 @@
 //!
 //! Equations: `docs/theory/reduction.md` (30)-(35).
 
-use super::partitioning::RANK_TOLERANCE;
 use super::relatives::{Relatives, WIDEST};
 use super::stiffness::{STEPS, STIFF, could_be_stiff, mobilities, rate_along, stays_regular};
 use super::tree::Coordinate;
@@ -108,6 +107,7 @@ impl<'a> Loops<'a> {
         coordinates: &[Coordinate],
         driven: &[Option<usize>],
         relatives: &Relatives,
+        rank_tolerance: f64,
     ) -> Result<Selection, EvaluationFailure> {
         let (system, tree) = (self.system, self.system.tree());
         let sizes = system.structure().sizes;
@@ -151,7 +151,7 @@ impl<'a> Loops<'a> {
         }
 
         let found =
-            independent_rows(bodies.len(), sizes.per_body, &rows, RANK_TOLERANCE, NEARLY_BEST);
+            independent_rows(bodies.len(), sizes.per_body, &rows, rank_tolerance, NEARLY_BEST);
         let found = found.map_err(|e| {
             let (place, own) = sizes.place_of(e.column);
             let column = sizes.of_body(bodies[place]).start + own;

@@ -13,11 +13,17 @@ pub const RANK_TOLERANCE: f64 = 1e-9;
 pub(super) const TRANSLATION_BIAS: f64 = 8.0;
 
 /// Partitions the coordinates at a configuration with Jacobian `g`, by elimination with full
-/// pivoting on the scaled Jacobian; the largest Euler parameter of each body is dependent.
+/// pivoting on the scaled Jacobian; the largest Euler parameter of each body is dependent. Rows of which less than
+/// `rank_tolerance` is left are redundant, as with [`RANK_TOLERANCE`].
 ///
 /// Source: R. A. Wehage, E. J. Haug, *Generalized coordinate partitioning for dimension reduction in
 /// analysis of constrained dynamic systems*, J. Mech. Design 104 (1982).
-pub fn partition(system: &dyn System, q: &[f64], g: &BlockMatrix) -> Parametrization {
+pub fn partition(
+    system: &dyn System,
+    q: &[f64],
+    g: &BlockMatrix,
+    rank_tolerance: f64,
+) -> Parametrization {
     let structure = system.structure();
     let sizes = &structure.sizes;
     let (m, n) = (sizes.rows, sizes.coordinates);
@@ -29,7 +35,7 @@ pub fn partition(system: &dyn System, q: &[f64], g: &BlockMatrix) -> Parametriza
         let largest = own.clone().fold(own.start, larger);
         fixed.push((row, largest));
     }
-    let pivots = full_pivot_elimination(m, n, &mut a, &fixed, RANK_TOLERANCE);
+    let pivots = full_pivot_elimination(m, n, &mut a, &fixed, rank_tolerance);
     let rank = pivots.rank;
     let mut kept = pivots.row_order[..rank].to_vec();
     let mut dropped = pivots.row_order[rank..].to_vec();

@@ -2,7 +2,7 @@
 
 use super::manifold::Manifold;
 use super::parametrization::{Parametrization, Projection};
-use super::partitioning::partition;
+use super::partitioning::{RANK_TOLERANCE, partition};
 use super::tree::choose_tree;
 use crate::error::EvaluationFailure;
 use crate::model::ParametrizationKind;
@@ -19,7 +19,9 @@ const ROTATION_SHARE: f64 = 0.125;
 const NEGLIGIBLE: f64 = 1e-13;
 
 /// A parametrization at a state with Jacobian `g`. Rank, kept and redundant rows of a tangent plane are
-/// those of the partition.
+/// those of the partition. The rank stays that of the manifold's chart where some tolerance gives it: redundant rows being
+/// satisfied at the state, more of them than before seem independent by as much as round-off, in an ill-conditioned place, has taken
+/// bodies from where loops close.
 ///
 /// The tangent plane is an orthonormal basis N of null(G), with lengths measured against the
 /// characteristic length. Its directions are followed by their rotations where they rotate, else by
@@ -47,12 +49,35 @@ pub fn choose(
     state: &State,
     g: &BlockMatrix,
 ) -> Result<Parametrization, EvaluationFailure> {
+    let rank = manifold.chart().parametrization().kept.len();
+    let mut tolerance = RANK_TOLERANCE;
+    let first = choose_by(choice, manifold, state, g, tolerance)?;
+    let mut least = first.pivot_ratio;
+    while first.kept.len() > rank && tolerance < 1.0 {
+        tolerance = 2.0 * least.max(tolerance);
+        match choose_by(choice, manifold, state, g, tolerance) {
+            Ok(found) if found.kept.len() > rank => least = found.pivot_ratio,
+            Ok(found) if found.kept.len() == rank => return Ok(found),
+            _ => break,
+        }
+    }
+    Ok(first)
+}
+
+/// With rows redundant of which less than `rank_tolerance` is left.
+fn choose_by(
+    choice: ParametrizationKind,
+    manifold: &Manifold,
+    state: &State,
+    g: &BlockMatrix,
+    rank_tolerance: f64,
+) -> Result<Parametrization, EvaluationFailure> {
     let system = manifold.system().as_ref();
     if choice == ParametrizationKind::Tree {
         let present = manifold.chart().parametrization().relatives();
-        return choose_tree(system, state, g, present);
+        return choose_tree(system, state, g, present, rank_tolerance);
     }
-    let mut parametrization = partition(system, &state.q, g);
+    let mut parametrization = partition(system, &state.q, g, rank_tolerance);
     if choice != ParametrizationKind::Partitioning {
         let rows = tangent_plane(choice, system, &parametrization, g).map_err(|error| {
             EvaluationFailure::new(

@@ -27,7 +27,7 @@ pub(super) struct Coordinate {
 }
 
 /// The relative coordinates that are independent at a state with Jacobian `g`. Directions have the axes that they have in
-/// `present`: which of the two to keep is a question about these.
+/// `present`: which of the two to keep is a question about these. With less than `rank_tolerance` left, a constraint is redundant.
 ///
 /// # Errors
 /// `simulation/singular-configuration`.
@@ -36,6 +36,7 @@ pub(super) fn choose_tree(
     state: &State,
     g: &BlockMatrix,
     present: Option<&Relatives>,
+    rank_tolerance: f64,
 ) -> Result<Parametrization, EvaluationFailure> {
     let tree = system.tree();
     let rows = system.structure().sizes.rows;
@@ -49,7 +50,7 @@ pub(super) fn choose_tree(
         .collect();
 
     let loops = Loops::new(system, state, pace);
-    let mut choice = loops.select(g, &coordinates, &driven, &relatives)?;
+    let mut choice = loops.select(g, &coordinates, &driven, &relatives, rank_tolerance)?;
     for (c, driven) in coordinates.iter().zip(&driven) {
         if driven.is_none() && !loops.closed(tree.edges[c.edge].body) {
             choice.independent.push((c.group, c.row));

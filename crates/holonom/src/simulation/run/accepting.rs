@@ -16,8 +16,6 @@ use std::time::Instant;
 pub(super) const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
 /// A velocity residual may reach this times max(1, ‖q̇‖∞).
 const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
-/// Growth of the condition of the constraints in use by which what violates those left out may be their round-off.
-const AMPLIFYING: f64 = 100.0;
 /// The place of the middle among [`QUARTERS`].
 const MIDDLE: usize = 1;
 
@@ -178,7 +176,7 @@ impl Run<'_> {
         if better
             && ratio > 1.0
             && !manifold.chart().parametrization().dropped.is_empty()
-            && manifold.condition() > AMPLIFYING * self.condition_reference
+            && manifold.condition() > self.options.repartition_factor() * self.condition_reference
         {
             return Ok(false);
         }
