@@ -49,7 +49,11 @@ class CheckReport:
 
     @property
     def spectrum(self) -> list[complex]:
-        """Eigenvalues of the motion linearized at the initial state, 1/s."""
+        """Eigenvalues of the motion linearized at the initial state, 1/s.
+
+        Of a rotor that is the same about its axis they are whirl and precession as seen from what
+        carries it; where another body spins, they are those of the moment.
+        """
         return [complex(re, im) for re, im in self.data.get("spectrum") or []]
 
     def to_json(self) -> dict[str, Any]:

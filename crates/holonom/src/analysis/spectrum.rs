@@ -1,7 +1,7 @@
 //! Eigenvalues of the motion linearized at a state.
 
 use crate::method::FirstOrder;
-use crate::newton::{SpectrumError, Tangent};
+use crate::newton::{SmallRotations, SpectrumError, Tangent};
 use crate::reduction::Point;
 use crate::reduction::assembly::Assembled;
 use holonom_linalg::{DecompositionError, eigenvalues};
@@ -26,7 +26,8 @@ pub struct Spectrum {
     pub is_complete: bool,
 }
 
-/// Eigenvalues of J = g_w of the first-order form at an assembled state. Accelerations and multipliers are
+/// Eigenvalues of J = g_w of the first-order form at an assembled state, in small rotations in place of rotation vectors: those of a
+/// rotor that is the same about its axis are its whirl in axes of the body that carries it. Accelerations and multipliers are
 /// those of the state. Of models with more than [`LARGEST_DENSE`] degrees of freedom the fastest ones only,
 /// by Arnoldi's method with products J x; none where they do not settle.
 ///
@@ -35,7 +36,7 @@ pub struct Spectrum {
 pub fn spectrum(assembled: &Assembled) -> Result<Spectrum, SpectrumError> {
     let is_complete = assembled.parametrization().ndof <= LARGEST_DENSE;
     let mut values = if is_complete {
-        FirstOrder::eigenvalues(assembled.manifold(), &assembled.state)?
+        FirstOrder::eigenvalues_of_rotations(assembled.manifold(), &assembled.state)?
     } else {
         fastest(assembled)?
     };
@@ -54,13 +55,16 @@ pub fn spectrum(assembled: &Assembled) -> Result<Spectrum, SpectrumError> {
 pub fn fastest(assembled: &Assembled) -> Result<Vec<(f64, f64)>, SpectrumError> {
     let mut point = Point::new(assembled.manifold(), &assembled.state);
     let mut tangent = Tangent::new(&mut point);
+    let rotations = SmallRotations::new(&point.manifold, &assembled.state);
     let frequency = stiffest(&mut point, &mut tangent)?.sqrt().max(1.0);
     let steps = KRYLOV[0].min(tangent.dimension());
     let ndof = point.manifold.chart().ndof();
     let (size, space) = krylov(tangent.dimension(), KRYLOV[0], |direction, out| {
         let mut scaled = direction.to_vec();
         scaled[..ndof].iter_mut().for_each(|x| *x /= frequency);
+        rotations.to_vectors(&mut scaled);
         tangent.multiply(&mut point, &scaled, out)?;
+        rotations.to_rotations(&scaled, out);
         out[..ndof].iter_mut().for_each(|x| *x *= frequency);
         Ok(())
     })?;

@@ -6,7 +6,7 @@ use super::weights::Weights;
 use crate::model::Tolerance;
 use crate::newton::{
     FirstOrderMatrix, JacobianSource, Matrix, MatrixOptions, Newton, ReducedMatrix, Representation,
-    SpectrumError,
+    SmallRotations, SpectrumError,
 };
 use crate::reduction::{Manifold, Point};
 use crate::system::State;
@@ -51,6 +51,18 @@ impl FirstOrder {
         Self::for_eigenvalues(manifold, state).eigenvalues_at(state)
     }
 
+    /// The same of J in small rotations in place of rotation vectors.
+    ///
+    /// # Errors
+    /// [`SpectrumError`].
+    pub fn eigenvalues_of_rotations(
+        manifold: Manifold,
+        state: &State,
+    ) -> Result<Vec<(f64, f64)>, SpectrumError> {
+        let rotations = SmallRotations::new(&manifold, state);
+        Self::for_eigenvalues(manifold, state).eigenvalues_in(&rotations, state)
+    }
+
     /// A form whose weights are nobody's, at a consistent state whose factors the manifold holds.
     fn for_eigenvalues(manifold: Manifold, state: &State) -> Self {
         let tolerance = Tolerance::uniform(1.0);
@@ -63,10 +75,18 @@ impl FirstOrder {
     /// # Errors
     /// [`SpectrumError`].
     pub fn eigenvalues_at(&mut self, state: &State) -> Result<Vec<(f64, f64)>, SpectrumError> {
+        self.eigenvalues_in(&SmallRotations::default(), state)
+    }
+
+    fn eigenvalues_in(
+        &mut self,
+        rotations: &SmallRotations,
+        state: &State,
+    ) -> Result<Vec<(f64, f64)>, SpectrumError> {
         let mut w = vec![0.0; self.dimension()];
         self.pack(state, &mut w);
         self.linearize(state.t, &w)?;
-        self.newton.blocks().eigenvalues()
+        self.newton.blocks().eigenvalues(rotations)
     }
 
     /// Moves to a state with independent variables `p`, where rotation vectors are measured from.

@@ -32,5 +32,5 @@ pub use matrix::{DescriptorForm, FirstOrderMatrix, Matrix, MatrixOptions};
 pub use reduced::ReducedMatrix;
 pub use solver::Newton;
 pub use sparse::SparseMatrix;
-pub use spectrum::SpectrumError;
+pub use spectrum::{SmallRotations, SpectrumError};
 pub use tangent::Tangent;

@@ -1,4 +1,4 @@
-//! The fastest eigenvalues of large models.
+//! Eigenvalues of rotors, and the fastest ones of large models.
 
 use crate::common::model_of;
 use holonom::analysis::{fastest, spectrum};
@@ -105,6 +105,62 @@ fn slow_vibrations_are_not_lost_beside_a_fast_decay() {
             let distances = all.iter().map(|y| size(&(z.0 - y.0, z.1 - y.1)));
             let nearest = distances.fold(f64::INFINITY, f64::min);
             assert!(nearest < 1e-4 * size(z).max(1.0), "{damping:e}: {z:?} is {nearest:.1e} off");
+        }
+    }
+}
+
+/// A top with these moments across and along its axis, that stands on its point and spins; `held` is what holds it.
+fn upright([across, along]: [f64; 2], spin: f64, held: &str) -> Problem {
+    Problem::new(model_of(&format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+top = {{ mass = 2.0, inertia = [[{across}, 0.0, 0.0], [0.0, {across}, 0.0], [0.0, 0.0, {along}]], position = [0.0, 0.0, 0.3] }}
+{held}
+[initial.bodies]
+top = {{ angular_velocity = [0.0, 0.0, {spin}] }}
+"#
+    )))
+}
+
+#[test] // independent truth: θ of a symmetric top in the complex plane: I θ̈ − i I₃Ω θ̇ + k θ = 0
+fn a_rotor_whirls_as_by_hand() {
+    let on_point = "[joints]\nfoot = { type = \"spherical\", between = [\"ground\", \"top\"], point = [0.0, 0.0, 0.0] }";
+    let on_bushing = "[forces]\nmount = { type = \"bushing\", between = [\"ground\", \"top\"], point = [0.0, 0.0, 0.3], \
+                      stiffness = [1e3, 1e3, 1e3], rotational_stiffness = [40.0, 40.0, 0.0] }";
+    for (moments, spin) in [([0.1, 0.15], 300.0), ([0.1, 0.02], 60.0), ([0.1, 0.02], 20.0)] {
+        for (held, about, stiffness) in
+            [(on_point, 0.1 + 2.0 * 0.09, -2.0 * 9.81 * 0.3), (on_bushing, 0.1, 40.0)]
+        {
+            let problem = upright(moments, spin, held);
+            let assembled = problem.assemble().unwrap();
+            let gyroscopic = moments[1] * spin;
+            // λ = i (I₃Ω ± √((I₃Ω)² + 4 I k)) / 2 I, and their conjugates.
+            let root = gyroscopic * gyroscopic + 4.0 * about * stiffness;
+            let expected: Vec<(f64, f64)> = [1.0, -1.0]
+                .into_iter()
+                .flat_map(|sign| {
+                    let (real, imaginary) = if root < 0.0 {
+                        (sign * (-root).sqrt(), gyroscopic)
+                    } else {
+                        (0.0, gyroscopic + sign * root.sqrt())
+                    };
+                    let z = (0.5 * real / about, 0.5 * imaginary / about);
+                    [z, (z.0, -z.1)]
+                })
+                .collect();
+            for found in [spectrum(assembled).unwrap().values, fastest(assembled).unwrap()] {
+                for z in &expected {
+                    let away = found.iter().map(|y| (y.0 - z.0).hypot(y.1 - z.1));
+                    let nearest = away.fold(f64::INFINITY, f64::min);
+                    assert!(
+                        nearest < 1e-6 * (1.0 + z.1.abs()),
+                        "{spin}: {z:?} is not in {found:?}"
+                    );
+                }
+            }
         }
     }
 }
