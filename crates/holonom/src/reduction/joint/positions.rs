@@ -10,6 +10,7 @@ use crate::error::EvaluationFailure;
 use crate::reduction::manifold::turned_too_far;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::Relatives;
+use crate::system::System;
 use std::f64::consts::{PI, TAU};
 
 const MAX_CORRECTIONS: usize = 40;
@@ -25,6 +26,13 @@ const SLOW: f64 = 0.05;
 const FIRST_CAUTION: f64 = 64.0;
 /// Corrections of this size may be noise where the residual is.
 const NOISY_CORRECTION: f64 = 1e-9;
+
+/// What the last digit of places makes of coordinates of edges: far from the origin residuals have no more digits than places.
+fn noise_of_places(system: &dyn System, q: &[f64]) -> f64 {
+    let places = system.structure().sizes.by_body(q).flat_map(|[places, _]| places);
+    let farthest = places.fold(0.0f64, |most, x| most.max(x.abs()));
+    8.0 * f64::EPSILON * farthest / system.characteristic_length()
+}
 
 impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     pub(super) fn follow(
@@ -112,9 +120,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 let caution = if served > 0 { 4.0 } else { FIRST_CAUTION };
                 let ends = size.min(caution * rate * size) <= cluster.noise;
                 let stalls = served > 0 && rate > CONTRACTION_LIMIT;
-                let is_noise = before <= 1e3 * noise
-                    || (size <= NOISY_CORRECTION && is_round_off(cluster.residual));
-                if ends || (stalls && is_noise) {
+                let is_noise = || {
+                    let noisy = || NOISY_CORRECTION.max(1e3 * noise_of_places(&*self.system, q));
+                    before <= 1e3 * noise || (is_round_off(cluster.residual) && size <= noisy())
+                };
+                if ends || (stalls && is_noise()) {
                     (cluster.is_open, last) = (false, last.max(size));
                     continue;
                 }
