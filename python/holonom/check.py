@@ -52,7 +52,8 @@ class CheckReport:
         """Eigenvalues of the motion linearized at the initial state, 1/s.
 
         Of a rotor that is the same about its axis they are whirl and precession as seen from what
-        carries it; where another body spins, they are those of the moment.
+        carries it. Where another body spins, or one that spins and tilts carries a rotor, the
+        equations change as it turns, and they are those of the moment.
         """
         return [complex(re, im) for re, im in self.data.get("spectrum") or []]
 

@@ -14,7 +14,7 @@ pub(super) const TRANSLATION_BIAS: f64 = 8.0;
 
 /// Partitions the coordinates at a configuration with Jacobian `g`, by elimination with full
 /// pivoting on the scaled Jacobian; the largest Euler parameter of each body is dependent. Rows of which less than
-/// `rank_tolerance` is left are redundant, as with [`RANK_TOLERANCE`].
+/// `rank_tolerance` is left are redundant; [`RANK_TOLERANCE`] is the usual one.
 ///
 /// Source: R. A. Wehage, E. J. Haug, *Generalized coordinate partitioning for dimension reduction in
 /// analysis of constrained dynamic systems*, J. Mech. Design 104 (1982).

@@ -137,7 +137,9 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
             if !is_open {
                 let moved = self.corrections(x).fold(0.0, keep_larger);
-                let near = (0.5 * predicted).min(FARTHEST) + 1e3 * last;
+                // What few digits of far places leave is no way to another branch.
+                let left = last.min(NOISY_CORRECTION.max(1e3 * noise));
+                let near = (0.5 * predicted).min(FARTHEST) + 1e3 * left;
                 // Next to a dead point round-off of the residuals alone moves by more than a short step.
                 if moved <= near || (is_round_off(first.0) && moved <= near + first.1) {
                     self.stood.copy_from_slice(q);
