@@ -51,9 +51,10 @@ class CheckReport:
     def spectrum(self) -> list[complex]:
         """Eigenvalues of the motion linearized at the initial state, 1/s.
 
-        Of a rotor that is the same about its axis they are whirl and precession as seen from what
-        carries it. Where another body spins, or one that spins and tilts carries a rotor, the
-        equations change as it turns, and they are those of the moment.
+        Of rotors that are the same about their axes they are whirl and precession as seen from
+        what carries them, the innermost one of a row. Where another body spins, or one that spins
+        and tilts carries what a universal joint or the line of a spring places, the equations
+        change as it turns, and they are those of the moment.
         """
         return [complex(re, im) for re, im in self.data.get("spectrum") or []]
 

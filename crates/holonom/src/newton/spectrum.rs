@@ -2,10 +2,11 @@
 
 use super::blocks::ReducedBlocks;
 use crate::error::EvaluationFailure;
-use crate::reduction::Manifold;
-use crate::system::{RelativeKind, State};
+use crate::math::spatial::cross;
+use crate::math::vector::{add_scaled, difference, scaled, sum};
+use crate::reduction::{Manifold, Relatives};
+use crate::system::{BodyPose, RelativeKind, State, System};
 use holonom_linalg::{DecompositionError, eigenvalues};
-use std::ops::Range;
 
 /// Why there is no spectrum.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -18,19 +19,22 @@ pub enum SpectrumError {
     Decomposition(#[from] DecompositionError),
 }
 
-/// Small rotations θ in place of rotation vectors x, whose reference goes along with the motion, in axes of the body from
-/// which they are measured: in these the linearized equations of a rotor that is the same about its axis have constant
-/// coefficients, in x they have not. Equation: `docs/theory/newton.md` (26).
+/// Small rotations θ in place of rotation vectors x, whose reference goes along with the motion, and, of what is measured from
+/// bodies that themselves turn freely, θ and displacements along axes that do not turn with these: in them the linearized
+/// equations of rotors that are the same about their axes have constant coefficients. Equations: `docs/theory/newton.md` (26), (27).
 #[derive(Debug, Clone, Default)]
 pub struct SmallRotations {
     ndof: usize,
     /// The first of three variables, Ḣ and Ḧ.
-    turning: Vec<(usize, [[[f64; 3]; 3]; 2])>,
+    turning: Vec<(usize, [Matrix3; 2])>,
 }
+
+type Vector3 = [f64; 3];
+type Matrix3 = [[f64; 3]; 3];
 
 impl SmallRotations {
     /// Of the rotation vectors among the independent variables of a manifold that stands at a complete state, where all three
-    /// numbers are independent.
+    /// numbers are independent, and of displacements of which that is so.
     pub fn new(manifold: &Manifold, state: &State) -> Self {
         let ndof = manifold.chart().ndof();
         let mut turning = Vec::new();
@@ -39,17 +43,16 @@ impl SmallRotations {
             manifold.independent_state(state, &mut p, &mut rates);
             manifold.independent_acceleration(state, &mut accelerations);
             let groups = manifold.system().relative_groups();
-            let whole = |(group, range): &(usize, Range<usize>)| {
-                groups[*group].kind == RelativeKind::Rotation && range.len() == 3
-            };
-            for (_, range) in relatives.runs().filter(whole) {
-                let [rate, second] = [&rates, &accelerations].map(|x| skew(&x[range.clone()]));
-                let entry = |r: usize, c: usize| {
-                    let square: f64 = (0..3).map(|k| rate[r][k] * rate[k][c]).sum();
-                    0.5 * second[r][c] + square / 3.0
+            let mut axes = Axes::new(manifold, relatives, state);
+            for (group, range) in relatives.runs().filter(|(_, range)| range.len() == 3) {
+                let turned = axes.turn(group);
+                let own = match groups[group].kind {
+                    RelativeKind::Rotation => [&rates, &accelerations]
+                        .map(|x| std::array::from_fn(|k| x[range.start + k])),
+                    RelativeKind::Displacement if turned.is_some() => [[0.0; 3]; 2],
+                    _ => continue,
                 };
-                let curved = [0, 1, 2].map(|r| [0, 1, 2].map(|c| entry(r, c)));
-                turning.push((range.start, [rate.map(|row| row.map(|x| 0.5 * x)), curved]));
+                turning.push((range.start, turning_matrices(own, turned.unwrap_or_default())));
             }
         }
         Self { ndof, turning }
@@ -99,9 +102,89 @@ impl SmallRotations {
     }
 }
 
-/// x×.
-fn skew(x: &[f64]) -> [[f64; 3]; 3] {
-    [[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]]
+/// Ḣ and Ḧ, R = H = 1, of a rotation vector with rates ẋ and ẍ, along axes that turn by n and ṅ: (26), (27).
+fn turning_matrices([x, x_rate]: [Vector3; 2], [n, n_rate]: [Vector3; 2]) -> [Matrix3; 2] {
+    let mut out = [[[0.0; 3]; 3]; 2];
+    for c in 0..3 {
+        let mut unit = [0.0; 3];
+        unit[c] = 1.0;
+        let by_vector = scaled(&cross(&x, &unit), 0.5);
+        let first = sum(&by_vector, &cross(&n, &unit));
+        let mut second = cross(&sum(&scaled(&x_rate, 0.5), &n_rate), &unit);
+        add_scaled(&mut second, 2.0 / 3.0, &cross(&x, &by_vector));
+        add_scaled(&mut second, 1.0, &cross(&n, &sum(&first, &by_vector)));
+        for r in 0..3 {
+            out[0][r][c] = first[r];
+            out[1][r][c] = second[r];
+        }
+    }
+    out
+}
+
+/// The axes along which relative coordinates are measured.
+struct Axes<'a> {
+    system: &'a dyn System,
+    relatives: &'a Relatives,
+    state: &'a State,
+    /// Of each body the next one inwards, itself included, that does not turn freely against what carries it.
+    carriers: Vec<Option<usize>>,
+    /// The configuration, and velocities of one moved body.
+    moved: [Vec<f64>; 2],
+}
+
+impl<'a> Axes<'a> {
+    fn new(manifold: &'a Manifold, relatives: &'a Relatives, state: &'a State) -> Self {
+        let system = manifold.system().as_ref();
+        let groups = system.relative_groups();
+        let mut is_free = vec![false; groups.len()];
+        for (group, range) in relatives.runs() {
+            is_free[group] = groups[group].kind == RelativeKind::Rotation && range.len() == 3;
+        }
+        let tree = system.tree();
+        let mut carriers = vec![None; system.structure().sizes.bodies];
+        for (edge, &form) in tree.edges.iter().zip(&*relatives.forms) {
+            let turns_freely = edge.forms[form].clone().any(|group| is_free[group]);
+            let of_parent = || edge.parent.and_then(|parent| carriers[parent]);
+            carriers[edge.body] = if turns_freely { of_parent() } else { Some(edge.body) };
+        }
+        let moved = [state.q.clone(), vec![0.0; state.v.len()]];
+        Self { system, relatives, state, carriers, moved }
+    }
+
+    /// n and ṅ of a group of three, along its axes: their angular velocity against the carrier of the body in which they are
+    /// fixed, and its rate; `None` where that body is the carrier.
+    fn turn(&mut self, group: usize) -> Option<[Vector3; 2]> {
+        let [first, second] = self.system.relative_groups()[group].bodies;
+        let body = first.filter(|&body| self.carriers[body] != first)?;
+        let carrier = self.carriers[body];
+        let State { q, v, a, .. } = self.state;
+        // E(ṗ)ṗ = 0: p̈ gives angular accelerations as ṗ gives angular velocities.
+        let [[turning, base], [change, base_change]] = [v, a].map(|v| {
+            [Some(body), carrier]
+                .map(|b| b.map_or([0.0; 3], |b| self.system.body(b, q, v).angular_velocity))
+        });
+        let rate = difference(&turning, &base);
+        let change = sum(&difference(&change, &base_change), &cross(&turning, &base));
+        // What is measured of a motion of the second body tells components along the axes.
+        let (moved, sign) = second.map_or((body, -1.0), |second| (second, 1.0));
+        Some([rate, change].map(|along| self.components(group, moved, scaled(&along, sign))))
+    }
+
+    /// Rates of a group of three where a body turns by, or in displacements moves by, a vector in ground axes.
+    fn components(&mut self, group: usize, body: usize, along: Vector3) -> Vector3 {
+        let Self { system, relatives, moved: [q, v], .. } = self;
+        let still =
+            BodyPose { velocity: [0.0; 3], angular_velocity: [0.0; 3], ..system.body(body, q, v) };
+        let motion = match system.relative_groups()[group].kind {
+            RelativeKind::Rotation => BodyPose { angular_velocity: along, ..still },
+            _ => BodyPose { velocity: along, ..still },
+        };
+        let mut out = [0.0; 3];
+        system.set_body(body, &motion, q, v);
+        relatives.group_rates(*system, group, (0..3).map(|k| (k, k)), [q, v], &mut out);
+        system.set_body(body, &still, q, v);
+        out
+    }
 }
 
 impl ReducedBlocks {

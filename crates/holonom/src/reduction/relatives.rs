@@ -142,7 +142,7 @@ impl Relatives {
     }
 
     /// Those of one group, for `rows` of it that are independent variables, each with the place among all.
-    pub(super) fn group_rates(
+    pub fn group_rates(
         &self,
         system: &dyn System,
         group: usize,

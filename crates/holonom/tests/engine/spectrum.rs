@@ -3,6 +3,7 @@
 use crate::common::model_of;
 use holonom::analysis::{fastest, spectrum};
 use holonom::simulation::Problem;
+use holonom_linalg::eigenvalues;
 
 #[test] // independent truth: all eigenvalues, of the dense matrix
 fn the_fastest_are_those_of_the_dense_matrix() {
@@ -135,7 +136,6 @@ fn a_rotor_whirls_as_by_hand() {
             [(on_point, 0.1 + 2.0 * 0.09, -2.0 * 9.81 * 0.3), (on_bushing, 0.1, 40.0)]
         {
             let problem = upright(moments, spin, held);
-            let assembled = problem.assemble().unwrap();
             let gyroscopic = moments[1] * spin;
             // λ = i (I₃Ω ± √((I₃Ω)² + 4 I k)) / 2 I, and their conjugates.
             let root = gyroscopic * gyroscopic + 4.0 * about * stiffness;
@@ -151,16 +151,178 @@ fn a_rotor_whirls_as_by_hand() {
                     [z, (z.0, -z.1)]
                 })
                 .collect();
-            for found in [spectrum(assembled).unwrap().values, fastest(assembled).unwrap()] {
-                for z in &expected {
-                    let away = found.iter().map(|y| (y.0 - z.0).hypot(y.1 - z.1));
-                    let nearest = away.fold(f64::INFINITY, f64::min);
-                    assert!(
-                        nearest < 1e-6 * (1.0 + z.1.abs()),
-                        "{spin}: {z:?} is not in {found:?}"
-                    );
-                }
-            }
+            holds_all(&problem, &expected, spin);
         }
     }
+}
+
+/// The eigenvalues of the dense matrix, and those of large models, contain these.
+fn holds_all(problem: &Problem, expected: &[(f64, f64)], spin: f64) {
+    let assembled = problem.assemble().unwrap();
+    for found in [spectrum(assembled).unwrap().values, fastest(assembled).unwrap()] {
+        for z in expected {
+            let away = found.iter().map(|y| (y.0 - z.0).hypot(y.1 - z.1));
+            let nearest = away.fold(f64::INFINITY, f64::min);
+            assert!(nearest < 1e-6 * (1.0 + z.1.abs()), "{spin}: {z:?} is not in {found:?}");
+        }
+    }
+}
+
+/// λ = iμ and their conjugates, of −μ² s + μ A s + B s = 0 with real n × n matrices by rows.
+fn whirls(n: usize, a: &[f64], b: &[f64]) -> Vec<(f64, f64)> {
+    let mut companion = vec![0.0; 4 * n * n];
+    for (r, c) in (0..n * n).map(|k| (k / n, k % n)) {
+        companion[r * 2 * n + n + c] = f64::from(u8::from(r == c));
+        companion[(n + r) * 2 * n + c] = b[r * n + c];
+        companion[(n + r) * 2 * n + n + c] = a[r * n + c];
+    }
+    let roots = eigenvalues(2 * n, &companion).unwrap();
+    roots.into_iter().flat_map(|(x, y)| [(-y, x), (-y, -x)]).collect()
+}
+
+#[test] // independent truth: tilts of symmetric tops in the complex plane, one on the tip of the other, with this matrix of inertia
+fn a_top_on_a_top_whirls_as_by_hand() {
+    let [lower, upper] = [(2.0, [0.1, 0.15]), (1.0, [0.05, 0.02])];
+    let (own, tip, above, g) = (0.3, 0.7, 0.2, 9.81);
+    for spins in [[60.0, -40.0], [200.0, 150.0], [60.0, 60.0]] {
+        for swapped in [false, true] {
+            let between = if swapped { ["upper", "lower"] } else { ["lower", "upper"] };
+            let problem = Problem::new(model_of(&format!(
+                r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -{g}]
+[bodies]
+lower = {{ mass = {}, inertia = [[{l}, 0.0, 0.0], [0.0, {l}, 0.0], [0.0, 0.0, {}]], position = [0.0, 0.0, {own}] }}
+upper = {{ mass = {}, inertia = [[{u}, 0.0, 0.0], [0.0, {u}, 0.0], [0.0, 0.0, {}]], position = [0.0, 0.0, {}] }}
+[joints]
+foot = {{ type = "spherical", between = ["ground", "lower"], point = [0.0, 0.0, 0.0] }}
+tip = {{ type = "spherical", between = {between:?}, point = [0.0, 0.0, {tip}] }}
+[initial.bodies]
+lower = {{ angular_velocity = [0.0, 0.0, {}] }}
+upper = {{ angular_velocity = [0.0, 0.0, {}] }}
+"#,
+                lower.0,
+                lower.1[1],
+                upper.0,
+                upper.1[1],
+                tip + above,
+                spins[0],
+                spins[1],
+                l = lower.1[0],
+                u = upper.1[0],
+            )));
+            let m = [
+                lower.1[0] + lower.0 * own * own + upper.0 * tip * tip,
+                upper.0 * tip * above,
+                upper.1[0] + upper.0 * above * above,
+            ];
+            let determinant = m[0] * m[2] - m[1] * m[1];
+            let inverse = [m[2], -m[1], -m[1], m[0]].map(|x| x / determinant);
+            let columns =
+                |x: f64, y: f64| [inverse[0] * x, inverse[1] * y, inverse[2] * x, inverse[3] * y];
+            let gyroscopic = columns(lower.1[1] * spins[0], upper.1[1] * spins[1]);
+            let weight = [lower.0 * own + upper.0 * tip, upper.0 * above].map(|x| -x * g);
+            let stiffness = columns(weight[0], weight[1]);
+            holds_all(&problem, &whirls(2, &gyroscopic, &stiffness), spins[0]);
+        }
+    }
+}
+
+#[test] // independent truth: shifts and tilts of symmetric rotors in the complex plane, with this energy of the bushings
+fn rotors_in_a_row_on_bushings_whirl_as_by_hand() {
+    let (mass, [across, along]) = ([2.0, 1.0], [[0.1, 0.05], [0.15, 0.02]]);
+    let (below, gap, k, turning) = ([0.1, 0.4, 0.2], 1.0, [1e3, 4e2], [40.0, 9.0]);
+    for spins in [[60.0, -40.0], [200.0, 150.0], [60.0, 60.0]] {
+        for swapped in [false, true] {
+            let between = if swapped { ["outer", "inner"] } else { ["inner", "outer"] };
+            let problem = Problem::new(model_of(&format!(
+                r#"
+holonom = 1
+dimension = "spatial"
+[bodies]
+inner = {{ mass = {}, position = [0.0, 0.0, 0.0], inertia = [[{}, 0.0, 0.0], [0.0, {}, 0.0], [0.0, 0.0, {}]] }}
+outer = {{ mass = {}, inertia = [[{}, 0.0, 0.0], [0.0, {}, 0.0], [0.0, 0.0, {}]], position = [0.0, 0.0, {gap}] }}
+[forces]
+mount = {{ type = "bushing", between = ["ground", "inner"], point = [0.0, 0.0, -{}], stiffness = [{}, {}, 500.0], rotational_stiffness = [{}, {}, 0.0] }}
+coupling = {{ type = "bushing", between = {between:?}, point = [0.0, 0.0, {}], stiffness = [{}, {}, 300.0], rotational_stiffness = [{}, {}, 0.0] }}
+[initial.bodies]
+inner = {{ angular_velocity = [0.0, 0.0, {}] }}
+outer = {{ angular_velocity = [0.0, 0.0, {}] }}
+"#,
+                mass[0],
+                across[0],
+                across[0],
+                along[0],
+                mass[1],
+                across[1],
+                across[1],
+                along[1],
+                below[0],
+                k[0],
+                k[0],
+                turning[0],
+                turning[0],
+                below[1],
+                k[1],
+                k[1],
+                turning[1],
+                turning[1],
+                spins[0],
+                spins[1],
+            )));
+            // (shift, tilt) of the inner and the outer one; what each spring is stretched by.
+            let arm = gap - below[1];
+            let springs = [
+                (k[0], [1.0, -below[0], 0.0, 0.0]),
+                (turning[0], [0.0, 1.0, 0.0, 0.0]),
+                (k[1], [-1.0, -below[1], 1.0, -arm]),
+                (turning[1], [0.0, -1.0, 0.0, 1.0]),
+            ];
+            let inertia = [mass[0], across[0], mass[1], across[1]];
+            let (mut a, mut b) = ([0.0; 16], [0.0; 16]);
+            for (r, c) in (0..16).map(|k| (k / 4, k % 4)) {
+                let stiffness: f64 = springs.iter().map(|(k, along)| k * along[r] * along[c]).sum();
+                b[r * 4 + c] = stiffness / inertia[r];
+            }
+            a[5] = along[0] * spins[0] / inertia[1];
+            a[15] = along[1] * spins[1] / inertia[3];
+            holds_all(&problem, &whirls(4, &a, &b), spins[0]);
+        }
+    }
+}
+
+#[test] // independent truth: Euler's equations of a body that is not the same about its axis, in axes of its turntable
+fn what_turns_with_its_turntable_swings_as_by_hand() {
+    let ([a, b, c], mass, length, g, spin) = ([0.06, 0.07, 0.02], 2.0, 0.3, 9.81, 11.0f64);
+    let problem = Problem::new(model_of(&format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -{g}]
+[bodies]
+table = {{ mass = 5.0, position = [0.0, 0.0, 0.0], inertia = [[0.3, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.5]] }}
+weight = {{ mass = {mass}, inertia = [[{a}, 0.0, 0.0], [0.0, {b}, 0.0], [0.0, 0.0, {c}]], position = [0.0, 0.0, -{length}] }}
+[joints]
+axle = {{ type = "revolute", between = ["ground", "table"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }}
+ball = {{ type = "spherical", between = ["table", "weight"], point = [0.0, 0.0, 0.0] }}
+[initial.bodies]
+table = {{ angular_velocity = [0.0, 0.0, {spin}] }}
+weight = {{ angular_velocity = [0.0, 0.0, {spin}] }}
+"#
+    )));
+    let about = [a, b].map(|x| x + mass * length * length);
+    let moment = mass * g * length;
+    let stiffness = [1, 0].map(|other| (about[other] - c) * -spin * spin + moment);
+    let gyroscopic = (about[0] + about[1] - c) * spin;
+    // A B λ⁴ + (A k_b + B k_a + (A + B − C)² Ω²) λ² + k_a k_b = 0.
+    let [first, last] = [about[0] * about[1], stiffness[0] * stiffness[1]];
+    let middle = about[0] * stiffness[1] + about[1] * stiffness[0] + gyroscopic * gyroscopic;
+    let root = (middle * middle - 4.0 * first * last).sqrt();
+    let expected: Vec<(f64, f64)> = [root, -root]
+        .map(|root| (0.5 * (middle + root) / first).sqrt())
+        .into_iter()
+        .flat_map(|y| [(0.0, y), (0.0, -y)])
+        .collect();
+    holds_all(&problem, &expected, spin);
 }

@@ -170,21 +170,32 @@ impl Run<'_> {
                 return Err(failure);
             }
         }
-        let ratio = (position / (POSITION_RESIDUAL_BOUND * length))
-            .max(velocity / (VELOCITY_RESIDUAL_BOUND * speed));
+        let ratio = self.of_bounds(position, velocity, state);
         let manifold = &mut self.form.point_mut().manifold;
         if better
             && ratio > 1.0
             && !manifold.chart().parametrization().dropped.is_empty()
             && manifold.condition() > self.options.repartition_factor() * self.condition_reference
         {
-            return Ok(false);
+            // Where the step began beyond them, constraints contradict each other as much: no other end cures that.
+            let start = residuals(self.system.as_ref(), &self.state, &mut self.residual_rows);
+            if self.of_bounds(start.0, start.1, &self.state) <= 1.0 {
+                return Ok(false);
+            }
         }
         let s = &mut self.statistics;
         s.position_residual = s.position_residual.max(position);
         s.velocity_residual = s.velocity_residual.max(velocity);
         s.residual_ratio = s.residual_ratio.max(ratio);
         Ok(true)
+    }
+
+    /// The larger of residuals in parts of their bounds.
+    fn of_bounds(&self, position: f64, velocity: f64, state: &State) -> f64 {
+        let speed = state.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+        let length = self.system.characteristic_length().max(1.0);
+        (position / (POSITION_RESIDUAL_BOUND * length))
+            .max(velocity / (VELOCITY_RESIDUAL_BOUND * speed))
     }
 
     /// Output rows inside the step, then the new state. Returns the energy at its end.
