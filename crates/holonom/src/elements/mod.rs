@@ -233,6 +233,10 @@ pub trait ForceElement<const D: usize, const N: usize, const W: usize> {
     fn counts_turns(&self) -> bool {
         false
     }
+    /// Whether the law turned over between two configurations of its bodies: a jump.
+    fn turned_over(&self, _from: [&[f64; N]; 2], _to: [&[f64; N]; 2]) -> bool {
+        false
+    }
     /// The angle that is kept as winding, rad; 0 for elements that do not count turns.
     fn angle(&self, _bodies: [&Body<f64, D, N, W>; 2], _winding: f64) -> f64 {
         0.0

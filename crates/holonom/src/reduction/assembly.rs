@@ -360,7 +360,7 @@ pub fn start(
             (g, Some(m))
         }
     };
-    let parametrization = choose_tree(system.as_ref(), &state, &g, None, RANK_TOLERANCE)?;
+    let parametrization = choose_tree(system.as_ref(), &state, &g, None, RANK_TOLERANCE, true)?;
     let known = match template {
         Some(m) => m.chart().with_values(system.as_ref(), &parametrization, &state.q, &g)?,
         None => None,

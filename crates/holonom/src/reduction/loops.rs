@@ -63,7 +63,8 @@ struct Deformation {
 }
 
 impl<'a> Loops<'a> {
-    pub(super) fn new(system: &'a dyn System, state: &'a State, pace: f64) -> Self {
+    /// Deformations of forces are preferred where they are stiff, if that is to be `heeded`.
+    pub(super) fn new(system: &'a dyn System, state: &'a State, pace: f64, heeded: bool) -> Self {
         let tree = system.tree();
         let mut closed = vec![false; tree.edges.len()];
         let mut ways = Ways::new(tree);
@@ -75,8 +76,9 @@ impl<'a> Loops<'a> {
             }
         };
         tree.closures.iter().for_each(|closure| close(closure.ends));
-        let mut elastic: Vec<usize> =
-            (0..tree.elastic.len()).filter(|&k| could_be_stiff(system, state, k, pace)).collect();
+        let mut elastic: Vec<usize> = (0..tree.elastic.len())
+            .filter(|&k| heeded && could_be_stiff(system, state, k, pace))
+            .collect();
         for force in elastic.iter().map(|&k| &tree.elastic[k]).filter(|force| !force.is_edge) {
             close(force.ends);
         }

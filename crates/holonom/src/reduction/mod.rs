@@ -40,4 +40,4 @@ pub use point::Point;
 pub use relatives::{Relatives, Source};
 pub use saddle::Saddle;
 pub use structural::{disturb, structural_nonzeros, structural_null_space};
-pub use tangent_plane::choose;
+pub use tangent_plane::{choose, choose_by_condition};

@@ -64,6 +64,20 @@ pub fn choose(
     Ok(first)
 }
 
+/// Tree coordinates at a state with Jacobian `g` by condition alone, whatever is stiff; `None` on other parametrizations, and where
+/// these are the present ones.
+pub fn choose_by_condition(
+    manifold: &Manifold,
+    state: &State,
+    g: &BlockMatrix,
+) -> Option<Parametrization> {
+    let parametrization = manifold.chart().parametrization();
+    let present = Some(parametrization.relatives()?);
+    let system = manifold.system().as_ref();
+    let found = choose_tree(system, state, g, present, RANK_TOLERANCE, false).ok()?;
+    (found.ndof == parametrization.ndof && !found.same_as(parametrization)).then_some(found)
+}
+
 /// With rows redundant of which less than `rank_tolerance` is left.
 fn choose_by(
     choice: ParametrizationKind,
@@ -75,7 +89,7 @@ fn choose_by(
     let system = manifold.system().as_ref();
     if choice == ParametrizationKind::Tree {
         let present = manifold.chart().parametrization().relatives();
-        return choose_tree(system, state, g, present, rank_tolerance);
+        return choose_tree(system, state, g, present, rank_tolerance, true);
     }
     let mut parametrization = partition(system, &state.q, g, rank_tolerance);
     if choice != ParametrizationKind::Partitioning {

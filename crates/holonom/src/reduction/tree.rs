@@ -28,6 +28,7 @@ pub(super) struct Coordinate {
 
 /// The relative coordinates that are independent at a state with Jacobian `g`. Directions have the axes that they have in
 /// `present`: which of the two to keep is a question about these. With less than `rank_tolerance` left, a constraint is redundant.
+/// Where stiffness is not `heeded`, condition alone decides.
 ///
 /// # Errors
 /// `simulation/singular-configuration`.
@@ -37,6 +38,7 @@ pub(super) fn choose_tree(
     g: &BlockMatrix,
     present: Option<&Relatives>,
     rank_tolerance: f64,
+    heeded: bool,
 ) -> Result<Parametrization, EvaluationFailure> {
     let tree = system.tree();
     let rows = system.structure().sizes.rows;
@@ -49,7 +51,7 @@ pub(super) fn choose_tree(
         .map(|c| tree.edges[c.edge].driver.filter(|d| d.1 == c.at).map(|d| d.0))
         .collect();
 
-    let loops = Loops::new(system, state, pace);
+    let loops = Loops::new(system, state, pace, heeded);
     let mut choice = loops.select(g, &coordinates, &driven, &relatives, rank_tolerance)?;
     for (c, driven) in coordinates.iter().zip(&driven) {
         if driven.is_none() && !loops.closed(tree.edges[c.edge].body) {
@@ -61,7 +63,8 @@ pub(super) fn choose_tree(
     let kept = (0..rows).filter(|row| dropped.binary_search(row).is_err()).collect();
     let groups = system.relative_groups();
     relatives.moves = choice.independent.iter().any(|(group, _)| groups[*group].reach.is_finite());
-    relatives.has_alternatives = loops.any() || tree.edges.iter().any(|edge| edge.form_count() > 1);
+    relatives.has_alternatives =
+        !heeded || loops.any() || tree.edges.iter().any(|edge| edge.form_count() > 1);
     let sources = Arc::make_mut(&mut relatives.sources);
     for (k, c) in coordinates.iter().enumerate() {
         let source = &mut sources[c.edge][c.at];

@@ -42,6 +42,9 @@ pub struct Checkpoint {
     pub(super) counters: RecoveryCounters,
     pub(super) work: StepperStatistics,
     pub(super) statistics: Statistics,
+    /// None in checkpoints of before.
+    #[serde(default)]
+    pub(super) turned_over: Option<(usize, f64)>,
     pub(super) energy: EnergySummary,
     pub(super) kinetic_range: (f64, f64),
     pub(super) energy_scale: EnergyScale,

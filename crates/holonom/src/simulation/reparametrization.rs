@@ -2,7 +2,7 @@
 
 use super::options::Options;
 use crate::error::EvaluationFailure;
-use crate::reduction::{Chart, Manifold, Parametrization, choose};
+use crate::reduction::{Chart, Manifold, Parametrization, choose, choose_by_condition};
 use crate::system::{State, System};
 
 /// The chart of the chosen parametrization at a state; `None` if it is the one that
@@ -27,6 +27,25 @@ pub(super) fn new_chart(
         return Err(rank_change(system, old, &new));
     }
     manifold.chart().with_parametrization(system, new, &state.q, &g).map(Some)
+}
+
+/// The chart that condition alone asks for at a state; `None` if the present one, which stiff forces ask for, is nearly as good.
+pub(super) fn chart_by_condition(
+    options: &Options,
+    manifold: &Manifold,
+    state: &State,
+) -> Option<Chart> {
+    let system = manifold.system().as_ref();
+    let mut g = system.structure().constraint_pattern.zeros();
+    system.constraint_jacobian(&state.q, &mut g);
+    let new = choose_by_condition(manifold, state, &g)?;
+    let present = manifold.chart().parametrization().clone();
+    let chart = |parametrization| {
+        manifold.chart().with_parametrization(system, parametrization, &state.q, &g).ok()
+    };
+    let (present, mut new) = (chart(present), chart(new)?);
+    let most = options.repartition_factor() * new.condition();
+    present.is_none_or(|mut present| present.condition() > most).then_some(new)
 }
 
 /// Drivers that a message names.

@@ -66,6 +66,16 @@ pub(super) fn warnings(
     out
 }
 
+/// Says which force turned over and when, s.
+pub(super) fn turned_over(force: &str, t: f64) -> RunWarning {
+    let message = format!(
+        "bushing `{force}` is twisted through half a turn, by t = {t:.6} s for the first time: its moments turn over there at \
+         once, and how far that is from the tolerance is not known; bushings are for small rotations, and what turns \
+         farther needs a joint, with a rotational spring (`rsda`), which counts turns"
+    );
+    RunWarning { code: "simulation/turned-over", message }
+}
+
 /// Part of the energy that moved from which on what is missing of it is told, by the relative tolerance.
 pub(super) fn missing_share(tolerance: f64) -> f64 {
     LARGEST_IMBALANCE.max(TOLERANCES * tolerance)

@@ -540,6 +540,13 @@ impl<S: Space<D, N, W>, const D: usize, const N: usize, const W: usize> Equation
         }
     }
 
+    fn turned_over(&self, from: &[f64], to: &[f64]) -> Option<usize> {
+        self.forces.iter().position(|f| {
+            let [from, to] = [from, to].map(|q| Self::pair(q, f.bodies));
+            f.element.turned_over(from, to)
+        })
+    }
+
     fn winding_of_joint(&self, joint: usize) -> Option<usize> {
         self.constraints[joint].turns.as_ref().map(|turns| turns.index)
     }

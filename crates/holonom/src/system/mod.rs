@@ -26,6 +26,8 @@ pub use structure::{
     DerivativeBlocks, ExtraBlock, ExtraSquares, JointRows, Sizes, Structure, WrenchBlocks,
 };
 
+pub(crate) use turns::driver_of_angle;
+
 use crate::model::Model;
 
 pub use crate::elements::kinematics::{Anchor, EdgeScrews};
@@ -248,6 +250,9 @@ pub trait Equations: std::fmt::Debug + Send + Sync {
 
     /// The winding that counts the turns of a joint's angle, by the place of the joint in the model.
     fn winding_of_joint(&self, joint: usize) -> Option<usize>;
+
+    /// The first force whose law turned over between two configurations: a bushing, twisted through half a turn.
+    fn turned_over(&self, from: &[f64], to: &[f64]) -> Option<usize>;
 
     /// For each extra state the error that counts like a metre or a metre per second, or like a radian or one per second.
     fn extra_state_scales(&self) -> Vec<ExtraStateScale>;

@@ -1,7 +1,7 @@
 //! Angles in space that count turns: a pose tells them up to whole turns only.
 
 use crate::math::TimeFunction;
-use crate::model::{DriverKind, Frame, Model};
+use crate::model::{Driver, DriverKind, Frame, Model};
 
 /// The angle of a joint or rotational spring in space, followed over any number of turns.
 #[derive(Debug, Clone)]
@@ -30,10 +30,10 @@ enum GuidedBy {
 impl Turns {
     /// The angle of two frames about h of the first.
     pub(super) fn new(index: usize, frames: &[Frame; 2], model: &Model) -> Self {
-        let rotations = model.drivers.iter().filter(|d| d.kind == DriverKind::Rotation);
-        let guide = rotations.into_iter().find_map(|driver| {
-            let (sign, offset) = same_angle(model, &driver.frames, frames)?;
-            Some(Guide { by: GuidedBy::Driver(driver.motion.clone()), sign, offset })
+        let guide = driver_of_angle(model, frames).map(|(driver, sign, offset)| Guide {
+            by: GuidedBy::Driver(driver.motion.clone()),
+            sign,
+            offset,
         });
         Self { index, guide }
     }
@@ -72,6 +72,18 @@ impl Turns {
             None => winding[self.index],
         }
     }
+}
+
+/// The driver that tells the angle of `frames`, turns included: θ = sign · motion + constant.
+pub(crate) fn driver_of_angle<'a>(
+    model: &'a Model,
+    frames: &[Frame; 2],
+) -> Option<(&'a Driver, f64, f64)> {
+    let rotations = model.drivers.iter().filter(|d| d.kind == DriverKind::Rotation);
+    rotations.into_iter().find_map(|driver| {
+        let (sign, offset) = same_angle(model, &driver.frames, frames)?;
+        Some((driver, sign, offset))
+    })
 }
 
 /// How an axis of frames lies to that of other frames between the same bodies.

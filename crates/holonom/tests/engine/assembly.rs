@@ -65,6 +65,32 @@ fn a_stated_velocity_against_a_joint_is_refused() {
     assert!(error.to_string().contains("velocities"), "{error}");
 }
 
+#[test] // truth: the body is 0.5 m below the joint, from which it cannot move away
+fn a_velocity_away_from_a_joint_in_space_is_told_of_that_joint() {
+    for joint in [
+        "type = \"spherical\"",
+        "type = \"revolute\", axis = [1.0, 0.0, 0.0]",
+        "type = \"universal\", axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]",
+    ] {
+        let problem = Problem::new(model_of(&format!(
+            r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, -9.81]
+[bodies]
+bob = {{ mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.15]], position = [0.0, 0.0, -0.5] }}
+[joints]
+pivot = {{ {joint}, between = ["ground", "bob"], point = [0.0, 0.0, 0.0] }}
+[initial.bodies]
+bob = {{ velocity = [0.0, 0.0, 0.3] }}
+"#
+        )));
+        let error = refusal(&problem);
+        assert_eq!((error.code(), error.item()), ("assembly/inconsistent", Some("pivot")));
+        assert!(error.to_string().contains("along z: 0.3 m/s"), "{error}");
+    }
+}
+
 #[test]
 fn a_stated_position_against_a_joint_is_refused_and_with_adjust_moved() {
     let stated = "[initial.bodies]\ncrank = { position = [0.1, 0.5], angle = 0.0 }";

@@ -157,6 +157,24 @@ fn with_rows(code: Code, tolerance: f64, end: f64, steps: u64) -> Options {
     }
 }
 
+#[test] // a warning of what was before a checkpoint
+fn what_has_turned_over_before_is_told() {
+    let model = model_of(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies]
+disc = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.0, 0.0, 0.0] }
+[forces]
+rubber = { type = "bushing", between = ["ground", "disc"], point = [0.0, 0.0, 0.0], rotational_damping = [0.0, 0.0, 0.2] }
+[initial.bodies]
+disc = { angular_velocity = [0.0, 0.0, 8.0] }
+"#,
+    );
+    assert_taken_up("turned over", &model, &with_rows(DEFAULT_CODE, 1e-3, 3.0, 1), 3);
+}
+
 #[test]
 fn every_code_goes_on_as_if_nothing_had_happened() {
     let cases = [

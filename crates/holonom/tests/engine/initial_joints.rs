@@ -6,6 +6,7 @@ use holonom::method::DEFAULT_CODE;
 use holonom::reduction::assembly::AssemblyError;
 use holonom::simulation::{Options, OutputTimes, Problem};
 use holonom::system::Sample;
+use std::f64::consts::TAU;
 
 const PENDULUM: &str = r#"
 holonom = 1
@@ -271,6 +272,40 @@ lower_spring = {{ type = "rsda", between = ["upper", "lower"], stiffness = 2.0{a
         near(&read(&problem, "upper.angle"), &[a]);
         near(&read(&problem, "middle.angle"), &[0.25]);
         near(&read(&problem, "lower.angle"), &[a + 0.25]);
+    }
+}
+
+#[test] // independent truth: whole turns by hand
+fn stated_turns_that_a_driver_does_not_make_are_refused() {
+    let angle = 0.5;
+    for spatial in [false, true] {
+        for (driver, sign) in [
+            ("joint = \"top\"", 1.0),
+            ("between = [\"ground\", \"upper\"]AXIS", 1.0),
+            ("between = [\"upper\", \"ground\"]AXIS", -1.0),
+        ] {
+            for turns in [0.0, 1.0, -2.0] {
+                let stated = angle + turns * TAU;
+                let rest = |assembly: &str, motion: f64| {
+                    format!(
+                        "[drivers]\nturn = {{ {driver}, coordinate = \"rotation\", motion = {motion} }}\n\
+                         {assembly}[initial.joints]\ntop = {{ angle = {stated} }}\n"
+                    )
+                };
+                let problem = pendulum(spatial, &rest("", sign * angle));
+                if turns == 0.0 {
+                    near(&read(&problem, "top.angle"), &[angle]);
+                    continue;
+                }
+                let error = problem.assemble().expect_err("turns contradict").clone();
+                assert_eq!((error.code(), error.item()), ("assembly/inconsistent", Some("top")));
+                assert!(error.to_string().contains("driver `turn`"), "{error}");
+                // The other way round, and where both agree.
+                near(&read(&pendulum(spatial, &rest("", sign * stated)), "top.angle"), &[stated]);
+                let guess = rest("[initial]\nassembly = \"adjust\"\n", sign * angle);
+                near(&read(&pendulum(spatial, &guess), "top.angle"), &[angle]);
+            }
+        }
     }
 }
 

@@ -291,3 +291,34 @@ near = {{ angular_velocity = 60.0 }}
         assert!(s.rejected_evaluation <= 5, "{coordinates:?}: {} refused", s.rejected_evaluation);
     }
 }
+
+/// A body that spins at 8 rad/s on rubber with this rotational stiffness about its axis, N m/rad.
+fn on_rubber(stiffness: f64) -> Model {
+    model_of(&format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+gravity = [0.0, 0.0, 0.0]
+[bodies]
+disc = {{ mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.0, 0.0, 0.0] }}
+[forces]
+rubber = {{ type = "bushing", between = ["ground", "disc"], point = [0.0, 0.0, 0.0], stiffness = [50.0, 50.0, 50.0], rotational_stiffness = [0.0, 0.0, {stiffness}] }}
+[initial.bodies]
+disc = {{ angular_velocity = [0.0, 0.0, 8.0] }}
+"#
+    ))
+}
+
+#[test] // independent truth: ½ k (2 sin ½θ)² is 2 k at half a turn, and the disc has 3.2 J
+fn a_bushing_that_is_twisted_through_half_a_turn_is_told() {
+    for code in all_codes() {
+        for (stiffness, expected) in [(1.5, true), (1.7, false), (0.0, false)] {
+            let options = Options { max_steps: 100_000, ..options(code, 1e-4, 1.5) };
+            let summary = run_model(&on_rubber(stiffness), &options).summary;
+            let told: Vec<_> =
+                summary.warnings.iter().filter(|w| w.code == "simulation/turned-over").collect();
+            assert_eq!(told.len(), usize::from(expected), "{code:?} {stiffness}");
+            assert!(told.iter().all(|w| w.message.contains("`rubber`")), "{told:?}");
+        }
+    }
+}

@@ -63,6 +63,8 @@ pub struct Bushing {
     stiffness: [[f64; 6]; 6],
     damping: [[f64; 6]; 6],
     damped: bool,
+    /// Whether rotations make loads.
+    turns: bool,
     branches: Vec<Branch>,
 }
 
@@ -158,6 +160,9 @@ impl Bushing {
         });
         let points = [frames[0].point, frames[1].point];
         let damped = damping.iter().flatten().any(|&c| c != 0.0);
+        let turning = |m: &[[f64; 6]; 6]| m.iter().any(|row| row[3..].iter().any(|&x| x != 0.0));
+        let turns = [stiffness, damping].into_iter().any(turning)
+            || branches.iter().any(|branch| turning(&branch.stiffness));
         let (axes, stiffness, damping) = (frames[0].axes, *stiffness, *damping);
         let mut first = 0;
         let branch = |branch: &model::Branch| {
@@ -166,16 +171,22 @@ impl Bushing {
             branch
         };
         let branches = branches.iter().map(branch).collect();
-        Self { points, axes, frames: turned, stiffness, damping, damped, branches }
+        Self { points, axes, frames: turned, stiffness, damping, damped, turns, branches }
+    }
+
+    /// Euler parameters of the second frame against the first.
+    #[inline(always)]
+    fn orientation<T: Real>(&self, poses: [&[T; 7]; 2]) -> [T; 4] {
+        let [pi, pj] =
+            [0, 1].map(|side| product(&euler(poses[side]), &lift::<T, 4>(&self.frames[side])));
+        product(&conjugate(&pi), &pj)
     }
 
     #[inline(always)]
     fn deformation<T: Real>(&self, bodies: [&Body<T, 3, 7, 6>; 2]) -> Deformation<T> {
         let link = Link::new(&self.points, bodies);
         let axes = [0, 1, 2].map(|k| bodies[0].turn(&self.axes[k]));
-        let [pi, pj] = [0, 1]
-            .map(|side| product(&euler(&bodies[side].pose), &lift::<T, 4>(&self.frames[side])));
-        let epsilon = product(&conjugate(&pi), &pj);
+        let epsilon = self.orientation(bodies.map(|body| &body.pose));
         let sign = 1.0_f64.copysign(epsilon[0].value());
         let [first, second] = bodies.map(|body| angular(&body.twist));
         let spin = difference(&second, &first);
@@ -396,6 +407,12 @@ impl ForceElement<3, 7, 6> for Bushing {
     fn extra_state_scales(&self) -> Vec<ExtraStateScale> {
         let scales = self.branches.iter().flat_map(|b| b.directions.iter().zip(&b.scales));
         scales.map(|(k, scale)| ExtraStateScale { angle: *k >= 3, one: scale.min(1.0) }).collect()
+    }
+
+    fn turned_over(&self, from: [&[f64; 7]; 2], to: [&[f64; 7]; 2]) -> bool {
+        let [before, after] = [from, to].map(|poses| self.orientation(poses));
+        // Both signs are one orientation: the nearer one.
+        self.turns && before[0] * after[0] * dot(&before, &after) < 0.0
     }
 
     fn evaluate<T: Real>(

@@ -65,6 +65,9 @@ macro_rules! by_variant {
             fn counts_turns(&self) -> bool {
                 match self { $(Self::$variant(e) => e.counts_turns(),)+ }
             }
+            fn turned_over(&self, from: [&[f64; $n]; 2], to: [&[f64; $n]; 2]) -> bool {
+                match self { $(Self::$variant(e) => e.turned_over(from, to),)+ }
+            }
             fn angle(&self, bodies: [&Body<f64, $d, $n, $w>; 2], winding: f64) -> f64 {
                 match self { $(Self::$variant(e) => e.angle(bodies, winding),)+ }
             }

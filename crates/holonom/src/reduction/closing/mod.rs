@@ -8,10 +8,11 @@ mod path;
 use super::assembly::{AssemblyError, PROJECTED, unit_of_row};
 use super::stated_joints::{Level, conditions, stated};
 use crate::model::{Assembly, DriverKind, InitialBody, InitialCoordinate, Model};
-use crate::system::{State, System};
+use crate::system::{State, System, driver_of_angle};
 use conflict::{SHOWN, open};
 use corrections::Solver;
 use least_change::Unknowns;
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 pub(super) use conflict::contradiction;
@@ -36,7 +37,11 @@ pub(super) fn closed(
     let attempt = |count: usize| Attempt::new(system, model, level, from, &coordinates[..count]);
     let all = attempt(coordinates.len());
     if all.residual <= PROJECTED {
-        return Ok((all.finished(model, level), all.residual));
+        let contradicted = coordinates.iter().find_map(|c| other_turns(model, c, from.t));
+        return match contradicted.filter(|_| keep) {
+            Some(error) => Err(error),
+            None => Ok((all.finished(model, level), all.residual)),
+        };
     }
     let plain = attempt(0);
     if plain.residual <= PROJECTED {
@@ -66,6 +71,7 @@ pub(super) fn closed(
     }
     // What cannot be closed with everything free is no fault of what is stated.
     let everything = Unknowns::all(system.as_ref());
+    let stated_only = plain.state.clone();
     let mut state = plain.state;
     let (mut left, mut worst) = (plain.residual, plain.row);
     if plain.has_stated {
@@ -73,12 +79,15 @@ pub(super) fn closed(
         (left, worst) = solve(system.as_ref(), model, level, &mut state, &everything);
     }
     if left <= PROJECTED {
+        let (row, residual) = told_by_joints(system.as_ref(), level, stated_only)
+            .filter(|found| found.1 > PROJECTED)
+            .unwrap_or((plain.row, plain.residual));
         return Err(AssemblyError::Inconsistent {
             level: if level == Level::Position { "positions" } else { "velocities" },
-            row: system.row_name(plain.row),
-            item: system.row_item(plain.row).0.to_owned(),
-            residual: plain.residual,
-            unit: unit_of_row(system.as_ref(), plain.row, number),
+            row: system.row_name(row),
+            item: system.row_item(row).0.to_owned(),
+            residual,
+            unit: unit_of_row(system.as_ref(), row, number),
             allowed: PROJECTED,
         });
     }
@@ -109,6 +118,46 @@ pub(super) fn closed(
             let residual = residual / share_left(system.as_ref(), &state.q, worst);
             AssemblyError::Contradiction { level, row, item, residual, unit, others }
         }
+    })
+}
+
+/// The row of joints and drivers that is open most, and by how much, once Euler parameters are of size one: these may give way
+/// to joints before joints do.
+fn told_by_joints(system: &dyn System, level: Level, mut state: State) -> Option<(usize, f64)> {
+    let sizes = &system.structure().sizes;
+    for b in (0..sizes.bodies).filter(|_| !sizes.is_planar()) {
+        let range = sizes.rotations_of(b);
+        let (p, rate) = (&mut state.q[range.clone()], &mut state.v[range]);
+        let size = p.iter().map(|x| x * x).sum::<f64>().sqrt();
+        p.iter_mut().for_each(|x| *x /= size);
+        let along: f64 = p.iter().zip(&*rate).map(|(x, y)| x * y).sum();
+        rate.iter_mut().zip(&*p).for_each(|(y, x)| *y -= along * x);
+    }
+    let mut open = vec![0.0; sizes.rows];
+    match level {
+        Level::Position => system.position_constraints(state.t, &state.q, &mut open),
+        Level::Velocity => system.velocity_constraints(state.t, &state.q, &state.v, &mut open),
+    }
+    let rows = open[..sizes.joint_rows].iter().map(|x| x.abs()).enumerate();
+    rows.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+/// A stated angle that is whole turns away from what a driver makes of it: a configuration does not tell these.
+fn other_turns(model: &Model, c: &InitialCoordinate, t: f64) -> Option<AssemblyError> {
+    if c.kind != DriverKind::Rotation || c.is_rate {
+        return None;
+    }
+    let (driver, sign, offset) = driver_of_angle(model, &c.frames)?;
+    let (motion, _) = driver.motion.value_and_slope(t);
+    let residual = sign * motion + offset - c.value;
+    (residual.abs() > PI).then(|| AssemblyError::StatedJoint {
+        field: c.field.clone(),
+        value: c.value,
+        item: model.joints[c.joint].name.clone(),
+        unit: unit(c),
+        row: format!("driver `{}`, which counts turns", driver.name),
+        residual: residual.abs(),
+        row_unit: "rad",
     })
 }
 

@@ -205,6 +205,10 @@ impl Run<'_> {
         self.row.copy_from(&self.form.point().state);
         std::mem::swap(&mut self.row, &mut self.state);
         self.complete = false;
+        if self.turned_over.is_none() {
+            let force = self.system.turned_over(&self.row.q, &self.state.q);
+            self.turned_over = force.map(|force| (force, self.state.t));
+        }
         // Powers of drivers are those of their multipliers.
         let t_end = self.state.t;
         let by_stages = self.stage_powers.inner_are_known();

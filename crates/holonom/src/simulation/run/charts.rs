@@ -5,7 +5,7 @@ use crate::error::EvaluationFailure;
 use crate::reduction::{Chart, ParametrizationKind};
 use crate::simulation::carried_error::CarriedError;
 use crate::simulation::dense::ChartRecord;
-use crate::simulation::reparametrization::new_chart;
+use crate::simulation::reparametrization::{chart_by_condition, new_chart};
 use crate::simulation::trajectory::EventKind;
 
 /// The partition is left alone while the condition of [G; P] is below this.
@@ -165,12 +165,22 @@ impl Run<'_> {
         }
     }
 
-    /// After a failed recovery: another partition at the step's start, if there is a better one.
+    /// After a failed recovery, or an iteration that fails again and again: another partition at the step's start, if there is a
+    /// better one. Where stiff forces keep the present one, that of the best condition.
     pub(super) fn reparametrize_at_start(&mut self) -> Result<(), EvaluationFailure> {
         self.form.begin_step(&self.state);
         self.form.pack(&self.state, &mut self.w);
         self.evaluate_slope()?;
         let condition = self.form.point_mut().manifold.condition();
-        self.reparametrize(condition)
+        let before = self.statistics.reparametrizations;
+        self.reparametrize(condition)?;
+        if self.statistics.reparametrizations > before {
+            return Ok(());
+        }
+        let manifold = &self.form.point().manifold;
+        match chart_by_condition(self.options, manifold, &self.state) {
+            Some(chart) => self.set_chart(chart),
+            None => Ok(()),
+        }
     }
 }

@@ -69,6 +69,7 @@ impl Run<'_> {
             counters: RecoveryCounters { analyses: manifold.analyses(), ..manifold.counters },
             work: self.work(),
             statistics,
+            turned_over: self.turned_over,
             energy: self.energy,
             kinetic_range: self.kinetic_range,
             energy_scale: self.energy_scale.clone(),
@@ -136,6 +137,7 @@ impl Run<'_> {
         self.statistics = *statistics;
         self.statistics.assembly_seconds += here.assembly_seconds;
         self.statistics.assembly_cpu_seconds += here.assembly_cpu_seconds;
+        self.turned_over = checkpoint.turned_over;
         self.energy = checkpoint.energy;
         self.kinetic_range = checkpoint.kinetic_range;
         (self.energy_scale, self.drift) = (energy_scale.clone(), drift.clone());

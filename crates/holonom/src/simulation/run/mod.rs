@@ -49,6 +49,8 @@ use unseen_turns::UnseenTurns;
 pub(in crate::simulation) const MAX_REJECTIONS: u32 = 60;
 /// Attempts of a step whose ends may be refused for better ones.
 const MOST_BETTER: u32 = 4;
+/// Attempts of a step whose equations could not be solved from which on its variables may be to blame.
+const OFTEN: u32 = 5;
 /// Part of a step within which it ends at a knot, and beyond which it goes past it.
 const AT_KNOT: f64 = 0.05;
 /// Summary of a run.
@@ -294,6 +296,8 @@ struct Run<'a> {
     start_residuals: (f64, f64),
     residual_rows: Vec<f64>,
     statistics: Statistics,
+    /// The first force that turned over, by its place in the model, and when, s.
+    turned_over: Option<(usize, f64)>,
     slowness: Slowness,
     energy: EnergySummary,
     kinetic_range: (f64, f64),
@@ -355,7 +359,8 @@ impl Run<'_> {
         // Formulas that damp nothing let accelerations ring, and a new matrix is made for where these lead.
         let doubts = !self.stepper.explicit() && !self.options.code.is_trapezoidal();
         let ramps = force_ramps(self.model);
-        let mut rejections = 0;
+        // Attempts of a step that were refused, and those among them whose equations could not be solved.
+        let (mut rejections, mut unsolved) = (0, 0);
         let mut repartitioned = false;
         let mut seen = true;
         // Where a step is to end that was refused as it went beyond, and the step from there.
@@ -434,7 +439,9 @@ impl Run<'_> {
                 rejections += 1;
                 let lost = matches!(&cause, Rejection::Evaluation(_));
                 let before = self.statistics.reparametrizations;
-                if lost && !std::mem::replace(&mut repartitioned, true) {
+                let solved = lost || matches!(&cause, Rejection::ErrorTooLarge);
+                unsolved += u32::from(!solved);
+                if (lost || unsolved == OFTEN) && !std::mem::replace(&mut repartitioned, true) {
                     self.reparametrize_at_start().map_err(|f| failed(f, step))?;
                 }
                 let renewed = self.statistics.reparametrizations > before;
@@ -457,7 +464,7 @@ impl Run<'_> {
                 }
                 continue;
             }
-            (rejections, repartitioned, seen) = (0, false, true);
+            (rejections, unsolved, repartitioned, seen) = (0, 0, false, true);
             self.has_turned();
             let moves = self.references_are_to_move();
             if let Some(carried) = &mut self.carried {

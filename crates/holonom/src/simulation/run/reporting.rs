@@ -8,7 +8,7 @@ use crate::simulation::diagnosis::{Stop, Suspects, diagnose};
 use crate::simulation::output::CHUNK_STEPS;
 use crate::simulation::statistics::{Status, StopReason};
 use crate::simulation::trajectory::{EventKind, EventRecord, Flow, StepOutcome, StepRecord};
-use crate::simulation::warnings::{MissingEnergy, warnings};
+use crate::simulation::warnings::{MissingEnergy, turned_over, warnings};
 use crate::watch::within;
 use std::time::{Duration, Instant};
 
@@ -136,6 +136,9 @@ impl Run<'_> {
         let (system, tolerance) = (self.system.as_ref(), &self.options.tolerance);
         let negligible = self.energy_scale.negligible(system, tolerance);
         self.warnings = warnings(system, dropped, ndof, s);
+        self.warnings.extend(
+            (self.turned_over).map(|(force, t)| turned_over(&self.model.forces[force].name, t)),
+        );
         let drift = self.drift.largest();
         let missing = MissingEnergy::new(e, &self.energy_scale, negligible, drift, self.options);
         self.warnings.extend(missing.told);

@@ -178,6 +178,7 @@ pub(super) fn set_up<'a>(
         options,
         model: problem.model(),
         condition_reference: 0.0,
+        turned_over: None,
         unseen_turns: UnseenTurns::new(
             system.as_ref(),
             &frequencies,
