@@ -53,8 +53,9 @@ class CheckReport:
 
         Of rotors that are the same about their axes they are whirl and precession as seen from
         what carries them, the innermost one of a row. Where another body spins, or one that spins
-        and tilts carries what a universal joint or the line of a spring places, the equations
-        change as it turns, and they are those of the moment.
+        and tilts carries what a universal joint or the line of a spring places, or a driver turns
+        a rotor about none of the axes from which it is measured, the equations change as it
+        turns, and they are those of the moment.
         """
         return [complex(re, im) for re, im in self.data.get("spectrum") or []]
 

@@ -25,34 +25,62 @@ pub enum SpectrumError {
 #[derive(Debug, Clone, Default)]
 pub struct SmallRotations {
     ndof: usize,
-    /// The first of three variables, Ḣ and Ḧ.
-    turning: Vec<(usize, [Matrix3; 2])>,
+    turning: Vec<Turning>,
+}
+
+/// Variables of one body: two or three that are neighbours, and Ḣ and Ḧ of them.
+#[derive(Debug, Clone)]
+struct Turning {
+    first: usize,
+    count: usize,
+    matrices: [Matrix3; 2],
 }
 
 type Vector3 = [f64; 3];
 type Matrix3 = [[f64; 3]; 3];
 
+impl Turning {
+    /// Places of entries with those of Ḣ and Ḧ.
+    fn entries(&self) -> impl Iterator<Item = ([usize; 2], [f64; 2])> + '_ {
+        let n = self.count;
+        (0..n * n).map(move |k| {
+            let (r, c) = (k / n, k % n);
+            ([self.first + r, self.first + c], self.matrices.map(|matrix| matrix[r][c]))
+        })
+    }
+}
+
 impl SmallRotations {
-    /// Of the rotation vectors among the independent variables of a manifold that stands at a complete state, where all three
-    /// numbers are independent, and of displacements of which that is so.
+    /// Of the rotation vectors among the independent variables of a manifold that stands at a complete state, of which three
+    /// numbers are independent, or two beside one that a driver prescribes, and of displacements of three.
     pub fn new(manifold: &Manifold, state: &State) -> Self {
         let ndof = manifold.chart().ndof();
         let mut turning = Vec::new();
         if let Some(relatives) = manifold.chart().parametrization().relatives() {
-            let [mut p, mut rates, mut accelerations] = [(); 3].map(|()| vec![0.0; ndof]);
-            manifold.independent_state(state, &mut p, &mut rates);
-            manifold.independent_acceleration(state, &mut accelerations);
             let groups = manifold.system().relative_groups();
             let mut axes = Axes::new(manifold, relatives, state);
-            for (group, range) in relatives.runs().filter(|(_, range)| range.len() == 3) {
-                let turned = axes.turn(group);
-                let own = match groups[group].kind {
-                    RelativeKind::Rotation => [&rates, &accelerations]
-                        .map(|x| std::array::from_fn(|k| x[range.start + k])),
-                    RelativeKind::Displacement if turned.is_some() => [[0.0; 3]; 2],
+            for (group, range) in relatives.runs() {
+                let kind = groups[group].kind;
+                let turned = if groups[group].rows == 3 { axes.turn(group) } else { None };
+                let own = match kind {
+                    _ if is_free(kind, range.len()) => {
+                        relatives.motion(manifold.system().as_ref(), group, state)
+                    }
+                    RelativeKind::Displacement if range.len() == 3 && turned.is_some() => {
+                        [[0.0; 3]; 2]
+                    }
                     _ => continue,
                 };
-                turning.push((range.start, turning_matrices(own, turned.unwrap_or_default())));
+                let whole = turning_matrices(own, turned.unwrap_or_default());
+                let (first, count) = (range.start, range.len());
+                let mut matrices = [[[0.0; 3]; 3]; 2];
+                for (r, c) in (0..count * count).map(|k| (k / count, k % count)) {
+                    let [of_row, of_column] = [r, c].map(|k| relatives.rows[first + k].1);
+                    for (matrix, whole) in matrices.iter_mut().zip(&whole) {
+                        matrix[r][c] = whole[of_row][of_column];
+                    }
+                }
+                turning.push(Turning { first, count, matrices });
             }
         }
         Self { ndof, turning }
@@ -60,46 +88,42 @@ impl SmallRotations {
 
     /// (δθ, δθ̇) become (δx, δẋ).
     pub fn to_vectors(&self, change: &mut [f64]) {
-        for (at, [first, _]) in &self.turning {
-            for (r, row) in first.iter().enumerate() {
-                let turned: f64 = row.iter().zip(&change[*at..]).map(|(h, x)| h * x).sum();
-                change[self.ndof + at + r] -= turned;
-            }
+        for ([r, c], [first, _]) in self.entries() {
+            change[self.ndof + r] -= first * change[c];
         }
     }
 
     /// (δẋ, δẍ) of the change (δx, δẋ) become (δθ̇, δθ̈).
     pub fn to_rotations(&self, change: &[f64], rates: &mut [f64]) {
-        for (at, [first, second]) in &self.turning {
-            for r in 0..3 {
-                for c in 0..3 {
-                    let [x, rate] = [0, self.ndof].map(|level| change[level + at + c]);
-                    rates[at + r] += first[r][c] * x;
-                    rates[self.ndof + at + r] += 2.0 * first[r][c] * rate + second[r][c] * x;
-                }
-            }
+        for ([r, c], [first, second]) in self.entries() {
+            let [x, rate] = [change[c], change[self.ndof + c]];
+            rates[r] += first * x;
+            rates[self.ndof + r] += 2.0 * first * rate + second * x;
         }
     }
 
     /// J of order n by rows, of (x, ẋ, …), becomes that of (θ, θ̇, …).
     fn change(&self, n: usize, j: &mut [f64]) {
-        for (at, [first, second]) in &self.turning {
-            let level = |k: usize| k * self.ndof + at;
-            for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                j[(level(0) + r) * n + level(0) + c] += first[r][c];
-                j[(level(1) + r) * n + level(0) + c] += second[r][c];
-                j[(level(1) + r) * n + level(1) + c] += 2.0 * first[r][c];
-            }
+        for ([r, c], [first, second]) in self.entries() {
+            j[r * n + c] += first;
+            j[(self.ndof + r) * n + c] += second;
+            j[(self.ndof + r) * n + self.ndof + c] += 2.0 * first;
         }
-        for (at, [first, _]) in &self.turning {
-            for row in j.chunks_exact_mut(n) {
-                for c in 0..3 {
-                    let turned: f64 = (0..3).map(|r| row[self.ndof + at + r] * first[r][c]).sum();
-                    row[at + c] -= turned;
-                }
+        for row in j.chunks_exact_mut(n) {
+            for ([r, c], [first, _]) in self.entries() {
+                row[c] -= row[self.ndof + r] * first;
             }
         }
     }
+
+    fn entries(&self) -> impl Iterator<Item = ([usize; 2], [f64; 2])> + '_ {
+        self.turning.iter().flat_map(Turning::entries)
+    }
+}
+
+/// Whether so many independent numbers of a rotation let a body tilt: all of them, or those that a driver of its speed leaves.
+fn is_free(kind: RelativeKind, count: usize) -> bool {
+    kind == RelativeKind::Rotation && count >= 2
 }
 
 /// Ḣ and Ḧ, R = H = 1, of a rotation vector with rates ẋ and ẍ, along axes that turn by n and ṅ: (26), (27).
@@ -126,7 +150,7 @@ struct Axes<'a> {
     system: &'a dyn System,
     relatives: &'a Relatives,
     state: &'a State,
-    /// Of each body the next one inwards, itself included, that does not turn freely against what carries it.
+    /// Of each body the next one inwards, itself included, on whose way to the ground nothing tilts freely.
     carriers: Vec<Option<usize>>,
     /// The configuration, and velocities of one moved body.
     moved: [Vec<f64>; 2],
@@ -136,16 +160,17 @@ impl<'a> Axes<'a> {
     fn new(manifold: &'a Manifold, relatives: &'a Relatives, state: &'a State) -> Self {
         let system = manifold.system().as_ref();
         let groups = system.relative_groups();
-        let mut is_free = vec![false; groups.len()];
+        let mut tilts = vec![false; groups.len()];
         for (group, range) in relatives.runs() {
-            is_free[group] = groups[group].kind == RelativeKind::Rotation && range.len() == 3;
+            tilts[group] = is_free(groups[group].kind, range.len());
         }
         let tree = system.tree();
         let mut carriers = vec![None; system.structure().sizes.bodies];
         for (edge, &form) in tree.edges.iter().zip(&*relatives.forms) {
-            let turns_freely = edge.forms[form].clone().any(|group| is_free[group]);
-            let of_parent = || edge.parent.and_then(|parent| carriers[parent]);
-            carriers[edge.body] = if turns_freely { of_parent() } else { Some(edge.body) };
+            let inner = edge.parent.and_then(|parent| carriers[parent]);
+            let tilts = edge.forms[form].clone().any(|group| tilts[group]);
+            carriers[edge.body] =
+                if tilts || inner != edge.parent { inner } else { Some(edge.body) };
         }
         let moved = [state.q.clone(), vec![0.0; state.v.len()]];
         Self { system, relatives, state, carriers, moved }

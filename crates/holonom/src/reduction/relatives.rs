@@ -159,6 +159,17 @@ impl Relatives {
         }
     }
 
+    /// Rates and second derivatives of all numbers of a group of three.
+    pub fn motion(&self, system: &dyn System, group: usize, state: &State) -> [[f64; 3]; 2] {
+        let State { q, v, a, .. } = state;
+        let mut out = [[0.0; 3]; 2];
+        for (out, v) in out.iter_mut().zip([v, a]) {
+            self.group_rates(system, group, (0..3).map(|k| (k, k)), [q, v], out);
+        }
+        self.add_group_curvature(system, group, (0..3).map(|k| (k, k)), [q, v], &mut out[1]);
+        out
+    }
+
     /// (P q̇)_q q̇.
     pub fn curvature(&self, system: &dyn System, q: &[f64], v: &[f64], out: &mut [f64]) {
         out.fill(0.0);

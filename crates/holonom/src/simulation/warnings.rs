@@ -69,9 +69,9 @@ pub(super) fn warnings(
 /// Says which force turned over and when, s.
 pub(super) fn turned_over(force: &str, t: f64) -> RunWarning {
     let message = format!(
-        "bushing `{force}` is twisted through half a turn, by t = {t:.6} s for the first time: its moments turn over there at \
-         once, and how far that is from the tolerance is not known; bushings are for small rotations, and what turns \
-         farther needs a joint, with a rotational spring (`rsda`), which counts turns"
+        "bushing `{force}` is twisted through half a turn, by t = {t:.6} s for the first time: loads of its branches, and those \
+         that couple displacements and rotations, turn over there at once, and how far the run is from its tolerance \
+         beyond is not known; such bushings are for small rotations, and what turns farther needs a joint"
     );
     RunWarning { code: "simulation/turned-over", message }
 }

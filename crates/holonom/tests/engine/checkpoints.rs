@@ -167,7 +167,7 @@ gravity = [0.0, 0.0, 0.0]
 [bodies]
 disc = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.0, 0.0, 0.0] }
 [forces]
-rubber = { type = "bushing", between = ["ground", "disc"], point = [0.0, 0.0, 0.0], rotational_damping = [0.0, 0.0, 0.2] }
+rubber = { type = "bushing", between = ["ground", "disc"], point = [0.0, 0.0, 0.0], branches = { slow = { rotational_stiffness = [0.0, 0.0, 0.01], rotational_damping = [0.0, 0.0, 0.1] } } }
 [initial.bodies]
 disc = { angular_velocity = [0.0, 0.0, 8.0] }
 "#,

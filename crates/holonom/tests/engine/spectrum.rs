@@ -135,10 +135,13 @@ fn a_rotor_whirls_as_by_hand() {
         for (held, about, stiffness) in
             [(on_point, 0.1 + 2.0 * 0.09, -2.0 * 9.81 * 0.3), (on_bushing, 0.1, 40.0)]
         {
-            let problem = upright(moments, spin, held);
+            let driven = format!(
+                "{held}\n[drivers]\nmotor = {{ between = [\"ground\", \"top\"], coordinate = \"rotation\", \
+                 axis = [0.0, 0.0, 1.0], motion = {{ type = \"polynomial\", coefficients = [0.0, {spin}] }} }}"
+            );
             let gyroscopic = moments[1] * spin;
             // λ = i (I₃Ω ± √((I₃Ω)² + 4 I k)) / 2 I, and their conjugates.
-            let root = gyroscopic * gyroscopic + 4.0 * about * stiffness;
+            let root: f64 = gyroscopic * gyroscopic + 4.0 * about * stiffness;
             let expected: Vec<(f64, f64)> = [1.0, -1.0]
                 .into_iter()
                 .flat_map(|sign| {
@@ -151,7 +154,10 @@ fn a_rotor_whirls_as_by_hand() {
                     [z, (z.0, -z.1)]
                 })
                 .collect();
-            holds_all(&problem, &expected, spin);
+            // By itself, and held to its speed.
+            for held in [held, &driven] {
+                holds_all(&upright(moments, spin, held), &expected, spin);
+            }
         }
     }
 }
@@ -185,8 +191,28 @@ fn a_top_on_a_top_whirls_as_by_hand() {
     let [lower, upper] = [(2.0, [0.1, 0.15]), (1.0, [0.05, 0.02])];
     let (own, tip, above, g) = (0.3, 0.7, 0.2, 9.81);
     for spins in [[60.0, -40.0], [200.0, 150.0], [60.0, 60.0]] {
-        for swapped in [false, true] {
-            let between = if swapped { ["upper", "lower"] } else { ["lower", "upper"] };
+        for (between, halves) in [
+            (["lower", "upper"], ""),
+            (["upper", "lower"], ""),
+            (["half", "upper"], "type = \"fixed\", between = [\"lower\", \"half\"]"),
+            (["upper", "half"], "type = \"fixed\", between = [\"half\", \"lower\"]"),
+            (
+                ["half", "upper"],
+                "type = \"revolute\", axis = [0.0, 0.0, 1.0], between = [\"lower\", \"half\"]",
+            ),
+        ] {
+            // The lower one in two halves where something holds them together.
+            let part = if halves.is_empty() { 1.0 } else { 0.5 };
+            let half = |text: String| if halves.is_empty() { String::new() } else { text };
+            let half_body = half(format!(
+                "half = {{ mass = {}, inertia = [[{l}, 0.0, 0.0], [0.0, {l}, 0.0], [0.0, 0.0, {}]], position = [0.0, 0.0, {own}] }}\n",
+                part * lower.0,
+                part * lower.1[1],
+                l = part * lower.1[0],
+            ));
+            let weld = half(format!("weld = {{ {halves}, point = [0.0, 0.0, {own}] }}\n"));
+            let turning =
+                half(format!("half = {{ angular_velocity = [0.0, 0.0, {}] }}\n", spins[0]));
             let problem = Problem::new(model_of(&format!(
                 r#"
 holonom = 1
@@ -195,21 +221,21 @@ gravity = [0.0, 0.0, -{g}]
 [bodies]
 lower = {{ mass = {}, inertia = [[{l}, 0.0, 0.0], [0.0, {l}, 0.0], [0.0, 0.0, {}]], position = [0.0, 0.0, {own}] }}
 upper = {{ mass = {}, inertia = [[{u}, 0.0, 0.0], [0.0, {u}, 0.0], [0.0, 0.0, {}]], position = [0.0, 0.0, {}] }}
-[joints]
+{half_body}[joints]
 foot = {{ type = "spherical", between = ["ground", "lower"], point = [0.0, 0.0, 0.0] }}
 tip = {{ type = "spherical", between = {between:?}, point = [0.0, 0.0, {tip}] }}
-[initial.bodies]
-lower = {{ angular_velocity = [0.0, 0.0, {}] }}
+{weld}[initial.bodies]
+{turning}lower = {{ angular_velocity = [0.0, 0.0, {}] }}
 upper = {{ angular_velocity = [0.0, 0.0, {}] }}
 "#,
-                lower.0,
-                lower.1[1],
+                part * lower.0,
+                part * lower.1[1],
                 upper.0,
                 upper.1[1],
                 tip + above,
                 spins[0],
                 spins[1],
-                l = lower.1[0],
+                l = part * lower.1[0],
                 u = upper.1[0],
             )));
             let m = [
@@ -325,4 +351,59 @@ weight = {{ angular_velocity = [0.0, 0.0, {spin}] }}
         .flat_map(|y| [(0.0, y), (0.0, -y)])
         .collect();
     holds_all(&problem, &expected, spin);
+}
+
+#[test] // independent truth: shifts and tilts of symmetric bodies in the complex plane, with this energy of the bushings
+fn a_disc_on_a_shaft_in_a_soft_housing_whirls_as_by_hand() {
+    let (mass, across, along, spin) =
+        ([3.0, 1.0, 0.5], [0.2, 0.03, 0.02], [0.3, 0.01, 0.035], 30.0);
+    let (k, turning) = ([2e3, 8e2], [60.0, 15.0]);
+    let body = |b: usize| {
+        format!(
+            "mass = {}, position = [0.0, 0.0, 0.0], inertia = [[{a}, 0.0, 0.0], [0.0, {a}, 0.0], [0.0, 0.0, {}]]",
+            mass[b],
+            along[b],
+            a = across[b]
+        )
+    };
+    let bushing = |b: usize| {
+        format!(
+            "point = [0.0, 0.0, 0.0], stiffness = [{k}, {k}, 700.0], rotational_stiffness = [{t}, {t}, 20.0]",
+            k = k[b],
+            t = turning[b]
+        )
+    };
+    let problem = Problem::new(model_of(&format!(
+        r#"
+holonom = 1
+dimension = "spatial"
+[bodies]
+housing = {{ {} }}
+shaft = {{ {} }}
+disc = {{ {} }}
+[joints]
+bearing = {{ type = "revolute", between = ["housing", "shaft"], point = [0.0, 0.0, 0.0], axis = [0.0, 0.0, 1.0] }}
+[forces]
+mount = {{ type = "bushing", between = ["ground", "housing"], {} }}
+seat = {{ type = "bushing", between = ["shaft", "disc"], {} }}
+[initial.bodies]
+shaft = {{ angular_velocity = [0.0, 0.0, {spin}] }}
+disc = {{ angular_velocity = [0.0, 0.0, {spin}] }}
+"#,
+        body(0),
+        body(1),
+        body(2),
+        bushing(0),
+        bushing(1),
+    )));
+    // Shifts of housing with shaft and of the disc; their tilts, of which the disc's is against the ground.
+    for (inertia, gyroscopic, k) in [
+        ([mass[0] + mass[1], mass[2]], [0.0, 0.0], k),
+        ([across[0] + across[1], across[2]], [along[1] * spin, along[2] * spin], turning),
+    ] {
+        let a = [gyroscopic[0] / inertia[0], 0.0, 0.0, gyroscopic[1] / inertia[1]];
+        let b =
+            [(k[0] + k[1]) / inertia[0], -k[1] / inertia[0], -k[1] / inertia[1], k[1] / inertia[1]];
+        holds_all(&problem, &whirls(2, &a, &b), spin);
+    }
 }

@@ -39,9 +39,9 @@ type Packed<T> = [[T; PACKED]; 6];
 /// δd_k = a_kᵀ(δr_j − δr_i) − (b × a_k)ᵀδφ_i + (s_j × a_k)ᵀδφ_j     δe_k = j_kᵀ(δφ_j − δφ_i)
 /// ```
 ///
-/// With C = 0 the force is the gradient of ½ uᵀK u, so it is conservative at every amplitude; e
-/// turns over only at half a turn. The moment on the second body about its point is
-/// −sign(ε₀) (ε₀ I + ε̃) W_e in axes of the first frame.
+/// With C = 0 the force is the gradient of ½ uᵀK u, so it is conservative at every amplitude. The moment on the second body
+/// about its point is −sign(ε₀) (ε₀ I + ε̃) W_e in axes of the first frame. e turns over at half a turn, where the moment is
+/// smooth unless W_e has parts of displacements or of branches, or W_d parts of rotations.
 ///
 /// Branches of springs K_b and dampers C_b in series make it viscoelastic (generalized Maxwell model; with one branch the
 /// standard linear solid). The extra states z_b are the extensions of their springs, in the directions in which these are:
@@ -63,8 +63,8 @@ pub struct Bushing {
     stiffness: [[f64; 6]; 6],
     damping: [[f64; 6]; 6],
     damped: bool,
-    /// Whether rotations make loads.
-    turns: bool,
+    /// Whether loads change with the sign of e: where displacements and rotations make each other's, or branches remember it.
+    jumps: bool,
     branches: Vec<Branch>,
 }
 
@@ -160,9 +160,11 @@ impl Bushing {
         });
         let points = [frames[0].point, frames[1].point];
         let damped = damping.iter().flatten().any(|&c| c != 0.0);
-        let turning = |m: &[[f64; 6]; 6]| m.iter().any(|row| row[3..].iter().any(|&x| x != 0.0));
-        let turns = [stiffness, damping].into_iter().any(turning)
-            || branches.iter().any(|branch| turning(&branch.stiffness));
+        let couples = |m: &[[f64; 6]; 6]| {
+            (0..6).any(|i| (0..6).any(|j| (i < 3) != (j < 3) && m[i][j] != 0.0))
+        };
+        let jumps = [stiffness, damping].into_iter().any(couples)
+            || branches.iter().any(|branch| branch.directions().any(|direction| direction >= 3));
         let (axes, stiffness, damping) = (frames[0].axes, *stiffness, *damping);
         let mut first = 0;
         let branch = |branch: &model::Branch| {
@@ -171,7 +173,7 @@ impl Bushing {
             branch
         };
         let branches = branches.iter().map(branch).collect();
-        Self { points, axes, frames: turned, stiffness, damping, damped, turns, branches }
+        Self { points, axes, frames: turned, stiffness, damping, damped, jumps, branches }
     }
 
     /// Euler parameters of the second frame against the first.
@@ -410,9 +412,11 @@ impl ForceElement<3, 7, 6> for Bushing {
     }
 
     fn turned_over(&self, from: [&[f64; 7]; 2], to: [&[f64; 7]; 2]) -> bool {
-        let [before, after] = [from, to].map(|poses| self.orientation(poses));
-        // Both signs are one orientation: the nearer one.
-        self.turns && before[0] * after[0] * dot(&before, &after) < 0.0
+        self.jumps && {
+            let [before, after] = [from, to].map(|poses| self.orientation(poses));
+            // Both signs are one orientation: the nearer one.
+            before[0] * after[0] * dot(&before, &after) < 0.0
+        }
     }
 
     fn evaluate<T: Real>(

@@ -126,7 +126,8 @@ item! {
     /// Linear bushing of six components: translation d (m) of the second point in the bushing axes of
     /// the first body, rotation e (rad, 2 sign(e0) (e1, e2, e3) of the relative Euler parameters).
     /// Both are zero in the design configuration where `point` is given. At half a turn e changes its
-    /// sign at once, which a run warns of: a bushing is for smaller rotations.
+    /// sign at once: loads of branches, and those that couple displacements and rotations, jump there, which
+    /// a run warns of.
     struct Bushing {
         /// First and second body; `"ground"` is one of them at most.
         pub(crate) between: [String; 2],

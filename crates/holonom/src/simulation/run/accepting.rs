@@ -16,6 +16,8 @@ use std::time::Instant;
 pub(super) const POSITION_RESIDUAL_BOUND: f64 = 1e-10;
 /// A velocity residual may reach this times max(1, ‖q̇‖∞).
 const VELOCITY_RESIDUAL_BOUND: f64 = 1e-10;
+/// Residuals that differ by less than this factor may be one contradiction.
+const SAME: f64 = 10.0;
 /// The place of the middle among [`QUARTERS`].
 const MIDDLE: usize = 1;
 
@@ -177,9 +179,10 @@ impl Run<'_> {
             && !manifold.chart().parametrization().dropped.is_empty()
             && manifold.condition() > self.options.repartition_factor() * self.condition_reference
         {
-            // Where the step began beyond them, constraints contradict each other as much: no other end cures that.
+            // Where the step began about as far beyond them, constraints contradict each other: no other end cures that.
             let start = residuals(self.system.as_ref(), &self.state, &mut self.residual_rows);
-            if self.of_bounds(start.0, start.1, &self.state) <= 1.0 {
+            let start = self.of_bounds(start.0, start.1, &self.state);
+            if start <= 1.0 || ratio > SAME * start {
                 return Ok(false);
             }
         }
