@@ -52,7 +52,8 @@ impl Turning {
 
 impl SmallRotations {
     /// Of the rotation vectors among the independent variables of a manifold that stands at a complete state, of which three
-    /// numbers are independent, or two beside one that a driver prescribes, and of displacements of three.
+    /// numbers are independent, or two beside one that stands still against what turns the body, as a driver of its speed, and of
+    /// displacements of three.
     pub fn new(manifold: &Manifold, state: &State) -> Self {
         let ndof = manifold.chart().ndof();
         let mut turning = Vec::new();

@@ -159,7 +159,7 @@ impl Relatives {
         }
     }
 
-    /// Rates and second derivatives of all numbers of a group of three.
+    /// Rates and second derivatives of all numbers of a group of three, m or rad per s and per s².
     pub fn motion(&self, system: &dyn System, group: usize, state: &State) -> [[f64; 3]; 2] {
         let State { q, v, a, .. } = state;
         let mut out = [[0.0; 3]; 2];

@@ -4,6 +4,7 @@ use crate::common::table::all_codes;
 use crate::common::{
     DRIVEN_TELESCOPE, FOUR_BAR, LIBRARY, MOTOR, TURNING, model, model_of, options, run_model,
 };
+use crate::turns::{BRANCH, on_rubber};
 use holonom::method::{Code, DEFAULT_CODE};
 use holonom::model::Model;
 use holonom::newton::Representation;
@@ -159,20 +160,12 @@ fn with_rows(code: Code, tolerance: f64, end: f64, steps: u64) -> Options {
 
 #[test] // a warning of what was before a checkpoint
 fn what_has_turned_over_before_is_told() {
-    let model = model_of(
-        r#"
-holonom = 1
-dimension = "spatial"
-gravity = [0.0, 0.0, 0.0]
-[bodies]
-disc = { mass = 1.0, inertia = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]], position = [0.0, 0.0, 0.0] }
-[forces]
-rubber = { type = "bushing", between = ["ground", "disc"], point = [0.0, 0.0, 0.0], branches = { slow = { rotational_stiffness = [0.0, 0.0, 0.01], rotational_damping = [0.0, 0.0, 0.1] } } }
-[initial.bodies]
-disc = { angular_velocity = [0.0, 0.0, 8.0] }
-"#,
-    );
-    assert_taken_up("turned over", &model, &with_rows(DEFAULT_CODE, 1e-3, 3.0, 1), 3);
+    let (model, options) = (on_rubber(1.5, BRANCH), with_rows(DEFAULT_CODE, 1e-3, 3.0, 1));
+    let told = |summary: &Summary| {
+        summary.warnings.iter().any(|warning| warning.code == "simulation/turned-over")
+    };
+    assert!(told(&run_model(&model, &options).summary));
+    assert_taken_up("turned over", &model, &options, 3);
 }
 
 #[test]

@@ -174,7 +174,7 @@ fn holds_all(problem: &Problem, expected: &[(f64, f64)], spin: f64) {
     }
 }
 
-/// λ = iμ and their conjugates, of −μ² s + μ A s + B s = 0 with real n × n matrices by rows.
+/// The library's eigenvalues of matrices that are written down by hand: λ = iμ and their conjugates, of −μ² s + μ A s + B s = 0 with real n × n matrices by rows.
 fn whirls(n: usize, a: &[f64], b: &[f64]) -> Vec<(f64, f64)> {
     let mut companion = vec![0.0; 4 * n * n];
     for (r, c) in (0..n * n).map(|k| (k / n, k % n)) {
