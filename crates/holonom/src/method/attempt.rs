@@ -24,15 +24,15 @@ const LEAST_SERVICE: f64 = 5.0;
 
 /// What the end of a step is asked for by (11c) of `docs/theory/method.md`, its inside by (13), and room for both.
 #[derive(Debug, Clone)]
-struct AtEnd {
+pub(super) struct AtEnd {
     /// d.
-    defect: Vec<f64>,
+    pub(super) defect: Vec<f64>,
     /// δ, then r.
-    change: Vec<f64>,
+    pub(super) change: Vec<f64>,
     /// w₁ + δ, and the slopes there and at w₁.
-    state: Vec<f64>,
-    answer: Vec<f64>,
-    slope: Vec<f64>,
+    pub(super) state: Vec<f64>,
+    pub(super) answer: Vec<f64>,
+    pub(super) slope: Vec<f64>,
 }
 
 impl AtEnd {
@@ -42,11 +42,24 @@ impl AtEnd {
     }
 }
 
+/// What is left of errors inside a step.
+pub(super) struct Inside {
+    /// How far off rows may be, scaled: at most 1 in a step that counts.
+    pub(super) off: f64,
+    /// What follows from it for the next length, over the present one.
+    pub(super) ratio: f64,
+}
+
+impl Inside {
+    /// Nothing.
+    pub(super) const RIGHT: Self = Self { off: 0.0, ratio: f64::INFINITY };
+}
+
 /// Stepper of an implicit formula with the stages `S`.
 #[derive(Debug, Clone)]
 pub struct ImplicitStepper<S> {
-    stages: S,
-    options: StepperOptions,
+    pub(super) stages: S,
+    pub(super) options: StepperOptions,
     control: StepControl,
     memory: Memory,
     /// The memory before the last attempt, for [`Stepper::discard`].
@@ -59,7 +72,7 @@ pub struct ImplicitStepper<S> {
     /// Steps that a linearization serves at most.
     most_served: f64,
     /// The step before may predict this one.
-    predicts: bool,
+    pub(super) predicts: bool,
     /// Weighted norm of round-off in w₀.
     floor: f64,
     error_at_kinks: f64,
@@ -68,18 +81,18 @@ pub struct ImplicitStepper<S> {
     change: Vec<f64>,
     /// Length of the attempt before from the same state, and what of its estimate a filter may not take away, where there is such.
     rough: Option<[f64; 2]>,
-    at_end: AtEnd,
+    pub(super) at_end: AtEnd,
     /// Error of the formula itself, and how many times as large their orders promise an estimate to be.
     own: Vec<f64>,
     promised: Option<f64>,
     /// Whether that error was found in the last attempt.
-    knows_own: bool,
+    pub(super) knows_own: bool,
     /// How many times errors count.
     strictness: f64,
     /// The contraction up to which linearizations may serve on by the options.
     reuse_contraction: f64,
-    current: Segment,
-    previous: Segment,
+    pub(super) current: Segment,
+    pub(super) previous: Segment,
     statistics: StepperStatistics,
 }
 
@@ -271,74 +284,6 @@ impl<S: Stages> ImplicitStepper<S> {
         Ok(if self.answers(ode, step, by_end)? { by_end - by_start } else { whole })
     }
 
-    /// Brings the middle of the dense output nearer to what the equations say, where rates that are right within the tolerance
-    /// would not tell where positions are inside: a step of many times what motions take. Returns how far off it is
-    /// inside then, scaled; 0 where rates do tell. Source: `docs/theory/method.md` (13).
-    fn balance_inside(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> f64 {
-        let (split, end) = (ode.second_order_split(), self.stages.end().w);
-        let change = &mut self.at_end.change;
-        change.fill(0.0);
-        for k in 0..split {
-            let [first, last] = [step.w, end].map(|w| w[split + k].abs());
-            let mean = (end[k] - step.w[k]).abs() / step.h;
-            change[split + k] = first.max(last).max(mean);
-        }
-        let of_rates = ode.error_norm(change, end);
-        let (positions, rates) = change.split_at_mut(split);
-        for (position, rate) in positions.iter_mut().zip(rates) {
-            *position = 0.125 * step.h * std::mem::take(rate);
-        }
-        // Written so that a NaN is left alone.
-        let counts = ode.error_norm(change, end) > of_rates.max(1.0);
-        if !counts {
-            return 0.0;
-        }
-        let left = self.balance_middle(ode, step);
-        // What was evaluated last is the end, as it would be without this; what is wrong there shows where the step is taken.
-        let _ = ode.derivative(step.t + step.h, self.stages.end().w, &mut self.at_end.slope);
-        left.unwrap_or(f64::INFINITY)
-    }
-
-    /// [`Self::balance_inside`] where it counts.
-    fn balance_middle(
-        &mut self,
-        ode: &mut Counted<'_>,
-        step: &Step<'_>,
-    ) -> Result<f64, EvaluationFailure> {
-        let middle = self.find_defect_at(0.5, ode, step)?;
-        // Where the dense output passes through stages that are in balance, there is nothing to correct.
-        if self.stages.collocation_places().is_some() {
-            return Ok(middle);
-        }
-        if middle <= 1.0 {
-            return Ok(middle.max(self.find_defect_at(0.25, ode, step)?));
-        }
-        // Rates stay: they add up to what positions change by, or the work of forces would not be that of the motion.
-        let split = ode.second_order_split();
-        self.at_end.defect[split..2 * split].fill(0.0);
-        self.current.bulge(&self.at_end.defect);
-        self.find_defect_at(0.25, ode, step)
-    }
-
-    /// What would bring the dense output into balance at θ, as far as the matrix tells. Returns its scaled size.
-    fn find_defect_at(
-        &mut self,
-        theta: f64,
-        ode: &mut Counted<'_>,
-        step: &Step<'_>,
-    ) -> Result<f64, EvaluationFailure> {
-        let Self { stages, at_end: AtEnd { defect, state, slope, .. }, current, .. } = self;
-        current.interpolate(theta, state);
-        current.slope_beyond((theta - 1.0) * step.h, slope);
-        ode.derivative(step.t + theta * step.h, state, defect)?;
-        let gamma_h = stages.gamma() * step.h;
-        for (defect, slope) in defect.iter_mut().zip(&*slope) {
-            *defect = gamma_h * (*defect - slope);
-        }
-        stages.filter(ode, defect);
-        Ok(ode.error_norm(defect, stages.end().w))
-    }
-
     /// δ of (11c) by the matrix at hand. Returns its scaled size.
     fn filter_defect(&mut self, ode: &mut Counted<'_>) -> f64 {
         let Self { stages, at_end: AtEnd { defect, change, .. }, .. } = self;
@@ -470,11 +415,11 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
             Ok((error, StepVerdict::Accept { next })) => {
                 self.stages.finish(&mut ode, &step, &mut self.current);
                 let hidden = self.hidden(&mut ode, &step).unwrap_or(f64::INFINITY);
-                let inside = if hidden <= 1.0 { self.balance_inside(&mut ode, &step) } else { 0.0 };
-                // A parabola is off like the third power of the step.
-                let by_inside = h * (0.9 / inside.cbrt()).max(self.control.min_ratio);
+                let inside =
+                    if hidden <= 1.0 { self.settle_inside(&mut ode, &step) } else { Inside::RIGHT };
+                let by_inside = h * inside.ratio.max(self.control.min_ratio);
                 // Written so that a NaN fails.
-                let is_right_inside = inside <= 1.0 || self.options.fixed_step;
+                let is_right_inside = inside.off <= 1.0 || self.options.fixed_step;
                 if hidden > 1.0 {
                     self.matrices.forget();
                     self.memory.history.reject();
@@ -484,7 +429,7 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
                     report.cause = Some(Rejection::ErrorTooLarge);
                 } else if !is_right_inside {
                     self.memory.history.reject();
-                    (report.error, report.next_step) = (inside, by_inside);
+                    (report.error, report.next_step) = (inside.off, by_inside);
                     report.cause = Some(Rejection::ErrorTooLarge);
                 } else {
                     self.pending = true;

@@ -11,6 +11,7 @@ mod equation_form;
 mod explicit_form;
 pub mod explicit_rk;
 mod first_order;
+mod inside;
 mod iteration;
 mod matrices;
 mod memory;

@@ -8,7 +8,7 @@ use super::iteration::{Failure, Iteration, MAX_SYSTEMS};
 use super::nystrom_start::Start;
 use super::ode::{EvaluationFailure, Stage};
 use super::segment::Segment;
-use super::stage_errors::StageErrors;
+use super::stage_errors::{StageErrors, StepFilter};
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
 use crate::formula::{Continuation, Nystrom, error_at_kinks};
@@ -33,7 +33,7 @@ impl NystromStepper {
             continues: options.continue_accelerations,
             errors: match &formula.continuation {
                 Continuation::Stages(dense) => {
-                    Some(StageErrors::new(&formula.a, &formula.c, dense, dimension))
+                    Some(StageErrors::new(&formula.a, &formula.c, dense, &formula.a, dimension))
                 }
                 Continuation::Hermite => None,
             },
@@ -192,6 +192,10 @@ impl Stages for NystromStages {
         self.formula.order
     }
 
+    fn rates_are_lines(&self) -> bool {
+        matches!(self.formula.continuation, Continuation::Hermite)
+    }
+
     fn gamma(&self) -> f64 {
         self.formula.gamma
     }
@@ -262,7 +266,8 @@ impl Stages for NystromStages {
 
     fn own_error(&mut self, ode: &mut Counted<'_>, h: f64, error: &mut [f64]) -> bool {
         let Some(errors) = &mut self.errors else { return false };
-        errors.at_end(h, &self.slopes[1..], error, |error| ode.filter(error));
+        let mut filter = StepFilter { ode, end: &self.end, by: Counted::filter };
+        errors.at_end(h, &self.slopes[1..], error, &mut filter);
         true
     }
 
@@ -291,6 +296,19 @@ impl Stages for NystromStages {
                     }
                 }
             }
+        }
+    }
+
+    fn correct_inside(
+        &mut self,
+        ode: &mut Counted<'_>,
+        enough: f64,
+        output: &mut Segment,
+        left: &mut [f64],
+    ) {
+        if let Some(errors) = &mut self.errors {
+            let mut filter = StepFilter { ode, end: &self.end, by: Counted::filter };
+            errors.correct(enough, output, left, &mut filter);
         }
     }
 

@@ -11,7 +11,7 @@ use super::counted::Counted;
 use super::iteration::{Failure, Iteration};
 use super::ode::EvaluationFailure;
 use super::segment::Segment;
-use super::stage_errors::{STAGES, StageErrors};
+use super::stage_errors::{STAGES, StageErrors, StepFilter, UNIT};
 use super::stages::{Stages, Step};
 use super::stepper::{StepEnd, StepperOptions, add_scaled};
 use crate::formula::{Sdirk, error_at_kinks};
@@ -25,7 +25,7 @@ impl SdirkStepper {
         let vector = || vec![0.0; dimension];
         let stages = SdirkStages {
             formula,
-            errors: StageErrors::new(&formula.a, &formula.c, &formula.dense, dimension),
+            errors: StageErrors::new(&formula.a, &formula.c, &formula.dense, &UNIT, dimension),
             z: std::array::from_fn(|_| vector()),
             past: vector(),
             state: vector(),
@@ -162,7 +162,8 @@ impl Stages for SdirkStages {
     }
 
     fn own_error(&mut self, ode: &mut Counted<'_>, _h: f64, error: &mut [f64]) -> bool {
-        self.errors.at_end(1.0, &self.z, error, |error| ode.solve(error));
+        let mut filter = StepFilter { ode, end: &self.end, by: Counted::solve };
+        self.errors.at_end(1.0, &self.z, error, &mut filter);
         true
     }
 
@@ -182,5 +183,16 @@ impl Stages for SdirkStages {
         for (z, weights) in self.z.iter().zip(&self.formula.dense) {
             segment.add(1.0, weights, z);
         }
+    }
+
+    fn correct_inside(
+        &mut self,
+        ode: &mut Counted<'_>,
+        enough: f64,
+        output: &mut Segment,
+        left: &mut [f64],
+    ) {
+        let mut filter = StepFilter { ode, end: &self.end, by: Counted::solve };
+        self.errors.correct(enough, output, left, &mut filter);
     }
 }

@@ -32,6 +32,16 @@ impl Step<'_> {
     }
 }
 
+/// x ← (I − F)² x, `filter` multiplying by F = (I − γhJ)⁻¹: what follows forces stays, and next to nothing of what is smooth. Source:
+/// `docs/theory/method.md` (14).
+pub(super) fn keep_stiff(x: &mut [f64], filtered: &mut [f64], mut filter: impl FnMut(&mut [f64])) {
+    for _ in 0..2 {
+        filtered.copy_from_slice(x);
+        filter(filtered);
+        add_scaled(x, -1.0, filtered);
+    }
+}
+
 /// The stages of an implicit formula and its buffers.
 ///
 /// The shell, [`super::attempt::ImplicitStepper`], calls `linearize`, `factor`, `iterate`, `estimate` and, for
@@ -106,6 +116,11 @@ pub trait Stages: Debug + Send {
         None
     }
 
+    /// Whether rates of the dense output are lines.
+    fn rates_are_lines(&self) -> bool {
+        false
+    }
+
     /// γ of the matrix.
     fn gamma(&self) -> f64;
 
@@ -130,7 +145,7 @@ pub trait Stages: Debug + Send {
         false
     }
 
-    /// Finds the error that the formula itself leaves at the end of a step of length h; false where it cannot tell.
+    /// After `estimate`: finds the error that the formula itself leaves at the end of a step of length h; false where it cannot tell.
     fn own_error(&mut self, _ode: &mut Counted<'_>, _h: f64, _error: &mut [f64]) -> bool {
         false
     }
@@ -143,6 +158,17 @@ pub trait Stages: Debug + Send {
 
     /// Makes the slope at the end and the dense output of an accepted step.
     fn finish(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, segment: &mut Segment);
+
+    /// After `own_error` and `finish`, where the former can tell: leads what is stiff of the dense output through stages less their
+    /// errors, if it is more than `enough` off, scaled, and finds how far off it is `left` between them. Source: `docs/theory/method.md` (14).
+    fn correct_inside(
+        &mut self,
+        _ode: &mut Counted<'_>,
+        _enough: f64,
+        _output: &mut Segment,
+        _left: &mut [f64],
+    ) {
+    }
 
     /// The end of the accepted step becomes the start of the next one.
     fn commit(&mut self) {}

@@ -1,12 +1,14 @@
 //! States at any time of a run from its stored steps: as good as output rows at these times.
 
 use crate::common::integrate::tight;
-use crate::common::table::{Table, all_codes};
+use crate::common::table::{
+    Bounds, Case, DEFAULT, Kind, OTHERS, Table, all_codes, implicit, line, measure, times, truth,
+};
 use crate::common::{
     DRIVEN_TELESCOPE, FOUR_BAR, MOTOR, PLATFORM, SPATIAL_SLIDER_CRANK, TURNING, model, model_of,
     options, run_from, run_model,
 };
-use holonom::method::{CODES, Code, DEFAULT_CODE};
+use holonom::method::{CODES, Code, DEFAULT_CODE, Profile};
 use holonom::model::Model;
 use holonom::reduction::ParametrizationKind;
 use holonom::simulation::{
@@ -538,6 +540,60 @@ b = {{ velocity = [-2.0, 6.02], angular_velocity = 1.0 }}
                 table.claim(off[0] < 1.0 && off[1] < 60.0, || {
                     format!("{code:?} at {tolerance:e}, damping {damping}: {off:?} tolerances")
                 });
+            }
+        }
+    }
+    table.finish();
+}
+
+/// A slider of mass m that a damper rules under a force A sin ωt: its model, and m v̇ + c v = A sin ωt from rest.
+fn ruled_by_a_damper(mass: f64, amplitude: f64, frequency: f64, end: f64) -> Case {
+    let damping = 20.0;
+    let text = format!(
+        r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+slider = {{ mass = {mass:e}, inertia = 1e-4, position = [0.0, 0.0] }}
+[joints]
+slide = {{ type = "translational", between = ["ground", "slider"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+[forces]
+damper = {{ type = "tsda", between = ["ground", "slider"], points = [[9.0, 0.0], [0.0, 0.0]], stiffness = 0.0, damping = {damping:e}, free_length = 9.0 }}
+push = {{ type = "point_force", on = "slider", point = [0.0, 0.0], direction = [1.0, 0.0], force = {{ type = "harmonic", amplitude = {amplitude:e}, angular_frequency = {frequency:e} }} }}
+"#
+    );
+    let lag = mass * frequency;
+    let scale = amplitude / (damping * damping + lag * lag);
+    let motion = |t: f64| {
+        let (sin, cos) = (frequency * t).sin_cos();
+        let left = (-damping * t / mass).exp();
+        let place = damping * (1.0 - cos) / frequency - mass * sin;
+        let place = place + lag * mass / damping * (1.0 - left);
+        [scale * place, scale * (damping * sin + lag * (left - cos))]
+    };
+    let rows = |k: usize| times(end, 400).into_iter().map(move |t| vec![motion(t)[k], 0.0]);
+    let place = truth("slider.position", Kind::Point, rows(0));
+    Case::new(&text, end, vec![place, truth("slider.velocity", Kind::Velocity, rows(1))])
+}
+
+#[test] // independent truth: m v̇ + c v = A sin ωt; of slopes summed up, velocities were up to 2,000 tolerances off between steps
+fn velocities_that_dampers_rule_are_right_between_steps() {
+    let mut table = Table::new("a slider ruled by a damper");
+    let bounds = Bounds { position: 10.0, velocity: 30.0, ..Bounds::usual() };
+    for (mass, frequency) in [(1e-6, 50.0), (1e-4, 5.0)] {
+        let case = ruled_by_a_damper(mass, 20.0, frequency, 60.0 / frequency);
+        let case = Case { max_steps: 100_000, ..case };
+        for manner in std::iter::once(DEFAULT).chain(OTHERS) {
+            for code in implicit() {
+                if manner.profile == Profile::Thesis && code == Code::ForRosen {
+                    continue; // Its errors there are those of ends of steps.
+                }
+                let line = format!("{mass:e} kg, {}", line("slider", manner, code));
+                for tolerance in [1e-3, 1e-4, 1e-6] {
+                    let run = measure(&case, manner, code, tolerance);
+                    table.run(&line, &format!("{tolerance:.0e}"), &run, bounds);
+                }
             }
         }
     }
