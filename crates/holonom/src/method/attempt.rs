@@ -22,7 +22,7 @@ const ANSWERS: f64 = 0.5;
 const SERVICE: f64 = 0.02;
 const LEAST_SERVICE: f64 = 5.0;
 
-/// What the end of a step is asked for by (11c) of `docs/theory/method.md`, its inside by (13), and room for both.
+/// What the end of a step is asked for by (11c) of `docs/theory/method.md`, its inside by (13) to (15), and room for both.
 #[derive(Debug, Clone)]
 pub(super) struct AtEnd {
     /// d.
@@ -44,7 +44,7 @@ impl AtEnd {
 
 /// What is left of errors inside a step.
 pub(super) struct Inside {
-    /// How far off rows may be, scaled: at most 1 in a step that counts.
+    /// How far off what tells of rows is, scaled: at most 1 in a step that counts.
     pub(super) off: f64,
     /// What follows from it for the next length, over the present one.
     pub(super) ratio: f64,

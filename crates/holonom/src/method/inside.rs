@@ -5,21 +5,25 @@ use super::attempt::{AtEnd, ImplicitStepper, Inside};
 use super::counted::Counted;
 use super::ode::EvaluationFailure;
 use super::stages::{Stages, Step, keep_stiff};
+use super::weights::keep_larger;
 
-/// Tolerances that rows may be off where nothing but the length of steps makes them better; by as much they are where a polynomial through
-/// three of four stages misses the fourth by one.
+/// Tolerances that rates in rows may be off where nothing but the length of steps makes them better.
 const ROWS: f64 = 20.0;
 
 impl<S: Stages> ImplicitStepper<S> {
     /// All that is done about the inside of a step that is accepted otherwise.
     pub(super) fn settle_inside(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> Inside {
-        let between = self.correct_inside(ode, step.h).max(self.miss_between(ode, step));
+        let stages = self.correct_inside(ode, step.h);
+        let between = keep_larger(stages, self.miss_between(ode, step));
+        let middle = self.balance_inside(ode, step);
         // What cannot be evaluated inside is found where the step is taken.
         let _ = self.bend_rates(ode, step);
-        let middle = self.balance_inside(ode, step);
         // A parabola is off like the third power of the step.
         let of_output = between.powf(1.0 / (S::DEGREE + 1) as f64);
-        Inside { off: between.max(middle), ratio: 0.9 / of_output.max(middle.cbrt()) }
+        Inside {
+            off: keep_larger(between, middle),
+            ratio: 0.9 / keep_larger(of_output, middle.cbrt()),
+        }
     }
 
     /// Leads the dense output through stages less their errors, where these are known. Returns how far off it is left between them,
@@ -79,10 +83,11 @@ impl<S: Stages> ImplicitStepper<S> {
         answer.fill(0.0);
         if self.predicts {
             weight = 0.25 * step.h * step.h / (step.h + self.previous.step);
-            self.previous.slope_beyond(0.0, answer);
+            // What was bent there has no slope in its middle.
+            self.previous.slope_beyond(-0.5 * self.previous.step, answer);
         }
         change.fill(0.0);
-        for k in rates.clone() {
+        for k in rates {
             change[k] = weight * (slope[k] - answer[k]);
         }
         // Written so that a NaN is left alone.
@@ -94,15 +99,50 @@ impl<S: Stages> ImplicitStepper<S> {
         if !counts {
             return Ok(());
         }
-        let found = self.find_defect_at(0.5, ode, step);
-        if found.is_ok() {
-            self.at_end.defect[..rates.start].fill(0.0);
-            self.at_end.defect[rates.end..].fill(0.0);
-            self.current.bulge(&self.at_end.defect);
-        }
+        let bent = self.bend_middle(ode, step);
         // What was evaluated last is the end, as it would be without this.
         ode.derivative(step.t + step.h, self.stages.end().w, &mut self.at_end.slope)?;
-        found.map(drop)
+        bent
+    }
+
+    /// [`Self::bend_rates`] where it counts. Forces that do not answer to rates leave the defect of these as it was, and rates are not what balances
+    /// them: an undamped vibration is no such motion.
+    fn bend_middle(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> Result<(), EvaluationFailure> {
+        let n = ode.second_order_split();
+        let before = self.defect_of_rates(ode, step)?;
+        let Self { stages, at_end: AtEnd { defect, change, .. }, .. } = self;
+        stages.filter(ode, defect);
+        defect[..n].fill(0.0);
+        defect[2 * n..].fill(0.0);
+        change.copy_from_slice(defect);
+        if !ode.error_norm(change, stages.end().w).is_finite() {
+            return Ok(());
+        }
+        self.current.bulge(&self.at_end.change);
+        let after = self.defect_of_rates(ode, step);
+        if !after.as_ref().is_ok_and(|after| *after <= 0.5 * before) {
+            self.at_end.change.iter_mut().for_each(|x| *x = -*x);
+            self.current.bulge(&self.at_end.change);
+        }
+        after.map(drop)
+    }
+
+    /// Scaled size of γh (g − v̇) in the middle, rates alone. It is left in full.
+    fn defect_of_rates(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> Result<f64, EvaluationFailure> {
+        self.evaluate_defect_at(0.5, ode, step)?;
+        let n = ode.second_order_split();
+        let AtEnd { defect, answer, .. } = &mut self.at_end;
+        answer.fill(0.0);
+        answer[n..2 * n].copy_from_slice(&defect[n..2 * n]);
+        Ok(ode.error_norm(answer, self.stages.end().w))
     }
 
     /// Brings the middle of the dense output nearer to what the equations say, where rates that are right within the tolerance
@@ -161,6 +201,19 @@ impl<S: Stages> ImplicitStepper<S> {
         ode: &mut Counted<'_>,
         step: &Step<'_>,
     ) -> Result<f64, EvaluationFailure> {
+        self.evaluate_defect_at(theta, ode, step)?;
+        let Self { stages, at_end: AtEnd { defect, .. }, .. } = self;
+        stages.filter(ode, defect);
+        Ok(ode.error_norm(defect, stages.end().w))
+    }
+
+    /// γh (g − u̇) at θ.
+    fn evaluate_defect_at(
+        &mut self,
+        theta: f64,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> Result<(), EvaluationFailure> {
         let Self { stages, at_end: AtEnd { defect, state, slope, .. }, current, .. } = self;
         current.interpolate(theta, state);
         current.slope_beyond((theta - 1.0) * step.h, slope);
@@ -169,7 +222,6 @@ impl<S: Stages> ImplicitStepper<S> {
         for (defect, slope) in defect.iter_mut().zip(&*slope) {
             *defect = gamma_h * (*defect - slope);
         }
-        stages.filter(ode, defect);
-        Ok(ode.error_norm(defect, stages.end().w))
+        Ok(())
     }
 }

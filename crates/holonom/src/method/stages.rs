@@ -160,7 +160,7 @@ pub trait Stages: Debug + Send {
     fn finish(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, segment: &mut Segment);
 
     /// After `own_error` and `finish`, where the former can tell: leads what is stiff of the dense output through stages less their
-    /// errors, if it is more than `enough` off, scaled, and finds how far off it is `left` between them. Source: `docs/theory/method.md` (14).
+    /// errors, if it is more than `enough` off anywhere, scaled, and finds how far off it is `left` between them. Source: `docs/theory/method.md` (14).
     fn correct_inside(
         &mut self,
         _ode: &mut Counted<'_>,

@@ -215,7 +215,7 @@ fn largest_square<const N: usize, const D: usize>(
 }
 
 /// Maximum that does not pass over NaN.
-fn keep_larger(a: f64, b: f64) -> f64 {
+pub(super) fn keep_larger(a: f64, b: f64) -> f64 {
     if b.is_nan() || b > a { b } else { a }
 }
 
