@@ -2,6 +2,7 @@
 //! linearization, what is tried when an iteration fails, the judgement of the error, and what attempts
 //! leave behind.
 
+use super::balance::Balance;
 use super::counted::Counted;
 use super::iteration::{Failure, Iteration, MAX_SYSTEMS};
 use super::matrices::{Ahead, Matrices, Place};
@@ -61,7 +62,7 @@ pub struct ImplicitStepper<S> {
     pub(super) stages: S,
     pub(super) options: StepperOptions,
     control: StepControl,
-    memory: Memory,
+    pub(super) memory: Memory,
     /// The memory before the last attempt, for [`Stepper::discard`].
     before: Memory,
     /// The last attempt was accepted and nothing has been built on it yet.
@@ -82,6 +83,7 @@ pub struct ImplicitStepper<S> {
     /// Length of the attempt before from the same state, and what of its estimate a filter may not take away, where there is such.
     rough: Option<[f64; 2]>,
     pub(super) at_end: AtEnd,
+    pub(super) balance: Option<Balance>,
     /// Error of the formula itself, and how many times as large their orders promise an estimate to be.
     own: Vec<f64>,
     promised: Option<f64>,
@@ -122,6 +124,7 @@ impl<S: Stages> ImplicitStepper<S> {
             own: vec![0.0; dimension],
             rough: None,
             at_end: AtEnd::new(dimension),
+            balance: Balance::new(stages.balanced_places()),
             knows_own: false,
             strictness: 1.0,
             reuse_contraction: options.reuse_contraction,

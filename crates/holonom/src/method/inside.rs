@@ -2,13 +2,20 @@
 //! before and evaluations tell. Source: `docs/theory/method.md` (13) to (15).
 
 use super::attempt::{AtEnd, ImplicitStepper, Inside};
+use super::balance::Balance;
 use super::counted::Counted;
 use super::ode::EvaluationFailure;
 use super::stages::{Stages, Step, keep_stiff};
 use super::weights::keep_larger;
 
-/// Tolerances that rates in rows may be off where nothing but the length of steps makes them better.
-const ROWS: f64 = 20.0;
+/// Tolerances that stiff rates may be off where they are looked at and nothing but the length of steps makes them better. One rate
+/// alone counts half in a norm, and places that are looked at need not be the worst: rows are within four times that, by the speed there.
+const ROWS: f64 = 15.0;
+/// By how many tolerances the next power is at least missed where rates may be off by [`ROWS`]: in steps as long as the one before, stages of
+/// vibrations with up to six radians in a step miss about an eighth of what these are off inside, wherever in a period they are.
+const TELLS: f64 = ROWS / 8.0;
+/// What much shorter steps before miss falls with their length.
+const SHORTER: f64 = 0.5;
 
 impl<S: Stages> ImplicitStepper<S> {
     /// All that is done about the inside of a step that is accepted otherwise.
@@ -17,12 +24,12 @@ impl<S: Stages> ImplicitStepper<S> {
         let between = keep_larger(stages, self.miss_between(ode, step));
         let middle = self.balance_inside(ode, step);
         // What cannot be evaluated inside is found where the step is taken.
-        let _ = self.bend_rates(ode, step);
+        let parabolas = keep_larger(middle, self.bend_rates(ode, step).unwrap_or(0.0));
         // A parabola is off like the third power of the step.
         let of_output = between.powf(1.0 / (S::DEGREE + 1) as f64);
         Inside {
-            off: keep_larger(between, middle),
-            ratio: 0.9 / keep_larger(of_output, middle.cbrt()),
+            off: keep_larger(between, parabolas),
+            ratio: 0.9 / keep_larger(of_output, parabolas.cbrt()),
         }
     }
 
@@ -37,51 +44,150 @@ impl<S: Stages> ImplicitStepper<S> {
         ode.error_norm(left, self.stages.end().w)
     }
 
-    /// How far off stiff rates may be between the stages of a collocation formula, scaled and over [`ROWS`]: by how much the polynomial,
-    /// continued to the last stage inside the step before, misses that. Source: `docs/theory/method.md` (15).
+    /// How far off stiff rates are between the places that they are led through, scaled and over [`ROWS`], if they may be off by that at all.
+    /// Source: `docs/theory/method.md` (15), (15a).
     fn miss_between(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> f64 {
-        let (true, Some(places)) = (self.predicts, self.stages.collocation_places()) else {
-            return 0.0;
+        // A step that is not refused need not be looked at.
+        let Some(balance) = self.balance.filter(|_| !self.options.fixed_step) else { return 0.0 };
+        let may_miss = if self.predicts {
+            self.goes_on_otherwise(&balance, ode, step)
+        } else {
+            self.change_stiffly(&balance, ode, step)
         };
-        let rates = ode.second_order_split()..2 * ode.second_order_split();
-        let Self { stages, at_end: AtEnd { change, state, answer, .. }, .. } = self;
-        let inner = places[places.len() - 2];
-        let theta = (inner - 1.0) * self.previous.step / step.h;
-        self.previous.interpolate(inner, answer);
-        self.current.interpolate(theta, state);
-        let product = |theta: f64| places.iter().fold(theta, |all, c| all * (theta - c)).abs();
-        let largest = (1..20).map(|k| product(0.05 * f64::from(k))).fold(0.0, f64::max);
-        let weight = largest / (ROWS * product(theta));
-        change.fill(0.0);
-        for k in rates {
-            change[k] = weight * (state[k] - answer[k]);
-        }
-        // Written so that a NaN is left alone.
-        let counts = ode.error_norm(change, stages.end().w) > 1.0;
-        if !counts {
+        if !may_miss {
             return 0.0;
         }
-        keep_stiff(change, state, |x| stages.filter(ode, x));
-        ode.error_norm(change, stages.end().w)
+        let miss = self.find_miss(&balance, ode, step).unwrap_or(f64::INFINITY);
+        // What was evaluated last is the end, as it would be without this; what is wrong there shows where the step is taken.
+        let _ = ode.derivative(step.t + step.h, self.stages.end().w, &mut self.at_end.slope);
+        miss / ROWS
+    }
+
+    /// Whether the polynomial of the step, continued to two places of the one before, misses it there by as much as the next power
+    /// would if it were [`TELLS`] tolerances inside, in stiff rates. Two, as one is met by chance.
+    fn goes_on_otherwise(
+        &mut self,
+        balance: &Balance,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> bool {
+        let rates = ode.second_order_split()..2 * ode.second_order_split();
+        let Self { stages, previous, current, at_end, .. } = self;
+        let AtEnd { change, state, answer, .. } = at_end;
+        let mut miss = |ode: &mut Counted<'_>, keeps_stiff: bool| {
+            let of = |place: f64| {
+                let theta = (place - 1.0) * previous.step / step.h;
+                previous.interpolate(place, answer);
+                current.interpolate(theta, state);
+                let weight = balance.most(theta);
+                change.fill(0.0);
+                for k in rates.clone() {
+                    change[k] = weight * (state[k] - answer[k]);
+                }
+                if keeps_stiff {
+                    keep_stiff(change, state, |x| stages.filter(ode, x));
+                }
+                ode.error_norm(change, stages.end().w)
+            };
+            balance.last.map(of).into_iter().fold(0.0, f64::hypot)
+        };
+        let tells = TELLS * (previous.step / (SHORTER * step.h)).min(1.0);
+        // Written so that a NaN is left alone.
+        miss(ode, false) > tells && miss(ode, true) > tells
+    }
+
+    /// Whether stiff rates change by more than [`ROWS`] tolerances up to one of the last places, where no step before tells.
+    fn change_stiffly(
+        &mut self,
+        balance: &Balance,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> bool {
+        let rates = ode.second_order_split()..2 * ode.second_order_split();
+        let Self { stages, current, at_end: AtEnd { change, state, .. }, .. } = self;
+        balance.last.into_iter().chain([1.0]).any(|place| {
+            current.interpolate(place, state);
+            change.fill(0.0);
+            for k in rates.clone() {
+                change[k] = state[k] - step.w[k];
+            }
+            let mut counts = ode.error_norm(change, stages.end().w) > ROWS;
+            if counts {
+                keep_stiff(change, state, |x| stages.filter(ode, x));
+                counts = ode.error_norm(change, stages.end().w) > ROWS;
+            }
+            counts
+        })
+    }
+
+    /// How far stiff rates are from balance between places, scaled.
+    fn find_miss(
+        &mut self,
+        balance: &Balance,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> Result<f64, EvaluationFailure> {
+        let rates = ode.second_order_split()..2 * ode.second_order_split();
+        let mut miss = 0.0;
+        for theta in balance.between {
+            self.evaluate_defect_at(theta, ode, step)?;
+            let Self { stages, at_end: AtEnd { defect, state, .. }, .. } = self;
+            stages.filter(ode, defect);
+            keep_stiff(defect, state, |x| stages.filter(ode, x));
+            defect[..rates.start].fill(0.0);
+            defect[rates.end..].fill(0.0);
+            miss = keep_larger(miss, ode.error_norm(defect, stages.end().w));
+            let is_right = miss <= ROWS;
+            if !is_right {
+                break;
+            }
+        }
+        Ok(miss)
     }
 
     /// Brings the middle of rates that the dense output takes for lines into balance where they are stiff and bend by more than
     /// the tolerance: they follow forces and not what came before, and no estimate sees what they do inside. How much they bend is told by
-    /// the step before; without one, by their change. Source: `docs/theory/method.md` (13), behind (14).
+    /// the step before; without one, by their change. Returns how far off they are left beside the middle, scaled and over [`ROWS`].
+    /// Source: `docs/theory/method.md` (13), (14a), behind (14).
     fn bend_rates(
         &mut self,
         ode: &mut Counted<'_>,
         step: &Step<'_>,
-    ) -> Result<(), EvaluationFailure> {
+    ) -> Result<f64, EvaluationFailure> {
         if !self.stages.rates_are_lines() {
-            return Ok(());
+            return Ok(0.0);
         }
+        let mut bend = self.bend(self.predicts, ode, step);
+        // What follows forces may bend where two steps are in line.
+        if self.predicts && self.memory.rates_follow {
+            bend = keep_larger(bend, self.bend(false, ode, step));
+        }
+        // Written so that a NaN is left alone.
+        let counts = bend > 1.0;
+        if !counts {
+            return Ok(0.0);
+        }
+        let bent = self.bend_middle(ode, step);
+        self.memory.rates_follow = bend > TELLS && matches!(bent, Ok(true));
+        let left = match bent {
+            Ok(_) if self.memory.rates_follow && !self.options.fixed_step => {
+                self.left_beside_middle(ode, step)
+            }
+            bent => bent.map(|_| 0.0),
+        };
+        // What was evaluated last is the end, as it would be without this.
+        ode.derivative(step.t + step.h, self.stages.end().w, &mut self.at_end.slope)?;
+        left.map(|left| left / ROWS)
+    }
+
+    /// How far stiff rates may be from lines in the middle, scaled: as the step `before` says, or by their change.
+    fn bend(&mut self, before: bool, ode: &mut Counted<'_>, step: &Step<'_>) -> f64 {
         let rates = ode.second_order_split()..2 * ode.second_order_split();
         let Self { stages, at_end: AtEnd { change, state, slope, answer, .. }, .. } = self;
         self.current.slope_beyond(0.0, slope);
         let mut weight = 0.125 * step.h;
         answer.fill(0.0);
-        if self.predicts {
+        if before {
             weight = 0.25 * step.h * step.h / (step.h + self.previous.step);
             // What was bent there has no slope in its middle.
             self.previous.slope_beyond(-0.5 * self.previous.step, answer);
@@ -90,28 +196,53 @@ impl<S: Stages> ImplicitStepper<S> {
         for k in rates {
             change[k] = weight * (slope[k] - answer[k]);
         }
-        // Written so that a NaN is left alone.
-        let mut counts = ode.error_norm(change, stages.end().w) > 1.0;
-        if counts {
+        let bend = ode.error_norm(change, stages.end().w);
+        if bend > 1.0 {
             keep_stiff(change, state, |x| stages.filter(ode, x));
-            counts = ode.error_norm(change, stages.end().w) > 1.0;
+            return ode.error_norm(change, stages.end().w);
         }
-        if !counts {
-            return Ok(());
+        bend
+    }
+
+    /// How far stiff rates are from balance a quarter and three quarters into the step, scaled, beyond the parabola of what they are at both
+    /// ends and in the middle, where they are in it: a formula that does not damp leaves ends off balance, and that is no matter of the inside.
+    fn left_beside_middle(
+        &mut self,
+        ode: &mut Counted<'_>,
+        step: &Step<'_>,
+    ) -> Result<f64, EvaluationFailure> {
+        let rates = ode.second_order_split()..2 * ode.second_order_split();
+        self.at_end.change.fill(0.0);
+        self.at_end.answer.fill(0.0);
+        for (theta, first, second) in
+            [(0.0, -0.375, 0.125), (0.25, 1.0, 0.0), (0.75, 0.0, 1.0), (1.0, 0.125, -0.375)]
+        {
+            self.evaluate_defect_at(theta, ode, step)?;
+            let AtEnd { change, answer, defect, .. } = &mut self.at_end;
+            for k in rates.clone() {
+                change[k] += first * defect[k];
+                answer[k] += second * defect[k];
+            }
         }
-        let bent = self.bend_middle(ode, step);
-        // What was evaluated last is the end, as it would be without this.
-        ode.derivative(step.t + step.h, self.stages.end().w, &mut self.at_end.slope)?;
-        bent
+        let Self { stages, at_end: AtEnd { change, answer, state, .. }, .. } = self;
+        let mut left = 0.0;
+        for defect in [change, answer] {
+            stages.filter(ode, defect);
+            keep_stiff(defect, state, |x| stages.filter(ode, x));
+            defect[..rates.start].fill(0.0);
+            defect[rates.end..].fill(0.0);
+            left = keep_larger(left, ode.error_norm(defect, stages.end().w));
+        }
+        Ok(left)
     }
 
     /// [`Self::bend_rates`] where it counts. Forces that do not answer to rates leave the defect of these as it was, and rates are not what balances
-    /// them: an undamped vibration is no such motion.
+    /// them: an undamped vibration is no such motion, and is left alone. Returns whether rates are bent.
     fn bend_middle(
         &mut self,
         ode: &mut Counted<'_>,
         step: &Step<'_>,
-    ) -> Result<(), EvaluationFailure> {
+    ) -> Result<bool, EvaluationFailure> {
         let n = ode.second_order_split();
         let before = self.defect_of_rates(ode, step)?;
         let Self { stages, at_end: AtEnd { defect, change, .. }, .. } = self;
@@ -120,15 +251,15 @@ impl<S: Stages> ImplicitStepper<S> {
         defect[2 * n..].fill(0.0);
         change.copy_from_slice(defect);
         if !ode.error_norm(change, stages.end().w).is_finite() {
-            return Ok(());
+            return Ok(false);
         }
         self.current.bulge(&self.at_end.change);
-        let after = self.defect_of_rates(ode, step);
-        if !after.as_ref().is_ok_and(|after| *after <= 0.5 * before) {
+        let answers = self.defect_of_rates(ode, step).map(|after| after <= 0.5 * before);
+        if !matches!(answers, Ok(true)) {
             self.at_end.change.iter_mut().for_each(|x| *x = -*x);
             self.current.bulge(&self.at_end.change);
         }
-        after.map(drop)
+        answers
     }
 
     /// Scaled size of γh (g − v̇) in the middle, rates alone. It is left in full.

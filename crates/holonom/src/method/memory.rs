@@ -14,6 +14,8 @@ pub(super) struct Memory {
     pub(super) eta: [f64; MAX_SYSTEMS],
     /// Length at which iterations failed last, until a step as long is accepted.
     pub(super) failed: f64,
+    /// Rates that a dense output takes for lines followed forces, when that was asked last, and were bent by much.
+    pub(super) rates_follow: bool,
 }
 
 /// Contraction that steps are to have, by which the most iterations make twelve tolerances as small as they are to become.
@@ -26,6 +28,7 @@ impl Default for Memory {
             contraction: f64::INFINITY,
             eta: [1.0; MAX_SYSTEMS],
             failed: f64::INFINITY,
+            rates_follow: false,
         }
     }
 }

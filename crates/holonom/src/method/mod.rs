@@ -4,6 +4,7 @@ mod acceleration_buffers;
 pub mod adams;
 mod adams_history;
 pub mod attempt;
+mod balance;
 mod codes;
 mod counted;
 mod descriptor;

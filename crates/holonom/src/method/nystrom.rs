@@ -196,6 +196,10 @@ impl Stages for NystromStages {
         matches!(self.formula.continuation, Continuation::Hermite)
     }
 
+    fn balanced_places(&self) -> &[f64] {
+        self.errors.as_ref().map_or(&[], StageErrors::places)
+    }
+
     fn gamma(&self) -> f64 {
         self.formula.gamma
     }

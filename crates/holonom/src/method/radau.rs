@@ -173,6 +173,10 @@ impl Stages for RadauStages {
         Some(&self.formula.c)
     }
 
+    fn balanced_places(&self) -> &[f64] {
+        &self.formula.c[..STAGES - 1]
+    }
+
     fn gamma(&self) -> f64 {
         1.0 / self.formula.real
     }

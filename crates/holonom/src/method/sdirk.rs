@@ -114,6 +114,10 @@ impl Stages for SdirkStages {
         error_at_kinks(c, b, &error)
     }
 
+    fn balanced_places(&self) -> &[f64] {
+        self.errors.places()
+    }
+
     fn gamma(&self) -> f64 {
         self.formula.gamma
     }

@@ -70,6 +70,8 @@ pub(super) struct StageErrors {
     bumps: [Powers; INNER],
     /// Their values at that one, which no correction passes through, and −1 for itself.
     at_left_out: [f64; INNER],
+    /// Where the other three are, ascending.
+    places: [f64; INNER - 1],
     /// Eⱼ − rⱼ.
     found: [Vec<f64>; INNER],
     /// What u lacks at inner stages.
@@ -96,6 +98,8 @@ impl StageErrors {
         let (bumps, left_out) = bumps(c);
         let mut at_left_out = bumps.map(|bump| value(&bump, c[left_out]));
         at_left_out[left_out] = -1.0;
+        let mut places = std::array::from_fn(|i| c[if i < left_out { i } else { i + 1 }]);
+        places.sort_by(f64::total_cmp);
         let vectors = || std::array::from_fn(|_| vec![0.0; dimension]);
         Self {
             defects: std::array::from_fn(|i| std::array::from_fn(|m| defect(i, &dense[m]))),
@@ -105,10 +109,16 @@ impl StageErrors {
             coupling: std::array::from_fn(|i| std::array::from_fn(|j| a[i][j] / a[i][i])),
             bumps,
             at_left_out,
+            places,
             found: vectors(),
             corrections: vectors(),
             filtered: vec![0.0; dimension],
         }
+    }
+
+    /// Where the dense output is led through stages, ascending.
+    pub(super) fn places(&self) -> &[f64] {
+        &self.places
     }
 
     /// The error at the end of a step. `stages` times `scale` are what the dense output is made of.

@@ -116,6 +116,11 @@ pub trait Stages: Debug + Send {
         None
     }
 
+    /// Places within the step where the dense output is in balance, as far as it is stiff, ascending.
+    fn balanced_places(&self) -> &[f64] {
+        &[]
+    }
+
     /// Whether rates of the dense output are lines.
     fn rates_are_lines(&self) -> bool {
         false

@@ -599,3 +599,66 @@ fn velocities_that_dampers_rule_are_right_between_steps() {
     }
     table.finish();
 }
+
+#[test] // independent truth: m v̇ + c v = A sin ωt; steps that are as long as periods passed by chance, with rows up to 9,000 tolerances off
+fn fast_forces_are_followed_between_steps() {
+    let mut table = Table::new("a slider ruled by a damper, under fast forces");
+    let bounds = Bounds { position: 10.0, velocity: 60.0, ..Bounds::usual() };
+    for (mass, speed, frequency, end) in
+        [(4e-8, 0.18278, 5619.7, 0.1), (1e-8, 1.0, 7210.0, 0.02), (1e-6, 1.0, 1000.0, 0.1)]
+    {
+        let case = ruled_by_a_damper(mass, 20.0 * speed, frequency, end);
+        let case = Case { max_steps: 100_000, ..case };
+        for manner in std::iter::once(DEFAULT).chain(OTHERS) {
+            for code in implicit().into_iter().filter(|code| *code != Code::ForRosen) {
+                let line = format!("{frequency} rad/s, {}", line("slider", manner, code));
+                for tolerance in [1e-3, 1e-4, 1e-5] {
+                    let run = measure(&case, manner, code, tolerance);
+                    table.run(&line, &format!("{tolerance:.0e}"), &run, bounds);
+                }
+            }
+        }
+    }
+    table.finish();
+}
+
+#[test] // independent truth: the trapezoidal rule, by which what rings goes on along lines; what a damper rules is led to balance
+fn rates_that_ring_stay_lines() {
+    let rail = |stiffness: f64, damping: f64, mass: f64| {
+        model_of(&format!(
+            r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, 0.0]
+[bodies]
+slider = {{ mass = {mass:e}, inertia = 1e-4, position = [0.0, 0.0] }}
+[joints]
+slide = {{ type = "translational", between = ["ground", "slider"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
+[forces]
+spring = {{ type = "tsda", between = ["ground", "slider"], points = [[9.0, 0.0], [0.0, 0.0]], stiffness = {stiffness:e}, damping = {damping:e}, free_length = 9.0 }}
+push = {{ type = "point_force", on = "slider", point = [0.0, 0.0], direction = [1.0, 0.0], force = {{ type = "harmonic", amplitude = 20.0, angular_frequency = 50.0 }} }}
+[initial.bodies]
+slider = {{ velocity = [1.0, 0.0] }}
+"#
+        ))
+    };
+    // How far rates are from lines in the middles of steps, m/s.
+    let bend = |model: &Model, code: Code| {
+        let h = 0.02;
+        let asked = Options {
+            fixed_step: Some(h),
+            channels: vec!["slider.velocity".to_owned()],
+            output: OutputTimes::Listed((0..=100).map(|k| 0.5 * h * f64::from(k)).collect()),
+            ..options(code, 1e-4, 50.0 * h)
+        };
+        let rates = run_model(model, &asked).series("slider.velocity", 0);
+        let bend = |step: &[f64]| (step[1] - 0.5 * (step[0] + step[2])).abs();
+        rates.windows(3).step_by(2).map(bend).fold(0.0, f64::max)
+    };
+    for code in [Code::SspTrap, Code::InflTrap] {
+        let (rings, follows) =
+            (bend(&rail(1e6, 0.0, 1.0), code), bend(&rail(0.0, 20.0, 1e-6), code));
+        assert!(rings < 1e-9, "{code:?}: a vibration bends by {rings}");
+        assert!(follows > 0.05, "{code:?}: what follows a force bends by {follows}");
+    }
+}
