@@ -9,7 +9,7 @@ use super::stages::{Stages, Step, keep_stiff};
 use super::weights::keep_larger;
 
 /// Tolerances that stiff rates may be off where they are looked at and nothing but the length of steps makes them better. One rate
-/// alone counts half in a norm, and places that are looked at need not be the worst: rows are within four times that, by the speed there.
+/// alone counts half in a norm, and places that are looked at need not be the worst: rows are within about four times that, by the speed there.
 const ROWS: f64 = 15.0;
 /// By how many tolerances the next power is at least missed where rates may be off by [`ROWS`]: in steps as long as the one before, stages of
 /// vibrations with up to six radians in a step miss about an eighth of what these are off inside, wherever in a period they are.
