@@ -546,10 +546,9 @@ b = {{ velocity = [-2.0, 6.02], angular_velocity = 1.0 }}
     table.finish();
 }
 
-/// A slider of mass m that a damper rules under a force A sin ωt: its model, and m v̇ + c v = A sin ωt from rest.
-fn ruled_by_a_damper(mass: f64, amplitude: f64, frequency: f64, end: f64) -> Case {
-    let damping = 20.0;
-    let text = format!(
+/// A slider of that mass on a spring with that stiffness and damping, under a force A sin ωt.
+fn pushed_slider(mass: f64, [stiffness, damping]: [f64; 2], [a, w]: [f64; 2]) -> String {
+    format!(
         r#"
 holonom = 1
 dimension = "planar"
@@ -559,10 +558,16 @@ slider = {{ mass = {mass:e}, inertia = 1e-4, position = [0.0, 0.0] }}
 [joints]
 slide = {{ type = "translational", between = ["ground", "slider"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
 [forces]
-damper = {{ type = "tsda", between = ["ground", "slider"], points = [[9.0, 0.0], [0.0, 0.0]], stiffness = 0.0, damping = {damping:e}, free_length = 9.0 }}
-push = {{ type = "point_force", on = "slider", point = [0.0, 0.0], direction = [1.0, 0.0], force = {{ type = "harmonic", amplitude = {amplitude:e}, angular_frequency = {frequency:e} }} }}
+spring = {{ type = "tsda", between = ["ground", "slider"], points = [[9.0, 0.0], [0.0, 0.0]], stiffness = {stiffness:e}, damping = {damping:e}, free_length = 9.0 }}
+push = {{ type = "point_force", on = "slider", point = [0.0, 0.0], direction = [1.0, 0.0], force = {{ type = "harmonic", amplitude = {a:e}, angular_frequency = {w:e} }} }}
 "#
-    );
+    )
+}
+
+/// A slider of mass m that a damper rules under a force A sin ωt: its model, and m v̇ + c v = A sin ωt from rest.
+fn ruled_by_a_damper(mass: f64, amplitude: f64, frequency: f64, end: f64) -> Case {
+    let damping = 20.0;
+    let text = pushed_slider(mass, [0.0, damping], [amplitude, frequency]);
     let lag = mass * frequency;
     let scale = amplitude / (damping * damping + lag * lag);
     let motion = |t: f64| {
@@ -624,23 +629,9 @@ fn fast_forces_are_followed_between_steps() {
 
 #[test] // independent truth: the trapezoidal rule, by which what rings goes on along lines; what a damper rules is led to balance
 fn rates_that_ring_stay_lines() {
+    let moving = "[initial.bodies]\nslider = { velocity = [1.0, 0.0] }\n";
     let rail = |stiffness: f64, damping: f64, mass: f64| {
-        model_of(&format!(
-            r#"
-holonom = 1
-dimension = "planar"
-gravity = [0.0, 0.0]
-[bodies]
-slider = {{ mass = {mass:e}, inertia = 1e-4, position = [0.0, 0.0] }}
-[joints]
-slide = {{ type = "translational", between = ["ground", "slider"], point = [0.0, 0.0], axis = [1.0, 0.0] }}
-[forces]
-spring = {{ type = "tsda", between = ["ground", "slider"], points = [[9.0, 0.0], [0.0, 0.0]], stiffness = {stiffness:e}, damping = {damping:e}, free_length = 9.0 }}
-push = {{ type = "point_force", on = "slider", point = [0.0, 0.0], direction = [1.0, 0.0], force = {{ type = "harmonic", amplitude = 20.0, angular_frequency = 50.0 }} }}
-[initial.bodies]
-slider = {{ velocity = [1.0, 0.0] }}
-"#
-        ))
+        model_of(&(pushed_slider(mass, [stiffness, damping], [20.0, 50.0]) + moving))
     };
     // How far rates are from lines in the middles of steps, m/s.
     let bend = |model: &Model, code: Code| {
