@@ -143,11 +143,10 @@ class Options:
         "word",
         "How the integration Jacobian is represented: dense, of the independent variables alone; "
         "sparse, with the graph of the mechanism, so that its cost grows like the number of "
-        "bodies; or auto (default), whichever is predicted to cost less. The sparse one is "
-        "inflated, with all that the Jacobian contains, or simplified, without how joints turn: "
-        "for loops, and until iterations are slow. Naming one of these says which; ForRosen and "
-        "the descriptor forms need inflated.",
-        words=("auto", "dense", "sparse", "simplified", "inflated"),
+        "bodies; or simplified, the sparse one of closed loops without how joints turn, until "
+        "iterations are slow. Dense and sparse take the same steps. auto (default) takes what is "
+        "predicted to cost least; ForRosen and the descriptor forms do not go with simplified.",
+        words=("auto", "dense", "sparse", "simplified"),
     )
     accelerations: str | None = _choice(
         "word",

@@ -46,7 +46,7 @@ fn measured(model: &Model, tolerance: f64, end: f64) -> Result<String, Box<dyn E
         code: Code::ForSdirk16,
         tolerance: Tolerance::uniform(tolerance),
         coordinates: Coordinates::Cartesian,
-        newton: Representation::Inflated,
+        newton: Representation::Sparse,
         output,
         ..Options::new(end)
     };

@@ -1,6 +1,6 @@
 //! Runs a model file and prints what came out: `cargo run --release --example run_model --
 //! models/hmmwv14/model.toml ForSDIRK 1e-3`. Method, tolerance, end time,
-//! coordinates (`joint`), output interval and Newton's matrix (`inflated`) are optional.
+//! coordinates (`joint`), output interval and Newton's matrix (`sparse`) are optional.
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "an example talks to its reader")]
 

@@ -132,7 +132,7 @@ fn every_way_to_accelerations() {
 
 #[test]
 fn every_sparse_matrix() {
-    let sparse = [Representation::Simplified, Representation::Inflated];
+    let sparse = [Representation::Simplified, Representation::Sparse];
     let codes = CODES.iter().map(|info| info.code).filter(|code| !code.needs_full_jacobian());
     for code in codes {
         for (newton, (name, end)) in sparse

@@ -62,12 +62,10 @@ words! {
         Auto = "auto",
         /// Of the independent variables alone.
         Dense = "dense",
-        /// With the graph of the mechanism: its cost grows like the number of bodies.
+        /// With the graph of the mechanism: its cost grows like the number of bodies, and steps are those of the dense one.
         Sparse = "sparse",
         /// The sparse one without how joints turn, while iterations with it contract.
         Simplified = "simplified",
-        /// The sparse one with all of it.
-        Inflated = "inflated",
     }
 }
 

@@ -90,8 +90,8 @@ impl Matrix for SparseMatrix {
         let simplified = !options.exact
             && match options.representation {
                 Representation::Simplified => true,
-                Representation::Inflated => false,
-                _ => prefers_simplified(manifold),
+                Representation::Auto => prefers_simplified(manifold),
+                Representation::Dense | Representation::Sparse => false,
             };
         Self {
             n,

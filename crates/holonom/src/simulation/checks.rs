@@ -414,7 +414,7 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
     if options.jacobian == JacobianSource::Differences && options.newton.is_sparse() {
         return Err(RunError::SparseDifferences);
     }
-    // Explicit codes, which only carry their errors by a matrix, take the inflated one.
+    // Explicit codes, which only carry their errors by a matrix, take the whole one.
     let explicit = options.code.is_explicit();
     if options.newton == Representation::Simplified
         && options.code.needs_full_jacobian()

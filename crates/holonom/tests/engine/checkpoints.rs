@@ -209,7 +209,7 @@ fn every_choice_of_variables_and_solvers_is_taken_up() {
 
 #[test]
 fn every_sparse_matrix_is_taken_up() {
-    for newton in [Representation::Simplified, Representation::Inflated] {
+    for newton in [Representation::Simplified, Representation::Sparse] {
         for code in all_codes().into_iter().filter(|code| !code.needs_full_jacobian()) {
             let options = Options { newton, ..with_rows(code, 1e-4, 0.3, 7) };
             // Which the simplified matrix of the SDIRK codes fails on now and then.

@@ -1,4 +1,4 @@
-//! Two representations of one matrix: the inflated sparse one gives what the dense reduced one gives.
+//! Two representations of one matrix: the sparse one gives what the dense reduced one gives.
 
 use crate::common::model_of;
 use holonom::method::ode::{LinearizedOde, Ode};
@@ -37,7 +37,7 @@ fn agree(name: &str, end: f64, charts: &[ParametrizationKind]) {
                 };
                 crate::common::run_model(&model, &options).summary
             };
-            let (dense, sparse) = (run(Representation::Dense), run(Representation::Inflated));
+            let (dense, sparse) = (run(Representation::Dense), run(Representation::Sparse));
             let what = format!("{name}, {}, {}", code.info().name, parametrization.name());
             let steps = (dense.statistics.steps, sparse.statistics.steps);
             let low = matches!(code, Code::SspTrap | Code::InflTrap);
@@ -114,7 +114,7 @@ fn one_solve_agrees_on_random_mechanisms() {
         let mut sparse =
             FirstOrder::<Chosen<ReducedMatrix>>::with_matrix(manifold, weights(), state);
         sparse.set_matrix(MatrixOptions {
-            representation: Representation::Inflated,
+            representation: Representation::Sparse,
             ..MatrixOptions::default()
         });
         let n = dense.dimension();
@@ -248,7 +248,7 @@ fn neither_round_off_nor_an_unloaded_element_is_analysed_anew() {
             crate::common::run_model(&model, &options).summary
         };
         let dense = run(Representation::Dense);
-        for newton in [Representation::Simplified, Representation::Inflated] {
+        for newton in [Representation::Simplified, Representation::Sparse] {
             let sparse = run(newton);
             let (one, other) = (dense.statistics, sparse.statistics);
             let told = format!("{name}, {newton:?}: {one:?}, {other:?}");

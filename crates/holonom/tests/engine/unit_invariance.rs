@@ -312,7 +312,7 @@ fn a_mechanism_of_micrometres_is_no_harder() {
     for name in ["double_pendulum_w10", "spatial_four_bar"] {
         let model = model(name);
         for code in [Code::InflSdirk, Code::InflTrap, Code::ForRadau, Code::SspSdirk16] {
-            for newton in [Representation::Dense, Representation::Inflated] {
+            for newton in [Representation::Dense, Representation::Sparse] {
                 let within = |model: &Model, translation: f64| {
                     let tolerance = Tolerance { translation, ..Tolerance::uniform(tolerance) };
                     positions_within(model, code, tolerance, end, newton)

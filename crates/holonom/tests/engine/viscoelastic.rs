@@ -283,7 +283,7 @@ fn a_body_on_a_coupled_viscoelastic_bushing_moves_as_its_equations_say() {
         let tolerance = if info.code.is_trapezoidal() { 1e-5 } else { 1e-7 };
         for coordinates in coordinates {
             for newton in
-                [Representation::Dense, Representation::Inflated, Representation::Simplified]
+                [Representation::Dense, Representation::Sparse, Representation::Simplified]
             {
                 if newton == Representation::Simplified && info.code.needs_full_jacobian() {
                     continue;
