@@ -112,6 +112,9 @@ def model_reference() -> str:
 def methods() -> str:
     """Return a JSON list of ``name``, ``title``, ``family``, ``formula``."""
 
+def find_method(method: str, formula: str | None = None) -> str | None:
+    """Return the name of the code that a method and a formula mean, if there is one."""
+
 def diagnostics() -> list[str]:
     """Return the names of the channels that every run stores."""
 

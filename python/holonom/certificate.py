@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -22,11 +23,12 @@ class ChannelError:
     time : float
         Where it is largest, s.
     error : float
-        The distance between the two runs there, in `unit`; of a vector its length.
+        The distance between the two runs there, in `unit`; of a vector its length; infinite where
+        a row of one of them is not finite.
     tolerance : float
         The tolerance there, in `unit`.
     tolerances : float
-        The error in tolerances: 1 is on tolerance.
+        The error in tolerances: 1 is on tolerance; infinite where `error` is.
     """
 
     name: str
@@ -74,7 +76,8 @@ class Certification:
     @property
     def exceeding(self) -> tuple[ChannelError, ...]:
         """The channels beyond the bound, the worst first."""
-        return tuple(c for c in self.ranked if c.tolerances > self.bound)
+        # Neither NaN is within the bound, nor −1, which older files say of rows with a NaN.
+        return tuple(c for c in self.ranked if not 0.0 <= c.tolerances <= self.bound)
 
     @property
     def ranked(self) -> tuple[ChannelError, ...]:
@@ -99,8 +102,11 @@ class Certification:
         return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain data, as a result file stores it."""
-        channels = [{f: getattr(c, f) for f in ChannelError.__slots__} for c in self.channels]
+        """Return plain data, as a result file stores it; what is infinite is None."""
+        channels = [
+            {f: None if (value := getattr(c, f)) == math.inf else value for f in c.__slots__}
+            for c in self.channels
+        ]
         data = {f: getattr(self, f) for f in Certification.__slots__}
         return {"certified": self.certified, **data, "channels": channels}
 
@@ -108,7 +114,11 @@ class Certification:
     def from_json(cls, data: Mapping[str, Any]) -> Certification:
         """Read what `to_json` returns."""
         known = {f: data[f] for f in cls.__slots__ if f in data}
-        return cls(**known | {"channels": tuple(ChannelError(**c) for c in data["channels"])})
+        channels: list[dict[str, Any]] = [
+            {f: math.inf if value is None else value for f, value in c.items()}
+            for c in data["channels"]
+        ]
+        return cls(**known | {"channels": tuple(ChannelError(**c) for c in channels)})
 
     def warning(self) -> dict[str, str] | None:
         """Return the warning of a result that is not certified: ``code``, ``message``, ``path``."""

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from holonom.certificate import ChannelError
 from holonom.channels import split_component
-from holonom.gauge import KINDS, RESIDUALS, largest_tolerance, length, parts_of, peak
+from holonom.gauge import KINDS, RESIDUALS, Gauge, peak
 from holonom.options import Tolerance
-from holonom.store.layout import STATE, Quantity
+from holonom.store.layout import STATE
 
 if TYPE_CHECKING:
     from holonom.model import Model
@@ -97,8 +97,10 @@ class Measurement:
     ) -> None:
         self._model = model
         self._first = first
-        self._relative = tolerance["relative"]
-        self._gauges = [_Gauge(name, model.channels, tolerance) for name in names]
+        self._gauges = [
+            Gauge(name, model.channels[channel], index, tolerance)
+            for name, (channel, index) in zip(names, map(split_component, names), strict=True)
+        ]
         whole = dict.fromkeys(gauge.channel for gauge in self._gauges)
         self._stored = [name for name in whole if name in first.quantities]
         self._computed = [name for name in whole if name not in first.quantities]
@@ -146,71 +148,12 @@ class Measurement:
         """Return the error of every channel over the rows compared so far."""
         if self.until is None:
             return ()
-        return tuple(gauge.error(self._relative, self._peaks) for gauge in self._gauges)
+        return tuple(ChannelError(*gauge.furthest(self._peaks)[:-1]) for gauge in self._gauges)
 
     def _values(
         self, states: Mapping[str, Series], stored: Mapping[str, Series]
     ) -> dict[str, Series]:
-        """Return whole channels, shape (n, size): the stored ones, the others from the states."""
+        """Return whole channels: the stored ones, the others from the states."""
         parts = {part: states[part] for part in STATE if part in states}
         computed = self._model.evaluate(self._computed, parts) if self._computed else {}
-        rows = len(parts["time"])
-        values = computed | {name: stored[name] for name in self._stored}
-        return {name: np.asarray(array).reshape(rows, -1) for name, array in values.items()}
-
-
-class _Gauge:
-    """The largest difference of one channel or component so far."""
-
-    def __init__(
-        self, name: str, known: Mapping[str, Quantity], tolerance: Mapping[str, float]
-    ) -> None:
-        self.name = name
-        self.channel, self.index = split_component(name)
-        quantity = known[self.channel]
-        self._quantity = quantity
-        self._tolerance = tolerance
-        self._parts = parts_of(quantity)
-        if self.index is not None:
-            self._parts = [p for p in self._parts if self.index in range(quantity.size)[p.columns]]
-        self._start: Series | None = None
-        self._peak = 0.0
-        self._found = ChannelError(name, quantity.unit, 0.0, 0.0, 0.0, -1.0)
-
-    def begin(self, values: Series) -> None:
-        """Take the values at the start of the run from its first rows."""
-        if self._start is None:
-            self._start = values[0].copy()
-
-    def take(self, times: Series, first: Series, second: Series) -> None:
-        """Compare rows, shape (n, size)."""
-        assert self._start is not None
-        for part in self._parts:
-            error, known = part.compare(first, second, self._start, self._tolerance, self.index)
-            if known is None:  # the scale is known at the end
-                bound = np.ones_like(error)
-                columns = part.columns
-                peaks = (length(first[:, columns]), length(second[:, columns]))
-                self._peak = max(self._peak, *map(peak, peaks))
-            else:
-                bound = known
-            at = int(np.argmax(error / bound))
-            found = float(error[at] / bound[at])
-            if found > self._found.tolerances:
-                self._found = ChannelError(
-                    name=self.name,
-                    unit=part.unit(self._quantity.unit, self.index),
-                    time=float(times[at]),
-                    error=float(error[at]),
-                    tolerance=float(bound[at]),
-                    tolerances=found,
-                )
-
-    def error(self, relative: float, peaks: Mapping[str, float]) -> ChannelError:
-        """Return the largest error; `peaks` are the largest values by kind."""
-        found = self._found
-        if self._parts[0].kind != "other":
-            return found
-        tolerance = largest_tolerance(self._quantity.unit, relative, self._peak, peaks)
-        tolerances = found.error / tolerance if found.error > 0.0 else 0.0
-        return ChannelError(found.name, found.unit, found.time, found.error, tolerance, tolerances)
+        return computed | {name: stored[name] for name in self._stored}

@@ -7,9 +7,10 @@ relative part times the largest value in the run.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +24,10 @@ NEGLIGIBLE = 1e-6
 #: Channels that are errors themselves: there is no true value to compare them with.
 RESIDUALS = "constraint."
 #: Parts of a tolerance by unit; positions count from the start, velocities by their value.
-_POSITIONS = {"m": "translation", "rad": "rotation"}
-_VELOCITIES = {"m/s": "translation", "rad/s": "rotation"}
+ABSOLUTE: dict[Literal["position", "velocity"], dict[str, str]] = {
+    "position": {"m": "translation", "rad": "rotation"},
+    "velocity": {"m/s": "translation", "rad/s": "rotation"},
+}
 #: What else the store keeps of the kind of a unit.
 KINDS = {"N": "lambda", "N m": "lambda", "m/s^2": "qdd", "rad/s^2": "qdd", "J": "energy"}
 
@@ -99,6 +102,107 @@ class Part:
         return shared[-1 if self.absolute == "rotation" else 0]
 
 
+class Furthest(NamedTuple):
+    """Where two runs are furthest apart in a channel, in tolerances, and since when beyond them."""
+
+    name: str
+    unit: str
+    time: float
+    apart: float
+    tolerance: float
+    tolerances: float
+    since: float | None
+
+
+class Gauge:
+    """How far two runs are apart in one channel or component, from their rows as they come.
+
+    A row that is not finite is lost: where one run has lost it they are infinitely far apart.
+
+    Parameters
+    ----------
+    name : str
+        The channel or component.
+    quantity : Quantity
+        The channel.
+    index : int or None
+        The component; None for all of them.
+    tolerance : mapping of str to float
+        Each part of it.
+    within : float
+        `Furthest.since` is the first time at which they are further apart than so many tolerances.
+    lost : float
+        How far apart rows are that both runs have lost.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        quantity: Quantity,
+        index: int | None,
+        tolerance: Mapping[str, float],
+        *,
+        within: float = math.inf,
+        lost: float = math.inf,
+    ) -> None:
+        self.channel = quantity.name
+        self._name, self._unit, self._index = name, quantity.unit, index
+        columns = range(quantity.size)
+        parts = parts_of(quantity)
+        self._parts = [p for p in parts if index is None or index in columns[p.columns]]
+        self._tolerance, self._within, self._lost = tolerance, within, lost
+        self._start: Series | None = None
+        self._largest = 0.0
+        # Of each part, the rows further apart than all before: the first row beyond a bound is one
+        # of them, also where one tolerance is known at the end only.
+        self._rows: list[list[Series]] = [[] for _ in self._parts]
+
+    def begin(self, first: Series) -> None:
+        """Let movements count from the first of these rows, unless a start is known."""
+        if self._start is None:
+            self._start = _finite(first[0]).reshape(-1)
+
+    def take(self, times: Series, first: Series, second: Series) -> None:
+        """Compare rows of the whole channel."""
+        self.begin(first)
+        assert self._start is not None
+        pair = [values.reshape(times.size, -1) for values in (first, second)]
+        lost = [~np.isfinite(values).all(axis=1) for values in pair]
+        a, b = map(_finite, pair)
+        for part, rows in zip(self._parts, self._rows, strict=True):
+            apart, bound = part.compare(a, b, self._start, self._tolerance, self._index)
+            apart[lost[0] | lost[1]] = math.inf
+            apart[lost[0] & lost[1]] = self._lost
+            if bound is None:  # known at the end
+                bound = np.ones_like(apart)
+                lengths = (length(values[:, part.columns]) for values in (a, b))
+                self._largest = max(self._largest, *map(peak, lengths))
+            ratio = _in_tolerances(apart, bound)
+            before = np.append(rows[-1][-1, -1] if rows else -1.0, ratio[:-1])
+            further = ratio > np.maximum.accumulate(before)
+            if further.any():
+                found = np.stack((times, apart, bound, ratio))[:, further]
+                # The last is the furthest; the others only say since when.
+                rows[:] = [found[:, -1:]] if math.isinf(self._within) else [*rows, found]
+
+    def furthest(self, peaks: Mapping[str, float]) -> Furthest:
+        """Return what was found; `peaks` as of `largest_tolerance`."""
+        found: list[Furthest] = []
+        since: list[float] = []
+        for part, rows in zip(self._parts, self._rows, strict=True):
+            times, apart, bound, ratio = np.concatenate(rows, axis=1)
+            if part.kind == "other":
+                relative = self._tolerance["relative"]
+                bound[:] = largest_tolerance(self._unit, relative, self._largest, peaks)
+                ratio = _in_tolerances(apart, bound)
+            since += times[ratio > self._within][:1].tolist()
+            at = np.argmax(ratio)
+            numbers = (float(times[at]), float(apart[at]), float(bound[at]), float(ratio[at]))
+            found.append(Furthest(self._name, part.unit(self._unit, self._index), *numbers, None))
+        worst = max(found, key=lambda one: one.tolerances)
+        return worst._replace(since=min(since, default=None))
+
+
 def largest_tolerance(
     unit: str, relative: float, largest: float, peaks: Mapping[str, float]
 ) -> float:
@@ -144,7 +248,7 @@ def own_tolerances(
     for part in parts_of(quantity):
         there = values[:, part.columns]
         if part.kind == "other":
-            largest = float(length(np.nan_to_num(there)).max())
+            largest = float(length(_finite(there)).max())
             found[part.columns] = largest_tolerance(
                 quantity.unit, tolerance["relative"], largest, peaks
             )
@@ -153,7 +257,7 @@ def own_tolerances(
         if part.absolute == "rotation" and part.kind == "position":
             size = principal(size)
         half = 0.5 if part.kind == "orientation" else 1.0
-        moved = np.abs(np.nan_to_num(size)).max(axis=0)
+        moved = np.abs(_finite(size)).max(axis=0)
         found[part.columns] = half * tolerance[part.absolute] + tolerance["relative"] * moved
     return found
 
@@ -169,12 +273,21 @@ def parts_of(quantity: Quantity) -> list[Part]:
             Part(slice(0, middle), "position", "translation"),
             Part(slice(middle, quantity.size), "position", "rotation"),
         ]
-    if quantity.unit in _POSITIONS:
-        turns = quantity.name.endswith(".yaw_pitch_roll")
-        return [Part(whole, "position", _POSITIONS[quantity.unit], turns)]
-    if quantity.unit in _VELOCITIES:
-        return [Part(whole, "velocity", _VELOCITIES[quantity.unit])]
+    for kind, absolute in ABSOLUTE.items():
+        if quantity.unit in absolute:
+            turns = quantity.name.endswith(".yaw_pitch_roll")
+            return [Part(whole, kind, absolute[quantity.unit], turns)]
     return [Part(whole, "other")]
+
+
+def _finite(values: Series) -> Series:
+    return np.where(np.isfinite(values), values, 0.0)
+
+
+def _in_tolerances(apart: Series, bound: Series) -> Series:
+    """Return ratios without a NaN: nothing is within its bound because both are infinite."""
+    ratio = np.where(apart == 0.0, 0.0, math.inf)
+    return np.divide(apart, bound, out=ratio, where=np.isfinite(apart) & (apart > 0.0))
 
 
 def length(rows: Series) -> Series:
@@ -183,8 +296,8 @@ def length(rows: Series) -> Series:
 
 
 def peak(values: Series) -> float:
-    """Return the largest magnitude."""
-    return float(np.abs(values).max(initial=0.0))
+    """Return the largest magnitude; what is not finite does not count."""
+    return float(np.abs(values).max(initial=0.0, where=np.isfinite(values)))
 
 
 def principal(angle: Series) -> Series:

@@ -389,19 +389,17 @@ def unknown_method(method: object, formula: object = None) -> UsageError:
     return UsageError(f"there is no method {asked}", "simulation/unknown-method", tip)
 
 
-def require_method(method: str, formula: str | None) -> None:
-    """Refuse a code, or a pair of family and formula, that there is none of.
+def require_method(method: str, formula: str | None) -> str:
+    """Return the name of the code that a method and a formula mean.
 
     Raises
     ------
     UsageError
+        There is none.
     """
-    for code in _methods():
-        if method == code["name"] and formula in (None, code["formula"]):
-            return
-        if method == code["family"] and formula in (None, code["formula"], code["name"]):
-            return
-    raise unknown_method(method, formula)
+    if (name := _core.find_method(method, formula)) is None:
+        raise unknown_method(method, formula)
+    return name
 
 
 def require_known_code(defaults: Mapping[str, Any]) -> None:

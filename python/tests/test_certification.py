@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 
 import holonom
 from holonom.certificate import BOUND, Certification
+from holonom.certification import Measurement
 from holonom.cli.commands import invoke
 from holonom.report import render
 from holonom.result import Result
 from holonom.store.reader import Reader
+from holonom.store.writer import Writer
 
 HOLONOM = [sys.executable, "-m", "holonom"]
 INTERRUPTED = 130
@@ -516,3 +518,55 @@ def test_figures_of_a_certification_survive_the_file(oscillator: Path, tmp_path:
         facts: Mapping[str, Any] = theirs.to_json()
         assert facts["certified"] is True
         assert theirs.ranked[0] == theirs.worst
+
+
+@pytest.mark.parametrize("lost", ["first", "second", "both"])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("block.position", np.nan), ("spring.force", np.nan), ("spring.force", np.inf)],
+)
+def test_a_row_that_is_not_finite_is_never_within_the_bound(
+    name: str,
+    value: float,
+    lost: str,
+    monkeypatch: pytest.MonkeyPatch,
+    oscillator: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def lose(run: type) -> None:
+        append = run.append  # type: ignore[attr-defined]
+
+        def damaged(self: Any, chunk: Mapping[str, Any]) -> None:
+            values = chunk.get("channels", {}).get(name, np.zeros(0)).copy()
+            values[np.isclose(chunk["time"][: len(values)], 1.5)] = value
+            append(self, {**chunk, "channels": {**chunk.get("channels", {}), name: values}})
+
+        monkeypatch.setattr(run, "append", damaged)
+
+    for run in {"first": [Writer], "second": [Measurement], "both": [Writer, Measurement]}[lost]:
+        lose(run)
+    path = tmp_path / "lost.holonom"
+    command = ["run", str(oscillator), "-o", str(path), "--certify", "--json"]
+    assert invoke(command) == 0
+    facts = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)["certification"]
+    with Result.load(path) as result:
+        found, page = certification(result), render(result)
+        assert "simulation/not-certified" in [warning["code"] for warning in result.warnings]
+    assert not found.certified
+    assert [c.name for c in found.exceeding] == [name]
+    worst = found.worst
+    assert worst is not None
+    assert (worst.name, worst.error, worst.tolerances) == (name, np.inf, np.inf)
+    assert worst.time == pytest.approx(1.5)
+    assert 0.0 < worst.tolerance < 1.0  # what is lost has no part in the largest value
+    assert all(0.0 < c.tolerances < BOUND for c in found.channels if c != worst)
+    (stored,) = [c for c in facts["channels"] if c["name"] == name]
+    assert (facts["certified"], stored["error"], stored["tolerances"]) == (False, None, None)
+    assert f"`{name}` is inf tolerances off" in page
+
+
+@pytest.mark.parametrize("tolerances", [-1.0, np.nan])
+def test_what_older_files_say_of_rows_with_a_nan_is_not_certified(tolerances: float) -> None:
+    channel = holonom.ChannelError("block.position", "m", 0.0, 0.0, 0.0, tolerances)
+    assert not Certification({"relative": 1e-5}, channels=(channel,)).certified

@@ -30,6 +30,7 @@ from holonom import Comparison, Tolerance
 from holonom.base import files
 from holonom.cli.commands import invoke
 from holonom.study.accuracy import Target, Truth, interpolate, targets
+from holonom.study.plan import codes
 
 #: A mass of 1 kg on a spring, released 0.1 m from its rest: x = −0.1 + 0.1 cos(ω t), ω² = 400.
 OSCILLATOR = (
@@ -54,6 +55,13 @@ top = { angular_velocity = [0.0, 0.0, 5.0] }
 [simulation]
 end_time = 2.0
 """
+
+
+def test_a_method_means_what_it_means_in_a_run() -> None:
+    asked = ["first_order", "forradau", {"method": "state_space", "formula": "Newmark"}]
+    assert list(codes(asked)) == ["ForSDIRK", "ForRadau", "SspTrap"]
+    model = holonom.Model.from_text(OSCILLATOR)
+    assert model.simulate(method="first_order", end_time=0.1).options["method"] == "ForSDIRK"
 
 
 def displacement(t: np.ndarray) -> np.ndarray:
@@ -618,7 +626,7 @@ def test_the_command_writes_table_picture_and_json(
     [
         ({"methods": ["ForSDIRC"]}, "did you mean `ForSDIRK`"),
         ({"methods": [{"method": "first_order", "formula": "adams"}]}, "first_order with"),
-        ({"methods": ["first_order"]}, "known are ForSDIRK"),
+        ({"methods": ["second_order"]}, "known are ForSDIRK"),
         ({"methods": "ForSDIRK"}, "pass a list"),
         ({"methods": []}, "at least one method"),
         ({"methods": [{"method": "ForSDIRK", "jacobi": "x"}]}, "did you mean `jacobian`"),

@@ -81,6 +81,25 @@ def test_a_row_that_is_lost_in_one_file_is_no_equality() -> None:
     assert diff(*both, ["energy.kinetic"]).equal
 
 
+def test_what_is_infinite_in_one_file_makes_no_tolerance_infinite() -> None:
+    (one,) = diff(made(), made(energy__kinetic=np.inf), ["energy.kinetic"]).channels
+    assert (one.since, one.difference, one.tolerances) == (1.2, np.inf, np.inf)
+    assert one.tolerance == pytest.approx(1e-3 * 1.99**2)  # of the largest energy that is known
+
+
+@pytest.mark.parametrize("rows", [1, 16, 2000])
+def test_the_first_row_beyond_a_tolerance_that_the_last_row_decides_is_found(
+    rows: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("holonom.study.differences._ROWS", rows)
+    offset = np.zeros(80)
+    offset[[10, 20, 30, 50, 60]] = 3e-3, 8e-3, 5e-3, 9e-3, 9e-3
+    (one,) = diff(made(), made(energy__kinetic=offset), ["energy.kinetic"]).channels
+    # By hand: a thousandth of the largest energy, 1.99² J at the end.
+    assert one.tolerances == pytest.approx(9e-3 / (1e-3 * 1.99**2))
+    assert (one.time, one.since) == pytest.approx((1.7, 1.4))
+
+
 def run(text: str = PENDULUM, **choices: Any) -> Result:
     return holonom.Model.from_text(text).simulate(**choices)
 

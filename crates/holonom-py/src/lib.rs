@@ -9,6 +9,7 @@ mod sink;
 mod state;
 mod watched;
 
+use holonom::method::Code;
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -65,6 +66,13 @@ fn methods() -> String {
     report::methods()
 }
 
+/// Name of the code that a method and a formula mean; none where there is no such pair.
+#[pyfunction]
+#[pyo3(signature = (method, formula=None))]
+fn find_method(method: &str, formula: Option<&str>) -> Option<&'static str> {
+    Code::find(method, formula).ok().map(|code| code.info().name)
+}
+
 #[pymodule]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("ModelError", module.py().get_type::<ModelError>())?;
@@ -78,5 +86,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(diagnostics, module)?)?;
     module.add_function(wrap_pyfunction!(build, module)?)?;
     module.add_function(wrap_pyfunction!(methods, module)?)?;
+    module.add_function(wrap_pyfunction!(find_method, module)?)?;
     Ok(())
 }

@@ -219,6 +219,29 @@ fn an_unbalanced_rotor() {
     }
 }
 
+/// At whose knots formulas that evaluate forces at the ends of steps alone begin with shorter ones.
+const TABLE: &str = r#"
+holonom = 1
+dimension = "planar"
+gravity = [0.0, -9.81]
+[bodies]
+rod = { mass = 2.0, inertia = 0.1, position = [0.8, 0.0] }
+[joints]
+pin = { type = "revolute", between = ["ground", "rod"], point = [0.0, 0.0] }
+[tables.torques]
+x = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8, 2.0]
+y = [0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0]
+[forces]
+twist = { type = "torque", on = "rod", torque = { type = "table", table = "torques" } }
+"#;
+
+#[test]
+fn a_table_of_torques() {
+    for (code, source) in everything() {
+        assert_steps_do_not_allocate("rod", &model_of(TABLE), code, source, (1e-4, 2.0));
+    }
+}
+
 #[test]
 fn the_vehicle() {
     for (code, source) in everything() {

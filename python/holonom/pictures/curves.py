@@ -102,10 +102,10 @@ def peaks_of(result: Result) -> dict[str, float]:
     peaks = dict.fromkeys(KINDS.values(), 0.0)
     for name in ("lambda", "qdd"):
         if name in result.quantities:
-            peaks[name] = peak(np.nan_to_num(result[name]))
+            peaks[name] = peak(result[name])
     for name in result.channels:
         if name.startswith("energy."):
-            peaks["energy"] = max(peaks["energy"], peak(np.nan_to_num(result[name])))
+            peaks["energy"] = max(peaks["energy"], peak(result[name]))
     return peaks
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from holonom.base.errors import UsageError
 from holonom.certification import SETS
 from holonom.channels import split_component
+from holonom.gauge import ABSOLUTE, principal
 
 if TYPE_CHECKING:
     from holonom.model import Model
@@ -31,11 +32,6 @@ if TYPE_CHECKING:
 
 Series = NDArray[np.float64]
 
-#: Units of positions and of velocities, which a tolerance knows; each with its absolute part.
-_ABSOLUTE = {
-    "position": {"m": "translation", "rad": "rotation"},
-    "velocity": {"m/s": "translation", "rad/s": "rotation"},
-}
 #: RelErr is left out where the reference is smaller than this part of its largest value.
 NEAR_ZERO = 1e-3
 
@@ -69,10 +65,7 @@ class Target:
     @property
     def kind(self) -> Kind:
         """What it belongs to by its unit."""
-        for kind in ("position", "velocity"):
-            if self.unit in _ABSOLUTE[kind]:
-                return kind
-        return "other"
+        return next((kind for kind, units in ABSOLUTE.items() if self.unit in units), "other")
 
     def of(self, values: Mapping[str, Series]) -> Series:
         """Pick the scalar, shape (n,), or Euler parameters, (n, 4), from channels (n, size)."""
@@ -151,8 +144,8 @@ def _components(model: Model, tree: Mapping[str, Any], name: str) -> list[Target
         return [Target(channel, channel, None, "rad", "turn")]
     # Angles of spatial joints and of orientations are principal values; springs count turns.
     counts_turns = channel.partition(".")[0] in (tree.get("forces") or {})
-    principal = quantity.unit == "rad" and tree["dimension"] == "spatial" and not counts_turns
-    measured: Literal["number", "angle"] = "angle" if principal else "number"
+    wraps = quantity.unit == "rad" and tree["dimension"] == "spatial" and not counts_turns
+    measured: Literal["number", "angle"] = "angle" if wraps else "number"
     if index is not None:
         return [Target(name, channel, index, quantity.unit, measured)]
     scalar = not quantity.shape
@@ -270,7 +263,7 @@ class _Reading:
             doubt *= 2.0
             peak = float(magnitude.max())
         else:
-            magnitude = np.abs(_principal(fine) if target.measured == "angle" else fine)
+            magnitude = np.abs(principal(fine) if target.measured == "angle" else fine)
             peak = float(np.abs(values[target.channel]).max())
         return cls(target, fine, magnitude, peak, doubt)
 
@@ -301,21 +294,16 @@ class _Reading:
             return np.asarray(2.0 * np.linalg.norm(difference, axis=1))
         difference = run - self.values
         if self.target.measured == "angle":
-            difference = _principal(difference)
+            difference = principal(difference)
         return np.abs(difference)
 
     def _absolute(self, tolerance: Tolerance) -> float:
         """Return the absolute part of the tolerance that goes with the unit."""
         target = self.target
         if target.kind != "other":
-            return float(getattr(tolerance, _ABSOLUTE[target.kind][target.unit]))
+            return float(getattr(tolerance, ABSOLUTE[target.kind][target.unit]))
         if target.channel.endswith(".euler_parameters"):  # half an angle
             assert tolerance.rotation is not None
             return 0.5 * tolerance.rotation
         # A tolerance says nothing about forces or energies: relative to their largest value.
         return tolerance.relative * (self.peak or 1.0)
-
-
-def _principal(angle: Series) -> Series:
-    """Return angles without whole turns, from −π to π."""
-    return np.asarray(angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi)))

@@ -14,7 +14,7 @@ from holonom.base.errors import UsageError
 from holonom.base.text import preformatted, quoted
 from holonom.certification import certified_channels
 from holonom.channels import expand, split_component
-from holonom.gauge import KINDS, RESIDUALS, largest_tolerance, length, parts_of, peak
+from holonom.gauge import KINDS, RESIDUALS, Gauge, peak
 from holonom.options import Tolerance, require_finite, require_positive
 
 if TYPE_CHECKING:
@@ -217,7 +217,7 @@ def diff(
     limits = _parts(chosen)
     times, uncovered = _times(first, second, start, end)
     names, only_first, only_second = _names(first, second, channels)
-    gauges = [_Gauge(name, first, second, limits, within) for name in names]
+    gauges = [_gauge(name, first, second, limits, within) for name in names]
     peaks = dict.fromkeys(KINDS.values(), 0.0)
     whole = list(dict.fromkeys(gauge.channel for gauge in gauges))
     energies = [[n for n in run.channels if n.startswith("energy.")] for run in (first, second)]
@@ -232,9 +232,9 @@ def diff(
             gauge.take(part, values[0][gauge.channel], values[1][gauge.channel])
         for found, energy in zip(values, energies, strict=True):
             for kind in _STATES:
-                peaks[kind] = max(peaks[kind], peak(np.nan_to_num(found.get(kind, np.zeros(0)))))
+                peaks[kind] = max(peaks[kind], peak(found.get(kind, np.zeros(0))))
             for name in energy:
-                peaks["energy"] = max(peaks["energy"], peak(np.nan_to_num(found[name])))
+                peaks["energy"] = max(peaks["energy"], peak(found[name]))
     return Differences(
         first=_title(first),
         second=_title(second),
@@ -242,94 +242,25 @@ def diff(
         within=within,
         span=(float(times[0]), float(times[-1])),
         times=int(times.size),
-        channels=tuple(gauge.found(times, peaks) for gauge in gauges),
+        channels=tuple(ChannelDifference(*gauge.furthest(peaks)) for gauge in gauges),
         only_first=only_first,
         only_second=only_second,
         uncovered=uncovered if start is None and end is None else "",
     )
 
 
-class _Gauge:
-    """The difference of one channel or component over time."""
-
-    def __init__(
-        self,
-        name: str,
-        first: Result,
-        second: Result,
-        tolerance: Mapping[str, float],
-        within: float,
-    ) -> None:
-        self.name = name
-        self.channel, self.index = split_component(name)
-        self._quantity = _quantity(first, self.channel)
-        if _quantity(second, self.channel).shape != self._quantity.shape:
-            raise UsageError(
-                f"{quoted(self.channel)} has not as many components in both runs",
-                help="compare planar models with planar ones; name other channels",
-            )
-        self._parts = parts_of(self._quantity)
-        if self.index is not None:
-            columns = range(self._quantity.size)
-            self._parts = [p for p in self._parts if self.index in columns[p.columns]]
-        self._tolerance, self._within = tolerance, within
-        self._start: Series | None = None
-        self._largest = 0.0
-        self._apart: list[list[Series]] = [[] for _ in self._parts]
-        self._bound: list[list[Series]] = [[] for _ in self._parts]
-
-    def take(self, times: Series, first: Series, second: Series) -> None:
-        """Compare rows at some of the times."""
-        a, b = (values.reshape(times.size, -1) for values in (first, second))
-        if self._start is None:
-            self._start = np.nan_to_num(a[0])
-        lost = ~np.isfinite(a).all(axis=1), ~np.isfinite(b).all(axis=1)
-        a, b = np.nan_to_num(a), np.nan_to_num(b)
-        for k, part in enumerate(self._parts):
-            apart, bound = part.compare(a, b, self._start, self._tolerance, self.index)
-            # Lost in both files: nothing is known, so nothing is said.
-            apart = np.where(lost[0] & lost[1], 0.0, np.where(lost[0] | lost[1], np.inf, apart))
-            self._apart[k].append(apart)
-            if bound is None:
-                columns = part.columns
-                self._largest = max(
-                    self._largest, *(float(length(rows[:, columns]).max()) for rows in (a, b))
-                )
-            else:
-                self._bound[k].append(bound)
-
-    def found(self, times: Series, peaks: Mapping[str, float]) -> ChannelDifference:
-        """Return what was found at all times."""
-        best: ChannelDifference | None = None
-        since = math.inf
-        for part, parts, bounds in zip(self._parts, self._apart, self._bound, strict=True):
-            apart = np.concatenate(parts)
-            if bounds:
-                bound = np.concatenate(bounds)
-            else:
-                one = largest_tolerance(
-                    self._quantity.unit, self._tolerance["relative"], self._largest, peaks
-                )
-                bound = np.full_like(apart, one)
-            ratio = np.divide(apart, bound, out=np.zeros_like(apart), where=apart > 0.0)
-            at = int(np.argmax(ratio))
-            beyond = np.nonzero(ratio > self._within)[0]
-            if beyond.size:
-                since = min(since, float(times[beyond[0]]))
-            if best is None or ratio[at] > best.tolerances:
-                unit = part.unit(self._quantity.unit, self.index)
-                best = ChannelDifference(
-                    self.name,
-                    unit,
-                    float(times[at]),
-                    float(apart[at]),
-                    float(bound[at]),
-                    float(ratio[at]),
-                    None,
-                )
-        assert best is not None
-        data = {key: getattr(best, key) for key in ChannelDifference.__slots__}
-        return ChannelDifference(**data | {"since": since if math.isfinite(since) else None})
+def _gauge(
+    name: str, first: Result, second: Result, tolerance: Mapping[str, float], within: float
+) -> Gauge:
+    channel, index = split_component(name)
+    quantity = _quantity(first, channel)
+    if _quantity(second, channel).shape != quantity.shape:
+        raise UsageError(
+            f"{quoted(channel)} has not as many components in both runs",
+            help="compare planar models with planar ones; name other channels",
+        )
+    # Lost in both files: nothing is known, so nothing is said.
+    return Gauge(name, quantity, index, tolerance, within=within, lost=0.0)
 
 
 def _rows(run: Result, times: Series, names: Sequence[str]) -> dict[str, Series]:

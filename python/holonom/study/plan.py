@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from holonom.base.errors import UsageError
 from holonom.base.text import quoted
 from holonom.model import Model
-from holonom.options import Options, Tolerance, unknown_method
+from holonom.options import Options, Tolerance, require_method, unknown_method
 from holonom.options import methods as known_methods
 from holonom.result import Result
 
@@ -31,9 +31,8 @@ _LONGER = "compare within its span, or let the reference be made on the spot"
 
 def codes(asked: Sequence[str | Mapping[str, Any]] | None) -> dict[str, dict[str, Any]]:
     """Return the options of every method by its label."""
-    known = known_methods()
     if asked is None:
-        asked = [entry["name"] for entry in known if entry["family"] != "explicit"]
+        asked = [entry["name"] for entry in known_methods() if entry["family"] != "explicit"]
     if isinstance(asked, str | Mapping):
         raise UsageError("`methods` is one method", help="pass a list of them")
     found = {}
@@ -44,21 +43,16 @@ def codes(asked: Sequence[str | Mapping[str, Any]] | None) -> dict[str, dict[str
             )
         options = {"method": entry} if isinstance(entry, str) else dict(entry)
         name, formula = options.pop("method", None), options.pop("formula", None)
-        hits = [
-            code["name"]
-            for code in known
-            if name == code["name"]
-            or (name == code["family"] and formula in (code["formula"], code["name"]))
-        ]
-        if len(hits) != 1:
+        if not (isinstance(name, str) and isinstance(formula, str | None)):
             raise unknown_method(name, formula)
+        code = require_method(name, formula)
         if "tolerance" in options or "channels" in options:
             raise UsageError(
                 "a method carries no `tolerance` and no `channels`",
                 help="these are common to all methods: give them beside the methods",
             )
-        label = " ".join([hits[0], *(f"{key}={value}" for key, value in options.items())])
-        found[label] = {"method": hits[0], **options}
+        label = " ".join([code, *(f"{key}={value}" for key, value in options.items())])
+        found[label] = {"method": code, **options}
     return found
 
 

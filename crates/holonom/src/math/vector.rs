@@ -44,6 +44,11 @@ pub fn add_scaled<T: Real, const D: usize>(a: &mut [T; D], factor: T, b: &[T; D]
     }
 }
 
+/// The larger one, a NaN if one of them is.
+pub fn larger(a: f64, b: f64) -> f64 {
+    if (a >= b) | a.is_nan() { a } else { b }
+}
+
 /// Whether two vectors of one length are the same numbers. Where they are as a rule: several are compared at once, with no way
 /// out in between.
 pub fn same_bits(a: &[f64], b: &[f64]) -> bool {

@@ -290,15 +290,13 @@ impl Stepper for AdamsStepper {
     }
 
     fn restart(&mut self) {
-        self.invalidate(false);
+        self.invalidate();
     }
 
-    fn invalidate(&mut self, keep_history: bool) {
+    fn invalidate(&mut self) {
         self.commit();
-        if !keep_history {
-            self.history.order = 0;
-            self.failures = 0;
-        }
+        self.history.order = 0;
+        self.failures = 0;
     }
 
     fn discard(&mut self) {
@@ -337,7 +335,6 @@ impl Stepper for AdamsStepper {
             self.failures += 1;
             self.history.starting = false;
         }
-        self.statistics.count(report.cause.as_ref());
         report
     }
 

@@ -12,6 +12,7 @@ use super::segment::Segment;
 use super::stages::{Stages, Step};
 use super::stepper::{Rejection, StepEnd, StepReport, Stepper, StepperOptions, StepperStatistics};
 use crate::control::{StepControl, StepLaw, StepVerdict, noise};
+use crate::math::vector::larger;
 
 /// An estimate is to be at least 0.3 τ^(−1/4) times the error of a formula itself. With estimates of order 3 a motion of a
 /// few turns takes about 10 τ^(−1/4) steps, whose errors then add up to 30 tolerances, if they persist.
@@ -103,7 +104,7 @@ impl<S: Stages> ImplicitStepper<S> {
     pub(super) fn of(stages: S, dimension: usize, options: StepperOptions) -> Self {
         let (p, below) = (stages.order(), stages.embedded_order());
         let exponent = f64::from(p - below) / f64::from(below + 1);
-        let law = if options.predictive { StepLaw::Predictive } else { StepLaw::Standard };
+        let law = if options.improves() { StepLaw::Predictive } else { StepLaw::Standard };
         Self {
             options,
             control: StepControl { law, ..StepControl::implicit(stages.embedded_order()) },
@@ -176,7 +177,7 @@ impl<S: Stages> ImplicitStepper<S> {
     ) -> Result<u32, Failure> {
         let reuse =
             self.memory.reuses(&self.options) && f64::from(self.matrices.served) < self.most_served;
-        let ahead = S::ITERATES && self.options.linearize_ahead && self.predicts;
+        let ahead = S::ITERATES && self.options.improves() && self.predicts;
         let ahead = ahead.then_some((&mut self.ahead, &self.previous));
         self.matrices.begin(ode);
         self.matrices.prepare(&mut self.stages, ode, step, reuse, ahead)?;
@@ -187,7 +188,7 @@ impl<S: Stages> ImplicitStepper<S> {
             // A fixed step has no shorter one to try.
             let last_resort = self.options.fixed_step && self.predicts;
             let others =
-                self.options.other_residuals && outcome.as_ref().is_err_and(Failure::is_of_newton);
+                self.options.improves() && outcome.as_ref().is_err_and(Failure::is_of_newton);
             let remedy = self.matrices.remedy(ode, others);
             let Some(place) = remedy.or(last_resort.then_some(Place::Start)) else { break };
             let ahead = place == Place::Middle && self.predicts;
@@ -253,11 +254,11 @@ impl<S: Stages> ImplicitStepper<S> {
             (least - size).abs() <= 0.5 * (1.0 - step.h / h) * size
         };
         let counts = |least: &f64| !before.is_some_and(|before| stays(*least, before));
-        let mut found = least.filter(counts).map_or(filtered, |least| filtered.max(least));
+        let mut found = least.filter(counts).map_or(filtered, |least| larger(filtered, least));
         if let Some(part) = S::LEAST_FILTERED
             && stages.imbalance(ode, step, imbalance)
         {
-            found = found.max(part * ode.error_norm(imbalance, stages.end().w));
+            found = larger(found, part * ode.error_norm(imbalance, stages.end().w));
         }
         let again = caution * found > 1.0 && self.memory.is_fragile() && !self.options.fixed_step;
         if !(again && stages.estimate_again(ode, step, error)) {
@@ -369,18 +370,16 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
     }
 
     fn restart(&mut self) {
-        self.invalidate(false);
+        self.invalidate();
         self.matrices = Matrices::NONE;
         self.memory = Memory::default();
         self.stages.restart();
     }
 
-    fn invalidate(&mut self, keep_history: bool) {
+    fn invalidate(&mut self) {
         self.commit();
-        if !keep_history {
-            self.predicts = false;
-            self.memory.eta = [1.0; MAX_SYSTEMS];
-        }
+        self.predicts = false;
+        self.memory.eta = [1.0; MAX_SYSTEMS];
         self.stages.invalidate();
         self.matrices.forget();
         self.memory.contraction = f64::INFINITY;
@@ -418,12 +417,13 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
             Ok((error, StepVerdict::Accept { next })) => {
                 self.stages.finish(&mut ode, &step, &mut self.current);
                 let hidden = self.hidden(&mut ode, &step).unwrap_or(f64::INFINITY);
+                let shows = hidden <= 1.0; // so that a NaN is refused
                 let inside =
-                    if hidden <= 1.0 { self.settle_inside(&mut ode, &step) } else { Inside::RIGHT };
+                    if shows { self.settle_inside(&mut ode, &step) } else { Inside::RIGHT };
                 let by_inside = h * inside.ratio.max(self.control.min_ratio);
                 // Written so that a NaN fails.
                 let is_right_inside = inside.off <= 1.0 || self.options.fixed_step;
-                if hidden > 1.0 {
+                if !shows {
                     self.matrices.forget();
                     self.memory.history.reject();
                     report.error = hidden;
@@ -460,7 +460,6 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
         let statistics = &mut ode.statistics;
         statistics.iterations += u64::from(report.iterations);
         statistics.contractions = statistics.contractions.plus(&report.contractions);
-        ode.statistics.count(report.cause.as_ref());
         self.statistics = ode.statistics;
         report
     }

@@ -1,7 +1,7 @@
 //! What the run loop asks of a form of the equations, beyond what a formula asks.
 
 use super::ode::{EvaluationFailure, LinearizedOde};
-use super::{ExplicitForm, FirstOrder, Weights};
+use super::{FirstOrder, Weights};
 use crate::newton::{FirstOrderMatrix, MatrixOptions};
 use crate::reduction::Point;
 use crate::system::State;
@@ -48,53 +48,42 @@ pub trait EquationForm: LinearizedOde + Send {
     fn integrates_powers(&self) -> bool;
 }
 
-macro_rules! equation_form {
-    ([$($parameters:tt)*] $type:ty) => {
-        impl<$($parameters)*> EquationForm for $type {
-            fn begin_step(&mut self, state: &State) {
-                Self::begin_step(self, state);
-            }
-            fn pack(&self, state: &State, w: &mut [f64]) {
-                Self::pack(self, state, w);
-            }
-            fn evaluate(
-                &mut self,
-                t: f64,
-                w: &[f64],
-                full: bool,
-            ) -> Result<&State, EvaluationFailure> {
-                Self::evaluate(self, t, w, full)
-            }
-            fn point(&self) -> &Point {
-                Self::point(self)
-            }
-            fn point_mut(&mut self) -> &mut Point {
-                Self::point_mut(self)
-            }
-            fn reparametrized(&mut self) {
-                Self::reparametrized(self);
-            }
-            fn references_moved(&mut self, w: &[f64]) {
-                Self::references_moved(self, w);
-            }
-            fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
-                Self::spread(self, change)
-            }
-            fn displace(&mut self, change: &[f64]) -> &[f64] {
-                Self::displace(self, change)
-            }
-            fn weights(&self) -> &Weights {
-                Self::weights(self)
-            }
-            fn set_matrix(&mut self, options: MatrixOptions) {
-                Self::set_matrix(self, options);
-            }
-            fn integrates_powers(&self) -> bool {
-                Self::integrates_powers(self)
-            }
-        }
-    };
+// The descriptor form builds on what [`FirstOrder`] has with any matrix.
+impl<M: FirstOrderMatrix> EquationForm for FirstOrder<M> {
+    fn begin_step(&mut self, state: &State) {
+        Self::begin_step(self, state);
+    }
+    fn pack(&self, state: &State, w: &mut [f64]) {
+        Self::pack(self, state, w);
+    }
+    fn evaluate(&mut self, t: f64, w: &[f64], full: bool) -> Result<&State, EvaluationFailure> {
+        Self::evaluate(self, t, w, full)
+    }
+    fn point(&self) -> &Point {
+        Self::point(self)
+    }
+    fn point_mut(&mut self) -> &mut Point {
+        Self::point_mut(self)
+    }
+    fn reparametrized(&mut self) {
+        Self::reparametrized(self);
+    }
+    fn references_moved(&mut self, w: &[f64]) {
+        Self::references_moved(self, w);
+    }
+    fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
+        Self::spread(self, change)
+    }
+    fn displace(&mut self, change: &[f64]) -> &[f64] {
+        Self::displace(self, change)
+    }
+    fn weights(&self) -> &Weights {
+        Self::weights(self)
+    }
+    fn set_matrix(&mut self, options: MatrixOptions) {
+        Self::set_matrix(self, options);
+    }
+    fn integrates_powers(&self) -> bool {
+        Self::integrates_powers(self)
+    }
 }
-
-equation_form!([M: FirstOrderMatrix] FirstOrder<M>);
-equation_form!([] ExplicitForm);

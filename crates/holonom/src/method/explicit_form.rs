@@ -1,6 +1,7 @@
 //! The equations for explicit formulas: w = (v, v̇, z, dissipated energy, supplied work), the last two at rest where drivers
 //! move.
 
+use super::equation_form::EquationForm;
 use super::first_order::new_matrix;
 use super::ode::{EvaluationFailure, LinearizedOde, Ode, require_finite};
 use super::weights::Weights;
@@ -51,52 +52,47 @@ impl ExplicitForm {
             point: Point::new(manifold, state),
         }
     }
+}
 
+impl EquationForm for ExplicitForm {
     /// Makes room for a matrix, which no formula needs but the error that is carried along.
-    pub fn set_matrix(&mut self, options: MatrixOptions) {
+    fn set_matrix(&mut self, options: MatrixOptions) {
         let Point { manifold, anchor, .. } = &mut self.point;
         self.newton = Some(Box::new(new_matrix(manifold, anchor, options)));
     }
 
-    /// The point of the last evaluation.
-    pub fn point(&self) -> &Point {
+    fn point(&self) -> &Point {
         &self.point
     }
 
-    /// The same, for changes of the parametrization.
-    pub fn point_mut(&mut self) -> &mut Point {
+    fn point_mut(&mut self) -> &mut Point {
         self.at_time = f64::NAN;
         &mut self.point
     }
 
-    /// A change of w on the coordinates and velocities of all bodies, with the factors of the last evaluation.
-    pub fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
+    fn spread(&mut self, change: &[f64]) -> [&[f64]; 2] {
         let Self { point, dq, dv, rows, rates, .. } = self;
         point.spread(change, dq, dv, rows, rates);
         [dq, dv]
     }
 
-    /// The part of it on coordinates.
-    pub fn displace(&mut self, change: &[f64]) -> &[f64] {
+    fn displace(&mut self, change: &[f64]) -> &[f64] {
         let Self { point, dq, rows, rates, .. } = self;
         point.displace(&change[..rates.len()], dq, rows);
         dq
     }
 
-    /// Error weights at the start of the step.
-    pub fn weights(&self) -> &Weights {
+    fn weights(&self) -> &Weights {
         &self.weights
     }
 
-    /// The state that the next step starts from.
-    pub fn begin_step(&mut self, state: &State) {
+    fn begin_step(&mut self, state: &State) {
         self.at_time = f64::NAN;
         self.point.begin_step(state);
         self.weights.set(state);
     }
 
-    /// w of a state.
-    pub fn pack(&self, state: &State, w: &mut [f64]) {
+    fn pack(&self, state: &State, w: &mut [f64]) {
         let ndof = self.rates.len();
         let (positions, rest) = w.split_at_mut(ndof);
         let (rates, rest) = rest.split_at_mut(ndof);
@@ -106,28 +102,22 @@ impl ExplicitForm {
         powers.copy_from_slice(&[state.ledger.dissipated, state.ledger.supplied]);
     }
 
-    /// After a re-parametrization.
-    pub fn reparametrized(&mut self) {
+    fn reparametrized(&mut self) {
         self.rates.resize(self.point.manifold.chart().ndof(), 0.0);
         if let Some(options) = self.newton.as_ref().map(|newton| newton.options()) {
             self.set_matrix(options);
         }
     }
 
-    /// Whether the powers in w are the ledger: not where a driver is to move. No error of the motion tells that power, and a
-    /// formula of high order through those of the steps before makes anything of a sudden one.
-    pub fn integrates_powers(&self) -> bool {
+    /// Not where a driver is to move: no error of the motion tells that power, and a formula of high order through those of
+    /// the steps before makes anything of a sudden one.
+    fn integrates_powers(&self) -> bool {
         !self.rates.is_empty() && !self.powers_apart
     }
 
-    /// The meaning of w has changed to `w` at the state last evaluated.
-    pub fn references_moved(&mut self, _w: &[f64]) {}
+    fn references_moved(&mut self, _w: &[f64]) {}
 
-    /// Recovers the state at (t, w) with accelerations (`full`) or without.
-    ///
-    /// # Errors
-    /// As [`Ode::derivative`].
-    pub fn evaluate(&mut self, t: f64, w: &[f64], full: bool) -> Result<&State, EvaluationFailure> {
+    fn evaluate(&mut self, t: f64, w: &[f64], full: bool) -> Result<&State, EvaluationFailure> {
         self.at_time = f64::NAN;
         require_finite(t, w)?;
         let ndof = self.rates.len();
@@ -137,9 +127,6 @@ impl ExplicitForm {
         self.point.evaluate(t, positions, rates, z, full)?;
         self.point.state.ledger.dissipated = powers[0];
         self.point.state.ledger.supplied = powers[1];
-        if full && !self.powers_apart && self.point.manifold.system().drivers_move(t) {
-            self.point.complete(); // the power of drivers
-        }
         Ok(&self.point.state)
     }
 }

@@ -261,11 +261,11 @@ impl Stepper for ExplicitRungeKuttaStepper {
     }
 
     fn restart(&mut self) {
-        self.invalidate(false);
+        self.invalidate();
         self.history = StepHistory::default();
     }
 
-    fn invalidate(&mut self, _keep_history: bool) {
+    fn invalidate(&mut self) {
         self.commit();
     }
 
@@ -313,7 +313,6 @@ impl Stepper for ExplicitRungeKuttaStepper {
         if !report.accepted {
             self.history.reject();
         }
-        self.statistics.count(report.cause.as_ref());
         report
     }
 

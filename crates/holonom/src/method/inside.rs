@@ -6,7 +6,7 @@ use super::balance::Balance;
 use super::counted::Counted;
 use super::ode::EvaluationFailure;
 use super::stages::{Stages, Step, keep_stiff};
-use super::weights::keep_larger;
+use crate::math::vector::larger;
 
 /// Tolerances that stiff rates may be off where they are looked at and nothing but the length of steps makes them better. One rate
 /// alone counts half in a norm, and places that are looked at need not be the worst: rows are within about four times that, by the speed there.
@@ -21,16 +21,13 @@ impl<S: Stages> ImplicitStepper<S> {
     /// All that is done about the inside of a step that is accepted otherwise.
     pub(super) fn settle_inside(&mut self, ode: &mut Counted<'_>, step: &Step<'_>) -> Inside {
         let stages = self.correct_inside(ode, step.h);
-        let between = keep_larger(stages, self.miss_between(ode, step));
+        let between = larger(stages, self.miss_between(ode, step));
         let middle = self.balance_inside(ode, step);
         // What cannot be evaluated inside is found where the step is taken.
-        let parabolas = keep_larger(middle, self.bend_rates(ode, step).unwrap_or(0.0));
+        let parabolas = larger(middle, self.bend_rates(ode, step).unwrap_or(0.0));
         // A parabola is off like the third power of the step.
         let of_output = between.powf(1.0 / (S::DEGREE + 1) as f64);
-        Inside {
-            off: keep_larger(between, parabolas),
-            ratio: 0.9 / keep_larger(of_output, parabolas.cbrt()),
-        }
+        Inside { off: larger(between, parabolas), ratio: 0.9 / larger(of_output, parabolas.cbrt()) }
     }
 
     /// Leads the dense output through stages less their errors, where these are known. Returns how far off it is left between them,
@@ -40,7 +37,7 @@ impl<S: Stages> ImplicitStepper<S> {
         if !(self.knows_own || self.stages.own_error(ode, h, left)) {
             return 0.0;
         }
-        self.stages.correct_inside(ode, 1.0, &mut self.current, left);
+        self.stages.correct_inside(ode, &mut self.current, left);
         ode.error_norm(left, self.stages.end().w)
     }
 
@@ -136,7 +133,7 @@ impl<S: Stages> ImplicitStepper<S> {
             keep_stiff(defect, state, |x| stages.filter(ode, x));
             defect[..rates.start].fill(0.0);
             defect[rates.end..].fill(0.0);
-            miss = keep_larger(miss, ode.error_norm(defect, stages.end().w));
+            miss = larger(miss, ode.error_norm(defect, stages.end().w));
             let is_right = miss <= ROWS;
             if !is_right {
                 break;
@@ -160,7 +157,7 @@ impl<S: Stages> ImplicitStepper<S> {
         let mut bend = self.bend(self.predicts, ode, step);
         // What follows forces may bend where two steps are in line.
         if self.predicts && self.memory.rates_follow {
-            bend = keep_larger(bend, self.bend(false, ode, step));
+            bend = larger(bend, self.bend(false, ode, step));
         }
         // Written so that a NaN is left alone.
         let counts = bend > 1.0;
@@ -231,7 +228,7 @@ impl<S: Stages> ImplicitStepper<S> {
             keep_stiff(defect, state, |x| stages.filter(ode, x));
             defect[..rates.start].fill(0.0);
             defect[rates.end..].fill(0.0);
-            left = keep_larger(left, ode.error_norm(defect, stages.end().w));
+            left = larger(left, ode.error_norm(defect, stages.end().w));
         }
         Ok(left)
     }

@@ -30,7 +30,7 @@ impl NystromStepper {
             predictors: std::array::from_fn(|i| {
                 if i > 0 { formula.predictor(i) } else { [0.0; MAX_SYSTEMS] }
             }),
-            continues: options.continue_accelerations,
+            continues: options.improves(),
             errors: match &formula.continuation {
                 Continuation::Stages(dense) => {
                     Some(StageErrors::new(&formula.a, &formula.c, dense, &formula.a, dimension))
@@ -303,16 +303,10 @@ impl Stages for NystromStages {
         }
     }
 
-    fn correct_inside(
-        &mut self,
-        ode: &mut Counted<'_>,
-        enough: f64,
-        output: &mut Segment,
-        left: &mut [f64],
-    ) {
+    fn correct_inside(&mut self, ode: &mut Counted<'_>, output: &mut Segment, left: &mut [f64]) {
         if let Some(errors) = &mut self.errors {
             let mut filter = StepFilter { ode, end: &self.end, by: Counted::filter };
-            errors.correct(enough, output, left, &mut filter);
+            errors.correct(output, left, &mut filter);
         }
     }
 

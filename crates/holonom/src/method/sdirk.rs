@@ -189,14 +189,8 @@ impl Stages for SdirkStages {
         }
     }
 
-    fn correct_inside(
-        &mut self,
-        ode: &mut Counted<'_>,
-        enough: f64,
-        output: &mut Segment,
-        left: &mut [f64],
-    ) {
+    fn correct_inside(&mut self, ode: &mut Counted<'_>, output: &mut Segment, left: &mut [f64]) {
         let mut filter = StepFilter { ode, end: &self.end, by: Counted::solve };
-        self.errors.correct(enough, output, left, &mut filter);
+        self.errors.correct(output, left, &mut filter);
     }
 }

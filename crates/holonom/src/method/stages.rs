@@ -165,14 +165,8 @@ pub trait Stages: Debug + Send {
     fn finish(&mut self, ode: &mut Counted<'_>, step: &Step<'_>, segment: &mut Segment);
 
     /// After `own_error` and `finish`, where the former can tell: leads what is stiff of the dense output through stages less their
-    /// errors, if it is more than `enough` off anywhere, scaled, and finds how far off it is `left` between them. Source: `docs/theory/method.md` (14).
-    fn correct_inside(
-        &mut self,
-        _ode: &mut Counted<'_>,
-        _enough: f64,
-        _output: &mut Segment,
-        _left: &mut [f64],
-    ) {
+    /// errors, if it is more than a tolerance off anywhere, and finds how far off it is `left` between them. Source: `docs/theory/method.md` (14).
+    fn correct_inside(&mut self, _ode: &mut Counted<'_>, _output: &mut Segment, _left: &mut [f64]) {
     }
 
     /// The end of the accepted step becomes the start of the next one.

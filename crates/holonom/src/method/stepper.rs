@@ -2,6 +2,7 @@
 
 use crate::control::{Contractions, NewtonControl, starting_step, trial_step};
 use crate::method::ode::{EvaluationFailure, LinearizedOde, Ode};
+use crate::model::Profile;
 use serde::{Deserialize, Serialize};
 
 /// g(t, w) into its last argument.
@@ -78,14 +79,6 @@ pub struct StepEnd<'a> {
 /// Work counters since construction.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct StepperStatistics {
-    /// Attempts that were accepted (steps taken back by [`Stepper::discard`] included).
-    pub accepted: u64,
-    /// Attempts rejected for their error.
-    pub rejected_error: u64,
-    /// Attempts rejected because the iteration diverged or was too slow.
-    pub rejected_newton: u64,
-    /// Attempts rejected because the system could not be evaluated or factored.
-    pub rejected_evaluation: u64,
     /// Calls of [`Ode::derivative`].
     pub derivatives: u64,
     /// Calls of [`LinearizedOde::linearize`].
@@ -111,10 +104,6 @@ impl StepperStatistics {
     #[must_use]
     pub fn plus(&self, other: &Self) -> Self {
         Self {
-            accepted: self.accepted + other.accepted,
-            rejected_error: self.rejected_error + other.rejected_error,
-            rejected_newton: self.rejected_newton + other.rejected_newton,
-            rejected_evaluation: self.rejected_evaluation + other.rejected_evaluation,
             derivatives: self.derivatives + other.derivatives,
             linearizations: self.linearizations + other.linearizations,
             factorizations: self.factorizations + other.factorizations,
@@ -125,18 +114,6 @@ impl StepperStatistics {
             iterations: self.iterations + other.iterations,
             contractions: self.contractions.plus(&other.contractions),
             stiff_steps: self.stiff_steps + other.stiff_steps,
-        }
-    }
-
-    /// Counts the outcome of an attempt.
-    pub(crate) fn count(&mut self, cause: Option<&Rejection>) {
-        match cause {
-            None => self.accepted += 1,
-            Some(Rejection::ErrorTooLarge) => self.rejected_error += 1,
-            Some(Rejection::NewtonDivergence | Rejection::NewtonSlow) => self.rejected_newton += 1,
-            Some(Rejection::Evaluation(_) | Rejection::SingularMatrix(_)) => {
-                self.rejected_evaluation += 1;
-            }
         }
     }
 }
@@ -154,19 +131,15 @@ pub struct StepperOptions {
     /// A linearization serves the next step too while the contraction θ stays at or below this; 0
     /// linearizes at every accepted step. Rosenbrock formulas always linearize.
     pub reuse_contraction: f64,
-    /// New linearizations are made in the predicted middle of the step, not at its start: stages are half as far
-    /// from it, and iterations that much faster. Rosenbrock formulas always linearize at the start.
-    pub linearize_ahead: bool,
-    /// Residuals of stages may be accelerations where iterations by forces fail.
-    pub other_residuals: bool,
     /// Ratio of steps up to which the step, and with it the factorization, is kept; 1 never. Only
     /// where a linearization is reused.
     pub dead_band: f64,
-    /// Step selection of implicit formulas by Gustafsson's predictive law.
-    pub predictive: bool,
-    /// Iterations of formulas in second-order form start from accelerations continued from the step
+    /// What `Improved` means for implicit formulas. New linearizations are made in the predicted middle of the step, not at its
+    /// start: stages are half as far from it, and iterations that much faster (Rosenbrock formulas always linearize at the
+    /// start). Residuals of stages may be accelerations where iterations by forces fail. Steps are selected by Gustafsson's
+    /// predictive law. Iterations of formulas in second-order form start from accelerations continued from the step
     /// before, not from those at the start of the step.
-    pub continue_accelerations: bool,
+    pub profile: Profile,
     /// Estimates count this many times. Errors of formulas that damp nothing add up to a drift of the
     /// phase of what swings or turns, and explicit ones take so long steps that their estimates say less.
     pub caution: f64,
@@ -187,11 +160,8 @@ impl StepperOptions {
             max_step: f64::INFINITY,
             newton: NewtonControl::default(),
             reuse_contraction: 0.0,
-            linearize_ahead: false,
-            other_residuals: false,
             dead_band: 1.0,
-            predictive: false,
-            continue_accelerations: false,
+            profile: Profile::Thesis,
             caution: 1.0,
             filter_error: true,
             own_error: None,
@@ -211,11 +181,8 @@ impl StepperOptions {
         Self {
             newton: NewtonControl { kappa, ..NewtonControl::default() },
             reuse_contraction: 0.02,
-            linearize_ahead: true,
-            other_residuals: true,
             dead_band: 1.2,
-            predictive: true,
-            continue_accelerations: true,
+            profile: Profile::Improved,
             own_error: Some(tolerance),
             ..Self::thesis()
         }
@@ -224,6 +191,11 @@ impl StepperOptions {
     /// Share of the tolerance that an iteration may leave where steps grow in number like tolerance^(−1/2).
     pub(crate) fn share(tolerance: f64) -> f64 {
         (0.01 * tolerance.sqrt()).min(1e-3)
+    }
+
+    /// Whether the profile is `Improved`.
+    pub(crate) fn improves(&self) -> bool {
+        self.profile == Profile::Improved
     }
 
     /// Iteration constants in force.
@@ -280,9 +252,9 @@ pub trait Stepper: Send {
     /// Forgets history: at the start, after a discontinuity, after a breakpoint.
     fn restart(&mut self);
 
-    /// The meaning of w has changed (re-parametrization): the linearization no longer holds. Without
-    /// `keep_history` predictors and multistep histories are dropped too, but not step control.
-    fn invalidate(&mut self, keep_history: bool);
+    /// The meaning of w has changed (re-parametrization): linearization, predictors and multistep histories no longer hold. Step
+    /// control goes on.
+    fn invalidate(&mut self);
 
     /// Takes back the accepted step: the next attempt starts where it started (event location,
     /// refusal of the end state by the caller).

@@ -241,7 +241,7 @@ fn statistics_agree_with_what_the_system_counted() {
     for member in ALL {
         let mut ode = van_der_pol(1e-2).with_tolerance(1e-5, 1e-5);
         let mut stepper = (member.build)(2, StepperOptions::default());
-        let run = run(&mut *stepper, &mut ode, 0.0, &[2.0, -0.66], 2.0, None);
+        run(&mut *stepper, &mut ode, 0.0, &[2.0, -0.66], 2.0, None);
         let s = stepper.statistics();
         let name = member.name;
         // The run itself evaluated at the start and for the first step.
@@ -251,8 +251,6 @@ fn statistics_agree_with_what_the_system_counted() {
             (ode.linearizations, ode.factorizations, ode.solves),
             "{name}"
         );
-        let failed = s.rejected_error + s.rejected_newton + s.rejected_evaluation;
-        assert_eq!((s.accepted, failed as usize), (run.accepted, run.rejected()), "{name}");
         assert_eq!(stepper.explicit(), ode.linearizations == 0, "{name}");
     }
 }
@@ -263,7 +261,7 @@ fn a_repeated_attempt_does_not_linearize_again() {
         let mut ode = van_der_pol(1e-4).with_tolerance(1e-4, 1e-4);
         let mut stepper = (member.build)(2, StepperOptions::thesis());
         let mut accepted = 0;
-        run_with(
+        let run = run_with(
             &mut *stepper,
             &mut ode,
             0.0,
@@ -277,7 +275,7 @@ fn a_repeated_attempt_does_not_linearize_again() {
             },
         );
         let s = stepper.statistics();
-        assert!(s.rejected_error + s.rejected_newton > 5, "{}: {s:?}", member.name);
+        assert!(run.rejected() > 5, "{}: {:?}", member.name, run.causes);
         assert!(s.factorizations > s.linearizations, "{}", member.name);
     }
 }
@@ -319,7 +317,6 @@ fn failed_evaluations_make_the_step_shorter() {
         let name = member.name;
         assert!(run.causes.iter().any(outside), "{name}: {:?}", run.causes);
         assert!((run.w[0] - 0.19).abs() < 1e-4, "{name}: {:?}", run.w);
-        assert!(stepper.statistics().rejected_evaluation > 0, "{name}");
     }
 }
 

@@ -138,10 +138,6 @@ fn a_diverging_iteration_makes_the_step_shorter() {
             });
         let diverged = run.causes.iter().filter(|c| **c == Rejection::NewtonDivergence).count();
         assert!(diverged > 0, "factor {factor}: {:?}", run.causes);
-        assert_eq!(
-            stepper.statistics().rejected_newton as usize,
-            run.rejected() - run.causes.iter().filter(|c| **c == Rejection::ErrorTooLarge).count()
-        );
         assert!((run.w[0] - (-10_f64).exp()).abs() < 1e-5, "factor {factor}: {:?}", run.w);
     }
 }
@@ -213,6 +209,6 @@ fn noise_of_an_evaluation_is_not_divergence() {
     .with_tolerance(0.0, 1e-9);
     let mut stepper = SDIRK(1, StepperOptions::default());
     let run = run(&mut *stepper, &mut ode, 0.0, &[0.0], 1.0, Some(1e-2));
-    assert_eq!(stepper.statistics().rejected_newton, 0, "{:?}", run.causes);
+    assert!(run.causes.iter().all(|c| *c == Rejection::ErrorTooLarge), "{:?}", run.causes);
     assert!((run.w[0] - 1_f64.sin()).abs() < 1e-8, "{:e}", run.w[0] - 1_f64.sin());
 }

@@ -2,6 +2,7 @@
 //! ground and against the bodies that it is tied to.
 
 use super::ties::Ties;
+use crate::math::vector::larger;
 use crate::model::Tolerance;
 use crate::system::{ExtraStateScale, Measure, Sizes, State, System};
 use std::f64::consts::TAU;
@@ -156,10 +157,10 @@ impl Weights {
         };
         let mut largest = 0.5 * largest.sqrt();
         if let Some(at) = at {
-            largest = keep_larger(largest, self.ties.norm(at, [dq, dv]));
+            largest = larger(largest, self.ties.norm(at, [dq, dv]));
         }
         for (z, scale) in dz.iter().zip(&self.extra) {
-            largest = keep_larger(largest, (z / scale).abs());
+            largest = larger(largest, (z / scale).abs());
         }
         largest
     }
@@ -168,13 +169,13 @@ impl Weights {
     pub fn displacements(&self, dq: &[f64]) -> impl Iterator<Item = f64> {
         let turns = self.angle_factor * self.angle_factor;
         self.sizes.by_body(dq).zip(&self.bodies).map(move |([r, p], weights)| {
-            keep_larger(weights[0] * square(r), weights[1] * turns * square(p)).sqrt()
+            larger(weights[0] * square(r), weights[1] * turns * square(p)).sqrt()
         })
     }
 
     /// The largest of these.
     pub fn displacement(&self, dq: &[f64]) -> f64 {
-        self.displacements(dq).fold(0.0, keep_larger)
+        self.displacements(dq).fold(0.0, larger)
     }
 
     /// Speed, m/s, and rate of turning, rad/s, of each body.
@@ -189,7 +190,7 @@ impl Weights {
         let Tolerance { relative, translation, rotation } = self.tolerance;
         self.speeds(dv).zip(largest).map(move |([moved, turned], [speed, rate])| {
             let turned = turned / (rotation + relative * rate);
-            keep_larger(moved / (translation + relative * speed), turned)
+            larger(moved / (translation + relative * speed), turned)
         })
     }
 }
@@ -209,14 +210,9 @@ fn largest_square<const N: usize, const D: usize>(
             + weights[1] * turns * square(&q[D..])
             + weights[2] * square(&v[..D])
             + weights[3] * turns * square(&v[D..]);
-        largest = keep_larger(largest, squares);
+        largest = larger(largest, squares);
     }
     largest
-}
-
-/// Maximum that does not pass over NaN.
-pub(super) fn keep_larger(a: f64, b: f64) -> f64 {
-    if b.is_nan() || b > a { b } else { a }
 }
 
 #[cfg(test)]

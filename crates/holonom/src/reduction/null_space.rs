@@ -1,7 +1,8 @@
 //! Accelerations and multipliers with the factors of [G; P] and a dense matrix of order ndof.
 
 use super::chart::Chart;
-use super::refinement::{larger, refine};
+use super::refinement::refine;
+use crate::math::vector::larger;
 use holonom_linalg::{BlockMatrix, BlockPattern, Cholesky, NotPositiveDefinite, gram_add};
 
 /// Buffers of

@@ -1,5 +1,7 @@
 //! Iterative refinement of solutions by a matrix whose condition is the square of the one that counts.
 
+use crate::math::vector::larger;
+
 const MOST_CORRECTIONS: u32 = 5;
 
 /// Repeats `correct`, which tells the size of a correction and that of the corrected solution, while
@@ -39,9 +41,4 @@ pub(super) fn largest(x: &[f64], weights: &[f64], size: impl Fn(f64, f64) -> f64
         *lane = larger(size(*x, *w), *lane);
     }
     lanes.into_iter().fold(0.0, larger)
-}
-
-/// The larger one, a NaN if one of them is.
-pub(super) fn larger(a: f64, b: f64) -> f64 {
-    if (a >= b) | a.is_nan() { a } else { b }
 }

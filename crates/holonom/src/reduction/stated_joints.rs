@@ -301,10 +301,7 @@ pub(super) fn moved(model: &Model, state: &State) -> Vec<Adjustment> {
         if level == Level::Position {
             system.position_constraints(state.t, &state.q, &mut residuals);
         } else {
-            let mut g = system.structure().constraint_pattern.zeros();
-            system.constraint_jacobian(&state.q, &mut g);
-            system.velocity_rhs(state.t, &mut residuals);
-            g.multiply_add(-1.0, &state.v, &mut residuals);
+            system.velocity_constraints(state.t, &state.q, &state.v, &mut residuals);
         }
         let own = &residuals[sizes.joint_rows - coordinates.len()..sizes.joint_rows];
         for (c, residual) in coordinates.iter().zip(own).filter(|(_, x)| x.abs() > MOVED) {

@@ -98,13 +98,15 @@ pub enum RunError {
         /// s.
         start: f64,
     },
-    /// A first step that is lost in the round-off of times.
+    /// A step, or the time between two rows, that is lost in the round-off of times.
     #[error(
-        "`initial_step` is {step:e} s; from {} s to {} s steps are {least:.1e} s at least",
+        "`{option}` is {step:e} s; from {} s to {} s what is shorter than {least:.1e} s is lost in round-off",
         shown(*start),
         shown(*end)
     )]
-    InitialStep {
+    Step {
+        /// Name of the option.
+        option: &'static str,
         /// s.
         step: f64,
         /// s.
@@ -181,10 +183,13 @@ pub enum RunError {
     },
     /// Differences are taken of the dense Jacobian only.
     #[error(
-        "`newton` is sparse and `jacobian` is differences, which make dense matrices; use `newton` auto, \
+        "`newton` is {newton} and `jacobian` is differences, which make dense matrices; use `newton` auto, \
          or `jacobian` analytic"
     )]
-    SparseDifferences,
+    SparseDifferences {
+        /// What was stated.
+        newton: &'static str,
+    },
     /// The code needs the full Jacobian.
     #[error(
         "`newton` is simplified, which leaves out part of the Jacobian; {code} needs the full one"
@@ -319,12 +324,12 @@ impl RunError {
                 "leave `start_time` out: the run begins at the time of the state"
             }
             Self::EndTime { .. } => "give an `end_time` that lies later",
-            Self::InitialStep { .. } => "leave `initial_step` out: the run finds one",
+            Self::Step { .. } => "leave it out for its default, or take a longer one",
             Self::Parametrization { .. } => {
                 "state `parametrization = \"tree\"`, the default, which keeps no dense matrix"
             }
             Self::Option { .. } => "change the option, or leave it out for its default",
-            Self::InexactJacobian { .. } | Self::SparseDifferences => {
+            Self::InexactJacobian { .. } | Self::SparseDifferences { .. } => {
                 "leave `jacobian` out for the analytic one"
             }
             Self::SimplifiedJacobian { .. } => "leave `newton` out, or name another code",
@@ -394,25 +399,37 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
     if end < start {
         return Err(RunError::EndTime { end, start });
     }
-    let least = smallest_step(start, end);
-    if let Some(step) = options.initial_step.filter(|&step| step < least) {
-        return Err(RunError::InitialStep { step, start, end, least });
-    }
-    match &options.output {
+    let interval = match &options.output {
         OutputTimes::Interval(interval) => {
             positive("interval", *interval)?;
             let rows = (end - start) / interval + 1.0;
             if rows > MOST_ROWS {
                 return Err(RunError::TooManyRows { interval: *interval, rows });
             }
+            Some(*interval)
         }
-        OutputTimes::Listed(times) => check_output_times(times, start, end)?,
+        OutputTimes::Listed(times) => {
+            check_output_times(times, start, end)?;
+            None
+        }
+    };
+    let at_start = smallest_step(start, end);
+    let anywhere = at_start.max(smallest_step(end, end));
+    for (option, step, least) in [
+        ("initial_step", options.initial_step, at_start),
+        ("max_step", Some(options.max_step), anywhere),
+        ("fixed_step", options.fixed_step, anywhere),
+        ("interval", interval, anywhere),
+    ] {
+        if let Some(step) = step.filter(|&step| step < least) {
+            return Err(RunError::Step { option, step, start, end, least });
+        }
     }
     if options.jacobian == JacobianSource::Differences && options.code == Code::ForRosen {
         return Err(RunError::InexactJacobian { code: options.code.info().name });
     }
     if options.jacobian == JacobianSource::Differences && options.newton.is_sparse() {
-        return Err(RunError::SparseDifferences);
+        return Err(RunError::SparseDifferences { newton: options.newton.name() });
     }
     // Explicit codes, which only carry their errors by a matrix, take the whole one.
     let explicit = options.code.is_explicit();
@@ -539,12 +556,13 @@ fn check_output_times(times: &[f64], start: f64, end: f64) -> Result<(), RunErro
     let slack = OUTPUT_SLACK * start.abs().max(end.abs());
     let mut before = f64::NEG_INFINITY;
     for (index, &value) in times.iter().enumerate() {
+        let time = value.clamp(start, end);
         let rule = if !(start - slack..=end + slack).contains(&value) {
             format!("lie in the run, from {start} s to {end} s")
-        } else if value <= before {
+        } else if time <= before {
             "come after the one before".to_owned()
         } else {
-            before = value;
+            before = time;
             continue;
         };
         return Err(RunError::OutputTime { index, value, rule });
@@ -581,11 +599,7 @@ pub(super) fn check_state(system: &dyn System, state: &State) -> Result<(), RunE
     };
     system.position_constraints(state.t, &state.q, &mut residual);
     refuse("position", &residual, PROJECTED * system.characteristic_length().max(1.0))?;
-    let mut g = system.structure().constraint_pattern.zeros();
-    system.constraint_jacobian(&state.q, &mut g);
-    system.velocity_rhs(state.t, &mut residual);
-    residual.iter_mut().for_each(|x| *x = -*x);
-    g.multiply_add(1.0, &state.v, &mut residual);
+    system.velocity_constraints(state.t, &state.q, &state.v, &mut residual);
     let speed = state.v.iter().fold(1.0f64, |m, v| m.max(v.abs()));
     refuse("velocity", &residual, PROJECTED * speed)
 }
@@ -636,7 +650,7 @@ pub(super) fn find_channels(
         .collect()
 }
 
-/// The channel that shares most with a misspelled name, if it shares at least half.
+/// The channel whose name is most like a misspelled one, if any is.
 fn nearest(name: &str, all: &[Channel]) -> Option<String> {
     let score = |other: &str| strsim::jaro_winkler(name, other);
     all.iter()

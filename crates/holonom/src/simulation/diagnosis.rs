@@ -199,7 +199,9 @@ fn ended(
         Err(Stop::MaxSteps) => {
             let limit = options.max_steps;
             let message = format!("`max_steps` = {limit} reached at t = {time:.6} s");
-            let help = if options.code.is_explicit() {
+            let help = if options.fixed_step.is_some() {
+                "raise `max_steps`, or take a longer `fixed_step`"
+            } else if options.code.is_explicit() {
                 "raise `max_steps`, loosen the tolerance, or use an implicit code"
             } else {
                 "raise `max_steps`, loosen the tolerance, or look for what makes steps short near this time"
@@ -209,7 +211,11 @@ fn ended(
         Err(Stop::MaxSeconds) => {
             let limit = options.max_seconds;
             let message = format!("`max_seconds` = {limit} reached at t = {time:.6} s");
-            let help = "raise `max_seconds`, or loosen the tolerance";
+            let help = if options.fixed_step.is_some() {
+                "raise `max_seconds`, or take a longer `fixed_step`"
+            } else {
+                "raise `max_seconds`, or loosen the tolerance"
+            };
             (Status::Limit, reason("simulation/max-seconds", message, 0.0, help))
         }
         Err(Stop::Sink(message)) => {

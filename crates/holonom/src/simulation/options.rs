@@ -1,5 +1,6 @@
 //! Choices for one run.
 
+use super::step_length::smallest_step;
 use crate::method::{Code, DEFAULT_CODE, Newmark, Profile};
 use crate::model::Tolerance;
 use crate::newton::{JacobianSource, Representation};
@@ -22,10 +23,10 @@ pub enum OutputTimes {
 }
 
 impl OutputTimes {
-    /// 200 intervals from `start` to `end`, s.
+    /// 200 intervals from `start` to `end`, s; the ends alone where times do not tell so many apart.
     pub fn between(start: f64, end: f64) -> Self {
         let interval = (end - start) / 200.0;
-        if interval > 0.0 {
+        if interval >= smallest_step(end, end) {
             Self::Interval(interval)
         } else if end > start {
             Self::Listed(vec![start, end])

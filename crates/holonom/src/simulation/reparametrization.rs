@@ -61,11 +61,7 @@ pub(super) fn no_longer_redundant(
     let rows = system.structure().sizes.rows;
     let (mut phi, mut rate) = (vec![0.0; rows], vec![0.0; rows]);
     system.position_constraints(state.t, &state.q, &mut phi);
-    system.velocity_rhs(state.t, &mut rate);
-    rate.iter_mut().for_each(|x| *x = -*x);
-    let mut g = system.structure().constraint_pattern.zeros();
-    system.constraint_jacobian(&state.q, &mut g);
-    g.multiply_add(1.0, &state.v, &mut rate);
+    system.velocity_constraints(state.t, &state.q, &state.v, &mut rate);
     let size = |row: usize| phi[row].abs().max(rate[row].abs());
     let &worst = dropped.iter().max_by(|&&a, &&b| size(a).total_cmp(&size(b)))?;
     let message = format!(

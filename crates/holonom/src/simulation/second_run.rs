@@ -61,15 +61,16 @@ pub(super) fn compare(
         ));
     }
     let Tolerance { relative, translation, rotation } = options.tolerance;
+    // As good as none, and refused below that.
+    let tightened = |part: f64| (PART * part).max(part.min(SMALLEST_TOLERANCE));
     // What is not stiff is told best by a code that none of its kind surpasses.
     let explicit = options.code.is_explicit();
     let tighter = Options {
         code: if explicit { Code::Dop853 } else { DEFAULT_CODE },
         tolerance: Tolerance {
-            // As good as none, and refused below that.
-            relative: (PART * relative).max(SMALLEST_TOLERANCE),
-            translation: PART * translation,
-            rotation: PART * rotation,
+            relative: tightened(relative),
+            translation: tightened(translation),
+            rotation: tightened(rotation),
         },
         output: OutputTimes::Listed(milestones.times.clone()),
         // Steps of the same lengths would repeat their errors.

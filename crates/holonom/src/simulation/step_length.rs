@@ -44,18 +44,19 @@ pub(super) fn untold_at(rate: f64) -> f64 {
 /// Time in which two bodies whose relative angle is told by its branch alone turn by [`UNTOLD_TURN`], or by
 /// [`TURN_IN_LOOP`] in loops.
 fn untold(system: &dyn System, state: &State) -> f64 {
-    let rate = |body: Option<usize>| {
-        body.map_or([0.0; 3], |b| system.body(b, &state.q, &state.v).angular_velocity)
-    };
     let time = |pairs: &[[Option<usize>; 2]], turn: f64| {
-        let times = pairs.iter().map(|[first, second]| {
-            let (a, b) = (rate(*first), rate(*second));
-            turn / (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt()
-        });
+        let times = pairs.iter().map(|&pair| turn / relative_rate(system, state, pair));
         times.fold(f64::INFINITY, f64::min)
     };
     let tree = system.tree();
     time(&tree.untold_turns, UNTOLD_TURN).min(time(&tree.turns_in_loops, TURN_IN_LOOP))
+}
+
+/// Angular velocity of the second body against the first one, rad/s; none is the ground.
+fn relative_rate(system: &dyn System, state: &State, bodies: [Option<usize>; 2]) -> f64 {
+    let [a, b] = bodies
+        .map(|body| body.map_or([0.0; 3], |b| system.body(b, &state.q, &state.v).angular_velocity));
+    (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt()
 }
 
 /// How far joints in loops turn in a step of `h` seconds between two states, and angles that nothing tells, by the rates at both, as
@@ -66,14 +67,8 @@ pub(super) fn turned(system: &dyn System, states: [&State; 2], h: f64) -> f64 {
     if all <= UNTOLD_TURN {
         return 0.0;
     }
-    let rate = |state: &State, body: Option<usize>| {
-        body.map_or([0.0; 3], |b| system.body(b, &state.q, &state.v).angular_velocity)
-    };
-    let turned = |[first, second]: &[Option<usize>; 2]| {
-        let rates = states.map(|state| {
-            let (a, b) = (rate(state, *first), rate(state, *second));
-            (0..3).map(|k| (b[k] - a[k]).powi(2)).sum::<f64>().sqrt()
-        });
+    let turned = |&pair: &[Option<usize>; 2]| {
+        let rates = states.map(|state| relative_rate(system, state, pair));
         0.5 * h * (rates[0] + rates[1])
     };
     let tree = system.tree();

@@ -139,8 +139,28 @@ fn spans_and_first_steps_that_arithmetic_cannot_keep_are_refused() {
     }
     let before = RunError::EndTime { end: -1.0, start: 0.0 };
     assert_eq!(refused(Options::new(-1.0)), Some(before));
-    let small = |step| Options { initial_step: Some(step), ..Options::new(1.0) };
-    let lost = |error| matches!(error, RunError::InitialStep { .. });
-    assert!(refused(small(1e-300)).is_some_and(lost));
-    assert_eq!(refused(small(1e-12)), None);
+    let new = || Options::new(1.0);
+    let stated: [(&str, &dyn Fn(f64) -> Options); 3] = [
+        ("initial_step", &|h| Options { initial_step: Some(h), ..new() }),
+        ("max_step", &|h| Options { max_step: h, max_steps: 10, ..new() }),
+        ("fixed_step", &|h| Options { fixed_step: Some(h), max_steps: 10, ..new() }),
+    ];
+    for (name, small) in stated {
+        let lost = |error| matches!(error, RunError::Step { option, .. } if option == name);
+        assert!(refused(small(1e-300)).is_some_and(lost), "{name}");
+        let lost = |error| matches!(error, RunError::Step { .. });
+        assert!(!refused(small(1e-7)).is_some_and(lost), "{name}");
+    }
+    // The later end of the run has the coarser times.
+    let far = Options { fixed_step: Some(1e-8), ..Options::new(1e9) };
+    assert!(matches!(refused(far), Some(RunError::Step { option: "fixed_step", .. })));
+    let late = Problem::new(stating("[simulation]\nstart_time = 1e9"));
+    let output = OutputTimes::Interval(1e-6);
+    let often = Options { output, ..Options::new(1e9 + 1.0) };
+    let refusal = run(&late, &often, None, &mut Memory::default()).err();
+    assert!(matches!(refusal, Some(RunError::Step { option: "interval", .. })), "{refusal:?}");
+    let times = |times: &[f64]| Options { output: OutputTimes::Listed(times.to_vec()), ..new() };
+    assert_eq!(refused(times(&[0.0, 1.0 + 1e-13])), None, "the end by round-off");
+    let twice = refused(times(&[0.0, 1.0, 1.0 + 1e-13]));
+    assert!(matches!(twice, Some(RunError::OutputTime { index: 2, .. })), "{twice:?}");
 }

@@ -122,5 +122,5 @@ fn differences_are_refused_for_the_sparse_matrix() {
     };
     let problem = Problem::new(crate::common::model("double_pendulum"));
     let error = run(&problem, &sparse, None, &mut Memory::default()).unwrap_err();
-    assert_eq!(error, RunError::SparseDifferences);
+    assert_eq!(error, RunError::SparseDifferences { newton: "sparse" });
 }

@@ -391,6 +391,6 @@ fn what_needs_the_full_jacobian_refuses_it() {
         let jacobian = JacobianSource::Differences;
         let options = Options { newton, jacobian, ..options(Code::ForRadau, 1e-3, 0.01) };
         let error = run(&problem, &options, None, &mut Memory::default()).unwrap_err();
-        assert_eq!(error, RunError::SparseDifferences);
+        assert_eq!(error, RunError::SparseDifferences { newton: newton.name() });
     }
 }

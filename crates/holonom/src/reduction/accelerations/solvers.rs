@@ -2,7 +2,8 @@
 
 use super::{AccelerationSolver, IndexOneEquations, Numbering, ReducedMatrix, Refusal};
 use crate::error::EvaluationFailure;
-use crate::reduction::refinement::{larger, largest, refine};
+use crate::math::vector::larger;
+use crate::reduction::refinement::{largest, refine};
 use crate::system::System;
 use holonom_linalg::{Cholesky, DenseLu, EnvelopeCholesky, EnvelopePlan, NotPositiveDefinite};
 use std::sync::Arc;

@@ -1,6 +1,7 @@
 //! What closes loops: rows of cut joints, and deformations that are independent variables.
 
-use super::clusters::{Cluster, Free, clusters, keep_larger};
+use super::clusters::{Cluster, Free, clusters};
+use crate::math::vector::larger;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::{Relatives, Source};
 use crate::system::{Measure, System};
@@ -339,8 +340,8 @@ impl Closures {
         let mut largest = 0.0;
         for cluster in self.clusters.iter_mut().filter(|cluster| cluster.is_open) {
             let sizes = cluster.rows.iter().map(|&row| r[row].abs());
-            cluster.residual = sizes.fold(0.0, keep_larger);
-            largest = keep_larger(largest, cluster.residual);
+            cluster.residual = sizes.fold(0.0, larger);
+            largest = larger(largest, cluster.residual);
         }
         largest
     }

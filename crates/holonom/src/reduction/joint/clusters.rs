@@ -119,11 +119,6 @@ pub(super) fn clusters(
     (solved == dependent.len()).then_some(out)
 }
 
-/// Maximum that does not pass over NaN.
-pub(super) fn keep_larger(a: f64, b: f64) -> f64 {
-    if b.is_nan() || b > a { b } else { a }
-}
-
 impl Cluster {
     /// Changes of its dependent coordinates, in their order, that make up for residuals of its rows among those of all.
     pub(super) fn make_up(&self, r: &[f64], changes: &mut [f64]) {

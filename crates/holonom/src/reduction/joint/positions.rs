@@ -3,10 +3,11 @@
 use super::JointForm;
 use super::algebra::Algebra;
 use super::closures::Origin;
-use super::clusters::{Free, keep_larger};
+use super::clusters::Free;
 use super::engine::Engine;
 use super::residuals::counts_turns;
 use crate::error::EvaluationFailure;
+use crate::math::vector::larger;
 use crate::reduction::manifold::turned_too_far;
 use crate::reduction::parametrization::Parametrization;
 use crate::reduction::relatives::Relatives;
@@ -80,7 +81,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         }
         let predicted = self.size_of(&change);
         let turned = self.closures.angles.iter().map(|&k| change[k].abs());
-        let turned = turned.fold(0.0, keep_larger);
+        let turned = turned.fold(0.0, larger);
         if turned > PI {
             self.change = change;
             return Err(turned_too_far(turned));
@@ -136,7 +137,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 (is_open, cluster.before) = (true, size);
             }
             if !is_open {
-                let moved = self.corrections(x).fold(0.0, keep_larger);
+                let moved = self.corrections(x).fold(0.0, larger);
                 // What few digits of far places leave is no way to another branch.
                 let left = last.min(NOISY_CORRECTION.max(1e3 * noise));
                 let near = (0.5 * predicted).min(FARTHEST) + 1e3 * left;
@@ -155,7 +156,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             }
         }
         let sizes = self.closures.clusters.iter().filter(|cluster| cluster.is_open);
-        let size = sizes.map(|cluster| cluster.size).fold(0.0, keep_larger);
+        let size = sizes.map(|cluster| cluster.size).fold(0.0, larger);
         Err(self.failure(t, q, size))
     }
 
@@ -245,11 +246,11 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             let mut size = 0.0;
             for ((at, change), scale) in cluster.changes(&self.rows).zip(&cluster.column_scale) {
                 let (edge, place) = self.places[at];
-                size = keep_larger(size, (change / scale).abs());
+                size = larger(size, (change / scale).abs());
                 x[edge][place] += change;
             }
             cluster.size = size;
-            largest = keep_larger(largest, size);
+            largest = larger(largest, size);
         }
         if largest.is_finite() { largest } else { f64::INFINITY }
     }
@@ -276,7 +277,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
             cluster.before = 0.0;
             for (&at, scale) in cluster.dependent.iter().zip(&cluster.column_scale) {
                 let change = change[closures.dependent[at]] / scale;
-                cluster.before = keep_larger(cluster.before, change.abs());
+                cluster.before = larger(cluster.before, change.abs());
             }
         }
     }

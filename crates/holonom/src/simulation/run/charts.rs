@@ -138,7 +138,7 @@ impl Run<'_> {
         if self.stepper.explicit() {
             self.stepper.restart();
         }
-        self.stepper.invalidate(false);
+        self.stepper.invalidate();
         self.begin_step();
         self.form.pack(&self.state, &mut self.w);
         self.carried.iter_mut().for_each(CarriedError::forget_variables);
@@ -152,16 +152,20 @@ impl Run<'_> {
     /// Hands out the chart of the next steps, for dense output.
     pub(super) fn record_chart(&mut self) {
         if self.options.stores_dense_output() {
-            let parametrization = self.form.point().manifold.chart().parametrization();
-            let chart = ChartRecord {
-                t: self.state.t,
-                q: self.state.q.clone(),
-                forest: self.system.tree().forest.clone(),
-                parametrization: parametrization.clone(),
-                follows: !self.stepper.multistep(),
-                own_axes: true,
-            };
+            let chart = self.chart_record();
             self.output.chunk.dense.push_chart(self.system.as_ref(), chart);
+        }
+    }
+
+    /// The chart of the next steps.
+    pub(super) fn chart_record(&self) -> ChartRecord {
+        ChartRecord {
+            t: self.state.t,
+            q: self.state.q.clone(),
+            forest: self.system.tree().forest.clone(),
+            parametrization: self.form.point().manifold.chart().parametrization().clone(),
+            follows: !self.stepper.multistep(),
+            own_axes: true,
         }
     }
 

@@ -9,7 +9,6 @@ use crate::reduction::assembly::manifold_of;
 use crate::simulation::carried_error::CarriedError;
 use crate::simulation::checkpoint::{Checkpoint, Pace, foreign};
 use crate::simulation::checks::{RunError, set_coordinates};
-use crate::simulation::dense::ChartRecord;
 use crate::simulation::diagnosis::Stop;
 use crate::simulation::ledger::powers;
 use crate::simulation::slowness::Slowness;
@@ -49,14 +48,7 @@ impl Run<'_> {
         let mut statistics = self.statistics;
         self.add_times(&mut statistics);
         Checkpoint {
-            chart: ChartRecord {
-                t: self.state.t,
-                q: self.state.q.clone(),
-                forest: self.system.tree().forest.clone(),
-                parametrization: parametrization.clone(),
-                follows: !self.stepper.multistep(),
-                own_axes: true,
-            },
+            chart: self.chart_record(),
             w: self.w.clone(),
             history: self.stepper.history(),
             pace,

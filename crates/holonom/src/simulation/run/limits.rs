@@ -34,12 +34,13 @@ pub(super) struct Veto {
 
 impl Run<'_> {
     /// Shortens a step `h` from the present state to what turns, force laws, drivers and ramps allow, and to `longest` where there is
-    /// nothing to integrate. Time functions have their next kink at `next`, s.
+    /// nothing to integrate. Time functions have their next kink at `next`, s, and one here if it `begins_at_kink`.
     pub(super) fn longest_admissible(
         &self,
         h: f64,
         longest: f64,
         next: f64,
+        begins_at_kink: bool,
         ramps: &[[f64; 2]],
     ) -> f64 {
         let Options { end_time, parametrization, code, tolerance, .. } = self.options;
@@ -48,7 +49,7 @@ impl Run<'_> {
         let mut h = h;
         // Formulas that evaluate forces at the ends of steps alone.
         let ends_only = self.stepper.multistep() || code.is_trapezoidal();
-        if ends_only && system.breakpoints().binary_search_by(|b| b.total_cmp(&t)).is_ok() {
+        if ends_only && begins_at_kink {
             // A curve may begin and end with nothing and be large between.
             h = h.min(0.5 * (next - t));
         }

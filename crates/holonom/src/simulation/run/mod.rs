@@ -374,12 +374,12 @@ impl Run<'_> {
             }
             attempts += 1;
             let t = self.state.t;
-            let next = breakpoints[breakpoints.partition_point(|&b| b <= t)..]
-                .first()
-                .map_or(end, |&b| b.min(end));
+            let (passed, ahead) = breakpoints.split_at(breakpoints.partition_point(|&b| b <= t));
+            let next = ahead.first().map_or(end, |&b| b.min(end));
             let turning = self.turning();
             if !fixed {
-                h = self.longest_admissible(h, longest, next, &ramps);
+                let begins_at_kink = passed.last() == Some(&t);
+                h = self.longest_admissible(h, longest, next, begins_at_kink, &ramps);
             }
             let (step, reaches) = clip(t, h, next, fixed);
             let t_end = if reaches { next } else { t + step_length::representable(step, t, end) };
