@@ -124,16 +124,11 @@ impl<S: Stages> ImplicitStepper<S> {
         ode: &mut Counted<'_>,
         step: &Step<'_>,
     ) -> Result<f64, EvaluationFailure> {
-        let rates = ode.second_order_split()..2 * ode.second_order_split();
         let mut miss = 0.0;
         for theta in balance.between {
             self.evaluate_defect_at(theta, ode, step)?;
             let Self { stages, at_end: AtEnd { defect, state, .. }, .. } = self;
-            stages.filter(ode, defect);
-            keep_stiff(defect, state, |x| stages.filter(ode, x));
-            defect[..rates.start].fill(0.0);
-            defect[rates.end..].fill(0.0);
-            miss = larger(miss, ode.error_norm(defect, stages.end().w));
+            miss = larger(miss, stiff_rates(stages, ode, defect, state));
             let is_right = miss <= ROWS;
             if !is_right {
                 break;
@@ -222,15 +217,9 @@ impl<S: Stages> ImplicitStepper<S> {
             }
         }
         let Self { stages, at_end: AtEnd { change, answer, state, .. }, .. } = self;
-        let mut left = 0.0;
-        for defect in [change, answer] {
-            stages.filter(ode, defect);
-            keep_stiff(defect, state, |x| stages.filter(ode, x));
-            defect[..rates.start].fill(0.0);
-            defect[rates.end..].fill(0.0);
-            left = larger(left, ode.error_norm(defect, stages.end().w));
-        }
-        Ok(left)
+        let [first, second] =
+            [change, answer].map(|defect| stiff_rates(stages, ode, defect, state));
+        Ok(larger(first, second))
     }
 
     /// [`Self::bend_rates`] where it counts. Forces that do not answer to rates leave the defect of these as it was, and rates are not what balances
@@ -352,4 +341,19 @@ impl<S: Stages> ImplicitStepper<S> {
         }
         Ok(())
     }
+}
+
+/// Scaled size of the stiff rates that would bring a `defect` into balance, as far as the matrix tells: (I − F)² F of it, which is left there.
+fn stiff_rates<S: Stages>(
+    stages: &mut S,
+    ode: &mut Counted<'_>,
+    defect: &mut [f64],
+    room: &mut [f64],
+) -> f64 {
+    let n = ode.second_order_split();
+    stages.filter(ode, defect);
+    keep_stiff(defect, room, |x| stages.filter(ode, x));
+    defect[..n].fill(0.0);
+    defect[2 * n..].fill(0.0);
+    ode.error_norm(defect, stages.end().w)
 }

@@ -15,6 +15,7 @@ mod parametrization;
 mod partitioning;
 mod point;
 mod recent;
+mod recovery;
 mod redundant;
 mod refinement;
 mod relatives;

@@ -8,25 +8,19 @@ use super::engine::Engine;
 use super::residuals::counts_turns;
 use crate::error::EvaluationFailure;
 use crate::math::vector::larger;
-use crate::reduction::manifold::turned_too_far;
 use crate::reduction::parametrization::Parametrization;
+use crate::reduction::recovery::{
+    CONTRACTION_LIMIT, FARTHEST, MAX_CORRECTIONS, MAX_FACTORIZATIONS, NOISY_CORRECTION, Unclosed,
+    another_branch, round_off, turned_too_far,
+};
 use crate::reduction::relatives::Relatives;
 use crate::system::System;
 use std::f64::consts::{PI, TAU};
 
-const MAX_CORRECTIONS: usize = 40;
-/// The first one where corrections are slow, others where they do not contract at all.
-const MAX_FACTORIZATIONS: u32 = 3;
-/// Corrections that contract more slowly than this are refused as a way to another branch.
-const CONTRACTION_LIMIT: f64 = 0.5;
-/// What corrections may add up to, rad or characteristic lengths: other branches, and other turns, are a few radians away.
-const FARTHEST: f64 = 1.0;
 /// Contraction from which the closures are factored anew.
 const SLOW: f64 = 0.05;
 /// What the second correction by the same factors may be larger than the first one lets expect.
 const FIRST_CAUTION: f64 = 64.0;
-/// Corrections of this size may be noise where the residual is.
-const NOISY_CORRECTION: f64 = 1e-9;
 
 /// What the last digit of places makes of coordinates of edges: far from the origin residuals have no more digits than places.
 fn noise_of_places(system: &dyn System, q: &[f64]) -> f64 {
@@ -67,9 +61,8 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
         self.stand(q);
         self.closures.open();
         self.evaluate_residual(parametrization, t, p, q);
-        // Residuals are differences of places in the ground.
-        let place = q.iter().fold(1.0f64, |m, x| if x.abs() > m { x.abs() } else { m });
-        let is_round_off = |residual: f64| residual <= 64.0 * f64::EPSILON * place;
+        let allowed = round_off(q);
+        let is_round_off = |residual: f64| residual <= allowed;
         if is_round_off(self.closures.keep_residuals(&self.rows)) {
             // Next to a dead point it would move the mechanism by far more than round-off.
             self.rows.fill(0.0);
@@ -144,7 +137,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
                 // Next to a dead point round-off of the residuals alone moves by more than a short step.
                 if moved <= near || (is_round_off(first.0) && moved <= near + first.1) {
                     self.stood.copy_from_slice(q);
-                    return Ok(count as u64);
+                    return Ok(count.into());
                 }
                 return Err(self.another_branch(x));
             }
@@ -307,9 +300,7 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// The corrections left the neighbourhood of what was predicted.
     fn another_branch(&self, x: &[[f64; 6]]) -> EvaluationFailure {
         let (name, coordinate) = self.largest(self.corrections(x).enumerate());
-        let message =
-            format!("`{name}` would leave the branch of the mechanism that was followed so far");
-        EvaluationFailure::new("simulation/branch", message).of_coordinate(coordinate)
+        another_branch((&name, coordinate))
     }
 
     /// Name of the dependent coordinate with the largest change, and a coordinate of the body that it moves.
@@ -328,34 +319,26 @@ impl<A: Algebra<N, W>, const N: usize, const W: usize> Engine<A, N, W> {
     /// The last corrections of size `correction` do not fall: nothing is left of the residuals, or they cannot be closed.
     fn failure(&self, t: f64, q: &[f64], correction: f64) -> EvaluationFailure {
         let system = self.system.as_ref();
-        let (mut worst, mut place) = (0.0f64, None);
+        let mut worst: Option<(usize, f64)> = None;
         let mut value = [0.0; 6];
         for closure in &self.closures.all {
             let Origin::Joint(joint) = closure.origin else { continue };
             system.joint_value(joint, t, q, &mut value);
             for &(k, row) in &closure.rows {
-                if value[k].abs() > worst || value[k].is_nan() {
-                    (worst, place) = (value[k].abs(), Some(row));
+                let size = value[k].abs();
+                if size.is_nan() || worst.is_none_or(|(_, worst)| size > worst) {
+                    worst = Some((row, size));
                 }
             }
         }
         let scaled = self.rows.iter().zip(&self.closures.dependent).enumerate();
         let changes = scaled.map(|(at, (x, &k))| (at, (x / self.closures.column_scale[k]).abs()));
         let (name, coordinate) = self.largest(changes);
-        let largest = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
-        if worst <= 64.0 * f64::EPSILON * largest {
-            return EvaluationFailure::new("simulation/singular-configuration", format!(
-                    "the joints are closed at t = {t:.6} s, but leave `{name}` undetermined: corrections of \
-                     {correction:.2e} do not fall"
-                )).of_coordinate(coordinate);
+        let unclosed = Unclosed { t, worst, correction, moved: (&name, coordinate) };
+        if worst.is_none_or(|(_, size)| size <= round_off(q)) {
+            unclosed.undetermined()
+        } else {
+            unclosed.open(system)
         }
-        let residual = match place {
-            Some(row) => format!("{worst:.2e}, is in {}", system.row_name(row)),
-            None => "0, is in no joint".to_owned(),
-        };
-        EvaluationFailure::new("simulation/position-recovery", format!(
-                "the joints could not be closed at t = {t:.6} s; the largest residual, {residual}; the \
-                 last correction, {correction:.2e}, was of `{name}`"
-            )).of_row(place).of_coordinate(coordinate)
     }
 }

@@ -13,7 +13,6 @@ use crate::reduction::redundant::Redundant;
 use crate::system::{State, System};
 use crate::threads::Threads;
 use holonom_linalg::BlockMatrix;
-pub(super) use positions::turned_too_far;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

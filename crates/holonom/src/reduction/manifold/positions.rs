@@ -4,32 +4,16 @@ use super::Manifold;
 use crate::error::EvaluationFailure;
 use crate::math::vector::same_bits;
 use crate::reduction::parametrization::largest_index;
+use crate::reduction::recovery::{
+    CONTRACTION_LIMIT, FARTHEST, MAX_CORRECTIONS, MAX_FACTORIZATIONS, NOISY_CORRECTION, Unclosed,
+    another_branch, round_off, turned_too_far,
+};
 use std::f64::consts::PI;
 
-/// Corrections that contract more slowly than this are refused as a way to another branch.
-const CONTRACTION_LIMIT: f64 = 0.5;
-/// The first one where corrections are slow, others where they do not contract at all.
-const MAX_FACTORIZATIONS: u32 = 3;
 /// The old factor is replaced when it would need more corrections than a new one costs.
 const WORTH_REFACTORING: f64 = 4.0;
-const MAX_CORRECTIONS: u32 = 40;
-/// What corrections may turn a body by, rad: other branches, and other turns, are a few radians away.
-const FARTHEST: f64 = 1.0;
 /// A correction of this size changes nothing.
 const UNNOTICED: f64 = 0.1 * f64::EPSILON;
-/// Corrections of this size may be noise where the residual is.
-const NOISY_CORRECTION: f64 = 1e-9;
-
-/// The tangent turns a joint in a loop by `turned`, rad: that the loop closes tells no whole turns.
-pub(in crate::reduction) fn turned_too_far(turned: f64) -> EvaluationFailure {
-    EvaluationFailure::new(
-        "simulation/branch",
-        format!(
-            "a joint of a loop would turn by {turned:.1} rad at once, more than half a turn, of which the closed loop does \
-             not tell the direction"
-        ),
-    )
-}
 
 impl Manifold {
     /// Largest entry of a vector over the coordinates, lengths divided by the characteristic length.
@@ -205,8 +189,8 @@ impl Manifold {
     /// Whether Φ, as the last correction found it, is rounding of the coordinates: an ill-conditioned
     /// [G; P] then turns it into corrections that do not fall.
     fn residual_is_noise(&self, q: &[f64]) -> bool {
-        let largest = q.iter().fold(1.0f64, |m, x| m.max(x.abs()));
-        self.phi.iter().all(|x| x.abs() <= 64.0 * f64::EPSILON * largest)
+        let allowed = round_off(q);
+        self.phi.iter().all(|x| x.abs() <= allowed)
     }
 
     /// One correction of the quasi-Newton iteration; returns its size.
@@ -241,32 +225,22 @@ impl Manifold {
             return Ok(());
         }
         let moved = largest_index(&self.correction);
-        let message = format!(
-            "coordinate `{}` would leave the branch of the mechanism that was followed so far",
-            self.system.coordinate_name(moved)
-        );
-        Err(EvaluationFailure::new("simulation/branch", message).of_coordinate(moved))
+        Err(another_branch((&self.system.coordinate_name(moved), moved)))
     }
 
     fn position_failure(&mut self, t: f64, q: &[f64]) -> EvaluationFailure {
         self.system.position_constraints(t, q, &mut self.phi);
         let (worst, moved) = (largest_index(&self.phi), largest_index(&self.correction));
-        let correction = self.correction.get(moved).map_or(0.0, |x| x.abs());
-        if self.residual_is_noise(q) {
-            return EvaluationFailure::new("simulation/singular-configuration", format!(
-                    "the joints are closed at t = {t:.6} s, but leave `{}` undetermined: corrections \
-                     of {correction:.2e} do not fall",
-                    self.system.coordinate_name(moved)
-                )).of_coordinate(moved);
-        }
-        let residual = match self.phi.get(worst) {
-            Some(size) => format!("{:.2e}, is in {}", size.abs(), self.system.row_name(worst)),
-            None => "0, is in no joint".to_owned(),
+        let unclosed = Unclosed {
+            t,
+            worst: self.phi.get(worst).map(|&size| (worst, size)),
+            correction: self.correction.get(moved).map_or(0.0, |x| x.abs()),
+            moved: (&self.system.coordinate_name(moved), moved),
         };
-        EvaluationFailure::new("simulation/position-recovery", format!(
-                "the joints could not be closed at t = {t:.6} s; the largest residual, {residual}; the \
-                 last correction, {correction:.2e}, was of `{}`",
-                self.system.coordinate_name(moved)
-            )).of_row(self.phi.get(worst).map(|_| worst)).of_coordinate(moved)
+        if self.residual_is_noise(q) {
+            unclosed.undetermined()
+        } else {
+            unclosed.open(self.system.as_ref())
+        }
     }
 }
