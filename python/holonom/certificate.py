@@ -76,8 +76,7 @@ class Certification:
     @property
     def exceeding(self) -> tuple[ChannelError, ...]:
         """The channels beyond the bound, the worst first."""
-        # Neither NaN is within the bound, nor −1, which older files say of rows with a NaN.
-        return tuple(c for c in self.ranked if not 0.0 <= c.tolerances <= self.bound)
+        return tuple(c for c in self.ranked if c.tolerances > self.bound)
 
     @property
     def ranked(self) -> tuple[ChannelError, ...]:
@@ -114,11 +113,7 @@ class Certification:
     def from_json(cls, data: Mapping[str, Any]) -> Certification:
         """Read what `to_json` returns."""
         known = {f: data[f] for f in cls.__slots__ if f in data}
-        channels: list[dict[str, Any]] = [
-            {f: math.inf if value is None else value for f, value in c.items()}
-            for c in data["channels"]
-        ]
-        return cls(**known | {"channels": tuple(ChannelError(**c) for c in channels)})
+        return cls(**known | {"channels": tuple(map(_channel, data["channels"]))})
 
     def warning(self) -> dict[str, str] | None:
         """Return the warning of a result that is not certified: ``code``, ``message``, ``path``."""
@@ -148,3 +143,12 @@ class Certification:
             f"{text}: tighten the tolerance to {self.tolerance['relative']:g} or further and "
             "certify that, or compare with another code"
         )
+
+
+def _channel(data: Mapping[str, Any]) -> ChannelError:
+    """Read what `Certification.to_json` says of a channel."""
+    found: dict[str, Any] = {f: math.inf if v is None else v for f, v in data.items()}
+    # NaN, or −1, is what older files say of rows that are not finite.
+    if not found["tolerances"] >= 0.0:
+        found |= {"error": math.inf, "tolerances": math.inf}
+    return ChannelError(**found)

@@ -167,10 +167,13 @@ class Gauge:
         self.begin(first)
         assert self._start is not None
         pair = [values.reshape(times.size, -1) for values in (first, second)]
-        lost = [~np.isfinite(values).all(axis=1) for values in pair]
         a, b = map(_finite, pair)
         for part, rows in zip(self._parts, self._rows, strict=True):
             apart, bound = part.compare(a, b, self._start, self._tolerance, self._index)
+            # One component of an orientation is none without the others.
+            alone = self._index is not None and part.kind != "orientation"
+            columns = self._index if alone else part.columns
+            lost = [~np.isfinite(v[:, columns]).reshape(times.size, -1).all(axis=1) for v in pair]
             apart[lost[0] | lost[1]] = math.inf
             apart[lost[0] & lost[1]] = self._lost
             if bound is None:  # known at the end

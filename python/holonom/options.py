@@ -144,8 +144,9 @@ class Options:
         "How the integration Jacobian is represented: dense, of the independent variables alone; "
         "sparse, with the graph of the mechanism, so that its cost grows like the number of "
         "bodies; or simplified, the sparse one of closed loops without how joints turn, until "
-        "iterations are slow. Dense and sparse take the same steps. auto (default) takes what is "
-        "predicted to cost least; ForRosen and the descriptor forms do not go with simplified.",
+        "iterations are slow. Dense and sparse take the same steps but for round-off. auto "
+        "(default) takes what is predicted to cost least; ForRosen and the descriptor forms do "
+        "not go with simplified.",
         words=("auto", "dense", "sparse", "simplified"),
     )
     accelerations: str | None = _choice(

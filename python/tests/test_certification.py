@@ -569,4 +569,9 @@ def test_a_row_that_is_not_finite_is_never_within_the_bound(
 @pytest.mark.parametrize("tolerances", [-1.0, np.nan])
 def test_what_older_files_say_of_rows_with_a_nan_is_not_certified(tolerances: float) -> None:
     channel = holonom.ChannelError("block.position", "m", 0.0, 0.0, 0.0, tolerances)
-    assert not Certification({"relative": 1e-5}, channels=(channel,)).certified
+    other = holonom.ChannelError("block.velocity", "m/s", 0.0, 0.0, 1e-4, 2.0)
+    data = Certification({"relative": 1e-5}, channels=(channel, other)).to_json()
+    found = Certification.from_json(data)
+    assert not found.certified
+    assert found.worst is found.exceeding[0]
+    assert "`block.position` is inf tolerances off" in str(found)

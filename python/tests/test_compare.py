@@ -627,6 +627,7 @@ def test_the_command_writes_table_picture_and_json(
         ({"methods": ["ForSDIRC"]}, "did you mean `ForSDIRK`"),
         ({"methods": [{"method": "first_order", "formula": "adams"}]}, "first_order with"),
         ({"methods": ["second_order"]}, "known are ForSDIRK"),
+        ({"methods": [{"method": "first_order", "formula": "ForRadau"}]}, "first_order with"),
         ({"methods": "ForSDIRK"}, "pass a list"),
         ({"methods": []}, "at least one method"),
         ({"methods": [{"method": "ForSDIRK", "jacobi": "x"}]}, "did you mean `jacobian`"),

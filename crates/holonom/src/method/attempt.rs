@@ -417,13 +417,16 @@ impl<S: Stages> Stepper for ImplicitStepper<S> {
             Ok((error, StepVerdict::Accept { next })) => {
                 self.stages.finish(&mut ode, &step, &mut self.current);
                 let hidden = self.hidden(&mut ode, &step).unwrap_or(f64::INFINITY);
-                let shows = hidden <= 1.0; // so that a NaN is refused
-                let inside =
-                    if shows { self.settle_inside(&mut ode, &step) } else { Inside::RIGHT };
+                let is_right_at_end = hidden <= 1.0; // so that a NaN is refused
+                let inside = if is_right_at_end {
+                    self.settle_inside(&mut ode, &step)
+                } else {
+                    Inside::RIGHT
+                };
                 let by_inside = h * inside.ratio.max(self.control.min_ratio);
                 // Written so that a NaN fails.
                 let is_right_inside = inside.off <= 1.0 || self.options.fixed_step;
-                if !shows {
+                if !is_right_at_end {
                     self.matrices.forget();
                     self.memory.history.reject();
                     report.error = hidden;

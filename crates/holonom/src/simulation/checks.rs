@@ -342,18 +342,24 @@ impl RunError {
 /// What Newmark's numbers must be beside other formulas.
 pub(super) const NOT_NEWMARK: &str = "left out: it is for SspTrap and InflTrap";
 
+/// The smallest tolerance of a model of characteristic length `length`, m.
+pub(super) fn smallest_tolerance(length: f64) -> Tolerance {
+    // Of a small mechanism in metres.
+    let translation = SMALLEST_TOLERANCE * length.min(1.0);
+    Tolerance { translation, ..Tolerance::uniform(SMALLEST_TOLERANCE) }
+}
+
 /// Checks choices of a run from `start`, s; `length` is the model's characteristic length, m.
 pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Result<(), RunError> {
     let refuse = |option, value, rule| Err(RunError::Option { option, value, rule });
     let positive = |option, value: f64| {
         if value > 0.0 { Ok(()) } else { refuse(option, value, "positive") }
     };
-    let Tolerance { relative, translation, rotation } = options.tolerance;
+    let (stated, least) = (options.tolerance, smallest_tolerance(length));
     for (option, value, least) in [
-        ("tolerance.relative", relative, SMALLEST_TOLERANCE),
-        // Of a small mechanism in metres.
-        ("tolerance.translation", translation, SMALLEST_TOLERANCE * length.min(1.0)),
-        ("tolerance.rotation", rotation, SMALLEST_TOLERANCE),
+        ("tolerance.relative", stated.relative, least.relative),
+        ("tolerance.translation", stated.translation, least.translation),
+        ("tolerance.rotation", stated.rotation, least.rotation),
     ] {
         if !(value > 0.0 && value.is_finite()) {
             return refuse(option, value, "positive and finite");
@@ -413,11 +419,12 @@ pub(super) fn check_options(options: &Options, start: f64, length: f64) -> Resul
             None
         }
     };
+    // A first step is taken at the start, others anywhere up to the end, and a run of no length has one row.
     let at_start = smallest_step(start, end);
     let anywhere = at_start.max(smallest_step(end, end));
+    let interval = interval.filter(|_| start < end);
     for (option, step, least) in [
         ("initial_step", options.initial_step, at_start),
-        ("max_step", Some(options.max_step), anywhere),
         ("fixed_step", options.fixed_step, anywhere),
         ("interval", interval, anywhere),
     ] {

@@ -1,7 +1,7 @@
 //! A second run that tells how far a suspicious one is off.
 
 use super::carried_error::{CarriedError, Milestones, VELOCITIES};
-use super::checks::{RunError, SMALLEST_TOLERANCE};
+use super::checks::{RunError, SMALLEST_TOLERANCE, smallest_tolerance};
 use super::options::{Options, OutputTimes};
 use super::problem::Problem;
 use super::run::{Start, Summary, Task, once};
@@ -60,17 +60,16 @@ pub(super) fn compare(
              {max_step:.1e} s at most to see what becomes of it, and end the run earlier"
         ));
     }
-    let Tolerance { relative, translation, rotation } = options.tolerance;
-    // As good as none, and refused below that.
-    let tightened = |part: f64| (PART * part).max(part.min(SMALLEST_TOLERANCE));
+    let (stated, least) = (options.tolerance, smallest_tolerance(system.characteristic_length()));
     // What is not stiff is told best by a code that none of its kind surpasses.
     let explicit = options.code.is_explicit();
     let tighter = Options {
         code: if explicit { Code::Dop853 } else { DEFAULT_CODE },
         tolerance: Tolerance {
-            relative: tightened(relative),
-            translation: tightened(translation),
-            rotation: tightened(rotation),
+            // What is smaller is refused, and as good as none.
+            relative: (PART * stated.relative).max(least.relative),
+            translation: (PART * stated.translation).max(least.translation),
+            rotation: (PART * stated.rotation).max(least.rotation),
         },
         output: OutputTimes::Listed(milestones.times.clone()),
         // Steps of the same lengths would repeat their errors.
@@ -221,9 +220,10 @@ impl Far {
 
 /// How many times tighter a tolerance may be for a model of characteristic length `length`, m.
 fn largest_fold(tolerance: Tolerance, length: f64) -> f64 {
-    let Tolerance { relative, translation, rotation } = tolerance;
-    let translation = translation / length.min(1.0);
-    relative.min(translation).min(rotation) / SMALLEST_TOLERANCE
+    let least = smallest_tolerance(length);
+    (tolerance.relative / least.relative)
+        .min(tolerance.translation / least.translation)
+        .min(tolerance.rotation / least.rotation)
 }
 
 /// Compares the places and velocities of the second run with those of the first as they come.
