@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 #: What is further off, in tolerances, is not certified: the digit by which the two runs' tolerances
 #: differ is lost, and how far it is off is then known to an order of magnitude only.
 BOUND = 10.0
+#: What to do where the second run failed.
+LOOSER = "certify at a looser tolerance, with other limits or another code"
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +117,15 @@ class Certification:
         known = {f: data[f] for f in cls.__slots__ if f in data}
         return cls(**known | {"channels": tuple(map(_channel, data["channels"]))})
 
+    def continued(self, time: float) -> Certification:
+        """Return what it says of a result that goes on from a time (s) without a second run."""
+        if self.reason:
+            return self
+        message = f"there was no second run beyond {time:.6g} s, where the result was continued"
+        tip = "certify a run of the whole time"
+        reason = {"code": "simulation/not-certified", "message": message, "help": tip}
+        return replace(self, reason=reason)
+
     def warning(self) -> dict[str, str] | None:
         """Return the warning of a result that is not certified: ``code``, ``message``, ``path``."""
         if self.certified:
@@ -127,7 +138,7 @@ class Certification:
             if self.until is not None and (worst := self.worst) is not None:
                 text += f"; up to {self.until:.6g} s `{worst.name}` is furthest off"
                 text += f", {worst.tolerances:.3g} tolerances"
-            return f"{text}: certify at a looser tolerance, with other limits or another code"
+            return f"{text}: {self.reason.get('help') or LOOSER}"
         worst, others = self.exceeding[0], len(self.exceeding) - 1
         text = (
             f"not certified: `{worst.name}` is {worst.tolerances:.3g} tolerances off the run at "

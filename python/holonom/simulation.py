@@ -39,10 +39,10 @@ from holonom.states import start_state
 from holonom.store.continuation import (
     before_part,
     begun,
+    continued,
     destination,
     first_state,
     merged,
-    part,
     rewind,
 )
 from holonom.store.locks import require_unwritten
@@ -516,13 +516,7 @@ class _Recorder:
                     meta = {"options": options, "status": "running", "stop_reason": None}
             elif older is not None:
                 until = float(older.row(older.count - 1)["time"][0])
-                start = self._older.get("options", {}).get("start_time", 0.0)
-                meta = {
-                    "options": self._chosen | {"start_time": start},
-                    "parts": [*self._older.get("parts", []), part(self._older, until)],
-                    "status": "running",
-                    "stop_reason": None,  # that of the older part is among its own
-                }
+                meta = continued(self._older, until, self._chosen)
             self._writer = Writer(
                 self._output,
                 meta,

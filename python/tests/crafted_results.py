@@ -177,6 +177,11 @@ AT_ONCE: dict[str, Change] = {
     "a model that is nothing": meta("model", "null"),
     "options that are a text": meta("options", '"fast"'),
     "a tolerance that is a list": meta("options", {"tolerance": [1]}),
+    "a tolerance with a part that is none": meta("options", {"tolerance": {"relative": None}}),
+    "a part with options that are none": meta("parts", [{"until": 0.1, "options": [1]}]),
+    "a part with a tolerance that is a text": meta(
+        "parts", [{"until": 0.1, "options": {"tolerance": "loose"}}]
+    ),
     "statistics that are a number": meta("statistics", 5),
     "statistics that hold texts": meta("statistics", {"steps": "many"}),
     "residuals that are a list": meta("residuals", [1.0]),

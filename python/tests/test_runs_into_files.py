@@ -16,7 +16,9 @@ from conftest import MODELS
 
 import holonom
 from holonom.base.errors import FileError, UsageError
+from holonom.certificate import Certification
 from holonom.cli.commands import invoke
+from holonom.report.page import render
 from holonom.result import Result
 from holonom.store.reader import Reader
 from holonom.store.writer import Writer
@@ -283,6 +285,63 @@ def test_what_is_continued_is_appended(
     with Result.load(older) as result:
         assert result.statistics.outputs == result.time.size
         assert result.statistics.smallest_step == smallest > 0.0
+
+
+def test_a_certified_result_that_was_continued_is_certified_in_part(
+    pendulum: Path, older: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    line = ["run", str(pendulum), "-o", str(older)]
+    assert invoke([*line, "--certify"]) == 0
+    with Result.load(older) as result:
+        before = result.certification
+    assert before is not None
+    assert before.certified
+    capsys.readouterr()
+    line += ["--start", str(older)]
+    assert invoke([*line, "--end-time", "2", "--tolerance", "1e-3"]) == 0
+    out = capsys.readouterr().out
+    assert re.search("^certified +no: there was no second run beyond 1 s, where", out, re.MULTILINE)
+    worst = before.worst
+    assert worst is not None
+    assert f"{worst.tolerances:.3g} tolerances  {worst.name}" in out
+    with Result.load(older) as result:
+        found = result.certification
+        assert found is not None
+        assert (found.certified, found.channels, found.until) == (False, before.channels, 1.0)
+        assert f"up to 1 s `{worst.name}` is furthest off" in str(found)
+        assert str(found).endswith(": certify a run of the whole time")
+        (part,) = result.meta["parts"]
+        assert Certification.from_json(part["certification"]) == before
+        page = render(result)
+        assert "Certified: no" in page
+        assert "compared up to 1 s" in page
+    # Nothing closer than the loosest of the tolerances can be asked of the whole.
+    assert invoke([*line, "--end-time", "3", "--tolerance", "rotation=1e-2"]) == 0
+    assert "relative 0.001, translation 0.001 m, rotation 0.01 rad" in capsys.readouterr().out
+    with Result.load(older) as result:
+        assert result.certification == found
+        assert result.meta["options"]["tolerance"]["relative"] == 1e-6  # of the last part
+        loosest = {"relative": 1e-3, "translation": 1e-3, "rotation": 1e-2}
+        assert result.options["tolerance"] == loosest
+        assert holonom.diff(result, result).tolerance == loosest
+
+
+def test_a_continuation_that_is_cut_off_leaves_nothing_certified(
+    model: holonom.Model, older: Path
+) -> None:
+    with model.simulate(output=older, certify=True) as result:
+        state = result.state()
+
+    def fail(rows: dict[str, np.ndarray]) -> None:
+        if rows["time"].size and rows["time"][-1] > 1.0:
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        model.simulate(start=state, output=older, end_time=2.0, rows=fail)
+    with Result.load(older) as result:
+        assert (result.status, result.time[-1] > 1.0) == ("killed", True)
+        assert result.certification is not None
+        assert not result.certification.certified
 
 
 def test_rows_at_listed_times_are_counted(model: holonom.Model, older: Path) -> None:

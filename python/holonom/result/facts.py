@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from holonom.base.record import Record
 from holonom.base.text import quoted
 from holonom.certificate import Certification
 from holonom.model import Model
+from holonom.options import PARTS
 from holonom.store.memory import Stored
 from holonom.store.reader import Reader
 
@@ -23,6 +26,12 @@ class _Columns(dict[str, NDArray[Any]]):
 
     def __missing__(self, name: object) -> NDArray[Any]:
         raise KeyError(f"there is no column {quoted(str(name))}; there are {listed(self)}")
+
+
+def _loosest(tolerances: Iterable[float | Mapping[str, float]]) -> dict[str, float]:
+    """Return the largest of each part of tolerances; one number is that of all parts."""
+    each = [t if isinstance(t, Mapping) else dict.fromkeys(PARTS, t) for t in tolerances]
+    return {name: max(t[name] for t in each if name in t) for name in dict.fromkeys(chain(*each))}
 
 
 class Facts:
@@ -139,14 +148,27 @@ class Facts:
 
     @property
     def certification(self) -> Certification | None:
-        """Measured error of every channel, if the run was made with ``certify=True``."""
+        """Measured error of every channel, if the run was made with ``certify=True``.
+
+        Of a certified result that was continued it is what was measured before, and ``certified``
+        is False: the whole is not. Each of ``meta["parts"]`` has its own.
+        """
         data = self.meta.get("certification")
         return None if data is None else Certification.from_json(data)
 
     @property
     def options(self) -> dict[str, Any]:
-        """What the run used: the choices stated, the rest from the model or by default."""
-        return dict(self.meta.get("options") or {})
+        """What the run used: the choices stated, the rest from the model or by default.
+
+        Of a result in parts those of the last one, but for ``start_time``, that of the first, and
+        ``tolerance``, the loosest of all, part by part: nothing closer can be asked of the whole.
+        """
+        options = dict(self.meta.get("options") or {})
+        parts = [part.get("options") or {} for part in self.meta.get("parts") or []]
+        stated = [run["tolerance"] for run in (*parts, options) if "tolerance" in run]
+        if parts and stated:
+            options["tolerance"] = _loosest(stated)
+        return options
 
     @property
     def steps(self) -> dict[str, NDArray[Any]]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from holonom import _core
 from holonom.base import files
 from holonom.base.errors import FileError
+from holonom.certificate import Certification
 from holonom.store.layout import STATE
 from holonom.store.reader import Reader
 from holonom.store.writer import Rewind
@@ -162,8 +163,32 @@ def merged(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]
 def part(meta: Mapping[str, Any], until: float) -> dict[str, Any]:
     """Return what is kept of the description of a part: how it was run, and how far (s)."""
     keys = ("options", "status", "stop_reason", "statistics", "started", "finished", "holonom")
-    kept = {key: meta[key] for key in (*keys, *_OF_PARTS) if key in meta}
+    kept = {key: meta[key] for key in (*keys, *_OF_PARTS, "certification") if key in meta}
     return kept | {"until": until}
+
+
+def continued(older: Mapping[str, Any], until: float, chosen: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a result says of itself from when a run goes on from its last row on.
+
+    Parameters
+    ----------
+    older : mapping
+        What it has said.
+    until : float
+        The time of that row, s.
+    chosen : mapping
+        Options of the run.
+    """
+    start = (older.get("options") or {}).get("start_time", 0.0)
+    meta = {
+        "options": {**chosen, "start_time": start},
+        "parts": [*older.get("parts", []), part(older, until)],
+        "status": "running",
+        "stop_reason": None,  # that of the older part is among its own
+    }
+    if (found := older.get("certification")) is not None:
+        meta["certification"] = Certification.from_json(found).continued(until).to_json()
+    return meta
 
 
 def _largest(

@@ -102,8 +102,9 @@ def _is_options(value: Any) -> bool:
     tolerance = value.get("tolerance", 1.0)
     numbers = ("start_time", "end_time", "interval", "fixed_step", "max_step")
     texts = ("method", "formula", "profile", "parametrization", "newton", "jacobian")
+    limits = tolerance.values() if isinstance(tolerance, dict) else [tolerance]
     return (
-        (_is_number(tolerance) or (isinstance(tolerance, dict) and _is_numbers(tolerance)))
+        all(map(_is_number, limits))
         and all(_is_number_or_none(value.get(key)) for key in numbers)
         and all(_is_text(value.get(key) or "") for key in texts)
     )
@@ -133,7 +134,10 @@ def _is_certification(value: Any) -> bool:
 
 def _is_parts(value: Any) -> bool:
     return isinstance(value, list) and all(
-        isinstance(part, dict) and _is_number(part.get("until")) for part in value
+        isinstance(part, dict)
+        and _is_number(part.get("until"))
+        and not require_facts(part)  # a part says what a whole result says
+        for part in value
     )
 
 
