@@ -37,6 +37,7 @@ from holonom.channels import split_component
 from holonom.result import Result
 from holonom.states import start_state
 from holonom.store.continuation import (
+    GOING_ON,
     before_part,
     begun,
     continued,
@@ -44,6 +45,7 @@ from holonom.store.continuation import (
     first_state,
     merged,
     rewind,
+    start_time,
 )
 from holonom.store.locks import require_unwritten
 from holonom.store.memory import Memory, Stored
@@ -506,14 +508,11 @@ class _Recorder:
             meta["model"] = model.to_dict()
             older = self._continues
             if self._place is not None:
-                kept = self._older
-                start = kept["options"].get("start_time", 0.0)
-                meta["options"] = self._chosen | {"start_time": start}
+                meta["options"] = self._chosen | {"start_time": start_time(self._older)}
                 if self._place.is_whole:
-                    meta["started"] = kept.get("started", meta["started"])
+                    meta["started"] = self._older.get("started", meta["started"])
                 else:
-                    options = meta["options"]
-                    meta = {"options": options, "status": "running", "stop_reason": None}
+                    meta = GOING_ON | {"options": meta["options"]}
             elif older is not None:
                 until = float(older.row(older.count - 1)["time"][0])
                 meta = continued(self._older, until, self._chosen)

@@ -184,6 +184,11 @@ AT_ONCE: dict[str, Change] = {
     ),
     "statistics that are a number": meta("statistics", 5),
     "statistics that hold texts": meta("statistics", {"steps": "many"}),
+    "limits that are a list": meta("limited_by", [1]),
+    "limits without numbers": meta("limited_by", {"coordinate": "pin.angle"}),
+    "limits of rejected steps that are texts": meta(
+        "limited_by", {"coordinate": None, "rejected": {"steps": "many", "of": 1}}
+    ),
     "residuals that are a list": meta("residuals", [1.0]),
     "energy that is a text": meta("energy", '"all"'),
     "warnings that are a table": meta("warnings", {}),

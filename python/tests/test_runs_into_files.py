@@ -20,6 +20,7 @@ from holonom.certificate import Certification
 from holonom.cli.commands import invoke
 from holonom.report.page import render
 from holonom.result import Result
+from holonom.store.continuation import merged
 from holonom.store.reader import Reader
 from holonom.store.writer import Writer
 
@@ -285,6 +286,30 @@ def test_what_is_continued_is_appended(
     with Result.load(older) as result:
         assert result.statistics.outputs == result.time.size
         assert result.statistics.smallest_step == smallest > 0.0
+
+
+def test_limits_and_times_of_a_result_in_parts_are_those_of_the_whole(
+    model: holonom.Model, older: Path
+) -> None:
+    with Result.load(older) as first:
+        state, before = first.state(), first.limited_by
+        seconds = first.meta["cpu_seconds"]
+    with model.simulate(start=state, end_time=2.0) as alone:
+        after = alone.limited_by
+    assert before.coordinate == after.coordinate == "pin.angle"
+    with model.simulate(start=state, output=older, end_time=2.0) as result:
+        found = result.limited_by
+        assert (found.steps, found.of) == (before.steps + after.steps, before.of + after.of)
+        assert found.rejected.of == before.rejected.of + after.rejected.of
+        spent = result.meta["cpu_seconds"]
+        assert spent > seconds
+        rate = "cpu_seconds_per_simulated_second"
+        assert result.meta[rate] == result.statistics[rate] == spent / 2.0
+    # Whose steps were the most in one part alone has at least those.
+    few, many = {"coordinate": "a", "steps": 2, "of": 3}, {"coordinate": "b", "steps": 5, "of": 9}
+    for one, other in ((few, many), (many, few)):
+        limits = merged({"limited_by": one}, {"limited_by": other})["limited_by"]
+        assert {key: limits[key] for key in many} == {"coordinate": "b", "steps": 5, "of": 12}
 
 
 def test_a_certified_result_that_was_continued_is_certified_in_part(

@@ -25,7 +25,8 @@ MOST_DAMAGE = 10_000
 _KNOWN = (
     *("holonom", "name", "title", "model", "model_hash", "options", "requested", "warnings"),
     *("status", "started", "finished", "stop_reason", "statistics", "residuals", "energy", "dof"),
-    *("method", "end_time", "cpu_seconds", "certification", "parts", "chunks", "checkpoint"),
+    *("method", "end_time", "cpu_seconds", "cpu_seconds_per_simulated_second", "limited_by"),
+    *("certification", "parts", "chunks", "checkpoint"),
 )
 
 

@@ -22,16 +22,21 @@ if TYPE_CHECKING:
 
 State = Mapping[str, NDArray[np.float64]]
 
+#: What a result in parts says while the last one is written; the parts before have their own.
+GOING_ON: dict[str, Any] = {"status": "running", "stop_reason": None, "end_time": None}
+
 #: Options that change no number of a run.
 _FREE = ("start_time", "max_steps", "max_seconds", "threads")
 
 #: What describes the whole up to the last part beside statistics, for one that is taken up.
-_OF_PARTS = ("residuals", "energy", "cpu_seconds", "warnings")
+_OF_PARTS = ("residuals", "energy", "limited_by", "cpu_seconds", "warnings")
 
 #: Statistics that are not summed over the parts of a result.
 _EXTREMES = {"smallest_step": min, "largest_step": max, "largest_contraction": max}
 #: Those that are means, with the number of what they are means of.
 _MEANS = {"mean_contraction": "contractions"}
+#: The processor time per time that was simulated, in the statistics and beside them.
+_RATE = "cpu_seconds_per_simulated_second"
 
 
 def destination(
@@ -84,8 +89,12 @@ def destination(
 def begun(older: Reader) -> float:
     """Return the first time (s) of a result, or of the last of the runs that it is made of."""
     parts = older.meta.get("parts") or []
-    options = older.meta.get("options") or {}
-    return float(parts[-1]["until"] if parts else options.get("start_time") or 0.0)
+    return float(parts[-1]["until"]) if parts else start_time(older.meta)
+
+
+def start_time(meta: Mapping[str, Any]) -> float:
+    """Return the first time (s) of a result."""
+    return float((meta.get("options") or {}).get("start_time") or 0.0)
 
 
 def rewind(older: Reader, chosen: Mapping[str, Any]) -> Rewind | None:
@@ -153,11 +162,31 @@ def merged(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]
         energy["initial"] = former["initial"]
         energy["imbalance"] += former["imbalance"]
     whole["energy"] = energy
+    if older.get("limited_by") and newer.get("limited_by"):
+        limits = [older["limited_by"], newer["limited_by"]]
+        rejected = _limits(*(found.get("rejected") or {} for found in limits))
+        whole["limited_by"] = _limits(*limits) | {"rejected": rejected}
     if older.get("cpu_seconds") is not None and newer.get("cpu_seconds") is not None:
         whole["cpu_seconds"] = older["cpu_seconds"] + newer["cpu_seconds"]
+        span = newer["end_time"] - start_time(older)
+        whole[_RATE] = whole["cpu_seconds"] / span if span > 0.0 else 0.0
+        whole["statistics"][_RATE] = whole[_RATE]
     seen = list(older.get("warnings") or [])
     whole["warnings"] = seen + [w for w in newer.get("warnings") or [] if w not in seen]
     return whole
+
+
+def _limits(older: Mapping[str, Any], newer: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what limited the steps of both: of the coordinate with the most, at least so many.
+
+    How many of its steps another coordinate limited is not known, unless it was the first there.
+    """
+    first = (older.get("steps") or 0) > (newer.get("steps") or 0)
+    most = dict(older if first else newer)
+    same = older.get("coordinate") == newer.get("coordinate")
+    for key in ("steps", "of") if same else ("of",):
+        most[key] = (older.get(key) or 0) + (newer.get(key) or 0)
+    return most
 
 
 def part(meta: Mapping[str, Any], until: float) -> dict[str, Any]:
@@ -179,13 +208,8 @@ def continued(older: Mapping[str, Any], until: float, chosen: Mapping[str, Any])
     chosen : mapping
         Options of the run.
     """
-    start = (older.get("options") or {}).get("start_time", 0.0)
-    meta = {
-        "options": {**chosen, "start_time": start},
-        "parts": [*older.get("parts", []), part(older, until)],
-        "status": "running",
-        "stop_reason": None,  # that of the older part is among its own
-    }
+    meta = {**GOING_ON, "options": {**chosen, "start_time": start_time(older)}}
+    meta["parts"] = [*(older.get("parts") or []), part(older, until)]
     if (found := older.get("certification")) is not None:
         meta["certification"] = Certification.from_json(found).continued(until).to_json()
     return meta

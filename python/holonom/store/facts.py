@@ -132,6 +132,19 @@ def _is_certification(value: Any) -> bool:
     )
 
 
+def _is_limited_by(value: Any) -> bool:
+    if value is None:
+        return True
+    if not isinstance(value, dict):
+        return False
+    absent = None if value.get("coordinate") else 0  # whoever is named is counted
+    return (
+        all(_is_text(value.get(key) or "") for key in ("coordinate", "force"))
+        and all(_is_number(value.get(key, absent)) for key in ("steps", "of"))
+        and _is_limited_by(value.get("rejected"))
+    )
+
+
 def _is_parts(value: Any) -> bool:
     return isinstance(value, list) and all(
         isinstance(part, dict)
@@ -154,6 +167,7 @@ _KINDS: dict[str, Callable[[Any], bool]] = {
     **dict.fromkeys(("dof", "end_time", "cpu_seconds"), _is_number_or_none),
     **dict.fromkeys(("statistics", "residuals", "energy"), _is_numbers),
     "cpu_seconds_per_simulated_second": _is_number_or_none,
+    "limited_by": _is_limited_by,
     "method": lambda value: value is None or _is_text(value),
     "model": _is_table,
     "options": _is_options,
