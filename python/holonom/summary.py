@@ -60,14 +60,24 @@ def items(model: dict[str, Any]) -> str:
     )
 
 
+def simulated(result: Result) -> tuple[float, float] | None:
+    """Return when a run began and how far it came, s: output times may lie within."""
+    start = result.options.get("start_time")
+    if start is None and result.time.size:
+        start = float(result.time[0])
+    return None if start is None or result.until is None else (start, result.until)
+
+
 def _model(result: Result) -> str:
     name, title = result.meta.get("name", ""), result.meta.get("title", "")
     return f"{name}: {title}" if title and title != name else str(name)
 
 
 def _status(result: Result) -> str:
-    until = f" at {result.time[-1]:.6g} s" if result.time.size else ", nothing stored"
-    return STATUS.get(result.status, result.status) + until
+    text = STATUS.get(result.status, result.status)
+    if result.until is not None:
+        text += f" at {result.until:.6g} s"
+    return text if result.time.size else f"{text}, nothing stored"
 
 
 def _method(result: Result) -> str:
@@ -178,16 +188,16 @@ def _work(result: Result) -> list[tuple[str, str]]:
         text = f"of iterations {mean:.2g} in the mean, at most {largest:.2g}"
         facts.append(("contraction", text))
     seconds = result.meta.get("cpu_seconds")
-    if isinstance(seconds, int | float) and result.time.size:
+    if isinstance(seconds, int | float):
         text = f"{seconds:.3g} s"
-        if (span := float(result.time[-1] - result.time[0])) > 0.0:
-            text += f", {seconds / span:.3g} s per simulated second"
+        if (span := simulated(result)) is not None and span[1] > span[0]:
+            text += f", {seconds / (span[1] - span[0]):.3g} s per simulated second"
         facts.append(("processor time", text))
     return facts
 
 
 def _residuals(result: Result) -> list[tuple[str, str]]:
-    largest = {key: value for key, value in result.residuals.items() if _is_number(value)}
+    largest = _numbers(result.residuals)
     ratio = largest.pop("largest_over_bound", None)
     parts = [f"{key.replace('_', ' ')} {value:.1e}" for key, value in largest.items()]
     parts += [f"at most {ratio:.1e} of the bound"] if ratio is not None else []
@@ -196,24 +206,51 @@ def _residuals(result: Result) -> list[tuple[str, str]]:
 
 def _energy(result: Result) -> list[tuple[str, str]]:
     facts = []
-    terms = ("kinetic", "potential", "dissipated", "driver_work")
-    stored = {
-        name: result[f"energy.{name}"] for name in terms if f"energy.{name}" in result.channels
-    }
-    if stored and result.time.size:
-        text = ", ".join(f"{name.replace('_', ' ')} {v[-1]:.4g}" for name, v in stored.items())
+    if at_end := _energy_at_end(result):
+        text = ", ".join(f"{name.replace('_', ' ')} {v:.4g}" for name, v in at_end.items())
         facts.append(("energy at the end, J", text))
-    if "energy.imbalance" in result.channels and result.time.size:
-        # What the run itself has added: one that goes on with a changed model begins elsewhere.
-        imbalance = result["energy.imbalance"]
-        worst = float(np.abs(imbalance - imbalance[0]).max())
-        worst = max(worst, float(result.energy.get("largest_imbalance") or 0.0))
+    if (worst := largest_imbalance(result)) is not None:
         text = f"{worst:.2e} J at most"
-        span = max((float(np.ptp(values)) for values in stored.values()), default=0.0)
-        if moved := float(result.energy.get("moved") or span):
+        if (moved := _energy_moved(result)) > 0.0:
             text += f", {worst / moved:.1e} of the energy that moved"
         facts.append(("energy imbalance", text))
     return facts
+
+
+#: Terms of the energy balance.
+_TERMS = ("kinetic", "potential", "dissipated", "driver_work")
+
+
+def _energy_at_end(result: Result) -> dict[str, float]:
+    """Return the terms of the energy balance, J, where the run ended, which need be no row."""
+    told = {} if result.meta.get("end_time") is None else _numbers(result.energy)
+    stored = {name: f"energy.{name}" for name in _TERMS if f"energy.{name}" in result.channels}
+    rows = {name: result[channel][-1] for name, channel in stored.items() if result.time.size}
+    found = {name: told.get(name, rows.get(name)) for name in _TERMS}
+    return {name: value for name, value in found.items() if value is not None and value == value}
+
+
+def largest_imbalance(result: Result) -> float | None:
+    """Return the largest energy imbalance at a step or in a row, J; None where none is known.
+
+    It is what the run itself has added: one that goes on with a changed model begins elsewhere.
+    """
+    sizes = [np.array([_numbers(result.energy).get("largest_imbalance", np.nan)])]
+    begun = simulated(result)
+    if "energy.imbalance" in result.channels and begun and begun[0] in result.time[:1]:
+        imbalance = result["energy.imbalance"]
+        sizes.append(np.abs(imbalance - imbalance[0]))
+    worst = float(np.fmax.reduce(np.concatenate(sizes)))  # rows that are lost are NaN
+    return worst if np.isfinite(worst) else None
+
+
+def _energy_moved(result: Result) -> float:
+    """Return the energy that moved, J, as the run says it or as its rows do."""
+    if moved := _numbers(result.energy).get("moved"):
+        return moved
+    rows = [result[f"energy.{name}"] for name in _TERMS if f"energy.{name}" in result.channels]
+    spans = [np.fmax.reduce(values) - np.fmin.reduce(values) for values in rows if values.size]
+    return float(np.fmax.reduce(spans, initial=0.0))
 
 
 def _certification(result: Result) -> list[tuple[str, str]]:
@@ -246,6 +283,10 @@ def certified(found: Certification) -> str:
 def with_unit(value: float, unit: str) -> str:
     """Return a small number with its unit."""
     return f"{value:.2e} {unit}".rstrip()
+
+
+def _numbers(data: Mapping[str, Any]) -> dict[str, float]:
+    return {key: float(value) for key, value in data.items() if _is_number(value)}
 
 
 def _is_number(value: object) -> bool:

@@ -7,9 +7,11 @@ import csv
 import gzip
 import json
 import re
+import sqlite3
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from contextlib import closing
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -296,6 +298,63 @@ def test_the_report_says_what_the_result_holds(stored: Path) -> None:
         "seconds, newton",
     ):
         assert expected in text, expected
+
+
+def test_the_end_of_a_run_need_be_no_row(pendulum: Path, tmp_path: Path) -> None:
+    model = holonom.Model.load(pendulum)
+    path, truth = tmp_path / "rod.holonom", model.simulate()
+    result = model.simulate(output_times=[0.3, 0.6], output=path)
+    assert (result.until, result.time[-1]) == (1.0, 0.6)
+    said, energy = dict(summarize(result)), result.energy
+    assert said["status"] == "completed at 1 s"
+    assert "1 s>" in repr(result)
+    kinetic = truth["energy.kinetic"][-1]
+    assert energy.kinetic == pytest.approx(kinetic, rel=1e-9)
+    assert f"kinetic {kinetic:.4g}, " in said["energy at the end, J"]
+    spent = result.meta["cpu_seconds"]
+    assert f"{spent:.3g} s per simulated second" in said["processor time"]
+    # The first row is not the start: what the imbalance is then is no offset of it.
+    assert said["energy imbalance"].startswith(f"{energy.largest_imbalance:.2e} J at most, ")
+    page = render(result)
+    for wanted in (
+        "<b>1 s</b><span>simulated",
+        "0 to 1 s",
+        f"<b>{energy.largest_imbalance:.1e} J</b><span>largest energy imbalance",
+    ):
+        assert wanted in page
+    # One that goes on and is cut off has come to its last row.
+
+    def fail(rows: dict[str, np.ndarray]) -> None:
+        if rows["time"].size and rows["time"][-1] > 1.0:
+            raise RuntimeError
+
+    with model.simulate(output=path) as result, pytest.raises(RuntimeError):
+        model.simulate(start=result.state(), output=path, end_time=2.0, rows=fail)
+    with Result.load(path) as result:
+        assert result.status == "killed"
+        assert result.until == result.time[-1] > 1.0
+        said = dict(summarize(result))
+        last = result["energy.kinetic"][-1]
+        assert said["energy at the end, J"].startswith(f"kinetic {last:.4g}, ")
+
+
+def test_rows_that_are_lost_are_no_part_of_an_energy(pendulum: Path, tmp_path: Path) -> None:
+    path = tmp_path / "rod.holonom"
+    with holonom.Model.load(pendulum).simulate(output=path) as result:
+        names = list(result.quantities)
+        expected = dict(summarize(result))["energy at the end, J"]
+        at_steps = result.energy.largest_imbalance
+    with closing(sqlite3.connect(path)) as db:
+        for name in ("energy.imbalance", "energy.kinetic"):
+            change = "UPDATE data SET blob = zeroblob(length(blob)) WHERE quantity = ?"
+            assert db.execute(change, (1 + names.index(name),)).rowcount
+        db.commit()
+    with Result.load(path, recover=True) as result:
+        assert np.isnan(result["energy.imbalance"]).all()
+        said = dict(summarize(result))
+        assert said["energy at the end, J"] == expected
+        assert said["energy imbalance"].startswith(f"{at_steps:.2e} J at most, ")
+        assert f"<b>{at_steps:.1e} J</b><span>largest energy imbalance" in render(result)
 
 
 def test_every_rejected_step_is_marked(stored: Path) -> None:

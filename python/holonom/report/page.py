@@ -22,7 +22,7 @@ from holonom.pictures import runs as pictures
 from holonom.report.figures import Figures, packed
 from holonom.report.graph import graph
 from holonom.report.tables import card, extrema, flat, grid, measured, parameters, table
-from holonom.summary import STATUS, summarize
+from holonom.summary import STATUS, largest_imbalance, simulated, summarize
 
 if TYPE_CHECKING:
     from holonom.result import Result
@@ -99,8 +99,8 @@ def _head(result: Result, title: str) -> list[str]:
     meta, facts = result.meta, dict(summarize(result))
     badge = f'<span class="badge {escape(result.status)}">{escape(STATUS[result.status])}</span>'
     told = [str(meta.get("name", "")), facts.get("method", ""), str(meta.get("started", ""))]
-    if result.time.size:
-        told.insert(1, f"{result.time[0]:.6g} to {result.time[-1]:.6g} s")
+    if (span := simulated(result)) is not None:
+        told.insert(1, f"{span[0]:.6g} to {span[1]:.6g} s")
     if count := len(result.warnings):
         badge += f' <a class="badge limit" href="#warnings">{count} warning{"s"[: count > 1]}</a>'
     lead = ", ".join(escape(text) for text in told if text)
@@ -230,8 +230,8 @@ def _computed(result: Result, figures: Figures) -> str:
 
 def _tiles(result: Result) -> str:
     tiles = []
-    if result.time.size:
-        tiles.append((f"{result.time[-1] - result.time[0]:.4g} s", "simulated"))
+    if (span := simulated(result)) is not None:
+        tiles.append((f"{span[1] - span[0]:.4g} s", "simulated"))
     accepted = result.steps["accepted"] > 0
     if accepted.size:
         tiles.append((f"{accepted.sum()}", f"steps, {(~accepted).sum()} rejected"))
@@ -239,9 +239,7 @@ def _tiles(result: Result) -> str:
         tiles.append((f"{result.meta['cpu_seconds']:.3g} s", "processor time"))
     if isinstance(value := result.residuals.get("position"), float):
         tiles.append((f"{value:.1e}", "largest position residual"))
-    if "energy.imbalance" in result.channels and result.time.size:
-        imbalance = result["energy.imbalance"]
-        worst = np.abs(imbalance - imbalance[0]).max()
+    if (worst := largest_imbalance(result)) is not None:
         tiles.append((f"{worst:.1e} J", "largest energy imbalance"))
     if (found := result.certification) is not None and found.worst is not None:
         tiles.append((f"{found.worst.tolerances:.3g} tolerances", "largest measured error"))
@@ -277,7 +275,7 @@ def _energy(result: Result, figures: Figures) -> str:
             name.partition(".")[2].replace("_", " "),
             f"{result[name][0]:.6g}",
             f"{result[name][-1]:.6g}",
-            f"{np.abs(result[name]).max():.3g}",
+            f"{np.fmax.reduce(np.abs(result[name])):.3g}",
         )
         for name in names
     ]
@@ -285,7 +283,7 @@ def _energy(result: Result, figures: Figures) -> str:
     return (
         "<h3>Energy</h3>"
         + figures.add(pictures.energy(result, names), caption)
-        + card(grid(("J", "at the start", "at the end", "largest size"), rows, numbers=(1, 2, 3)))
+        + card(grid(("J", "first row", "last row", "largest of a row"), rows, numbers=(1, 2, 3)))
     )
 
 

@@ -486,7 +486,8 @@ class Result(Arrays):
 
     def __repr__(self) -> str:
         try:
-            until = f"{self.time[-1]:.6g} s" if self.time.size else "no states"
+            time = self.until if self.time.size else None
+            until = "no states" if time is None else f"{time:.6g} s"
         except FileError as error:
             if error.code != "result/closed":
                 raise

@@ -126,6 +126,16 @@ class Arrays(Facts):
         return self["time"] if "time" in self._reader.quantities else np.zeros(0)
 
     @property
+    def until(self) -> float | None:
+        """How far the run came, s: output times may end before.
+
+        Of a run that is not ended, or that was killed, the last output time; None where nothing is
+        stored either.
+        """
+        told: float | None = self.meta.get("end_time")
+        return told if told is not None or not self.time.size else float(self.time[-1])
+
+    @property
     def channels(self) -> list[str]:
         """Names of the stored channels."""
         return [name for name in self._reader.quantities if name not in STATE]
